@@ -11,7 +11,6 @@ from avionics.guidance.mission import ItemKind
 from avionics.guidance.route import FASTEST_DRIFT, least_altitude
 from avionics.limits import clip
 from avionics.messages import Failsafe, Mode, PilotSource
-from avionics.records import new
 from avionics.sensing import pilot, plausibility, preflight
 from avionics.state import AutopilotState
 
@@ -34,7 +33,7 @@ def ground_motion(s: AutopilotState) -> heading.Measured:
     """What the heading loop looks at."""
     north, east, usable = s.position.v_north, s.position.v_east, position_usable(s)
     drifting = drift(s) if usable else 1.0
-    return new(heading.Measured, (s.attitude.yaw, north, east, usable, bank_of_path(s), drifting))
+    return heading.Measured(s.attitude.yaw, north, east, usable, bank_of_path(s), drifting)
 
 
 def drift(s: AutopilotState) -> float:

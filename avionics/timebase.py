@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from avionics.records import new
+from avionics.records import constructor
 
 BASE_RATE = 200
 """Hz; of the IMU, one tick per sample"""
@@ -44,6 +44,9 @@ def first(time_us: int) -> Clock:
     return Clock(0, time_us, before_us=tuple(time_us - NOMINAL_US * ago for ago in range(1, MEMORY + 1)))
 
 
+_new_clock = constructor(Clock)
+
+
 def advance(clock: Clock, time_us: int) -> Clock:
     """The next tick; ``time_us`` must be later than the last."""
     if clock.time_us < 0:
@@ -51,7 +54,7 @@ def advance(clock: Clock, time_us: int) -> Clock:
     before = (clock.time_us, *clock.before_us[:-1])
     dt, dt_100 = step_of(before[0], time_us), step_of(before[1], time_us)
     dt_50, dt_20 = step_of(before[3], time_us), step_of(before[9], time_us)
-    return new(Clock, (clock.ticks + 1, time_us, dt, dt_100, dt_50, dt_20, before))
+    return _new_clock(clock.ticks + 1, time_us, dt, dt_100, dt_50, dt_20, before)
 
 
 def step_of(last_us: int, time_us: int) -> float:

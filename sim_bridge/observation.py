@@ -5,8 +5,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 Vector = tuple[float, float, float]
-new = tuple.__new__
-"""``new(Kind, values)`` builds a NamedTuple at two thirds of its constructor's time; ``values`` holds every field"""
 
 
 class Observation(NamedTuple):

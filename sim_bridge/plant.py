@@ -19,7 +19,6 @@ from sim_bridge.mechanism import Mechanism, build_mechanism, total_mass, wing_wo
 from sim_bridge.multibody.plates import no_plates
 from sim_bridge.multibody.tree import BASE, blank_kinematics
 from sim_bridge.multibody.wings import wing_places
-from sim_bridge.observation import new
 from sim_bridge.vectors import Floats, is_compiled, quaternion_from_euler
 from sim_bridge.vehicles import SimulatedVehicle
 
@@ -175,7 +174,7 @@ class Plant:
         steps = _steps(controls.duration)
         k.ORDER.pack_into(self._order.data, 0, *controls, *around)
         self.touching = k.advance_ordered(self.y, steps, self._order, self._bound)
-        means = new(Means, self.scratch.means.tolist())
+        means = Means._make(self.scratch.means.tolist())
         return self._with_stalled_drives(means, controls) if self._stalled else means
 
     def jam_tail(self) -> None:

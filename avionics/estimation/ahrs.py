@@ -37,7 +37,7 @@ from avionics.estimation.direction_cosines import (
 from avionics.limits import clip
 from avionics.messages import Attitude, GpsFix, ImuSample
 from avionics.quantities import Quantity
-from avionics.records import new
+from avionics.records import constructor
 
 LONGEST_STEP = 0.25
 """s; a longer gap between samples is bridged with the rates for this long, and the block starts anew"""
@@ -323,6 +323,9 @@ def triad(force: Vector, field: Vector, declination: float) -> Matrix:
     return multiply(rotation(0.0, 0.0, declination), magnetic)
 
 
+_new_ahrs_state = constructor(AhrsState)
+
+
 def step(
     gains: AhrsGains,
     state: AhrsState,
@@ -364,7 +367,7 @@ def step(
         r, correction, block, aid = _fixed(gains, r, correction, block, aid, fix)
     elif aid.past and imu.time_us - aid.past[-1].time_us >= velocity_aiding.HISTORY_STEP_US:
         aid = velocity_aiding.remember(aid, gains.gps_delay, imu.time_us, _sum(correction.impulse, block.force))
-    state = new(AhrsState, (imu.time_us, r, rates, force, block, correction, aid))
+    state = _new_ahrs_state(imu.time_us, r, rates, force, block, correction, aid)
     return state, attitude(state)
 
 
@@ -431,6 +434,9 @@ def _between(a: Vector, b: Vector, share: float) -> Vector:
     return (a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]), a[2] + share * (b[2] - a[2]))
 
 
+_new_block = constructor(Block)
+
+
 def _extended(block: Block, dt: float, force: Vector, velocity: Vector, field: Vector, rates: Vector) -> Block:
     """The block with ``dt`` seconds more, over which ``force`` is the mean specific force."""
     span, impulse, moment, travel, magnetic, turn, rate_square, force_square = block
@@ -438,7 +444,7 @@ def _extended(block: Block, dt: float, force: Vector, velocity: Vector, field: V
     fx, fy, fz = x * dt, y * dt, z * dt
     time = span + 0.5 * dt
     p, q, r = rates
-    return new(Block, (
+    return _new_block(
         span + dt,
         (impulse[0] + fx, impulse[1] + fy, impulse[2] + fz),
         (moment[0] + fx * time, moment[1] + fy * time, moment[2] + fz * time),
@@ -447,7 +453,7 @@ def _extended(block: Block, dt: float, force: Vector, velocity: Vector, field: V
         (turn[0] + p * dt, turn[1] + q * dt, turn[2] + r * dt),
         rate_square + (p * p + q * q + r * r) * dt,
         force_square + (x * x + y * y + z * z) * dt,
-    ))  # fmt: skip
+    )  # fmt: skip
 
 
 def _fixed(
@@ -709,14 +715,17 @@ def _wrapped(angle: float) -> float:
     return atan2(sin(angle), cos(angle))
 
 
+_new_attitude = constructor(Attitude)
+
+
 def attitude(state: AhrsState) -> Attitude:
     """The message of a state."""
     time_us, r, (rate_x, rate_y, rate_z), force, _, correction, _ = state
     roll, pitch, yaw = euler(r)
     w, x, y, z = quaternion(r)
     bx, by, bz = correction.bias
-    return new(Attitude, (
+    return _new_attitude(
         time_us, roll, pitch, yaw, rate_x - bx, rate_y - by, rate_z - bz, w, x, y, z, bx, by, bz,
         force[2] + STANDARD_GRAVITY, correction.tilt_error, correction.heading_error, correction.window,
         correction.tilt_sigma, correction.heading_sigma, correction.disturbed, correction.aided,
-    ))  # fmt: skip
+    )  # fmt: skip

@@ -17,7 +17,7 @@ from avionics.constants import STANDARD_GRAVITY
 from avionics.estimation.kalman import Array, constant, filterpy
 from avionics.messages import AirData, Altitude
 from avionics.quantities import Quantity
-from avionics.records import new
+from avionics.records import constructor
 
 LONGEST_STEP = 0.5
 """s; between updates"""
@@ -88,6 +88,9 @@ class State(NamedTuple):
     """us; of the first pressure altitude"""
 
 
+_new_state = constructor(State)
+
+
 def accumulate(state: State, accel_down: float) -> State:
     """Take in one `Attitude.accel_down` (m/s^2, positive down); call at the rate of the AHRS.
 
@@ -95,7 +98,7 @@ def accumulate(state: State, accel_down: float) -> State:
     """
     time_us, x, p, total, count, refused, innovation, climbs, expected, since = state
     summed = (time_us, x, p, total - accel_down, count + 1, refused, innovation, climbs, expected, since)
-    return new(State, summed)
+    return _new_state(*summed)
 
 
 def step(gains: Gains, state: State, air: AirData, frequency: float = 0.0) -> tuple[State, Altitude]:
@@ -165,10 +168,10 @@ def _kept(
     """The state with an estimate and the pressure's time without an accepted sample (s), innovation, variance."""
     altitude, climb_rate, bias = estimate[0].tolist()
     (refused, innovation, expected), keep = measurements, round(LONGEST_MEMORY / dt)
-    return new(State, (
+    return _new_state(
         time_us, (altitude, climb_rate, bias), _symmetric(estimate[1]), 0.0, 0, refused, innovation,
         (*state.climbs[-keep:], climb_rate), expected, state.since_us,
-    ))  # fmt: skip
+    )  # fmt: skip
 
 
 def _symmetric(p: Array) -> tuple[Vector3, Vector3, Vector3]:
@@ -230,6 +233,6 @@ def _message(gains: Gains, state: State, climb_rate: float) -> Altitude:
     # A first-order process that was nothing when the barometer's zero was taken.
     span = (time_us - state.since_us) * 1e-6
     drift = gains.baro_drift**2 * (1.0 - exp(-2.0 * span / gains.baro_drift_time))
-    return new(Altitude, (
+    return Altitude(
         time_us, altitude, climb_rate, bias, p[0][0] + drift, p[1][1], state.innovation, state.innovation_variance
-    ))  # fmt: skip
+    )  # fmt: skip

@@ -22,7 +22,6 @@ from avionics.estimation.kalman import Array, constant, filterpy
 from avionics.limits import low_pass
 from avionics.messages import AirData, Altitude, Attitude, GpsFix, Position
 from avionics.quantities import Quantity
-from avionics.records import new
 
 Vector4 = tuple[float, float, float, float]
 Matrix4 = tuple[Vector4, Vector4, Vector4, Vector4]
@@ -122,7 +121,7 @@ def motion(attitude: Attitude, air: AirData, altitude: Altitude) -> Motion:
     across = air.airspeed * attitude.heading_sigma
     # The mean of both components: which of them is along the heading changes with it.
     variance = 0.5 * (air.airspeed_variance + across * across)
-    return new(Motion, (air.time_us, air.airspeed, attitude.yaw, altitude.climb_rate, variance))
+    return Motion(air.time_us, air.airspeed, attitude.yaw, altitude.climb_rate, variance)
 
 
 def step(gains: Gains, state: State, now: Motion, fix: GpsFix | None = None) -> tuple[State, Position]:
@@ -144,7 +143,7 @@ def step(gains: Gains, state: State, now: Motion, fix: GpsFix | None = None) -> 
         x, p = np.array(state.x), np.array(state.p)
         x, p = filterpy().predict(x, p, F=transition, Q=noise, u=np.array(v_air), B=effect)
         past = (*state.past, v_air)[-1 - round(gains.gps_delay / dt) :]
-        state = new(State, (now.time_us, tuple(x.tolist()), _covariance(p), *state[3:-1], past))
+        state = State(now.time_us, tuple(x.tolist()), _covariance(p), *state[3:-1], past)
     if fix is not None and fix.fix_type >= TWO_DIMENSIONAL and fix.time_us > state.fix_us:
         state = _corrected(gains, state, fix)
     return state, _message(gains, state, v_air, now.variance)
@@ -276,9 +275,9 @@ def _message(gains: Gains, state: State, v_air: tuple[float, float], air_varianc
     p, expected = state.p, state.expected
     # What a fix tells is as old as it is; since then the wind has walked on.
     velocity = max(p[2][2], p[3][3]) + _walk(gains, state) * gains.gps_delay
-    return new(Position, (
+    return Position(
         state.time_us, north, east, v_air[0] + wind_north, v_air[1] + wind_east, wind_north, wind_east,
         latitude, longitude, max(p[0][0], p[1][1]) + state.slow_variance, state.valid,
         velocity, velocity + air_variance, *state.innovation,
         max(expected[0], expected[1]), max(expected[2], expected[3]),
-    ))  # fmt: skip
+    )  # fmt: skip

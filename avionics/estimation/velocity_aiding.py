@@ -32,7 +32,6 @@ from numpy.typing import NDArray
 from avionics.constants import STANDARD_GRAVITY
 from avionics.estimation.direction_cosines import Matrix, Vector
 from avionics.messages import GpsFix
-from avionics.records import new
 
 Array = NDArray[np.float64]
 
@@ -169,9 +168,7 @@ def _tilt_of_offset(r: Matrix) -> Array:
 def remember(state: State, gps_delay: float, time_us: int, impulse: Vector) -> State:
     """Keep the impulse (m/s, earth axes) at this moment, to be asked for when a fix of now arrives."""
     kept = 2 + round(gps_delay * 1e6 / HISTORY_STEP_US)
-    covariance, carried_us, begun, past, *others = state
-    past = (*past, new(Moment, (time_us, impulse)))[-kept:]
-    return new(State, (covariance, carried_us, begun, past, *others))
+    return state._replace(past=(*state.past, Moment(time_us, impulse))[-kept:])
 
 
 def carried(state: State, noise: Noise, time_us: int, impulse: Vector, r: Matrix) -> Array:

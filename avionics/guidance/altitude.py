@@ -11,7 +11,6 @@ from typing import Annotated, NamedTuple
 from avionics.limits import clip, low_pass, slew
 from avionics.messages import AltitudeStatus
 from avionics.quantities import Quantity
-from avionics.records import new
 
 STEEP, STEEPEST = 0.7, 1.0
 """rad; bank from which thrust is given up, and at which nothing is left of it; beyond any bank asked for"""
@@ -114,10 +113,10 @@ def step(
     integral, throttle, saturated = _throttle(gains, state, dt, climb_setpoint, climb_error)
     pitch_setpoint = _pitch_setpoint(gains, state, dt, (climb_setpoint, climb_error), measured.airspeed)
     mean = low_pass(state.throttle_mean, throttle, gains.trim_time, dt)
-    status = new(AltitudeStatus, (
+    status = AltitudeStatus(
         time_us, altitude_error, climb_setpoint, climb_error, integral, throttle, pitch_setpoint, saturated
-    ))  # fmt: skip
-    return new(State, (climb_setpoint, integral, throttle, pitch_setpoint, mean)), status
+    )  # fmt: skip
+    return State(climb_setpoint, integral, throttle, pitch_setpoint, mean), status
 
 
 def _throttle(

@@ -15,7 +15,7 @@ from avionics.guidance import multisine
 from avionics.guidance.mission import Channel, Excitation, Shape
 from avionics.messages import ExcitationStatus
 from avionics.quantities import Quantity
-from avionics.records import new
+from avionics.records import constructor
 
 GOLDEN_RATIO = 0.6180339887498949
 RESOLUTION = 1e-6
@@ -240,13 +240,16 @@ def _finish(state: State, aborted: int) -> State:
     )
 
 
+_new_excitation_status = constructor(ExcitationStatus)
+
+
 def step(
     gains: Gains, state: State, time_us: int, dt: float, requested: bool, envelope: EnvelopeState
 ) -> tuple[State, ExcitationStatus]:
     """One step; what `start` began ends at once when it is no longer ``requested``."""
     if state.requested_input is None or not requested:
         state = stop(state)
-        return state, new(ExcitationStatus, (time_us, 0, state.manoeuvre, 0.0, 0.0, 0.0, state.aborted))
+        return state, _new_excitation_status(time_us, 0, state.manoeuvre, 0.0, 0.0, 0.0, state.aborted)
     state = _advance(gains, state._replace(elapsed=state.elapsed + dt), state.requested_input, envelope)
     if outside(gains, state, envelope):
         state = _finish(state, aborted=1)

@@ -8,7 +8,6 @@ from typing import Annotated, NamedTuple
 from avionics.limits import clip, slew, wrap
 from avionics.messages import HeadingStatus
 from avionics.quantities import Quantity
-from avionics.records import new
 
 
 class Gains(NamedTuple):
@@ -75,8 +74,8 @@ def step(
     integral = state.integral if saturated and wanted * error > 0.0 else grown
     limited = clip(wanted, -gains.roll_max, gains.roll_max)
     roll_setpoint = slew(state.roll_setpoint, limited, gains.roll_rate, dt)
-    status = new(HeadingStatus, (time_us, heading, error, roll_setpoint, int(saturated)))
-    return new(State, (integral, roll_setpoint)), status
+    status = HeadingStatus(time_us, heading, error, roll_setpoint, int(saturated))
+    return State(integral, roll_setpoint), status
 
 
 def follow(

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 from avionics import messages as m
 from avionics.link.dialect import mavlink
 from avionics.link.framing import CRC_EXTRA, SIGNED, Frame, build_frame, build_frame_v1, checksum
-from avionics.records import new
+from avionics.records import constructor
 
 FULL_DEFLECTION = math.pi / 2
 """rad; an angle of this size is a control of 1 in HIL_ACTUATOR_CONTROLS, for wings, elevator and rudder alike."""
@@ -93,7 +93,7 @@ def encode_imu(imu: m.ImuSample) -> bytes:
 
 def decode_imu(payload: bytes) -> m.ImuSample:
     """From a payload of HIL_SENSOR."""
-    return new(m.ImuSample, _padded(_SENSOR, payload)[:10])
+    return m.ImuSample._make(_padded(_SENSOR, payload)[:10])
 
 
 def encode_gps(fix: m.GpsFix) -> bytes:
@@ -152,7 +152,7 @@ def encode_encoder(sample: m.EncoderSample) -> bytes:
 
 def decode_encoder(payload: bytes) -> m.EncoderSample:
     """From a payload of WINGBEAT_ENCODER."""
-    return new(m.EncoderSample, _padded(_ENCODER, payload))
+    return m.EncoderSample._make(_padded(_ENCODER, payload))
 
 
 def encode_pressures(sample: m.PressureSample) -> bytes:
@@ -314,15 +314,18 @@ def _controls(command: m.ActuatorCommand) -> Controls:
     )
 
 
+_new_actuator_command = constructor(m.ActuatorCommand)
+
+
 def _commanded(time_us: int, controls: Controls, armed: int) -> m.ActuatorCommand | None:
     """The command of its controls; None when one is not a finite number."""
     left, right, elevator, rudder, throttle = controls
     if not math.isfinite(left + right + elevator + rudder + throttle):
         return None
-    return new(m.ActuatorCommand, (
+    return _new_actuator_command(
         time_us, left * FULL_DEFLECTION, right * FULL_DEFLECTION, throttle,
         elevator * FULL_DEFLECTION, rudder * FULL_DEFLECTION, 1 if armed else 0,
-    ))  # fmt: skip
+    )  # fmt: skip
 
 
 def encode_actuators(command: m.ActuatorCommand) -> bytes:

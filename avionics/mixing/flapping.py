@@ -13,7 +13,7 @@ from typing import Annotated, NamedTuple
 from avionics.limits import TWO_PI, between_points, clip, slew
 from avionics.messages import FlapCommand
 from avionics.quantities import BadInput, Quantity
-from avionics.records import new
+from avionics.records import constructor
 
 DRIVES = ("servo", "motor")
 
@@ -87,6 +87,11 @@ def check(gains: Gains) -> Gains:
     return gains
 
 
+_new_stroke = constructor(Stroke)
+_new_state = constructor(State)
+_new_flap_command = constructor(FlapCommand)
+
+
 def step(
     gains: Gains, state: State, time_us: int, dt: float, throttle: float, asymmetry: float
 ) -> tuple[State, FlapCommand, Stroke]:
@@ -104,8 +109,8 @@ def step(
     swing = amplitude * math.sin(phase)
     left = clip(mean + swing * (1.0 + asymmetry), gains.travel_min, gains.travel_max)
     right = clip(mean + swing * (1.0 - asymmetry), gains.travel_min, gains.travel_max)
-    flap = new(FlapCommand, (time_us, frequency, amplitude, mean, phase, asymmetry))
-    return new(State, (phase, frequency, envelope, full)), flap, new(Stroke, (left, right, 0.0))
+    flap = _new_flap_command(time_us, frequency, amplitude, mean, phase, asymmetry)
+    return _new_state(phase, frequency, envelope, full), flap, _new_stroke(left, right, 0.0)
 
 
 def _frequency(gains: Gains, state: State, dt: float, requested: float, envelope: float) -> float:

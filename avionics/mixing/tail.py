@@ -6,7 +6,7 @@ from typing import Annotated, NamedTuple
 
 from avionics.limits import clip, slew
 from avionics.quantities import Quantity
-from avionics.records import new
+from avionics.records import constructor
 
 
 class Gains(NamedTuple):
@@ -69,6 +69,10 @@ class Tail(NamedTuple):
     """rad; of the excitation, after limits and rate"""
 
 
+_new_state = constructor(State)
+_new_tail = constructor(Tail)
+
+
 def step(gains: Gains, state: State, dt: float, command: TailCommand) -> tuple[State, Tail]:
     """One step; ``dt`` in s."""
     rudder_alone = gains.rudder_share * command.roll_command + gains.yaw_share * command.yaw_stick
@@ -79,5 +83,5 @@ def step(gains: Gains, state: State, dt: float, command: TailCommand) -> tuple[S
     applied_elevator = elevator - command.elevator if command.exciting else 0.0
     applied_rudder = rudder - rudder_alone if command.added_rudder else 0.0
     asymmetry = gains.asymmetry_share * command.roll_command
-    tail = new(Tail, (elevator, rudder, asymmetry, applied_elevator, applied_rudder))
-    return new(State, (elevator, rudder)), tail
+    tail = _new_tail(elevator, rudder, asymmetry, applied_elevator, applied_rudder)
+    return _new_state(elevator, rudder), tail

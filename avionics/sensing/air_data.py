@@ -20,7 +20,6 @@ from typing import Annotated, NamedTuple
 from avionics.constants import STANDARD_GRAVITY
 from avionics.messages import AirData, PressureSample
 from avionics.quantities import Quantity
-from avionics.records import new
 
 AIR_GAS_CONSTANT = 287.05287
 """J/(kg K); ISO 2533"""
@@ -168,7 +167,7 @@ def step(
     altitude = isa_altitude(static) - isa_altitude(reference)
     variance = _variance(gains, state, airspeed, density)
     measured = (time_us, airspeed, rate, pressure, static, temperature, density, altitude)
-    return state, new(AirData, (*measured, variance, innovation, expected))
+    return state, AirData(*measured, variance, innovation, expected)
 
 
 def ungated(state: State, density: float) -> float:

@@ -6,7 +6,7 @@ from typing import Annotated, NamedTuple
 
 from avionics.messages import DriveTorque, TorqueSample
 from avionics.quantities import Quantity
-from avionics.records import new
+from avionics.records import constructor
 
 
 class Gains(NamedTuple):
@@ -20,9 +20,12 @@ class Gains(NamedTuple):
     """counts; of the right drive without load"""
 
 
+_new_drive_torque = constructor(DriveTorque)
+
+
 def step(gains: Gains, sample: TorqueSample) -> DriveTorque:
     """Torques of one sample, positive when they drive the wing up; nothing to remember."""
     time_us, left, right = sample
-    return new(
-        DriveTorque, (time_us, (left - gains.zero_left) * gains.scale, (right - gains.zero_right) * gains.scale)
+    return _new_drive_torque(
+        time_us, (left - gains.zero_left) * gains.scale, (right - gains.zero_right) * gains.scale
     )

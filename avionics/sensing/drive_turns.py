@@ -10,8 +10,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from avionics.records import new
-
 LEAST, MOST = 0.5, 2.0
 """turns; asked for over one measured stroke, beyond which the frequency map tells another drive"""
 SHARE = 0.5
@@ -47,7 +45,7 @@ def step(state: State, frequency: float, lag: float, dt: float) -> State:
     """On by ``dt`` s with a ``frequency`` (Hz) asked for; ``lag`` is the drive's, in s."""
     speed, turns, crossed_at, before, stroke, anchor, split = state
     speed += dt / (lag + dt) * (frequency - speed)
-    return new(State, (speed, turns + speed * dt, crossed_at, before, stroke, anchor, split))
+    return State(speed, turns + speed * dt, crossed_at, before, stroke, anchor, split)
 
 
 def crossed(state: State, ago: float, rising: bool, whole: bool) -> State:
@@ -59,9 +57,9 @@ def crossed(state: State, ago: float, rising: bool, whole: bool) -> State:
     at = turns - speed * ago
     stroke = at - before if whole else known
     if not LEAST < stroke < MOST:
-        return new(State, (speed, turns, at, last, 0.0, 0.0, split))
+        return State(speed, turns, at, last, 0.0, 0.0, split)
     if not whole:
-        return new(State, (speed, turns, at, last, known, 0.0 if rising else split, split))
+        return State(speed, turns, at, last, known, 0.0 if rising else split, split)
     # Above the middle between a rising crossing and a falling one.
     above = (last - before if rising else at - last) / stroke
     if split < 0.0:
@@ -69,7 +67,7 @@ def crossed(state: State, ago: float, rising: bool, whole: bool) -> State:
     if abs(stroke - known) < STEADY * stroke:
         split += SHARE * (above - split)
         stroke = known + SHARE * (stroke - known)
-    return new(State, (speed, turns, at, last, stroke, 0.0 if rising else split, split))
+    return State(speed, turns, at, last, stroke, 0.0 if rising else split, split)
 
 
 def follows(state: State, frequency: float) -> bool:

@@ -14,7 +14,7 @@ from typing import Annotated, NamedTuple
 from avionics.limits import slew
 from avionics.messages import EncoderSample, Severity, WingState
 from avionics.quantities import Quantity
-from avionics.records import new
+from avionics.records import constructor
 
 STUCK = 2
 """counts; a disc that rests on an edge trembles by less"""
@@ -114,6 +114,9 @@ class Counts(NamedTuple):
     """counts; missed since boot, both counters"""
 
 
+_new_state = constructor(State)
+
+
 def step(
     gains: Gains, state: State, sample: EncoderSample, commanded: float = 0.0, parity: float = 1.0
 ) -> tuple[State, Counts]:
@@ -153,10 +156,10 @@ def step(
     if opposed or moved_left * moved_right * parity < 0.0:
         opposed = _opposed(opposed, moved_left, moved_right if parity > 0.0 else -moved_right)
 
-    state = new(State, (
+    state = _new_state(
         time_us, left, right, left_slip, right_slip, left_anchor, right_anchor, left_stuck_time, right_stuck_time,
         opposed, moving_us, left_side, right_side,
-    ))  # fmt: skip
+    )  # fmt: skip
     passed = left_pulses != left_side.pulses or right_pulses != right_side.pulses
     if passed or left_slip != left_side.target or right_slip != right_side.target:
         state = _indexed(gains, state, sample, dt)
@@ -187,11 +190,14 @@ def _started(sample: EncoderSample) -> State:
     return State(time_us, left, right, left_anchor=left, right_anchor=right, moving_us=time_us)
 
 
+_new_counts = constructor(Counts)
+
+
 def _counts(state: State) -> Counts:
     time_us, left, right, left_slip, right_slip, _, _, _, _, _, _, left_side, right_side = state
     valid_left, valid_right = 0 if left_side.fault else 1, 0 if right_side.fault else 1
     missed = left_side.missed + right_side.missed
-    return new(Counts, (time_us, left - left_slip, right - right_slip, valid_left, valid_right, missed))
+    return _new_counts(time_us, left - left_slip, right - right_slip, valid_left, valid_right, missed)
 
 
 def _jumped(side: Side, moved: int) -> Side:

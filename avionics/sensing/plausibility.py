@@ -13,7 +13,7 @@ from typing import Annotated, Any, NamedTuple
 
 from avionics.messages import AdcBurst, EncoderSample, GpsFix, ImuSample, PressureSample, SensorFrame, TorqueSample
 from avionics.quantities import Quantity
-from avionics.records import new
+from avionics.records import constructor
 
 
 class Gains(NamedTuple):
@@ -214,6 +214,9 @@ def baro_lost(gains: Gains, state: State, time_us: int) -> bool:
 Health = tuple[int, tuple[float, ...], int, int]
 
 
+_new_state = constructor(State)
+
+
 def _accept(state: State, frame: SensorFrame, bad: int, health: Health) -> State:
     """Remember the good samples of a frame, and which sensors are bad (those without a sample keep their flag)."""
     rejected, was_bad, imu_time_us, counts, encoder_refused, gps_time_us, _, _, _, _, _, static, static_us = state
@@ -230,9 +233,9 @@ def _accept(state: State, frame: SensorFrame, bad: int, health: Health) -> State
         counts, encoder_refused = encoder[1:3], 0
     if gps and not bad & 32 and gps.fix_type >= 2:
         gps_time_us = time_us
-    return new(State, (
+    return _new_state(
         rejected, was_bad | bad, imu_time_us, counts, encoder_refused, gps_time_us, 0, *health, static, static_us
-    ))  # fmt: skip
+    )  # fmt: skip
 
 
 def _refuse(state: State, frame: SensorFrame, bad: int, health: Health) -> tuple[State, SensorFrame, tuple[str, ...]]:

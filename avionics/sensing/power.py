@@ -21,7 +21,7 @@ from typing import Annotated, NamedTuple
 from avionics.limits import clip, low_pass
 from avionics.messages import AdcBurst, PowerState
 from avionics.quantities import Quantity
-from avionics.records import new
+from avionics.records import constructor
 
 LONGEST_GAP = 1.0
 """s; between bursts, over which the last power is held when it is integrated"""
@@ -180,6 +180,9 @@ def whole_periods(gains: Gains, samples: int) -> int:
     return round(periods * samples_per_period) if periods > 0 else samples
 
 
+_new_averages = constructor(Averages)
+
+
 def averages(gains: Gains, burst: AdcBurst) -> Averages:
     """Mean voltage, current and power of a burst; its two tuples have the same length, at least 1."""
     _, voltages, currents = burst
@@ -193,7 +196,11 @@ def averages(gains: Gains, burst: AdcBurst) -> Averages:
     # (a v + b) (c i + d), its mean from exact sums of whole numbers.
     voltage, current = a * sum(voltages) / count, c * sum(currents) / count
     power = a * c * sum(map(mul, voltages, currents)) / count + d * voltage + b * current + b * d
-    return new(Averages, (voltage + b, current + d, power))
+    return _new_averages(voltage + b, current + d, power)
+
+
+_new_power_state = constructor(PowerState)
+_new_state = constructor(State)
 
 
 def step(
@@ -226,14 +233,14 @@ def step(
     if battery.time_us < 0 or time_us - battery.time_us >= BATTERY_US:
         battery = watched(gains, battery, time_us, charge, voltage, current)
         clipped += beyond_range(gains, burst)
-    state = new(State, (
+    state = _new_state(
         max(last_us, time_us), charge, energy, strokes, stroke_us, energy_at_stroke, energy_per_stroke, zero,
         zero_span, battery, clipped, rest,
-    ))  # fmt: skip
-    return state, new(PowerState, (
+    )  # fmt: skip
+    return state, _new_power_state(
         time_us, voltage, current, power, charge, energy, energy_per_stroke, battery.remaining,
         battery.open_circuit, battery.resistance or gains.resistance, zero, clipped,
-    ))  # fmt: skip
+    )  # fmt: skip
 
 
 def at_rest(gains: Gains, rest: Rest, beat: Beat, dt: float) -> Rest:

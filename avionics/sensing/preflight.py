@@ -17,7 +17,6 @@ from avionics.constants import STANDARD_GRAVITY
 from avionics.limits import clip
 from avionics.messages import ImuSample
 from avionics.quantities import Quantity
-from avionics.records import new
 
 Vector = tuple[float, float, float]
 Sums = tuple[float, float, float, float, float, float, float, float, float]
@@ -163,9 +162,9 @@ def step(gains: Gains, state: State, imu: ImuSample, pressure: float | None = No
     )  # fmt: skip
     count, span = state.samples + 1, state.span + dt
     if span < gains.window - 0.5 * dt:
-        return new(State, (
+        return State(
             imu.time_us, count, span, sums, squares, pressures, state.windows, state.obstacle, state.rest
-        )), False  # fmt: skip
+        ), False  # fmt: skip
     return _closed(gains, state, imu.time_us, (count, sums, squares, pressures))
 
 

@@ -9,8 +9,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from avionics.records import new
-
 FOLLOWS = 0.04
 """-; of a turn, by which period and lag may differ from crossing to crossing while the wing follows"""
 SHARE = 0.2
@@ -40,8 +38,8 @@ def crossed(state: State, lag: float, turns: float) -> State:
     """
     deviation = (lag - state.lag + 0.5) % 1.0 - 0.5
     if state.crossings < 0 or abs(turns - 1.0) > FOLLOWS or abs(deviation) > FOLLOWS:
-        return new(State, (lag, 0))
-    return new(State, (state.lag + SHARE * deviation, state.crossings + 1))
+        return State(lag, 0)
+    return State(state.lag + SHARE * deviation, state.crossings + 1)
 
 
 def follows(state: State) -> bool:

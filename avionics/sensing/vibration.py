@@ -6,7 +6,7 @@ import math
 from typing import NamedTuple
 
 from avionics.messages import ImuSample, VibrationStatus
-from avionics.records import new
+from avionics.records import constructor
 
 HIGH_PASS = 5.0
 """Hz; corner below which acceleration is motion and not vibration"""
@@ -33,6 +33,9 @@ class State(NamedTuple):
     """-; samples with an axis at the end of the range since boot"""
 
 
+_new_state = constructor(State)
+
+
 def step(full_scale: float, state: State, imu: ImuSample, dt: float) -> State:
     """One sample: first-order filters, as ArduPilot's vibration levels.
 
@@ -50,7 +53,7 @@ def step(full_scale: float, state: State, imu: ImuSample, dt: float) -> State:
     dx, dy, dz = ax - mx, ay - my, az - mz
     at_end = abs(ax) >= full_scale or abs(ay) >= full_scale or abs(az) >= full_scale
     squares = (qx + level * (dx * dx - qx), qy + level * (dy * dy - qy), qz + level * (dz * dz - qz))
-    return new(State, (mx, my, mz, *squares, clipped + at_end))
+    return _new_state(mx, my, mz, *squares, clipped + at_end)
 
 
 def status(state: State, time_us: int) -> VibrationStatus:

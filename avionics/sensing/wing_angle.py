@@ -19,7 +19,7 @@ from typing import Annotated, NamedTuple
 
 from avionics.messages import WingState
 from avionics.quantities import Quantity
-from avionics.records import new
+from avionics.records import constructor
 from avionics.sensing import drive_turns, stroke_lock
 from avionics.sensing.encoders import Counts
 
@@ -232,6 +232,9 @@ def _turns(gains: Gains, state: State, before: Beat, frequency: float, dt: float
     return drive_turns.crossed(turns, (state.time_us - state.beat.anchor_us) * 1e-6, rising, whole)
 
 
+_new_state = constructor(State)
+
+
 def _advance(gains: Gains, state: State, time_us: int, left: float, right: float) -> State:
     (last_us, left_1, right_1, before_us, left_0, right_0, rate_left, rate_right, side, crossed_us,
      mean_turn, left_turn, right_turn, beat, stroke, strokes, valid, missed, lock, turns) = state  # fmt: skip
@@ -261,10 +264,10 @@ def _advance(gains: Gains, state: State, time_us: int, left: float, right: float
         if above <= 0.0 < above_1:
             crossed_us = last_us + (time_us - last_us) * above_1 / (above_1 - above)
         confirmed = above < -margin
-    state = new(State, (
+    state = _new_state(
         time_us, left, right, last_us, left_1, right_1, rate_left, rate_right, side, crossed_us,
         mean_turn, left_turn, right_turn, beat, stroke, strokes, valid, missed, lock, turns,
-    ))  # fmt: skip
+    )  # fmt: skip
     if confirmed:
         return _cross(gains, state)
     if (time_us - beat.anchor_us) * 1e-6 > PATIENCE * (stroke.period or 1.0 / gains.slowest):
@@ -428,6 +431,9 @@ def _unmeasured(gains: Gains, state: State, counts: Counts, commanded: Commanded
     return state, message
 
 
+_new_wing_state = constructor(WingState)
+
+
 def _message(state: State, counts: Counts, commanded: Commanded) -> WingState:
     time_us, left, right, _, _, _, rate_left, rate_right, _, _, _, _, _, beat, stroke, strokes, _, _, lock, turns = (
         state
@@ -445,7 +451,7 @@ def _message(state: State, counts: Counts, commanded: Commanded) -> WingState:
             frequency = commanded.frequency
     else:
         phase, frequency, flapping = 0.0, 0.0, 0
-    return new(WingState, (
+    return _new_wing_state(
         time_us, left, right, rate_left, rate_right, phase, frequency, amplitude_left, amplitude_right, mean_angle,
         ratio, strokes, flapping, ratio_left, ratio_right, valid_left, valid_right, missed,
-    ))  # fmt: skip
+    )  # fmt: skip

@@ -11,7 +11,6 @@ from typing import Annotated, NamedTuple
 
 from avionics.limits import low_pass
 from avionics.quantities import Quantity
-from avionics.records import new
 
 LEFT, RIGHT = 1, 2
 """flags of the wings"""
@@ -108,10 +107,10 @@ def step(gains: Gains, state: State, dt: float, inputs: CheckInputs) -> State:
     usual = low_pass(state.usual or current, current, gains.usual_time, dt) if both_move else state.usual
     invalid_time = state.invalid_time + dt if inputs.valid != LEFT | RIGHT else 0.0
     lost = (LEFT | RIGHT) & ~(inputs.valid | state.jammed) if invalid_time >= gains.fault_confirmation_time else 0
-    state = new(State, (
+    state = State(
         left, right, commanded, stationary_left, stationary_right, invalid_time, rocking, current, usual, lost,
         state.jammed, inputs.angles, state.rocked,
-    ))  # fmt: skip
+    )  # fmt: skip
     return _judged(gains, state, dt) if judged and not both_move else state
 
 

@@ -11,7 +11,7 @@ from typing import Annotated, NamedTuple
 from avionics.limits import clip, fade_out, low_pass
 from avionics.messages import PitchStatus
 from avionics.quantities import Quantity
-from avionics.records import new
+from avionics.records import constructor
 from avionics.stabilization import stroke_filter
 from avionics.stabilization.dynamic_pressure import share
 
@@ -84,6 +84,10 @@ def initial(gains: Gains) -> State:
     return State(elevator_mean=gains.elevator_trim)
 
 
+_new_state = constructor(State)
+_new_pitch_status = constructor(PitchStatus)
+
+
 def step(
     gains: Gains, state: State, time_us: int, dt: float, setpoint: float, measured: Measured
 ) -> tuple[State, PitchStatus]:
@@ -102,11 +106,11 @@ def step(
         gains.elevator_trim + proportional + grown + damping + bridge, gains.elevator_min, gains.elevator_max
     )
     mean = low_pass(state.elevator_mean, elevator, gains.trim_time, dt)
-    status = new(
-        PitchStatus, (time_us, setpoint, error, proportional, grown, damping, elevator, 1 if saturated else 0)
+    status = _new_pitch_status(
+        time_us, setpoint, error, proportional, grown, damping, elevator, 1 if saturated else 0
     )
     _, _, rate, pitch, pitch_notch, rate_notch, _ = state
-    return new(State, (grown, mean, rate, pitch, pitch_notch, rate_notch, bridge)), status
+    return _new_state(grown, mean, rate, pitch, pitch_notch, rate_notch, bridge), status
 
 
 def hold_trim(
@@ -143,4 +147,4 @@ def _observe(gains: Gains, state: State, dt: float, measured: Measured) -> State
     rate_notch, rate = stroke_filter.step(rate_notch, measured.pitch_rate, notch)
     if gains.rate_lag > 0.0:
         rate = low_pass(last_rate, rate, gains.rate_lag, dt)
-    return new(State, (integral, elevator_mean, rate, pitch, pitch_notch, rate_notch, bridge))
+    return _new_state(integral, elevator_mean, rate, pitch, pitch_notch, rate_notch, bridge)

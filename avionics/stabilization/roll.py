@@ -7,7 +7,7 @@ from typing import Annotated, NamedTuple
 from avionics.limits import clip, fade_out
 from avionics.messages import RollStatus
 from avionics.quantities import Quantity
-from avionics.records import new
+from avionics.records import constructor
 from avionics.stabilization.dynamic_pressure import share
 
 
@@ -50,6 +50,10 @@ class Measured(NamedTuple):
     """m/s; 0 while unknown"""
 
 
+_new_state = constructor(State)
+_new_roll_status = constructor(RollStatus)
+
+
 def step(
     gains: Gains, state: State, time_us: int, dt: float, setpoint: float, measured: Measured
 ) -> tuple[State, RollStatus]:
@@ -64,8 +68,8 @@ def step(
         grown = state.integral
     bridge = fade_out(state.bridge, gains.release_time, dt) if state.bridge else 0.0
     command = clip(proportional + grown + damping + bridge, -1.0, 1.0)
-    status = new(RollStatus, (time_us, setpoint, error, proportional, grown, damping, command, 1 if saturated else 0))
-    return new(State, (grown, bridge)), status
+    status = _new_roll_status(time_us, setpoint, error, proportional, grown, damping, command, 1 if saturated else 0)
+    return _new_state(grown, bridge), status
 
 
 def hold_trim(

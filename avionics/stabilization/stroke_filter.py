@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from avionics.records import new
+from avionics.records import constructor
 
 
 class State(NamedTuple):
@@ -41,6 +41,9 @@ def notch(frequency: float, width: float, dt: float) -> Notch | None:
     return (1.0 + kk) * norm, 2.0 * (kk - 1.0) * norm, (1.0 - 2.0 * width * k + kk) * norm
 
 
+_new_state = constructor(State)
+
+
 def step(state: State, signal: float, coefficients: Notch | None) -> tuple[State, float]:
     """Filter ``signal`` by what `notch` gives; None passes it on."""
     if coefficients is None:
@@ -51,4 +54,4 @@ def step(state: State, signal: float, coefficients: Notch | None) -> tuple[State
         state = State(signal * (1.0 - b0), signal * (b0 - a2), 1)
     filtered = b0 * signal + state.first
     first = b1 * (signal - filtered) + state.second
-    return new(State, (first, b0 * signal - a2 * filtered, 1)), filtered
+    return _new_state(first, b0 * signal - a2 * filtered, 1), filtered

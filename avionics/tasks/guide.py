@@ -23,7 +23,7 @@ from avionics.messages import (
     Severity,
     Stage,
 )
-from avionics.records import new
+from avionics.records import constructor
 from avionics.situation import conditions, ground_motion, position_usable, surroundings
 from avionics.state import AutopilotState
 from avionics.topics import Publish
@@ -84,6 +84,9 @@ def navigation_status(s: AutopilotState) -> NavigationStatus:
     )
 
 
+_new_envelope_state = constructor(excitation_input.EnvelopeState)
+
+
 def excitation(s: AutopilotState, publish: Publish) -> None:
     """Identification inputs, as the navigation asks for them."""
     asked = s.target.excitation
@@ -95,9 +98,7 @@ def excitation(s: AutopilotState, publish: Publish) -> None:
         period = excitation_input.unfolding_period(asked, s.wing.frequency)
         if period:
             publish_event(s, publish, Severity.WARNING, "excitation", FOLDS.format(s.wing.frequency, period))
-    flown = new(
-        excitation_input.EnvelopeState, (s.pitch_loop.pitch, s.attitude.roll, s.air.airspeed, s.altitude.altitude)
-    )
+    flown = _new_envelope_state(s.pitch_loop.pitch, s.attitude.roll, s.air.airspeed, s.altitude.altitude)
     aborted = s.excitation.aborted
     s.excitation, s.excited = excitation_input.step(
         s.gains.excitation, s.excitation, s.clock.time_us, s.clock.dt_100, asked is not None, flown
@@ -110,7 +111,7 @@ def vertical(s: AutopilotState, publish: Publish) -> None:
     """Altitude -> climb -> throttle and pitch setpoint, or what the stick or the ground asks."""
     gains, state, time_us, dt = s.gains.altitude, s.altitude_loop, s.clock.time_us, s.clock.dt_50
     asked = vertical_command(s)
-    measured = new(altitude_loop.Measured, (s.altitude.altitude, s.altitude.climb_rate, s.air.airspeed))
+    measured = altitude_loop.Measured(s.altitude.altitude, s.altitude.climb_rate, s.air.airspeed)
     if asked is not None:
         s.altitude_loop, s.vertical = altitude_loop.follow(gains, state, time_us, dt, asked)
     elif excitation_input.frozen(s.excitation):

@@ -10,7 +10,7 @@ from avionics.messages import (
     Mode,
 )
 from avionics.mixing import flapping, tail
-from avionics.records import new
+from avionics.records import constructor
 from avionics.sensing import wing_check
 from avionics.state import AutopilotState
 from avionics.topics import Publish
@@ -20,6 +20,10 @@ BESIDE_RATE = 3.0
 """rad/s; of the wing that joins a jammed one"""
 
 
+_new_actuator_command = constructor(ActuatorCommand)
+_new_tail_command = constructor(tail.TailCommand)
+
+
 def mix(s: AutopilotState, publish: Publish) -> None:
     """Elevator, roll command and throttle -> tail and wing drives."""
     if s.modes.killed:
@@ -27,9 +31,9 @@ def mix(s: AutopilotState, publish: Publish) -> None:
         return
     clock, added = s.clock, s.excited
     yaw_stick = s.pilot.yaw if s.modes.mode == MANUAL and s.modes.armed else 0.0
-    asked = new(tail.TailCommand, (
+    asked = _new_tail_command(
         s.elevator.elevator, s.roll_command.roll_command, yaw_stick, added.elevator, added.rudder, added.active
-    ))  # fmt: skip
+    )  # fmt: skip
     s.tail, moved = tail.step(s.gains.tail, s.tail, clock.dt, asked)
     powered = s.modes.armed and not s.modes.cut
     throttle = clip(s.vertical.throttle + added.throttle, 0.0, 1.0) if powered else 0.0
@@ -41,8 +45,8 @@ def mix(s: AutopilotState, publish: Publish) -> None:
     if s.modes.cut and s.wing_check.jammed in (wing_check.LEFT, wing_check.RIGHT):
         stroke = match_jammed_wing(s, stroke)
     left, right, motor = stroke
-    s.actuators = new(
-        ActuatorCommand, (clock.time_us, left, right, motor, moved.elevator, moved.rudder, s.modes.armed)
+    s.actuators = _new_actuator_command(
+        clock.time_us, left, right, motor, moved.elevator, moved.rudder, s.modes.armed
     )
     publish(topics.FLAP, flap)
     publish(topics.ACTUATORS, s.actuators)

@@ -6,7 +6,7 @@ from avionics import piloting, topics
 from avionics.guidance.modes import AIRBORNE
 from avionics.inputs import act, publish_event
 from avionics.messages import AirData, Mode, Severity, Stage
-from avionics.records import new
+from avionics.records import constructor
 from avionics.sensing import (
     air_data,
     airspeed_check,
@@ -35,17 +35,23 @@ def vibrations(s: AutopilotState, publish: Publish) -> None:
         s.vibration = vibration.step(s.gains.plausibility.accel_full, s.vibration, s.frame.imu, s.clock.dt)
 
 
+_new_beat = constructor(power_meter.Beat)
+
+
 def power(s: AutopilotState, publish: Publish) -> None:
     """Power of the drives, at each burst of the ADC; the current's zero is learned disarmed, with still wings."""
     if s.frame.adc is not None:
         resting = not s.modes.armed and s.modes.stage == ON_GROUND
         clipped = s.power.clipped
-        beat = new(power_meter.Beat, (s.wing.strokes, s.wing.frequency, s.wing.angle_left, s.wing.angle_right))
+        beat = _new_beat(s.wing.strokes, s.wing.frequency, s.wing.angle_left, s.wing.angle_right)
         s.power, s.power_state = power_meter.step(s.gains.power, s.power, s.frame.adc, beat, resting)
         publish(topics.POWER, s.power_state)
         if s.power.clipped and not clipped:
             text = "current beyond its sensor's range: power, energy and charge read too low"
             publish_event(s, publish, Severity.WARNING, "power", text)
+
+
+_new_commanded = constructor(wing_angle.Commanded)
 
 
 def wing(s: AutopilotState, publish: Publish) -> None:
@@ -58,7 +64,7 @@ def wing(s: AutopilotState, publish: Publish) -> None:
         s.encoders, counts = encoders.silence(s.encoders, s.clock.time_us)
     else:
         return
-    commanded = new(wing_angle.Commanded, (asked.frequency, asked.phase, asked.amplitude))
+    commanded = _new_commanded(asked.frequency, asked.phase, asked.amplitude)
     s.wing_angle, s.wing = wing_angle.step(gains, s.wing_angle, counts, commanded)
     publish(topics.WING, s.wing)
     if s.wing[-3:] != before[-3:]:
@@ -107,7 +113,7 @@ def silent(s: AutopilotState) -> bool:
 def _motion(s: AutopilotState) -> airspeed_check.Motion | None:
     if s.fix is None or gps_age(s.plausibility, s.clock.time_us) >= s.gains.modes.gps_loss_delay:
         return None
-    return new(airspeed_check.Motion, (s.fix.v_north, s.fix.v_east, s.attitude.yaw))
+    return airspeed_check.Motion(s.fix.v_north, s.fix.v_east, s.attitude.yaw)
 
 
 def _aloft(s: AutopilotState) -> airspeed_check.Aloft:

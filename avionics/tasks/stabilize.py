@@ -9,7 +9,7 @@ from avionics.messages import (
     Failsafe,
     Mode,
 )
-from avionics.records import new
+from avionics.records import constructor
 from avionics.stabilization import pitch as pitch_loop
 from avionics.stabilization import roll as roll_loop
 from avionics.state import AutopilotState
@@ -24,12 +24,17 @@ def loops_closed(s: AutopilotState) -> bool:
     return s.modes.stage in AIRBORNE and s.modes.mode != MANUAL and not blind
 
 
+_new_pitch_measured = constructor(pitch_loop.Measured)
+_new_roll_measured = constructor(roll_loop.Measured)
+
+
 def pitch(s: AutopilotState, publish: Publish) -> None:
     """Pitch setpoint -> elevator."""
     gains, state, time_us, dt = s.gains.pitch, s.pitch_loop, s.clock.time_us, s.clock.dt_100
     attitude = s.attitude
-    seen = (attitude.pitch, attitude.pitch_rate, s.wing.frequency, attitude.roll, s.air.airspeed)
-    measured = new(pitch_loop.Measured, seen)
+    measured = _new_pitch_measured(
+        attitude.pitch, attitude.pitch_rate, s.wing.frequency, attitude.roll, s.air.airspeed
+    )
     setpoint = s.vertical.pitch_setpoint
     if not loops_closed(s):
         stick = s.pilot.pitch if s.modes.armed and s.modes.mode == MANUAL else 0.0
@@ -45,7 +50,7 @@ def pitch(s: AutopilotState, publish: Publish) -> None:
 def roll(s: AutopilotState, publish: Publish) -> None:
     """Roll setpoint -> roll command."""
     gains, state, time_us, setpoint = s.gains.roll, s.roll_loop, s.clock.time_us, s.lateral.roll_setpoint
-    measured = new(roll_loop.Measured, (s.attitude.roll, s.attitude.roll_rate, s.air.airspeed))
+    measured = _new_roll_measured(s.attitude.roll, s.attitude.roll_rate, s.air.airspeed)
     if not loops_closed(s):
         stick = s.pilot.roll if s.modes.armed and s.modes.mode == MANUAL else 0.0
         s.roll_loop, s.roll_command = roll_loop.follow(s.clock.time_us, stick)

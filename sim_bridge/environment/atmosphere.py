@@ -6,7 +6,6 @@ import math
 from typing import NamedTuple
 
 from sim_bridge.environment.gravity import GRAVITY
-from sim_bridge.observation import new
 
 SEA_LEVEL_PRESSURE = 101325.0
 """Pa"""
@@ -49,4 +48,4 @@ def isa(
         raise ValueError(f"altitude {altitude:g} m is outside the troposphere ({LOWEST:g} to {HIGHEST:g} m)")
     temperature = sea_level_temperature - LAPSE_RATE * altitude
     pressure = sea_level_pressure * math.pow(temperature / sea_level_temperature, _EXPONENT)
-    return new(Air, (pressure, temperature, pressure / (GAS_CONSTANT * temperature)))
+    return Air(pressure, temperature, pressure / (GAS_CONSTANT * temperature))

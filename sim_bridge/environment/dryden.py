@@ -29,7 +29,7 @@ import numpy as np
 
 from avionics.quantities import BadInput
 from sim_bridge.environment.levels import INTENSITIES, LEVELS, LEVELS_TOLD, SMALL_UAV, WIND_AT_20_FT
-from sim_bridge.observation import Vector, new
+from sim_bridge.observation import Vector
 from sim_bridge.vectors import kernel
 
 FOOT = 0.3048
@@ -354,4 +354,4 @@ def step(t: Turbulence, state: GustState, height: float, flight: Vector, dt: flo
     tick = state.tick + 1
     noise = _noise(t.seed, tick)
     after, velocity, omega = _advance(state[1:], noise, _strength(t.level), (t.span, height), flight, dt)
-    return new(GustState, (tick, *after)), new(Gust, (velocity, omega))
+    return GustState._make((tick, *after)), Gust(velocity, omega)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sim_bridge.bound import Bound, bound_values
-from sim_bridge.observation import Vector, new
+from sim_bridge.observation import Vector
 from sim_bridge.plant import Plant
 from sim_bridge.vectors import njit
 
@@ -38,7 +38,7 @@ class Look:
         """The plant as it is now, in air that moves with ``wind`` in m/s, NED."""
         _turn(self._bound, wind, self._nose)
         a, b, c, d, e, f, g, h, i = self._turned.tolist()
-        return new(Instant, (self._plant.y.tolist(), (a, b, c), (d, e, f), (g, h, i)))
+        return Instant(self._plant.y.tolist(), (a, b, c), (d, e, f), (g, h, i))
 
 
 @njit(cache=True)

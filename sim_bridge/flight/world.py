@@ -19,7 +19,6 @@ from avionics.messages import (
     TorqueSample,
 )
 from avionics.quantities import BadInput
-from avionics.records import new
 from avionics.topics import Publish, Topic
 from sim_bridge import plant_kernel as k
 from sim_bridge import topics
@@ -122,7 +121,7 @@ class StepClock(NamedTuple):
     def step(self, length: float) -> StepClock:
         """The clock in the next step, of ``length`` s."""
         if length == self.length:
-            return new(StepClock, (self.since, self.done + 1, length))
+            return StepClock(self.since, self.done + 1, length)
         return StepClock(self.since + (self.done + 1) * self.length, 0, length)
 
 
@@ -280,7 +279,7 @@ class SimulatedWorld:
         grounded = self.plant.touching or self._launcher() != k.FREE
         flow = (speed, math.atan2(air[2], air[0]))
         wind = self._air_velocity()
-        return new(TruthState, (self.time_us, *y[0:3], *now.v_ned, *y[3:7], *y[10:13], *wind, *flow, int(grounded)))
+        return TruthState._make((self.time_us, *y[0:3], *now.v_ned, *y[3:7], *y[10:13], *wind, *flow, int(grounded)))
 
     def truth_wing(self) -> TruthWing:
         """Wings at the end of the last step; torques, current and power averaged over it."""
@@ -290,8 +289,7 @@ class SimulatedWorld:
         y, at = now.y, self.plant.layout
         (left, right), (twist_left, twist_right) = at.flap, at.twist
         voltage, power = self._supply(y)
-        return new(
-            TruthWing,
+        return TruthWing._make(
             (
                 self.time_us,
                 y[left],
@@ -305,7 +303,7 @@ class SimulatedWorld:
                 power,
                 y[at.elevator] if at.elevator >= 0 else 0.0,
                 y[at.rudder] if at.rudder >= 0 else 0.0,
-            ),
+            )
         )
 
     def truth_loads(self) -> TruthLoads:
@@ -369,7 +367,7 @@ class SimulatedWorld:
 
     def _surroundings(self, air: Air, wind: Vector) -> k.Surroundings:
         turn = STILL.omega if self._gust is STILL else _rotate_back(self.plant.scratch.r.tolist(), self._gust.omega)
-        return new(k.Surroundings, (*wind, air.density, self._launcher(), self._push, 0.0, 0.0, *turn))
+        return k.Surroundings._make((*wind, air.density, self._launcher(), self._push, 0.0, 0.0, *turn))
 
     def _air_velocity(self) -> Vector:
         """m/s; of the air at the vehicle, NED: the steady wind and the gust."""
@@ -392,10 +390,10 @@ class SimulatedWorld:
         throttle = max(_clip(command.throttle, 1.0), 0.0) if command.armed else 0.0
         (left, right), (left_before, right_before) = self._targets, before
         elevator, rudder = _clip(command.elevator, tail), _clip(command.rudder, tail)
-        return new(k.Controls, (
+        return k.Controls(
             left_before, left, right_before, right, throttle, elevator, rudder, self._clock.length, 1.0,
             float(bool(command.armed)),
-        ))  # fmt: skip
+        )  # fmt: skip
 
     def _watch_rest(self, now: Instant) -> None:
         still = self.plant.touching and math.hypot(*now.y[7:10]) < REST_SPEED
@@ -427,7 +425,7 @@ class SimulatedWorld:
         y, v_ned, _, v_pitot_frd = now
         torque_left, torque_right, current, _, *specific_force = self._means
         left, right = self._flap
-        return new(Observation, (
+        return Observation._make((
             self.time_us, tuple(y[3:7]), tuple(y[10:13]), tuple(specific_force), tuple(y[0:3]), v_ned, v_pitot_frd,
             *air, y[left], y[right], torque_left, torque_right, 0.5 * (current + self._current_before),
             self._open_circuit(y), *self._supplied,
@@ -437,16 +435,16 @@ class SimulatedWorld:
 def sensor_frame(raw: RawFrame) -> SensorFrame:
     """The raw numbers as the board delivers them."""
     time_us, imu, encoder, pressures, adc, torque, gps, receiver = raw
-    return new(SensorFrame, (
+    return SensorFrame(
         time_us,
-        new(ImuSample, imu),
-        new(EncoderSample, encoder) if encoder else None,
-        new(PressureSample, pressures) if pressures else None,
-        new(AdcBurst, adc) if adc else None,
-        new(TorqueSample, torque) if torque else None,
-        new(GpsFix, gps) if gps else None,
-        new(ReceiverSample, receiver) if receiver else None,
-    ))  # fmt: skip
+        ImuSample._make(imu),
+        EncoderSample._make(encoder) if encoder else None,
+        PressureSample._make(pressures) if pressures else None,
+        AdcBurst._make(adc) if adc else None,
+        TorqueSample._make(torque) if torque else None,
+        GpsFix._make(gps) if gps else None,
+        ReceiverSample._make(receiver) if receiver else None,
+    )  # fmt: skip
 
 
 def _clip(value: float, limit: float) -> float:

@@ -9,8 +9,6 @@ from __future__ import annotations
 import struct
 from typing import NamedTuple
 
-from sim_bridge.observation import new
-
 BURST_LENGTH = 60
 """samples; of one ADC burst"""
 CHANNELS = 8
@@ -53,7 +51,7 @@ def imu_on_the_wire(time_us: int, *values: float) -> RawImu:
     Raises:
         struct.error: ``values`` are not nine.
     """
-    return new(RawImu, (time_us, *_ON_THE_WIRE.unpack(_ON_THE_WIRE.pack(*values))))
+    return RawImu._make((time_us, *_ON_THE_WIRE.unpack(_ON_THE_WIRE.pack(*values))))
 
 
 class RawEncoder(NamedTuple):

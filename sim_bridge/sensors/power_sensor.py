@@ -18,7 +18,7 @@ import numpy as np
 
 from avionics.quantities import Quantity
 from sim_bridge.bound import Bound, bound_values
-from sim_bridge.observation import Observation, new
+from sim_bridge.observation import Observation
 from sim_bridge.sensors.frame import BURST_LENGTH
 from sim_bridge.sensors.noise import BLOCK, SensorSeed, split
 from sim_bridge.vectors import Floats, Integers, njit
@@ -154,8 +154,8 @@ def supply(observation: Observation) -> Supply:
     current, pulse = observation.current, observation.pulse_current
     battery = observation.open_circuit_voltage, observation.battery_resistance
     if observation.pwm_frequency > 0.0 and 0.0 < current < pulse:
-        return new(Supply, (current / pulse, pulse, *battery))
-    return new(Supply, (1.0, current, *battery))
+        return Supply._make((current / pulse, pulse, *battery))
+    return Supply._make((1.0, current, *battery))
 
 
 def _channels(spec: PowerSensorSpec, errors: PowerSensorErrors) -> Channels:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, get_type_hints
 
 from avionics.quantities import BadInput
 from sim_bridge.environment.home import Home
-from sim_bridge.observation import Observation, Vector, new
+from sim_bridge.observation import Observation, Vector
 from sim_bridge.sensors.accelerometer import Accelerometer, AccelerometerSpec
 from sim_bridge.sensors.barometer import Barometer, BarometerSpec
 from sim_bridge.sensors.encoder import Encoder, EncoderSpec
@@ -161,16 +161,16 @@ class SensorSuite:
         time_us, ticks = observation.time_us, self._ticks
         self._pitot.sense(observation.v_air_frd, observation.density)
         powered = tick % ticks.power == 0
-        return new(RawFrame, (
+        return RawFrame(
             time_us,
             self._imu(observation, tick),
-            new(RawEncoder, (time_us, *self.encoder.read(observation.flap_left, observation.flap_right))),
+            RawEncoder._make((time_us, *self.encoder.read(observation.flap_left, observation.flap_right))),
             self._pressures(observation) if tick % ticks.pressures == 0 else None,
-            new(RawAdc, (time_us, *self._power_sensor.read(observation))) if powered else None,
+            RawAdc._make((time_us, *self._power_sensor.read(observation))) if powered else None,
             self._torque(observation) if powered and self._torque_installed else None,
             self._fix(observation, tick),
             self._receiver.read(observation) if tick % ticks.receiver == 0 else None,
-        ))  # fmt: skip
+        )  # fmt: skip
 
     def _imu(self, observation: Observation, tick: int) -> RawImu:
         if self._field_frd is None or tick % self._ticks.magnetometer == 0:
@@ -182,11 +182,11 @@ class SensorSuite:
 
     def _pressures(self, observation: Observation) -> RawPressures:
         static, temperature = self._barometer.read(observation.static_pressure, observation.temperature)
-        return new(RawPressures, (observation.time_us, static, self._pitot.read(), temperature))
+        return RawPressures(observation.time_us, static, self._pitot.read(), temperature)
 
     def _torque(self, observation: Observation) -> RawTorque:
         counts = self._torque_cell.read(observation.torque_left, observation.torque_right)
-        return new(RawTorque, (observation.time_us, *counts))
+        return RawTorque._make((observation.time_us, *counts))
 
     def _fix(self, observation: Observation, tick: int) -> RawGps | None:
         if tick % self._ticks.gps == 0:
