@@ -13,7 +13,7 @@ from avionics.missions import check_mission
 from avionics.processors import SCHEDULE, Due, run
 from avionics.quantities import BadInput
 from avionics.sensing.plausibility import LONGEST_GAP_US, shifted
-from avionics.state import AutopilotState, initial_state
+from avionics.state import AutopilotState, decode_state, initial_state
 from avionics.tasks.intake import accept, refuse_time
 from avionics.topics import Publish
 from avionics.vehicles import FlightVehicle
@@ -94,4 +94,4 @@ class Autopilot:
         Raises:
             BadInput: not a snapshot of this flight computer; the present memory is kept.
         """
-        self._state = snapshot.decode(AutopilotState, text)
+        self._state = decode_state(text)

@@ -35,7 +35,7 @@ def take_sticks(s: AutopilotState, publish: Publish, sticks: PilotInput) -> tupl
     held = receiver.Sticks(pitch, roll, yaw, clip(throttle, 0.0, 1.0))
     time_us = sticks.time_us
     publish(topics.PILOT, PilotInput(time_us, *held, PilotSource.MANUAL_CONTROL))
-    s.ways_in = s.ways_in._replace(manual=held, manual_us=time_us)
+    s.stick_inputs = s.stick_inputs._replace(manual=held, manual_us=time_us)
     watch(s, publish)
     _fly(s)
     return NOTHING
@@ -44,49 +44,49 @@ def take_sticks(s: AutopilotState, publish: Publish, sticks: PilotInput) -> tupl
 def take_override(s: AutopilotState, publish: Publish, override: ChannelOverride) -> tuple[Act, ...]:
     """RC_CHANNELS_OVERRIDE."""
     publish(topics.OVERRIDE, override)
-    before = s.ways_in
-    s.ways_in = pilot.take_override(s.gains.receiver, before, override)
-    if s.ways_in.override.time_us >= 0:
-        publish(topics.PILOT, PilotInput(override.time_us, *s.ways_in.override.sticks, PilotSource.OVERRIDE))
+    before = s.stick_inputs
+    s.stick_inputs = pilot.take_override(s.gains.receiver, before, override)
+    if s.stick_inputs.override.time_us >= 0:
+        publish(topics.PILOT, PilotInput(override.time_us, *s.stick_inputs.override.sticks, PilotSource.OVERRIDE))
     watch(s, publish)
     _fly(s)
-    return _acts(s, before.override, s.ways_in.override, PilotSource.OVERRIDE)
+    return _acts(s, before.override, s.stick_inputs.override, PilotSource.OVERRIDE)
 
 
 def take_receiver(s: AutopilotState, publish: Publish, sample: ReceiverSample) -> tuple[Act, ...]:
     """A frame of the receiver."""
-    before = s.ways_in
-    s.ways_in = pilot.take_receiver(s.gains.receiver, before, sample)
-    if s.ways_in is before:
+    before = s.stick_inputs
+    s.stick_inputs = pilot.take_receiver(s.gains.receiver, before, sample)
+    if s.stick_inputs is before:
         return NOTHING
-    publish(topics.PILOT, PilotInput(sample.time_us, *s.ways_in.radio.sticks, PilotSource.RECEIVER))
+    publish(topics.PILOT, PilotInput(sample.time_us, *s.stick_inputs.radio.sticks, PilotSource.RECEIVER))
     watch(s, publish)
     _fly(s)
-    return _acts(s, before.radio, s.ways_in.radio, PilotSource.RECEIVER)
+    return _acts(s, before.radio, s.stick_inputs.radio, PilotSource.RECEIVER)
 
 
 def _acts(s: AutopilotState, before: receiver.State, after: receiver.State, source: PilotSource) -> tuple[Act, ...]:
     """A kill from whatever source; mode and arming from the one in command."""
-    if pilot.kill_switch(s.ways_in):
+    if pilot.kill_switch(s.stick_inputs):
         return (Act(CommandKind.KILL),) if s.modes.armed else NOTHING
-    if s.ways_in.source != source or before is after:
+    if s.stick_inputs.source != source or before is after:
         return NOTHING
     return pilot.acts(s.gains.receiver, before, after, disarmed=not s.modes.armed)
 
 
 def watch(s: AutopilotState, publish: Publish) -> None:
     """Choose whose sticks are flown; say it when that changes."""
-    ways = s.ways_in
+    ways = s.stick_inputs
     source = pilot.choose(s.gains.receiver, ways, s.clock.time_us)
     if source != ways.source:
-        s.ways_in = ways._replace(source=int(source))
+        s.stick_inputs = ways._replace(source=int(source))
         _announce(s, publish, source)
         _fly(s)
 
 
 def _fly(s: AutopilotState) -> None:
-    source = PilotSource(s.ways_in.source)
-    s.pilot = PilotInput(max(s.clock.time_us, 0), *pilot.sticks(s.ways_in), source)
+    source = PilotSource(s.stick_inputs.source)
+    s.pilot = PilotInput(max(s.clock.time_us, 0), *pilot.sticks(s.stick_inputs), source)
 
 
 def _announce(s: AutopilotState, publish: Publish, source: PilotSource) -> None:

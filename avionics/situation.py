@@ -88,12 +88,12 @@ def conditions(s: AutopilotState) -> modes.Conditions:
         fence_clearance=s.fence_clearance if s.fence.zones and position_usable(s) else math.inf,
         fence_floor=s.fence.floor,
         fence_ceiling=s.fence.ceiling,
-        pilot_lost=int(s.ways_in.source == NO_PILOT),
-        kill_switch=int(pilot.kill_switch(s.ways_in)),
+        pilot_lost=int(s.stick_inputs.source == NO_PILOT),
+        kill_switch=int(pilot.kill_switch(s.stick_inputs)),
         sensed=sensed(s),
         turn_rate=max(abs(s.attitude.roll_rate), abs(s.attitude.pitch_rate), abs(s.attitude.yaw_rate)),
         return_floor=least_altitude(s.gains.navigation, ceiling(s)),
-        by_receiver=int(s.ways_in.source == RECEIVER),
+        by_receiver=int(s.stick_inputs.source == RECEIVER),
         final=s.navigation.final,
         navigated=s.navigation.mode,
         setpoint_valid=offboard.valid(s.gains.navigation, s.offboard, s.clock.time_us),
@@ -131,7 +131,7 @@ def sensed(s: AutopilotState) -> int:
         flags |= Failsafe.TAIL_JAMMED
     if s.attitude.magnetometer_disturbed:
         flags |= Failsafe.MAG_DISTURBED
-    if pilot.receiver_lost(s.gains.receiver, s.ways_in, s.clock.time_us):
+    if pilot.receiver_lost(s.gains.receiver, s.stick_inputs, s.clock.time_us):
         flags |= Failsafe.RECEIVER_LOST
     return flags
 

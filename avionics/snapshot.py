@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 import types
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from functools import cache
+from types import MappingProxyType
 from typing import Annotated, Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from avionics.quantities import BadInput, parse_json
@@ -21,19 +22,24 @@ def encode(record: Any) -> str:
     return json.dumps({field.name: getattr(record, field.name) for field in fields(record)}, separators=(",", ":"))
 
 
-def decode(kind: Callable[..., T], text: str) -> T:
-    """The record that `encode` wrote.
+def decode(kind: Callable[..., T], text: str, former_names: Mapping[str, str] = MappingProxyType({})) -> T:
+    """Decode a record that `encode` wrote.
+
+    Args:
+        kind: the dataclass.
+        text: JSON document.
+        former_names: earlier keys of renamed fields, to their present names.
 
     Raises:
         BadInput: not JSON, or not a snapshot of ``kind``.
     """
     try:
-        document = parse_json(text)
+        document = {former_names.get(key, key): value for key, value in parse_json(text).items()}
         # A field that an older recording does not have takes its default.
         return kind(
             **{name: build(document[name]) for name, build in _record_builders(kind).items() if name in document}
         )
-    except (ValueError, KeyError, TypeError, IndexError, OverflowError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError, IndexError, OverflowError) as error:
         raise BadInput(f"not a snapshot of this flight computer: {type(error).__name__} {error}") from None
 
 

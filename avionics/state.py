@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any, TypeVar, get_type_hints
 
 from avionics import messages as m
-from avionics import timebase
+from avionics import snapshot, timebase
 from avionics.calibration import procedure as calibration
 from avionics.constants import STANDARD_GRAVITY
 from avionics.estimation import ahrs, gps_altitude
@@ -76,8 +76,8 @@ class AutopilotState:
     altitude_filter: altitude_filter.State = altitude_filter.State()
     gps_altitude: gps_altitude.State = gps_altitude.State()
     position_filter: position_filter.State = position_filter.State()
-    ways_in: pilot.State = pilot.State()
-    """the pilot's sticks by their source"""
+    stick_inputs: pilot.State = pilot.State()
+    """stick positions by source"""
     airspeed_check: airspeed_check.State = airspeed_check.State()
     wing_check: wing_check.State = wing_check.State()
     tail_check: tail_check.State = tail_check.State()
@@ -103,8 +103,8 @@ class AutopilotState:
     """whether it is outside, and the last breach"""
     frame: m.SensorFrame = m.SensorFrame(0, AT_REST)
     """the last frame, without what was refused; its IMU sample is the last good one"""
-    fix: m.GpsFix | None = None
-    """the last good fix"""
+    last_fix: m.GpsFix | None = None
+    """last accepted GPS fix"""
     pilot: m.PilotInput = zero(m.PilotInput)
     """the sticks that are flown, neutral while there are none"""
     attitude: m.Attitude = zero(m.Attitude)
@@ -114,16 +114,29 @@ class AutopilotState:
     altitude: m.Altitude = zero(m.Altitude)
     position: m.Position = zero(m.Position)
     target: navigator.Target = navigator.Target(m.Stage.ON_GROUND, 0.0, 0.0)
-    """what the navigation asks for"""
-    vertical: m.AltitudeStatus = zero(m.AltitudeStatus)
-    lateral: m.HeadingStatus = zero(m.HeadingStatus)
-    excited: m.ExcitationStatus = zero(m.ExcitationStatus)
-    """the identification input as wished"""
-    applied: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """rad, -, rad; elevator, throttle and rudder of the identification input as applied"""
-    elevator: m.PitchStatus = zero(m.PitchStatus)
-    roll_command: m.RollStatus = zero(m.RollStatus)
+    """setpoints of the navigation"""
+    altitude_loop_status: m.AltitudeStatus = zero(m.AltitudeStatus)
+    heading_loop_status: m.HeadingStatus = zero(m.HeadingStatus)
+    excitation_requested: m.ExcitationStatus = zero(m.ExcitationStatus)
+    """excitation that the navigation requests"""
+    excitation_applied: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """rad, -, rad; elevator, throttle and rudder of the excitation after limits"""
+    pitch_loop_status: m.PitchStatus = zero(m.PitchStatus)
+    roll_loop_status: m.RollStatus = zero(m.RollStatus)
     actuators: m.ActuatorCommand = zero(m.ActuatorCommand)
+
+
+FORMER_NAMES = {
+    "ways_in": "stick_inputs",
+    "vertical": "altitude_loop_status",
+    "lateral": "heading_loop_status",
+    "elevator": "pitch_loop_status",
+    "roll_command": "roll_loop_status",
+    "excited": "excitation_requested",
+    "applied": "excitation_applied",
+    "fix": "last_fix",
+}
+"""keys of snapshots in recordings of version 0.1 -> fields of `AutopilotState`"""
 
 
 def initial_state(gains: FlightGains, mission: Mission) -> AutopilotState:
@@ -136,3 +149,12 @@ def initial_state(gains: FlightGains, mission: Mission) -> AutopilotState:
         pitch.initial(gains.pitch),
         actuators=zero(m.ActuatorCommand)._replace(wing_left=glide, wing_right=glide),
     )
+
+
+def decode_state(text: str) -> AutopilotState:
+    """Decode a snapshot, also one of an earlier version with other field names.
+
+    Raises:
+        BadInput: not a snapshot of this flight computer.
+    """
+    return snapshot.decode(AutopilotState, text, FORMER_NAMES)

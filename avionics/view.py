@@ -107,9 +107,9 @@ class FlightView:
     def home(self) -> Home | None:
         """None before the first fix."""
         memory = self.autopilot.memory
-        if self._home is None and memory.position.valid and memory.fix is not None:
+        if self._home is None and memory.position.valid and memory.last_fix is not None:
             latitude, longitude = memory.position_filter.home
-            self._home = Home(latitude, longitude, memory.fix.altitude - memory.altitude.altitude)
+            self._home = Home(latitude, longitude, memory.last_fix.altitude - memory.altitude.altitude)
         return self._home
 
     @property

@@ -73,8 +73,8 @@ def altitude(s: AutopilotState, publish: Publish) -> None:
 def _coast(s: AutopilotState, publish: Publish) -> None:
     """Without a barometer: by the IMU, and by the GPS altitude while there is a fix."""
     fix = None
-    if s.fix is not None:
-        s.gps_altitude, fix = gps_altitude.climb(s.gps_altitude, s.fix)
+    if s.last_fix is not None:
+        s.gps_altitude, fix = gps_altitude.climb(s.gps_altitude, s.last_fix)
     s.altitude_filter, s.altitude = altitude_filter.coast(
         s.gains.altitude_filter, s.altitude_filter, s.clock.time_us, fix, s.wing.frequency
     )
@@ -84,8 +84,10 @@ def _coast(s: AutopilotState, publish: Publish) -> None:
 def position(s: AutopilotState, publish: Publish) -> None:
     """Position and wind: carried on at each pressure sample, or without any, corrected by the last fix."""
     if s.frame.gps is not None:
-        s.fix = s.frame.gps
+        s.last_fix = s.frame.gps
     if s.frame.pressures is not None or silent(s):
         moved = position_filter.motion(s.attitude, s.air, s.altitude)
-        s.position_filter, s.position = position_filter.step(s.gains.position_filter, s.position_filter, moved, s.fix)
+        s.position_filter, s.position = position_filter.step(
+            s.gains.position_filter, s.position_filter, moved, s.last_fix
+        )
         publish(topics.POSITION, s.position)

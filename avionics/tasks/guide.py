@@ -100,7 +100,7 @@ def excitation(s: AutopilotState, publish: Publish) -> None:
             publish_event(s, publish, Severity.WARNING, "excitation", FOLDS.format(s.wing.frequency, period))
     flown = _new_envelope_state(s.pitch_loop.pitch, s.attitude.roll, s.air.airspeed, s.altitude.altitude)
     aborted = s.excitation.aborted
-    s.excitation, s.excited = excitation_input.step(
+    s.excitation, s.excitation_requested = excitation_input.step(
         s.gains.excitation, s.excitation, s.clock.time_us, s.clock.dt_100, asked is not None, flown
     )
     if s.excitation.aborted and not aborted:
@@ -113,20 +113,26 @@ def vertical(s: AutopilotState, publish: Publish) -> None:
     asked = vertical_command(s)
     measured = altitude_loop.Measured(s.altitude.altitude, s.altitude.climb_rate, s.air.airspeed)
     if asked is not None:
-        s.altitude_loop, s.vertical = altitude_loop.follow(gains, state, time_us, dt, asked)
+        s.altitude_loop, s.altitude_loop_status = altitude_loop.follow(gains, state, time_us, dt, asked)
     elif excitation_input.frozen(s.excitation):
-        s.altitude_loop, s.vertical = altitude_loop.hold_trim(state, time_us, s.target.altitude, measured)
+        s.altitude_loop, s.altitude_loop_status = altitude_loop.hold_trim(state, time_us, s.target.altitude, measured)
     elif s.tail_check.jammed:
-        s.altitude_loop, s.vertical = by_throttle_alone(s, measured)
+        s.altitude_loop, s.altitude_loop_status = by_throttle_alone(s, measured)
     elif s.modes.stage == FLARE:
-        s.altitude_loop, s.vertical = altitude_loop.step(flared(s), state, time_us, dt, -UNDERGROUND, measured)
+        s.altitude_loop, s.altitude_loop_status = altitude_loop.step(
+            flared(s), state, time_us, dt, -UNDERGROUND, measured
+        )
     elif excitation_input.recovering(s.excitation):
         gains = altitude_loop.calm(gains)
-        s.altitude_loop, s.vertical = altitude_loop.step(gains, state, time_us, dt, s.target.altitude, measured)
+        s.altitude_loop, s.altitude_loop_status = altitude_loop.step(
+            gains, state, time_us, dt, s.target.altitude, measured
+        )
     else:
         gains = altitude_loop.righting(altitude_loop.penetrating(gains, headwind(s)), s.attitude.roll)
-        s.altitude_loop, s.vertical = altitude_loop.step(gains, state, time_us, dt, s.target.altitude, measured)
-    publish(topics.ALTITUDE_LOOP, s.vertical)
+        s.altitude_loop, s.altitude_loop_status = altitude_loop.step(
+            gains, state, time_us, dt, s.target.altitude, measured
+        )
+    publish(topics.ALTITUDE_LOOP, s.altitude_loop_status)
 
 
 def headwind(s: AutopilotState) -> float:
@@ -203,10 +209,10 @@ def lateral(s: AutopilotState, publish: Publish) -> None:
     asked = roll_command(s)
     motion = ground_motion(s)
     if asked is None:
-        s.heading_loop, s.lateral = heading_loop.step(gains, state, time_us, dt, s.target.heading, motion)
+        s.heading_loop, s.heading_loop_status = heading_loop.step(gains, state, time_us, dt, s.target.heading, motion)
     else:
-        s.heading_loop, s.lateral = heading_loop.follow(gains, state, time_us, dt, asked, motion)
-    publish(topics.HEADING_LOOP, s.lateral)
+        s.heading_loop, s.heading_loop_status = heading_loop.follow(gains, state, time_us, dt, asked, motion)
+    publish(topics.HEADING_LOOP, s.heading_loop_status)
 
 
 def roll_command(s: AutopilotState) -> float | None:

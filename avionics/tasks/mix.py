@@ -29,16 +29,25 @@ def mix(s: AutopilotState, publish: Publish) -> None:
     if s.modes.killed:
         stop(s, publish)
         return
-    clock, added = s.clock, s.excited
+    clock, added = s.clock, s.excitation_requested
     yaw_stick = s.pilot.yaw if s.modes.mode == MANUAL and s.modes.armed else 0.0
     asked = _new_tail_command(
-        s.elevator.elevator, s.roll_command.roll_command, yaw_stick, added.elevator, added.rudder, added.active
-    )  # fmt: skip
+        s.pitch_loop_status.elevator,
+        s.roll_loop_status.roll_command,
+        yaw_stick,
+        added.elevator,
+        added.rudder,
+        added.active,
+    )
     s.tail, moved = tail.step(s.gains.tail, s.tail, clock.dt, asked)
     powered = s.modes.armed and not s.modes.cut
-    throttle = clip(s.vertical.throttle + added.throttle, 0.0, 1.0) if powered else 0.0
+    throttle = clip(s.altitude_loop_status.throttle + added.throttle, 0.0, 1.0) if powered else 0.0
     if added.active:
-        s.applied = (moved.applied_elevator, throttle - s.vertical.throttle, moved.applied_rudder)
+        s.excitation_applied = (
+            moved.applied_elevator,
+            throttle - s.altitude_loop_status.throttle,
+            moved.applied_rudder,
+        )
     s.flapping, flap, stroke = flapping.step(
         s.gains.flapping, s.flapping, clock.time_us, clock.dt, throttle, moved.asymmetry
     )

@@ -15,9 +15,9 @@ from avionics.topics import Publish
 
 def report_excitation(s: AutopilotState, publish: Publish) -> None:
     """The identification input as applied, after limits and servo rate."""
-    applied = s.excited
+    applied = s.excitation_requested
     if applied.active:
-        elevator, throttle, rudder = s.applied
+        elevator, throttle, rudder = s.excitation_applied
         applied = applied._replace(elevator=elevator, throttle=throttle, rudder=rudder)
     publish(topics.EXCITATION, applied)
 

@@ -111,9 +111,9 @@ def silent(s: AutopilotState) -> bool:
 
 
 def _motion(s: AutopilotState) -> airspeed_check.Motion | None:
-    if s.fix is None or gps_age(s.plausibility, s.clock.time_us) >= s.gains.modes.gps_loss_delay:
+    if s.last_fix is None or gps_age(s.plausibility, s.clock.time_us) >= s.gains.modes.gps_loss_delay:
         return None
-    return airspeed_check.Motion(s.fix.v_north, s.fix.v_east, s.attitude.yaw)
+    return airspeed_check.Motion(s.last_fix.v_north, s.last_fix.v_east, s.attitude.yaw)
 
 
 def _aloft(s: AutopilotState) -> airspeed_check.Aloft:
@@ -135,7 +135,7 @@ def pilot(s: AutopilotState, publish: Publish) -> None:
     sample = s.frame.receiver
     if sample is not None:
         act(s, publish, piloting.take_receiver(s, publish, sample), "receiver")
-    if s.ways_in.source:
+    if s.stick_inputs.source:
         piloting.watch(s, publish)
 
 
@@ -159,7 +159,9 @@ def wings(s: AutopilotState, publish: Publish) -> None:
 def tail(s: AutopilotState, publish: Publish) -> None:
     """Whether the tail answers."""
     closed = s.modes.stage in AIRBORNE and s.modes.mode != MANUAL and not s.modes.cut
-    seen = tail_check.CheckInputs(s.elevator.pitch_error, s.elevator.elevator, s.pitch_loop.rate, s.air.airspeed)
+    seen = tail_check.CheckInputs(
+        s.pitch_loop_status.pitch_error, s.pitch_loop_status.elevator, s.pitch_loop.rate, s.air.airspeed
+    )
     s.tail_check = tail_check.step(
-        s.gains.tail_check, s.tail_check, s.clock.dt_50, seen, closed and not s.excited.active
+        s.gains.tail_check, s.tail_check, s.clock.dt_50, seen, closed and not s.excitation_requested.active
     )

@@ -35,27 +35,27 @@ def pitch(s: AutopilotState, publish: Publish) -> None:
     measured = _new_pitch_measured(
         attitude.pitch, attitude.pitch_rate, s.wing.frequency, attitude.roll, s.air.airspeed
     )
-    setpoint = s.vertical.pitch_setpoint
+    setpoint = s.altitude_loop_status.pitch_setpoint
     if not loops_closed(s):
         stick = s.pilot.pitch if s.modes.armed and s.modes.mode == MANUAL else 0.0
         elevator = gains.elevator_trim + gains.elevator_max * stick
-        s.pitch_loop, s.elevator = pitch_loop.follow(gains, state, time_us, dt, elevator, measured)
+        s.pitch_loop, s.pitch_loop_status = pitch_loop.follow(gains, state, time_us, dt, elevator, measured)
     elif excitation_input.frozen(s.excitation):
-        s.pitch_loop, s.elevator = pitch_loop.hold_trim(gains, state, time_us, dt, setpoint, measured)
+        s.pitch_loop, s.pitch_loop_status = pitch_loop.hold_trim(gains, state, time_us, dt, setpoint, measured)
     else:
-        s.pitch_loop, s.elevator = pitch_loop.step(gains, state, time_us, dt, setpoint, measured)
-    publish(topics.PITCH_LOOP, s.elevator)
+        s.pitch_loop, s.pitch_loop_status = pitch_loop.step(gains, state, time_us, dt, setpoint, measured)
+    publish(topics.PITCH_LOOP, s.pitch_loop_status)
 
 
 def roll(s: AutopilotState, publish: Publish) -> None:
     """Roll setpoint -> roll command."""
-    gains, state, time_us, setpoint = s.gains.roll, s.roll_loop, s.clock.time_us, s.lateral.roll_setpoint
+    gains, state, time_us, setpoint = s.gains.roll, s.roll_loop, s.clock.time_us, s.heading_loop_status.roll_setpoint
     measured = _new_roll_measured(s.attitude.roll, s.attitude.roll_rate, s.air.airspeed)
     if not loops_closed(s):
         stick = s.pilot.roll if s.modes.armed and s.modes.mode == MANUAL else 0.0
-        s.roll_loop, s.roll_command = roll_loop.follow(s.clock.time_us, stick)
+        s.roll_loop, s.roll_loop_status = roll_loop.follow(s.clock.time_us, stick)
     elif excitation_input.roll_frozen(s.excitation):
-        s.roll_loop, s.roll_command = roll_loop.hold_trim(gains, state, time_us, setpoint, measured)
+        s.roll_loop, s.roll_loop_status = roll_loop.hold_trim(gains, state, time_us, setpoint, measured)
     else:
-        s.roll_loop, s.roll_command = roll_loop.step(gains, state, time_us, s.clock.dt_100, setpoint, measured)
-    publish(topics.ROLL_LOOP, s.roll_command)
+        s.roll_loop, s.roll_loop_status = roll_loop.step(gains, state, time_us, s.clock.dt_100, setpoint, measured)
+    publish(topics.ROLL_LOOP, s.roll_loop_status)

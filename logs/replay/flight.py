@@ -10,7 +10,7 @@ from avionics import parameters, snapshot, topics
 from avionics.autopilot import Autopilot
 from avionics.quantities import BadInput, meant
 from avionics.sensing.plausibility import shifted
-from avionics.state import AutopilotState
+from avionics.state import decode_state
 from avionics.topics import Topic
 from avionics.vehicles.gains import FlightGains
 from logs.reader import Log
@@ -117,7 +117,7 @@ def _begin(flight: RecordedFlight, changes: Mapping[str, float], start: float) -
         return -1, autopilot, publish
     time_us, text = earlier[-1] if earlier else flight.snapshots[0]
     if changes:
-        state = snapshot.decode(AutopilotState, text)
+        state = decode_state(text)
         state.gains = changed(state.gains, changes)
         text = snapshot.encode(state)
     autopilot.restore(text)

@@ -17,6 +17,7 @@ from avionics.messages import Command, CommandKind, Failsafe, Mode, PilotInput, 
 from avionics.missions import load_mission
 from avionics.quantities import BadInput
 from avionics.sensing.plausibility import shifted
+from avionics.state import FORMER_NAMES, decode_state
 from avionics.tasks import guide, sense, stabilize
 
 ARM = Command(0, CommandKind.ARM, source="script")
@@ -196,6 +197,14 @@ def test_a_restored_snapshot_continues_bit_for_bit() -> None:
     for frame in flight.frames[-2200:]:
         other.autopilot.step(frame)
     assert repr(other.said) == repr(flight.said[mark:])
+
+
+def test_snapshot_with_former_field_names_restores() -> None:
+    autopilot = Flight().launch().fly(3.0).autopilot
+    former = {new: old for old, new in FORMER_NAMES.items()}
+    document = {former.get(key, key): value for key, value in json.loads(autopilot.snapshot()).items()}
+    assert set(FORMER_NAMES) <= set(document)
+    assert decode_state(json.dumps(document)) == autopilot.state
 
 
 def test_a_published_snapshot_restores_too() -> None:
@@ -446,11 +455,11 @@ def test_bad_samples_of_the_other_sensors_are_refused_one_by_one() -> None:
     flight.autopilot.step(bad)
     after = flight.autopilot.state
     assert after.plausibility.rejected == before.plausibility.rejected + 4
-    assert (after.wing, after.air, after.power_state, after.fix) == (
+    assert (after.wing, after.air, after.power_state, after.last_fix) == (
         before.wing,
         before.air,
         before.power_state,
-        before.fix,
+        before.last_fix,
     )
 
 
