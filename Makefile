@@ -90,4 +90,4 @@ $(VENV)/.installed-bench: $(VENV)/.installed-dev
 
 clean:
 	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis .benchmarks
-	find avionics sim_bridge logs groundstation tests -name __pycache__ -type d -prune -exec rm -rf {} +
+	find wingbeat avionics sim_bridge logs groundstation tests -name __pycache__ -type d -prune -exec rm -rf {} +

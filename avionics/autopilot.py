@@ -11,12 +11,12 @@ from avionics.inputs import receive
 from avionics.messages import ActuatorCommand, Input, SensorFrame
 from avionics.missions import check_mission
 from avionics.processors import SCHEDULE, Due, run
-from avionics.quantities import BadInput
 from avionics.sensing.plausibility import LONGEST_GAP_US, shifted
 from avionics.state import AutopilotState, decode_state, initial_state
 from avionics.tasks.intake import accept, refuse_time
-from avionics.topics import Publish
 from avionics.vehicles import FlightVehicle
+from wingbeat.errors import InputError
+from wingbeat.topic import Publish
 
 
 class Autopilot:
@@ -42,11 +42,11 @@ class Autopilot:
                 measures run times.
 
         Raises:
-            BadInput: the mission cannot be flown.
+            InputError: the mission cannot be flown.
         """
         refusal = check_mission(mission)
         if refusal:
-            raise BadInput(refusal)
+            raise InputError(refusal)
         self.vehicle = vehicle
         self._publish = publish
         self._schedule = SCHEDULE if schedule is None else schedule
@@ -92,6 +92,6 @@ class Autopilot:
         """Continue from a `snapshot`; the next steps are bit for bit those of the flight it was taken from.
 
         Raises:
-            BadInput: not a snapshot of this flight computer; the present memory is kept.
+            InputError: not a snapshot of this flight computer; the present memory is kept.
         """
         self._state = decode_state(text)

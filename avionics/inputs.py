@@ -18,27 +18,17 @@ from avionics.calibration import procedure as calibration
 from avionics.guidance import arming, excitation, failsafes, fence, modes, navigation, offboard, throttle_descent
 from avionics.guidance.mission import Channel, Excitation, Fence, ItemKind, Mission, MissionItem, Rally
 from avionics.guidance.setpoint import Path, Received, Setpoint
-from avionics.messages import (
-    Calibration,
-    ChannelOverride,
-    Command,
-    CommandKind,
-    Event,
-    Input,
-    Mode,
-    PilotInput,
-    Severity,
-    Stage,
-    Text,
-)
+from avionics.messages import Calibration, ChannelOverride, Command, CommandKind, Input, Mode, PilotInput, Stage
 from avionics.missions import check_mission
 from avionics.missions.excitations import check_excitation
 from avionics.missions.limits import check_climb, check_fence, check_item, check_rally
-from avionics.quantities import counted, parse_json
 from avionics.sensing.pilot import Act
 from avionics.situation import conditions, position_usable, surroundings, unready
 from avionics.state import AutopilotState
-from avionics.topics import Publish, Topic
+from wingbeat.documents import parse_json
+from wingbeat.message import Event, Severity, Text
+from wingbeat.text import pluralize
+from wingbeat.topic import Publish, Topic
 
 FORCED_DISARM = 21196.0
 """value of a DISARM that is meant also in flight (MAVLink's number)"""
@@ -235,7 +225,7 @@ def _set_mission(s: AutopilotState, publish: Publish, command: Command) -> None:
         raise Refused("mission", f"mission refused: {refusal}")
     s.mission = mission
     s.navigation = navigation.choose_item(s.navigation, 0)
-    publish_event(s, publish, Severity.INFO, "mission", f"mission of {counted(len(mission), 'item')}")
+    publish_event(s, publish, Severity.INFO, "mission", f"mission of {pluralize(len(mission), 'item')}")
 
 
 def _set_fence(s: AutopilotState, publish: Publish, command: Command) -> None:
@@ -244,7 +234,7 @@ def _set_fence(s: AutopilotState, publish: Publish, command: Command) -> None:
     if refusal:
         raise Refused("mission", f"fence refused: {refusal}")
     s.fence, s.fence_clearance = fence, math.inf
-    publish_event(s, publish, Severity.INFO, "mission", f"fence of {counted(len(fence.zones), 'zone')}")
+    publish_event(s, publish, Severity.INFO, "mission", f"fence of {pluralize(len(fence.zones), 'zone')}")
 
 
 def _set_rally(s: AutopilotState, publish: Publish, command: Command) -> None:
@@ -253,7 +243,7 @@ def _set_rally(s: AutopilotState, publish: Publish, command: Command) -> None:
     if refusal:
         raise Refused("mission", f"rally points refused: {refusal}")
     s.rally = rally
-    publish_event(s, publish, Severity.INFO, "mission", counted(len(rally), "rally point"))
+    publish_event(s, publish, Severity.INFO, "mission", pluralize(len(rally), "rally point"))
 
 
 def _loiter_at(s: AutopilotState, publish: Publish, command: Command) -> None:

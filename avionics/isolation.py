@@ -15,7 +15,7 @@ from collections.abc import Callable
 from enum import Enum
 from typing import NamedTuple, ParamSpec, TypeVar
 
-from avionics.messages import Event, Severity
+from wingbeat.message import Event, Severity
 
 BACKOFF = 1.0
 """s; from the first fault to the restart"""

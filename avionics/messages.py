@@ -1,8 +1,6 @@
 """Every message that crosses a module border of the flight computer, declared once.
 
-Each field's docstring begins with its unit (``-`` for none). Earth axes are NED, body axes FRD; SI and radians,
-another unit only as a suffix of the name. Time stamps are microseconds since boot. The type of a field is
-its width in the log: ``float`` is 8 bytes, the aliases below name the others.
+Conventions of units and axes, and the types of fields, as in `wingbeat.message`.
 """
 
 from __future__ import annotations
@@ -10,18 +8,8 @@ from __future__ import annotations
 from enum import IntEnum, IntFlag
 from typing import Annotated, Any, NamedTuple
 
+from wingbeat.message import Counts, Number, Time, Wire
 
-class Wire(NamedTuple):
-    """The protobuf scalar a field is logged as, and the length of an array (0 for a single value)."""
-
-    scalar: str
-    length: int = 0
-
-
-Time = Annotated[int, Wire("fixed64")]
-Counts = Annotated[int, Wire("sfixed32")]
-Number = Annotated[int, Wire("fixed32")]
-Large = Annotated[int, Wire("fixed64")]
 BURST_LENGTH = 60
 Burst = Annotated[tuple[int, ...], Wire("fixed32", BURST_LENGTH)]
 
@@ -666,32 +654,6 @@ class ActuatorCommand(NamedTuple):
 # --- about the flight computer itself -------------------------------------------------------------------
 
 
-class Severity(IntEnum):
-    """MAVLink's severities."""
-
-    EMERGENCY = 0
-    ALERT = 1
-    CRITICAL = 2
-    ERROR = 3
-    WARNING = 4
-    NOTICE = 5
-    INFO = 6
-    DEBUG = 7
-
-
-class Event(NamedTuple):
-    """Something that happened, for people: STATUSTEXT on the link, a log line in the file."""
-
-    time_us: int
-    """us; since boot"""
-    severity: Severity
-    """-; MAVLink severity"""
-    source: str
-    """-; the module that speaks"""
-    text: str
-    """-; one line"""
-
-
 class Calibration(IntEnum):
     """What can be calibrated."""
 
@@ -821,27 +783,3 @@ class TaskTiming(NamedTuple):
     """us; longest run time of a tick"""
     overruns: Number
     """-; ticks longer than their period"""
-
-
-class RecorderStatus(NamedTuple):
-    """What a recorder had to leave out so far, told each time it was more."""
-
-    time_us: Time
-    """us; since boot"""
-    dropped: Number
-    """-; messages for which the disk was too slow"""
-    refused: Number
-    """-; messages, documents and notes that could not be written as they were"""
-    waiting: Large
-    """bytes; that waited for the disk just then"""
-    written: Large
-    """bytes; in all files of the recording"""
-
-
-class Text(NamedTuple):
-    """A document in the log: an input, a State snapshot; not of fixed layout."""
-
-    time_us: int
-    """us; since boot"""
-    text: str
-    """-; JSON"""

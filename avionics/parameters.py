@@ -12,11 +12,12 @@ import struct
 from functools import lru_cache
 from typing import Any, NamedTuple, get_args, get_origin, get_type_hints
 
-from avionics.docstrings import field_texts, split_unit
 from avionics.limits import clip
 from avionics.mixing import flapping
-from avionics.quantities import BadInput, Quantity
 from avionics.vehicles.gains import FlightGains
+from wingbeat.docstrings import field_texts, split_unit
+from wingbeat.errors import InputError
+from wingbeat.units import Quantity
 
 LONGEST_NAME = 16
 """characters of a MAVLink parameter name"""
@@ -276,7 +277,7 @@ def set_value(gains: FlightGains, table: dict[str, Parameter], name: str, value:
     changed = _replaced(gains, parameter, held)
     try:
         flapping.check(changed.flapping)
-    except BadInput as error:
+    except InputError as error:
         return Change(gains, get(gains, parameter), False, f"{name} refused: {error}")
     unit = f" {parameter.unit}" if parameter.unit != "-" else ""
     if held == single(value):

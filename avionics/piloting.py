@@ -11,11 +11,12 @@ import math
 
 from avionics import topics
 from avionics.limits import clip
-from avionics.messages import ChannelOverride, CommandKind, Event, PilotInput, PilotSource, ReceiverSample, Severity
+from avionics.messages import ChannelOverride, CommandKind, PilotInput, PilotSource, ReceiverSample
 from avionics.sensing import pilot, receiver
 from avionics.sensing.pilot import Act
 from avionics.state import AutopilotState
-from avionics.topics import Publish
+from wingbeat.message import Event, Severity
+from wingbeat.topic import Publish
 
 NOTHING: tuple[Act, ...] = ()
 IN_COMMAND = {

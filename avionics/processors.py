@@ -25,7 +25,7 @@ from avionics.messages import TaskTiming
 from avionics.state import AutopilotState
 from avionics.tasks import calibrate, estimate, guide, mix, report, sense, stabilize
 from avionics.timebase import BASE_RATE
-from avionics.topics import Publish
+from wingbeat.topic import Publish
 
 Run = Callable[[AutopilotState, Publish], None]
 

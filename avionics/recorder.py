@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Protocol
 
-from avionics.topics import Topic
+from wingbeat.topic import Topic
 
 
 class Recorder(Protocol):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-from avionics.constants import STANDARD_GRAVITY
 from avionics.estimation import ahrs
 from avionics.guidance import heading, modes, navigation, offboard
 from avionics.guidance.mission import ItemKind
@@ -13,6 +12,7 @@ from avionics.limits import clip
 from avionics.messages import Failsafe, Mode, PilotSource
 from avionics.sensing import pilot, plausibility, preflight
 from avionics.state import AutopilotState
+from wingbeat.constants import STANDARD_GRAVITY
 
 NO_PILOT, RECEIVER = PilotSource.NONE, PilotSource.RECEIVER
 PLACED = (ItemKind.WAYPOINT, ItemKind.LOITER, ItemKind.CIRCLE, ItemKind.LAND)

@@ -11,7 +11,8 @@ from functools import cache
 from types import MappingProxyType
 from typing import Annotated, Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
-from avionics.quantities import BadInput, parse_json
+from wingbeat.documents import parse_json
+from wingbeat.errors import InputError
 
 T = TypeVar("T")
 Builder = Callable[[Any], Any]
@@ -31,7 +32,7 @@ def decode(kind: Callable[..., T], text: str, former_names: Mapping[str, str] = 
         former_names: earlier keys of renamed fields, to their present names.
 
     Raises:
-        BadInput: not JSON, or not a snapshot of ``kind``.
+        InputError: not JSON, or not a snapshot of ``kind``.
     """
     try:
         document = {former_names.get(key, key): value for key, value in parse_json(text).items()}
@@ -40,7 +41,7 @@ def decode(kind: Callable[..., T], text: str, former_names: Mapping[str, str] = 
             **{name: build(document[name]) for name, build in _record_builders(kind).items() if name in document}
         )
     except (ValueError, KeyError, TypeError, AttributeError, IndexError, OverflowError) as error:
-        raise BadInput(f"not a snapshot of this flight computer: {type(error).__name__} {error}") from None
+        raise InputError(f"not a snapshot of this flight computer: {type(error).__name__} {error}") from None
 
 
 @cache

@@ -15,7 +15,6 @@ from typing import Any, TypeVar, get_type_hints
 from avionics import messages as m
 from avionics import snapshot, timebase
 from avionics.calibration import procedure as calibration
-from avionics.constants import STANDARD_GRAVITY
 from avionics.estimation import ahrs, gps_altitude
 from avionics.estimation import altitude as altitude_filter
 from avionics.estimation import position as position_filter
@@ -39,6 +38,7 @@ from avionics.sensing import (
 )
 from avionics.stabilization import pitch, roll
 from avionics.vehicles.gains import FlightGains
+from wingbeat.constants import STANDARD_GRAVITY
 
 T = TypeVar("T")
 
@@ -155,6 +155,6 @@ def decode_state(text: str) -> AutopilotState:
     """Decode a snapshot, also one of an earlier version with other field names.
 
     Raises:
-        BadInput: not a snapshot of this flight computer.
+        InputError: not a snapshot of this flight computer.
     """
     return snapshot.decode(AutopilotState, text, FORMER_NAMES)

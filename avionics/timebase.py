@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from avionics.records import constructor
+from wingbeat.records import constructor
 
 BASE_RATE = 200
 """Hz; of the IMU, one tick per sample"""

@@ -2,32 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, NamedTuple
-
 from avionics import messages as m
-
-
-class Topic(NamedTuple):
-    """One stream of messages."""
-
-    name: str
-    """path in the log, ``/processor/what``"""
-    message: type[Any]
-    """the NamedTuple it carries; `m.Event` and `m.Text` are event topics without a fixed layout"""
-    channel: int
-    """number in the log: below 1000 the flight computer's, from 1000 the world's, from 2000 for viewers"""
-    rate: float
-    """Hz; nominal, 0 for events"""
-    telemetry_rate: float = 0.0
-    """Hz; default on a ground link, 0 for never"""
-    logged: bool = True
-    deterministic: bool = True
-    """the same seed and inputs give the same bytes"""
-
-
-Publish = Callable[[Topic, Any], None]
-"""takes every message of a flight with its topic"""
+from wingbeat.message import Event, RecorderStatus, Text
+from wingbeat.topic import Topic
 
 IMU = Topic("/sensors/imu", m.ImuSample, 1, 200.0)
 ENCODER = Topic("/sensors/encoder", m.EncoderSample, 2, 200.0)
@@ -59,17 +36,17 @@ ACTUATORS = Topic("/mixing/actuators", m.ActuatorCommand, 47, 200.0, 5.0)
 
 HEALTH = Topic("/system/health", m.Health, 60, 1.0, 1.0)
 TIMING = Topic("/system/timing", m.TaskTiming, 61, 5.0, deterministic=False)
-EVENTS = Topic("/system/events", m.Event, 62, 0.0)
-INPUTS = Topic("/system/inputs", m.Text, 63, 0.0)
+EVENTS = Topic("/system/events", Event, 62, 0.0)
+INPUTS = Topic("/system/inputs", Text, 63, 0.0)
 """every `m.Command` with the tick at which it was applied"""
 CALIBRATION = Topic("/system/calibration", m.CalibrationStatus, 66, 0.0)
 """at every change and twice a second while one runs"""
-SNAPSHOTS = Topic("/system/snapshots", m.Text, 64, 0.1)
+SNAPSHOTS = Topic("/system/snapshots", Text, 64, 0.1)
 """the whole State of the autopilot every ten seconds"""
 FENCE = Topic("/system/fence", m.FenceState, 67, 1.0, 1.0)
-LINK_EVENTS = Topic("/system/link_events", m.Event, 65, 0.0, deterministic=False)
+LINK_EVENTS = Topic("/system/link_events", Event, 65, 0.0, deterministic=False)
 """what the ground links did, on the wall clock"""
-RECORDER = Topic("/system/recorder", m.RecorderStatus, 68, 0.0, deterministic=False)
+RECORDER = Topic("/system/recorder", RecorderStatus, 68, 0.0, deterministic=False)
 """each time the recorder had to leave out more"""
 
 TOPICS: tuple[Topic, ...] = (

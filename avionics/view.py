@@ -10,12 +10,13 @@ from avionics import inputs, parameters, piloting, topics
 from avionics.autopilot import Autopilot
 from avionics.guidance.mission import Fence, Mission, Rally
 from avionics.link.vehicle import NO_FRAMES, PATIENT, Home, Parameter
-from avionics.messages import ChannelOverride, Command, Event, Mode, Severity
+from avionics.messages import ChannelOverride, Command, Mode
 from avionics.processors import Due
 from avionics.situation import destination
-from avionics.topics import Publish, Topic
 from avionics.vehicles import FlightVehicle
 from avionics.vehicles.gains import FlightGains
+from wingbeat.message import Event, Severity
+from wingbeat.topic import Publish, Topic
 
 
 def shown_parameter(gains: FlightGains, entry: parameters.Parameter) -> Parameter:
@@ -49,7 +50,7 @@ class FlightView:
         """As `Autopilot`; every message is passed on to ``publish``.
 
         Raises:
-            BadInput: the mission cannot be flown.
+            InputError: the mission cannot be flown.
         """
         self._forward = publish
         self._latest: dict[str, Any] = {}

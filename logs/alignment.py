@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from avionics.quantities import BadInput
-from avionics.topics import Topic
 from logs.columns import LATEST_NS, Array, Columns, moment
+from wingbeat.errors import InputError
+from wingbeat.topic import Topic
 
 if TYPE_CHECKING:
     from logs.reader import Log
@@ -58,9 +58,9 @@ def aligned(
     """One table of several topics, its columns named ``topic.field``; see `logs.reader.Log.aligned`."""
     for value, what in ((rate, "rate"), (gap, "longest gap")):
         if value is not None and not 0.0 < value < math.inf:
-            raise BadInput(f"the {what} of a table must be above 0, not {value:g}")
+            raise InputError(f"the {what} of a table must be above 0, not {value:g}")
     if rate is not None and rate < SLOWEST:
-        raise BadInput(f"the rate of a table must be at least {SLOWEST:g} Hz, not {rate:g}")
+        raise InputError(f"the rate of a table must be at least {SLOWEST:g} Hz, not {rate:g}")
     wanted = _wanted(log, [topic if isinstance(topic, str) else topic.name for topic in topics])
     tables = {name: _ordered(columns) for name, columns in log.tables(wanted).items()}
     boot = log.boot_ns
@@ -110,7 +110,7 @@ def _wanted(log: Log, names: list[str]) -> dict[str, list[str] | None]:
         elif fields is not None and field not in fields:
             fields.append(field)
     if not wanted:
-        raise BadInput("no topic to align was named")
+        raise InputError("no topic to align was named")
     return wanted
 
 
@@ -120,7 +120,7 @@ def _split(log: Log, name: str) -> tuple[str, str | None]:
         return name, None
     found = [topic for topic in log.topics if name.startswith(f"{topic}.")]
     if not found:
-        raise BadInput(f"{log.path} has no topic {name}; it has: {', '.join(log.topics) or 'none'}")
+        raise InputError(f"{log.path} has no topic {name}; it has: {', '.join(log.topics) or 'none'}")
     topic = max(found, key=len)
     return topic, name[len(topic) + 1 :]
 
@@ -129,7 +129,7 @@ def _fields(log: Log, topic: str, columns: Columns, fields: list[str] | None) ->
     chosen = [name for name in columns if name != TIME] if fields is None else fields
     unknown = next((name for name in chosen if name not in columns), None)
     if unknown is not None:
-        raise BadInput(f"{log.path}: {topic} has no field {unknown}; it has: {', '.join(columns) or 'none'}")
+        raise InputError(f"{log.path}: {topic} has no field {unknown}; it has: {', '.join(columns) or 'none'}")
     return chosen
 
 
@@ -167,7 +167,7 @@ def _time_base(times: list[Times], rate: float | None, start: float | None, end:
 def _multiples(rate: float, low: int, high: int) -> Times:
     rows = (high - low) * 1e-9 * rate
     if rows > MOST_ROWS:
-        raise BadInput(
+        raise InputError(
             f"{rate:g} Hz over {(high - low) * 1e-9:.6g} s are {rows:.3g} rows: ask for less than {MOST_ROWS:.0e}"
         )
     # One more on either side: which of them lie in the window is asked of the rounded times.

@@ -25,7 +25,7 @@ def simulated_vehicle(log: Log) -> SimulatedVehicle | None:
     None for a flight that was not simulated.
 
     Raises:
-        BadInput: the attached vehicle file cannot be used, or the model is unknown.
+        InputError: the attached vehicle file cannot be used, or the model is unknown.
     """
     vehicle = _load(log, WORLD_VEHICLE, lambda path: load_vehicle(str(path)))
     model = log.metadata.get(WORLD, {}).get(AERODYNAMICS)
@@ -38,7 +38,7 @@ def flight_vehicle(log: Log) -> FlightVehicle | None:
     Parameters and calibrations that it had kept from before stand over those of the attached file.
 
     Raises:
-        BadInput: the attached vehicle file or a noted parameter cannot be used.
+        InputError: the attached vehicle file or a noted parameter cannot be used.
     """
     vehicle = _load(log, FLIGHT_VEHICLE, load_flight_vehicle)
     if vehicle is None:
@@ -55,7 +55,7 @@ def aircraft_of(log: Log) -> Aircraft:
     """Place and calibration of the IMU, the tail's lag, the gauges' accuracy, span; unknown without a vehicle file.
 
     Raises:
-        BadInput: the attached vehicle file cannot be used.
+        InputError: the attached vehicle file cannot be used.
     """
     vehicle = flight_vehicle(log)
     if vehicle is None:

@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
-from avionics.topics import Publish, Topic
 from logs.recorder import Said
+from wingbeat.topic import Publish, Topic
 
 BATCH = 512
 """-; messages: a fifth of a second of a whole flight"""

@@ -18,12 +18,12 @@ from google.protobuf.message_factory import GetMessageClass
 from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
 
-from avionics.messages import Event, Severity, Text
-from avionics.topics import Topic
 from logs.layout import Layout, layout_of
 from logs.records import Damage
 from logs.ros2 import cdr_decoder
 from logs.schema import channel_metadata, descriptor_set
+from wingbeat.message import Event, Severity, Text
+from wingbeat.topic import Topic
 
 Encoder = Callable[[Any, int, int], bytes]
 """(message, log time in ns, sequence number) to a whole message record"""
@@ -237,7 +237,7 @@ def value_decoder(channel: Channel, schema: Schema | None) -> Callable[[bytes], 
     """Decoder of a message to its plain values; members of nested messages are named ``outer.inner``.
 
     Raises:
-        BadInput: ROS 2, and the package that decodes it is not installed.
+        InputError: ROS 2, and the package that decodes it is not installed.
         Damage: neither JSON, nor protobuf or ROS 2 with a whole schema.
     """
     if channel.message_encoding == "json":

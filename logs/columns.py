@@ -12,11 +12,11 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
 from numpy.typing import NDArray
 
-from avionics.quantities import BadInput
 from logs.chunks import MESSAGE_HEAD
 from logs.layout import SCALARS, Field, Layout
 from logs.records import Damage
 from logs.schema import layout_from_schema
+from wingbeat.errors import InputError
 
 Array = NDArray[Any]
 Stamped = tuple[int, dict[str, Any]]
@@ -123,10 +123,10 @@ def moment(time: float, most: int = LATEST_NS) -> int:
     """Time in ns of ``time`` in s, at ``most`` so far from 0.
 
     Raises:
-        BadInput: it is not a number.
+        InputError: it is not a number.
     """
     if math.isnan(time):
-        raise BadInput(f"{time:g} s is no time")
+        raise InputError(f"{time:g} s is no time")
     return round(min(max(time, -most * 1e-9), most * 1e-9) * 1e9)
 
 

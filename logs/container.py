@@ -29,8 +29,8 @@ from mcap.records import (
 from mcap.writer import MCAP0_MAGIC
 from zlib_ng.zlib_ng import crc32
 
-from avionics.quantities import BadInput
 from logs.checksums import Checksums, encode_checksums
+from wingbeat.errors import InputError
 
 LIBRARY = "wingbeat"
 ENTRY = struct.Struct("<QQ")
@@ -124,17 +124,17 @@ class Container:
         """Declare a channel before its first chunk, and say whether it is new; the same again does nothing.
 
         Raises:
-            BadInput: another channel or schema has this number.
+            InputError: another channel or schema has this number.
         """
         known = self._channels.get(channel.id)
         if known is channel and (schema is None or self._schemas.get(schema.id) is schema):
             return False
         if known is not None and known != channel:
-            raise BadInput(
+            raise InputError(
                 f"channel {channel.id} is both {known.topic} and {channel.topic} (or differs in its schema)"
             )
         if schema is not None and self._schemas.get(schema.id, schema) != schema:
-            raise BadInput(f"schema {schema.id} is both {self._schemas[schema.id].name} and {schema.name}")
+            raise InputError(f"schema {schema.id} is both {self._schemas[schema.id].name} and {schema.name}")
         if schema is not None and schema.id not in self._schemas:
             self._write(encode(schema))
             self._schemas[schema.id] = schema

@@ -27,7 +27,7 @@ def copy(parts: Iterable[Part], container: Container) -> None:
     """Write the channels, metadata, attachments and chunks of all parts, chunks in order of their first message.
 
     Raises:
-        BadInput: two parts declare a channel differently.
+        InputError: two parts declare a channel differently.
         Damage: a chunk, attachment or metadata record cannot be read.
         OSError: the disk refuses.
     """

@@ -11,13 +11,14 @@ from typing import IO, Any, NamedTuple
 
 import numpy as np
 
-from avionics.quantities import BadInput, counted
 from logs.columns import Columns
 from logs.flat import distinct, split, split_units, texts, with_time
 from logs.matlab import write_mat
 from logs.parquet import write_parquet
 from logs.placing import claim, draft, settle
 from logs.reader import Log
+from wingbeat.errors import InputError
+from wingbeat.text import pluralize
 
 Tables = Mapping[str, Columns]
 Show = Callable[[float, float, str], None]
@@ -66,16 +67,17 @@ def export(
         show: hears how far it is.
 
     Raises:
-        BadInput: unknown topic or form, a file exists (then none is written), it cannot be written, a package is not
-            installed, several tables would have to go to one file, or a part was asked for of a form without parts.
+        InputError: unknown topic or form, a file exists (then none is written), it cannot be written, a package is
+            not installed, several tables would have to go to one file, or a part was asked for of a form without
+            parts.
     """
     if form is None and target.suffix and target.suffix[1:] not in FORMS and not target.is_dir():
-        raise BadInput(
+        raise InputError(
             f"{target}: no export as {target.suffix}; there are {', '.join(FORMS)}, or a folder with a form"
         )
     form = form or (target.suffix[1:] if target.suffix[1:] in FORMS else "csv")
     if form not in FORMS:
-        raise BadInput(f"no export as {form}; there are {', '.join(FORMS)}")
+        raise InputError(f"no export as {form}; there are {', '.join(FORMS)}")
     if form == FLIGHT:
         return Exported([_write_flight(log, target, part, show)], [])
     part, left_out = _decodable(log, part)
@@ -92,7 +94,7 @@ def export(
 def undecodable_lines(log: Log) -> list[str]:
     """One line for each topic of which messages were left out because they cannot be decoded."""
     return [
-        f"{topic}: {counted(number, 'message')} that cannot be decoded" for topic, number in log.undecodable.items()
+        f"{topic}: {pluralize(number, 'message')} that cannot be decoded" for topic, number in log.undecodable.items()
     ]
 
 
@@ -120,7 +122,7 @@ def _decodable(log: Log, part: Part) -> tuple[Part, list[str] | None]:
             if log.topics[name].layout is None:
                 log.columns(name, 0.0, 0.0)
             names.append(name)
-        except BadInput as reason:
+        except InputError as reason:
             left_out.append(f"{name}: {reason}")
     return part._replace(topics=names), left_out
 
@@ -145,7 +147,7 @@ def _readable_tables(log: Log, topics: Sequence[str], part: Part, left_out: list
     for name in free:
         try:
             found[name] = log.columns(name, part.start, part.end)
-        except BadInput as reason:
+        except InputError as reason:
             left_out.append(f"{name}: {reason}")
     return {name: found[name] for name in topics if name in found}
 
@@ -154,7 +156,9 @@ def _check_whole(log: Log, topics: Iterable[str]) -> None:
     for name in topics:
         topic = name.rpartition(".")[0]
         if name not in log.topics and topic in log.topics:
-            raise BadInput(f"{name}: a field alone goes into one table of a rate: give a rate, or the topic {topic}")
+            raise InputError(
+                f"{name}: a field alone goes into one table of a rate: give a rate, or the topic {topic}"
+            )
 
 
 def _with_messages(log: Log) -> list[str]:
@@ -217,7 +221,7 @@ def _write_each(tables: Tables, folder: Path, form: str, show: Show = lambda don
     paths = {name: folder / f"{file}.{form}" for name, file in plain}
     taken = next((path for path in paths.values() if path.exists()), None)
     if taken is not None:
-        raise BadInput(f"{taken} exists: it is not overwritten")
+        raise InputError(f"{taken} exists: it is not overwritten")
     _make(folder)
     for done, (name, columns) in enumerate(tables.items()):
         show(done, len(tables), name)
@@ -227,7 +231,7 @@ def _write_each(tables: Tables, folder: Path, form: str, show: Show = lambda don
 
 def _write_one(tables: Tables, path: Path, write: Callable[[Columns, IO[bytes]], None]) -> list[Path]:
     if len(tables) != 1:
-        raise BadInput(
+        raise InputError(
             f"{path} is one file for {len(tables)} topics: name a folder, one topic or a rate for one table"
         )
     (columns,) = tables.values()
@@ -244,9 +248,9 @@ def _write_flight(log: Log, path: Path, part: Part, show: Show) -> Path:
     from logs.rrd import encode_rrd  # brings the vehicles, which tables need not wait for
 
     if path.exists():
-        raise BadInput(f"{path} exists: it is not overwritten")
+        raise InputError(f"{path} exists: it is not overwritten")
     if part != WHOLE:
-        raise BadInput(f"{FLIGHT} holds the whole flight: it takes no topics, times or rate")
+        raise InputError(f"{FLIGHT} holds the whole flight: it takes no topics, times or rate")
     _make(path.parent)
     data = encode_rrd(log, show)
     _write(path, lambda file: file.write(data))
@@ -262,12 +266,12 @@ def _make(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise BadInput(f"cannot write to {folder}: {error.strerror or error}") from None
+        raise InputError(f"cannot write to {folder}: {error.strerror or error}") from None
 
 
 def _write(path: Path, write: Callable[[IO[bytes]], object]) -> None:
     if path.exists():
-        raise BadInput(f"{path} exists: it is not overwritten")
+        raise InputError(f"{path} exists: it is not overwritten")
     with draft(path) as (file, name):
         buffered = io.BufferedWriter(file)
         write(buffered)

@@ -11,19 +11,19 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from avionics.quantities import BadInput
+from wingbeat.errors import InputError
 
 
 def load_extra(module: str, package: str, what: str, install: Sequence[str] = ()) -> Any:
     """Import ``module``, which ``what`` needs.
 
     Raises:
-        BadInput: it is not installed; the line says how to ``install`` the ``package``, and others with it.
+        InputError: it is not installed; the line says how to ``install`` the ``package``, and others with it.
     """
     try:
         return importlib.import_module(module)
     except ImportError:
-        raise BadInput(
+        raise InputError(
             f"{what} needs {package}, which is not installed: {pip_install(install or (package,))}"
         ) from None
 

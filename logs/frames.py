@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from avionics.quantities import BadInput
 from logs.columns import Array, Columns
 from logs.extras import load_extra
 from logs.flat import split, split_units, texts
+from wingbeat.errors import InputError
 
 
 def frame(columns: Columns, library: str = "pandas") -> Any:
     """A data frame with one row per message; see `logs.reader.Log.frame`."""
     build = FRAMES.get(library)
     if build is None:
-        raise BadInput(f"no data frames of {library}; there are those of {' and '.join(FRAMES)}")
+        raise InputError(f"no data frames of {library}; there are those of {' and '.join(FRAMES)}")
     return build(load_extra(library, library, "a data frame"), columns)
 
 

@@ -37,7 +37,7 @@ def summary(log: Log, flown: FlightSummary | None = None) -> dict[str, Any]:
     read for this, by topic).
 
     Raises:
-        BadInput: a part of the file is damaged.
+        InputError: a part of the file is damaged.
     """
     rows = [topic_row(info, log.times(name)) for name, info in log.topics.items()]
     events = log.events()
@@ -69,7 +69,7 @@ def flown_in(log: Log, however_long: bool = False) -> FlightSummary | None:
     """The flight in a log; None where nothing tells it, or where the log is long and that was not asked for.
 
     Raises:
-        BadInput: a part of the file is damaged.
+        InputError: a part of the file is damaged.
     """
     told = any(map(log.is_native, _TOLD_BY))
     return summarize(log) if told and (however_long or not is_long(log)) else None

@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 from mcap.records import Metadata
 
-from avionics.quantities import BadInput
 from logs.container import Container, encode
 from logs.copying import Part, copy
 from logs.index import read_index
@@ -18,6 +17,7 @@ from logs.placing import claim, draft, settle
 from logs.reader import map_file
 from logs.recorder import RECORDING
 from logs.records import Damage, parse
+from wingbeat.errors import InputError
 
 
 class Kept(NamedTuple):
@@ -36,13 +36,13 @@ def join(parts: Sequence[Path], out: Path, faults: Mapping[str, str] | None = No
     station, with their tracebacks, are kept as metadata `names.FAULTS`.
 
     Raises:
-        BadInput: ``out`` exists, a part is not an MCAP file, the parts are of different flights or declare a channel
-            differently; all parts are then still there.
+        InputError: ``out`` exists, a part is not an MCAP file, the parts are of different flights or declare a
+            channel differently; all parts are then still there.
     """
     if out.exists():
-        raise BadInput(f"{out} exists: it is not overwritten")
+        raise InputError(f"{out} exists: it is not overwritten")
     if not parts:
-        raise BadInput(f"there is nothing to join to {out}")
+        raise InputError(f"there is nothing to join to {out}")
     opened = [Part(data, read_index(data)) for data in map(map_file, parts)]
     _check_flown_together(parts, opened)
     kept = [
@@ -60,7 +60,7 @@ def join(parts: Sequence[Path], out: Path, faults: Mapping[str, str] | None = No
             if faults:
                 container.metadata(encode(Metadata(name=FAULTS, metadata=dict(faults))), FAULTS)
         except Damage as damage:
-            raise BadInput(f"cannot join {', '.join(map(str, parts))}: {damage}") from None
+            raise InputError(f"cannot join {', '.join(map(str, parts))}: {damage}") from None
         container.finish()
         settle(file)
         claim(place, out)
@@ -73,12 +73,12 @@ def _check_flown_together(paths: Sequence[Path], parts: Sequence[Part]) -> None:
     """Refuse recordings whose vehicle's clocks were not zero at the same nanosecond, as those of one flight are.
 
     Raises:
-        BadInput: there are such.
+        InputError: there are such.
     """
     begun = {epoch: path for path, part in zip(paths, parts, strict=True) if (epoch := _epoch(part))}
     if len(begun) > 1:
         one, other, *_ = begun.values()
-        raise BadInput(f"{one} and {other} are not of one flight: they did not begin at the same instant")
+        raise InputError(f"{one} and {other} are not of one flight: they did not begin at the same instant")
 
 
 def _epoch(part: Part) -> str:

@@ -16,8 +16,8 @@ from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hi
 
 import numpy as np
 
-from avionics.docstrings import field_texts, split_unit
-from avionics.messages import Wire
+from wingbeat.docstrings import field_texts, split_unit
+from wingbeat.message import Wire
 
 VARINT, FIXED64, DELIMITED, FIXED32 = 0, 1, 2, 5
 
@@ -144,7 +144,7 @@ def layout_of(message: type[Any]) -> Layout:
     A class that is itself made from a definition, as MAVLink's are, carries its layout as ``LAYOUT``.
 
     Raises:
-        TypeError: a field is neither ``float`` nor annotated with `avionics.messages.Wire`.
+        TypeError: a field is neither ``float`` nor annotated with `wingbeat.message.Wire`.
     """
     made: Layout | None = getattr(message, "LAYOUT", None)
     if made is not None:
@@ -155,8 +155,10 @@ def layout_of(message: type[Any]) -> Layout:
         _field(message, number, name, hints[name], texts.get(name, "-"))
         for number, name in enumerate(message._fields, 1)
     )
-    folder = message.__module__.partition(".")[0]
-    return Layout(f"wingbeat.{folder}.{message.__name__}", inspect.cleandoc(message.__doc__ or ""), fields)
+    package = message.__module__.partition(".")[0]
+    # The schema name of a shared message is that of its first recordings.
+    owner = "avionics" if package == "wingbeat" else package
+    return Layout(f"wingbeat.{owner}.{message.__name__}", inspect.cleandoc(message.__doc__ or ""), fields)
 
 
 def _field(message: type[Any], number: int, name: str, hint: Any, text: str) -> Field:

@@ -8,9 +8,9 @@ from typing import IO, Any
 
 import numpy as np
 
-from avionics.quantities import BadInput
 from logs.columns import Array, Columns
 from logs.flat import distinct, texts
+from wingbeat.errors import InputError
 
 LONGEST_NAME = 63
 """characters of a MATLAB name"""
@@ -29,7 +29,7 @@ def write_mat(tables: Mapping[str, Columns], file: IO[bytes]) -> None:
     The struct's field ``units`` has the unit of each of them by the same name, ``topic`` the table's own name.
 
     Raises:
-        BadInput: a table is larger than a variable can be.
+        InputError: a table is larger than a variable can be.
     """
     from scipy.io import savemat  # takes longer to load than most that this folder does
 
@@ -51,7 +51,7 @@ def _allowed(name: str) -> str:
 def _struct(columns: Columns) -> dict[str, Any]:
     size = sum(values.nbytes for values in columns.values())
     if size >= LARGEST:
-        raise BadInput(
+        raise InputError(
             f"{columns.topic} has {size / 1e9:.1f} GB, a variable of a MATLAB 5 file at most 2.1: export a part of it"
         )
     names = matlab_names(columns, (UNITS, TOPIC))

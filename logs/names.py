@@ -62,7 +62,7 @@ def reserved(vehicle: str, when: datetime | None = None, folder: Path = RECORDIN
         folder: where recordings go; it is made.
 
     Raises:
-        BadInput: the folder cannot be made or written to.
+        InputError: the folder cannot be made or written to.
     """
     for path in _free(vehicle, when, folder):
         with held(path) as ours:

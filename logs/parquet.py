@@ -17,7 +17,7 @@ def write_parquet(columns: Columns, file: IO[bytes]) -> None:
     ``wingbeat.topic`` and ``wingbeat.boot_ns``, the epoch time (ns) at which the vehicle's clock was zero.
 
     Raises:
-        BadInput: pyarrow is not installed.
+        InputError: pyarrow is not installed.
     """
     arrow = load_extra("pyarrow", "pyarrow", "writing Parquet")
     parquet = load_extra("pyarrow.parquet", "pyarrow", "writing Parquet")

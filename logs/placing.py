@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import IO
 
-from avionics.quantities import BadInput
+from wingbeat.errors import InputError
 
 HELD = ".held"
 """how the name of the mark ends by which a recording's name is held"""
@@ -34,14 +34,14 @@ def held(path: Path) -> Iterator[bool]:
     killed program holds it until somebody deletes that file.
 
     Raises:
-        BadInput: the folder cannot be made or written to.
+        InputError: the folder cannot be made or written to.
     """
     mark = path.with_name(f".{path.stem}{HELD}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         file, made = _mark(mark)
     except OSError as error:
-        raise BadInput(f"cannot record to {path}: {why_not(path.parent, made=True) or error.strerror}") from None
+        raise InputError(f"cannot record to {path}: {why_not(path.parent, made=True) or error.strerror}") from None
     with file:
         ours = _locked(file, made) and _names(mark, file)
         try:
@@ -84,12 +84,12 @@ def check_new(path: Path, *, made: bool = False) -> None:
         made: whether folders that are missing will be made.
 
     Raises:
-        BadInput: it exists, its folder is missing or is none, or cannot be written to.
+        InputError: it exists, its folder is missing or is none, or cannot be written to.
     """
     if path.exists() or path.is_symlink():
-        raise BadInput(f"{path} exists: it is not overwritten")
+        raise InputError(f"{path} exists: it is not overwritten")
     if reason := why_not(path.parent, made=made):
-        raise BadInput(f"cannot write {path}: {reason}")
+        raise InputError(f"cannot write {path}: {reason}")
 
 
 def why_not(folder: Path, *, made: bool = False) -> str:
@@ -114,17 +114,17 @@ def draft(path: Path) -> Iterator[tuple[IO[bytes], Path]]:
     Whoever uses it moves it to its place inside the block's end: `claim` or ``os.replace``.
 
     Raises:
-        BadInput: the folder cannot be written to.
+        InputError: the folder cannot be written to.
     """
     try:
         descriptor, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
     except OSError as error:
-        raise BadInput(f"cannot write {path}: {error.strerror or error}") from None
+        raise InputError(f"cannot write {path}: {error.strerror or error}") from None
     try:
         with open(descriptor, "wb", buffering=0) as file:  # noqa: PTH123
             yield file, Path(name)
     except OSError as error:
-        raise BadInput(f"cannot write {path}: {error.strerror or error}") from None
+        raise InputError(f"cannot write {path}: {error.strerror or error}") from None
     finally:
         Path(name).unlink(missing_ok=True)
 
@@ -141,13 +141,13 @@ def claim(source: Path, path: Path) -> None:
     """Move ``source`` to ``path``, which must not exist; whoever looks finds all of it or nothing.
 
     Raises:
-        BadInput: ``path`` exists.
+        InputError: ``path`` exists.
         OSError: the disk refuses.
     """
     try:
         os.link(source, path)
     except FileExistsError:
-        raise BadInput(f"{path} exists: it is not overwritten") from None
+        raise InputError(f"{path} exists: it is not overwritten") from None
     except OSError:
         _claim_by_name(source, path)
     else:
@@ -159,7 +159,7 @@ def _claim_by_name(source: Path, path: Path) -> None:
     try:
         path.open("xb").close()
     except FileExistsError:
-        raise BadInput(f"{path} exists: it is not overwritten") from None
+        raise InputError(f"{path} exists: it is not overwritten") from None
     # The name is now ours, with an empty file behind it that nobody else may take.
     try:
         source.replace(path)

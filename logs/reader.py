@@ -15,9 +15,6 @@ from mcap.records import Attachment, Channel, Metadata, Schema
 from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
-from avionics.messages import Event, Text
-from avionics.quantities import BadInput, meant
-from avionics.topics import Topic
 from logs.alignment import aligned
 from logs.chunks import BEYOND_NS, MAX_CHUNK_SIZE, ChunkSpan, Entries, bodies, entries_of, unpack
 from logs.codecs import decode_event, decode_text, value_decoder
@@ -39,6 +36,10 @@ from logs.listing import Places
 from logs.names import parts_of
 from logs.recorder import RECORDING
 from logs.records import Damage, attachment_at, parse
+from wingbeat.errors import InputError
+from wingbeat.message import Event, Text
+from wingbeat.text import did_you_mean
+from wingbeat.topic import Topic
 
 if TYPE_CHECKING:
     from logs.settings import FlownMission, Parameters
@@ -143,7 +144,7 @@ class Log:
         """Metadata by name; records of the same name are joined, the later one wins.
 
         Raises:
-            BadInput: a record is damaged.
+            InputError: a record is damaged.
         """
         out: dict[str, dict[str, str]] = {}
         for span in self._index.metadata:
@@ -156,7 +157,7 @@ class Log:
         """Files stored beside the messages.
 
         Raises:
-            BadInput: one is damaged.
+            InputError: one is damaged.
         """
         return [self._checked(partial(attachment_at, self._data, span)) for span in self._index.attachments]
 
@@ -164,13 +165,13 @@ class Log:
         """Content of the attachment ``name``, the latest if there are several.
 
         Raises:
-            BadInput: there is none, or it is damaged.
+            InputError: there is none, or it is damaged.
         """
         attachments = self.attachments
         found = [attachment.data for attachment in attachments if attachment.name == name]
         if not found:
             names = ", ".join(attachment.name for attachment in attachments) or "none"
-            raise BadInput(f"{self.path} has no attachment {name}; it has: {names}")
+            raise InputError(f"{self.path} has no attachment {name}; it has: {names}")
         return found[-1]
 
     @property
@@ -180,7 +181,7 @@ class Log:
         A change is what the flight computer answered to; what a calibration set shows in the next State snapshot.
 
         Raises:
-            BadInput: one is not a number, or a part of the file is damaged.
+            InputError: one is not a number, or a part of the file is damaged.
         """
         from logs.settings import parameters_of  # brings the gains, which a reader of columns need not wait for
 
@@ -191,7 +192,7 @@ class Log:
         """The mission at boot and those that replaced it, each with the time from which it held.
 
         Raises:
-            BadInput: one cannot be read, or a part of the file is damaged.
+            InputError: one cannot be read, or a part of the file is damaged.
         """
         from logs.settings import missions_of
 
@@ -215,7 +216,7 @@ class Log:
             end: s since boot; messages logged at or after it are left out.
 
         Raises:
-            BadInput: the log has no such topic, or a part of the file is damaged.
+            InputError: the log has no such topic, or a part of the file is damaged.
         """
         chosen = self.topics if topics is None else topics
         names = list(dict.fromkeys(topic if isinstance(topic, str) else topic.name for topic in chosen))
@@ -232,7 +233,7 @@ class Log:
         every file of ours; else the messages themselves are looked at.
 
         Raises:
-            BadInput: the log has no such topic, or a part of the file is damaged.
+            InputError: the log has no such topic, or a part of the file is damaged.
         """
         name = topic if isinstance(topic, str) else topic.name
         parts = self._checked(lambda: [self._listed_times(channel) for channel in self._channels(name)])
@@ -279,7 +280,7 @@ class Log:
             two arrays (n,): which of ``topics`` a message belongs to, and its row in that topic's `columns`.
 
         Raises:
-            BadInput: the log has no such topic, or a part of the file is damaged.
+            InputError: the log has no such topic, or a part of the file is damaged.
         """
         channels = [self._channels(topic if isinstance(topic, str) else topic.name)[0].id for topic in topics]
         kinds, times = [np.empty(0, np.int64)], [np.empty(0, np.uint64)]
@@ -321,7 +322,7 @@ class Log:
             gap: s; NaN in pauses longer than this, or than five of the topic's median periods when not given.
 
         Raises:
-            BadInput: the log has no such topic or field, a bad rate, or a part of the file is damaged.
+            InputError: the log has no such topic or field, a bad rate, or a part of the file is damaged.
         """
         return aligned(self, topics, rate, start, end, gap)
 
@@ -333,7 +334,7 @@ class Log:
         An array of n values is n columns, ``name_0`` and so on. pandas keeps the units in ``attrs["units"]``.
 
         Raises:
-            BadInput: as `tables`, or the library is not installed.
+            InputError: as `tables`, or the library is not installed.
         """
         return frame(self.columns(topic, start, end), library)
 
@@ -341,7 +342,7 @@ class Log:
         """Events of one topic, or of all that carry them, in order of log time.
 
         Raises:
-            BadInput: the log has no such topic, or a part of the file is damaged.
+            InputError: the log has no such topic, or a part of the file is damaged.
         """
         names = [name for name, info in self.topics.items() if info.schema == EVENT_SCHEMA]
         if topic is not None:
@@ -352,12 +353,12 @@ class Log:
         """Documents of a topic that carries `Text`, in order of log time.
 
         Raises:
-            BadInput: the log has no such topic, it carries something else, or a part of the file is damaged.
+            InputError: the log has no such topic, it carries something else, or a part of the file is damaged.
         """
         name = topic if isinstance(topic, str) else topic.name
         self._channels(name)
         if self.topics[name].schema != TEXT_SCHEMA:
-            raise BadInput(f"{self.path}: {name} carries {self.topics[name].schema}, no texts")
+            raise InputError(f"{self.path}: {name} carries {self.topics[name].schema}, no texts")
         return self._checked(lambda: [text for _, text in self._decodable(name, decode_text, self._messages(name))])
 
     def verify(self) -> list[str]:
@@ -400,8 +401,8 @@ class Log:
     def _channels(self, topic: str) -> list[Channel]:
         found = self._by_topic.get(topic)
         if not found:
-            guess, has = meant(topic, self.topics), ", ".join(self.topics) or "none"
-            raise BadInput(f"{self.path} has no topic {topic}{guess}; it has: {has}")
+            guess, has = did_you_mean(topic, self.topics), ", ".join(self.topics) or "none"
+            raise InputError(f"{self.path} has no topic {topic}{guess}; it has: {has}")
         return found
 
     def _read_events(self, topics: list[str]) -> list[Event]:
@@ -509,7 +510,7 @@ class Log:
         try:
             return read()
         except Damage as damage:
-            raise BadInput(f"{self.path}: {damage} (wingbeat log recover keeps what is whole)") from None
+            raise InputError(f"{self.path}: {damage} (wingbeat log recover keeps what is whole)") from None
 
 
 def open_log(path: Path | str, max_chunk_size: int = MAX_CHUNK_SIZE) -> Log:
@@ -519,7 +520,7 @@ def open_log(path: Path | str, max_chunk_size: int = MAX_CHUNK_SIZE) -> Log:
     beyond the size that it declares.
 
     Raises:
-        BadInput: the file cannot be read, is empty or is not MCAP.
+        InputError: the file cannot be read, is empty or is not MCAP.
     """
     path = Path(path)
     data = map_file(path)
@@ -530,19 +531,19 @@ def map_file(path: Path) -> mmap.mmap:
     """Bytes of a file that begins with MCAP's magic.
 
     Raises:
-        BadInput: the file cannot be read, is empty or is not MCAP.
+        InputError: the file cannot be read, is empty or is not MCAP.
     """
     try:
         with path.open("rb") as file:
             data = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
     except OSError as error:
-        raise BadInput(f"cannot read {path}: {error.strerror or error}{_parts_hint(path)}") from None
+        raise InputError(f"cannot read {path}: {error.strerror or error}{_parts_hint(path)}") from None
     except ValueError:
-        raise BadInput(f"{path} is empty") from None
+        raise InputError(f"{path} is empty") from None
     if data[: len(MCAP0_MAGIC)] != MCAP0_MAGIC:
         head = data[:HEAD_BYTES]
         data.close()
-        raise BadInput(f"{path} is not an MCAP log: {_import_hint(path, head)}")
+        raise InputError(f"{path} is not an MCAP log: {_import_hint(path, head)}")
     return data
 
 

@@ -16,13 +16,13 @@ from typing import IO, Any, NamedTuple
 import zstandard
 from mcap.records import Attachment, AttachmentIndex, McapRecord, Metadata
 
-from avionics.messages import RecorderStatus
-from avionics.quantities import BadInput
-from avionics.topics import Topic
 from logs.backlog import PATIENCE, Backlog
 from logs.codecs import Codec, codec_for
 from logs.container import Container, encode, pack_chunk
 from logs.volumes import Volumes, Work
+from wingbeat.errors import InputError
+from wingbeat.message import RecorderStatus
+from wingbeat.topic import Topic
 
 CHUNK_BYTES = 64 * 1024
 FLUSH_S = 0.25
@@ -106,7 +106,7 @@ class McapRecorder:
             writing: how it gets to the disk.
 
         Raises:
-            BadInput: the file exists, cannot be created or is locked by another program.
+            InputError: the file exists, cannot be created or is locked by another program.
         """
         self.path = Path(path)
         self.start_epoch_ns = time.time_ns() if start_epoch_ns is None else start_epoch_ns
@@ -358,14 +358,14 @@ class McapRecorder:
         try:
             volumes = Volumes(self.path, self._writing.volume, lambda path: _create(path))
         except OSError as error:
-            raise BadInput(f"cannot record to {self.path}: {error.strerror or error}") from None
+            raise InputError(f"cannot record to {self.path}: {error.strerror or error}") from None
         record = encode(_recording(self.start_epoch_ns))
         try:
             volumes.write(lambda container: container.metadata(record, RECORDING), everywhere=True)
         except OSError as error:
             volumes.give_up()
             self.path.unlink(missing_ok=True)
-            raise BadInput(f"cannot record to {self.path}: {error.strerror or error}") from None
+            raise InputError(f"cannot record to {self.path}: {error.strerror or error}") from None
         return volumes
 
     def _open(self, topic: Topic) -> _Stream:
@@ -479,12 +479,12 @@ def _create(path: Path) -> Any:
         file = path.open("xb", buffering=0)
     except OSError as error:
         if path.exists():
-            raise BadInput(f"{path} exists: a recording never overwrites a file") from None
-        raise BadInput(f"cannot record to {path}: {error.strerror or error}") from None
+            raise InputError(f"{path} exists: a recording never overwrites a file") from None
+        raise InputError(f"cannot record to {path}: {error.strerror or error}") from None
     if not _locked(file):
         file.close()
         path.unlink(missing_ok=True)
-        raise BadInput(f"cannot record to {path}: another program holds its lock")
+        raise InputError(f"cannot record to {path}: another program holds its lock")
     return file
 
 

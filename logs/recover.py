@@ -13,7 +13,6 @@ from typing import IO, NamedTuple
 
 from mcap.writer import MCAP0_MAGIC
 
-from avionics.quantities import BadInput
 from logs.chunks import MAX_CHUNK_SIZE
 from logs.container import Container
 from logs.copying import Part, copy
@@ -22,6 +21,7 @@ from logs.join import join
 from logs.names import parts_of
 from logs.placing import claim, draft, held, numbered, settle
 from logs.reader import map_file, open_log
+from wingbeat.errors import InputError
 
 LEFT = 8
 """-; of the newest recordings of a folder: a flight leaves two or three"""
@@ -51,7 +51,7 @@ def recover(path: Path | str, max_chunk_size: int = MAX_CHUNK_SIZE) -> Recovery:
     symbolic link it is the file behind it that is repaired, where it is.
 
     Raises:
-        BadInput: not an MCAP file, being recorded or repaired just now, or the folder cannot be written to; the
+        InputError: not an MCAP file, being recorded or repaired just now, or the folder cannot be written to; the
             file is then as it was.
     """
     path = Path(os.path.realpath(path))
@@ -63,18 +63,18 @@ def _join_parts(path: Path, parts: Sequence[Path], max_chunk_size: int) -> Recov
     """Repair the parts of a flight that were not joined, and join them to ``path``."""
     with held(path) as ours:
         if not ours:
-            raise BadInput(f"{path} is being recorded: it cannot be repaired now")
+            raise InputError(f"{path} is being recorded: it cannot be repaired now")
         done, damage = {}, []
         for part in parts:
             try:
                 one = done[part] = _recover(part, max_chunk_size)
-            except BadInput as reason:
+            except InputError as reason:
                 damage.append(f"{reason}: it is left as it is")
                 continue
             damage += [f"{part.name}: {line}" for line in one.damage]
             damage += [f"{part.name}: {one.torn_bytes} bytes are in {one.torn}"] if one.torn else []
         if not done:
-            raise BadInput("; ".join(damage))
+            raise InputError("; ".join(damage))
         join(list(done), path)
     torn = [one.torn for one in done.values() if one.torn is not None]
     lost = sum(one.torn_bytes for one in done.values())
@@ -103,7 +103,7 @@ def recover_left(folder: Path) -> list[tuple[Path, Recovery]]:
     """
     done = []
     for path in _newest(folder):
-        with suppress(BadInput, OSError):
+        with suppress(InputError, OSError):
             if not _finished(path):
                 done.append((path, recover(path)))
     return [(path, one) for path, one in done if one.damage]
@@ -131,12 +131,12 @@ def _locked(path: Path) -> Iterator[None]:
         with path.open("rb") as file:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             if os.fstat(file.fileno()).st_ino != path.stat().st_ino:
-                raise BadInput(f"{path} was replaced just now: try again")
+                raise InputError(f"{path} was replaced just now: try again")
             yield
     except BlockingIOError:
-        raise BadInput(f"{path} is being recorded or repaired: it cannot be repaired now") from None
+        raise InputError(f"{path} is being recorded or repaired: it cannot be repaired now") from None
     except OSError as error:
-        raise BadInput(f"cannot repair {path}: {error.strerror or error}") from None
+        raise InputError(f"cannot repair {path}: {error.strerror or error}") from None
 
 
 def _keep_torn(path: Path, data: mmap.mmap, index: Index) -> Path | None:

@@ -24,7 +24,7 @@ def cdr_decoder(channel: Channel, schema: Schema) -> Callable[[bytes], dict[str,
     """Decoder of a message to its plain values; members of nested messages are named ``outer.inner``.
 
     Raises:
-        BadInput: the package is not installed.
+        InputError: the package is not installed.
         Damage: the definition cannot be read.
     """
     support = load_extra("mcap_ros2.decoder", "mcap-ros2-support", f"reading ROS 2 messages ({channel.topic})")

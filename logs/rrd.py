@@ -11,8 +11,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from avionics.messages import Event, Severity
-from avionics.quantities import BadInput
 from logs.extras import load_extra
 from logs.info import vehicle
 from logs.poses import Quaternion, Vector, tail_in_body, wing_in_body
@@ -23,6 +21,8 @@ from logs.view.page import shape_in
 from logs.view.panels import PANELS, ROWS, WING_ANGLE, Panel, plotted
 from logs.view.tables import Tables, read_tables
 from logs.view.thinning import Envelope, thinned
+from wingbeat.errors import InputError
+from wingbeat.message import Event, Severity
 
 Array = NDArray[np.float64]
 Show = Callable[[float, float, str], None]
@@ -71,13 +71,13 @@ def encode_rrd(log: Log, show: Show = lambda done, total, what: None) -> bytes:
     """A flight as the content of a file of Rerun's, with a layout of its own.
 
     Raises:
-        BadInput: rerun-sdk is not installed, or a part of the log is damaged or has nothing to show.
+        InputError: rerun-sdk is not installed, or a part of the log is damaged or has nothing to show.
     """
     sdk = load_extra("rerun", "rerun-sdk", "a recording of Rerun's")
     tables = read_tables(log, lambda done, note: show(0.5 * done, 1.0, note))
     events = log.events()
     if not tables and not events:
-        raise BadInput(f"{log.path} has none of the topics that are shown, such as /attitude/ahrs")
+        raise InputError(f"{log.path} has none of the topics that are shown, such as /attitude/ahrs")
     recording = sdk.RecordingStream("wingbeat", recording_id=f"{log.path.stem}-{log.start_ns}")
     kept = recording.memory_recording()
     recording.send_recording_name(f"{vehicle(log) or 'unknown vehicle'}, {log.path.name}")

@@ -23,11 +23,11 @@ from google.protobuf.message import Message as Protobuf
 from avionics import messages as m
 from avionics import topics
 from avionics.isolation import Guard
-from avionics.topics import Topic
 from logs.codecs import Stamped
 from logs.poses import Frames, Pose, Posed, Vector, enu_from_ned
 from logs.recorder import McapRecorder, Said
 from sim_bridge import topics as truth_topics
+from wingbeat.topic import Topic
 
 TRANSFORMS = Topic("/view/transforms", FrameTransforms, 2000, 50.0, deterministic=False)
 SCENE = Topic("/view/scene", SceneUpdate, 2001, 1.0, deterministic=False)

@@ -15,8 +15,8 @@ from google.protobuf.descriptor_pb2 import (
 )
 from google.protobuf.message import DecodeError
 
-from avionics.docstrings import split_unit
 from logs.layout import SCALARS, Field, Layout
+from wingbeat.docstrings import split_unit
 
 _TYPES = {name: FieldDescriptorProto.Type.Value(f"TYPE_{name.upper()}") for name in SCALARS}
 _NAMES = {number: name for name, number in _TYPES.items()}

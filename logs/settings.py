@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from avionics import parameters, snapshot, topics
 from avionics.guidance.mission import Mission
-from avionics.messages import Command, CommandKind, Event, Severity
-from avionics.quantities import BadInput, parse_json
+from avionics.messages import Command, CommandKind
 from avionics.vehicles.gains import FlightGains
 from logs.names import MISSION, PARAMETERS
+from wingbeat.documents import parse_json
+from wingbeat.errors import InputError
+from wingbeat.message import Event, Severity
 
 if TYPE_CHECKING:
     from logs.reader import Log
@@ -71,7 +73,7 @@ def initial_parameters(log: Log) -> Values:
     """Every parameter at boot by its name; empty where the log does not say.
 
     Raises:
-        BadInput: one is not a number.
+        InputError: one is not a number.
     """
     return {name: _number(name, text) for name, text in log.metadata.get(PARAMETERS, {}).items()}
 
@@ -194,7 +196,7 @@ def _number(name: str, text: str) -> float:
     try:
         return float(text)
     except ValueError:
-        raise BadInput(f"the log's parameter {name} is not a number: {text!r}") from None
+        raise InputError(f"the log's parameter {name} is not a number: {text!r}") from None
 
 
 def _items(log: Log, data: bytes) -> list[Item]:
@@ -203,7 +205,7 @@ def _items(log: Log, data: bytes) -> list[Item]:
     except ValueError:
         items = None
     if not isinstance(items, list) or not all(isinstance(item, dict) for item in items):
-        raise BadInput(f"{log.path}: its {MISSION} is no list of mission items")
+        raise InputError(f"{log.path}: its {MISSION} is no list of mission items")
     return items
 
 
@@ -211,5 +213,5 @@ def _mission(log: Log, payload: Any) -> Mission:
     try:
         mission: Mission = snapshot.builder(Mission)(payload)
     except (ValueError, KeyError, TypeError, IndexError):
-        raise BadInput(f"{log.path}: a mission in it is of another version of the flight computer") from None
+        raise InputError(f"{log.path}: a mission in it is of another version of the flight computer") from None
     return mission

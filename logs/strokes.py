@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from avionics import topics
-from avionics.quantities import BadInput
+from wingbeat.errors import InputError
 
 if TYPE_CHECKING:
     from logs.reader import Log
@@ -85,12 +85,12 @@ def strokes(log: Log, start: float | None = None, end: float | None = None) -> S
     """The whole strokes in a log (s since boot, from ``start`` to ``end``) by the phase of ``/main/wing``.
 
     Raises:
-        BadInput: the log has no such topic, or a part of the file is damaged.
+        InputError: the log has no such topic, or a part of the file is damaged.
     """
     wing = log.columns(topics.WING, start, end)
     fields = ("phase", "strokes", "flapping")
     if any(field not in wing for field in fields):
-        raise BadInput(f"{log.path}: {topics.WING.name} has not the fields {', '.join(fields)}, which strokes need")
+        raise InputError(f"{log.path}: {topics.WING.name} has not the fields {', '.join(fields)}, which strokes need")
     return cut_strokes(wing.time, *(wing[field] for field in fields))
 
 

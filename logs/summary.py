@@ -16,8 +16,9 @@ from avionics import topics
 from avionics.messages import Mode, Stage
 from logs.columns import Columns
 from logs.reader import Log
-from logs.rotations import angles_of
 from sim_bridge import topics as truth_topics
+from wingbeat.rotation_arrays import euler_from_quaternions
+from wingbeat.topic import Topic
 
 Array = NDArray[np.float64]
 
@@ -114,10 +115,10 @@ class _Flight(NamedTuple):
     launch: float | None
     end: float | None
 
-    def get(self, topic: topics.Topic) -> Columns | None:
+    def get(self, topic: Topic) -> Columns | None:
         return self.tables.get(topic.name)
 
-    def in_air(self, topic: topics.Topic) -> tuple[Columns, NDArray[np.bool_]] | None:
+    def in_air(self, topic: Topic) -> tuple[Columns, NDArray[np.bool_]] | None:
         """A topic and where it was recorded in the air; None without such samples."""
         columns = self.get(topic)
         if columns is None or self.launch is None or self.end is None:
@@ -136,7 +137,7 @@ def summarize(log: Log) -> FlightSummary:
     """Sum up a flight.
 
     Raises:
-        BadInput: a part of the file is damaged.
+        InputError: a part of the file is damaged.
     """
     present = [topic.name for topic in NEEDED if log.is_native(topic)]
     return summary_of(log.tables(present), log.duration)
@@ -290,7 +291,7 @@ def _distance(flight: _Flight) -> float | None:
     return float(np.sum(np.hypot(np.diff(columns["north"][inside]), np.diff(columns["east"][inside]))))
 
 
-def _mean_in_air(flight: _Flight, topic: topics.Topic, name: str) -> float | None:
+def _mean_in_air(flight: _Flight, topic: Topic, name: str) -> float | None:
     found = flight.in_air(topic)
     return None if found is None else float(np.mean(found[0][name][found[1]]))
 
@@ -345,7 +346,7 @@ def _difference(found: tuple[Columns, NDArray[np.bool_]], name: str, time: Array
 
 def _euler(truth: Columns, part: slice) -> tuple[Array, Array, Array]:
     """Roll, pitch and yaw (rad) of r_ned_from_frd."""
-    return angles_of(*(truth[f"quaternion_{axis}"][part] for axis in "wxyz"))
+    return euler_from_quaternions(*(truth[f"quaternion_{axis}"][part] for axis in "wxyz"))
 
 
 def _wrapped(angle: Any) -> Array:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from avionics import topics
-from avionics.quantities import BadInput
 from logs.attached import simulated_vehicle
 from logs.identification.drive.frequency import FrequencyModel, frequency_truth
 from logs.reader import Log
@@ -13,6 +12,7 @@ from sim_bridge import topics as truth
 from sim_bridge.flight_mechanics.averaged import short_period_of, stroke_averaged_model
 from sim_bridge.flight_mechanics.orbit import trim
 from sim_bridge.vehicles import SimulatedVehicle
+from wingbeat.errors import InputError
 
 
 def known_truths(log: Log, modes: bool = True) -> dict[str, float]:
@@ -24,7 +24,7 @@ def known_truths(log: Log, modes: bool = True) -> dict[str, float]:
     not ``modes`` leaves it out.
 
     Raises:
-        BadInput: a part of the file is damaged, or the vehicle file cannot be used.
+        InputError: a part of the file is damaged, or the vehicle file cannot be used.
     """
     vehicle = simulated_vehicle(log)
     if vehicle is None:
@@ -35,7 +35,7 @@ def known_truths(log: Log, modes: bool = True) -> dict[str, float]:
         return truths
     try:
         mode = short_period_of(stroke_averaged_model(vehicle, trim(vehicle, *_flown(log, vehicle))))
-    except BadInput:
+    except InputError:
         return truths  # no steady flight at that speed: there is no mode to compare with
     return truths | {"short_period_frequency": mode.natural_frequency, "short_period_damping": mode.damping}
 
@@ -46,7 +46,7 @@ def throttle_truths(log: Log, model: FrequencyModel) -> dict[str, float]:
     Empty for any other, and for a flight that was not simulated.
 
     Raises:
-        BadInput: a part of the file is damaged, or the vehicle file cannot be used.
+        InputError: a part of the file is damaged, or the vehicle file cannot be used.
     """
     vehicle = simulated_vehicle(log)
     if vehicle is None or vehicle.drive.kind != "crank":

@@ -7,14 +7,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import IO
 
-from avionics.quantities import BadInput
 from logs.container import Container
 from logs.placing import numbered
+from wingbeat.errors import InputError
 
 Work = Callable[[Container], None]
 """writes whole records to a container"""
 Create = Callable[[Path], IO[bytes]]
-"""makes a new file without a buffer, or raises `BadInput`"""
+"""makes a new file without a buffer, or raises `InputError`"""
 
 
 class Volumes:
@@ -32,7 +32,7 @@ class Volumes:
             create: makes the files.
 
         Raises:
-            BadInput: the file exists or cannot be created.
+            InputError: the file exists or cannot be created.
         """
         self.paths: list[Path] = []
         """of the files so far, in turn"""
@@ -72,7 +72,7 @@ class Volumes:
         places = (place for place in numbered(self._first) if not place.exists())
         try:
             file, container = self._opened(next(places))
-        except (BadInput, OSError):
+        except (InputError, OSError):
             self._limit = 0
             return
         self._earlier += self._container.size

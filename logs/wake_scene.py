@@ -19,14 +19,14 @@ from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from google.protobuf.message import Message as Protobuf
 
-from avionics.quantities import BadInput
-from avionics.topics import Topic
 from logs.codecs import Stamped
 from logs.recorder import McapRecorder
 from logs.scene import TRANSFORMS
 from sim_bridge.aerodynamics.vortex_lattice.geometry import Lattice, grid_of
 from sim_bridge.aerodynamics.vortex_lattice.unsteady import Snapshot
 from sim_bridge.vectors import Floats
+from wingbeat.errors import InputError
+from wingbeat.topic import Topic
 
 WAKE = Topic("/view/wake", SceneUpdate, 2020, 82.5, deterministic=False)
 WING, EDGE, RISING, FALLING, NOTHING = (
@@ -54,7 +54,7 @@ def write_wake(path: Path, lattice: Lattice, course: Sequence[Snapshot], start_e
         start_epoch_ns: ns since 1970 at time 0; now when not given.
 
     Raises:
-        BadInput: the file exists, cannot be created, or the disk has no room for all of it.
+        InputError: the file exists, cannot be created, or the disk has no room for all of it.
     """
     limit = max((float(np.abs(at.wake_strengths).max(initial=0.0)) for at in course), default=0.0) or 1.0
     with McapRecorder(path, start_epoch_ns=start_epoch_ns) as recorder:
@@ -64,7 +64,7 @@ def write_wake(path: Path, lattice: Lattice, course: Sequence[Snapshot], start_e
             for topic, message in ((TRANSFORMS, _frame(at, stamp)), (WAKE, _scene(lattice, at, limit, stamp))):
                 recorder.record(topic, Stamped(time_us, message.SerializeToString(deterministic=True)))
     if recorder.failure:
-        raise BadInput(f"{path}: {recorder.failure}")
+        raise InputError(f"{path}: {recorder.failure}")
 
 
 def _frame(at: Snapshot, stamp: int) -> Protobuf:

@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from avionics.quantities import BadInput
 from sim_bridge import plant_kernel as k
 from sim_bridge.aerodynamics.models import find_model
 from sim_bridge.aerodynamics.protocol import AerodynamicModel, Strips, blank_loads, blank_motion
@@ -18,6 +17,7 @@ from sim_bridge.vectors import Floats, Integers
 from sim_bridge.vehicles import SimulatedVehicle, vehicle_bodies
 from sim_bridge.vehicles.bodies import matrix_of, way_to_base
 from sim_bridge.vehicles.sections import BodyPart, Wing
+from wingbeat.errors import InputError
 
 CHANNELS = {
     "right_wing": (k.WING, k.RIGHT),
@@ -95,7 +95,7 @@ def all_parts(vehicle: SimulatedVehicle) -> dict[str, BodyPart]:
     """The bodies of a vehicle with the mirror images filled in.
 
     Raises:
-        BadInput: see `sim_bridge.vehicles.bodies.completed`.
+        InputError: see `sim_bridge.vehicles.bodies.completed`.
     """
     return vehicle_bodies(vehicle)[0]
 
@@ -104,7 +104,7 @@ def build_mechanism(vehicle: SimulatedVehicle) -> Mechanism:
     """The mechanism of a vehicle.
 
     Raises:
-        BadInput: the bodies make no tree, or the aerodynamic model does not hold.
+        InputError: the bodies make no tree, or the aerodynamic model does not hold.
     """
     parts, bodies = vehicle_bodies(vehicle)
     tree, names = build_tree(bodies)
@@ -114,8 +114,8 @@ def build_mechanism(vehicle: SimulatedVehicle) -> Mechanism:
     strips, model = wings.strips, find_model(vehicle.aerodynamics.model)
     try:
         parameters = model.build(vehicle.sections[model.name], strips)
-    except BadInput as error:
-        raise BadInput(f"{vehicle.path}: {error}") from None
+    except InputError as error:
+        raise InputError(f"{vehicle.path}: {error}") from None
     state = model.initial(parameters, strips)
     return Mechanism(
         tree,

@@ -1,10 +1,10 @@
-"""What is true: messages of the simulated world, for the log alone. Conventions as in `avionics.messages`."""
+"""What is true: messages of the simulated world, for the log alone. Conventions as in `wingbeat.message`."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
-from avionics.messages import Number, Time
+from wingbeat.message import Number, Time
 
 
 class TruthState(NamedTuple):

@@ -14,13 +14,14 @@ from sim_bridge.actuators.linkage import FourBar, Motor
 from sim_bridge.aerodynamics.models import air_of
 from sim_bridge.aerodynamics.protocol import strip_loads
 from sim_bridge.bound import Bound
-from sim_bridge.environment.gravity import GRAVITY
 from sim_bridge.mechanism import Mechanism, build_mechanism, total_mass, wing_work
 from sim_bridge.multibody.plates import no_plates
 from sim_bridge.multibody.tree import BASE, blank_kinematics
 from sim_bridge.multibody.wings import wing_places
-from sim_bridge.vectors import Floats, is_compiled, quaternion_from_euler
+from sim_bridge.vectors import Floats, is_compiled
 from sim_bridge.vehicles import SimulatedVehicle
+from wingbeat.constants import STANDARD_GRAVITY
+from wingbeat.rotations import quaternion_from_euler
 
 DRIVES = {"servo": k.SERVO, "crank": k.CRANK, "linkage": k.LINKAGE}
 NO_LINKAGE = FourBar(0.0, 1.0, 1.0, 1.0, 0.0, 0.0, False)
@@ -63,7 +64,7 @@ def plant_parameters(vehicle: SimulatedVehicle, mechanism: Mechanism) -> k.Plant
         crank_frequencies=np.array(drive.frequencies),
         current=np.array([drive.torque_constant, drive.torque_offset, drive.idle_current]),
         battery=np.array([battery.full_voltage, battery.empty_voltage, battery.capacity, battery.resistance]),
-        weight=total_mass(vehicle) * GRAVITY,
+        weight=total_mass(vehicle) * STANDARD_GRAVITY,
     )
 
 
@@ -141,7 +142,7 @@ class Plant:
         """Build the vehicle's mechanism, at rest in the launcher's hand.
 
         Raises:
-            BadInput: the bodies make no tree, or the aerodynamic model does not hold.
+            InputError: the bodies make no tree, or the aerodynamic model does not hold.
         """
         self.vehicle = vehicle
         self.mechanism = build_mechanism(vehicle)

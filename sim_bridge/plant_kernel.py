@@ -17,12 +17,12 @@ from sim_bridge.actuators.linkage import drive as motor_drive
 from sim_bridge.aerodynamics import models
 from sim_bridge.aerodynamics.surfaces import body_drag
 from sim_bridge.bound import Bound, bound_values
-from sim_bridge.environment.gravity import GRAVITY
 from sim_bridge.multibody.contact import ground_force
 from sim_bridge.multibody.plates import Plates, add_plates
 from sim_bridge.multibody.tree import BASE, Equations, Kinematics, Tree, add_wrench, assemble, hold, move, solve
 from sim_bridge.multibody.wings import Wings, WingWork, add_wings, wing_motion, wing_places
 from sim_bridge.vectors import Floats, Integers, add_scaled, apart, clear, inlined, inner, kernel, laid_in, rotation
+from wingbeat.constants import STANDARD_GRAVITY
 
 VOLTAGE_ROUNDS = 3
 """of torque, current and sag, see `_drive_wings`"""
@@ -415,7 +415,7 @@ def set_outside(y: Floats, around: Surroundings, s: Scratch) -> None:
     for i in range(3):
         s.base[i] = y[7 + i]
         s.base[3 + i] = y[10 + i]
-        s.outside[i] = s.r[2, i] * GRAVITY
+        s.outside[i] = s.r[2, i] * STANDARD_GRAVITY
         wind = s.r[0, i] * around.wind_north + s.r[1, i] * around.wind_east + s.r[2, i] * around.wind_down
         s.outside[3 + i] = wind
     s.outside[6], s.outside[7], s.outside[8] = around.turn_x, around.turn_y, around.turn_z

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from avionics.messages import Event, RecorderStatus
-from avionics.topics import Topic
 from sim_bridge import messages as m
+from wingbeat.message import Event, RecorderStatus
+from wingbeat.topic import Topic
 
 STATE = Topic("/truth/state", m.TruthState, 1000, 200.0)
 WING = Topic("/truth/wing", m.TruthWing, 1001, 200.0)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import math
 import os
 import tempfile
 from collections.abc import Callable
@@ -171,16 +170,3 @@ def rotation(w: float, x: float, y: float, z: float, out: Floats) -> None:
     out[2, 0] = s * (x * z - y * w)
     out[2, 1] = s * (y * z + x * w)
     out[2, 2] = 1.0 - s * (x * x + y * y)
-
-
-def quaternion_from_euler(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:
-    """Quaternion of r_ned_from_frd for roll, pitch, yaw in rad (yaw, then pitch, then roll)."""
-    cr, sr = math.cos(roll / 2), math.sin(roll / 2)
-    cp, sp = math.cos(pitch / 2), math.sin(pitch / 2)
-    cy, sy = math.cos(yaw / 2), math.sin(yaw / 2)
-    return (
-        cr * cp * cy + sr * sp * sy,
-        sr * cp * cy - cr * sp * sy,
-        cr * sp * cy + sr * cp * sy,
-        cr * cp * sy - sr * sp * cy,
-    )

@@ -10,9 +10,9 @@ from typing import Any
 
 from avionics import messages as m
 from avionics import topics
-from avionics.topics import Topic
 from sim_bridge import messages as w
 from sim_bridge import topics as truth_topics
+from wingbeat.topic import Topic
 
 FREQUENCY = 4.0
 """Hz; of the strokes"""

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parent.parent
-PACKAGES = ("avionics", "sim_bridge", "logs", "groundstation")
+PACKAGES = ("wingbeat", "avionics", "sim_bridge", "logs", "groundstation")
 IGNORED = shutil.ignore_patterns("__pycache__", ".*")
 
 

@@ -31,7 +31,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-PACKAGES = ("avionics", "sim_bridge", "logs", "groundstation", "tests")
+PACKAGES = ("wingbeat", "avionics", "sim_bridge", "logs", "groundstation", "tests")
 
 
 def _word_set(text: str) -> frozenset[str]:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
-from avionics.messages import ActuatorCommand, SensorFrame, Severity
+from avionics.messages import ActuatorCommand, SensorFrame
+from wingbeat.message import Severity
 
 IDLE_EVERY = 0.004
 """s; of wall-clock time between two calls of `Surroundings.idle` while something comes that is no sensor frame"""

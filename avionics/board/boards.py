@@ -8,7 +8,7 @@ from avionics.board.board import Surroundings
 from avionics.board.hil import HilBoard
 from avionics.board.razor import RazorBoard, parse_address
 from avionics.link.urls import parse_url
-from avionics.quantities import BadInput
+from wingbeat.errors import InputError
 
 
 class Kind(NamedTuple):
@@ -32,7 +32,7 @@ def open_board(address: str, around: Surroundings) -> HilBoard | RazorBoard:
     """Reach the board at ``address``, one of the forms in `KINDS`.
 
     Raises:
-        BadInput: none of them, or the device cannot be opened.
+        InputError: none of them, or the device cannot be opened.
         BoardSilent: nobody answered there.
     """
     check_address(address)
@@ -45,7 +45,7 @@ def check_address(address: str) -> None:
     """Nothing is opened.
 
     Raises:
-        BadInput: not an address of a board.
+        InputError: not an address of a board.
     """
     kind, _, rest = address.partition(":")
     if kind == "razor":
@@ -53,4 +53,4 @@ def check_address(address: str) -> None:
     elif kind == "hil" and rest.partition(":")[0] in ("tcp", "tcpin", "serial"):
         parse_url(rest)
     else:
-        raise BadInput(f"board {address!r} is not one of {', '.join(one.form for one in KINDS)}")
+        raise InputError(f"board {address!r} is not one of {', '.join(one.form for one in KINDS)}")

@@ -55,7 +55,7 @@ def open_line(url: LinkUrl, timeouts: float) -> Stream | None:
     """Reach the other side; None when it did not answer for ``timeouts`` s.
 
     Raises:
-        BadInput: no address of a board, or the device is missing.
+        InputError: no address of a board, or the device is missing.
     """
     return SerialLine(url.host, url.port) if url.kind == "serial" else open_stream(url, timeouts)
 
@@ -74,7 +74,7 @@ class HilBoard:
         """Connect to ``tcp:HOST:PORT``, ``tcpin:HOST:PORT`` or ``serial:DEVICE,BAUD``, with or without ``hil:``.
 
         Raises:
-            BadInput: not an address of these kinds, or the device is missing.
+            InputError: not an address of these kinds, or the device is missing.
             BoardSilent: nobody answered at that address.
         """
         parsed = parse_url(url.removeprefix("hil:"))

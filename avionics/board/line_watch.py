@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
-from avionics.messages import Severity
-from avionics.quantities import counted
+from wingbeat.message import Severity
+from wingbeat.text import pluralize
 
 SILENCE = 1.0
 """s; without a frame before it is said"""
@@ -72,6 +72,6 @@ class LineWatch:
             (bad, "byte", "of noise"),
             (dropped, "write", "refused"),
         )
-        told = ", ".join(f"{counted(number, what)} {how}" for number, what, how in parts if number)
+        told = ", ".join(f"{pluralize(number, what)} {how}" for number, what, how in parts if number)
         self._publish(Severity.WARNING, f"{self._name}: {told}")
         self._reported, self._report_at = losses, now + REPORT

@@ -19,16 +19,19 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from avionics import parameters
-from avionics.quantities import BadInput, counted, name_by_path, parse_json, why_unread
 from avionics.vehicles import FlightVehicle, vehicle_names
 from avionics.vehicles.gains import FlightGains
 from avionics.vehicles.loader import FOLDER
-from avionics.whole_file import write_whole
+from wingbeat.documents import parse_json
+from wingbeat.errors import InputError
+from wingbeat.files import write_atomically
+from wingbeat.text import pluralize, read_error_text
+from wingbeat.vehicle_file import name_by_path
 
 FORMAT = "wingbeat parameters 1"
 
 
-class AnotherVehicles(BadInput):
+class AnotherVehicles(InputError):
     """The file is sound and another vehicle's: it is neither flown with nor touched."""
 
 
@@ -122,7 +125,7 @@ class ParameterFile:
         """The values in the file; none where there is no file.
 
         Raises:
-            BadInput: it cannot be read, or is damaged.
+            InputError: it cannot be read, or is damaged.
             AnotherVehicles: it is sound, and another vehicle's.
         """
         try:
@@ -130,10 +133,10 @@ class ParameterFile:
         except FileNotFoundError:
             return {}
         except (OSError, UnicodeDecodeError) as error:
-            raise BadInput(f"cannot read parameter file {self.path}: {why_unread(error)}") from None
+            raise InputError(f"cannot read parameter file {self.path}: {read_error_text(error)}") from None
         checked = _checked(text)
         if isinstance(checked, str):
-            raise BadInput(f"parameter file {self.path} {checked}")
+            raise InputError(f"parameter file {self.path} {checked}")
         names = {self.owner, self._vehicle.name} - (set(vehicle_names()) - {self.owner})
         if checked.vehicle not in names:
             raise AnotherVehicles(
@@ -152,29 +155,29 @@ class ParameterFile:
             self.stored()
         except AnotherVehicles:
             raise
-        except BadInput:
+        except InputError:
             return
 
     def load(self) -> Loaded:
         """The vehicle with the gains of the file; with its own where the file cannot be believed.
 
         Raises:
-            BadInput: the file is there and cannot be opened, or cannot be moved aside.
+            InputError: the file is there and cannot be opened, or cannot be moved aside.
             AnotherVehicles: it is sound, and another vehicle's.
         """
         if self.path.exists() and not self.path.is_file():
-            raise BadInput(f"parameter file {self.path} is not a file")
+            raise InputError(f"parameter file {self.path} is not a file")
         try:
             values = self.stored()
         except AnotherVehicles:
             raise
-        except BadInput as refused:
+        except InputError as refused:
             aside = self._move_aside()
             self._kept = self._vehicle.gains
             return Loaded(self._vehicle, f"{refused}: kept as {aside.name}, defaults are flown", True)
         gains, strange = self._applied(values)
         self._kept = gains
-        text = f"{counted(len(values) - len(strange), 'parameter')} from {self.path}" if values else ""
+        text = f"{pluralize(len(values) - len(strange), 'parameter')} from {self.path}" if values else ""
         if strange:
             text += f"; passed over: {', '.join(strange)}"
         return Loaded(self._vehicle._replace(gains=gains), text, False)
@@ -198,7 +201,7 @@ class ParameterFile:
         try:
             self.path.rename(aside)
         except OSError as error:
-            raise BadInput(f"parameter file {self.path} is damaged and cannot be moved: {error.strerror}") from None
+            raise InputError(f"parameter file {self.path} is damaged and cannot be moved: {error.strerror}") from None
         return aside
 
     def keep(self, gains: FlightGains, armed: bool) -> bool:
@@ -224,7 +227,7 @@ class ParameterFile:
         document = {"format": FORMAT, "vehicle": self.owner, "values": changed}
         text = json.dumps({**document, "sha256": _checksum(document)}, indent=1) + "\n"
         self.path.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(self.path, text)
+        write_atomically(self.path, text)
 
 
 def _checksum(document: Mapping[str, Any]) -> str:

@@ -17,7 +17,7 @@ from avionics.board.line_watch import LineWatch, Losses
 from avionics.board.razor_protocol import OUTPUTS, Angles, Reader, Reading
 from avionics.link.serial_line import SerialLine
 from avionics.messages import ActuatorCommand, ImuSample, SensorFrame
-from avionics.quantities import BadInput
+from wingbeat.errors import InputError
 
 BAUD = 57600
 """the firmware's"""
@@ -61,17 +61,17 @@ def parse_address(text: str) -> RazorUrl:
     """Take ``razor:DEVICE[,BAUD[,OUTPUT]]`` apart.
 
     Raises:
-        BadInput: no device, no such baud rate, or an output that carries no sensors; the text names what there is.
+        InputError: no device, no such baud rate, or an output that carries no sensors; the text names what there is.
     """
     device, *options = text.strip().removeprefix("razor:").split(",")
     if not device or len(options) > 2:
-        raise BadInput(f"board {text!r} is not {FORMS}")
+        raise InputError(f"board {text!r} is not {FORMS}")
     baud = options[0] if options else str(BAUD)
     output = options[1] if len(options) > 1 else OUTPUT
     if not (baud.isascii() and baud.isdigit()) or not 0 < int(baud) <= 10_000_000:
-        raise BadInput(f"board {text!r}: the baud rate must be a number from 1 to 10000000; form: {FORMS}")
+        raise InputError(f"board {text!r}: the baud rate must be a number from 1 to 10000000; form: {FORMS}")
     if output not in WITH_SENSORS:
-        raise BadInput(f"board {text!r}: the output must be one of {', '.join(WITH_SENSORS)}; form: {FORMS}")
+        raise InputError(f"board {text!r}: the output must be one of {', '.join(WITH_SENSORS)}; form: {FORMS}")
     return RazorUrl(device, int(baud), output)
 
 
@@ -123,7 +123,7 @@ class RazorBoard:
         """Open ``razor:DEVICE[,BAUD[,OUTPUT]]``.
 
         Raises:
-            BadInput: not such an address, or the device cannot be opened.
+            InputError: not such an address, or the device cannot be opened.
         """
         device, baud, output = parse_address(address)
         self._timeouts, self._clock, self._around = timeouts, clock, around

@@ -17,7 +17,7 @@ import struct
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
-from avionics.constants import STANDARD_GRAVITY
+from wingbeat.constants import STANDARD_GRAVITY
 
 Vector = tuple[float, float, float]
 

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from avionics.calibration.result import NOTHING_NEW, Result, Took, triple
-from avionics.constants import STANDARD_GRAVITY
 from avionics.sensing.inertial import Gains
+from wingbeat.constants import STANDARD_GRAVITY
 
 BLOCK = 100
 """samples of one mean: half a second"""

@@ -12,8 +12,8 @@ from avionics import parameters
 from avionics.calibration import accelerometer, airspeed, battery, magnetometer, wings
 from avionics.calibration.result import Result, Setting
 from avionics.messages import Calibration, CalibrationStatus
-from avionics.quantities import BadInput
 from avionics.vehicles.gains import FlightGains
+from wingbeat.errors import InputError
 
 PATIENCE: dict[Calibration, float] = {
     Calibration.ACCELEROMETER: 60.0,
@@ -130,11 +130,11 @@ def finish(state: State, gains: FlightGains) -> Result:
     """What was found.
 
     Raises:
-        BadInput: too little was gathered, or what was found cannot be; one line.
+        InputError: too little was gathered, or what was found cannot be; one line.
     """
     result, reason = _solved(state, gains)
     if reason:
-        raise BadInput(reason)
+        raise InputError(reason)
     return result
 
 
@@ -161,13 +161,13 @@ def applied(gains: FlightGains, settings: tuple[Setting, ...]) -> FlightGains:
     """The gains with the ``settings``, rounded to what a parameter can say on the wire.
 
     Raises:
-        BadInput: one lies outside its parameter's range; none is taken then.
+        InputError: one lies outside its parameter's range; none is taken then.
     """
     table = parameters.parameter_table(gains)
     for setting in settings:
         name = parameters.short_name(setting.section, setting.key, setting.place)
         entry = table[name]
         if not entry.low <= setting.value <= entry.high:
-            raise BadInput(f"{name} = {setting.value:g} is outside {entry.low:g} to {entry.high:g} {entry.unit}")
+            raise InputError(f"{name} = {setting.value:g} is outside {entry.low:g} to {entry.high:g} {entry.unit}")
         gains = parameters.set_value(gains, table, name, setting.value).gains
     return gains

@@ -18,26 +18,26 @@ from __future__ import annotations
 from math import atan2, cos, exp, hypot, isfinite, pi, sin, sqrt, tan
 from typing import Annotated, NamedTuple
 
-from avionics.constants import STANDARD_GRAVITY
 from avionics.estimation import razor, velocity_aiding
-from avionics.estimation.direction_cosines import (
+from avionics.limits import clip
+from avionics.messages import Attitude, GpsFix, ImuSample
+from wingbeat.constants import STANDARD_GRAVITY
+from wingbeat.records import constructor
+from wingbeat.rotations import (
     Matrix,
     Vector,
     cross,
-    euler,
+    dcm_from_rotation_vector,
+    euler_from_dcm,
     multiply,
     norm,
-    orthonormalised,
-    quaternion,
+    orthonormalize,
+    quaternion_from_dcm,
     rotate,
     rotate_back,
-    rotation,
     unit,
 )
-from avionics.limits import clip
-from avionics.messages import Attitude, GpsFix, ImuSample
-from avionics.quantities import Quantity
-from avionics.records import constructor
+from wingbeat.units import Quantity
 
 LONGEST_STEP = 0.25
 """s; a longer gap between samples is bridged with the rates for this long, and the block starts anew"""
@@ -320,7 +320,7 @@ def triad(force: Vector, field: Vector, declination: float) -> Matrix:
     down = (-up[0], -up[1], -up[2])
     east = unit(cross(down, field)) or unit(cross(down, (1.0, 0.0, 0.0))) or (0.0, 1.0, 0.0)
     magnetic: Matrix = (*cross(east, down), *east, *down)
-    return multiply(rotation(0.0, 0.0, declination), magnetic)
+    return multiply(dcm_from_rotation_vector(0.0, 0.0, declination), magnetic)
 
 
 _new_ahrs_state = constructor(AhrsState)
@@ -354,7 +354,7 @@ def step(
         return _razor_step(gains, state, imu, rates, dt)
     correction, aid = state.correction, state.aid
     angles = _angles(gains.gyro_delay - 0.5, state.rates, rates, correction.bias, dt)
-    r = multiply(state.r, rotation(*angles))
+    r = multiply(state.r, dcm_from_rotation_vector(*angles))
     force, velocity, field = vectors = _in_earth_axes(gains.accel_delay, r, angles, imu, correction, airspeed)
     length = 1.0 / frequency if frequency > 0.0 else gains.fixed_block
     if state.block.span + dt < length:
@@ -467,7 +467,7 @@ def _fixed(
     noise = _noise(gains)
     p = velocity_aiding.carried(aid, noise, fix.time_us, impulse, r)
     aid, errors = velocity_aiding.fixed(aid, p, noise, fix)
-    r = orthonormalised(multiply(rotation(*errors.turn), r))
+    r = orthonormalize(multiply(dcm_from_rotation_vector(*errors.turn), r))
     iron = _sum(last.iron, errors.iron)
     if errors.realigned:
         iron = _sum(iron, _iron(gains, r, last, block, errors.turn[2]))
@@ -484,7 +484,7 @@ def _iron(gains: AhrsGains, r: Matrix, last: Correction, block: Block, turn: flo
     strength, dip, _ = last.field
     if block.span == 0.0 or strength == 0.0:
         return ZERO
-    x, y, z = rotate(rotation(0.0, 0.0, turn), _scaled(block.field, 1.0 / block.span))
+    x, y, z = rotate(dcm_from_rotation_vector(0.0, 0.0, turn), _scaled(block.field, 1.0 / block.span))
     level = strength * cos(dip)
     north, east = level * cos(gains.declination), level * sin(gains.declination)
     return rotate_back(r, (x - north, y - east, z - strength * sin(dip)))
@@ -528,7 +528,7 @@ def _corrected(
     limited = _limited(bias, last.offset, gains.bias_limit)
     corrected = _cached(gains, last.is_degraded, view, turn, (limited, impulse, sure))
     return (
-        orthonormalised(multiply(turn, r)),
+        orthonormalize(multiply(turn, r)),
         corrected._replace(
             offset=last.offset,
             accel_offset=_sum(last.accel_offset, errors.accel),
@@ -552,7 +552,7 @@ def _view(gains: AhrsGains, last: Correction, block: Block, flight: Flight) -> V
     trusting = age > gains.settling and last.is_degraded < time
     x, y, trust = _tilt(gains, _gravity(last, block, rising, velocity), trusting)
     gain = 0.0 if flight.aided else trust * _gain(length, time, age)
-    tilt = rotation(gain * x, gain * y, 0.0)
+    tilt = dcm_from_rotation_vector(gain * x, gain * y, 0.0)
     field = rotate(tilt, _scaled(block.field, 1.0 / length))
     reference, refused = _field_test(gains, last, field, length)
     heading_error = _wrapped(gains.declination - atan2(field[1], field[0]))
@@ -571,7 +571,7 @@ def _by_compass(
         return IDENTITY, velocity_aiding.NOTHING, aid
     compass = _compass(gains, view.reference)
     aid, errors = velocity_aiding.headed(aid, p, r, compass, view.heading_error, gains.field_noise)
-    return rotation(*errors.turn), errors, aid
+    return dcm_from_rotation_vector(*errors.turn), errors, aid
 
 
 def _by_view(
@@ -579,7 +579,7 @@ def _by_view(
 ) -> tuple[Matrix, Vector, velocity_aiding.Array]:
     """Turn, gyro bias and covariance from the block alone, by fixed gains."""
     compass = _gain(view.length, gains.heading_time, view.age) if view.refused[2] == 0.0 else 0.0
-    turn = multiply(rotation(0.0, 0.0, compass * view.heading_error), view.tilt)
+    turn = multiply(dcm_from_rotation_vector(0.0, 0.0, compass * view.heading_error), view.tilt)
     learned = 0.0 if view.age < gains.settling else view.length / gains.bias_time
     tilt_rate, heading_rate = learned * view.trust / view.time, learned / gains.heading_time
     error = (tilt_rate * view.north, tilt_rate * view.east, heading_rate * view.heading_error)
@@ -721,8 +721,8 @@ _new_attitude = constructor(Attitude)
 def attitude(state: AhrsState) -> Attitude:
     """The message of a state."""
     time_us, r, (rate_x, rate_y, rate_z), force, _, correction, _ = state
-    roll, pitch, yaw = euler(r)
-    w, x, y, z = quaternion(r)
+    roll, pitch, yaw = euler_from_dcm(r)
+    w, x, y, z = quaternion_from_dcm(r)
     bx, by, bz = correction.bias
     return _new_attitude(
         time_us, roll, pitch, yaw, rate_x - bx, rate_y - by, rate_z - bz, w, x, y, z, bx, by, bz,

@@ -13,11 +13,11 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from avionics.constants import STANDARD_GRAVITY
 from avionics.estimation.kalman import Array, constant, filterpy
 from avionics.messages import AirData, Altitude
-from avionics.quantities import Quantity
-from avionics.records import constructor
+from wingbeat.constants import STANDARD_GRAVITY
+from wingbeat.records import constructor
+from wingbeat.units import Quantity
 
 LONGEST_STEP = 0.5
 """s; between updates"""

@@ -21,7 +21,7 @@ from avionics.estimation.geodesy import to_geodetic, to_local
 from avionics.estimation.kalman import Array, constant, filterpy
 from avionics.limits import low_pass
 from avionics.messages import AirData, Altitude, Attitude, GpsFix, Position
-from avionics.quantities import Quantity
+from wingbeat.units import Quantity
 
 Vector4 = tuple[float, float, float, float]
 Matrix4 = tuple[Vector4, Vector4, Vector4, Vector4]

@@ -14,8 +14,8 @@ from __future__ import annotations
 from math import cos, hypot, sin
 from typing import NamedTuple
 
-from avionics.constants import STANDARD_GRAVITY
-from avionics.estimation.direction_cosines import Matrix, Vector, norm, orthonormalised, rotate
+from wingbeat.constants import STANDARD_GRAVITY
+from wingbeat.rotations import Matrix, Vector, norm, orthonormalize, rotate
 
 WEIGHT_SLOPE = 2.0
 """-; the weight is 1 at 1 g and nothing at 0.5 and 1.5 g"""
@@ -64,7 +64,7 @@ def step(
         r3 + r4 * z - r5 * y, r4 + r5 * x - r3 * z, r5 + r3 * y - r4 * x,
         r6 + r7 * z - r8 * y, r7 + r8 * x - r6 * z, r8 + r6 * y - r7 * x,
     )  # fmt: skip
-    return orthonormalised(turned), bias
+    return orthonormalize(turned), bias
 
 
 def _tilt_error(r: Matrix, force: Vector) -> Vector:

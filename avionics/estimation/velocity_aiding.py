@@ -29,9 +29,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from avionics.constants import STANDARD_GRAVITY
-from avionics.estimation.direction_cosines import Matrix, Vector
 from avionics.messages import GpsFix
+from wingbeat.constants import STANDARD_GRAVITY
+from wingbeat.rotations import Matrix, Vector
 
 Array = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from typing import Annotated, NamedTuple
 
 from avionics.limits import clip, low_pass, slew
 from avionics.messages import AltitudeStatus
-from avionics.quantities import Quantity
+from wingbeat.units import Quantity
 
 STEEP, STEEPEST = 0.7, 1.0
 """rad; bank from which thrust is given up, and at which nothing is left of it; beyond any bank asked for"""

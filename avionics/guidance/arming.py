@@ -5,7 +5,8 @@ from __future__ import annotations
 from avionics.guidance.failsafes import ANSWERED, FAILURES
 from avionics.guidance.modes import AIRBORNE, GUIDED, PILOTED, Conditions, Gains, Notice, Outcome, State
 from avionics.guidance.stages import without_push
-from avionics.messages import Mode, Severity, Stage
+from avionics.messages import Mode, Stage
+from wingbeat.message import Severity
 
 
 def refusals(gains: Gains, state: State, conditions: Conditions) -> tuple[str, ...]:

@@ -14,8 +14,8 @@ from typing import Annotated, NamedTuple
 from avionics.guidance import multisine
 from avionics.guidance.mission import Channel, Excitation, Shape
 from avionics.messages import ExcitationStatus
-from avionics.quantities import Quantity
-from avionics.records import constructor
+from wingbeat.records import constructor
+from wingbeat.units import Quantity
 
 GOLDEN_RATIO = 0.6180339887498949
 RESOLUTION = 1e-6

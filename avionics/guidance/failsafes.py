@@ -22,7 +22,8 @@ from avionics.guidance.modes import (
     State,
     enter,
 )
-from avionics.messages import Failsafe, Mode, Severity, Stage
+from avionics.messages import Failsafe, Mode, Stage
+from wingbeat.message import Severity
 
 RECEIVER_LOST = int(Failsafe.RECEIVER_LOST)
 """looked up once: a member of an enum costs as much as a call"""

@@ -7,7 +7,7 @@ from typing import Annotated, NamedTuple
 
 from avionics.limits import clip, slew, wrap
 from avionics.messages import HeadingStatus
-from avionics.quantities import Quantity
+from wingbeat.units import Quantity
 
 
 class Gains(NamedTuple):

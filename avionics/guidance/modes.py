@@ -9,8 +9,9 @@ from __future__ import annotations
 import math
 from typing import Annotated, NamedTuple
 
-from avionics.messages import Failsafe, Mode, Severity, Stage
-from avionics.quantities import Quantity
+from avionics.messages import Failsafe, Mode, Stage
+from wingbeat.message import Severity
+from wingbeat.units import Quantity
 
 AIRBORNE = (Stage.CLIMB_OUT, Stage.EN_ROUTE, Stage.APPROACH, Stage.FLARE)
 LANDING = (Stage.APPROACH, Stage.FLARE)

@@ -10,7 +10,8 @@ from avionics.guidance import circle, modes
 from avionics.guidance.route import Gains, Situation, State, Target, least_altitude
 from avionics.guidance.setpoint import Path, Received, Setpoint
 from avionics.limits import clip
-from avionics.messages import Mode, Severity, Stage
+from avionics.messages import Mode, Stage
+from wingbeat.message import Severity
 
 
 def valid(gains: Gains, received: Received, time_us: int) -> int:

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from typing import Annotated, NamedTuple
 
-from avionics.constants import STANDARD_GRAVITY
 from avionics.guidance.mission import Excitation, Rally
 from avionics.guidance.path import Place
 from avionics.guidance.setpoint import Setpoint
 from avionics.limits import clip
 from avionics.messages import Mode, Stage
-from avionics.quantities import Quantity
+from wingbeat.constants import STANDARD_GRAVITY
+from wingbeat.units import Quantity
 
 TURN_BANK = 0.4
 """rad; with which a corner is flown: short of every vehicle's greatest bank, to have some left for the wind"""

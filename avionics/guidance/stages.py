@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-from avionics.constants import STANDARD_GRAVITY
 from avionics.guidance.modes import (
     AIRBORNE,
     ANY_MODE,
@@ -17,7 +16,9 @@ from avionics.guidance.modes import (
     Outcome,
     State,
 )
-from avionics.messages import Failsafe, Mode, Severity, Stage
+from avionics.messages import Failsafe, Mode, Stage
+from wingbeat.constants import STANDARD_GRAVITY
+from wingbeat.message import Severity
 
 PITOT_BLOCKED = int(Failsafe.PITOT_BLOCKED)
 WAIT_LAUNCH, EN_ROUTE = Stage.WAIT_LAUNCH, Stage.EN_ROUTE

@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from avionics.limits import clip, low_pass
-from avionics.quantities import Quantity
+from wingbeat.units import Quantity
 
 
 class Gains(NamedTuple):

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 from avionics import messages as m
 from avionics.link.dialect import mavlink
 from avionics.link.framing import CRC_EXTRA, SIGNED, Frame, build_frame, build_frame_v1, checksum
-from avionics.records import constructor
+from wingbeat.records import constructor
 
 FULL_DEFLECTION = math.pi / 2
 """rad; an angle of this size is a control of 1 in HIL_ACTUATOR_CONTROLS, for wings, elevator and rudder alike."""

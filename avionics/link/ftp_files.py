@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import NamedTuple, Protocol
 
 from avionics.link.vehicle import Parameter, Storage, VehicleView
-from avionics.quantities import BadInput
+from wingbeat.errors import InputError
 
 PARAMETERS = "@PARAM/param.pck"
 LOGS = ("logs", "@MAV_LOG")
@@ -135,7 +135,7 @@ class FtpFileSystem:
         if with_defaults and self._storage is not None:
             try:
                 defaults = self._storage.defaults()
-            except BadInput:
+            except InputError:
                 defaults = None
         return pack_parameters(self._vehicle.parameters, defaults)
 

@@ -42,7 +42,8 @@ from avionics.link.signing import Signing
 from avionics.link.streams import Streams
 from avionics.link.transport import Peer, Transport, open_transport
 from avionics.link.vehicle import Identity, LinkGains, Storage, VehicleView
-from avionics.messages import ChannelOverride, CommandKind, Event, Input, PilotInput, Severity
+from avionics.messages import ChannelOverride, CommandKind, Input, PilotInput
+from wingbeat.message import Event, Severity
 
 MOST_WORK = 48
 """-; frames taken, and sent because of them, in one poll over all links; the one that passes it is the last. Each is
@@ -97,7 +98,7 @@ class GroundLink:
         """Open all links; without ``files`` no parameters and no key are kept.
 
         Raises:
-            BadInput: not a link address, a port in use, a missing device; no link stays open then.
+            InputError: not a link address, a port in use, a missing device; no link stays open then.
         """
         self._identity = identity or Identity()
         self._vehicle = vehicle

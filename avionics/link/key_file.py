@@ -15,8 +15,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 from avionics.link.signing import KEY_BYTES, Signing, Stamps
-from avionics.quantities import BadInput, parse_json
-from avionics.whole_file import settle_names, write_whole
+from wingbeat.documents import parse_json
+from wingbeat.errors import InputError
+from wingbeat.files import sync_folder, write_atomically
 
 _PASSPHRASE = "passphrase "
 _OTHERS = 0o077
@@ -34,7 +35,7 @@ class KeyFile:
         """The key; None where there is no file.
 
         Raises:
-            BadInput: the file cannot be read, is not a key, or others may read it.
+            InputError: the file cannot be read, is not a key, or others may read it.
         """
         try:
             text = self.path.read_text(encoding="utf-8-sig").strip()
@@ -42,9 +43,9 @@ class KeyFile:
         except FileNotFoundError:
             return None
         except (OSError, UnicodeDecodeError) as error:
-            raise BadInput(f"signing key {self.path}: cannot be read ({type(error).__name__})") from None
+            raise InputError(f"signing key {self.path}: cannot be read ({type(error).__name__})") from None
         if others:
-            raise BadInput(f"signing key {self.path} can be read by others: chmod 600 {self.path}")
+            raise InputError(f"signing key {self.path} can be read by others: chmod 600 {self.path}")
         return self._key(text)
 
     def _key(self, text: str) -> bytes:
@@ -53,13 +54,13 @@ class KeyFile:
         with contextlib.suppress(ValueError):
             if len(key := bytes.fromhex(text)) == KEY_BYTES:
                 return key
-        raise BadInput(f"signing key {self.path}: not {2 * KEY_BYTES} hexadecimal digits, and no passphrase")
+        raise InputError(f"signing key {self.path}: not {2 * KEY_BYTES} hexadecimal digits, and no passphrase")
 
     def load_stamps(self) -> Stamps:
         """The time stamps kept with the key; none where there is no file.
 
         Raises:
-            BadInput: the file is damaged: without it old frames could be repeated.
+            InputError: the file is damaged: without it old frames could be repeated.
         """
         try:
             document = parse_json(self._stamps.read_text(encoding="utf-8-sig"))
@@ -68,13 +69,15 @@ class KeyFile:
         except FileNotFoundError:
             return Stamps()
         except (OSError, ValueError, TypeError, KeyError, OverflowError):
-            raise BadInput(f"time stamps of the signing key, {self._stamps}, are damaged: remove the file") from None
+            raise InputError(
+                f"time stamps of the signing key, {self._stamps}, are damaged: remove the file"
+            ) from None
 
     def save_key(self, key: bytes | None) -> None:
         """Write the key for its owner's eyes alone, or remove it."""
         if key is None:
             self.path.unlink(missing_ok=True)
-            settle_names(self.path.parent)
+            sync_folder(self.path.parent)
         else:
             _write(self.path, key.hex() + "\n", settle=True)
 
@@ -89,7 +92,7 @@ def load_signing(file: KeyFile | None, unix_time: Callable[[], float] = time.tim
     """What the link signs with: the key of the file, if there is one, and never a time stamp twice.
 
     Raises:
-        BadInput: the file or its time stamps cannot be used.
+        InputError: the file or its time stamps cannot be used.
     """
     if file is None:
         return Signing(unix_time)
@@ -98,4 +101,4 @@ def load_signing(file: KeyFile | None, unix_time: Callable[[], float] = time.tim
 
 def _write(path: Path, text: str, settle: bool) -> None:
     path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-    write_whole(path, text, settle)
+    write_atomically(path, text, settle)

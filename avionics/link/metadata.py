@@ -14,7 +14,7 @@ from functools import lru_cache
 from typing import Any
 
 from avionics.link.vehicle import Parameter, Storage
-from avionics.quantities import BadInput
+from wingbeat.errors import InputError
 
 GENERAL = "metadata/general.json.xz"
 PARAMETERS = "metadata/parameter.json.xz"
@@ -48,7 +48,7 @@ def component_metadata(
     """
     try:
         defaults = {} if storage is None else storage.defaults()
-    except BadInput:
+    except InputError:
         defaults = {}
     shapes = tuple(parameter._replace(value=0.0) for parameter in parameters)
     return _files(shapes, tuple(defaults.items()), version)

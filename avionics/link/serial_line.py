@@ -12,7 +12,7 @@ from typing import Any
 
 import serial
 
-from avionics.quantities import BadInput
+from wingbeat.errors import InputError
 
 _CHUNK = 65536
 _FAILURES: tuple[type[Exception], ...] = (OSError, ValueError)
@@ -34,7 +34,7 @@ class SerialLine:
         """Open the device.
 
         Raises:
-            BadInput: it is missing, in use, or does not take this baud rate.
+            InputError: it is missing, in use, or does not take this baud rate.
         """
         self.name = f"serial:{device},{baud}"
         self.dropped = 0
@@ -46,7 +46,7 @@ class SerialLine:
         try:
             self._port: Any = self._opened()
         except _FAILURES as error:
-            raise BadInput(f"cannot open serial device {device} at {baud} baud: {_reason(error)}") from None
+            raise InputError(f"cannot open serial device {device} at {baud} baud: {_reason(error)}") from None
 
     @property
     def plugged(self) -> bool:

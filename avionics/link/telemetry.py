@@ -13,6 +13,7 @@ from avionics import topics as t
 from avionics.link.codec import FULL_DEFLECTION
 from avionics.link.dialect import mavlink
 from avionics.link.vehicle import Home, VehicleView
+from wingbeat.topic import Topic
 
 _UNKNOWN_U16 = 0xFFFF
 CHANNELS_SENT = 18
@@ -437,7 +438,7 @@ class Mirror(NamedTuple):
 
     name: bytes
     """-; at most 10 characters"""
-    topic: t.Topic
+    topic: Topic
     field: str
 
 

@@ -10,11 +10,12 @@ from typing import Any
 
 from avionics import messages as m
 from avionics import topics as t
-from avionics.constants import STANDARD_GRAVITY
 from avionics.link.dialect import mavlink
 from avionics.link.mission_codec import to_degrees
 from avionics.link.telemetry import boot_ms, home_place, int16
 from avionics.link.vehicle import VehicleView
+from wingbeat.constants import STANDARD_GRAVITY
+from wingbeat.rotations import frd_from_ned
 
 INNOVATION_GATE = 5.0
 """standard deviations; PX4's and ArduPilot's gate, by which their test ratios are normalized"""
@@ -173,7 +174,7 @@ def odometry(vehicle: VehicleView) -> Any:
         place.east,
         -height.altitude,
         list(quaternion),
-        *_to_body(quaternion, (place.v_north, place.v_east, -height.climb_rate)),
+        *frd_from_ned(quaternion, (place.v_north, place.v_east, -height.climb_rate)),
         turn.roll_rate,
         turn.pitch_rate,
         turn.yaw_rate,
@@ -191,17 +192,6 @@ def _covariance(*variances: float) -> list[float]:
     for row, variance in enumerate(variances):
         triangle[row * 6 - row * (row - 1) // 2] = variance
     return triangle
-
-
-def _to_body(quaternion: tuple[float, float, float, float], ned: tuple[float, float, float]) -> tuple[float, ...]:
-    """A vector in NED as its components along body FRD axes."""
-    w, x, y, z = quaternion
-    north, east, down = ned
-    return (
-        (1.0 - 2.0 * (y * y + z * z)) * north + 2.0 * (x * y + w * z) * east + 2.0 * (x * z - w * y) * down,
-        2.0 * (x * y - w * z) * north + (1.0 - 2.0 * (x * x + z * z)) * east + 2.0 * (y * z + w * x) * down,
-        2.0 * (x * z + w * y) * north + 2.0 * (y * z - w * x) * east + (1.0 - 2.0 * (x * x + y * y)) * down,
-    )
 
 
 def vibration(vehicle: VehicleView) -> Any:

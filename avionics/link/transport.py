@@ -17,7 +17,7 @@ from typing import Any, NamedTuple, Protocol
 
 from avionics.link.serial_line import SerialLine
 from avionics.link.urls import LinkUrl, parse_url
-from avionics.quantities import BadInput
+from wingbeat.errors import InputError
 
 Peer = Hashable
 MOST_PEERS = 16
@@ -74,7 +74,7 @@ def open_transport(url: str | LinkUrl) -> Transport:
     """Open a ground link.
 
     Raises:
-        BadInput: not a link address, the port is in use, the device is missing, the host has no address.
+        InputError: not a link address, the port is in use, the device is missing, the host has no address.
     """
     parsed = url if isinstance(url, LinkUrl) else parse_url(url)
     if parsed.kind == "udpin":
@@ -92,7 +92,7 @@ def _resolve(url: LinkUrl, kind: socket.SocketKind) -> tuple[socket.AddressFamil
     try:
         family, _, _, _, address = socket.getaddrinfo(url.host, url.port, type=kind)[0]
     except (OSError, UnicodeError) as error:
-        raise BadInput(f"{url}: no address for host {url.host!r} ({error})") from None
+        raise InputError(f"{url}: no address for host {url.host!r} ({error})") from None
     return family, address
 
 
@@ -108,7 +108,7 @@ def _bound(url: LinkUrl, kind: socket.SocketKind) -> socket.socket:
     except OSError as error:
         port.close()
         reason = error.strerror or str(error)
-        raise BadInput(f"{url}: cannot listen on port {url.port} of {url.host}: {reason}") from None
+        raise InputError(f"{url}: cannot listen on port {url.port} of {url.host}: {reason}") from None
     return port
 
 
@@ -455,7 +455,7 @@ class SerialTransport:
         """Open the device.
 
         Raises:
-            BadInput: it is missing, in use, or does not take this baud rate.
+            InputError: it is missing, in use, or does not take this baud rate.
         """
         self.url = url
         self.portion = _CHUNK
@@ -592,11 +592,11 @@ class Listener:
         """Bind ``tcp:HOST:PORT`` or ``tcpin:HOST:PORT``.
 
         Raises:
-            BadInput: another kind of address, or the port is in use.
+            InputError: another kind of address, or the port is in use.
         """
         self.url = url if isinstance(url, LinkUrl) else parse_url(url)
         if self.url.kind not in ("tcp", "tcpin"):
-            raise BadInput(f"{self.url}: a world listens on tcp:HOST:PORT")
+            raise InputError(f"{self.url}: a world listens on tcp:HOST:PORT")
         self._socket = _bound(self.url, socket.SOCK_STREAM)
 
     @property
@@ -624,7 +624,7 @@ def open_stream(url: str | LinkUrl, timeout: float) -> Stream | None:
     ``tcp`` connects and tries again while the partner starts, ``tcpin`` waits for it, ``serial`` opens the device.
 
     Raises:
-        BadInput: not an address of these kinds, the host has no address, the device is missing.
+        InputError: not an address of these kinds, the host has no address, the device is missing.
     """
     parsed = url if isinstance(url, LinkUrl) else parse_url(url)
     if parsed.kind == "serial":
@@ -636,7 +636,7 @@ def open_stream(url: str | LinkUrl, timeout: float) -> Stream | None:
         finally:
             listener.close()
     if parsed.kind != "tcp":
-        raise BadInput(f"{parsed}: a lockstep partner is on tcp:, tcpin: or serial:")
+        raise InputError(f"{parsed}: a lockstep partner is on tcp:, tcpin: or serial:")
     return _connect_stream(parsed, timeout)
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from avionics.quantities import BadInput
+from wingbeat.errors import InputError
 
 SOCKET_KINDS = ("udpin", "udpout", "tcp", "tcpin")
 FORMS = "udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT, tcpin:HOST:PORT or serial:DEVICE,BAUD"
@@ -55,18 +55,18 @@ def parse_url(text: str) -> LinkUrl:
     """Take a link's address apart.
 
     Raises:
-        BadInput: it has none of the five forms, or an unknown option; the text names them.
+        InputError: it has none of the five forms, or an unknown option; the text names them.
     """
     kind, _, rest = text.strip().partition(":")
     separator = "," if kind == "serial" else ":"
     place, found, tail = rest.rpartition(separator)
     number, asked, options = tail.partition("?")
     if (kind not in SOCKET_KINDS and kind != "serial") or not found or not place.strip("[]"):
-        raise BadInput(f"link {text!r} is not one of {FORMS}")
+        raise InputError(f"link {text!r} is not one of {FORMS}")
     highest = _FASTEST if kind == "serial" else 65535
     if not _within(number, highest):
         what = "baud rate" if kind == "serial" else "port"
-        raise BadInput(f"link {text!r}: the {what} must be a number from 1 to {highest}; forms: {FORMS}")
+        raise InputError(f"link {text!r}: the {what} must be a number from 1 to {highest}; forms: {FORMS}")
     url = LinkUrl(kind, place if kind == "serial" else place.strip("[]"), int(number))
     return _with_options(url, options, text) if asked else url
 
@@ -85,5 +85,5 @@ def _with_options(url: LinkUrl, options: str, text: str) -> LinkUrl:
         elif name == "forward" and value in _FORWARD:
             url = url._replace(forward=_FORWARD[value])
         else:
-            raise BadInput(f"link {text!r}: {option!r} is none of {OPTIONS}")
+            raise InputError(f"link {text!r}: {option!r} is none of {OPTIONS}")
     return url

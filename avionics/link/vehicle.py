@@ -7,9 +7,10 @@ from typing import Any, NamedTuple, Protocol
 
 from avionics.guidance.mission import Fence, Mission, Rally
 from avionics.link.dialect import mavlink
-from avionics.messages import Command, CommandKind, Event, Mode
-from avionics.quantities import BadInput
-from avionics.topics import Topic
+from avionics.messages import Command, CommandKind, Mode
+from wingbeat.errors import InputError
+from wingbeat.message import Event
+from wingbeat.topic import Topic
 
 NO_FRAMES = "no sensor frames"
 """Why nothing is taken while the board is silent: it would be obeyed whenever the board comes back."""
@@ -107,7 +108,7 @@ class Storage(Protocol):
     """Where parameters outlive a restart; its owner is at the edge, with the files."""
 
     def stored(self) -> Mapping[str, float]:
-        """The values in the file that differ from the vehicle's; raises `BadInput` where it cannot be used."""
+        """The values in the file that differ from the vehicle's; raises `InputError` where it cannot be used."""
 
     def defaults(self) -> Mapping[str, float]:
         """Every value of the vehicle file."""
@@ -273,12 +274,12 @@ def load_identity(name: str) -> Identity:
     """The profile of this name.
 
     Raises:
-        BadInput: there is none; the text names those that there are.
+        InputError: there is none; the text names those that there are.
     """
     try:
         return PROFILES[name]
     except KeyError:
-        raise BadInput(f"identity {name!r} is none of {', '.join(PROFILES)}") from None
+        raise InputError(f"identity {name!r} is none of {', '.join(PROFILES)}") from None
 
 
 class LinkGains(NamedTuple):

@@ -9,7 +9,7 @@ from typing import Any
 from avionics.guidance import excitation as excitation_input
 from avionics.guidance.mission import Channel, Excitation, Shape
 from avionics.missions.keys import Key, choice, number, numbers
-from avionics.quantities import BadInput
+from wingbeat.errors import InputError
 
 DEGREES = Key("deg", 0.1, 45.0, math.radians)
 SHARE = Key("-", 0.005, 0.5)
@@ -43,7 +43,7 @@ def read_excitation(where: str, table: Mapping[str, Any]) -> Excitation:
     """The input that the keys of an ``[[item]]`` describe.
 
     Raises:
-        BadInput: the text begins with ``where`` and names the key and its range.
+        InputError: the text begins with ``where`` and names the key and its range.
     """
     shape = choice(where, table, "shape", SHAPES)
     loops = choice(where, {"loops": "frozen", **table}, "loops", LOOPS)
@@ -51,7 +51,7 @@ def read_excitation(where: str, table: Mapping[str, Any]) -> Excitation:
     requested = read(where, table, shape)._replace(loops=loops)
     refusal = check_excitation(requested)
     if refusal:
-        raise BadInput(f"{where}: {refusal}")
+        raise InputError(f"{where}: {refusal}")
     return requested
 
 
@@ -73,7 +73,7 @@ def _multisine(where: str, table: Mapping[str, Any], shape: Shape) -> Excitation
         if name in table
     }
     if not amplitudes:
-        raise BadInput(f"{where}: a multisine needs {', '.join(BESIDE)}, one or more of them")
+        raise InputError(f"{where}: a multisine needs {', '.join(BESIDE)}, one or more of them")
     requested = Excitation(
         Channel.ELEVATOR, shape, 0.0, entries["period"], entries["settle"], _repeats(where, entries),
         entries["low"], entries["high"],
@@ -90,7 +90,7 @@ def on_channels(requested: Excitation, amplitudes: Mapping[Channel, float]) -> E
 
 def _repeats(where: str, entries: Mapping[str, float]) -> int:
     if entries["repeats"] != int(entries["repeats"]):
-        raise BadInput(f"{where}: repeats must be a whole number, not {entries['repeats']:g}")
+        raise InputError(f"{where}: repeats must be a whole number, not {entries['repeats']:g}")
     return int(entries["repeats"])
 
 

@@ -11,7 +11,7 @@ from avionics.link.vehicle import Home
 from avionics.link.wire_item import ItemRefused, WireItem
 from avionics.missions import plan_file, reader, waypoint_file
 from avionics.missions.limits import check_climb
-from avionics.quantities import BadInput
+from wingbeat.errors import InputError
 
 LISTS = (".waypoints", ".txt", ".mission")
 """endings of plain lists"""
@@ -21,7 +21,7 @@ def load_flight_plan(name_or_path: str | Path) -> FlightPlan:
     """The plan of that name, or in that file; places on the globe count from the file's own home.
 
     Raises:
-        BadInput: no such mission, unreadable file, or an item that cannot be flown: the text names it and why.
+        InputError: no such mission, unreadable file, or an item that cannot be flown: the text names it and why.
     """
     path = reader.find(name_or_path)
     if path.suffix == ".plan":
@@ -32,24 +32,24 @@ def load_flight_plan(name_or_path: str | Path) -> FlightPlan:
         plan = reader.load_plan(name_or_path)
     refusal = reader.check_plan(plan) or check_climb(plan.mission)
     if refusal:
-        raise BadInput(f"{path}: {refusal}")
+        raise InputError(f"{path}: {refusal}")
     return plan
 
 
 def _from_plan(path: Path) -> FlightPlan:
     file = plan_file.read(path)
     if all(planned.item.command in SKIPPED for planned in file.mission):
-        raise BadInput(f"{path}: no mission item to fly, only {_rest(file)}")
+        raise InputError(f"{path}: no mission item to fly, only {_rest(file)}")
     try:
         items = plan_file.numbered(file.mission)
-    except BadInput as error:
-        raise BadInput(f"{path}: {error}") from None
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
     mission = _mission(path, ((planned.where, planned.item) for planned in items), file.home)
     try:
         fence = decode_fence(file.fence, file.home)
         rally = decode_rally(file.rally, file.home)
     except ItemRefused as refused:
-        raise BadInput(f"{path}: fence or rally points: {refused}") from None
+        raise InputError(f"{path}: fence or rally points: {refused}") from None
     return FlightPlan(mission, fence, rally, notes([planned.item for planned in items]))
 
 
@@ -65,7 +65,7 @@ def _from_list(path: Path) -> FlightPlan:
     home = waypoint_file.home_of(lines)
     items = [line.item for line in waypoint_file.without_home(lines)]
     if home is None and any(item.frame in GLOBES and (item.x or item.y) for item in items):
-        raise BadInput(f"{path}: its first line must be home (frame 0, command 16): its places are on the globe")
+        raise InputError(f"{path}: its first line must be home (frame 0, command 16): its places are on the globe")
     first = 0 if home is None else 1
     mission = _mission(path, ((f"item {number}", item) for number, item in enumerate(items, first)), home)
     return FlightPlan(mission, notes=notes(items))
@@ -79,6 +79,6 @@ def _mission(path: Path, items: Iterable[tuple[str, WireItem]], home: Home | Non
         try:
             made.append(decode_item(item, home, earlier))
         except ItemRefused as refused:
-            raise BadInput(f"{path}: {where}: {refused}") from None
+            raise InputError(f"{path}: {where}: {refused}") from None
         earlier.append(item)
     return tuple(made)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
-from avionics.quantities import BadInput
+from wingbeat.errors import InputError
 
 
 class Key(NamedTuple):
@@ -23,12 +23,12 @@ def choice(where: str, table: Mapping[str, Any], key: str, choices: Mapping[str,
     """What the word at ``key`` stands for.
 
     Raises:
-        BadInput: missing, or none of the ``choices``.
+        InputError: missing, or none of the ``choices``.
     """
     word = str(table.get(key, "")).lower()
     if word not in choices:
         said = f'"{word}"' if key in table else "missing"
-        raise BadInput(f"{where}: {key} is {said}; it must be one of {', '.join(choices)}")
+        raise InputError(f"{where}: {key} is {said}; it must be one of {', '.join(choices)}")
     return choices[word]
 
 
@@ -38,11 +38,11 @@ def numbers(
     """The numbers at ``keys`` in SI; ``others`` are the keys that are read elsewhere.
 
     Raises:
-        BadInput: a key that is not known, or a number that is missing or outside its range.
+        InputError: a key that is not known, or a number that is missing or outside its range.
     """
     for name in table:
         if name not in keys and name not in others:
-            raise BadInput(f"{where}: unknown key {name}; known: {', '.join((*others, *keys))}")
+            raise InputError(f"{where}: unknown key {name}; known: {', '.join((*others, *keys))}")
     return {name: number(where, table, name, key) for name, key in keys.items()}
 
 
@@ -50,14 +50,16 @@ def number(where: str, table: Mapping[str, Any], name: str, key: Key) -> float:
     """One number in SI.
 
     Raises:
-        BadInput: missing, or outside its range.
+        InputError: missing, or outside its range.
     """
     expected = f"a number from {key.low:g} to {key.high:g} {key.unit}"
     value = table.get(name)
     if value is None and key.default is not None:
         return key.default
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise BadInput(f"{where}: {name} {'is missing' if value is None else f'= {value!r}'}; it must be {expected}")
+        raise InputError(
+            f"{where}: {name} {'is missing' if value is None else f'= {value!r}'}; it must be {expected}"
+        )
     if not key.low <= value <= key.high:
-        raise BadInput(f"{where}: {name} = {value:g} is outside its range; it must be {expected}")
+        raise InputError(f"{where}: {name} = {value:g} is outside its range; it must be {expected}")
     return key.si(value)

@@ -16,7 +16,9 @@ from avionics.link.dialect import mavlink
 from avionics.link.mission_codec import to_metres
 from avionics.link.vehicle import Home
 from avionics.link.wire_item import WireItem
-from avionics.quantities import BadInput, DocumentError, parse_json, why_unread
+from wingbeat.documents import parse_json
+from wingbeat.errors import DocumentError, InputError
+from wingbeat.text import read_error_text
 
 RELATIVE = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT
 
@@ -44,20 +46,20 @@ def read(path: Path) -> PlanFile:
     """The plan of a file.
 
     Raises:
-        BadInput: unreadable, no plan, or a part of it that is malformed; the text says which.
+        InputError: unreadable, no plan, or a part of it that is malformed; the text says which.
     """
     try:
         document = parse_json(path.read_text(encoding="utf-8-sig"))
     except (OSError, UnicodeDecodeError) as error:
-        raise BadInput(f"cannot read mission file {path}: {why_unread(error)}") from None
+        raise InputError(f"cannot read mission file {path}: {read_error_text(error)}") from None
     except DocumentError as error:
-        raise BadInput(f"{path}: {error}") from None
+        raise InputError(f"{path}: {error}") from None
     if not isinstance(document, dict) or document.get("fileType") != "Plan":
-        raise BadInput(f'{path}: a plan has "fileType": "Plan"')
+        raise InputError(f'{path}: a plan has "fileType": "Plan"')
     try:
         return _plan(document)
     except _Malformed as error:
-        raise BadInput(f"{path}: {error}") from None
+        raise InputError(f"{path}: {error}") from None
 
 
 class _Malformed(ValueError):
@@ -239,7 +241,7 @@ def numbered(mission: Sequence[PlannedItem]) -> tuple[PlannedItem, ...]:
     """The items with every DO_JUMP leading to a place in the list, instead of a name in the file.
 
     Raises:
-        BadInput: a jump to an item that is not in the list.
+        InputError: a jump to an item that is not in the list.
     """
     places = {planned.identity: place for place, planned in reversed(list(enumerate(mission))) if planned.identity}
     return tuple(_jump_to(planned, places) for planned in mission)
@@ -251,7 +253,7 @@ def _jump_to(planned: PlannedItem, places: Mapping[int, int]) -> PlannedItem:
         return planned
     target = item.params[0]
     if target not in places:
-        raise BadInput(f"{planned.where}: DO_JUMP (177) leads to item {target:g}, which is not flown")
+        raise InputError(f"{planned.where}: DO_JUMP (177) leads to item {target:g}, which is not flown")
     return planned._replace(item=item._replace(params=(float(places[int(target)]), *item.params[1:])))
 
 
@@ -262,14 +264,14 @@ def write(path: Path, plan: PlanFile) -> None:
     """Write a plan to a new file.
 
     Raises:
-        BadInput: the file exists, or cannot be written.
+        InputError: the file exists, or cannot be written.
     """
     try:
         with path.open("x", encoding="utf-8") as file:
             json.dump(document(plan), file, indent=4, allow_nan=False)
             file.write("\n")
     except OSError as error:
-        raise BadInput(f"cannot write {path}: {error.strerror}") from None
+        raise InputError(f"cannot write {path}: {error.strerror}") from None
 
 
 def document(plan: PlanFile) -> dict[str, Any]:

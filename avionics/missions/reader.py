@@ -36,7 +36,9 @@ from avionics.missions.limits import (
     check_jumps,
     check_rally,
 )
-from avionics.quantities import BadInput, DocumentError, parse_toml, why_unread
+from wingbeat.documents import parse_toml
+from wingbeat.errors import DocumentError, InputError
+from wingbeat.text import read_error_text
 
 FOLDER = Path(__file__).parent
 SURVEYED = "survey"
@@ -52,7 +54,7 @@ def load_mission(name_or_path: str | Path) -> Mission:
     """The mission of that name, or in that file; see `load_plan`.
 
     Raises:
-        BadInput: as of `load_plan`.
+        InputError: as of `load_plan`.
     """
     return load_plan(name_or_path).mission
 
@@ -61,29 +63,29 @@ def load_plan(name_or_path: str | Path) -> FlightPlan:
     """The mission of that name, or in that TOML file, with its fence and rally points.
 
     Raises:
-        BadInput: no such mission, unreadable file, or an item that cannot be flown: the text names the item's
+        InputError: no such mission, unreadable file, or an item that cannot be flown: the text names the item's
             number, the key and the allowed range.
     """
     path = find(name_or_path)
     try:
         document = parse_toml(path.read_text(encoding="utf-8-sig"))
     except (OSError, UnicodeDecodeError) as error:
-        raise BadInput(f"cannot read mission file {path}: {why_unread(error)}") from None
+        raise InputError(f"cannot read mission file {path}: {read_error_text(error)}") from None
     except DocumentError as error:
-        raise BadInput(f"{path}: {error}") from None
+        raise InputError(f"{path}: {error}") from None
     unknown = set(document) - {"name", "title", "item", "fence", "rally", "fault"}
     if unknown:
-        raise BadInput(
+        raise InputError(
             f"{path}: unknown key {sorted(unknown)[0]}; known: name, title, [[item]], [fence], [[rally]], [[fault]]"
         )
     tables = document.get("item", [])
     if not isinstance(tables, list) or not 1 <= len(tables) <= LONGEST_MISSION:
-        raise BadInput(f"{path}: a mission has 1 to {LONGEST_MISSION} [[item]] tables")
+        raise InputError(f"{path}: a mission has 1 to {LONGEST_MISSION} [[item]] tables")
     mission = _mission(path, tables)
     plan = FlightPlan(mission, _fence(path, document.get("fence", {})), _rally(path, document.get("rally", [])))
     refusal = check_plan(plan)
     if refusal:
-        raise BadInput(f"{path}: {refusal}")
+        raise InputError(f"{path}: {refusal}")
     return plan
 
 
@@ -110,7 +112,7 @@ def find(name_or_path: str | Path) -> Path:
     """The file of a mission's name, or that path.
 
     Raises:
-        BadInput: there is neither.
+        InputError: there is neither.
     """
     named = FOLDER / f"{name_or_path}.toml"
     if str(name_or_path) in mission_names():
@@ -118,7 +120,7 @@ def find(name_or_path: str | Path) -> Path:
     path = Path(name_or_path)
     if path.is_file():
         return path
-    raise BadInput(f"no mission {name_or_path}: neither a file nor one of {', '.join(mission_names())}")
+    raise InputError(f"no mission {name_or_path}: neither a file nor one of {', '.join(mission_names())}")
 
 
 def _mission(path: Path, tables: list[Any]) -> Mission:
@@ -134,7 +136,7 @@ def _mission(path: Path, tables: list[Any]) -> Mission:
 
 def _items(where: str, table: Any, count: int) -> list[MissionItem]:
     if not isinstance(table, dict):
-        raise BadInput(f"{where} must be a table")
+        raise InputError(f"{where} must be a table")
     kinds = {kind.name.lower(): kind for kind in ItemKind}
     kind = choice(where, table, "kind", {**kinds, SURVEYED: SURVEYED})
     if kind == SURVEYED:
@@ -148,7 +150,7 @@ def _items(where: str, table: Any, count: int) -> list[MissionItem]:
     item = MissionItem(kind, **fields)
     refusal = check_item(item)
     if refusal:
-        raise BadInput(f"{where}: {refusal}")
+        raise InputError(f"{where}: {refusal}")
     return [item]
 
 
@@ -157,7 +159,7 @@ def _jump(where: str, table: Mapping[str, Any], count: int) -> MissionItem:
     found = numbers(where, table, keys, ("kind",))
     for name, value in found.items():
         if value != int(value):
-            raise BadInput(f"{where}: {name} must be a whole number, not {value:g}")
+            raise InputError(f"{where}: {name} must be a whole number, not {value:g}")
     return MissionItem(ItemKind.JUMP, jump_to=int(found["item"]) - 1, repeats=int(found["repeats"]))
 
 
@@ -166,7 +168,7 @@ def _survey(where: str, table: Mapping[str, Any]) -> list[MissionItem]:
     corners = _polygon(where, table.get("polygon"))
     flown = survey.legs(corners, found["spacing"], found["heading_deg"], found["overshoot"])
     if not flown or 2 * len(flown) > LONGEST_MISSION:
-        raise BadInput(
+        raise InputError(
             f"{where}: a survey has 1 to {LONGEST_MISSION // 2} legs, not {len(flown)}: change its spacing"
         )
     return [MissionItem(ItemKind.WAYPOINT, north, east, found["altitude"]) for leg in flown for north, east in leg]
@@ -176,33 +178,33 @@ def _polygon(where: str, corners: Any) -> tuple[tuple[float, float], ...]:
     """Corners as ``[[north, east], ...]`` in m."""
     expected = f"polygon must be a list of 3 to {MOST_CORNERS} corners, [north, east] in m within 100 km of home"
     if not isinstance(corners, list) or not 3 <= len(corners) <= MOST_CORNERS:
-        raise BadInput(f"{where}: {expected}")
+        raise InputError(f"{where}: {expected}")
     for corner in corners:
         sound = isinstance(corner, list) and len(corner) == 2
         if not sound or not all(isinstance(m, int | float) and not isinstance(m, bool) for m in corner):
-            raise BadInput(f"{where}: {expected}, not {corner!r}")
+            raise InputError(f"{where}: {expected}, not {corner!r}")
         if not all(abs(metres) <= 1e5 for metres in corner):
-            raise BadInput(f"{where}: {expected}, not {corner!r}")
+            raise InputError(f"{where}: {expected}, not {corner!r}")
     return tuple((float(north), float(east)) for north, east in corners)
 
 
 def _fence(path: Path, table: Any) -> Fence:
     if not isinstance(table, dict):
-        raise BadInput(f"{path}: fence must be a table")
+        raise InputError(f"{path}: fence must be a table")
     if not table:
         return NO_FENCE
     where = f"{path}: fence"
     found = numbers(where, table, FENCE_ALTITUDES, ("zone",))
     zones = table.get("zone", [])
     if not isinstance(zones, list):
-        raise BadInput(f"{where}: zones are [[fence.zone]] tables")
+        raise InputError(f"{where}: zones are [[fence.zone]] tables")
     made = tuple(_zone(f"{where}, zone {number}", zone) for number, zone in enumerate(zones, 1))
     return Fence(made, found["min_altitude"], found["max_altitude"])
 
 
 def _zone(where: str, table: Any) -> Zone:
     if not isinstance(table, dict):
-        raise BadInput(f"{where} must be a table")
+        raise InputError(f"{where} must be a table")
     keep_in = choice(where, {"keep": "in", **table}, "keep", {"in": 1, "out": 0})
     if "polygon" in table:
         numbers(where, table, {}, ("keep", "polygon"))
@@ -213,6 +215,6 @@ def _zone(where: str, table: Any) -> Zone:
 
 def _rally(path: Path, tables: Any) -> Rally:
     if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
-        raise BadInput(f"{path}: rally points are [[rally]] tables")
+        raise InputError(f"{path}: rally points are [[rally]] tables")
     named = enumerate(tables, 1)
     return tuple(RallyPoint(**numbers(f"{path}: rally {number}", table, RALLY, ())) for number, table in named)

@@ -11,7 +11,8 @@ from avionics.link.dialect import mavlink
 from avionics.link.mission_codec import GLOBES, wire_scale
 from avionics.link.vehicle import Home
 from avionics.link.wire_item import WireItem
-from avionics.quantities import BadInput, why_unread
+from wingbeat.errors import InputError
+from wingbeat.text import read_error_text
 
 HEADER = "QGC WPL 110"
 COLUMNS = 12
@@ -29,38 +30,38 @@ def read(path: Path) -> tuple[Line, ...]:
     """The items of a file.
 
     Raises:
-        BadInput: unreadable, not such a list, or a line that is malformed; the text gives its number.
+        InputError: unreadable, not such a list, or a line that is malformed; the text gives its number.
     """
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as error:
-        raise BadInput(f"cannot read mission file {path}: {why_unread(error)}") from None
+        raise InputError(f"cannot read mission file {path}: {read_error_text(error)}") from None
     numbered = [(number, line) for number, line in enumerate(lines, 1) if line.strip() and line.lstrip()[0] != "#"]
     if not numbered or numbered[0][1].split() != HEADER.split():
-        raise BadInput(f"{path}: the first line of a mission file must be {HEADER!r}")
+        raise InputError(f"{path}: the first line of a mission file must be {HEADER!r}")
     del numbered[0]
     items = tuple(_line(f"{path}, line {number}", line.split()) for number, line in numbered)
     if not items:
-        raise BadInput(f"{path}: the mission has no items")
+        raise InputError(f"{path}: the mission has no items")
     return items
 
 
 def _line(where: str, words: Sequence[str]) -> Line:
     if len(words) != COLUMNS:
-        raise BadInput(f"{where}: a mission item has {COLUMNS} columns, not {len(words)}")
+        raise InputError(f"{where}: a mission item has {COLUMNS} columns, not {len(words)}")
     try:
         frame, command, autocontinue = int(words[2]), int(words[3]), int(words[11])
         numbers = [float(word) for word in words[4:11]]
     except ValueError as error:
-        raise BadInput(f"{where}: {error}") from None
+        raise InputError(f"{where}: {error}") from None
     if not 0 <= frame <= 255 or not 0 <= command <= 65535 or not 0 <= autocontinue <= 1:
-        raise BadInput(f"{where}: frame, command or autocontinue out of range")
+        raise InputError(f"{where}: frame, command or autocontinue out of range")
     x, y, z = numbers[4:7]
     scale = wire_scale(frame)
     if not all(math.isfinite(value) and abs(value * scale) < 2**31 for value in (x, y)):
-        raise BadInput(f"{where}: a coordinate is out of range")
+        raise InputError(f"{where}: a coordinate is out of range")
     if not math.isfinite(z):
-        raise BadInput(f"{where}: the altitude must be a finite number")
+        raise InputError(f"{where}: the altitude must be a finite number")
     return Line(WireItem(frame, command, (numbers[0], numbers[1], numbers[2], numbers[3]), x, y, z), autocontinue)
 
 

@@ -12,8 +12,9 @@ from typing import Annotated, NamedTuple
 
 from avionics.limits import TWO_PI, between_points, clip, slew
 from avionics.messages import FlapCommand
-from avionics.quantities import BadInput, Quantity
-from avionics.records import constructor
+from wingbeat.errors import InputError
+from wingbeat.records import constructor
+from wingbeat.units import Quantity
 
 DRIVES = ("servo", "motor")
 
@@ -73,17 +74,17 @@ def check(gains: Gains) -> Gains:
     """The gains, once they make sense together.
 
     Raises:
-        BadInput: unknown drive, or a frequency map that is not a rising list of pairs.
+        InputError: unknown drive, or a frequency map that is not a rising list of pairs.
     """
     if gains.drive not in DRIVES:
-        raise BadInput(f'flapping.drive must be "servo" or "motor", not "{gains.drive}"')
+        raise InputError(f'flapping.drive must be "servo" or "motor", not "{gains.drive}"')
     points = gains.throttle_points
     if len(points) < 2 or {len(gains.frequency_points), len(gains.amplitude_points)} != {len(points)}:
-        raise BadInput(
+        raise InputError(
             "flapping.throttle_points, frequency_points and amplitude_points must be lists of equal length, 2 or more"
         )
     if any(later <= earlier for earlier, later in pairwise(points)):
-        raise BadInput("flapping.throttle_points must rise")
+        raise InputError("flapping.throttle_points must rise")
     return gains
 
 

@@ -19,14 +19,15 @@ from avionics.guidance.mission import Mission
 from avionics.isolation import Isolation, fault_events
 from avionics.link.ground import GroundLink
 from avionics.link.vehicle import NO_FRAMES
-from avionics.messages import ChannelOverride, Command, Input, Severity
+from avionics.messages import ChannelOverride, Command, Input
 from avionics.processors import Stopwatch
 from avionics.recorder import Recorder
 from avionics.runtime.input_queue import SILENCE, InputQueue
 from avionics.timebase import NOMINAL_US
-from avionics.topics import Topic
 from avionics.vehicles import FlightVehicle
 from avionics.view import FlightView
+from wingbeat.message import Severity
+from wingbeat.topic import Topic
 
 POLL = 0.004
 """s; of wall-clock time between two looks at the ground links"""
@@ -56,7 +57,7 @@ class FlightComputer:
         with what the recorder, the parameter file and the links raise.
 
         Raises:
-            BadInput: the mission cannot be flown.
+            InputError: the mission cannot be flown.
         """
         self._recorder = recorder
         self._isolation = isolation or Isolation()

@@ -17,20 +17,10 @@ from enum import IntEnum
 from math import sqrt
 from typing import Annotated, NamedTuple
 
-from avionics.constants import STANDARD_GRAVITY
 from avionics.messages import AirData, PressureSample
-from avionics.quantities import Quantity
+from wingbeat.atmosphere import GAS_CONSTANT, SEA_LEVEL_TEMPERATURE, pressure_altitude
+from wingbeat.units import Quantity
 
-AIR_GAS_CONSTANT = 287.05287
-"""J/(kg K); ISO 2533"""
-SEA_LEVEL_PRESSURE = 101325.0
-"""Pa; ISO 2533"""
-SEA_LEVEL_TEMPERATURE = 288.15
-"""K; ISO 2533"""
-LAPSE_RATE = 0.0065
-"""K/m; ISO 2533, troposphere"""
-LAPSE_EXPONENT = AIR_GAS_CONSTANT * LAPSE_RATE / STANDARD_GRAVITY
-"""-; of the pressure ratio in the troposphere"""
 LEAST_TEMPERATURE = 180.0
 """K; a thermometer that tells less is broken, and the standard's temperature is taken"""
 LONGEST_STEP = 0.5
@@ -130,12 +120,6 @@ class State(NamedTuple):
     """s; since a reading was last accepted"""
 
 
-def isa_altitude(pressure: float) -> float:
-    """Pressure altitude in m of a static pressure in Pa in the standard atmosphere's troposphere (ISO 2533)."""
-    ratio = max(pressure, 1.0) / SEA_LEVEL_PRESSURE
-    return SEA_LEVEL_TEMPERATURE / LAPSE_RATE * (1.0 - float(ratio**LAPSE_EXPONENT))
-
-
 def step(
     gains: Gains, state: State, sample: PressureSample, on_ground: bool, gate: Gate = Gate.OPEN
 ) -> tuple[State, AirData]:
@@ -157,14 +141,14 @@ def step(
     raw = calibrated(gains, sample.differential_counts)
     zero, zero_span = _zero(gains, state, raw, dt) if on_ground else (state.zero, state.zero_span)
     pressure, innovation, filtered = _pressure(gains, state, raw - zero, dt, gate)
-    density = static / (AIR_GAS_CONSTANT * temperature)
+    density = static / (GAS_CONSTANT * temperature)
     airspeed = _speed(pressure, density)
     slow = _follow(state.airspeed, airspeed, dt, gains.rate_time, first)
     rate = (airspeed - slow) / gains.rate_time
     time_us = max(state.time_us, sample.time_us)
     expected = _expected(gains, state)
     state = State(time_us, reference, reference_span, zero, zero_span, pressure, slow, rate, *filtered)
-    altitude = isa_altitude(static) - isa_altitude(reference)
+    altitude = pressure_altitude(static) - pressure_altitude(reference)
     variance = _variance(gains, state, airspeed, density)
     measured = (time_us, airspeed, rate, pressure, static, temperature, density, altitude)
     return state, AirData(*measured, variance, innovation, expected)

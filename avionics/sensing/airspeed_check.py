@@ -13,7 +13,7 @@ from math import cos, hypot, sin
 from typing import Annotated, NamedTuple
 
 from avionics.limits import low_pass
-from avionics.quantities import Quantity
+from wingbeat.units import Quantity
 
 AGREEMENT = 0.5
 """-; share of `Gains.difference` within which a blocked pitot agrees: what comes and goes is not believed"""

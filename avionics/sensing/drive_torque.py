@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from avionics.messages import DriveTorque, TorqueSample
-from avionics.quantities import Quantity
-from avionics.records import constructor
+from wingbeat.records import constructor
+from wingbeat.units import Quantity
 
 
 class Gains(NamedTuple):

@@ -12,9 +12,10 @@ from enum import IntEnum
 from typing import Annotated, NamedTuple
 
 from avionics.limits import slew
-from avionics.messages import EncoderSample, Severity, WingState
-from avionics.quantities import Quantity
-from avionics.records import constructor
+from avionics.messages import EncoderSample, WingState
+from wingbeat.message import Severity
+from wingbeat.records import constructor
+from wingbeat.units import Quantity
 
 STUCK = 2
 """counts; a disc that rests on an edge trembles by less"""

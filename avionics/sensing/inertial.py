@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from avionics.messages import ImuSample
-from avionics.quantities import Quantity
+from wingbeat.units import Quantity
 
 
 class Gains(NamedTuple):

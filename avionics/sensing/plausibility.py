@@ -12,8 +12,8 @@ from functools import lru_cache
 from typing import Annotated, Any, NamedTuple
 
 from avionics.messages import AdcBurst, EncoderSample, GpsFix, ImuSample, PressureSample, SensorFrame, TorqueSample
-from avionics.quantities import Quantity
-from avionics.records import constructor
+from wingbeat.records import constructor
+from wingbeat.units import Quantity
 
 
 class Gains(NamedTuple):

@@ -20,8 +20,8 @@ from typing import Annotated, NamedTuple
 
 from avionics.limits import clip, low_pass
 from avionics.messages import AdcBurst, PowerState
-from avionics.quantities import Quantity
-from avionics.records import constructor
+from wingbeat.records import constructor
+from wingbeat.units import Quantity
 
 LONGEST_GAP = 1.0
 """s; between bursts, over which the last power is held when it is integrated"""

@@ -13,10 +13,10 @@ from enum import IntEnum
 from math import asin, sqrt
 from typing import Annotated, NamedTuple
 
-from avionics.constants import STANDARD_GRAVITY
 from avionics.limits import clip
 from avionics.messages import ImuSample
-from avionics.quantities import Quantity
+from wingbeat.constants import STANDARD_GRAVITY
+from wingbeat.units import Quantity
 
 Vector = tuple[float, float, float]
 Sums = tuple[float, float, float, float, float, float, float, float, float]

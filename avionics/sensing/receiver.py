@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import Annotated, NamedTuple
 
 from avionics.limits import clip
-from avionics.quantities import Quantity
+from wingbeat.units import Quantity
 
 ROLL, PITCH, THROTTLE, YAW = range(4)
 """places of the sticks among the channels"""

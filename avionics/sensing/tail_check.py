@@ -16,7 +16,7 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from avionics.limits import low_pass
-from avionics.quantities import Quantity
+from wingbeat.units import Quantity
 
 SERVO = 0.03
 """s; lag of the tail servo"""

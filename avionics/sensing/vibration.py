@@ -6,7 +6,7 @@ import math
 from typing import NamedTuple
 
 from avionics.messages import ImuSample, VibrationStatus
-from avionics.records import constructor
+from wingbeat.records import constructor
 
 HIGH_PASS = 5.0
 """Hz; corner below which acceleration is motion and not vibration"""

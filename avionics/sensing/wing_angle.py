@@ -18,10 +18,10 @@ from math import pi
 from typing import Annotated, NamedTuple
 
 from avionics.messages import WingState
-from avionics.quantities import Quantity
-from avionics.records import constructor
 from avionics.sensing import drive_turns, stroke_lock
 from avionics.sensing.encoders import Counts
+from wingbeat.records import constructor
+from wingbeat.units import Quantity
 
 TWO_PI = 2.0 * pi
 TREND = 1.0

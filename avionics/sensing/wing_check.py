@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from avionics.limits import low_pass
-from avionics.quantities import Quantity
+from wingbeat.units import Quantity
 
 LEFT, RIGHT = 1, 2
 """flags of the wings"""

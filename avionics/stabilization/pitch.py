@@ -10,10 +10,10 @@ from typing import Annotated, NamedTuple
 
 from avionics.limits import clip, fade_out, low_pass
 from avionics.messages import PitchStatus
-from avionics.quantities import Quantity
-from avionics.records import constructor
 from avionics.stabilization import stroke_filter
 from avionics.stabilization.dynamic_pressure import share
+from wingbeat.records import constructor
+from wingbeat.units import Quantity
 
 
 class Gains(NamedTuple):

@@ -6,9 +6,9 @@ from typing import Annotated, NamedTuple
 
 from avionics.limits import clip, fade_out
 from avionics.messages import RollStatus
-from avionics.quantities import Quantity
-from avionics.records import constructor
 from avionics.stabilization.dynamic_pressure import share
+from wingbeat.records import constructor
+from wingbeat.units import Quantity
 
 
 class Gains(NamedTuple):

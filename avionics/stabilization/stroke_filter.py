@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from avionics.records import constructor
+from wingbeat.records import constructor
 
 
 class State(NamedTuple):

@@ -9,11 +9,12 @@ from avionics.calibration import accelerometer, airspeed, battery, magnetometer,
 from avionics.calibration.result import NOTHING_NEW, Took
 from avionics.guidance.modes import AIRBORNE
 from avionics.inputs import publish_event
-from avionics.messages import Calibration, Severity
-from avionics.quantities import BadInput
+from avionics.messages import Calibration
 from avionics.sensing import air_data, encoders, inertial, preflight
 from avionics.state import AutopilotState
-from avionics.topics import Publish
+from wingbeat.errors import InputError
+from wingbeat.message import Severity
+from wingbeat.topic import Publish
 
 TELL_EVERY = 0.5
 """s; between two messages of the status"""
@@ -112,7 +113,7 @@ def _solve(s: AutopilotState, publish: Publish) -> None:
     try:
         result = procedure.finish(s.calibration, s.gains)
         s.gains = procedure.applied(s.gains, result.settings)
-    except BadInput as refused:
+    except InputError as refused:
         give_up(s, publish, str(refused))
         return
     s.calibration = procedure.stop(s.calibration, succeeded=True, residual=result.residual)

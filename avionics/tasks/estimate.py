@@ -15,7 +15,7 @@ from avionics.sensing import air_data, preflight
 from avionics.sensing.plausibility import baro_lost
 from avionics.state import AutopilotState
 from avionics.tasks.sense import PRESSURE_TICKS, silent
-from avionics.topics import Publish
+from wingbeat.topic import Publish
 
 
 def attitude(s: AutopilotState, publish: Publish) -> None:

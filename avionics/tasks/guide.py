@@ -15,18 +15,12 @@ from avionics.guidance.setpoint import Path, Setpoint
 from avionics.guidance.stages import FAST
 from avionics.inputs import publish_event, publish_notices
 from avionics.limits import clip
-from avionics.messages import (
-    AltitudeStatus,
-    Failsafe,
-    Mode,
-    NavigationStatus,
-    Severity,
-    Stage,
-)
-from avionics.records import constructor
+from avionics.messages import AltitudeStatus, Failsafe, Mode, NavigationStatus, Stage
 from avionics.situation import conditions, ground_motion, position_usable, surroundings
 from avionics.state import AutopilotState
-from avionics.topics import Publish
+from wingbeat.message import Severity
+from wingbeat.records import constructor
+from wingbeat.topic import Publish
 
 EN_ROUTE, WAIT_LAUNCH, CLIMB_OUT, FLARE = Stage.EN_ROUTE, Stage.WAIT_LAUNCH, Stage.CLIMB_OUT, Stage.FLARE
 MANUAL, STABILIZED, OFFBOARD = Mode.MANUAL, Mode.STABILIZED, Mode.OFFBOARD

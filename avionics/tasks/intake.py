@@ -4,19 +4,14 @@ from __future__ import annotations
 
 from avionics import topics
 from avionics.calibration.procedure import RAW_IMU
-from avionics.constants import STANDARD_GRAVITY
 from avionics.inputs import publish_event
-from avionics.messages import (
-    ActuatorCommand,
-    Attitude,
-    ImuSample,
-    SensorFrame,
-    Severity,
-)
+from avionics.messages import ActuatorCommand, Attitude, ImuSample, SensorFrame
 from avionics.sensing import inertial, plausibility
 from avionics.state import AutopilotState
 from avionics.timebase import BASE_RATE
-from avionics.topics import Publish
+from wingbeat.constants import STANDARD_GRAVITY
+from wingbeat.message import Severity
+from wingbeat.topic import Publish
 
 TICK = 1.0 / BASE_RATE
 """s"""

@@ -10,10 +10,10 @@ from avionics.messages import (
     Mode,
 )
 from avionics.mixing import flapping, tail
-from avionics.records import constructor
 from avionics.sensing import wing_check
 from avionics.state import AutopilotState
-from avionics.topics import Publish
+from wingbeat.records import constructor
+from wingbeat.topic import Publish
 
 MANUAL = Mode.MANUAL
 BESIDE_RATE = 3.0

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from avionics import snapshot, topics
-from avionics.messages import (
-    Failsafe,
-    Health,
-    Text,
-)
+from avionics.messages import Failsafe, Health
 from avionics.sensing import vibration
 from avionics.state import AutopilotState
-from avionics.topics import Publish
+from wingbeat.message import Text
+from wingbeat.topic import Publish
 
 
 def report_excitation(s: AutopilotState, publish: Publish) -> None:

@@ -5,8 +5,7 @@ from __future__ import annotations
 from avionics import piloting, topics
 from avionics.guidance.modes import AIRBORNE
 from avionics.inputs import act, publish_event
-from avionics.messages import AirData, Mode, Severity, Stage
-from avionics.records import constructor
+from avionics.messages import AirData, Mode, Stage
 from avionics.sensing import (
     air_data,
     airspeed_check,
@@ -20,7 +19,9 @@ from avionics.sensing import (
 from avionics.sensing import power as power_meter
 from avionics.sensing.plausibility import gps_age
 from avionics.state import AutopilotState
-from avionics.topics import Publish
+from wingbeat.message import Severity
+from wingbeat.records import constructor
+from wingbeat.topic import Publish
 
 ON_GROUND, MANUAL = Stage.ON_GROUND, Mode.MANUAL
 GROUND, LOW, HIGH = airspeed_check.Aloft

@@ -9,11 +9,11 @@ from avionics.messages import (
     Failsafe,
     Mode,
 )
-from avionics.records import constructor
 from avionics.stabilization import pitch as pitch_loop
 from avionics.stabilization import roll as roll_loop
 from avionics.state import AutopilotState
-from avionics.topics import Publish
+from wingbeat.records import constructor
+from wingbeat.topic import Publish
 
 IMU_FAULT, MANUAL = int(Failsafe.IMU_FAULT), Mode.MANUAL
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from avionics.quantities import Quantity
+from wingbeat.units import Quantity
 
 
 class Airframe(NamedTuple):

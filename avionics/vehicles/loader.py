@@ -6,9 +6,11 @@ from pathlib import Path
 from typing import NamedTuple, get_type_hints
 
 from avionics.mixing import flapping
-from avionics.quantities import BadInput, Schema, VehicleFile, meant, read_vehicle_file
 from avionics.vehicles.airframe import Airframe
 from avionics.vehicles.gains import FlightGains
+from wingbeat.errors import InputError
+from wingbeat.text import did_you_mean
+from wingbeat.vehicle_file import Schema, VehicleFile, read_vehicle_file
 
 FOLDER = Path(__file__).parent
 _SECTIONS = get_type_hints(FlightGains)
@@ -41,15 +43,15 @@ def load_vehicle(name_or_path: str | Path) -> FlightVehicle:
     """The vehicle of that name, or in that file.
 
     Raises:
-        BadInput: no such vehicle, or a file that cannot be used; one line that says why.
+        InputError: no such vehicle, or a file that cannot be used; one line that says why.
     """
     file = read_vehicle_file(_find(name_or_path), SCHEMA, FOLDER)
     airframe = file.sections["airframe"]
     gains = FlightGains(**{name: file.sections[name] for name in FlightGains._fields if name in file.sections})
     try:
         flapping.check(gains.flapping)
-    except BadInput as error:
-        raise BadInput(f"{file.path}: {error}") from None
+    except InputError as error:
+        raise InputError(f"{file.path}: {error}") from None
     return FlightVehicle(file.name, file.title, gains, airframe, file)
 
 
@@ -60,6 +62,8 @@ def _find(name_or_path: str | Path) -> Path:
     if path.is_file():
         return path
     if path.suffix == ".toml":
-        raise BadInput(f"cannot read vehicle file {path}: there is no such file")
+        raise InputError(f"cannot read vehicle file {path}: there is no such file")
     name = str(name_or_path)
-    raise BadInput(f"unknown vehicle {name!r}{meant(name, vehicle_names())}; known: {', '.join(vehicle_names())}")
+    raise InputError(
+        f"unknown vehicle {name!r}{did_you_mean(name, vehicle_names())}; known: {', '.join(vehicle_names())}"
+    )

@@ -23,10 +23,9 @@ from avionics.isolation import Isolation
 from avionics.link.ground import Files, GroundLink
 from avionics.link.key_file import load_signing
 from avionics.link.vehicle import load_identity
-from avionics.messages import Command, Severity
+from avionics.messages import Command
 from avionics.missions.files import load_flight_plan
 from avionics.missions.script import plan_commands, scripted_start
-from avionics.quantities import BadInput, counted
 from avionics.recorder import Recorder
 from avionics.runtime.flight_computer import FlightComputer
 from avionics.vehicles import FlightVehicle, load_vehicle
@@ -41,6 +40,9 @@ from logs.noted import note_inputs
 from logs.recorder import IN_FLIGHT, Writing
 from logs.scene import FLOWN, PLAIN_BIRD, SceneRecorder
 from sim_bridge.flight.faults import fault_commands
+from wingbeat.errors import InputError
+from wingbeat.message import Severity
+from wingbeat.text import pluralize
 
 ANGLES = ("roll", "pitch", "yaw")
 WITHOUT_LOCKSTEP = ("hil:serial:", "razor:")
@@ -119,7 +121,7 @@ def run(arguments: Sequence[str]) -> int:
     """Fly until the board says that the world is over, and say on stderr what happens aboard.
 
     Raises:
-        BadInput: unknown vehicle, malformed mission, port in use, existing log, nobody at the board's address, a
+        InputError: unknown vehicle, malformed mission, port in use, existing log, nobody at the board's address, a
             board that fell silent.
     """
     chosen = build_parser().parse_args(arguments)
@@ -178,11 +180,11 @@ def _over(outcome: Outcome, account: Account, paths: str) -> int:
     """Say how the flight ended.
 
     Raises:
-        BadInput: the board fell silent.
+        InputError: the board fell silent.
         KeyboardInterrupt: a signal ended it.
     """
     if outcome.silent:
-        raise BadInput(outcome.ended)
+        raise InputError(outcome.ended)
     account.report(f"over after {outcome.flight.time:.1f} s: {outcome.ended}; recorded in {paths}")
     if outcome.ended.startswith(WORDS):
         raise KeyboardInterrupt
@@ -193,7 +195,7 @@ def opening(chosen: argparse.Namespace, vehicle: FlightVehicle, items: int, path
     """What is said before the board answers: who flies, and over which links."""
     links = [f"ground stations on {url}" for url in chosen.gcs] or ["no link for a ground station: --gcs opens one"]
     return [
-        f"{vehicle.title}, mission {chosen.mission} of {counted(items, 'item')}",
+        f"{vehicle.title}, mission {chosen.mission} of {pluralize(items, 'item')}",
         *links,
         f"recording to {path}",
         f"waiting for the board on {chosen.board}",
@@ -256,7 +258,7 @@ def _fly(
     try:
         board = boards.open_board(chosen.board, Surroundings(report_text, idle))
     except BoardSilent as silence:
-        raise BadInput(str(silence)) from None
+        raise InputError(str(silence)) from None
     if chosen.core is not None and isinstance(board, HilBoard):
         board.enable_busy_poll()
     # A Razor on the bench has a picture of its own.

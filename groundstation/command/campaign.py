@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from avionics.quantities import BadInput
 from groundstation.command import options
 from groundstation.command.compiling import load_physics
 from groundstation.views import campaign as words
@@ -28,6 +27,7 @@ from logs.campaigns.run import LOGS, Logs, fly_campaign, order_of
 from logs.campaigns.table import arrow, read_table, write_table
 from logs.names import RECORDINGS
 from logs.placing import why_not
+from wingbeat.errors import InputError
 
 EXAMPLES = (
     "wingbeat campaign docs/examples/gusts.toml",
@@ -90,7 +90,7 @@ def run(arguments: Sequence[str]) -> int:
     """Fly a campaign, or one flight of it, or report on one.
 
     Raises:
-        BadInput: a campaign that cannot be flown, a table of another one in the way, a missing package, no cluster.
+        InputError: a campaign that cannot be flown, a table of another one in the way, a missing package, no cluster.
     """
     if arguments and arguments[0] == "report":
         from groundstation.command import campaign_report
@@ -108,7 +108,7 @@ def run(arguments: Sequence[str]) -> int:
         places.table.parent.mkdir(parents=True, exist_ok=True)
         return _fly(chosen, campaign, places)
     if read_table(places.table).about.digest != campaign.digest():
-        raise BadInput(f"{places.table} is the table of another campaign, or of this one before its files changed:"
+        raise InputError(f"{places.table} is the table of another campaign, or of this one before its files changed:"
                        " name another --out")  # fmt: skip
     if chosen.logs != "none" and not places.logs.exists():
         print(words.too_late_for_logs(places.table), file=sys.stderr)
@@ -117,19 +117,19 @@ def run(arguments: Sequence[str]) -> int:
 
 def _check_options(chosen: argparse.Namespace) -> None:
     if chosen.workers is not None and chosen.scheduler is not None:
-        raise BadInput("--workers are of this machine, --scheduler is another's: give one of them")
+        raise InputError("--workers are of this machine, --scheduler is another's: give one of them")
     if chosen.flight is None and chosen.log is not None:
-        raise BadInput("--log goes with --flight; --logs keeps those of a whole campaign")
+        raise InputError("--log goes with --flight; --logs keeps those of a whole campaign")
     if chosen.flight is not None and (chosen.workers or chosen.scheduler or chosen.out or chosen.logs != "none"):
-        raise BadInput("--workers, --scheduler, --out and --logs are for a whole campaign, not for --flight")
+        raise InputError("--workers, --scheduler, --out and --logs are for a whole campaign, not for --flight")
 
 
 def _places(chosen: argparse.Namespace, campaign: Campaign) -> _Places:
     table = chosen.out or RECORDINGS / f"{campaign.name}.parquet"
     if table.suffix != ".parquet":
-        raise BadInput(f"--out {table} must end in .parquet")
+        raise InputError(f"--out {table} must end in .parquet")
     if reason := why_not(table.parent, made=True):
-        raise BadInput(f"cannot write {table}: {reason}")
+        raise InputError(f"cannot write {table}: {reason}")
     return _Places(table, table.with_name(table.name + ENDING), table.with_suffix(""))
 
 
@@ -161,10 +161,10 @@ def _check_folder(chosen: argparse.Namespace, places: _Places) -> None:
     """Refuse a folder for recordings that is there before the campaign's journal is.
 
     Raises:
-        BadInput: recordings of another campaign may lie in it.
+        InputError: recordings of another campaign may lie in it.
     """
     if chosen.logs != "none" and not places.journal.exists() and places.logs.exists():
-        raise BadInput(f"{places.logs} exists: recordings of another campaign may be in it; name another --out")
+        raise InputError(f"{places.logs} exists: recordings of another campaign may be in it; name another --out")
 
 
 def _logs(chosen: argparse.Namespace, places: _Places) -> Logs:
@@ -253,7 +253,7 @@ def _fly_one(chosen: argparse.Namespace, campaign: Campaign) -> int:
     """Fly one flight again, bit for bit, and show its row."""
     values = flight_values(campaign, chosen.flight)
     if chosen.log is not None and chosen.log.exists():
-        raise BadInput(f"{chosen.log} exists: it is not overwritten")
+        raise InputError(f"{chosen.log} exists: it is not overwritten")
     load_physics(_first_vehicle(campaign), chosen.json)
     row = flown(order_of(campaign, chosen.flight, chosen.log and Recording(chosen.log)))
     if chosen.json:

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from avionics.quantities import BadInput
 from groundstation.command import options
 from groundstation.views import campaign_report as words
 from groundstation.views.json_document import print_document
@@ -20,6 +19,7 @@ from logs.campaigns.page import write
 from logs.campaigns.statistics import Worst, chosen_metric, sensitivities, spreads, worst
 from logs.campaigns.table import Table, read_table, unfinished_table
 from logs.placing import numbered
+from wingbeat.errors import InputError
 
 EXAMPLES = (
     "wingbeat campaign report recordings/gusts.parquet",
@@ -69,11 +69,11 @@ def run(arguments: Sequence[str]) -> int:
     """Print what a table says, and write the page.
 
     Raises:
-        BadInput: no such table or metric, or the page exists.
+        InputError: no such table or metric, or the page exists.
     """
     chosen = build_parser().parse_args(arguments)
     if chosen.out is not None and chosen.out.exists():
-        raise BadInput(f"{chosen.out} exists: it is not overwritten")
+        raise InputError(f"{chosen.out} exists: it is not overwritten")
     table = _table(chosen.table)
     by = chosen_metric(table, chosen.by)
     results = worst(table, by, chosen.worst)
@@ -91,10 +91,10 @@ def _table(path: Path) -> Table:
     """A campaign's table, or as much of it as is flown.
 
     Raises:
-        BadInput: neither is there.
+        InputError: neither is there.
     """
     if path.is_dir():
-        raise BadInput(f"{path} is a folder: give a campaign's table, such as {path / 'CAMPAIGN.parquet'}")
+        raise InputError(f"{path} is a folder: give a campaign's table, such as {path / 'CAMPAIGN.parquet'}")
     journal = path.with_name(path.name + ENDING)
     return unfinished_table(journal) if journal.exists() and not path.exists() else read_table(path)
 
@@ -103,7 +103,7 @@ def _changed(table: Table) -> str:
     """Why the campaign's file would now fly other flights than those of the table; empty where it would not."""
     try:
         same = load_campaign(Path(table.about.file)).digest() == table.about.digest
-    except BadInput as error:
+    except InputError as error:
         return f"the flights cannot be flown again: {error}"
     return "" if same else f"{table.about.file}, or a file that it names, has changed: the commands fly other flights"
 

@@ -26,7 +26,7 @@ def load_physics(vehicle: SimulatedVehicle, quiet: bool = False) -> None:
     Unless ``quiet``, which says nothing.
 
     Raises:
-        BadInput: the vehicle's bodies make no vehicle.
+        InputError: the vehicle's bodies make no vehicle.
     """
     with announced_air(vehicle, quiet):
         plant = Plant(vehicle)

@@ -10,10 +10,11 @@ from typing import Any, NamedTuple
 from avionics import topics
 from avionics.board.board import Board
 from avionics.isolation import Guard, Isolation
-from avionics.messages import ActuatorCommand, Event, PowerState, SensorFrame, Stage
+from avionics.messages import ActuatorCommand, PowerState, SensorFrame, Stage
 from avionics.view import FlightView
 from groundstation.link.vehicle_state import Heard, VehicleState
 from groundstation.views.flight_view import event_line, progress_line
+from wingbeat.message import Event
 
 
 class Account:

@@ -6,8 +6,8 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
-from avionics.quantities import BadInput
 from logs.reader import Log
+from wingbeat.errors import InputError
 
 
 @contextmanager
@@ -15,15 +15,15 @@ def damage_notices(logs: Sequence[Log], done: str) -> Iterator[None]:
     """Say on stderr, a line a log, what is wrong with those of which what is whole was ``done``, "identified".
 
     Raises:
-        BadInput: what was refused, with the damage, for that may be why.
+        InputError: what was refused, with the damage, for that may be why.
     """
     try:
         yield
-    except BadInput as error:
+    except InputError as error:
         wrong = "; ".join(f"{log.path}: {'; '.join(log.damage)}" for log in logs if log.damage)
         if not wrong:
             raise
-        raise BadInput(f"{error} (damaged: {wrong})") from None
+        raise InputError(f"{error} (damaged: {wrong})") from None
     for log in logs:
         if log.damage:
             print(f"wingbeat: {log.path}: {'; '.join(log.damage)}; what is whole was {done}", file=sys.stderr)

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from avionics.missions.excitations import SHAPES
-from avionics.quantities import BadInput
 from avionics.vehicles import FlightVehicle
 from avionics.vehicles import load_vehicle as load_flight_vehicle
 from groundstation.command import options
@@ -29,6 +28,7 @@ from logs.placing import check_new
 from sim_bridge.tuning.model import LinearModel, is_model_file, load_model
 from sim_bridge.vehicles import SimulatedVehicle
 from sim_bridge.vehicles import load_vehicle as load_world
+from wingbeat.errors import InputError
 
 EXAMPLES = (
     "wingbeat design robo_raven_ii_d",
@@ -111,7 +111,7 @@ def run(arguments: Sequence[str]) -> int:
     """Choose the input, print what it will tell, write its item.
 
     Raises:
-        BadInput: no model, no sensors, an input that cannot be flown or tells too little, or ``--out`` exists or
+        InputError: no model, no sensors, an input that cannot be flown or tells too little, or ``--out`` exists or
             cannot be written.
     """
     chosen = build_parser().parse_args(arguments)
@@ -137,21 +137,23 @@ def _subject(chosen: argparse.Namespace) -> _Subject:
     path = Path(chosen.subject)
     if not is_model_file(path):
         if chosen.vehicle is not None:
-            raise BadInput("--vehicle goes with a MODEL; a VEHICLE has its own sensors")
+            raise InputError("--vehicle goes with a MODEL; a VEHICLE has its own sensors")
         world = load_world(options.vehicle_files(chosen.subject)[0])
         vehicle = _flight_vehicle(chosen.subject)
         return _Subject(linearised(world, chosen.airspeed), _aircraft(vehicle, world), vehicle, world)
     if chosen.airspeed is not None:
-        raise BadInput("--airspeed goes with a VEHICLE; a MODEL is about its own trim")
+        raise InputError("--airspeed goes with a VEHICLE; a MODEL is about its own trim")
     model = load_model(path)
     name = chosen.vehicle or model.vehicle
     if not name and not chosen.noise:
-        raise BadInput(f"{path} names no vehicle: say with --vehicle whose sensors fly, or their noise with --noise")
+        raise InputError(
+            f"{path} names no vehicle: say with --vehicle whose sensors fly, or their noise with --noise"
+        )
     if not name:
         return _Subject(model, Aircraft(tail_time_constant=0.0), None, None)
     try:
         world = load_world(options.vehicle_files(name)[0])
-    except BadInput:
+    except InputError:
         if not chosen.noise or chosen.vehicle:
             raise
         return _Subject(model, Aircraft(tail_time_constant=0.0), None, None)
@@ -164,7 +166,7 @@ def _flight_vehicle(name: str) -> FlightVehicle | None:
     world, avionics = options.vehicle_files(name)
     try:
         return load_flight_vehicle(avionics)
-    except BadInput:
+    except InputError:
         if world == avionics:
             return None
         raise
@@ -178,7 +180,7 @@ def _aircraft(vehicle: FlightVehicle | None, world: SimulatedVehicle) -> Aircraf
 
 def _noise(subject: _Subject) -> tuple[float, float, float]:
     if subject.world is None:
-        raise BadInput("no vehicle tells the sensors' noise: say it with --noise")
+        raise InputError("no vehicle tells the sensors' noise: say it with --noise")
     return sensor_noise(subject.world)
 
 
@@ -207,7 +209,7 @@ def _limits(chosen: argparse.Namespace, subject: _Subject, prior: Prior) -> Limi
         pitch = MARGIN * envelope.pitch_max
         speed = MARGIN * min(airspeed - envelope.airspeed_min, envelope.airspeed_max - airspeed)
         if speed <= 0.0 and chosen.speed_change is None and chosen.amplitude is None:
-            raise BadInput(f"{airspeed:.3g} m/s is outside the vehicle's envelope for identification inputs")
+            raise InputError(f"{airspeed:.3g} m/s is outside the vehicle's envelope for identification inputs")
     degrees = (math.nan if v is None else math.radians(v) for v in (chosen.elevator, chosen.pitch, chosen.alpha))
     elevator, pitch_asked, alpha = degrees
     return Limits(

@@ -22,7 +22,6 @@ from avionics.link.key_file import load_signing
 from avionics.link.transport import open_transport
 from avionics.link.vehicle import load_identity
 from avionics.missions.files import load_flight_plan
-from avionics.quantities import BadInput
 from avionics.vehicles import load_vehicle
 from avionics.vehicles import vehicle_names as flown_names
 from groundstation.command import options
@@ -54,6 +53,7 @@ from sim_bridge.plant import physics_compiled
 from sim_bridge.sensors.transmitter import load_script
 from sim_bridge.topics import STATE
 from sim_bridge.vehicles import vehicle_names
+from wingbeat.errors import InputError
 
 if TYPE_CHECKING:
     from logs.identification.report import Identification
@@ -145,7 +145,7 @@ def run(arguments: Sequence[str]) -> int:
     """Fly, join the recordings, and say what was flown and identified.
 
     Raises:
-        BadInput: unknown vehicle or aerodynamic model, malformed mission, port in use, existing log, no live view.
+        InputError: unknown vehicle or aerodynamic model, malformed mission, port in use, existing log, no live view.
         NoAnswer: the world or the flight computer ended badly; the recordings are kept.
     """
     chosen = build_parser().parse_args(arguments)
@@ -159,7 +159,7 @@ def _name(log: Path | None, plan: Plan) -> Iterator[Path]:
     """The name of the joined log, held until the flight is in it: no other flight takes one of its files.
 
     Raises:
-        BadInput: another holds it or has left files there, or its folder cannot be written to.
+        InputError: another holds it or has left files there, or its folder cannot be written to.
     """
     if log is None:
         with reserved(plan.name) as path:
@@ -167,7 +167,7 @@ def _name(log: Path | None, plan: Plan) -> Iterator[Path]:
         return
     with held(log) as ours:
         if not ours:
-            raise BadInput(f"{log} is taken: another flight is being recorded there")
+            raise InputError(f"{log} is taken: another flight is being recorded there")
         _check_log(log)  # again: who held the name before may have left files of it
         yield log
 
@@ -198,7 +198,7 @@ def check(chosen: argparse.Namespace) -> Plan:
     """Refuse what cannot be flown before anything is started.
 
     Raises:
-        BadInput: see `run`.
+        InputError: see `run`.
     """
     world, computer = options.vehicle_files(chosen.vehicle)
     _check_flyable(computer)
@@ -227,7 +227,7 @@ def _check_log(log: Path) -> None:
     """Refuse a name of which there are files, or that cannot be written.
 
     Raises:
-        BadInput: it is one.
+        InputError: it is one.
     """
     for path in files_of(log):
         check_new(path, made=True)
@@ -237,10 +237,10 @@ def _check_flyable(name: str) -> None:
     """Refuse a vehicle of the simulated world that no flight computer knows.
 
     Raises:
-        BadInput: it is one.
+        InputError: it is one.
     """
     if name in vehicle_names() and name not in flown_names():
-        raise BadInput(
+        raise InputError(
             f"{name} has no flight-computer file: it can be trimmed and linearized, not flown; "
             f"{' and '.join(flown_names())} can"
         )
@@ -257,7 +257,7 @@ def _fly(plan: Plan, chosen: argparse.Namespace, console: Console, faults: dict[
     """Fly; what the view raised is added to ``faults``, with its traceback.
 
     Raises:
-        BadInput: bad input of one of the two processes.
+        InputError: bad input of one of the two processes.
         NoAnswer: one of them failed.
     """
     connection = listen_locally()
@@ -323,7 +323,7 @@ def _free_port() -> int:
 def _failed(failure: Failure, plan: Plan) -> Exception:
     kept = ", ".join(str(part) for part in plan.parts if part.exists())
     text = f"{failure.text}{f' (recorded so far: {kept})' if kept else ''}"
-    return BadInput(text) if failure.code == 2 else NoAnswer(text)
+    return InputError(text) if failure.code == 2 else NoAnswer(text)
 
 
 # --- watching -----------------------------------------------------------------------------------------------
@@ -386,12 +386,12 @@ def _joined(plan: Plan, faults: Mapping[str, str]) -> list[Kept]:
     """The parts that were not whole.
 
     Raises:
-        BadInput: they cannot be joined; where they are is said.
+        InputError: they cannot be joined; where they are is said.
     """
     try:
         return join(plan.parts, plan.log, faults)
-    except BadInput as reason:
-        raise BadInput(f"{reason} (the recordings are kept: {', '.join(map(str, plan.parts))})") from None
+    except InputError as reason:
+        raise InputError(f"{reason} (the recordings are kept: {', '.join(map(str, plan.parts))})") from None
 
 
 def _report_kept(kept: Sequence[Kept]) -> None:
@@ -406,7 +406,7 @@ def _identified(log: Log) -> Identification | str:
 
     try:
         return identify.identified(log, wings=False)  # whose coefficients take as long as all the rest
-    except BadInput as reason:
+    except InputError as reason:
         return str(reason)
 
 

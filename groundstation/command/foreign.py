@@ -8,7 +8,6 @@ import sys
 from pathlib import Path
 from typing import NamedTuple
 
-from avionics.quantities import BadInput
 from avionics.vehicles import load_vehicle
 from groundstation.command import options
 from sim_bridge.bridge.foreign import ardupilot, launch, px4
@@ -18,6 +17,7 @@ from sim_bridge.bridge.foreign.outputs import Channels, Pulses, parse_channels, 
 from sim_bridge.bridge.foreign.world import AutopilotSilent, Interface, NextStage
 from sim_bridge.flight.world import Scenario
 from sim_bridge.sensors.frame import TICK_RATE
+from wingbeat.errors import InputError
 
 REST_TIME = 20.0
 """s; on the ground before the simulation ends: an autopilot must notice the landing and disarm"""
@@ -97,17 +97,17 @@ def chosen_foreign(chosen: argparse.Namespace, listen: str | None) -> Foreign | 
     """What the command line asks for; None for our own flight computer.
 
     Raises:
-        BadInput: options of foreign autopilots without one, options that cannot be, or a vehicle without a file of
+        InputError: options of foreign autopilots without one, options that cannot be, or a vehicle without a file of
             its flight computer.
     """
     if not (chosen.px4 or chosen.ardupilot):
         if chosen.instance or chosen.channels or chosen.pwm or chosen.launch:
-            raise BadInput("--instance, --channels, --pwm and --launch are for --px4 and --ardupilot")
+            raise InputError("--instance, --channels, --pwm and --launch are for --px4 and --ardupilot")
         return None
     if chosen.px4 and chosen.pwm:
-        raise BadInput("--pwm is for --ardupilot: PX4 sends shares of the travel")
+        raise InputError("--pwm is for --ardupilot: PX4 sends shares of the travel")
     if not 0 <= chosen.instance <= 255:
-        raise BadInput(f"instance must be 0 to 255, not {chosen.instance}")
+        raise InputError(f"instance must be 0 to 255, not {chosen.instance}")
     channels = parse_channels(chosen.channels) if chosen.channels else Channels()
     pulses = parse_pulses(chosen.pwm) if chosen.pwm else Pulses()
     speed = None if math.isinf(chosen.speed) else chosen.speed
@@ -136,7 +136,7 @@ class Service:
         """Take the port.
 
         Raises:
-            BadInput: it is in use, or the address is not one for this autopilot.
+            InputError: it is in use, or the address is not one for this autopilot.
         """
         self._foreign = foreign
         interface, rig = foreign.interface, foreign.rig
@@ -150,13 +150,13 @@ class Service:
         """Say what is waited for, and fly until the simulation is finished or nobody comes back.
 
         Raises:
-            BadInput: nobody came, or an autopilot fell silent.
+            InputError: nobody came, or an autopilot fell silent.
         """
         self._announce()
         try:
             tally = self._server.serve(next_stage)
         except AutopilotSilent as silence:
-            raise BadInput(str(silence)) from None
+            raise InputError(str(silence)) from None
         counts = (f"{name.replace('_', ' ')} {count}" for name, count in tally._asdict().items() if name != "ended")
         report(f"{tally.ended}: {', '.join(counts)}")
 

@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 
 from avionics.mixing import flapping
-from avionics.quantities import BadInput
 from groundstation.command import options
 from groundstation.command.compiling import load_physics
 from groundstation.command.foreign import Foreign
@@ -33,6 +32,7 @@ from sim_bridge.environment.home import COLLEGE_PARK
 from sim_bridge.flight_mechanics.orbit import Orbit, trim
 from sim_bridge.flight_mechanics.stroke_map import check_memory, throttle_for
 from sim_bridge.vehicles import SimulatedVehicle
+from wingbeat.errors import InputError
 
 OF_A_FLIGHT = (
     "listen", "duration", "speed", "seed", "wind", "wind_from", "turbulence", "fault", "sticks", "log", "core",
@@ -49,21 +49,21 @@ def check_options(chosen: argparse.Namespace, parser: argparse.ArgumentParser) -
     """Refuse options that belong to a flight.
 
     Raises:
-        BadInput: there is one, or no autopilot to write parameters for.
+        InputError: there is one, or no autopilot to write parameters for.
     """
     if not (chosen.px4 or chosen.ardupilot):
-        raise BadInput("--write-parameters is for --px4 and --ardupilot")
+        raise InputError("--write-parameters is for --px4 and --ardupilot")
     for name in OF_A_FLIGHT:
         if getattr(chosen, name) != parser.get_default(name):
             option = name.replace("_", "-")
-            raise BadInput(f"--write-parameters writes a file without a flight: --{option} has no effect on it")
+            raise InputError(f"--write-parameters writes a file without a flight: --{option} has no effect on it")
 
 
 def write_parameters(chosen: argparse.Namespace, foreign: Foreign, world: SimulatedVehicle) -> None:
     """Write the file and print the next commands.
 
     Raises:
-        BadInput: the file exists or cannot be written, no level flight is found, or the vehicle has no gains.
+        InputError: the file exists or cannot be written, no level flight is found, or the vehicle has no gains.
     """
     path = Path(chosen.write_parameters)
     check_new(path)
@@ -106,7 +106,7 @@ def _performance(world: SimulatedVehicle, foreign: Foreign) -> Performance:
     """Level flight, greatest airspeed and climb rate by the trim.
 
     Raises:
-        BadInput: there is no level flight at the cruise airspeed.
+        InputError: there is no level flight at the cruise airspeed.
     """
     load_physics(world)
     gains = foreign.rig.vehicle.gains
@@ -120,7 +120,7 @@ def _performance(world: SimulatedVehicle, foreign: Foreign) -> Performance:
         def is_within(airspeed: float, climb_rate: float) -> bool:
             try:
                 orbit = steady(airspeed, climb_rate)
-            except BadInput:
+            except InputError:
                 return False
             throttle = trim_throttle(gains.flapping, world, orbit)
             return throttle <= gains.altitude.throttle_max and orbit.means.pitch <= gains.altitude.pitch_max
@@ -129,7 +129,7 @@ def _performance(world: SimulatedVehicle, foreign: Foreign) -> Performance:
         airspeed = _largest(cruise, gains.excitation.airspeed_max, AIRSPEED_STEP, lambda value: is_within(value, 0.0))
         climb_rate = _largest(0.0, gains.altitude.climb_max, CLIMB_STEP, lambda value: is_within(cruise, value))
     if climb_rate <= 0.0:
-        raise BadInput(f"{world.name}: no climb at {cruise:g} m/s, no parameters of its energy loops")
+        raise InputError(f"{world.name}: no climb at {cruise:g} m/s, no parameters of its energy loops")
     elevator = mixer.elevator_output(mixer.gains_of(foreign.rig.vehicle), level.inputs.elevator)
     throttle = round(trim_throttle(gains.flapping, world, level), 3)
     return Performance(cruise, airspeed, climb_rate, throttle, level.means.pitch, round(elevator, 3))

@@ -11,7 +11,6 @@ from pathlib import Path
 from types import ModuleType
 
 from avionics.link.signing import Signing
-from avionics.quantities import BadInput
 from groundstation.command import (
     gcs_calibrate,
     gcs_excite,
@@ -29,6 +28,7 @@ from groundstation.link.answers import NoAnswer
 from groundstation.link.connection import Connection
 from groundstation.link.recording import Recording, Where
 from logs.names import RECORDINGS
+from wingbeat.errors import InputError
 
 EXAMPLES = (
     "wingbeat gcs udpout:127.0.0.1:14550",
@@ -89,7 +89,7 @@ def run(arguments: Sequence[str]) -> int:
     """Do what one command line asks for.
 
     Raises:
-        BadInput: bad address, unknown mode, malformed or existing file.
+        InputError: bad address, unknown mode, malformed or existing file.
         NoAnswer: no vehicle, a refusal, or silence.
     """
     chosen = build_parser().parse_args(arguments)
@@ -104,7 +104,7 @@ def run(arguments: Sequence[str]) -> int:
         if recording is not None:
             connection.overhear(recording.handle_frame, recording.sent)
         return _run(Session(connection, chosen, recording))
-    except (BadInput, NoAnswer):
+    except (InputError, NoAnswer):
         # A failure is one line.
         quiet = True
         raise
@@ -117,7 +117,7 @@ def _signing(chosen: argparse.Namespace) -> Signing | None:
     """The key that was named. Its time stamps are the clock's: the file beside it is the vehicle's.
 
     Raises:
-        BadInput: no such file, not a key, or others may read it.
+        InputError: no such file, not a key, or others may read it.
     """
     file = options.key_file(chosen.signing_key, None)
     return None if file is None else Signing(time.time, file.load_key())
@@ -138,14 +138,14 @@ def _recording(chosen: argparse.Namespace) -> Recording | None:
     """Where what is heard goes.
 
     Raises:
-        BadInput: two options, or a verb and an option, that exclude each other.
+        InputError: two options, or a verb and an option, that exclude each other.
     """
     if chosen.no_record and chosen.record_to is not None:
-        raise BadInput("--record-to and --no-record are one too many")
+        raise InputError("--record-to and --no-record are one too many")
     if chosen.verb == "record":
         if chosen.no_record or chosen.record_to is not None:
             option = "--no-record" if chosen.no_record else "--record-to"
-            raise BadInput(f"record and {option} are one too many")
+            raise InputError(f"record and {option} are one too many")
         return Recording(Where(chosen.url, chosen.file))
     if chosen.no_record:
         return None

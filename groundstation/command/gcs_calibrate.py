@@ -9,7 +9,7 @@ import sys
 from typing import Any
 
 from avionics.link.dialect import mavlink
-from avionics.messages import Calibration, Severity
+from avionics.messages import Calibration
 from groundstation.command import options
 from groundstation.command.gcs_param import print_parameters
 from groundstation.command.gcs_session import Session, Verb, VerbParser
@@ -20,6 +20,7 @@ from groundstation.link.vehicle_state import Heard, new_events
 from groundstation.views import tables
 from groundstation.views.json_document import print_document
 from groundstation.views.progress import ProgressBar
+from wingbeat.message import Severity
 
 PATIENCE = 600.0
 """s; six sides, or a circle flown, take a person some minutes"""

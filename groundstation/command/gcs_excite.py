@@ -10,11 +10,11 @@ from avionics.guidance.mission import Channel, Excitation, Shape
 from avionics.link.excitation_codec import encode_excitation
 from avionics.link.wire_item import WireItem
 from avionics.missions.excitations import check_excitation, on_channels
-from avionics.quantities import BadInput
 from groundstation.command import options
 from groundstation.command.gcs_session import Session, Verb, VerbParser
 from groundstation.link.commands import CommandExchange
 from groundstation.link.exchange import Target
+from wingbeat.errors import InputError
 
 STEPS = {"doublet": Shape.DOUBLET, "3211": Shape.MULTISTEP_3211}
 SWEEPS = {"sweep": Shape.LINEAR_SWEEP, "log_sweep": Shape.LOGARITHMIC_SWEEP}
@@ -66,7 +66,7 @@ def prepare(chosen: argparse.Namespace) -> None:
     """Check the input before the vehicle is spoken to.
 
     Raises:
-        BadInput: it cannot be flown.
+        InputError: it cannot be flown.
     """
     if chosen.verb == "excite":
         chosen.requested = excitation_of(chosen)
@@ -76,13 +76,13 @@ def excitation_of(chosen: argparse.Namespace) -> Excitation:
     """The input that the command line asks for.
 
     Raises:
-        BadInput: it cannot be flown; the text says what is wrong.
+        InputError: it cannot be flown; the text says what is wrong.
     """
     requested = _multisine(chosen) if chosen.shape == "multisine" else _single(chosen)
     requested = requested._replace(loops=int(chosen.loops == "active"))
     refusal = check_excitation(requested)
     if refusal:
-        raise BadInput(refusal)
+        raise InputError(refusal)
     return requested
 
 

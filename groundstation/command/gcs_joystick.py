@@ -7,7 +7,6 @@ import math
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from avionics.quantities import BadInput
 from groundstation.command import options
 from groundstation.command.gcs_monitor import run_screen
 from groundstation.command.gcs_session import Session, Verb
@@ -21,6 +20,7 @@ from groundstation.link.station import Station
 from groundstation.views import joystick as views
 from groundstation.views.json_document import print_document
 from groundstation.views.terminal import open_console
+from wingbeat.errors import InputError
 
 MAX_RATE = 100.0
 """Hz; of MANUAL_CONTROL: the link and the screen are polled as often"""
@@ -78,15 +78,15 @@ def prepare(chosen: argparse.Namespace) -> None:
     """Read the settings and open the device before the vehicle is contacted.
 
     Raises:
-        BadInput: options that exclude each other, settings that cannot be used, pygame-ce is not installed, no
+        InputError: options that exclude each other, settings that cannot be used, pygame-ce is not installed, no
             device, or one without settings.
     """
     if chosen.verb not in VERBS:
         return
     if chosen.list and chosen.calibrate:
-        raise BadInput("--list and --calibrate exclude each other")
+        raise InputError("--list and --calibrate exclude each other")
     if chosen.calibrate and chosen.json:
-        raise BadInput("--calibrate is a dialog on the terminal: leave --json out")
+        raise InputError("--calibrate is a dialog on the terminal: leave --json out")
     creates = chosen.list or chosen.calibrate or chosen.config is None
     chosen.config = chosen.config or default_path()
     chosen.entries = load_settings(chosen.config, must_exist=not creates)
@@ -96,7 +96,7 @@ def prepare(chosen: argparse.Namespace) -> None:
     number, info = _choose(chosen, backend.devices())
     settings = find_settings(chosen.entries, info)
     if settings is None:
-        raise BadInput(
+        raise InputError(
             f"joystick {info.name} has no settings in {chosen.config}: calibrate it with"
             f" wingbeat gcs {chosen.url} joystick --calibrate"
         )
@@ -108,7 +108,7 @@ def open_backend() -> DeviceBackend:
     """Open the access to the devices of this computer.
 
     Raises:
-        BadInput: pygame-ce is not installed.
+        InputError: pygame-ce is not installed.
     """
     return PygameBackend()
 
@@ -116,7 +116,7 @@ def open_backend() -> DeviceBackend:
 def _open(backend: DeviceBackend, number: int, info: DeviceInfo) -> Device:
     device = backend.open(number)
     if device is None:
-        raise BadInput(f"joystick {info.name} cannot be opened: it is disconnected or not readable")
+        raise InputError(f"joystick {info.name} cannot be opened: it is disconnected or not readable")
     return device
 
 
@@ -124,10 +124,10 @@ def _choose(chosen: argparse.Namespace, devices: tuple[DeviceInfo, ...]) -> tupl
     """Return the device that ``--device`` names; without it the only one, or the only one that has settings.
 
     Raises:
-        BadInput: there is none, or more than one.
+        InputError: there is none, or more than one.
     """
     if not devices:
-        raise BadInput("no joystick is connected (or /dev/input is not readable)")
+        raise InputError("no joystick is connected (or /dev/input is not readable)")
     listed = list(enumerate(devices))
     choice = chosen.device
     if choice is not None:
@@ -139,7 +139,7 @@ def _choose(chosen: argparse.Namespace, devices: tuple[DeviceInfo, ...]) -> tupl
         names = ", ".join(f"{n} {one.name}" for n, one in listed)
         found = f"--device {choice} matches {len(matching)} of them"
         problem = "several joysticks are connected" if choice is None else found
-        raise BadInput(f"{problem}; choose with --device: {names}")
+        raise InputError(f"{problem}; choose with --device: {names}")
     return matching[0]
 
 
@@ -151,7 +151,7 @@ def run_offline(chosen: argparse.Namespace) -> int:
     """List the devices, or calibrate one and write its settings.
 
     Raises:
-        BadInput: no device, pygame-ce is not installed, the calibration failed, or the file cannot be written.
+        InputError: no device, pygame-ce is not installed, the calibration failed, or the file cannot be written.
     """
     backend = open_backend()
     try:

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from avionics.link.dialect import mavlink
-from avionics.quantities import BadInput, counted
 from groundstation.command import options
 from groundstation.command.gcs_session import Session, Verb, check_new
 from groundstation.link.answers import NoAnswer
@@ -24,6 +23,8 @@ from groundstation.link.vehicle_state import VehicleState
 from groundstation.views import monitor, wording
 from groundstation.views.json_document import plain, print_document, print_line
 from groundstation.views.progress import ProgressBar
+from wingbeat.errors import InputError
+from wingbeat.text import pluralize
 
 JSON_KEYS = {
     "watch": "one object a line: time (s of the vehicle, null before its first stamp) and every field asked for",
@@ -51,12 +52,12 @@ def prepare(chosen: argparse.Namespace) -> None:
     """Check fields and files before the vehicle is spoken to.
 
     Raises:
-        BadInput: an unknown field, a file that is there or would be no .mcap.
+        InputError: an unknown field, a file that is there or would be no .mcap.
     """
     if chosen.verb == "watch":
         chosen.asked = [parse_field(text) for text in chosen.fields]
         if chosen.count is not None and chosen.count < 1:
-            raise BadInput("--count must be at least 1")
+            raise InputError("--count must be at least 1")
     if chosen.verb == "record":
         check_new(chosen.file, (".mcap",))
 
@@ -153,7 +154,7 @@ def record(session: Session) -> None:
     """Record until the time is over or Ctrl-C, and say what was recorded.
 
     Raises:
-        BadInput: the disk refused.
+        InputError: the disk refused.
     """
     station = Station(session.connection)
     began, duration, heartbeat_monitor = session.connection.now(), session.chosen.duration, _attend(session)
@@ -168,7 +169,7 @@ def record(session: Session) -> None:
     assert recording is not None
     recording.close()
     if recording.failure:
-        raise BadInput(recording.failure)
+        raise InputError(recording.failure)
     now = session.connection.now()
     elapsed, silence = now - began, heartbeat_monitor.silence(now)
     if session.json:
@@ -177,7 +178,7 @@ def record(session: Session) -> None:
         return
     silent = f", silent for {wording.duration(silence)}" if silence else ""
     print(
-        f"{counted(recording.messages, 'message')} in {wording.duration(elapsed)}{silent}, {quality.lost} lost:",
+        f"{pluralize(recording.messages, 'message')} in {wording.duration(elapsed)}{silent}, {quality.lost} lost:",
         recording.path,
     )
 

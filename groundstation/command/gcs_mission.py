@@ -11,12 +11,12 @@ from typing import Any
 from avionics.link.dialect import mavlink
 from avionics.link.vehicle import Home
 from avionics.missions.files import LISTS
-from avionics.quantities import counted
 from groundstation.command.gcs_session import Session, Verb, VerbParser, check_new
 from groundstation.link import missions, waypoints
 from groundstation.link.answers import NoAnswer
 from groundstation.views.json_document import print_document
 from groundstation.views.mission import difference_lines, mission_record, print_mission
+from wingbeat.text import pluralize
 
 JSON_KEYS = {
     "mission": "items: list of {number, does, north, east, latitude, longitude, altitude, altitude_above, duration,"
@@ -54,7 +54,7 @@ def prepare(chosen: argparse.Namespace) -> None:
     """Refuse files before the vehicle is spoken to.
 
     Raises:
-        BadInput: malformed, or in the way.
+        InputError: malformed, or in the way.
     """
     if chosen.verb != "mission" or chosen.action == "show":
         return
@@ -98,7 +98,7 @@ def _upload(session: Session) -> None:
             except NoAnswer as failure:
                 aboard = f"; on board from this file: {' and '.join(sent)}" if sent else ""
                 raise NoAnswer(f"{failure}{aboard}") from None
-            sent.append(counted(len(items), noun))
+            sent.append(pluralize(len(items), noun))
     _report(session, content.mission, f"sent {' and '.join(reversed(sent)) or 'nothing'}", None)
 
 
@@ -126,7 +126,7 @@ def _download(session: Session) -> None:
         waypoints.write_plan(file, waypoints.without_first(waypoints.Upload(items, fence, rally), convention), home)
     else:
         waypoints.write(file, items)
-    _report(session, items, f"{counted(len(items), 'item')} written to {file}", file)
+    _report(session, items, f"{pluralize(len(items), 'item')} written to {file}", file)
 
 
 def _diff(session: Session) -> int:
@@ -148,7 +148,7 @@ def _diff(session: Session) -> int:
         return int(bool(rows))
     for part, number, file_items, vehicle_items in rows:
         print("\n".join(difference_lines(part, number, file_items, vehicle_items)))
-    print(f"{counted(len(rows), 'difference')} from {session.chosen.file}", file=sys.stderr)
+    print(f"{pluralize(len(rows), 'difference')} from {session.chosen.file}", file=sys.stderr)
     return int(bool(rows))
 
 

@@ -13,13 +13,13 @@ import sys
 from typing import Any
 
 from avionics.link.mission_codec import to_degrees
-from avionics.quantities import BadInput
 from groundstation.command import options
 from groundstation.command.gcs_session import Session, Verb
 from groundstation.link import modes, orders, parameters
 from groundstation.link.answers import NoAnswer
 from groundstation.link.exchange import Exchange
 from groundstation.link.vehicle_state import VehicleState, is_ours
+from wingbeat.errors import InputError
 
 ALTITUDE = 20.0
 """m; above home, to climb to where none is said, not by the vehicle's plan either"""
@@ -61,7 +61,7 @@ def prepare(chosen: argparse.Namespace) -> None:
     """Check the place before the vehicle is spoken to.
 
     Raises:
-        BadInput: none, half of one, two, or none on the globe.
+        InputError: none, half of one, two, or none on the globe.
     """
     if chosen.verb != "goto":
         return
@@ -69,17 +69,17 @@ def prepare(chosen: argparse.Namespace) -> None:
         _whole(pair) for pair in ((chosen.latitude, chosen.longitude), (chosen.north, chosen.east))
     )
     if on_globe == from_home:
-        raise BadInput("goto needs LAT LON, or --north and --east")
+        raise InputError("goto needs LAT LON, or --north and --east")
     if on_globe:
         _check_on_globe(chosen.latitude, chosen.longitude)
 
 
 def _check_on_globe(latitude: float, longitude: float) -> None:
     if not (-90.0 <= latitude <= 90.0 and -180.0 <= longitude <= 180.0):
-        raise BadInput(f"{latitude:g}, {longitude:g} is no place on the globe")
+        raise InputError(f"{latitude:g}, {longitude:g} is no place on the globe")
     # On the wire whole numbers of 1e-7 degrees, of which two zeros mean: where you are.
     if round(1e7 * latitude) == 0 == round(1e7 * longitude):
-        raise BadInput("goto 0 0: a vehicle takes latitude and longitude 0 for the place where it is")
+        raise InputError("goto 0 0: a vehicle takes latitude and longitude 0 for the place where it is")
 
 
 def arm(session: Session) -> None:
@@ -166,7 +166,7 @@ def goto(session: Session) -> None:
     """Fly to a place, given on the globe or from home.
 
     Raises:
-        BadInput: metres from home that lead to no place on the globe, or no altitude for a vehicle on the ground.
+        InputError: metres from home that lead to no place on the globe, or no altitude for a vehicle on the ground.
         NoAnswer: refused, or home is needed and not known.
     """
     know_modes(session)
@@ -180,7 +180,7 @@ def goto(session: Session) -> None:
     if altitude is None:
         raise NoAnswer("the vehicle does not say how high it is: give --altitude")
     if chosen.altitude is None and altitude < LOWEST:
-        raise BadInput(f"the vehicle is {altitude:.1f} m above home, too low to circle at: give --altitude")
+        raise InputError(f"the vehicle is {altitude:.1f} m above home, too low to circle at: give --altitude")
     home = session.home() if orders.counts_from_the_sea(session.state) else None
     place = orders.Place(latitude, longitude, altitude, math.nan if chosen.radius is None else chosen.radius)
     where = f" {latitude:.6f} {longitude:.6f} at {altitude:.0f} m"
@@ -191,10 +191,10 @@ def _whole(pair: tuple[float | None, float | None]) -> bool:
     """Whether both are given.
 
     Raises:
-        BadInput: one is given without the other.
+        InputError: one is given without the other.
     """
     if (pair[0] is None) != (pair[1] is None):
-        raise BadInput("goto needs both: LAT and LON, or --north and --east")
+        raise InputError("goto needs both: LAT and LON, or --north and --east")
     return pair[0] is not None
 
 

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from avionics.quantities import BadInput, counted, meant
 from groundstation.command import options
 from groundstation.command.gcs_session import Session, Verb, VerbParser, check_new
 from groundstation.link import parameter_list, parameters
@@ -16,6 +15,8 @@ from groundstation.link.answers import NoAnswer
 from groundstation.link.vehicle_state import is_ours
 from groundstation.views import tables
 from groundstation.views.json_document import print_document
+from wingbeat.errors import InputError
+from wingbeat.text import did_you_mean, pluralize
 
 JSON_KEYS = {
     "param list": "parameters: list of {name, value, type}",
@@ -48,7 +49,7 @@ def prepare(chosen: argparse.Namespace) -> None:
     """Read or refuse files before the vehicle is spoken to.
 
     Raises:
-        BadInput: malformed, or in the way.
+        InputError: malformed, or in the way.
     """
     if chosen.verb == "param" and chosen.action in ("load", "diff"):
         chosen.values = parameter_list.read(chosen.file)
@@ -98,7 +99,7 @@ def _near(session: Session, name: str) -> str:
     from avionics.parameters import parameter_table
     from avionics.vehicles import load_vehicle
 
-    return meant(name.upper(), parameter_table(load_vehicle(options.DEFAULT_VEHICLE).gains))
+    return did_you_mean(name.upper(), parameter_table(load_vehicle(options.DEFAULT_VEHICLE).gains))
 
 
 def _get(session: Session) -> None:
@@ -131,7 +132,7 @@ def _diff(session: Session) -> int:
         return int(bool(names))
     for name in names:
         print(f"{name:<16}  file {_shown(requested.get(name))}   vehicle {_shown(current.get(name))}")
-    print(f"{counted(len(names), 'difference')} from {session.chosen.file}", file=sys.stderr)
+    print(f"{pluralize(len(names), 'difference')} from {session.chosen.file}", file=sys.stderr)
     return int(bool(names))
 
 
@@ -148,7 +149,7 @@ def _differs(first: float | None, second: float | None) -> bool:
 def _save(session: Session) -> None:
     current = _download(session)
     parameter_list.write(session.chosen.file, session.target, current)
-    _report(session, current, f"{counted(len(current), 'parameter')} written to {session.chosen.file}")
+    _report(session, current, f"{pluralize(len(current), 'parameter')} written to {session.chosen.file}")
 
 
 def _load(session: Session) -> None:
@@ -157,8 +158,8 @@ def _load(session: Session) -> None:
     current = {parameter.name: parameter for parameter in _download(session)}
     unknown = sorted(set(session.chosen.values) - set(current))
     if unknown:
-        raise BadInput(
-            f"the vehicle has no parameter {unknown[0]} of {session.chosen.file}{meant(unknown[0], current)}"
+        raise InputError(
+            f"the vehicle has no parameter {unknown[0]} of {session.chosen.file}{did_you_mean(unknown[0], current)}"
         )
     for name, value in session.chosen.values.items():
         _check_value(current[name], value, encoding)
@@ -173,7 +174,7 @@ def _load(session: Session) -> None:
         return
     for each in changed:
         print(f"{each.name:<16}  {_shown(current[each.name].value)} -> {_shown(each.value)}")
-    print(f"{counted(len(changed), 'parameter')} changed")
+    print(f"{pluralize(len(changed), 'parameter')} changed")
 
 
 def _report(session: Session, current: Sequence[parameters.Parameter], text: str) -> None:
@@ -188,7 +189,7 @@ def _check_value(known: parameters.Parameter, value: float, encoding: bool) -> N
     try:
         parameters.encode_value(value, known.kind, encoding)
     except ValueError as error:
-        raise BadInput(f"parameter {known.name}: {error}") from None
+        raise InputError(f"parameter {known.name}: {error}") from None
 
 
 def print_parameters(session: Session, requested: Sequence[parameters.Parameter]) -> None:

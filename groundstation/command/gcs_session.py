@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 
 from avionics.link.dialect import mavlink
 from avionics.link.vehicle import Home
-from avionics.quantities import BadInput
 from groundstation.command import options
 from groundstation.link import modes
 from groundstation.link.answers import NoAnswer
@@ -21,6 +20,7 @@ from groundstation.link.recording import Recording
 from groundstation.link.vehicle_state import VehicleState, is_ours
 from groundstation.views.json_document import print_document
 from groundstation.views.progress import ProgressBar
+from wingbeat.errors import InputError
 
 LONG = 3600.0
 """s; a long list over a slow link takes as long as it takes: silence ends it, not this"""
@@ -121,11 +121,11 @@ def check_new(file: Path, endings: Sequence[str] = ()) -> None:
     """Refuse a file that is there, or whose folder is not, or whose name has none of ``endings`` where there are any.
 
     Raises:
-        BadInput: it cannot be written anew, or not in the format that its name promises.
+        InputError: it cannot be written anew, or not in the format that its name promises.
     """
     if endings and file.suffix not in endings:
-        raise BadInput(f"{file}: its name must end in {' or '.join(endings)}, the formats that can be written")
+        raise InputError(f"{file}: its name must end in {' or '.join(endings)}, the formats that can be written")
     if file.exists():
-        raise BadInput(f"{file} exists already; choose another name")
+        raise InputError(f"{file} exists already; choose another name")
     if not file.absolute().parent.is_dir():
-        raise BadInput(f"folder {file.absolute().parent} does not exist")
+        raise InputError(f"folder {file.absolute().parent} does not exist")

@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 
 from avionics import topics
-from avionics.quantities import BadInput, meant
 from avionics.vehicles import load_vehicle
 from groundstation.command import identify_table, options
 from groundstation.command.compiling import announced
@@ -37,6 +36,8 @@ from logs.reader import Log, open_log
 from logs.truth import known_truths, throttle_truths
 from sim_bridge.vehicles import SimulatedVehicle
 from sim_bridge.vehicles import load_vehicle as load_bodies
+from wingbeat.errors import InputError
+from wingbeat.text import did_you_mean
 
 EXAMPLES = (
     "wingbeat identify recordings/flight.mcap",
@@ -153,7 +154,7 @@ def run(arguments: Sequence[str]) -> int:
     """Identify, and print the table.
 
     Raises:
-        BadInput: not an MCAP log, or one that gives nothing of what was asked for; a vehicle that is unknown, or
+        InputError: not an MCAP log, or one that gives nothing of what was asked for; a vehicle that is unknown, or
             given beside the log's own.
     """
     chosen = build_parser().parse_intermixed_args(arguments)
@@ -167,17 +168,17 @@ def run(arguments: Sequence[str]) -> int:
         _show(chosen, *identified_by_markers(files, tables, chosen))
         return 0
     if chosen.map is None and len(files) > 1 and not files[-1].suffix:
-        raise BadInput(f"cannot identify {files[-1].name!r}; known: {', '.join(KNOWN)}")
+        raise InputError(f"cannot identify {files[-1].name!r}; known: {', '.join(KNOWN)}")
     if chosen.map is not None and asked:
-        raise BadInput("--validate and --validate-share are for logs: [manoeuvres] of the map tells it of tables")
+        raise InputError("--validate and --validate-share are for logs: [manoeuvres] of the map tells it of tables")
     if chosen.map is not None:
         return identify_table.run(files, what, chosen)
     if (len(files) > 1 or asked) and not tables:
         return _run_together(files, what, chosen)
     if len(files) > 1 or files[0].suffix.lower() in TABLE_SUFFIXES:
-        raise BadInput(f"{files[0]}: tables need --map MAP.toml (wingbeat identify --map-example prints one)")
+        raise InputError(f"{files[0]}: tables need --map MAP.toml (wingbeat identify --map-example prints one)")
     if what not in SUBJECTS:
-        raise BadInput(f"a log gives {', '.join(SUBJECTS)}; {what} is of tables, which need --map MAP.toml")
+        raise InputError(f"a log gives {', '.join(SUBJECTS)}; {what} is of tables, which need --map MAP.toml")
     check_outputs(chosen)
     with open_log(files[0]) as log, announced(chosen.json), damage_notices([log], "identified"):
         estimates = identified(log, what, chosen.vehicle, chosen.elevator)
@@ -199,10 +200,10 @@ def _run_together(files: Sequence[Path], what: str, chosen: argparse.Namespace) 
     """Identify the modes of one aircraft from several of its flights.
 
     Raises:
-        BadInput: something else is asked for, or the logs are not of one aircraft.
+        InputError: something else is asked for, or the logs are not of one aircraft.
     """
     if what != "modes":
-        raise BadInput(
+        raise InputError(
             f"several logs give their modes together (wingbeat identify {' '.join(map(str, files))} modes);"
             f" {what} is of one log at a time"
         )
@@ -221,22 +222,22 @@ def _held_out(files: Sequence[Path], validate: Sequence[Path], share: float | No
     """All logs, those of ``validate`` behind the others, and the places of those that are held out.
 
     Raises:
-        BadInput: one is named twice, all are held out, or a ``share`` is asked for beside names.
+        InputError: one is named twice, all are held out, or a ``share`` is asked for beside names.
     """
     for named in (files, validate):
         twice = [one for place, one in enumerate(named) if one.resolve() in {o.resolve() for o in named[:place]}]
         if twice:
-            raise BadInput(f"{twice[0]} is named twice: one flight counts once")
+            raise InputError(f"{twice[0]} is named twice: one flight counts once")
     asked = {one.resolve() for one in validate}
     fitted = [one for one in files if one.resolve() not in asked]
     if not fitted:
-        raise BadInput("every log is held out for validation: none is left to fit (--validate)")
+        raise InputError("every log is held out for validation: none is left to fit (--validate)")
     if share is None:
         return [*fitted, *validate], list(range(len(fitted), len(fitted) + len(validate)))
     if validate:
-        raise BadInput("--validate-share draws what is held out: name none beside it with --validate")
+        raise InputError("--validate-share draws what is held out: name none beside it with --validate")
     if not 0 < share < 1 or len(fitted) < 2:
-        raise BadInput(f"--validate-share {share:g}: it is between 0 and 1, of two logs or more")
+        raise InputError(f"--validate-share {share:g}: it is between 0 and 1, of two logs or more")
     chosen = drawn(sorted(str(one) for one in fitted), share)
     every = [*(one for one in fitted if str(one) not in chosen), *(one for one in fitted if str(one) in chosen)]
     return every, list(range(len(fitted) - len(chosen), len(fitted)))
@@ -253,12 +254,12 @@ def identified_together(
     Those whose places are ``validation`` are not fitted: they are predicted.
 
     Raises:
-        BadInput: a log has no manoeuvre's data, or they are not of one aircraft.
+        InputError: a log has no manoeuvre's data, or they are not of one aircraft.
     """
     aircraft = [_aircraft(log, vehicle) for log in logs]
     if any(one._replace(imu=aircraft[0].imu) != aircraft[0] for one in aircraft):
         told = " and ".join(str(log.path) for log in logs)
-        raise BadInput(f"{told} are of different aircraft: identify each alone")
+        raise InputError(f"{told} are of different aircraft: identify each alone")
     made = [_made(log, elevator) if elevator else None for log in logs]
     sources = [one or log for one, log in zip(made, logs, strict=True)]
     flights = tuple(flight_data(source, one.imu) for source, one in zip(sources, aircraft, strict=True))
@@ -284,12 +285,12 @@ def _example(words: Sequence[str]) -> str:
     """The map to begin with for the subject named.
 
     Raises:
-        BadInput: more than one, or one that no table gives.
+        InputError: more than one, or one that no table gives.
     """
     subject = words[0] if len(words) == 1 else ALL
     if len(words) > 1 or subject not in MAPS:
-        guess = meant(words[-1], MAPS)
-        raise BadInput(f"no example map of {' '.join(words)!r}{guess}; known: {', '.join(MAPS)}")
+        guess = did_you_mean(words[-1], MAPS)
+        raise InputError(f"no example map of {' '.join(words)!r}{guess}; known: {', '.join(MAPS)}")
     return MAPS[subject]
 
 
@@ -297,12 +298,12 @@ def _split(words: Sequence[str]) -> tuple[list[Path], str]:
     """The files, and what is to be identified, which may stand behind them.
 
     Raises:
-        BadInput: there is no file.
+        InputError: there is no file.
     """
     what = words[-1] if words and words[-1] in KNOWN else "all"
     files = [Path(word) for word in words if word not in KNOWN]
     if not files:
-        raise BadInput("which log or table? (see wingbeat identify --help)")
+        raise InputError("which log or table? (see wingbeat identify --help)")
     return files, what
 
 
@@ -323,7 +324,7 @@ def identified(
         wings: whether the wings' coefficients are among all.
 
     Raises:
-        BadInput: the log gives nothing of what was asked for, carries a vehicle file beside the one given, or the
+        InputError: the log gives nothing of what was asked for, carries a vehicle file beside the one given, or the
             elevator cannot be made so.
     """
     made = _made(log, elevator) if elevator else None
@@ -345,7 +346,7 @@ def _aircraft(log: Log, vehicle: str | None) -> Aircraft:
     if vehicle is None:
         return aircraft_of(log)
     if flight_vehicle(log) is not None:
-        raise BadInput(f"{log.path} carries the file of its vehicle: --vehicle is for logs of other programs")
+        raise InputError(f"{log.path} carries the file of its vehicle: --vehicle is for logs of other programs")
     return airframe_of(load_vehicle(options.vehicle_files(vehicle)[1]), _bodies_if_given(log, vehicle))
 
 
@@ -361,7 +362,7 @@ def _bodies_if_given(log: Log, vehicle: str | None) -> SimulatedVehicle | None:
     world, avionics = options.vehicle_files(vehicle)
     try:
         return load_bodies(world)
-    except BadInput:
+    except InputError:
         if world != avionics and Path(world).exists():
             raise
         return None
@@ -374,9 +375,9 @@ def _made(log: Log, elevator: Sequence[str]) -> MadeElevator:
     except ValueError:
         scale = 0.0
     if not topic or not field or not scale or not math.isfinite(scale):
-        raise BadInput(f"--elevator {name} {said}: it takes TOPIC.FIELD and rad per unit of it, which is not 0")
+        raise InputError(f"--elevator {name} {said}: it takes TOPIC.FIELD and rad per unit of it, which is not 0")
     if topics.ACTUATORS.name in log.topics:
-        raise BadInput(f"{log.path} tells the elevator's angle: --elevator is for logs that do not")
+        raise InputError(f"{log.path} tells the elevator's angle: --elevator is for logs that do not")
     made = MadeElevator(log, topic, field, scale)
     made.columns(topics.ACTUATORS)  # what is wrong with it is told before anything is identified
     return made

@@ -6,7 +6,6 @@ import argparse
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from avionics.quantities import BadInput
 from groundstation.command import options
 from groundstation.command.compiling import announced
 from groundstation.command.identify_out import check_outputs, sha256
@@ -28,6 +27,7 @@ from logs.identification.tables.markers import (
 from logs.reader import open_log
 from sim_bridge.vehicles import SimulatedVehicle
 from sim_bridge.vehicles import load_vehicle as load_bodies
+from wingbeat.errors import InputError
 
 MARKERS = "markers"
 
@@ -38,12 +38,12 @@ def identified_by_markers(
     """What the markers tell, and a function that writes the report and returns lines that name what was written.
 
     Raises:
-        BadInput: no map, an option of something else, a capture or map that cannot be used.
+        InputError: no map, an option of something else, a capture or map that cannot be used.
     """
     if chosen.map is None:
-        raise BadInput("markers needs --map MAP.toml (wingbeat identify --map-example markers prints one)")
+        raise InputError("markers needs --map MAP.toml (wingbeat identify --map-example markers prints one)")
     if chosen.model is not None or chosen.elevator is not None or chosen.validate or chosen.validate_share:
-        raise BadInput("markers takes --map, --vehicle, --report and --json")
+        raise InputError("markers takes --map, --vehicle, --report and --json")
     check_outputs(chosen)
     mapped = load_markers_map(chosen.map)
     with announced(chosen.json):
@@ -73,7 +73,7 @@ def _captured(
             estimates.append(cloud_of_log(log, mapped.markers))
             own = own or simulated_vehicle(log)
     if own is not None and vehicle is not None:
-        raise BadInput(f"{files[0]} carries the file of its vehicle: leave markers.vehicle and --vehicle out")
+        raise InputError(f"{files[0]} carries the file of its vehicle: leave markers.vehicle and --vehicle out")
     return own or _bodies(vehicle, mapped.markers), tuple(estimates), ()
 
 
@@ -81,9 +81,9 @@ def _bodies(vehicle: str | None, requested: MarkersSection) -> SimulatedVehicle 
     if vehicle is not None:
         return load_bodies(options.vehicle_files(vehicle)[0])
     if len(requested.places) != 1:
-        raise BadInput("which vehicle's bodies are the markers on? (markers.vehicle of the map, or --vehicle)")
+        raise InputError("which vehicle's bodies are the markers on? (markers.vehicle of the map, or --vehicle)")
     if requested.aero:
-        raise BadInput("which vehicle's wings are the coefficients of? (markers.vehicle of the map, or --vehicle)")
+        raise InputError("which vehicle's wings are the coefficients of? (markers.vehicle of the map, or --vehicle)")
     return None
 
 
@@ -95,7 +95,7 @@ def _identified(
         return Identification(markers=estimates)
     try:
         return Identification(markers=estimates, aero=wings_by_markers(vehicle, requested, estimates))
-    except BadInput as error:
+    except InputError as error:
         return Identification(markers=estimates, missing=(Unidentified("wing coefficients", str(error)),))
 
 

@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 
 from avionics import topics
-from avionics.quantities import BadInput
 from avionics.vehicles import load_vehicle as load_flight_vehicle
 from groundstation.command import options
 from groundstation.views.progress import ProgressBar
@@ -25,6 +24,7 @@ from logs.identification.sources.flight import drive_data
 from logs.info import vehicle as vehicle_name
 from logs.reader import Log
 from sim_bridge.vehicles import load_vehicle as load_world
+from wingbeat.errors import InputError
 
 BLOCK = 1 << 20
 """bytes read at once"""
@@ -47,7 +47,7 @@ def check_outputs(chosen: argparse.Namespace) -> None:
     """Refuse files that are there already, before the long work.
 
     Raises:
-        BadInput: one is, or the model asks for modes that are not identified.
+        InputError: one is, or the model asks for modes that are not identified.
     """
     if chosen.report is not None:
         refuse_existing(chosen.report)
@@ -61,7 +61,7 @@ def write_outputs(chosen: argparse.Namespace, logs: Sequence[Log], estimates: Id
     ``logs`` are those that were fitted, of one aircraft, and behind them those that were held out.
 
     Raises:
-        BadInput: a file exists or cannot be written, or there is no model to write.
+        InputError: a file exists or cannot be written, or there is no model to write.
     """
     lines: list[str] = []
     if chosen.report is None and chosen.model is None:
@@ -121,7 +121,7 @@ def _model(
 ) -> list[str]:
     if estimates.modes is None:
         why = "; ".join(one.reason for one in estimates.missing)
-        raise BadInput(f"--model {chosen.model}: no modes were identified{why and f': {why}'}")
+        raise InputError(f"--model {chosen.model}: no modes were identified{why and f': {why}'}")
     held = {one.flight.name for one in estimates.modes.held_out if one.flight is not None}
     fitted = [
         (one, name, sum_) for one, name, sum_ in zip(logs, names_of(logs), digests, strict=True) if name not in held

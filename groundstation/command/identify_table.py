@@ -7,7 +7,6 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from avionics.quantities import BadInput
 from groundstation.command.compiling import announced
 from groundstation.command.identify_out import base_of, check_outputs, sha256, show_written
 from groundstation.views.json_document import print_document
@@ -21,13 +20,14 @@ from logs.identification.tables.model import check_model, table_model
 from logs.identification.tables.results import TableIdentification
 from logs.identification.tables.run import identify_tables
 from logs.identification.tables.telling import table_document
+from wingbeat.errors import InputError
 
 
 def run(files: Sequence[Path], what: str, chosen: argparse.Namespace) -> int:
     """Identify ``what`` from tables, print it, and write what was asked for.
 
     Raises:
-        BadInput: a table or map that cannot be used, an option of logs, or a file that exists or cannot be written.
+        InputError: a table or map that cannot be used, an option of logs, or a file that exists or cannot be written.
     """
     _check(what, chosen)
     with announced(chosen.json):
@@ -44,15 +44,15 @@ def run(files: Sequence[Path], what: str, chosen: argparse.Namespace) -> int:
 def _check(what: str, chosen: argparse.Namespace) -> None:
     """Refuse before the long work what cannot be done."""
     if chosen.elevator is not None:
-        raise BadInput("--elevator is for logs: the map tells it of a table")
+        raise InputError("--elevator is for logs: the map tells it of a table")
     if chosen.vehicle is not None and chosen.model is None:
-        raise BadInput("--vehicle is for logs, and of a table for the bodies of --model: the map tells the rest")
+        raise InputError("--vehicle is for logs, and of a table for the bodies of --model: the map tells the rest")
     check_outputs(chosen)
     if chosen.model is not None:
         try:
             check_model(load_map(chosen.map), what)
-        except BadInput as error:
-            raise BadInput(f"{error} (map {chosen.map})") from None
+        except InputError as error:
+            raise InputError(f"{error} (map {chosen.map})") from None
 
 
 def _written(

@@ -45,7 +45,7 @@ def run(arguments: Sequence[str]) -> int:
     """Search the trim, linearise about it, print modes and matrices.
 
     Raises:
-        BadInput: unknown vehicle or model, no such flight within what the vehicle can do, or ``--out`` exists or
+        InputError: unknown vehicle or model, no such flight within what the vehicle can do, or ``--out`` exists or
             cannot be written.
     """
     chosen = build_parser().parse_args(arguments)
@@ -58,7 +58,7 @@ def examined(vehicle: SimulatedVehicle, orbit: Orbit, out: Path | None = None, n
     """The flight's linear models for programs and for people; all axes' is written to ``out``, naming the vehicle.
 
     Raises:
-        BadInput: the file exists.
+        InputError: the file exists.
     """
     linear = linearized(vehicle, orbit)
     if out is not None:

@@ -10,11 +10,12 @@ import time
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
-from avionics.quantities import BadInput, counted
-from avionics.topics import Topic
 from logs.live.follower import is_recorded
 from logs.live.server import ALONE, HOST, PORT, LiveServer, parse_address
 from logs.placing import numbered
+from wingbeat.errors import InputError
+from wingbeat.text import pluralize
+from wingbeat.topic import Topic
 
 LOOK = 0.1
 """s; between two looks whether a file is still recorded"""
@@ -50,7 +51,7 @@ def shown_live(
     ``topics`` (default: all of ours) are offered from the start.
 
     Raises:
-        BadInput: no such address, foxglove-sdk is not installed, or the port is in use.
+        InputError: no such address, foxglove-sdk is not installed, or the port is in use.
     """
     if address is None:
         yield None
@@ -66,11 +67,11 @@ def follow(path: Path, address: str) -> None:
     """Show a file that another process records, as long as it does; then the next one where it goes on in another.
 
     Raises:
-        BadInput: nobody records it, or as of `shown_live`.
+        InputError: nobody records it, or as of `shown_live`.
     """
     present = recorded_file(path)
     if present is None:
-        raise BadInput(f"{path} is not being recorded: Foxglove and Lichtblick open it as it is")
+        raise InputError(f"{path} is not being recorded: Foxglove and Lichtblick open it as it is")
     while present is not None:
         with shown_live(address, [present], ALONE):
             while is_recorded(present):
@@ -82,7 +83,7 @@ def recorded_file(path: Path) -> Path | None:
     """Which of the files of a recording that begins with ``path`` (``-2``, ``-3`` ...) is being recorded.
 
     Raises:
-        BadInput: one of them cannot be read.
+        InputError: one of them cannot be read.
     """
     files = itertools.chain([path], itertools.takewhile(Path.exists, itertools.islice(numbered(path), 1, None)))
     return next((file for file in files if is_recorded(file)), None)
@@ -90,6 +91,6 @@ def recorded_file(path: Path) -> Path | None:
 
 def _shortfall(server: LiveServer) -> list[str]:
     """What was not shown, in words."""
-    skipped = counted(server.skipped, "message")
+    skipped = pluralize(server.skipped, "message")
     lines = [f"live: {skipped} not shown: too many at once; they are in the log"] if server.skipped else []
     return lines + ([f"live: ended early: {server.failure}"] if server.failure else [])

@@ -11,8 +11,6 @@ from typing import TYPE_CHECKING, Any
 
 from rich.text import Text
 
-from avionics.messages import Severity
-from avionics.quantities import BadInput, counted
 from groundstation.command import log_import, options
 from groundstation.command.live import add_address, follow
 from groundstation.views import tables, wording
@@ -26,6 +24,9 @@ from logs.info import flown_in, is_long, summary
 from logs.placing import numbered
 from logs.reader import Log, open_log
 from logs.recover import recover
+from wingbeat.errors import InputError
+from wingbeat.message import Severity
+from wingbeat.text import pluralize
 
 if TYPE_CHECKING:
     from logs.summary import FlightSummary
@@ -127,7 +128,7 @@ def run(arguments: Sequence[str]) -> int:
     """Do what one command line asks for.
 
     Raises:
-        BadInput: not an MCAP log, a damaged part, an existing output, an unknown topic.
+        InputError: not an MCAP log, a damaged part, an existing output, an unknown topic.
     """
     chosen = build_parser().parse_args(arguments)
     VERBS[chosen.verb](chosen)
@@ -163,12 +164,12 @@ def _print_info(document: dict[str, Any], file: Path, flights: FlightSummary | N
     console.print(
         Text.assemble(
             (wording.one_line(document["vehicle"] or "unknown vehicle"), "bold"),
-            f"   {wording.duration(document['duration'])}   {counted(document['messages'], 'message')}   "
+            f"   {wording.duration(document['duration'])}   {pluralize(document['messages'], 'message')}   "
             f"{wording.size(file.stat().st_size)}",
         )
     )
     if document["dropped"]:
-        lost = f"{counted(document['dropped'], 'message')} left out while recording: the disk was too slow"
+        lost = f"{pluralize(document['dropped'], 'message')} left out while recording: the disk was too slow"
         console.print(lost, style="yellow")
     for name, damage in document["incomplete"].items():
         console.print(f"{name} ended early: {damage}", style="yellow")
@@ -238,7 +239,7 @@ def _check_window(log: Log, start: float | None, end: float | None) -> None:
     first, last = ((moment - log.boot_ns) * 1e-9 for moment in (log.start_ns, log.end_ns))
     begin, stop = first if start is None else start, last + 1.0 if end is None else end
     if begin >= stop or begin > last or stop <= first:
-        raise BadInput(
+        raise InputError(
             f"nothing lies between {begin:g} and {stop:g} s: the log goes from {first:.3f} to {last:.3f} s"
         )
 
@@ -251,12 +252,12 @@ def _recover(chosen: argparse.Namespace) -> None:
     if done.joined:
         print(f"joined {' and '.join(part.name for part in done.joined)} to {chosen.file}")
     elif not done.damage:
-        print(f"{chosen.file} is whole: {counted(done.messages, 'message')}; nothing was changed")
+        print(f"{chosen.file} is whole: {pluralize(done.messages, 'message')}; nothing was changed")
         return
     for line in done.damage:
         print(f"repaired: {line}")
     kept = f"; {wording.size(done.torn_bytes)} that cannot be read are in {done.torn}" if done.torn else ""
-    print(f"{counted(done.messages, 'message')} kept{kept}")
+    print(f"{pluralize(done.messages, 'message')} kept{kept}")
 
 
 VERBS: dict[str, Callable[[argparse.Namespace], None]] = {

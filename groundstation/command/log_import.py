@@ -7,12 +7,12 @@ import textwrap
 from pathlib import Path
 from typing import Any
 
-from avionics.quantities import BadInput
 from groundstation.command import options
 from groundstation.views.imported import print_imported
 from groundstation.views.json_document import print_document
 from groundstation.views.progress import ProgressBar
 from logs.importing.mapping import EXAMPLE
+from wingbeat.errors import InputError
 
 SUMMARY = (
     "Import an ArduPilot dataflash log (.bin), a PX4 ULog (.ulg), a MAVLink telemetry log (.tlog), a capture of a"
@@ -52,12 +52,13 @@ def run_verb(chosen: argparse.Namespace) -> None:
     """Import, and say what came of it.
 
     Raises:
-        BadInput: the file cannot be read or is no log that is known, or the new log exists; nothing is written then.
+        InputError: the file cannot be read or is no log that is known, or the new log exists; nothing is written
+            then.
     """
     from logs.importing.log_import import Choice, import_log  # its readers are heavy
 
     if chosen.file.is_dir():
-        raise BadInput(f"cannot read {chosen.file}: it is a folder")
+        raise InputError(f"cannot read {chosen.file}: it is a folder")
     target = chosen.to or chosen.file.with_suffix(".mcap")
     with ProgressBar(f"importing {chosen.file.name}") as bar:
         report = import_log(Choice(chosen.file, target, chosen.map, chosen.clock, chosen.onboard), bar.show)

@@ -12,10 +12,11 @@ import sys
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from avionics.quantities import BadInput, meant
 from groundstation.command import ending
 from groundstation.link.answers import LinkSilent, NoAnswer
 from groundstation.views.printable import printable_streams
+from wingbeat.errors import InputError
+from wingbeat.text import did_you_mean
 
 REFUSED = 1
 BAD_INPUT = 2
@@ -68,7 +69,7 @@ def dispatch(arguments: Sequence[str]) -> int:
     """Run one subcommand and return its exit code.
 
     Raises:
-        BadInput: there is no such subcommand, or what it was given cannot be used.
+        InputError: there is no such subcommand, or what it was given cannot be used.
     """
     if not arguments or arguments[0] in ("-h", "--help", "help"):
         print(overview())
@@ -80,7 +81,9 @@ def dispatch(arguments: Sequence[str]) -> int:
         return 0
     name = arguments[0]
     if name not in SUBCOMMANDS:
-        raise BadInput(f"there is no command {name!r}{meant(name, SUBCOMMANDS)}; commands: {', '.join(SUBCOMMANDS)}")
+        raise InputError(
+            f"there is no command {name!r}{did_you_mean(name, SUBCOMMANDS)}; commands: {', '.join(SUBCOMMANDS)}"
+        )
     with ending.importing():
         module = importlib.import_module(SUBCOMMANDS[name].module)
     code: int = module.run(list(arguments[1:]))
@@ -105,7 +108,7 @@ def _main(arguments: Sequence[str] | None) -> int:
         code = dispatch(sys.argv[1:] if arguments is None else arguments)
         sys.stdout.flush()
         return code
-    except (BadInput, LinkSilent) as error:
+    except (InputError, LinkSilent) as error:
         return _report_error(error, BAD_INPUT)
     except NoAnswer as error:
         return _report_error(error, REFUSED)

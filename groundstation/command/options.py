@@ -14,9 +14,11 @@ from typing import TYPE_CHECKING, Any, NoReturn, Protocol
 from avionics.link.key_file import KeyFile
 from avionics.link.urls import OPTIONS
 from avionics.link.vehicle import DEFAULT_IDENTITY, PROFILES
-from avionics.quantities import BadInput, meant, name_by_path
 from logs.names import vehicle_files as vehicle_files
 from sim_bridge.environment.levels import LEVELS, LEVELS_TOLD
+from wingbeat.errors import InputError
+from wingbeat.text import did_you_mean
+from wingbeat.vehicle_file import name_by_path
 
 if TYPE_CHECKING:
     from sim_bridge.flight.faults import Fault
@@ -29,20 +31,20 @@ NO_KEY = "none"
 
 
 class Parser(argparse.ArgumentParser):
-    """An argument parser whose complaint is one line, raised as `BadInput`."""
+    """An argument parser whose complaint is one line, raised as `InputError`."""
 
     def error(self, message: str) -> NoReturn:
         """Refuse the command line."""
-        raise BadInput(f"{message}{self._guess(message)} (see {self.prog} --help)")
+        raise InputError(f"{message}{self._guess(message)} (see {self.prog} --help)")
 
     def _guess(self, message: str) -> str:
         """The choice or option that may have been meant, in words."""
         if choice := re.search(r"invalid choice: '([^']*)' \(choose from (.*)\)$", message):
-            return meant(choice[1], [name.strip("'") for name in choice[2].split(", ")])
+            return did_you_mean(choice[1], [name.strip("'") for name in choice[2].split(", ")])
         if unknown := re.match(r"unrecognized arguments: --([^\s=]+)", message):
             told = (one for one in self._actions if one.help != HIDDEN)
             names = [name[2:] for one in told for name in one.option_strings if name.startswith("--")]
-            return meant(unknown[1], names).replace("'", "'--", 1)
+            return did_you_mean(unknown[1], names).replace("'", "'--", 1)
         return ""
 
 
@@ -229,14 +231,14 @@ def key_file(chosen: str | None, default: Path | None) -> KeyFile | None:
     """The file that ``--signing-key`` means, ``default`` where it was not given, None for none.
 
     Raises:
-        BadInput: one was named, and is not there.
+        InputError: one was named, and is not there.
     """
     if chosen is None:
         return None if default is None else KeyFile(default)
     if chosen == NO_KEY:
         return None
     if not Path(chosen).exists():
-        raise BadInput(f"signing key {chosen}: there is no such file")
+        raise InputError(f"signing key {chosen}: there is no such file")
     return KeyFile(Path(chosen))
 
 
@@ -296,7 +298,7 @@ def fault(text: str) -> Fault:
 
     try:
         return parse_fault(text)
-    except BadInput as reason:
+    except InputError as reason:
         raise argparse.ArgumentTypeError(str(reason)) from None
 
 
@@ -304,11 +306,11 @@ def check_times(faults: Iterable[Fault], duration: float) -> None:
     """Refuse a fault that could not come within a flight of ``duration`` s.
 
     Raises:
-        BadInput: there is one.
+        InputError: there is one.
     """
     for one in faults:
         if one.at >= duration:
-            raise BadInput(
+            raise InputError(
                 f"fault {fault_name(one)}: the flight ends at {duration:g} s at the latest (--duration), before it"
             )
 

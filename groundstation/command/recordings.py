@@ -8,13 +8,14 @@ from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
-from avionics.quantities import BadInput, counted
 from logs.join import join
 from logs.live.follower import is_recorded
 from logs.names import PARTS, reserved
 from logs.placing import HELD, held
 from logs.recorder import McapRecorder, Writing
 from logs.recover import recover_left
+from wingbeat.errors import InputError
+from wingbeat.text import pluralize
 
 WORLD, COMPUTER = PARTS
 """how the names of the recordings end that ``wingbeat fly`` joins"""
@@ -26,9 +27,9 @@ def put_right(folder: Path) -> None:
     """Repair what a flight that was cut off left in ``folder``, join its two recordings, and say so on stderr."""
     pairs = list(_left_separate(folder))
     for path, done in recover_left(folder):
-        print(f"repaired {path}, which was cut off: {counted(done.messages, 'message')} kept", file=sys.stderr)
+        print(f"repaired {path}, which was cut off: {pluralize(done.messages, 'message')} kept", file=sys.stderr)
     for parts, flight in pairs:
-        with suppress(BadInput, OSError), held(flight) as ours:
+        with suppress(InputError, OSError), held(flight) as ours:
             if ours:
                 join(parts, flight)
                 print(f"joined {flight}, which its flight had left in two recordings", file=sys.stderr)
@@ -38,7 +39,7 @@ def put_right(folder: Path) -> None:
 def _unmark(folder: Path) -> None:
     """Take away the marks of names that nobody holds any more: commands that were killed left them."""
     for mark in folder.glob(f".*{HELD}"):
-        with suppress(BadInput, OSError), held(mark.with_name(f"{mark.name[1:].removesuffix(HELD)}.mcap")):
+        with suppress(InputError, OSError), held(mark.with_name(f"{mark.name[1:].removesuffix(HELD)}.mcap")):
             pass
 
 
@@ -47,7 +48,7 @@ def _left_separate(folder: Path) -> Iterator[tuple[list[Path], Path]]:
     for world in sorted(folder.glob(f"*{WORLD}")):
         name = world.name.removesuffix(WORLD)
         parts, flight = [world, world.with_name(name + COMPUTER)], world.with_name(f"{name}.mcap")
-        with suppress(BadInput, OSError):
+        with suppress(InputError, OSError):
             newest = max(part.stat().st_mtime for part in parts)
             if time.time() - newest > LEFT_FOR and not flight.exists() and not any(map(is_recorded, parts)):
                 yield parts, flight
@@ -57,7 +58,7 @@ def begin_recording(log: Path | None, name: str, writing: Writing, start_epoch_n
     """A recorder to the new file ``log``; without one to ``recordings/NAME-TIME.mcap``, which nobody else takes.
 
     Raises:
-        BadInput: ``log`` exists, or the file cannot be created.
+        InputError: ``log`` exists, or the file cannot be created.
     """
     if log is not None:
         return McapRecorder(log, start_epoch_ns=start_epoch_ns, writing=writing)
@@ -68,6 +69,8 @@ def begin_recording(log: Path | None, name: str, writing: Writing, start_epoch_n
 def format_recording_paths(recorder: McapRecorder) -> str:
     """The files of a recording, and why it ended early if it did."""
     first, *others = map(str, recorder.paths)
-    more = f" and {counted(len(others), 'more file')} up to {others[-1]}" if others else ""
-    left_out = f"; {counted(recorder.dropped, 'message')} left out: the disk was too slow" if recorder.dropped else ""
+    more = f" and {pluralize(len(others), 'more file')} up to {others[-1]}" if others else ""
+    left_out = (
+        f"; {pluralize(recorder.dropped, 'message')} left out: the disk was too slow" if recorder.dropped else ""
+    )
     return f"{first}{more}{left_out}" + (f"; {recorder.failure}" if recorder.failure else "")

@@ -11,7 +11,6 @@ from typing import Any
 
 from avionics.estimation.ahrs import AhrsGains
 from avionics.link.vehicle import load_identity
-from avionics.quantities import BadInput, counted
 from groundstation.command import options
 from groundstation.command.damage import damage_notices
 from groundstation.command.replay_link import Playing, play
@@ -25,6 +24,8 @@ from logs.replay.flight import Replayed, replay_flight
 from logs.replay.imu import METHODS, ImuScore, recordings, replay_imu
 from logs.replay.player import Player
 from logs.replay.recorded_flight import recorded_flight
+from wingbeat.errors import InputError
+from wingbeat.text import pluralize
 
 EXAMPLES = (
     "wingbeat replay recordings/flight.mcap",
@@ -113,11 +114,11 @@ def run(arguments: Sequence[str]) -> int:
     """Replay a flight and print what differs, or IMU recordings and print the error of each.
 
     Raises:
-        BadInput: no such file, not such a recording, or an unknown gain.
+        InputError: no such file, not such a recording, or an unknown gain.
     """
     chosen = build_parser().parse_args(arguments)
     if bool(chosen.file) == bool(chosen.imu):
-        raise BadInput("either a log FILE or --imu is replayed (see wingbeat replay --help)")
+        raise InputError("either a log FILE or --imu is replayed (see wingbeat replay --help)")
     if chosen.imu:
         _replay_imu(chosen)
     elif chosen.mavlink:
@@ -131,10 +132,10 @@ def _play(chosen: argparse.Namespace) -> None:
     """Play a flight to ground stations.
 
     Raises:
-        BadInput: other options than a player has.
+        InputError: other options than a player has.
     """
     if chosen.set or chosen.end or chosen.json:
-        raise BadInput("--set, --end and --json are not for playing over --mavlink")
+        raise InputError("--set, --end and --json are not for playing over --mavlink")
     identity = load_identity(chosen.identity)
     with open_log(chosen.file) as log:
         flight = recorded_flight(log)
@@ -168,10 +169,10 @@ def _print_flight(done: Replayed) -> None:
     messages = sum(each.recorded for each in done.differences)
     if done.late:
         console.print(done.late, highlight=False)
-    span = f"{counted(done.ticks, 'tick')} from {done.start:.3f} to {done.end:.3f} s since boot"
+    span = f"{pluralize(done.ticks, 'tick')} from {done.start:.3f} to {done.end:.3f} s since boot"
     if done.same:
-        said = f"the flight code said the same in every bit: {counted(messages, 'message')}"
-        console.print(f"{span}: {said} of {counted(len(done.differences), 'topic')}", highlight=False)
+        said = f"the flight code said the same in every bit: {pluralize(messages, 'message')}"
+        console.print(f"{span}: {said} of {pluralize(len(done.differences), 'topic')}", highlight=False)
         return
     console.print(span, highlight=False)
     table = tables.plain_table(
@@ -189,7 +190,7 @@ def _print_flight(done: Replayed) -> None:
         )
     console.print(table)
     alike = sum(each.same for each in done.differences)
-    console.print(f"{alike} of {counted(len(done.differences), 'topic')} the same in every bit", highlight=False)
+    console.print(f"{alike} of {pluralize(len(done.differences), 'topic')} the same in every bit", highlight=False)
 
 
 def _foremost(each: TopicDifference) -> list[FieldDifference]:

@@ -42,7 +42,7 @@ def play(player: Player, playing: Playing, clock: Callable[[], float] = time.mon
     """Play to the end of the flight, or until q is pressed.
 
     Raises:
-        BadInput: not a link address, a port in use, a missing device.
+        InputError: not a link address, a port in use, a missing device.
     """
     link = GroundLink(playing.urls, player.view, playing.identity)
     try:

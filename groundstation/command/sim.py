@@ -12,9 +12,6 @@ from typing import Any
 
 from avionics.board.cores import pin_to_core, run_before_others
 from avionics.isolation import Isolation, fault_events
-from avionics.messages import Severity
-from avionics.quantities import BadInput, name_by_path
-from avionics.topics import Publish, Topic
 from groundstation.command import foreign, foreign_parameters, options
 from groundstation.command.compiling import COMPILING, announced_air, load_physics
 from groundstation.command.recordings import begin_recording, format_recording_paths, put_right
@@ -35,6 +32,10 @@ from sim_bridge.mechanism import build_mechanism
 from sim_bridge.plant import Plant, physics_compiled
 from sim_bridge.sensors.transmitter import Script, load_script
 from sim_bridge.vehicles import FOLDER, SimulatedVehicle, load_vehicle, with_model
+from wingbeat.errors import InputError
+from wingbeat.message import Severity
+from wingbeat.topic import Publish, Topic
+from wingbeat.vehicle_file import name_by_path
 
 EXAMPLES = (
     "wingbeat sim",
@@ -80,7 +81,7 @@ def run(arguments: Sequence[str]) -> int:
     """Serve one flight.
 
     Raises:
-        BadInput: unknown vehicle, aerodynamic model or fault, bad table of sticks, port in use, existing log, a
+        InputError: unknown vehicle, aerodynamic model or fault, bad table of sticks, port in use, existing log, a
             flight computer that does not come or answer.
     """
     parser = build_parser()
@@ -134,12 +135,14 @@ def _scenario(chosen: argparse.Namespace) -> Scenario:
     """What the flight is to meet.
 
     Raises:
-        BadInput: a fault that comes after the end, or enters the flight computer.
+        InputError: a fault that comes after the end, or enters the flight computer.
     """
     options.check_times(chosen.fault, chosen.duration)
     faults, of_flight = divided(chosen.fault)
     if of_flight:
-        raise BadInput(f"fault {of_flight[0].name} enters the flight computer, not the world: wingbeat fly has both")
+        raise InputError(
+            f"fault {of_flight[0].name} enters the flight computer, not the world: wingbeat fly has both"
+        )
     return Scenario(chosen.seed, chosen.wind, chosen.wind_from, chosen.turbulence, chosen.duration, faults=faults)
 
 
@@ -169,10 +172,10 @@ class Flights:
         """Prepare; the sensors tick at the rate of the ``autopilot``.
 
         Raises:
-            BadInput: ``log`` exists.
+            InputError: ``log`` exists.
         """
         if log is not None and log.exists():
-            raise BadInput(f"{log} exists already")
+            raise InputError(f"{log} exists already")
         self._vehicle, self._sticks, self._log, self._autopilot = vehicle, sticks, log, autopilot
         self._scenario = foreign.unhurried(scenario)
         self._recorder: McapRecorder | None = None
@@ -215,7 +218,7 @@ def serve_foreign(remote: foreign.Foreign, flights: Flights) -> None:
     """Fly PX4 or ArduPilot until a simulation is finished.
 
     Raises:
-        BadInput: the port is in use, nobody comes, or an autopilot falls silent.
+        InputError: the port is in use, nobody comes, or an autopilot falls silent.
     """
     with contextlib.ExitStack() as stack:
         service = foreign.Service(remote)
@@ -279,14 +282,14 @@ def _serve(server: BridgeServer | SerialPeer, world: SimulatedWorld, core: int |
     try:
         return server.serve(world).ended
     except FlightComputerSilent as silence:
-        raise BadInput(str(silence)) from None
+        raise InputError(str(silence)) from None
 
 
 def simulated(vehicle: str, model: str | None) -> SimulatedVehicle:
     """The vehicle of a name or file, flown with an aerodynamic model, or its file's own; nothing is started.
 
     Raises:
-        BadInput: no such vehicle or model, no section of the model, or bodies that make no vehicle.
+        InputError: no such vehicle or model, no section of the model, or bodies that make no vehicle.
     """
     loaded = unbuilt(vehicle, model)
     with announced_air(loaded):
@@ -298,7 +301,7 @@ def unbuilt(vehicle: str, model: str | None) -> SimulatedVehicle:
     """`simulated`, of bodies that nobody has looked at, which may take the aerodynamic model's compiler.
 
     Raises:
-        BadInput: no such vehicle or model, or no section of the model.
+        InputError: no such vehicle or model, or no section of the model.
     """
     loaded = load_vehicle(vehicle)
     return loaded if model is None else with_model(loaded, model)

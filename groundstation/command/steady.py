@@ -60,7 +60,7 @@ def answer(chosen: argparse.Namespace, examined: Callable[[SimulatedVehicle, Orb
     """Search the steady flight that the command line asks for and print what ``examined`` finds out about it.
 
     Raises:
-        BadInput: unknown vehicle or model, or no such flight within what the vehicle can do.
+        InputError: unknown vehicle or model, or no such flight within what the vehicle can do.
     """
     flight = trim_request(chosen)
     orbit = trimmed(flight)
@@ -78,7 +78,7 @@ def trim_request(chosen: argparse.Namespace) -> TrimRequest:
     """What the command line asks for.
 
     Raises:
-        BadInput: unknown vehicle or aerodynamic model, one that keeps a whole wake, or a file that cannot be used.
+        InputError: unknown vehicle or aerodynamic model, one that keeps a whole wake, or a file that cannot be used.
     """
     asked_for = options.vehicle_files(chosen.vehicle)[0], chosen.aerodynamics
     # Before what refuses them all is compiled.
@@ -92,7 +92,7 @@ def trimmed(flight: TrimRequest) -> Orbit:
     """The steady flight asked for, with a progress bar for a long search.
 
     Raises:
-        BadInput: there is none, or not within what the vehicle can do.
+        InputError: there is none, or not within what the vehicle can do.
     """
     load_physics(flight.vehicle)
     with ProgressBar("searching") as bar:

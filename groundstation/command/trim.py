@@ -38,7 +38,7 @@ def run(arguments: Sequence[str]) -> int:
     """Search the trim and print it.
 
     Raises:
-        BadInput: unknown vehicle or model, or no such flight within what the vehicle can do.
+        InputError: unknown vehicle or model, or no such flight within what the vehicle can do.
     """
     return answer(build_parser().parse_args(arguments), examined)
 

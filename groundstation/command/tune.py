@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from avionics.quantities import BadInput
 from avionics.vehicles import FlightVehicle
 from avionics.vehicles import load_vehicle as load_flight_vehicle
 from groundstation.command import options
@@ -36,6 +35,7 @@ from sim_bridge.tuning.margins import LIMITS
 from sim_bridge.tuning.model import LinearModel, is_model_file, load_model, model_of
 from sim_bridge.vehicles import SimulatedVehicle
 from sim_bridge.vehicles import load_vehicle as load_world
+from wingbeat.errors import InputError
 
 EXAMPLES = (
     "wingbeat tune robo_raven_ii_d",
@@ -99,7 +99,7 @@ def run(arguments: Sequence[str]) -> int:
     """Design, show, fly, write.
 
     Raises:
-        BadInput: unknown vehicle, one without a file for the flight computer, no trim, a model that cannot be
+        InputError: unknown vehicle, one without a file for the flight computer, no trim, a model that cannot be
             used, no gains within the limits, or files that exist already or cannot be written.
     """
     chosen = build_parser().parse_args(arguments)
@@ -136,7 +136,7 @@ def _places(out: Path) -> Places:
     """Where the files go, looked at before the work for them.
 
     Raises:
-        BadInput: one exists, or cannot be written there.
+        InputError: one exists, or cannot be written there.
     """
     where = places(out)
     for path in where:
@@ -149,25 +149,25 @@ def _subject(chosen: argparse.Namespace) -> _Chosen:
     """The model and the vehicle whose gains are designed.
 
     Raises:
-        BadInput: one of them cannot be used.
+        InputError: one of them cannot be used.
     """
     path = Path(chosen.subject)
     if not is_model_file(path):
         if chosen.vehicle is not None:
-            raise BadInput("--vehicle goes with a MODEL; a VEHICLE is tuned on its own")
+            raise InputError("--vehicle goes with a MODEL; a VEHICLE is tuned on its own")
         vehicle = _flight_vehicle(chosen.subject)
         world = _world(chosen.subject, chosen.aerodynamics)
         return _Chosen(linearised(world, chosen.airspeed), vehicle, world)
     if chosen.airspeed is not None or chosen.aerodynamics is not None:
-        raise BadInput("--airspeed and --aerodynamics go with a VEHICLE; a MODEL is about its own trim")
+        raise InputError("--airspeed and --aerodynamics go with a VEHICLE; a MODEL is about its own trim")
     model = load_model(path)
     name = chosen.vehicle or model.vehicle
     if not name:
-        raise BadInput(f"{path} names no vehicle: say with --vehicle whose gains are designed")
+        raise InputError(f"{path} names no vehicle: say with --vehicle whose gains are designed")
     vehicle = _flight_vehicle(name)
     try:
         return _Chosen(model, vehicle, _world(name, None))
-    except BadInput:
+    except InputError:
         if chosen.no_fly:
             return _Chosen(model, vehicle, None)
         raise
@@ -177,15 +177,15 @@ def _flight_vehicle(name: str) -> FlightVehicle:
     """The flight computer's side of a vehicle.
 
     Raises:
-        BadInput: there is no such vehicle, or it has none.
+        InputError: there is no such vehicle, or it has none.
     """
     world, avionics = options.vehicle_files(name)
     try:
         return load_flight_vehicle(avionics)
-    except BadInput as error:
+    except InputError as error:
         if world == avionics:
             load_world(world)  # refuses a vehicle that nobody knows in its own words
-            raise BadInput(f"{name} has no file for the flight computer: there are no gains to tune") from None
+            raise InputError(f"{name} has no file for the flight computer: there are no gains to tune") from None
         raise error
 
 
@@ -201,7 +201,7 @@ def linearised(world: SimulatedVehicle, airspeed: float | None) -> LinearModel:
     """The stroke-averaged model about level flight, with a progress bar; at the vehicle's cruise without an airspeed.
 
     Raises:
-        BadInput: there is no such flight.
+        InputError: there is no such flight.
     """
     orbit = trimmed(TrimRequest(world, world.cruise.airspeed if airspeed is None else airspeed, 0.0))
     with ProgressBar("linearising") as bar:

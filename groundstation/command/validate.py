@@ -8,7 +8,6 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from avionics.quantities import BadInput
 from groundstation.command import options
 from groundstation.command.compiling import announced
 from groundstation.views.json_document import print_document
@@ -21,6 +20,7 @@ from sim_bridge.validation.grauer import draw_plots
 from sim_bridge.validation.papers import PAPERS
 from sim_bridge.validation.row import VERDICTS, Check, Row
 from sim_bridge.validation.yeo_lattice import wake_course, wing
+from wingbeat.errors import InputError
 
 EXAMPLES = (
     "wingbeat validate",
@@ -77,7 +77,7 @@ def run(arguments: Sequence[str]) -> int:
     """Compute the rows, print the table.
 
     Raises:
-        BadInput: no such paper or one without pictures, a picture or scene that exists, matplotlib missing for
+        InputError: no such paper or one without pictures, a picture or scene that exists, matplotlib missing for
             pictures.
     """
     chosen = build_parser().parse_args(arguments)
@@ -112,11 +112,11 @@ def drawn(names: Sequence[str], folder: Path) -> list[Path]:
     """Paths of the pictures of papers by name, drawn into ``folder``.
 
     Raises:
-        BadInput: none of them has any, a picture exists, or matplotlib is missing.
+        InputError: none of them has any, a picture exists, or matplotlib is missing.
     """
     having = [name for name in names if name in PICTURES]
     if not having:
-        raise BadInput(f"{names[0]} has no pictures to draw; {' and '.join(PICTURES)} have")
+        raise InputError(f"{names[0]} has no pictures to draw; {' and '.join(PICTURES)} have")
     with ProgressBar("drawing") as bar:
         return [
             path
@@ -129,12 +129,12 @@ def record_scene(names: Sequence[str], path: Path) -> None:
     """Record the wake of Yeo's wing into a new file.
 
     Raises:
-        BadInput: the lattice is not among the papers, or the file exists or cannot be written.
+        InputError: the lattice is not among the papers, or the file exists or cannot be written.
     """
     if "lattice" not in names:
-        raise BadInput(f"{names[0]} has no scene to record; lattice has")
+        raise InputError(f"{names[0]} has no scene to record; lattice has")
     if path.exists():
-        raise BadInput(f"{path} exists: it is not overwritten")
+        raise InputError(f"{path} exists: it is not overwritten")
     with ProgressBar("recording") as bar:
         course = wake_course(SCENE_EVERY, lambda share: bar.show(share, 1.0, "recording the wake"))
     write_wake(path, wing(), course)

@@ -12,7 +12,6 @@ from typing import Any
 from rich.console import Console
 from rich.text import Text
 
-from avionics.quantities import SOURCE_KINDS, Source
 from avionics.vehicles import load_vehicle as load_flight_vehicle
 from avionics.vehicles import vehicle_names as flight_names
 from groundstation.command import options
@@ -21,6 +20,7 @@ from groundstation.views.json_document import print_document
 from groundstation.views.terminal import open_console
 from sim_bridge.mechanism import total_mass
 from sim_bridge.vehicles import SimulatedVehicle, load_vehicle, models_of, vehicle_names
+from wingbeat.vehicle_file import SOURCE_KINDS, Source
 
 WIDEST = 100
 """characters of a line; what is longer is wrapped"""
@@ -46,7 +46,7 @@ def run(arguments: Sequence[str]) -> int:
     """Print the list, or one vehicle.
 
     Raises:
-        BadInput: no such vehicle, or a file that cannot be used.
+        InputError: no such vehicle, or a file that cannot be used.
     """
     chosen = build_parser().parse_args(arguments)
     if chosen.name is None:

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from enum import StrEnum
 from typing import NamedTuple
 
-from avionics.quantities import meant
 from groundstation.joystick.axes import switch_position
 from groundstation.joystick.device import Reading
 from groundstation.link.modes import canonical
+from wingbeat.text import did_you_mean
 
 KILL_TIME = 1.0
 """s; a kill button acts after it was pressed for so long"""
@@ -55,7 +55,7 @@ def parse_action(text: str) -> Action:
     if text.startswith(_MODE) and text.removeprefix(_MODE).strip():
         return Action(ActionKind.MODE, canonical(text.removeprefix(_MODE).strip()))
     if text not in NAMES[:-1]:
-        raise ValueError(f"unknown action {text!r}{meant(text, NAMES)}; known: {', '.join(NAMES)}")
+        raise ValueError(f"unknown action {text!r}{did_you_mean(text, NAMES)}; known: {', '.join(NAMES)}")
     return Action(ActionKind(text))
 
 

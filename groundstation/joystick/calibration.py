@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
-from avionics.quantities import BadInput
 from groundstation.joystick.actions import Assignments
 from groundstation.joystick.axes import MIN_TRAVEL, Axis
 from groundstation.joystick.device import DeviceInfo, Reading
 from groundstation.joystick.settings import Settings
+from wingbeat.errors import InputError
 
 DEFAULT_DEADZONE = 0.03
 """-; of the sticks of a device without settings"""
@@ -79,7 +79,7 @@ def build_settings(
     lower end, is not at an end of its travel. A switch on an axis that is now a stick is dropped.
 
     Raises:
-        BadInput: the centered value of an axis is at its end, or it has too little travel.
+        InputError: the centered value of an axis is at its end, or it has too little travel.
     """
     before = {} if previous is None else previous.axes()
     axes = {
@@ -110,7 +110,7 @@ def _axis(stick: str, assignment: Assignment, ranges: Ranges, center: Reading, b
     if stick == "throttle" and not _is_centered(ranges, center, number):
         middle = 0.5 * (low + high)
     if min(high - middle, middle - low) < MIN_TRAVEL:
-        raise BadInput(f"{stick}: axis {number} has its center at its end ({low:.2f}, {middle:.2f}, {high:.2f})")
+        raise InputError(f"{stick}: axis {number} has its center at its end ({low:.2f}, {middle:.2f}, {high:.2f})")
     deadzone, expo = (DEFAULT_DEADZONE, 0.0) if before is None else (before.deadzone, before.expo)
     low, middle, high = (round(value, 4) for value in (low, middle, high))
     return Axis(number, low, middle, high, assignment.reversed, deadzone, expo)

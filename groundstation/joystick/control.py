@@ -6,7 +6,6 @@ from collections.abc import Callable
 from enum import StrEnum
 from typing import NamedTuple
 
-from avionics.quantities import BadInput
 from groundstation.joystick import actions
 from groundstation.joystick.actions import Action, ActionKind, ButtonState
 from groundstation.joystick.device import Device, DeviceBackend, Reading
@@ -15,6 +14,7 @@ from groundstation.joystick.sticks import Sticks, manual_control
 from groundstation.link import modes, orders
 from groundstation.link.exchange import Exchange
 from groundstation.link.station import Station
+from wingbeat.errors import InputError
 
 DEFAULT_RATE = 25.0
 """Hz; of MANUAL_CONTROL, as QGroundControl's"""
@@ -141,7 +141,7 @@ class ManualControl:
             return
         try:
             exchange = _EXCHANGES[action.kind](self.station, action)
-        except BadInput as error:
+        except InputError as error:
             self.station.note(str(error), failed=True)
             return
         self.station.command(action.text(), exchange, _DONE.get(action.kind, action.text()))

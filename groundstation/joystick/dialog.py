@@ -9,7 +9,6 @@ import time
 from collections.abc import Callable
 from typing import Protocol
 
-from avionics.quantities import BadInput
 from groundstation.joystick.actions import Action, ActionKind, parse_action
 from groundstation.joystick.calibration import (
     Assignment,
@@ -20,6 +19,7 @@ from groundstation.joystick.calibration import (
 )
 from groundstation.joystick.device import Device, Reading
 from groundstation.joystick.settings import OPTIONAL_STICKS, Settings
+from wingbeat.errors import InputError
 
 POLL = 0.02
 """s; between two readings"""
@@ -56,7 +56,7 @@ class Terminal(Protocol):
         """Return whether Enter was pressed since the last call, without blocking.
 
         Raises:
-            BadInput: the input has ended.
+            InputError: the input has ended.
         """
 
     def pause(self) -> None:
@@ -83,14 +83,14 @@ class StandardTerminal:
         """Return whether Enter was pressed since the last call, without blocking.
 
         Raises:
-            BadInput: the input has ended.
+            InputError: the input has ended.
         """
         try:
             line = self._lines.get_nowait()
         except queue.Empty:
             return False
         if not line:
-            raise BadInput("--calibrate needs a terminal: the input ended before the calibration was complete")
+            raise InputError("--calibrate needs a terminal: the input ended before the calibration was complete")
         return True
 
     def pause(self) -> None:
@@ -102,7 +102,7 @@ def calibrate(device: Device, terminal: Terminal, previous: Settings | None) -> 
     """Guide the user through the calibration of ``device``; what is not measured is kept from ``previous``.
 
     Raises:
-        BadInput: the device was disconnected, the input ended, or an axis has too little travel.
+        InputError: the device was disconnected, the input ended, or an axis has too little travel.
     """
     terminal.print(f"{device.info.name}: {device.info.axes} axes, {device.info.buttons} buttons")
     terminal.print(RANGE_STEP)
@@ -201,5 +201,5 @@ def _read_until(
 def _read(device: Device) -> Reading:
     reading = device.read()
     if reading is None:
-        raise BadInput(f"joystick {device.info.name} was disconnected during the calibration")
+        raise InputError(f"joystick {device.info.name} was disconnected during the calibration")
     return reading

@@ -9,11 +9,13 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from avionics.quantities import BadInput, DocumentError, meant, parse_toml, why_unread
 from groundstation.joystick.actions import Action, ActionKind, Assignments, parse_action
 from groundstation.joystick.axes import MIN_TRAVEL, Axis, deflection, throttle_full_travel, throttle_upper_half
 from groundstation.joystick.device import DeviceInfo, Reading
 from groundstation.joystick.sticks import Sticks
+from wingbeat.documents import parse_toml
+from wingbeat.errors import DocumentError, InputError
+from wingbeat.text import did_you_mean, read_error_text
 
 STICKS = ("roll", "pitch", "yaw", "throttle")
 OPTIONAL_STICKS = ("yaw",)
@@ -80,16 +82,16 @@ def load_settings(path: Path, must_exist: bool = True) -> tuple[Settings, ...]:
     """Read a settings file; empty if there is none and none is required.
 
     Raises:
-        BadInput: missing or unreadable file, syntax error, unknown key or action, value out of range.
+        InputError: missing or unreadable file, syntax error, unknown key or action, value out of range.
     """
     if not must_exist and not path.exists():
         return ()
     try:
         return parse_settings(path.read_text(encoding="utf-8-sig"))
     except (OSError, UnicodeDecodeError) as error:
-        raise BadInput(f"cannot read joystick settings {path}: {why_unread(error)}") from None
+        raise InputError(f"cannot read joystick settings {path}: {read_error_text(error)}") from None
     except (DocumentError, _InvalidValue) as error:
-        raise BadInput(f"{path}: {error}") from None
+        raise InputError(f"{path}: {error}") from None
 
 
 def find_settings(entries: Iterable[Settings], info: DeviceInfo) -> Settings | None:
@@ -104,14 +106,14 @@ def check_capabilities(settings: Settings, info: DeviceInfo) -> None:
     """Compare the numbers of axes and buttons in the settings with the device.
 
     Raises:
-        BadInput: the device has fewer.
+        InputError: the device has fewer.
     """
     used = max((*(axis.axis for axis in settings.axes().values()), *settings.assignments.switches))
     if used >= info.axes:
-        raise BadInput(f"joystick {info.name}: its settings use axis {used}, it has axes 0 to {info.axes - 1}")
+        raise InputError(f"joystick {info.name}: its settings use axis {used}, it has axes 0 to {info.axes - 1}")
     button = max(settings.assignments.buttons, default=-1)
     if button >= info.buttons:
-        raise BadInput(f"joystick {info.name}: its settings use button {button}, it has {info.buttons} buttons")
+        raise InputError(f"joystick {info.name}: its settings use button {button}, it has {info.buttons} buttons")
 
 
 class _InvalidValue(ValueError):
@@ -242,4 +244,4 @@ def _check_keys(where: str, table: Mapping[str, Any], known: Iterable[str]) -> N
     for key in table:
         if key not in known:
             start = f"{where}: " if where else ""
-            raise _InvalidValue(f"{start}unknown key {key!r}{meant(key, known)}; known: {', '.join(known)}")
+            raise _InvalidValue(f"{start}unknown key {key!r}{did_you_mean(key, known)}; known: {', '.join(known)}")

@@ -7,10 +7,10 @@ import shutil
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from avionics.quantities import BadInput
-from avionics.whole_file import write_whole
 from groundstation.joystick.axes import Axis
 from groundstation.joystick.settings import FULL, UPPER_HALF, Settings
+from wingbeat.errors import InputError
+from wingbeat.files import write_atomically
 
 HEADING = "# Joysticks of wingbeat gcs URL joystick; all keys: docs/joystick.md"
 
@@ -19,7 +19,7 @@ def save_settings(path: Path, entries: Iterable[Settings]) -> Path | None:
     """Write a settings file; return the copy of the file that was replaced, None without one.
 
     Raises:
-        BadInput: it cannot be written; the old file is unchanged.
+        InputError: it cannot be written; the old file is unchanged.
     """
     copy = path.with_name(path.name + ".bak")
     try:
@@ -27,9 +27,9 @@ def save_settings(path: Path, entries: Iterable[Settings]) -> Path | None:
         replaced = path.exists()
         if replaced:
             shutil.copyfile(path, copy)
-        write_whole(path, settings_text(entries))
+        write_atomically(path, settings_text(entries))
     except OSError as error:
-        raise BadInput(f"cannot write joystick settings {path}: {error.strerror or error}") from None
+        raise InputError(f"cannot write joystick settings {path}: {error.strerror or error}") from None
     return copy if replaced else None
 
 

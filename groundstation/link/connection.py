@@ -12,11 +12,12 @@ from avionics.link.dialect import mavlink
 from avionics.link.framing import Frame
 from avionics.link.signing import Finding, Signing, signature_of
 from avionics.link.transport import Packet, Peer, TcpClient, Transport, open_transport
-from avionics.quantities import BadInput, counted
 from groundstation.link.answers import LinkSilent, NoAnswer
 from groundstation.link.exchange import COMPONENT, SYSTEM, Exchange, Target, concerns
 from groundstation.link.frames import Arrival, GroundReader, read
 from groundstation.link.vehicle_state import VehicleState, is_autopilot, receive
+from wingbeat.errors import InputError
+from wingbeat.text import pluralize
 
 AnyExchange = TypeVar("AnyExchange", bound=Exchange)
 Ended = Callable[[Any], None]
@@ -52,7 +53,7 @@ class Connection:
         a lost link when it falls silent; who does not only asks a question and may leave.
 
         Raises:
-            BadInput: not a link's address, port in use, device missing.
+            InputError: not a link's address, port in use, device missing.
         """
         self.url = url
         self.state = VehicleState()
@@ -210,7 +211,7 @@ class Connection:
             return self._transport.trouble.lower()
         said = f"no heartbeat for {timeout:g} s"
         if self.refused:
-            return f"{said}; {counted(self.refused, 'frame')} refused by their signature"
+            return f"{said}; {pluralize(self.refused, 'frame')} refused by their signature"
         if self._on_message or not self.url.startswith("udpout:"):
             return said
         # Who waits on UDP with a key set does not even answer without it.
@@ -274,11 +275,11 @@ def listen_locally(first: int = 14600, last: int = 14999) -> Connection:
     Which one is left to chance: a vehicle whose listener died still speaks to the port that he had.
 
     Raises:
-        BadInput: every port of the range is taken.
+        InputError: every port of the range is taken.
     """
     for port in random.sample(range(first, last), last - first):
         try:
             return Connection(f"udpin:127.0.0.1:{port}", passive=True)
-        except BadInput:
+        except InputError:
             continue
-    raise BadInput(f"no free UDP port between {first} and {last}")
+    raise InputError(f"no free UDP port between {first} and {last}")

@@ -5,8 +5,9 @@ from __future__ import annotations
 import re
 from typing import Any, NamedTuple
 
-from avionics.quantities import BadInput, meant
 from groundstation.link.frames import message_class
+from wingbeat.errors import InputError
+from wingbeat.text import did_you_mean
 
 _PATTERN = re.compile(r"([A-Za-z0-9_]+)\.([A-Za-z0-9_]+)(?:\[(\d+)\])?")
 
@@ -38,24 +39,25 @@ def parse_field(text: str) -> Field:
     """The field that ``text`` names, in any case.
 
     Raises:
-        BadInput: not MESSAGE.FIELD, an unknown message, or a field that it does not have; the text says which it has.
+        InputError: not MESSAGE.FIELD, an unknown message, or a field that it does not have; the text says which it
+            has.
     """
     match = _PATTERN.fullmatch(text.strip())
     if match is None:
-        raise BadInput(f"{text!r} is not MESSAGE.FIELD, such as ATTITUDE.pitch")
+        raise InputError(f"{text!r} is not MESSAGE.FIELD, such as ATTITUDE.pitch")
     message, name, index = match[1].upper(), match[2].lower(), match[3]
     kind = message_class(message)
     if kind is None:
-        raise BadInput(f"there is no message {message}{meant(message, message_names())}")
+        raise InputError(f"there is no message {message}{did_you_mean(message, message_names())}")
     names = {field.lower(): field for field in kind.fieldnames}
     if name not in names:
-        raise BadInput(
-            f"{message} has no field {match[2]!r}{meant(name, names)}; it has {', '.join(kind.fieldnames)}"
+        raise InputError(
+            f"{message} has no field {match[2]!r}{did_you_mean(name, names)}; it has {', '.join(kind.fieldnames)}"
         )
     length = _length(kind, names[name])
     if (index is not None) != bool(length) or (index is not None and int(index) >= length):
         wanted = f"an array of {length}: {message}.{names[name]}[0]" if length else "no array"
-        raise BadInput(f"{message}.{names[name]} is {wanted}")
+        raise InputError(f"{message}.{names[name]} is {wanted}")
     unit = kind.fieldunits_by_name.get(names[name], "")
     return Field(message, names[name], None if index is None else int(index), unit)
 

@@ -11,10 +11,10 @@ import math
 from collections import namedtuple
 from typing import Any
 
-from avionics.topics import Topic
 from groundstation.link.frames import labels
 from logs.codecs import Document
 from logs.layout import Field, Layout
+from wingbeat.topic import Topic
 
 FIRST_CHANNEL = 3000
 """the ground's channels: below are the flight computer's, the world's and the viewers'"""

@@ -7,13 +7,14 @@ from typing import NamedTuple
 
 from avionics.link.dialect import mavlink
 from avionics.link.vehicle import Home
-from avionics.quantities import BadInput, meant
 from groundstation.link import modes
 from groundstation.link.commands import CommandExchange
 from groundstation.link.connection import Connection
 from groundstation.link.exchange import Exchange, Target
 from groundstation.link.mode_change import ModeChange, change_mode
 from groundstation.link.vehicle_state import VehicleState
+from wingbeat.errors import InputError
+from wingbeat.text import did_you_mean
 
 FORCE = 21196.0
 """MAVLink's magic number that disarms in flight"""
@@ -55,14 +56,16 @@ def change_to(connection: Connection, name: str) -> ModeChange:
     """Change to a mode by its name, in any case, with spaces, dashes or underscores.
 
     Raises:
-        BadInput: the vehicle has no such mode; the text says which it has.
+        InputError: the vehicle has no such mode; the text says which it has.
     """
     state = connection.state
     number = modes.mode_numbers(state).get(modes.canonical(name))
     if number is None:
         names = sorted(modes.known_modes(state))
         told = ", ".join(names) or "none it names"
-        raise BadInput(f"the vehicle has no mode {name!r}{meant(modes.canonical(name), names)}; it has {told}")
+        raise InputError(
+            f"the vehicle has no mode {name!r}{did_you_mean(modes.canonical(name), names)}; it has {told}"
+        )
     return change_mode(connection.target, number, modes.uses_main_and_sub(state))
 
 

@@ -6,9 +6,10 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-from avionics.quantities import BadInput, why_unread
 from groundstation.link.exchange import Target
 from groundstation.link.parameters import Parameter
+from wingbeat.errors import InputError
+from wingbeat.text import read_error_text
 
 HEADING = "# Vehicle-Id\tComponent-Id\tName\tValue\tType"
 
@@ -28,12 +29,12 @@ def read(path: Path) -> dict[str, float]:
     """Values by name.
 
     Raises:
-        BadInput: unreadable, or a line that is malformed; the text gives its number.
+        InputError: unreadable, or a line that is malformed; the text gives its number.
     """
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as error:
-        raise BadInput(f"cannot read parameter file {path}: {why_unread(error)}") from None
+        raise InputError(f"cannot read parameter file {path}: {read_error_text(error)}") from None
     values: dict[str, float] = {}
     for number, line in enumerate(lines, 1):
         words = line.split()
@@ -42,10 +43,10 @@ def read(path: Path) -> dict[str, float]:
         try:
             name, value = words[2], float(words[3])
         except (IndexError, ValueError):
-            raise BadInput(f"{path}, line {number}: not vehicle, component, name, value, type") from None
+            raise InputError(f"{path}, line {number}: not vehicle, component, name, value, type") from None
         if not math.isfinite(value):
-            raise BadInput(f"{path}, line {number}: {name} is not a finite number")
+            raise InputError(f"{path}, line {number}: {name} is not a finite number")
         values[name] = value
     if not values:
-        raise BadInput(f"{path} holds no parameters")
+        raise InputError(f"{path} holds no parameters")
     return values

@@ -16,9 +16,6 @@ from typing import Any, NamedTuple
 
 from avionics import topics
 from avionics.link.dialect import mavlink
-from avionics.messages import Event
-from avionics.quantities import BadInput
-from avionics.topics import Topic
 from groundstation.link import mavlink_topics, modes, vehicle_topics
 from groundstation.link.frames import Arrival
 from groundstation.link.vehicle_state import VehicleState, new_events, receive
@@ -26,6 +23,9 @@ from logs.codecs import Document
 from logs.names import RECORDINGS, reserved
 from logs.recorder import IN_FLIGHT, McapRecorder, Writing
 from logs.scene import PLAIN_BIRD, SceneRecorder
+from wingbeat.errors import InputError
+from wingbeat.message import Event
+from wingbeat.topic import Topic
 
 PATIENCE = 3.0
 """s; that a vehicle has to say who it is and what time it has, before the file is begun without"""
@@ -191,7 +191,7 @@ class Recording:
     def _begin(self, now: float) -> None:
         try:
             self._recorder = self._open(now)
-        except BadInput as reason:
+        except InputError as reason:
             self.failure = str(reason)
             self._waiting, self._sent_before = [], []
             return

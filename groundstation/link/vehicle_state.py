@@ -12,7 +12,8 @@ from typing import Any, NamedTuple
 
 from avionics.link.dialect import mavlink
 from avionics.link.vehicle import Home, Identity
-from avionics.messages import Severity, Stage
+from avionics.messages import Stage
+from wingbeat.message import Severity
 
 EVENTS_KEPT = 200
 _UNKNOWN_U16 = 65535

@@ -9,14 +9,12 @@ import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from avionics import messages as m
 from avionics import topics as t
 from avionics.link.vehicle import PROFILES
-from avionics.topics import Topic
 from groundstation.link.vehicle_state import VehicleState, is_ours
-from logs.rotations import quaternion_of
+from wingbeat.rotations import quaternion_from_euler
+from wingbeat.topic import Topic
 
 NAN = math.nan
 _NO_SPEED = 65535
@@ -36,12 +34,9 @@ Builder = Callable[[Any, int, VehicleState], Any]
 def _attitude(message: Any, time_us: int, state: VehicleState) -> m.Attitude:
     turn = (message.roll, message.pitch, message.yaw, message.rollspeed, message.pitchspeed, message.yawspeed)
     unknown = (NAN,) * 9
-    return m.Attitude(time_us, *turn, *_quaternion(message.roll, message.pitch, message.yaw), *unknown, 0, 0)
-
-
-def _quaternion(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:
-    w, x, y, z = (float(part) for part in quaternion_of(np.array(roll), np.array(pitch), np.array(yaw)))
-    return w, x, y, z
+    return m.Attitude(
+        time_us, *turn, *quaternion_from_euler(message.roll, message.pitch, message.yaw), *unknown, 0, 0
+    )
 
 
 def _altitude(message: Any, time_us: int, state: VehicleState) -> m.Altitude:

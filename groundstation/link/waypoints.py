@@ -17,9 +17,9 @@ from avionics.link.vehicle import Home
 from avionics.link.wire_item import WireItem
 from avionics.missions import load_plan, plan_file, waypoint_file
 from avionics.missions.waypoint_file import HEADER
-from avionics.quantities import BadInput
 from groundstation.link.missions import Item
 from groundstation.link.modes import ARDUPILOT
+from wingbeat.errors import InputError
 
 CLOSE = 2
 """1e-7 deg or 1e-4 m; that a place may move by on its way through metres and degrees"""
@@ -57,7 +57,7 @@ def read(path: Path) -> tuple[Item, ...]:
     """The mission of a file as it stands in it, for whatever vehicle.
 
     Raises:
-        BadInput: as of `read_upload`.
+        InputError: as of `read_upload`.
     """
     if _is_native(path) or path.suffix == ".plan":
         return read_upload(path, Convention(home_first=False, local=True)).mission
@@ -80,7 +80,7 @@ def read_upload(path: Path, convention: Convention, home: Home | None = None) ->
     for the metres of our own files where places have to be on the globe.
 
     Raises:
-        BadInput: unreadable, not such a list or plan, or a part that is malformed; the text says which.
+        InputError: unreadable, not such a list or plan, or a part that is malformed; the text says which.
     """
     if _is_native(path):
         return _native_mission(path, convention, home)
@@ -221,7 +221,7 @@ def write_plan(path: Path, content: Upload, home: Home) -> None:
     """Write a mission with its fence and rally points to a new ``.plan`` file.
 
     Raises:
-        BadInput: the file exists, or cannot be written.
+        InputError: the file exists, or cannot be written.
     """
     mission = [plan_file.PlannedItem(wire_item(item), f"item {n}", n) for n, item in enumerate(content.mission, 1)]
     fence, rally = (tuple(map(wire_item, part)) for part in (content.fence, content.rally))
@@ -232,14 +232,14 @@ def write(path: Path, items: Sequence[Item]) -> None:
     """Write a mission to a new file.
 
     Raises:
-        BadInput: the file exists, or cannot be written.
+        InputError: the file exists, or cannot be written.
     """
     lines = [HEADER, *(_line(number, item) for number, item in enumerate(items))]
     try:
         with path.open("x", encoding="utf-8") as file:
             file.write("\n".join(lines) + "\n")
     except OSError as error:
-        raise BadInput(f"cannot write {path}: {error.strerror}") from None
+        raise InputError(f"cannot write {path}: {error.strerror}") from None
 
 
 def _line(number: int, item: Item) -> str:

@@ -11,11 +11,11 @@ from textual.suggester import SuggestFromList
 from textual.widget import Widget
 from textual.widgets import Input, Label
 
-from avionics.quantities import BadInput
 from groundstation.link.fields import Field, parse_field
 from groundstation.link.traffic import Traffic
 from groundstation.views.field_plot import COLORS, Trace, field_plot
 from groundstation.views.printable import printable
+from wingbeat.errors import InputError
 
 MOST = 4
 """plots at once; one more takes the place of the oldest"""
@@ -76,7 +76,7 @@ class PlotsTab(Vertical):
         """Plot one more field.
 
         Raises:
-            BadInput: there is no such field.
+            InputError: there is no such field.
         """
         field = parse_field(path)
         plots = list(self.query(Plot))
@@ -99,7 +99,7 @@ class PlotsTab(Vertical):
         """Plot what was named, or say why it cannot be."""
         try:
             await self.add(event.value)
-        except BadInput as reason:
+        except InputError as reason:
             self.notify(printable(str(reason)), severity="error", markup=False)
             return
         event.input.clear()

@@ -15,8 +15,8 @@ from rich.text import Text
 from avionics.board.line_watch import Losses
 from avionics.board.razor_protocol import Angles
 from avionics.messages import Attitude
-from avionics.quantities import counted
 from groundstation.views import tables, wording
+from wingbeat.text import pluralize
 
 REFRESH = 0.1
 """s; between two pictures"""
@@ -69,7 +69,7 @@ def _table(bench: Bench) -> tables.PlainTable:
 def _line(bench: Bench) -> str:
     lost = bench.losses
     rate = f"{1.0 / bench.step:.1f} Hz"
-    return f"{rate}, {counted(bench.frames, 'frame')}, {lost.lost} lost, {counted(bench.restarts, 'restart')}"
+    return f"{rate}, {pluralize(bench.frames, 'frame')}, {lost.lost} lost, {pluralize(bench.restarts, 'restart')}"
 
 
 def plain_line(bench: Bench) -> str:

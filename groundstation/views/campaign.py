@@ -12,9 +12,9 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from avionics.quantities import counted
 from groundstation.views.tables import NUMBER, SENTENCES, plain_table
 from logs.campaigns.metrics import METRICS
+from wingbeat.text import pluralize
 
 SHOWN = 5
 """-; reasons of failures that are told, the most frequent first"""
@@ -24,7 +24,7 @@ def progress(done: int, size: int, failed: int, remaining: float | None) -> str:
     """How far a campaign is; ``remaining`` in s, None while that cannot be told."""
     failures = f", {failed} failed" if failed else ""
     left = "" if remaining is None or done == size else f", {duration(remaining)} left"
-    return f"{done} of {counted(size, 'flight')}{failures}{left}"
+    return f"{done} of {pluralize(size, 'flight')}{failures}{left}"
 
 
 def duration(seconds: float) -> str:
@@ -39,12 +39,12 @@ def duration(seconds: float) -> str:
 
 def in_progress(done: int, size: int) -> str:
     """Said when a campaign was begun before."""
-    return f"going on: {done} of {counted(size, 'flight')} were flown before"
+    return f"going on: {done} of {pluralize(size, 'flight')} were flown before"
 
 
 def stopped(done: int, size: int) -> str:
     """Said when a campaign is stopped on the way."""
-    return f"stopped: {done} of {counted(size, 'flight')} are flown and kept; the same command goes on"
+    return f"stopped: {done} of {pluralize(size, 'flight')} are flown and kept; the same command goes on"
 
 
 def too_late_for_logs(table: Path) -> str:
@@ -59,7 +59,7 @@ def summary(name: str, table: Path, outcomes: Mapping[str, int], done: tuple[int
     rows.add_column()
     now, wall_time = done
     pace = f"   {now} flown in {duration(wall_time)}" if now else "   all flown before"
-    rows.add_row("campaign", Text(f"{name}   {counted(sum(outcomes.values()), 'flight')}{pace}"))
+    rows.add_row("campaign", Text(f"{name}   {pluralize(sum(outcomes.values()), 'flight')}{pace}"))
     told = (f"{count} {outcome}" for outcome, count in sorted(outcomes.items(), key=lambda item: -item[1]) if count)
     rows.add_row("outcomes", Text("   ".join(told)))
     rows.add_row("table", Text(str(table)))
@@ -78,7 +78,7 @@ def failures(failed: Sequence[Mapping[str, Any]]) -> str:
         for reason, count in counts.most_common(SHOWN)
     ]
     more = len(counts) - len(lines)
-    rest = [f"  {counted(more, 'other reason')}"] if more > 0 else []
+    rest = [f"  {pluralize(more, 'other reason')}"] if more > 0 else []
     return "\n".join([f"\n{len(failed)} failed:", *lines, *rest]) + "\n"
 
 

@@ -11,12 +11,12 @@ from rich.console import Group, RenderableType
 from rich.padding import Padding
 from rich.text import Text
 
-from avionics.quantities import counted
 from groundstation.views.tables import NUMBER, UNIT, plain_table
 from logs.campaigns.comparison import Comparison, comparisons, flown_with, told_pairs, told_quartiles
 from logs.campaigns.metrics import METRICS
 from logs.campaigns.statistics import Sensitivity, Worst, alike, sensitivities, spreads
 from logs.campaigns.table import Table
+from wingbeat.text import pluralize
 
 STRONGEST = 10
 """-; pairs of an input and a metric that are told"""
@@ -40,7 +40,7 @@ def report(table: Table, by: str | None, worst: Sequence[Worst], changed: str, p
 def _heading(table: Table) -> Text:
     told = ", ".join(f"{count} {outcome}" for outcome, count in Counter(table.columns["outcome"]).most_common())
     name = f"{table.about.name}: {table.about.title}" if table.about.title else table.about.name
-    flights = counted(table.size, "flight")
+    flights = pluralize(table.size, "flight")
     if table.planned is not None:
         going_on = f"\nunfinished: {flights} of {table.planned}; wingbeat campaign {table.about.file} goes on"
         return Text.assemble((name, "bold"), (going_on, "yellow"), f"\n{flights}: {told}")

@@ -13,10 +13,11 @@ from rich.rule import Rule
 from rich.table import Table
 from rich.text import Text
 
-from avionics.messages import Severity, Stage
+from avionics.messages import Stage
 from groundstation.link.vehicle_state import Heard, VehicleState
 from groundstation.views import braille, wording
 from groundstation.views.history import History
+from wingbeat.message import Severity
 
 PLOT_ROWS = 7
 EVENTS_SHOWN = 6

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 from rich.text import Text
 
-from avionics.quantities import counted
 from groundstation.views import tables
 from groundstation.views.terminal import open_console
+from wingbeat.text import pluralize
 
 if TYPE_CHECKING:
     from logs.importing.log_import import ImportReport
@@ -20,8 +20,8 @@ def print_imported(report: ImportReport) -> None:
     console.print(
         Text.assemble(
             (report.vehicle or report.format, "bold"),
-            f"   {counted(report.messages, 'message')}   {counted(report.events, 'event')}   "
-            f"{counted(report.parameters, 'parameter')}",
+            f"   {pluralize(report.messages, 'message')}   {pluralize(report.events, 'event')}   "
+            f"{pluralize(report.parameters, 'parameter')}",
         )
     )
     table = tables.plain_table(("topic", ""), ("messages", "right"), ("made of", tables.SENTENCES))
@@ -31,6 +31,6 @@ def print_imported(report: ImportReport) -> None:
     for line in report.damage:
         console.print(f"damaged: {line}", style="yellow")
     for lost in report.dropped:
-        told = f"dropped: {counted(lost.rows, 'row')} of {lost.topic}: {lost.reason}"
+        told = f"dropped: {pluralize(lost.rows, 'row')} of {lost.topic}: {lost.reason}"
         console.print(told, style="yellow")
     console.print(report.file)

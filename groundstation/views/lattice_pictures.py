@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from avionics.quantities import BadInput
 from groundstation.views.wake_picture import wake_svg
 from logs.identification.chapter import DASHED, MEASURED, MODEL, OTHER, Plot, Series
 from logs.identification.report.svg import Size, drawn
 from sim_bridge.validation.yeo import STEPS, measured_lift, modelled_lift, section
 from sim_bridge.validation.yeo_lattice import STROKES, lattice_stroke, wake_course, wing
+from wingbeat.errors import InputError
 
 WAKE, LIFT = "lattice_wake.svg", "lattice_lift.svg"
 SIZE, HEAD, EDGE = Size(820.0, 380.0), 54.0, 12.0
@@ -33,12 +33,12 @@ def draw_lattice(folder: Path, progress: Callable[[float], None]) -> list[Path]:
     """Draw both into new files of ``folder``, which is made if it is not there; ``progress`` hears the share done.
 
     Raises:
-        BadInput: one of the files exists, or cannot be written.
+        InputError: one of the files exists, or cannot be written.
     """
     paths = [folder / WAKE, folder / LIFT]
     for path in paths:
         if path.exists():
-            raise BadInput(f"{path} exists: it is not overwritten")
+            raise InputError(f"{path} exists: it is not overwritten")
     course = wake_course(STROKES * STEPS, progress)
     title = "Wake of a flapping wing after three strokes: free vortex lattice (Yeo 2011: 2.9 m/s, 3.3 Hz)"
     try:
@@ -46,7 +46,7 @@ def draw_lattice(folder: Path, progress: Callable[[float], None]) -> list[Path]:
         paths[0].write_text(wake_svg(wing(), course[-1], title), encoding="utf-8")
         paths[1].write_text(_framed(lift_plot()), encoding="utf-8")
     except OSError as error:
-        raise BadInput(f"{folder}: {error.strerror or error}") from error
+        raise InputError(f"{folder}: {error.strerror or error}") from error
     return paths
 
 

@@ -16,12 +16,12 @@ from avionics.link.dialect import mavlink
 from avionics.link.excitation_codec import DECODERS, decode_excitation
 from avionics.link.mission_codec import LOCAL_FRAMES, wire_scale
 from avionics.link.wire_item import ItemRefused
-from avionics.quantities import counted
 from groundstation.link.commands import command_name
 from groundstation.link.missions import Item
 from groundstation.link.waypoints import wire_item
 from groundstation.views import tables, wording
 from groundstation.views.terminal import open_console
+from wingbeat.text import pluralize
 
 MISSION_FRAME = mavlink.MAV_FRAME_MISSION
 SEA_FRAMES = frozenset((mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_FRAME_GLOBAL_INT))
@@ -230,7 +230,7 @@ def _how(text: MissionItemView, item: Item) -> str:
     if text.excitation is not None:
         return _input(text.excitation)
     parts = [
-        "" if text.turns is None else counted(text.turns, "turn"),
+        "" if text.turns is None else pluralize(text.turns, "turn"),
         "" if text.duration is None else f"for {text.duration:g} s",
         "" if text.heading is None else f"heading {wording.bearing(text.heading)}",
         _radius(text.radius),
@@ -249,7 +249,7 @@ def _radius(radius: float | None) -> str:
 def _repeats(repeats: int | None) -> str:
     if repeats is None:
         return ""
-    return "for ever" if repeats < 0 else counted(repeats, "time")
+    return "for ever" if repeats < 0 else pluralize(repeats, "time")
 
 
 def _raw(item: Item) -> str:
@@ -266,7 +266,7 @@ def _input(requested: Excitation) -> str:
         parts.append(f"{requested.low:g} to {requested.high:g} Hz")
     length = "steps of" if requested.shape in (Shape.DOUBLET, Shape.MULTISTEP_3211) else "over"
     parts.append(f"{'period' if requested.shape == Shape.MULTISINE else length} {requested.width:g} s")
-    parts += [f"settling {requested.settle:g} s", counted(requested.repeats, "time")]
+    parts += [f"settling {requested.settle:g} s", pluralize(requested.repeats, "time")]
     return "  ".join([*parts, "loops active" if requested.loops else "loops frozen"])
 
 

@@ -8,13 +8,14 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from avionics.messages import Severity, Stage
+from avionics.messages import Stage
 from groundstation.link import modes
 from groundstation.link.station import Picture
 from groundstation.link.vehicle_state import VehicleState
 from groundstation.views import braille, wording
 from groundstation.views.flight_view import bar
 from groundstation.views.mission import item_view
+from wingbeat.message import Severity
 
 LABEL = "#8794a2"
 VALUE = "bold #e6ebf0"

@@ -9,11 +9,11 @@ from rich.table import Table
 from rich.text import Text
 
 from groundstation.views import wording
-from sim_bridge.environment.gravity import GRAVITY
 from sim_bridge.flight_mechanics.excursions import Excursions, Figures
 from sim_bridge.flight_mechanics.orbit import Orbit
 from sim_bridge.flight_mechanics.stroke_map import throttle_for
 from sim_bridge.vehicles import SimulatedVehicle
+from wingbeat.constants import STANDARD_GRAVITY
 
 UNMODELLED = "not modelled: the wings' motion is prescribed, without a drive that would draw current"
 
@@ -93,7 +93,7 @@ def _wings(orbit: Orbit, numbers: Figures) -> str:
 
 
 def _body(moved: Excursions) -> str:
-    low, high = (value / GRAVITY for value in moved.vertical_acceleration)
+    low, high = (value / STANDARD_GRAVITY for value in moved.vertical_acceleration)
     heave = (
         f"heaves {moved.altitude * 1e3:.3g} mm, {moved.heave_speed[0]:+.2f} to {moved.heave_speed[1]:+.2f} m/s down"
     )

@@ -12,12 +12,14 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from avionics.quantities import BadInput, DocumentError, parse_toml, why_unread
 from logs.campaigns.distributions import Distribution, drawn, read_distribution
 from logs.campaigns.keys import Values, check_key, check_value
 from logs.campaigns.outcome import Landing
 from logs.campaigns.prepared import prepare
 from logs.campaigns.stock import DEFAULT_MISSION, DEFAULT_VEHICLE, Stock, load_stock
+from wingbeat.documents import parse_toml
+from wingbeat.errors import DocumentError, InputError
+from wingbeat.text import read_error_text
 
 SECTIONS = ("flight", "grid", "draw", "landing")
 PLAIN = ("name", "title", "seed", "flights")
@@ -85,30 +87,32 @@ def load_campaign(path: Path) -> Campaign:
     where several meet is a row of the table.
 
     Raises:
-        BadInput: the file cannot be read, a key is unknown, a grid empty, a value impossible; one line.
+        InputError: the file cannot be read, a key is unknown, a grid empty, a value impossible; one line.
     """
     try:
         document = parse_toml(path.read_text(encoding="utf-8-sig"))
     except (OSError, UnicodeDecodeError) as error:
-        raise BadInput(f"cannot read the campaign {path}: {why_unread(error)}") from None
+        raise InputError(f"cannot read the campaign {path}: {read_error_text(error)}") from None
     except DocumentError as error:
-        raise BadInput(f"{path}: {error}") from None
+        raise InputError(f"{path}: {error}") from None
     try:
         campaign = _campaign(path, document)
         _try_values(campaign)
-    except BadInput as error:
-        raise BadInput(f"{path}: {error}") from None
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
     return campaign
 
 
 def _campaign(path: Path, document: Mapping[str, Any]) -> Campaign:
     if not document:
-        raise BadInput("the file is empty: [grid] or [draw] says what varies from flight to flight, flights how many")
+        raise InputError(
+            "the file is empty: [grid] or [draw] says what varies from flight to flight, flights how many"
+        )
     for key, entry in document.items():
         if key not in (*PLAIN, *SECTIONS):
-            raise BadInput(f"unknown key {key}; known: {', '.join((*PLAIN, *(f'[{name}]' for name in SECTIONS)))}")
+            raise InputError(f"unknown key {key}; known: {', '.join((*PLAIN, *(f'[{name}]' for name in SECTIONS)))}")
         if key in SECTIONS and not isinstance(entry, dict):
-            raise BadInput(f"{key} must be a section of keys")
+            raise InputError(f"{key} must be a section of keys")
     fixed = dict(_flat(document.get("flight", {}), _is_value))
     grid = dict(_flat(document.get("grid", {}), _is_value))
     draw = dict(_flat(document.get("draw", {}), _is_distribution))
@@ -122,23 +126,23 @@ def _campaign(path: Path, document: Mapping[str, Any]) -> Campaign:
         _landing(document.get("landing", {})), stock,
     )  # fmt: skip
     if draw and "flights" not in document:
-        raise BadInput("[draw] needs flights = N: how often is drawn")
+        raise InputError("[draw] needs flights = N: how often is drawn")
     if campaign.size > MOST:
-        raise BadInput(f"{campaign.size} flights; {MOST} are the most")
+        raise InputError(f"{campaign.size} flights; {MOST} are the most")
     return campaign
 
 
 def _name(path: Path, document: Mapping[str, Any]) -> str:
     name = document.get("name", path.stem)
     if not isinstance(name, str) or not name or not all(letter.isalnum() or letter in "_-." for letter in name):
-        raise BadInput(f"name = {name!r} must be of letters, digits, _, - and .")
+        raise InputError(f"name = {name!r} must be of letters, digits, _, - and .")
     return name
 
 
 def _whole(document: Mapping[str, Any], key: str, default: int, least: int) -> int:
     value = document.get(key, default)
     if not isinstance(value, int) or isinstance(value, bool) or value < least:
-        raise BadInput(f"{key} must be a whole number from {least}, not {value!r}")
+        raise InputError(f"{key} must be a whole number from {least}, not {value!r}")
     return value
 
 
@@ -147,9 +151,9 @@ def _landing(table: Mapping[str, Any]) -> Landing:
     found = {}
     for key, value in table.items():
         if key not in known:
-            raise BadInput(f"unknown key landing.{key}; known: {', '.join(known)}")
+            raise InputError(f"unknown key landing.{key}; known: {', '.join(known)}")
         if isinstance(value, bool) or not isinstance(value, int | float) or not value > 0:
-            raise BadInput(f"landing.{key} must be a number above 0, not {value!r}")
+            raise InputError(f"landing.{key} must be a number above 0, not {value!r}")
         found[key.removesuffix("_deg")] = value * known[key]
     return Landing(**found)
 
@@ -177,13 +181,13 @@ def _check_keys(fixed: Values, grid: Values, draw: Values) -> None:
         check_key(key)
     for key, times in Counter(map(_bare, (*fixed, *grid, *draw))).items():
         if times > 1:
-            raise BadInput(f"{key} is told {times} times in [flight], [grid] and [draw]; only one of them can hold")
+            raise InputError(f"{key} is told {times} times in [flight], [grid] and [draw]; only one of them can hold")
     for key, values in grid.items():
         if not isinstance(values, list) or not values:
-            raise BadInput(f"grid.{key} must be a list of one value or more")
+            raise InputError(f"grid.{key} must be a list of one value or more")
     for key, table in draw.items():
         if not isinstance(table, dict):
-            raise BadInput(f"draw.{key} must be a distribution, such as {{ uniform = [0.0, 4.0] }}")
+            raise InputError(f"draw.{key} must be a distribution, such as {{ uniform = [0.0, 4.0] }}")
 
 
 def _bare(key: str) -> str:
@@ -205,7 +209,7 @@ def _try_values(campaign: Campaign) -> None:
     """Put a flight together with each value by itself.
 
     Raises:
-        BadInput: one that cannot be.
+        InputError: one that cannot be.
     """
     for key, value in campaign.fixed.items():
         check_value(key, value)
@@ -224,23 +228,23 @@ def _try_first(campaign: Campaign, alternatives: Sequence[tuple[str, Any]]) -> N
     """Put the first flight together, or the last, before any value is blamed for what all flights have in common.
 
     Raises:
-        BadInput: neither can be flown; it names the key with another value of which the first could.
+        InputError: neither can be flown; it names the key with another value of which the first could.
     """
     first = campaign.values(1)
     try:
         _try(campaign, "seed", first["seed"])
-    except BadInput as error:
+    except InputError as error:
         text = str(error)
         blamed = next((key for key, value in alternatives if _flies(campaign, first | {key: value})), "seed")
         told = blamed in text or blamed == "seed"
-        raise BadInput(text if told else f"{blamed} = {first[blamed]}: {text}") from None
+        raise InputError(text if told else f"{blamed} = {first[blamed]}: {text}") from None
 
 
 def _flies(campaign: Campaign, values: dict[str, Any]) -> bool:
     """Whether a flight can be put together with these values."""
     try:
         prepare(campaign.stock, values)
-    except BadInput:
+    except InputError:
         return False
     return True
 
@@ -256,24 +260,24 @@ def _try(campaign: Campaign, key: str, value: Any) -> None:
     """Put the first flight together with a value, or the last: some values go with others alone.
 
     Raises:
-        BadInput: neither can be flown with it.
+        InputError: neither can be flown with it.
     """
     try:
         prepare(campaign.stock, campaign.values(1) | {key: value})
-    except BadInput as error:
-        with contextlib.suppress(BadInput):
+    except InputError as error:
+        with contextlib.suppress(InputError):
             prepare(campaign.stock, campaign.values(campaign.size) | {key: value})
             return
         text = str(error)
-        raise BadInput(text if key in text or key == "seed" else f"{key} = {value}: {text}") from None
+        raise InputError(text if key in text or key == "seed" else f"{key} = {value}: {text}") from None
 
 
 def flight_values(campaign: Campaign, number: int) -> dict[str, Any]:
     """`Campaign.values` of a number that somebody asked for.
 
     Raises:
-        BadInput: the campaign has no such flight.
+        InputError: the campaign has no such flight.
     """
     if not 1 <= number <= campaign.size:
-        raise BadInput(f"{campaign.path} has flights 1 to {campaign.size}, not {number}")
+        raise InputError(f"{campaign.path} has flights 1 to {campaign.size}, not {number}")
     return campaign.values(number)

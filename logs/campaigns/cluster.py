@@ -11,9 +11,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from avionics.quantities import BadInput
 from logs.campaigns.table import INSTALL
 from logs.extras import load_extra
+from wingbeat.errors import InputError
 
 CONNECTING = 10.0
 """s; for a scheduler and its first worker to answer"""
@@ -41,7 +41,7 @@ def local_cluster(workers: int) -> Iterator[Any]:
     """A client of ``workers`` new processes with a thread each, gone when the block ends.
 
     Raises:
-        BadInput: Dask is not installed.
+        InputError: Dask is not installed.
     """
     distributed = dask("distributed")
     _silence()
@@ -78,14 +78,15 @@ def existing_cluster(address: str) -> Iterator[Any]:
     """A client of the cluster whose scheduler listens at ``address``; the cluster stays.
 
     Raises:
-        BadInput: Dask is not installed, nobody answers, or a worker cannot fly our flights, or not with our sources.
+        InputError: Dask is not installed, nobody answers, or a worker cannot fly our flights, or not with our
+            sources.
     """
     distributed = dask("distributed")
     _silence()
     try:
         client = distributed.Client(address, timeout=CONNECTING)
     except (OSError, ValueError, ImportError) as error:
-        raise BadInput(f"no Dask scheduler answers at {address}: {' '.join(str(error).split())}") from None
+        raise InputError(f"no Dask scheduler answers at {address}: {' '.join(str(error).split())}") from None
     try:
         _check_workers(client, address)
         yield client
@@ -102,15 +103,15 @@ def _check_workers(client: Any, address: str) -> None:
     try:
         client.wait_for_workers(1, timeout=CONNECTING)
     except TimeoutError:
-        raise BadInput(f"the scheduler at {address} has no workers: dask worker {address} --nthreads 1") from None
+        raise InputError(f"the scheduler at {address} has no workers: dask worker {address} --nthreads 1") from None
     try:
         codes = client.run(flight_code)
     except Exception as error:
-        raise BadInput(f"a worker of {address} cannot fly: {type(error).__name__}: {error}") from None
+        raise InputError(f"a worker of {address} cannot fly: {type(error).__name__}: {error}") from None
     ours = flight_code()
     others = [worker for worker, code in codes.items() if code != ours]
     if others:
-        raise BadInput(
+        raise InputError(
             f"{others[0]} has another version of Wingbeat's sources: its flights would not be those of this machine"
         )
 
@@ -124,10 +125,11 @@ def flight_code() -> str:
     import avionics
     import logs
     import sim_bridge
+    import wingbeat
     from logs.campaigns import flown
 
     digest = hashlib.sha256(flown.__name__.encode())
-    for package in (avionics, logs, sim_bridge):
+    for package in (wingbeat, avionics, logs, sim_bridge):
         root = Path(package.__path__[0])
         for path in sorted(path for path in root.rglob("*") if path.suffix in (".py", ".toml", ".xml", ".json")):
             digest.update(path.relative_to(root).as_posix().encode() + path.read_bytes())
@@ -138,7 +140,7 @@ def dask(module: str = "dask") -> Any:
     """A module of Dask.
 
     Raises:
-        BadInput: it is not installed.
+        InputError: it is not installed.
     """
     return load_extra(module, "Dask", "a campaign", INSTALL)
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from statistics import NormalDist
 from typing import Any, NamedTuple
 
-from avionics.quantities import BadInput
+from wingbeat.errors import InputError
 
 LEAST = 2.0**-53
 """-; of a share: the ends of a normal distribution are infinitely far away"""
@@ -60,17 +60,17 @@ def read_distribution(where: str, table: Mapping[str, Any]) -> Distribution:
     """What a table such as ``{ normal = [0.29, 0.01], within = [0.27, 0.31] }`` means.
 
     Raises:
-        BadInput: no such distribution, or numbers that make none.
+        InputError: no such distribution, or numbers that make none.
     """
     named = [name for name in table if name in KINDS]
     if len(named) != 1 or not set(table) <= {*named, "within"}:
-        raise BadInput(f"{where} must be one of {', '.join(f'{n} = {kind.text}' for n, kind in KINDS.items())}")
+        raise InputError(f"{where} must be one of {', '.join(f'{n} = {kind.text}' for n, kind in KINDS.items())}")
     name, numbers = named[0], table[named[0]]
     if not isinstance(numbers, list):
-        raise BadInput(f"{where}: {name} must be a list: {KINDS[name].text}")
+        raise InputError(f"{where}: {name} must be a list: {KINDS[name].text}")
     wrong = KINDS[name].check(numbers)
     if wrong:
-        raise BadInput(f"{where}: {name} = {numbers}: {wrong}")
+        raise InputError(f"{where}: {name} = {numbers}: {wrong}")
     return Distribution(name, tuple(numbers), _within(where, name, numbers, table.get("within")))
 
 
@@ -78,13 +78,13 @@ def _within(where: str, name: str, numbers: Sequence[Any], within: Any) -> tuple
     if within is None:
         return None
     if name != "normal":
-        raise BadInput(f"{where}: within goes with normal alone")
+        raise InputError(f"{where}: within goes with normal alone")
     wrong = _wrong_range(within) if isinstance(within, list) else "must be [least, greatest]"
     if wrong:
-        raise BadInput(f"{where}: within = {within}: {wrong}")
+        raise InputError(f"{where}: within = {within}: {wrong}")
     bell = NormalDist(*numbers)
     if not bell.cdf(within[1]) > bell.cdf(within[0]):
-        raise BadInput(f"{where}: within = {within}: nothing of the distribution lies there")
+        raise InputError(f"{where}: within = {within}: nothing of the distribution lies there")
     return float(within[0]), float(within[1])
 
 

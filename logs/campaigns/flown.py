@@ -9,8 +9,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from avionics.autopilot import Autopilot
-from avionics.quantities import BadInput
-from avionics.topics import Publish
 from logs.batches import batched
 from logs.campaigns.keys import Values
 from logs.campaigns.memory import Memory
@@ -26,6 +24,8 @@ from logs.scene import SceneRecorder
 from logs.summary import summary_of
 from sim_bridge.flight.flight import fly
 from sim_bridge.flight.world import SimulatedWorld, publish_nothing
+from wingbeat.errors import InputError
+from wingbeat.topic import Publish
 
 UNFINISHED = ".part"
 """how the name of a log ends while it is recorded"""
@@ -73,7 +73,7 @@ class Order(NamedTuple):
     recording: Recording | None = None
 
 
-class CannotRecord(BadInput):
+class CannotRecord(InputError):
     """A flight's log cannot be written: nothing that the flight itself could help."""
 
 
@@ -116,7 +116,7 @@ def row_of(number: int, judged: Verdict, metrics: dict[str, float | None] | None
 def _flown(order: Order) -> tuple[Verdict, dict[str, float | None] | None]:
     try:
         flight = prepare(order.stock, order.values)
-    except BadInput as reason:
+    except InputError as reason:
         return Verdict(Outcome.REFUSED, str(reason)), None
     memory = Memory()
     try:
@@ -136,7 +136,7 @@ def _flown(order: Order) -> tuple[Verdict, dict[str, float | None] | None]:
 
 def _raised(error: Exception) -> Verdict:
     """An exception as a row tells it: in one line."""
-    if isinstance(error, BadInput):
+    if isinstance(error, InputError):
         return Verdict(Outcome.REFUSED, str(error))
     text = " ".join(str(error).split())
     return Verdict(Outcome.ERROR, f"{type(error).__name__}: {text}" if text else type(error).__name__)
@@ -179,7 +179,7 @@ def _recorder(path: Path) -> McapRecorder:
         return McapRecorder(unfinished)
     except OSError as error:
         raise CannotRecord(f"cannot record to {path}: {error.strerror or error}") from None
-    except BadInput as error:
+    except InputError as error:
         raise CannotRecord(str(error)) from None
 
 

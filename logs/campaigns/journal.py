@@ -10,8 +10,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import IO, Any, NamedTuple, Self
 
-from avionics.quantities import BadInput, DocumentError, parse_json
 from logs.campaigns.flown import Row, is_row
+from wingbeat.documents import parse_json
+from wingbeat.errors import DocumentError, InputError
 
 ENDING = ".flights"
 """how the journal of a table is called: its name and this"""
@@ -28,7 +29,7 @@ class Journal:
         One of another campaign that was stopped before its first flight ended holds nothing, and is begun anew.
 
         Raises:
-            BadInput: it is another campaign's, another command has it open, or it cannot be written.
+            InputError: it is another campaign's, another command has it open, or it cannot be written.
         """
         self.path = path
         self.rows: dict[int, Row] = {}
@@ -36,12 +37,12 @@ class Journal:
         try:
             self._file: IO[str] = path.open("a+", encoding="utf-8")
         except OSError as error:
-            raise BadInput(f"cannot write {path}: {error.strerror}") from None
+            raise InputError(f"cannot write {path}: {error.strerror}") from None
         try:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
             self._file.close()
-            raise BadInput(f"{path}: another command is flying this campaign") from None
+            raise InputError(f"{path}: another command is flying this campaign") from None
         try:
             self._read(digest, file)
         except BaseException:
@@ -75,7 +76,7 @@ class Journal:
         begun = _head(self.path, head)["campaign"] if head else None
         if begun != digest:
             if lines:
-                raise BadInput(
+                raise InputError(
                     f"{self.path} is of another campaign, or of this one before its files changed: name another --out"
                 )
             self._file.truncate(0)
@@ -105,14 +106,14 @@ def read_journal(path: Path) -> Begun:
     """Read a journal and leave it as it is, whoever may be writing it.
 
     Raises:
-        BadInput: it cannot be read, or is none.
+        InputError: it cannot be read, or is none.
     """
     try:
         lines = _ended(path.read_text(encoding="utf-8")).splitlines()
     except UnicodeDecodeError:
         raise _damaged(path, "not UTF-8 text") from None
     except OSError as error:
-        raise BadInput(f"cannot read {path}: {error.strerror}") from None
+        raise InputError(f"cannot read {path}: {error.strerror}") from None
     head = _head(path, lines[0]) if lines else {"campaign": ""}
     return Begun(head["campaign"], head.get("file", ""), _rows(path, lines[1:]))
 
@@ -148,5 +149,5 @@ def _parsed(path: Path, number: int, line: str) -> Any:
         raise _damaged(path, f"line {number} is {error}") from None
 
 
-def _damaged(path: Path, reason: str) -> BadInput:
-    return BadInput(f"{path} is damaged, or not a campaign's journal ({reason}): name another --out")
+def _damaged(path: Path, reason: str) -> InputError:
+    return InputError(f"{path} is damaged, or not a campaign's journal ({reason}): name another --out")

@@ -10,8 +10,8 @@ import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from avionics.quantities import BadInput
 from sim_bridge.environment.levels import LEVELS_TOLD
+from wingbeat.errors import InputError
 
 Values = Mapping[str, Any]
 """what enters one flight, by key"""
@@ -63,7 +63,7 @@ def check_key(key: str) -> None:
     """Refuse a key that means nothing.
 
     Raises:
-        BadInput: it is none; one line with those that are.
+        InputError: it is none; one line with those that are.
     """
     if plain_name(key) is not None:
         return
@@ -74,7 +74,7 @@ def check_key(key: str) -> None:
     near = difflib.get_close_matches(key, KEYS, 1)
     meant = f"; did you mean {near[0]}?" if near else ""
     forms = (family.form for family in FAMILIES.values())
-    raise BadInput(f"unknown key {key}{meant} (known: {', '.join((*KEYS, *forms))})")
+    raise InputError(f"unknown key {key}{meant} (known: {', '.join((*KEYS, *forms))})")
 
 
 def plain_name(key: str) -> str | None:
@@ -98,13 +98,13 @@ def check_value(key: str, value: Any) -> None:
     """Refuse a value that a key cannot have, as far as the key itself tells.
 
     Raises:
-        BadInput: see above.
+        InputError: see above.
     """
     name = plain_name(key)
     row = Key(float, unit_of(key), "") if name is None else KEYS[name]
     if row.kind is str:
         if not isinstance(value, str):
-            raise BadInput(f"{key} must be text in quotes, not {value!r}")
+            raise InputError(f"{key} must be text in quotes, not {value!r}")
         return
     if name is None and isinstance(value, list):
         for one in value:
@@ -114,7 +114,7 @@ def check_value(key: str, value: Any) -> None:
         return  # a word or a switch of the file, which its reader knows
     whole = isinstance(value, int) and not isinstance(value, bool)
     if not (whole or (row.kind is float and isinstance(value, float) and math.isfinite(value))):
-        raise BadInput(f"{key} must be {'a whole' if row.kind is int else 'a finite'} number, not {value!r}")
+        raise InputError(f"{key} must be {'a whole' if row.kind is int else 'a finite'} number, not {value!r}")
     _check_range(key, row, value)
 
 
@@ -130,7 +130,7 @@ def _check_range(key: str, row: Key, value: float) -> None:
     else:
         bounds = f"{ends[0]:g} to {ends[1]:g}"
     angle = f"; {key}{DEGREES} is in degrees" if unit_of(key) == "rad" else ""
-    raise BadInput(f"{key} = {value:g} must be {bounds}{'' if row.unit == '-' else ' ' + unit_of(key)}{angle}")
+    raise InputError(f"{key} = {value:g} must be {bounds}{'' if row.unit == '-' else ' ' + unit_of(key)}{angle}")
 
 
 def plain(values: Values, name: str, default: Any) -> Any:

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from avionics import topics
-from avionics.topics import Publish, Topic
 from logs.columns import Columns
 from sim_bridge import topics as truth_topics
 from sim_bridge.flight.world import publish_nothing
+from wingbeat.topic import Publish, Topic
 
 KEPT: dict[Topic, tuple[str, ...]] = {
     topics.ATTITUDE: ("roll", "pitch", "yaw"),

@@ -10,9 +10,9 @@ import numpy as np
 
 from logs.campaigns.outcome import farthest
 from logs.columns import Columns
-from logs.rotations import angles_of
 from logs.summary import FlightSummary
 from sim_bridge.topics import STATE
+from wingbeat.rotation_arrays import euler_from_quaternions
 
 Tables = Mapping[str, Columns]
 
@@ -49,7 +49,7 @@ def _bank(summary: FlightSummary, tables: Tables) -> float | None:
         return None
     truth = tables[STATE.name]
     inside = (truth.time >= summary.launch) & (truth.time <= summary.launch + summary.airtime)
-    roll, _, _ = angles_of(*(truth[f"quaternion_{axis}"][inside] for axis in "wxyz"))
+    roll, _, _ = euler_from_quaternions(*(truth[f"quaternion_{axis}"][inside] for axis in "wxyz"))
     return float(np.max(np.abs(roll)))
 
 

@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from avionics.quantities import counted
 from logs.campaigns.comparison import Comparison, comparisons, flown_with, told_pairs, told_quartiles
 from logs.campaigns.metrics import METRICS
 from logs.campaigns.statistics import (
@@ -31,6 +30,7 @@ from logs.campaigns.table import Table
 from logs.identification.chapter import MEASURED, MODEL, OTHER, POINTS, STEPS, Cell, Chapter, Plot, Series
 from logs.identification.chapter import Table as Rows
 from logs.identification.report.report import write_page
+from wingbeat.text import pluralize
 
 MOST_PLOTS = 12
 """-; of what an input has to do with a metric, the strongest first"""
@@ -53,10 +53,10 @@ def write(path: Path, table: Table, worst: Sequence[Worst]) -> int:
     """Write the page to ``path``, which must not exist; its size in bytes.
 
     Raises:
-        BadInput: the file exists or cannot be written.
+        InputError: the file exists or cannot be written.
     """
-    whole = "" if table.planned is None else f"unfinished: of {counted(table.planned, 'flight')} these are flown"
-    facts = (counted(table.size, "flight"), whole, f"from {table.about.file}", table.about.title)
+    whole = "" if table.planned is None else f"unfinished: of {pluralize(table.planned, 'flight')} these are flown"
+    facts = (pluralize(table.size, "flight"), whole, f"from {table.about.file}", table.about.title)
     chapters = (_outcomes(table), _compared(table), _worst(table, worst), _distributions(table), _sensitivity(table))
     told = tuple(chapter for chapter in chapters if chapter is not None)
     return write_page(path, f"Campaign {table.about.name}", tuple(fact for fact in facts if fact), told)
@@ -77,7 +77,7 @@ def _outcomes(table: Table) -> Chapter:
     if reasons:
         told.append(Rows(("why flights failed", "flights"), tuple((text, float(count)) for text, count in reasons)))
     failed = sum(table.columns["failed"])
-    notes = (f"{counted(failed, 'flight')} of {table.size} failed." if failed else "No flight failed.",)
+    notes = (f"{pluralize(failed, 'flight')} of {table.size} failed." if failed else "No flight failed.",)
     return Chapter("Flights", notes, tuple(told))
 
 

@@ -10,7 +10,6 @@ from avionics import parameters
 from avionics.guidance.mission import FlightPlan
 from avionics.messages import Command
 from avionics.missions.script import plan_commands, scripted_start
-from avionics.quantities import BadInput
 from avionics.vehicles import FlightVehicle
 from avionics.vehicles.gains import FlightGains
 from logs.campaigns.keys import Values, of_family, plain
@@ -24,6 +23,7 @@ from sim_bridge.flight.world import Scenario, Throw
 from sim_bridge.mechanism import build_mechanism
 from sim_bridge.sensors.transmitter import Script
 from sim_bridge.vehicles import SimulatedVehicle, with_model
+from wingbeat.errors import InputError
 
 DURATION = 300.0
 """s; longest flight where the campaign gives none, as of ``wingbeat fly``"""
@@ -46,7 +46,7 @@ def prepare(stock: Stock, values: Values) -> Prepared:
     """Put a flight together.
 
     Raises:
-        BadInput: a value that it cannot have.
+        InputError: a value that it cannot have.
     """
     pair = stock.vehicles[plain(values, "vehicle", DEFAULT_VEHICLE)]
     planned = stock.missions[plain(values, "mission", DEFAULT_MISSION)]
@@ -83,7 +83,7 @@ def _parameter(gains: FlightGains, name: str, key: str) -> parameters.Parameter:
     """The gain of a key, ``pitch.damping`` or a parameter's name.
 
     Raises:
-        BadInput: the flight computer has none such; one line with those that it has beside it.
+        InputError: the flight computer has none such; one line with those that it has beside it.
     """
     table = parameters.parameter_table(gains)
     places = {place_of(parameter): parameter for parameter in table.values()}
@@ -93,16 +93,16 @@ def _parameter(gains: FlightGains, name: str, key: str) -> parameters.Parameter:
     section = key.partition(".")[0]
     beside = [place.partition(".")[2] for place in places if place.partition(".")[0] == section]
     known = f"{section} has {', '.join(beside)}" if beside else f"sections: {', '.join(gains._fields)}"
-    raise BadInput(f"{name}: the flight computer has no such gain; {known}")
+    raise InputError(f"{name}: the flight computer has no such gain; {known}")
 
 
 def _changed(gains: FlightGains, name: str, key: str, value: Any) -> FlightGains:
     if not isinstance(value, int | float):
-        raise BadInput(f"{name} must be a number: of a list, each by its place, such as {key}[0]")
+        raise InputError(f"{name} must be a number: of a list, each by its place, such as {key}[0]")
     try:
         return changed(gains, {key: value})
-    except BadInput as error:
-        raise BadInput(f"{name}: {error}") from None
+    except InputError as error:
+        raise InputError(f"{name}: {error}") from None
 
 
 def _scenario(values: Values, of_mission: tuple[Fault, ...], sticks: Script | None) -> Scenario:
@@ -110,7 +110,7 @@ def _scenario(values: Values, of_mission: tuple[Fault, ...], sticks: Script | No
     faults = (*_faults(values), *of_mission)
     for fault in faults:
         if fault.at >= duration:
-            raise BadInput(f"fault {fault.name} at {fault.at:g} s: the flight ends at {duration:g} s at the latest")
+            raise InputError(f"fault {fault.name} at {fault.at:g} s: the flight ends at {duration:g} s at the latest")
     speed, wind_from = float(plain(values, "wind.speed", 0.0)), float(plain(values, "wind.from", 0.0))
     steady_wind(speed, wind_from)
     return Scenario(
@@ -131,20 +131,20 @@ def _faults(values: Values) -> list[Fault]:
     """Those written as words, then those whose times have keys of their own.
 
     Raises:
-        BadInput: no such fault, no beginning, or times that cannot be.
+        InputError: no such fault, no beginning, or times that cannot be.
     """
     told = [parse_fault(text) for text in plain(values, "faults", "").split()]
     times: dict[str, dict[str, float]] = {}
     for place, value in of_family(values, "fault").items():
         name, _, end = place.rpartition(".")
         if end not in ("at", "until", "lasting"):
-            raise BadInput(f"fault.{place}: only fault.NAME.at, .until and .lasting are known")
+            raise InputError(f"fault.{place}: only fault.NAME.at, .until and .lasting are known")
         times.setdefault(name, {})[end] = float(value)
     return [*told, *(_timed(name, ends) for name, ends in times.items())]
 
 
 def _timed(name: str, ends: Mapping[str, float]) -> Fault:
     if "at" not in ends or {"until", "lasting"} <= set(ends):
-        raise BadInput(f"fault.{name} needs fault.{name}.at, and either .until, .lasting or neither")
+        raise InputError(f"fault.{name} needs fault.{name}.at, and either .until, .lasting or neither")
     begin = ends["at"]
     return checked(Fault(name, begin, ends.get("until", begin + ends.get("lasting", math.inf))))

@@ -7,11 +7,11 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from avionics.quantities import BadInput
 from logs.campaigns.campaign import Campaign
 from logs.campaigns.cluster import dask, workers_of
 from logs.campaigns.flown import UNFINISHED, CannotRecord, Order, Recording, Row, flown, row_of
 from logs.campaigns.outcome import Outcome, Verdict
+from wingbeat.errors import InputError
 
 LOGS = ("none", "failed", "all")
 """which flights leave a log"""
@@ -44,7 +44,7 @@ def fly_campaign(campaign: Campaign, numbers: Sequence[int], client: Any, logs: 
     """The rows of flights ``numbers`` in the order in which they end.
 
     Raises:
-        BadInput: the cluster has gone, or a log cannot be written.
+        InputError: the cluster has gone, or a log cannot be written.
     """
     wait_for = dask("distributed").wait
     left, flying, alone = list(reversed(numbers)), dict[Any, int](), 0
@@ -60,7 +60,7 @@ def fly_campaign(campaign: Campaign, numbers: Sequence[int], client: Any, logs: 
                 yield _row(future, flying.pop(future), logs)
             alone = 0 if workers_of(client) else alone + 1
             if alone > PATIENCE or client.status != "running":
-                raise BadInput("the cluster has gone; the same command goes on where it ended")
+                raise InputError("the cluster has gone; the same command goes on where it ended")
     finally:
         with contextlib.suppress(Exception):
             client.cancel(list(flying))
@@ -70,16 +70,16 @@ def _row(future: Any, number: int, logs: Logs) -> Row:
     """What a finished future holds: a row, or why there is none.
 
     Raises:
-        BadInput: the cluster gave the flight back unflown, or its log cannot be written.
+        InputError: the cluster gave the flight back unflown, or its log cannot be written.
     """
     if future.status == "finished":
         row: Row = future.result()
         return row
     if future.status == "cancelled":
-        raise BadInput("the cluster has gone; the same command goes on where it ended")
+        raise InputError("the cluster has gone; the same command goes on where it ended")
     error = future.exception()
     if isinstance(error, CannotRecord):
-        raise BadInput(f"{error}; the same command goes on when it can be")
+        raise InputError(f"{error}; the same command goes on when it can be")
     if type(error).__name__ == "KilledWorker":
         judged = Verdict(Outcome.KILLED, "the process that flew it was ended from outside")
     else:

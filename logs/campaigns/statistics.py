@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from avionics.quantities import BadInput
 from logs.campaigns.metrics import METRICS
 from logs.campaigns.table import Table
+from wingbeat.errors import InputError
 
 Array = NDArray[np.float64]
 
@@ -155,13 +155,13 @@ def chosen_metric(table: Table, asked: str | None) -> str | None:
     """The metric by which flights are ordered; None where no flight has any.
 
     Raises:
-        BadInput: there is no metric of that name in the table.
+        InputError: there is no metric of that name in the table.
     """
     present = metrics_of(table)
     if asked is None:
         return next((name for name in (*BY, *present) if name in present), None)
     if asked not in present:
-        raise BadInput(f"no flight has a metric {asked}; metrics: {', '.join(present) or 'none'}")
+        raise InputError(f"no flight has a metric {asked}; metrics: {', '.join(present) or 'none'}")
     return asked
 
 

@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 from avionics.guidance.mission import FlightPlan
 from avionics.missions.files import load_flight_plan
-from avionics.quantities import BadInput
 from avionics.vehicles import FlightVehicle
 from avionics.vehicles import load_vehicle as load_flight_vehicle
 from avionics.vehicles import vehicle_names as flown_names
@@ -18,6 +17,7 @@ from sim_bridge.sensors.transmitter import Script, load_script
 from sim_bridge.vehicles import SimulatedVehicle
 from sim_bridge.vehicles import load_vehicle as load_world
 from sim_bridge.vehicles import vehicle_names as world_names
+from wingbeat.errors import InputError
 
 DEFAULT_VEHICLE = "robo_raven_ii_d"
 DEFAULT_MISSION = "circuit"
@@ -59,7 +59,7 @@ def load_stock(folder: Path, vehicles: Iterable[str], missions: Iterable[str], s
     """Read every file once; a path counts from ``folder``, that of the campaign's file.
 
     Raises:
-        BadInput: one cannot be used.
+        InputError: one cannot be used.
     """
     return Stock(
         {name: _pair(found(folder, name)) for name in vehicles},
@@ -77,7 +77,7 @@ def found(folder: Path, name: str) -> str:
 def _pair(vehicle: str) -> Pair:
     world, computer = vehicle_files(vehicle)
     if vehicle in world_names() and vehicle not in flown_names():
-        raise BadInput(f"{vehicle} has no flight-computer file: {' and '.join(flown_names())} can be flown")
+        raise InputError(f"{vehicle} has no flight-computer file: {' and '.join(flown_names())} can be flown")
     return Pair(load_world(world), load_flight_vehicle(computer))
 
 

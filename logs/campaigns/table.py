@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from avionics.quantities import BadInput, counted, parse_json
 from logs.campaigns.campaign import Campaign, load_campaign
 from logs.campaigns.flown import OWN, Row
 from logs.campaigns.journal import Begun, read_journal
@@ -15,6 +14,9 @@ from logs.campaigns.keys import unit_of
 from logs.campaigns.metrics import METRICS
 from logs.extras import load_extra
 from logs.placing import claim, draft, settle
+from wingbeat.documents import parse_json
+from wingbeat.errors import InputError
+from wingbeat.text import pluralize
 
 INSTALL = ("dask[distributed]", "pyarrow")
 ABOUT = b"wingbeat.campaign"
@@ -54,7 +56,7 @@ def arrow(module: str = "pyarrow") -> Any:
     """A module of pyarrow.
 
     Raises:
-        BadInput: it is not installed.
+        InputError: it is not installed.
     """
     return load_extra(module, "pyarrow", "a campaign's table", INSTALL)
 
@@ -63,7 +65,7 @@ def write_table(path: Path, campaign: Campaign, rows: Mapping[int, Row]) -> None
     """Write the rows by their flights' numbers; nothing in the file depends on how or when they were flown.
 
     Raises:
-        BadInput: the file exists or cannot be written, or pyarrow is missing.
+        InputError: the file exists or cannot be written, or pyarrow is missing.
     """
     pyarrow, parquet = arrow(), arrow("pyarrow.parquet")
     numbers = sorted(rows)
@@ -92,18 +94,18 @@ def read_table(path: Path) -> Table:
     """Read a table.
 
     Raises:
-        BadInput: there is none, it is no campaign's, or pyarrow is missing.
+        InputError: there is none, it is no campaign's, or pyarrow is missing.
     """
     pyarrow, parquet = arrow(), arrow("pyarrow.parquet")
     if not path.exists():
-        raise BadInput(f"cannot read {path}: there is no such file")
+        raise InputError(f"cannot read {path}: there is no such file")
     try:
         table = parquet.read_table(path)
         found = _about(parse_json((table.schema.metadata or {})[ABOUT].decode()))
     except (OSError, pyarrow.ArrowException) as error:
-        raise BadInput(f"cannot read {path}: {' '.join(str(error).split())}") from None
+        raise InputError(f"cannot read {path}: {' '.join(str(error).split())}") from None
     except (KeyError, ValueError, TypeError, AttributeError):
-        raise BadInput(f"{path} is no table of a campaign") from None
+        raise InputError(f"{path} is no table of a campaign") from None
     units = {field.name: (field.metadata or {}).get(b"unit", b"-").decode() for field in table.schema}
     return Table(found, table.to_pydict(), units)
 
@@ -119,19 +121,19 @@ def unfinished_table(path: Path) -> Table:
     """What is flown of the campaign whose journal lies at ``path``.
 
     Raises:
-        BadInput: no flight has ended, the journal is none, or its campaign's file is gone or has changed.
+        InputError: no flight has ended, the journal is none, or its campaign's file is gone or has changed.
     """
     begun = read_journal(path)
     if not begun.rows:
-        raise BadInput(f"{path}: no flight of this campaign has ended yet{_going_on(begun)}")
-    told = f"{path} holds {counted(len(begun.rows), 'flight')} of a campaign that is not flown to its end"
+        raise InputError(f"{path}: no flight of this campaign has ended yet{_going_on(begun)}")
+    told = f"{path} holds {pluralize(len(begun.rows), 'flight')} of a campaign that is not flown to its end"
     try:
         campaign = load_campaign(Path(begun.file)) if begun.file else None
-    except BadInput as error:
-        raise BadInput(f"{told}, and {error}") from None
+    except InputError as error:
+        raise InputError(f"{told}, and {error}") from None
     if campaign is None or campaign.digest() != begun.digest:
         why = "or a file that it names, has changed" if campaign else "goes on by the same command"
-        raise BadInput(f"{told}, whose file, {begun.file}, {why}" if campaign else f"{told}: it {why}")
+        raise InputError(f"{told}, whose file, {begun.file}, {why}" if campaign else f"{told}: it {why}")
     numbers = sorted(begun.rows)
     inputs = [campaign.values(number) for number in numbers]
     columns: dict[str, list[Any]] = {"flight": list(numbers)}

@@ -10,8 +10,9 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from avionics.quantities import BadInput, toml_text
 from sim_bridge.vehicles import SimulatedVehicle, load_vehicle
+from wingbeat.documents import toml_text
+from wingbeat.errors import InputError
 
 SOURCE = "chosen: by a campaign"
 
@@ -22,7 +23,7 @@ def altered(vehicle: SimulatedVehicle, values: Mapping[str, Any], factors: Mappi
     ``factors`` are multiplied with what the file, or ``values``, has there; of a list with every number.
 
     Raises:
-        BadInput: there is no such value in the file, or one that no vehicle can have.
+        InputError: there is no such value in the file, or one that no vehicle can have.
     """
     if not values and not factors:
         return vehicle
@@ -39,15 +40,15 @@ def _loaded(name: str, text: str) -> SimulatedVehicle:
     """A vehicle by the text of its file: a grid flies few of them many times.
 
     Raises:
-        BadInput: the text makes no vehicle.
+        InputError: the text makes no vehicle.
     """
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"{name}.toml"
         path.write_text(text, encoding="utf-8")
         try:
             return load_vehicle(str(path))
-        except BadInput as error:
-            raise BadInput(str(error).replace(str(path), f"vehicle {name}")) from None
+        except InputError as error:
+            raise InputError(str(error).replace(str(path), f"vehicle {name}")) from None
 
 
 def _read(vehicle: SimulatedVehicle, text: str) -> SimulatedVehicle:
@@ -58,21 +59,21 @@ def _entry(vehicle: SimulatedVehicle, document: Mapping[str, Any], place: str) -
     """The entry of the file at a place, and which number of its list is meant; None for all of it.
 
     Raises:
-        BadInput: there is none.
+        InputError: there is none.
     """
     found = re.fullmatch(r"([\w.-]+?)(?:\[(\d+)\])?", place)
     entry: Any = document
     for name in found[1].split(".") if found else ():
         entry = entry.get(name) if isinstance(entry, dict) else None
     if found is None or not isinstance(entry, dict) or "value" not in entry:
-        raise BadInput(
+        raise InputError(
             f"vehicle {vehicle.name} has no value {place}; wingbeat vehicles {vehicle.path.stem} lists those it has"
         )
     if found[2] is None:
         return entry, None
     index = int(found[2])
     if not isinstance(entry["value"], list) or index >= len(entry["value"]):
-        raise BadInput(f"vehicle {vehicle.name}: {found[1]} has no number [{index}]")
+        raise InputError(f"vehicle {vehicle.name}: {found[1]} has no number [{index}]")
     return entry, index
 
 
@@ -90,5 +91,5 @@ def _times(vehicle: SimulatedVehicle, document: Mapping[str, Any], place: str, f
     old = entry["value"] if index is None else entry["value"][index]
     numbers = old if isinstance(old, list) else [old]
     if any(isinstance(number, bool | str) for number in numbers):
-        raise BadInput(f"scale.vehicle.{place}: {old!r} is no number")
+        raise InputError(f"scale.vehicle.{place}: {old!r} is no number")
     return [number * factor for number in old] if isinstance(old, list) else old * factor

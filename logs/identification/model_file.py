@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from avionics.quantities import BadInput
 from avionics.vehicles import FlightVehicle
 from logs.identification.data import Aircraft
 from logs.identification.modes.longitudinal import LONGITUDINAL, TAIL, matrices
@@ -18,6 +17,7 @@ from logs.identification.results import Estimate
 from sim_bridge.flight_mechanics.identified import IdentifiedWorld, identified_world, world_text
 from sim_bridge.tuning.model import Identified, IdentifiedValue, LinearModel, model_text
 from sim_bridge.vehicles import SimulatedVehicle, load_vehicle, vehicle_names
+from wingbeat.errors import InputError
 
 WORLD, AVIONICS, BASE = "world.toml", "avionics.toml", "base.toml"
 
@@ -53,16 +53,16 @@ def places(out: Path) -> tuple[Path, Path]:
     """The model's file and the folder of its vehicle beside it, neither of which may be there.
 
     Raises:
-        BadInput: one of them exists, ``out`` is no TOML file, or its folder is not there.
+        InputError: one of them exists, ``out`` is no TOML file, or its folder is not there.
     """
     if out.suffix != ".toml":
-        raise BadInput(f"--model {out}: the name of a model ends in .toml")
+        raise InputError(f"--model {out}: the name of a model ends in .toml")
     folder = out.with_suffix("")
     for path in (out, folder):
         if path.exists():
-            raise BadInput(f"{path} exists: it is not overwritten")
+            raise InputError(f"{path} exists: it is not overwritten")
     if not out.parent.is_dir():
-        raise BadInput(f"{out}: there is no folder {out.parent}")
+        raise InputError(f"{out}: there is no folder {out.parent}")
     return out, folder
 
 
@@ -70,11 +70,11 @@ def linear_model(modes: ModesResult, log: Log, vehicle: str = "") -> LinearModel
     """The longitudinal model of the first method that has one, about the flight's reference; drive and lateral none.
 
     Raises:
-        BadInput: no method has all its derivatives and a short period.
+        InputError: no method has all its derivatives and a short period.
     """
     mode, about, period = _whole_mode(modes), modes.reference, modes.wing_period
     if about is None or period is None:
-        raise BadInput("no model is written: the records tell neither a flight condition nor a wing period")
+        raise InputError("no model is written: the records tell neither a flight condition nor a wing period")
     derivatives = {e.name: e.value for e in mode.derivatives if e.name not in TAIL}
     # Place of the IMU and lag of the tail are in the outputs alone.
     system = matrices(tuple(derivatives), np.array(list(derivatives.values())), about, Aircraft())
@@ -93,7 +93,7 @@ def _whole_mode(modes: ModesResult) -> Mode:
         if mode.short_period is not None and set(LONGITUDINAL) <= {e.name for e in mode.derivatives}:
             return mode
     why = "; ".join(f"{mode.method}: {one.reason}" for mode in modes.modes for one in mode.unidentified[:1])
-    raise BadInput(f"no model is written: no method gives all longitudinal derivatives{why and f' ({why})'}")
+    raise InputError(f"no model is written: no method gives all longitudinal derivatives{why and f' ({why})'}")
 
 
 def identified_values(found: tuple[Estimate, ...]) -> tuple[IdentifiedValue, ...]:
@@ -113,7 +113,7 @@ def write_model(
     ``told`` hears how far the linearising of what was not identified is.
 
     Raises:
-        BadInput: a file exists, or no method has a whole model.
+        InputError: a file exists, or no method has a whole model.
     """
     places(out)
     return write_linear(out, linear_model(modes, log), base, told)
@@ -125,7 +125,7 @@ def write_linear(
     """Write a ``model`` of whatever it was identified from; as `write_model`.
 
     Raises:
-        BadInput: a file exists.
+        InputError: a file exists.
     """
     path, folder = places(out)
     world, notes = _world(model, base, told)
@@ -154,7 +154,7 @@ def _world(
         return None, ("no world to fly in: nothing tells the bodies of the vehicle (--vehicle does)",)
     try:
         world = identified_world(model, base.world, told)
-    except BadInput as error:
+    except InputError as error:
         return None, (f"no world to fly in: {error}",)
     return world, world.notes
 
@@ -176,6 +176,6 @@ def _create(path: Path, text: str) -> None:
         with path.open("x", encoding="utf-8") as file:
             file.write(text)
     except FileExistsError:
-        raise BadInput(f"{path} exists: it is not overwritten") from None
+        raise InputError(f"{path} exists: it is not overwritten") from None
     except OSError as error:
-        raise BadInput(f"cannot write {path}: {error.strerror}") from None
+        raise InputError(f"cannot write {path}: {error.strerror}") from None

@@ -10,10 +10,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from avionics.quantities import BadInput, counted
 from logs.importing.motion_capture import NED_FROM_MOTIVE, NED_FROM_NEXUS, Track, plain_name, source_of
 from logs.importing.source import Source
 from logs.importing.units import conversion
+from wingbeat.errors import InputError
+from wingbeat.text import pluralize
 
 BLOCK = 512
 """bytes"""
@@ -48,18 +49,18 @@ def read_c3d(data: bytes) -> Source:
     """Read the markers of a C3D file.
 
     Raises:
-        BadInput: it is none, of a processor that is not known, or has no marker in it.
+        InputError: it is none, of a processor that is not known, or has no marker in it.
     """
     if len(data) < 2 * BLOCK or data[1] != KEY:
-        raise BadInput("it does not begin as a C3D file does")
+        raise InputError("it does not begin as a C3D file does")
     try:
         order, parameters = _parameters(data, BLOCK * (data[0] - 1))
         head = _head(data, order)
         return _markers(data, head, order, parameters)
     except (struct.error, ValueError, IndexError) as error:
-        if isinstance(error, BadInput):
+        if isinstance(error, InputError):
             raise
-        raise BadInput("it is no whole C3D file") from None
+        raise InputError("it is no whole C3D file") from None
 
 
 def _head(data: bytes, order: str) -> Head:
@@ -68,7 +69,7 @@ def _head(data: bytes, order: str) -> Head:
     head = Head(points, analog, last - first + 1, scale, block, rate)
     counted_right = 0 < points <= MOST_POINTS and head.frames > 0 and block >= 2
     if not counted_right or not 1.0 <= rate <= 10_000.0 or not 0.0 < abs(scale) < 1e6:
-        raise BadInput("its head tells no frames of markers at a rate that can be")
+        raise InputError("its head tells no frames of markers at a rate that can be")
     return head
 
 
@@ -76,7 +77,7 @@ def _parameters(data: bytes, at: int) -> tuple[str, dict[str, list[str]]]:
     """Byte order, and the parameters that are read, by ``GROUP:NAME``."""
     order = _ORDERS.get(data[at + 3], "")
     if not order:
-        raise BadInput(f"it was written on a processor ({data[at + 3]}) whose numbers are not read here")
+        raise InputError(f"it was written on a processor ({data[at + 3]}) whose numbers are not read here")
     groups: dict[int, str] = {}
     places: dict[tuple[int, str], int] = {}
     at += 4
@@ -102,7 +103,7 @@ def _texts(data: bytes, name: str, at: int) -> list[str]:
     """A parameter of characters: its dimensions, the first of which is the length of a text, then the texts.
 
     Raises:
-        BadInput: they are more than the file has.
+        InputError: they are more than the file has.
     """
     count = data[at]
     sizes = list(data[at + 1 : at + 1 + count]) or [1]
@@ -111,7 +112,7 @@ def _texts(data: bytes, name: str, at: int) -> list[str]:
     if not width:
         return []
     if at + width * number > len(data):
-        raise BadInput(f"its parameter {name} has dimensions that do not fit into the file")
+        raise InputError(f"its parameter {name} has dimensions that do not fit into the file")
     return [data[at + n * width : at + (n + 1) * width].decode("utf-8", "replace").strip() for n in range(number)]
 
 
@@ -119,7 +120,7 @@ def _markers(data: bytes, head: Head, order: str, parameters: Mapping[str, list[
     values, whole = _frames(data, head, order)
     unit = (parameters.get("POINT:UNITS") or ["mm"])[0].lower()
     if unit not in _UNITS:
-        raise BadInput(f"its markers are in {unit!r}; known: {', '.join(_UNITS)}")
+        raise InputError(f"its markers are in {unit!r}; known: {', '.join(_UNITS)}")
     axes = NED_FROM_MOTIVE if (parameters.get("POINT:Y_SCREEN") or ["+Z"])[0] == "+Y" else NED_FROM_NEXUS
     labels = [*parameters.get("POINT:LABELS", []), *parameters.get("POINT:LABELS2", [])]
     time = np.arange(whole) / head.rate
@@ -129,7 +130,7 @@ def _markers(data: bytes, head: Head, order: str, parameters: Mapping[str, list[
         place = np.where(seen, values[:, number, :3], np.nan) @ axes.T * conversion(unit).factor
         label = labels[number] if number < len(labels) else ""
         tracks.append(Track(plain_name(label) or f"marker_{number + 1}", time, place))
-    damage = f"cut off after {counted(whole, 'frame')} of {head.frames}"
+    damage = f"cut off after {pluralize(whole, 'frame')} of {head.frames}"
     return source_of(tracks, "C3D", (damage,) if whole < head.frames else ())
 
 
@@ -139,7 +140,7 @@ def _frames(data: bytes, head: Head, order: str) -> tuple[NDArray[np.float64], i
     width, begin = 4 * head.points + head.analog, BLOCK * (head.data_block - 1)
     whole = min(head.frames, max(len(data) - begin, 0) // (width * kind.itemsize))
     if not whole:
-        raise BadInput("there is no whole frame in it")
+        raise InputError("there is no whole frame in it")
     table = np.frombuffer(data, kind, whole * width, begin).reshape(whole, width)
     values = table[:, : 4 * head.points].astype(float).reshape(whole, head.points, 4)
     if head.scale > 0.0:

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from scipy.signal import correlate
 
 from avionics import topics as t
-from avionics.quantities import BadInput
 from logs.importing.source import Own
 from logs.reader import Log
+from wingbeat.errors import InputError
 
 Array = NDArray[np.float64]
 STEP = 0.005
@@ -48,21 +48,21 @@ def of_log(log: Log) -> Signal:
     """The angular rate of a log's IMU, or of its attitude.
 
     Raises:
-        BadInput: it has neither.
+        InputError: it has neither.
     """
     for topic, names in ((t.IMU, _GYRO), (t.ATTITUDE, _RATES)):
         if topic.name in log.topics:
             columns = log.columns(topic)
             if len(columns.time):
                 return _signal(columns.time, np.stack([columns[name] for name in names]))
-    raise BadInput(f"{log.path} has no angular rate to align with: neither {t.IMU.name} nor {t.ATTITUDE.name}")
+    raise InputError(f"{log.path} has no angular rate to align with: neither {t.IMU.name} nor {t.ATTITUDE.name}")
 
 
 def of_import(own: list[Own]) -> Signal:
     """The angular rate among imported topics.
 
     Raises:
-        BadInput: there is none.
+        InputError: there is none.
     """
     for topic, names in ((t.IMU, _GYRO), (t.ATTITUDE, _RATES)):
         for one in own:
@@ -70,7 +70,7 @@ def of_import(own: list[Own]) -> Signal:
                 signal = _signal(one.series.time_us * 1e-6, np.stack([one.series.columns[name] for name in names]))
                 if len(signal.time):
                     return signal
-    raise BadInput("it has no angular rate that its clock could be aligned by")
+    raise InputError("it has no angular rate that its clock could be aligned by")
 
 
 _GYRO = ("gyro_x", "gyro_y", "gyro_z")
@@ -87,20 +87,20 @@ def align(first: Signal, second: Signal) -> Alignment:
     """Find the offset of the first clock from the second, to a small part of the step.
 
     Raises:
-        BadInput: they overlap too little, or no single offset stands out.
+        InputError: they overlap too little, or no single offset stands out.
     """
     a, b = _uniform(first), _uniform(second)
     least = round(LEAST_OVERLAP / STEP)
     if min(len(a), len(b)) < least:
-        raise BadInput(f"the clocks cannot be aligned: less than {LEAST_OVERLAP:g} s of angular rate")
+        raise InputError(f"the clocks cannot be aligned: less than {LEAST_OVERLAP:g} s of angular rate")
     correlation = _correlation(a, b, least)
     best = int(np.argmax(correlation))
     peak = float(correlation[best])
     far = np.abs(np.arange(len(correlation)) - best) > LOBE / STEP
     if peak < LEAST_CORRELATION:
-        raise BadInput(f"the clocks cannot be aligned: the angular rates agree to {peak:.2f} at best")
+        raise InputError(f"the clocks cannot be aligned: the angular rates agree to {peak:.2f} at best")
     if far.any() and correlation[far].max() > RIVAL * peak:
-        raise BadInput("the clocks cannot be aligned: the angular rates agree at several offsets")
+        raise InputError("the clocks cannot be aligned: the angular rates agree at several offsets")
     lag = best - (len(a) - 1) + _vertex(correlation, best)
     return Alignment(float(second.time[0] - first.time[0] + lag * STEP), peak)
 

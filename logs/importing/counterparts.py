@@ -10,18 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from avionics import topics as t
-from avionics.topics import Topic
 from logs.importing.checks import Mask, within
 from logs.importing.source import Array, Dropped, Own, Series
 from logs.importing.units import LIMITS, conversion
 from logs.layout import Field, layout_of
-from logs.rotations import angles_of, quaternion_of
+from wingbeat.atmosphere import SEA_LEVEL_DENSITY
+from wingbeat.rotation_arrays import euler_from_quaternions, quaternions_from_euler
+from wingbeat.topic import Topic
 
 Columns = dict[str, Array]
-DRY_AIR = 287.05
-"""J/(kg K); specific gas constant"""
-SEA_LEVEL_DENSITY = 1.225
-"""kg/m^3; of the standard atmosphere, which equivalent airspeed refers to"""
 CORE: Mapping[Topic, tuple[str, ...]] = {
     t.IMU: ("accel_x", "accel_y", "accel_z", "gyro_x", "gyro_y", "gyro_z"),
     t.ATTITUDE: ("roll", "pitch", "yaw"),
@@ -200,10 +197,10 @@ def _whole_attitude(columns: Columns) -> Columns:
     names = tuple(f"quaternion_{axis}" for axis in "wxyz")
     angles = ("roll", "pitch", "yaw")
     if all(name in columns for name in names) and not any(name in columns for name in angles):
-        columns = columns | dict(zip(angles, angles_of(*(columns[name] for name in names)), strict=True))
+        columns = columns | dict(zip(angles, euler_from_quaternions(*(columns[name] for name in names)), strict=True))
     columns = columns | {name: wrapped(columns[name]) for name in ("roll", "yaw") if name in columns}
     if all(name in columns for name in angles) and not any(name in columns for name in names):
-        columns |= dict(zip(names, quaternion_of(*(columns[name] for name in angles)), strict=True))
+        columns |= dict(zip(names, quaternions_from_euler(*(columns[name] for name in angles)), strict=True))
     return columns
 
 

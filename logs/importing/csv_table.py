@@ -19,15 +19,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from avionics import topics
-from avionics.messages import Event, Text
-from avionics.quantities import BadInput, counted
-from avionics.topics import Topic
 from logs.importing.checks import sound
 from logs.importing.counterparts import checked, fields_of
 from logs.importing.mapping import load_mapping
 from logs.importing.source import Array, Dropped, Own, Series, Source
 from logs.importing.units import conversion
 from logs.layout import Field
+from wingbeat.errors import InputError
+from wingbeat.message import Event, Text
+from wingbeat.text import pluralize
+from wingbeat.topic import Topic
 
 OWN_PREFIX = "/csv/"
 WHITESPACE = "whitespace"
@@ -56,10 +57,10 @@ def read_table(data: bytes, mapping: Path | None) -> Source:
     """Read a table by its mapping.
 
     Raises:
-        BadInput: no mapping, one that cannot be used, or a table that it does not fit.
+        InputError: no mapping, one that cannot be used, or a table that it does not fit.
     """
     if mapping is None:
-        raise BadInput("a table of columns needs --map MAP.toml (wingbeat log import --help has an example)")
+        raise InputError("a table of columns needs --map MAP.toml (wingbeat log import --help has an example)")
     chosen = load_mapping(mapping)
     try:
         table = parse_table(data, chosen.get("table", {}))
@@ -69,8 +70,8 @@ def read_table(data: bytes, mapping: Path | None) -> Source:
             dropped.append(Dropped("time", "no time from 0 on", table.rows - len(times.time_us)))
         rows = clock.columns["row"]
         found = [_topic(name, told, table, clock.time_us, rows) for name, told in chosen["topics"].items()]
-    except BadInput as reason:
-        raise BadInput(f"{reason} (mapping {mapping})") from None
+    except InputError as reason:
+        raise InputError(f"{reason} (mapping {mapping})") from None
     series = {one.name: one for one in found if isinstance(one, Series)}
     made = tuple(one for one in found if isinstance(one, Own))
     notes = {"mapping": mapping.name, "columns_not_mapped": ", ".join(_not_mapped(table, chosen))}
@@ -86,8 +87,8 @@ def _not_mapped(table: Table, chosen: Mapping[str, Any]) -> list[str]:
 
 def _damage(table: Table) -> tuple[str, ...]:
     told = {
-        f"{counted(table.strange, 'cell')} with something that is no number": table.strange,
-        f"{counted(table.short, 'row')} with fewer cells than there are names of columns": table.short,
+        f"{pluralize(table.strange, 'cell')} with something that is no number": table.strange,
+        f"{pluralize(table.short, 'row')} with fewer cells than there are names of columns": table.short,
     }
     return tuple(line for line, count in told.items() if count)
 
@@ -96,19 +97,19 @@ def parse_table(data: bytes, layout: Mapping[str, Any]) -> Table:
     """A table as columns of numbers.
 
     Raises:
-        BadInput: it is no text, or has no row below its names.
+        InputError: it is no text, or has no row below its names.
     """
     lines = decoded(data, layout.get("encoding", "utf-8")).splitlines()[_whole(layout, "skip") :]
     decimal = str(layout.get("decimal", "."))
     if len(decimal) != 1:
-        raise BadInput("decimal must be one character")
+        raise InputError("decimal must be one character")
     rows = split_rows(lines, str(layout.get("delimiter", ",")))
     if not isinstance(named := layout.get("names", True), bool):
-        raise BadInput("names must be true or false")
+        raise InputError("names must be true or false")
     if not named and rows:
         rows = [[str(number + 1) for number in range(max(map(len, rows)))], *rows]
     if len(rows) < 2:
-        raise BadInput("there is no row of numbers in it")
+        raise InputError("there is no row of numbers in it")
     names, body = [name.strip() for name in rows[0]], rows[1:]
     cells = {
         name: [row[place] if place < len(row) else "" for row in body] for place, name in enumerate(names) if name
@@ -127,37 +128,37 @@ def split_rows(lines: list[str], delimiter: str) -> list[list[str]]:
     """The cells of each line that has any; ``delimiter`` is one character, or `WHITESPACE` for any run of blanks.
 
     Raises:
-        BadInput: the delimiter is neither, or a line cannot be split.
+        InputError: the delimiter is neither, or a line cannot be split.
     """
     if delimiter == WHITESPACE:
         return [cells for cells in (line.split() for line in lines) if cells]
     if len(delimiter) != 1:
-        raise BadInput(f'delimiter must be one character or "{WHITESPACE}"')
+        raise InputError(f'delimiter must be one character or "{WHITESPACE}"')
     try:
         return [row for row in csv.reader(io.StringIO("\n".join(lines)), delimiter=delimiter) if row]
     except (csv.Error, ValueError) as error:
-        raise BadInput(f"it cannot be read as a table: {error}") from None
+        raise InputError(f"it cannot be read as a table: {error}") from None
 
 
 def decoded(data: bytes, encoding: Any) -> str:
     """A table's text.
 
     Raises:
-        BadInput: it is none in that encoding, or there is no such encoding.
+        InputError: it is none in that encoding, or there is no such encoding.
     """
     try:
         return data.decode("utf-8-sig" if encoding == "utf-8" else encoding)
     except UnicodeDecodeError:
         hint = "" if encoding != "utf-8" else ': the mapping can say [table] encoding = "latin-1"'
-        raise BadInput(f"it is no text in {encoding.upper()}{hint}") from None
+        raise InputError(f"it is no text in {encoding.upper()}{hint}") from None
     except (LookupError, TypeError):
-        raise BadInput(f"[table] encoding {encoding!r} is not known") from None
+        raise InputError(f"[table] encoding {encoding!r} is not known") from None
 
 
 def _whole(layout: Mapping[str, Any], key: str) -> int:
     value = layout.get(key, 0)
     if not isinstance(value, int) or value < 0:
-        raise BadInput(f"{key} must be a whole number from 0")
+        raise InputError(f"{key} must be a whole number from 0")
     return value
 
 
@@ -179,33 +180,33 @@ def _times(table: Table, chosen: Mapping[str, Any]) -> Series:
     if "rate" in chosen:
         rate = _plain_number(chosen["rate"], "time.rate")
         if rate <= 0.0:
-            raise BadInput("time.rate must be above 0")
+            raise InputError("time.rate must be above 0")
         seconds = np.arange(table.rows) / rate
     else:
         known = conversion(chosen.get("unit", "s"))
         if known.unit != "s":
-            raise BadInput(f"unit {chosen.get('unit')!r} of time is none of time")
+            raise InputError(f"unit {chosen.get('unit')!r} of time is none of time")
         seconds = (
             _column(table, chosen["column"]) - _plain_number(chosen.get("start", 0.0), "time.start")
         ) * known.factor
     rows = np.flatnonzero(np.isfinite(seconds) & (seconds >= 0.0) & (seconds < 1e12))
     if not len(rows):
-        raise BadInput("no row has a time from 0 on (time.column, time.start)")
+        raise InputError("no row has a time from 0 on (time.column, time.start)")
     return Series("time", np.rint(seconds[rows] * 1e6).astype(np.int64), {"row": rows}, {})
 
 
 def _column(table: Table, name: Any) -> NDArray[np.float64]:
     if not isinstance(name, str) or name not in table.columns:
-        raise BadInput(f"the table has no column {name!r}; it has: {', '.join(table.columns)}")
+        raise InputError(f"the table has no column {name!r}; it has: {', '.join(table.columns)}")
     if name in table.twice:
-        raise BadInput(f"the table has several columns {name!r}: it cannot be told which is meant")
+        raise InputError(f"the table has several columns {name!r}: it cannot be told which is meant")
     return table.columns[name]
 
 
 def _plain_number(value: Any, key: str) -> float:
     if isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max:
         return float(value)
-    raise BadInput(f"{key} must be a number, not {reprlib.repr(value)}")
+    raise InputError(f"{key} must be a number, not {reprlib.repr(value)}")
 
 
 def _entries(fields: Any) -> dict[str, Any]:
@@ -225,12 +226,12 @@ def _topic(name: str, fields: Any, table: Table, times: NDArray[np.int64], rows:
     """One topic of the mapping: one of the project's, or one that the mapping makes up."""
     topic = KNOWN_TOPICS.get(name)
     if topic is None and not (name.startswith(OWN_PREFIX) and len(name) > len(OWN_PREFIX)):
-        raise BadInput(
+        raise InputError(
             f"topic {name} is not known; known: {', '.join(KNOWN_TOPICS)}, and any of yours after {OWN_PREFIX}"
         )
     told = _told(fields)
     if not told:
-        raise BadInput(f"topic {name} has no field")
+        raise InputError(f"topic {name} has no field")
     known = None if topic is None else {field.name: field for field in fields_of(topic)[1:]}
     read = {field: _field(f"{name}.{field}", entry, table, known) for field, entry in told.items()}
     kept = ~_all_unknown([read[field][0] for field, entry in _entries(fields).items() if "column" in entry])[rows]
@@ -245,18 +246,18 @@ def _topic(name: str, fields: Any, table: Table, times: NDArray[np.int64], rows:
 def _field(name: str, entry: Any, table: Table, known: Mapping[str, Field] | None) -> tuple[Array, str]:
     """A field's values in SI, and its unit."""
     if not isinstance(entry, dict) or ("column" in entry) == ("value" in entry):
-        raise BadInput(f'{name} must be {{ column = "...", unit = "..." }} or {{ value = ..., unit = "..." }}')
+        raise InputError(f'{name} must be {{ column = "...", unit = "..." }} or {{ value = ..., unit = "..." }}')
     for key in entry:
         if key not in _ENTRY:
-            raise BadInput(f"{name}: unknown key {key}; known: {', '.join(_ENTRY)}")
+            raise InputError(f"{name}: unknown key {key}; known: {', '.join(_ENTRY)}")
     field = name.rpartition(".")[2]
     if known is not None and field not in known:
-        raise BadInput(f"{name}: the topic has no such field; it has: {', '.join(known)}")
+        raise InputError(f"{name}: the topic has no such field; it has: {', '.join(known)}")
     if known is not None and known[field].length:
-        raise BadInput(f"{name} has several values, which a table of columns does not give")
+        raise InputError(f"{name} has several values, which a table of columns does not give")
     told = conversion(entry.get("unit", "-"))
     if known is not None and told.unit != _base(known[field].unit):
-        raise BadInput(f"{name} is in {known[field].unit}; a column in {entry.get('unit', '-')!r} cannot be that")
+        raise InputError(f"{name} is in {known[field].unit}; a column in {entry.get('unit', '-')!r} cannot be that")
     scale, offset = (_plain_number(entry.get(key, by), f"{name}.{key}") for key, by in (("scale", 1), ("offset", 0)))
     if "column" in entry:
         raw = _column(table, entry["column"])
@@ -273,14 +274,14 @@ def _base(unit: str) -> str:
 def _all_unknown(columns: list[Array]) -> NDArray[np.bool_]:
     """Rows in which a topic has nothing: a table of several rates leaves cells empty."""
     if not columns:
-        raise BadInput("a topic must have a field with a column")
+        raise InputError("a topic must have a field with a column")
     return np.asarray(np.all([np.isnan(values) for values in columns], axis=0), bool)
 
 
 def _thinned(times: NDArray[np.int64], rate: float) -> NDArray[np.bool_]:
     """The first row of each period."""
     if rate <= 0.0:
-        raise BadInput("a topic's rate must be above 0")
+        raise InputError("a topic's rate must be above 0")
     _, first = np.unique(np.floor(times * 1e-6 * rate + 1e-6), return_index=True)
     mask = np.zeros(len(times), bool)
     mask[first] = True

@@ -8,11 +8,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from avionics.messages import Event, Severity
-from avionics.quantities import BadInput
 from logs.importing.counterparts import Columns
 from logs.importing.dataflash_records import Kind, Records, columns_of, find_records
 from logs.importing.source import Series, Source
+from wingbeat.errors import InputError
+from wingbeat.message import Event, Severity
 
 _OWN_TABLES = ("FMT", "UNIT", "MULT", "FMTU", "PARM", "MSG")
 """messages that say something of the file, and are not data"""
@@ -60,7 +60,7 @@ def read_dataflash(data: bytes) -> Source:
     """Read a dataflash log; what is damaged is left out and told in ``damage``.
 
     Raises:
-        BadInput: there is no whole record with a time in it.
+        InputError: there is no whole record with a time in it.
     """
     records = find_records(data)
     tables = {
@@ -77,7 +77,7 @@ def read_dataflash(data: bytes) -> Source:
             times = clock.of(kind.name, columns, records.places[number])
             series |= _instances(_scaled(kind.name, times, columns, units.get(kind.name, {})))
     if not series:
-        raise BadInput("there is no whole record with a time in it")
+        raise InputError("there is no whole record with a time in it")
     texts = _texts(records, tables, clock)
     return Source(
         "dataflash", series, _vehicle(texts), _epoch_ns(series), (*texts, *_happened(series)),

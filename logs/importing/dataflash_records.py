@@ -12,9 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from avionics.quantities import counted
 from logs.importing.counterparts import Columns
 from logs.importing.source import Array
+from wingbeat.text import pluralize
 
 MAGIC = b"\xa3\x95"
 HEAD = 3
@@ -65,7 +65,7 @@ def find_records(data: bytes) -> Records:
         kind = kinds.get(data[at + 2]) if data.startswith(MAGIC, at) and at + 2 < len(data) else None
         end = at + HEAD if kind is None else at + kind.record.itemsize
         if end > len(data) and MAGIC.startswith(data[at : at + 2]):
-            cut = f"cut off in the middle of a record, {counted(len(data) - at, 'byte')} before the end"
+            cut = f"cut off in the middle of a record, {pluralize(len(data) - at, 'byte')} before the end"
             break
         if kind is not None and (end >= used or MAGIC.startswith(data[end : end + 2])):
             places.setdefault(data[at + 2], []).append(at)
@@ -75,7 +75,7 @@ def find_records(data: bytes) -> Records:
             continue
         at = _skip(data, at, lost)
     size = sum(last - first for first, last in lost)
-    told = f"{counted(size, 'byte')} in {counted(len(lost), 'place')} that are no whole record" if lost else ""
+    told = f"{pluralize(size, 'byte')} in {pluralize(len(lost), 'place')} that are no whole record" if lost else ""
     return Records(kinds, places, tuple(filter(None, (told, cut))))
 
 

@@ -6,15 +6,8 @@ import numpy as np
 
 from avionics import topics as t
 from avionics.messages import CHANNELS
-from logs.importing.counterparts import (
-    DRY_AIR,
-    Columns,
-    Counterpart,
-    View,
-    ground_velocity,
-    pulse_array,
-    true_airspeed,
-)
+from logs.importing.counterparts import Columns, Counterpart, View, ground_velocity, pulse_array, true_airspeed
+from wingbeat.atmosphere import GAS_CONSTANT
 
 
 def _imu(view: View) -> Columns:
@@ -32,7 +25,7 @@ def _attitude(view: View) -> Columns:
 
 def _air_data(view: View) -> Columns:
     pressure, temperature = view.held("BARO", "Press"), view.held("BARO", "Temp")
-    density = pressure / (DRY_AIR * temperature)
+    density = pressure / (GAS_CONSTANT * temperature)
     return {
         "airspeed": true_airspeed(view["Airspeed"], density),
         "dynamic_pressure": view.get("DiffPress"),

@@ -11,8 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from avionics.messages import Event
-from avionics.quantities import BadInput
 from avionics.topics import EVENTS
 from logs.importing import (
     c3d,
@@ -34,6 +32,8 @@ from logs.importing.source import Dropped, Own, Series, Source, shifted
 from logs.importing.writing import Extras, Progress, own_stream, source_streams, topic_name, write_log
 from logs.names import PARAMETERS
 from logs.reader import open_log
+from wingbeat.errors import InputError
+from wingbeat.message import Event
 
 IMPORT = "wingbeat.import"
 """Name of the metadata record that says what a log was made of."""
@@ -126,20 +126,20 @@ def import_log(choice: Choice, progress: Progress = lambda done, total: None) ->
     """Read a log of another program and write it as a new one.
 
     Raises:
-        BadInput: it cannot be read, is of no known format, has nothing in it, or the target exists; nothing is
+        InputError: it cannot be read, is of no known format, has nothing in it, or the target exists; nothing is
             written then.
     """
     if choice.target.exists():
-        raise BadInput(f"{choice.target} exists: it is not overwritten")
+        raise InputError(f"{choice.target} exists: it is not overwritten")
     data = _bytes(choice.source)
     try:
         with np.errstate(all="ignore"):  # garbage overflows; what comes of it is looked at
             source = _read(choice, data)
             found = _checked(source)
         if not found.own and not found.series:
-            raise BadInput(f"no row of it can be true{_reasons(found.dropped)}")
-    except BadInput as reason:
-        raise BadInput(f"{choice.source}: {_line(str(reason))}") from None
+            raise InputError(f"no row of it can be true{_reasons(found.dropped)}")
+    except InputError as reason:
+        raise InputError(f"{choice.source}: {_line(str(reason))}") from None
     if choice.onboard is not None:
         source, found = _on_clock_of(choice.onboard, source, found)
     report = _report(choice, data, source, found)
@@ -154,16 +154,16 @@ def _bytes(path: Path) -> bytes:
     try:
         return path.read_bytes()
     except OSError as error:
-        raise BadInput(f"cannot read {path}: {error.strerror or error}") from None
+        raise InputError(f"cannot read {path}: {error.strerror or error}") from None
 
 
 def _read(choice: Choice, data: bytes) -> Source:
     """By what the file begins with, and for what begins with anything, by its name."""
     if not data:
-        raise BadInput("it is empty")
+        raise InputError("it is empty")
     suffix = choice.source.suffix.lower()
     if choice.mapping is not None and (suffix in (".bin", ".ulg", ".tlog") or ulog.is_ulog(data)):
-        raise BadInput("it tells itself what is in it: --map is for tables of columns")
+        raise InputError("it tells itself what is in it: --map is for tables of columns")
     if ulog.is_ulog(data):
         return ulog.read_ulog(data)
     if dataflash_records.is_dataflash(data):
@@ -182,7 +182,7 @@ def _read(choice: Choice, data: bytes) -> Source:
     }
     suffix = ".csv" if choice.mapping is not None and suffix not in named else suffix
     if suffix not in named:
-        raise BadInput(
+        raise InputError(
             "it is no log that is known; known: .bin, .ulg, .tlog, .c3d, captures of a Razor, any table with --map"
         )
     return named[suffix]()
@@ -194,7 +194,7 @@ def _line(text: str) -> str:
 
 
 def _refuse(name: str) -> Source:
-    raise BadInput(f"it does not begin as {name} does")
+    raise InputError(f"it does not begin as {name} does")
 
 
 def _checked(source: Source) -> Checked:
@@ -226,7 +226,7 @@ def _on_clock_of(onboard: Path, source: Source, found: Checked) -> tuple[Source,
     """All times on the clock of another log of the same flight; what lies before its boot is dropped.
 
     Raises:
-        BadInput: the two did not measure the same motion.
+        InputError: the two did not measure the same motion.
     """
     with open_log(onboard) as log:
         aligned = align(of_import(found.own), of_log(log))

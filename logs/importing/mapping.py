@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from avionics.quantities import BadInput, DocumentError, parse_toml
 from avionics.topics import IMU
+from wingbeat.documents import parse_toml
+from wingbeat.errors import DocumentError, InputError
 
 EXAMPLE = """\
 [time]
@@ -41,31 +42,31 @@ def load_mapping(path: Path) -> dict[str, Any]:
     """A mapping, its sections and keys checked.
 
     Raises:
-        BadInput: it cannot be read, or has a section or key that is not known.
+        InputError: it cannot be read, or has a section or key that is not known.
     """
     try:
         document = parse_toml(path.read_text(encoding="utf-8-sig"))
     except OSError as error:
-        raise BadInput(f"cannot read mapping {path}: {error.strerror or error}") from None
+        raise InputError(f"cannot read mapping {path}: {error.strerror or error}") from None
     except UnicodeDecodeError as error:
-        raise BadInput(f"mapping {path}: not valid TOML: {error}") from None
+        raise InputError(f"mapping {path}: not valid TOML: {error}") from None
     except DocumentError as error:
-        raise BadInput(f"mapping {path}: {error}") from None
+        raise InputError(f"mapping {path}: {error}") from None
     for section, keys in _SECTIONS.items():
         _check_keys(path, section, document.get(section, {}), keys)
     unknown = [name for name in document if name not in (*_SECTIONS, "topics")]
     if unknown:
-        raise BadInput(f"mapping {path}: unknown section [{unknown[0]}]; known: time, table, topics")
+        raise InputError(f"mapping {path}: unknown section [{unknown[0]}]; known: time, table, topics")
     if not document.get("topics") or not isinstance(document["topics"], dict):
-        raise BadInput(f'mapping {path}: no topic in it; write a section such as [topics."{IMU.name}"]')
+        raise InputError(f'mapping {path}: no topic in it; write a section such as [topics."{IMU.name}"]')
     if ("column" in document.get("time", {})) == ("rate" in document.get("time", {})):
-        raise BadInput(f"mapping {path}: [time] must have either a column or a rate")
+        raise InputError(f"mapping {path}: [time] must have either a column or a rate")
     return document
 
 
 def _check_keys(path: Path, section: str, table: Any, known: tuple[str, ...]) -> None:
     if not isinstance(table, dict):
-        raise BadInput(f"mapping {path}: {section} must be a section of keys")
+        raise InputError(f"mapping {path}: {section} must be a section of keys")
     for key in table:
         if key not in known:
-            raise BadInput(f"mapping {path}: unknown key {section}.{key}; known: {', '.join(known)}")
+            raise InputError(f"mapping {path}: unknown key {section}.{key}; known: {', '.join(known)}")

@@ -17,11 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from avionics import topics as t
-from avionics.quantities import BadInput
 from logs.importing.counterparts import Columns, checked
 from logs.importing.rigid_body import find_rigid_body
 from logs.importing.source import Dropped, Own, Series, Source
 from logs.importing.units import conversion
+from wingbeat.errors import InputError
 
 Array = NDArray[np.float64]
 MOTIVE = "Format Version"
@@ -63,12 +63,12 @@ def read_motion_capture(data: bytes) -> Source:
     """Read an export; the first body becomes attitude, position and altitude.
 
     Raises:
-        BadInput: it is no whole export, or nothing was seen in it.
+        InputError: it is no whole export, or nothing was seen in it.
     """
     try:
         rows = list(csv.reader(io.StringIO(data.decode("utf-8-sig"))))
     except (UnicodeDecodeError, csv.Error) as error:
-        raise BadInput(f"it cannot be read as a table: {error}") from None
+        raise InputError(f"it cannot be read as a table: {error}") from None
     motive = bool(rows and rows[0]) and rows[0][0].strip() == MOTIVE
     tracks = motive_tracks(rows) if motive else nexus_tracks(rows)
     return source_of(tracks, "OptiTrack Motive" if motive else "Vicon Nexus")
@@ -78,11 +78,11 @@ def source_of(tracks: Sequence[Track], system: str, damage: tuple[str, ...] = ()
     """A capture with all bodies and markers that were seen in it.
 
     Raises:
-        BadInput: there is none.
+        InputError: there is none.
     """
     tracks = [track for track in tracks if _seen(track).any()]
     if not tracks:
-        raise BadInput("no body and no marker was seen in it")
+        raise InputError("no body and no marker was seen in it")
     notes = {"system": system}
     bodies = [track for track in tracks if track.quaternion is not None]
     if not bodies and (found := _body_of_markers(tracks)) is not None:
@@ -127,18 +127,18 @@ def motive_tracks(rows: Rows) -> list[Track]:
     """Bodies and markers of a Motive export.
 
     Raises:
-        BadInput: its head is not whole, or its rotations are not quaternions.
+        InputError: its head is not whole, or its rotations are not quaternions.
     """
     head = dict(zip(rows[0][::2], rows[0][1::2], strict=False))
     at = next((n for n, row in enumerate(rows) if row and row[0].strip() == "Frame"), None)
     if at is None or at < 4:
-        raise BadInput("there is no line of column names (Frame, Time) below the head")
+        raise InputError("there is no line of column names (Frame, Time) below the head")
     unit = head.get("Length Units", "Meters").strip()
     if unit not in _LENGTHS:
-        raise BadInput(f"its Length Units are {unit!r}; known: {', '.join(_LENGTHS)}")
+        raise InputError(f"its Length Units are {unit!r}; known: {', '.join(_LENGTHS)}")
     metre = conversion(_LENGTHS[unit])
     if "Quaternion" not in head.get("Rotation Type", "Quaternion"):
-        raise BadInput("its rotations are not quaternions: export it with Rotation Type Quaternion")
+        raise InputError("its rotations are not quaternions: export it with Rotation Type Quaternion")
     names = next((row for row in rows[1:at] if len(row) > 1 and row[1].strip() == "Name"), [])
     kinds, axes = rows[at - 1], rows[at]
     table = _numbers(rows[at + 1 :], len(axes))
@@ -177,9 +177,9 @@ def _nexus_part(rows: Rows, bodies: bool) -> list[Track]:
     try:
         rate = float(rows[0][0])
     except (ValueError, IndexError):
-        raise BadInput("the rate of a part (Hz, below its name) is missing") from None
+        raise InputError("the rate of a part (Hz, below its name) is missing") from None
     if not 1.0 <= rate <= 10_000.0:
-        raise BadInput(f"a rate of {rate:g} Hz cannot be")
+        raise InputError(f"a rate of {rate:g} Hz cannot be")
     names, axes, units = rows[1], rows[2], rows[3]
     table = _numbers(rows[4:], len(axes))
     frames = table[:, 0]
@@ -204,7 +204,7 @@ def _scale(name: str, axis: str, told: Sequence[str]) -> float:
     unit = "".join(told).strip().replace("°", "deg")
     known, expected = conversion(unit), (_BODY_AXES | _MARKER_AXES)[axis]
     if known.unit != expected:
-        raise BadInput(f"{axis} of {name.strip()} is in {unit!r}, where a unit of {expected} must be")
+        raise InputError(f"{axis} of {name.strip()} is in {unit!r}, where a unit of {expected} must be")
     return known.factor
 
 
@@ -217,7 +217,7 @@ def _numbers(rows: Rows, width: int) -> Array:
     """A table of numbers, NaN where a cell is empty; rows without a frame's number are left out."""
     body = [[*row, *[""] * (width - len(row))][:width] for row in rows if row and row[0].strip()]
     if not body:
-        raise BadInput("there is no frame in it")
+        raise InputError("there is no frame in it")
     return np.array([[_number(cell) for cell in row] for row in body])
 
 

@@ -14,9 +14,10 @@ import numpy as np
 from avionics import topics as t
 from avionics.board.razor import FrameClock
 from avionics.board.razor_protocol import OUTPUTS, TOKEN, Output, Reader, Reading
-from avionics.quantities import BadInput, counted
 from logs.importing.counterparts import Columns, checked
 from logs.importing.source import Own, Series, Source
+from wingbeat.errors import InputError
+from wingbeat.text import pluralize
 
 STEP_US = round(FrameClock.step * 1e6)
 """us; between two frames"""
@@ -54,17 +55,17 @@ def read_razor(data: bytes) -> Source:
     """Read a capture.
 
     Raises:
-        BadInput: there is no whole frame in it.
+        InputError: there is no whole frame in it.
     """
     output = output_of(data)
     reader = Reader(output)
     frames = _frames(data, output, reader)
     if not frames:
-        raise BadInput("there is no whole frame of a Razor in it" + _why(output))
+        raise InputError("there is no whole frame of a Razor in it" + _why(output))
     lost = reader.count.lost
-    damage = [f"{counted(lost, 'frame')} damaged, {counted(reader.count.bad_bytes, 'byte')}"] if lost else []
+    damage = [f"{pluralize(lost, 'frame')} damaged, {pluralize(reader.count.bad_bytes, 'byte')}"] if lost else []
     if reader.waiting:
-        damage.append(f"{counted(reader.waiting, 'byte')} at the end that no synch token confirms")
+        damage.append(f"{pluralize(reader.waiting, 'byte')} at the end that no synch token confirms")
     notes = {"output": next(name for name, one in OUTPUTS.items() if one is output)}
     made = [own for own in (_imu(frames), _attitude(frames)) if own is not None]
     clock = "since the first frame, by the firmware's raster of 20 ms"

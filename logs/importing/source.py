@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from avionics.messages import Event
-from avionics.topics import Topic
+from wingbeat.message import Event
+from wingbeat.topic import Topic
 
 Array = NDArray[Any]
 OF_BOOT = "since the source's boot"

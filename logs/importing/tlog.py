@@ -18,11 +18,12 @@ from numpy.typing import NDArray
 
 from avionics.link.dialect import mavlink
 from avionics.link.framing import MARKER_V1, MARKER_V2, SIGNED
-from avionics.messages import Event, Severity
-from avionics.quantities import BadInput, counted
 from logs.importing.checks import LATEST_US, going_on
 from logs.importing.counterparts import Columns
 from logs.importing.source import Array, Series, Source
+from wingbeat.errors import InputError
+from wingbeat.message import Event, Severity
+from wingbeat.text import pluralize
 
 CLOCKS = ("vehicle", "ground")
 """whose times a log is written with"""
@@ -55,11 +56,11 @@ def read_tlog(data: bytes, clock: str = "vehicle") -> Source:
     """Read a telemetry log with the times of the ``vehicle`` or of the ``ground``.
 
     Raises:
-        BadInput: there is no whole frame in it.
+        InputError: there is no whole frame in it.
     """
     heard, damage = _frames(data)
     if not heard:
-        raise BadInput("there is no whole MAVLink frame behind a time stamp in it")
+        raise InputError("there is no whole MAVLink frame behind a time stamp in it")
     vehicle = vehicle_of(heard)
     times = VehicleClock.of(heard, vehicle) if clock == "vehicle" else VehicleClock.on_the_ground(heard)
     series = _series(heard, vehicle, times)
@@ -92,17 +93,17 @@ def _frames(data: bytes) -> tuple[list[Heard], tuple[str, ...]]:
             heard.append(Heard(stamp, sender, message))
         whole, at = True, end
     rest = len(data) - at
-    cut = (f"cut off in the middle of a frame, {counted(rest, 'byte')} before the end",) if rest else ()
+    cut = (f"cut off in the middle of a frame, {pluralize(rest, 'byte')} before the end",) if rest else ()
     return heard, (*_told(lost, places, unknown), *cut)
 
 
 def _told(lost: int, places: int, unknown: Counter[int]) -> tuple[str, ...]:
     damage: list[str] = []
     if lost:
-        damage.append(f"{counted(lost, 'byte')} in {counted(places, 'place')} that are no whole frame")
+        damage.append(f"{pluralize(lost, 'byte')} in {pluralize(places, 'place')} that are no whole frame")
     if unknown:
         ids = ", ".join(str(number) for number in sorted(unknown))
-        damage.append(f"{counted(unknown.total(), 'message')} that no dialect at hand knows (ids {ids})")
+        damage.append(f"{pluralize(unknown.total(), 'message')} that no dialect at hand knows (ids {ids})")
     return tuple(damage)
 
 

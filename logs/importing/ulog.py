@@ -13,11 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pyulog import ULog
 
-from avionics.messages import Event, Severity
-from avionics.quantities import BadInput, counted
 from logs.importing.checks import LATEST_US, LONGEST_PAUSE_US
 from logs.importing.counterparts import Columns
 from logs.importing.source import OF_BOOT, Array, Series, Source
+from wingbeat.errors import InputError
+from wingbeat.message import Event, Severity
+from wingbeat.text import pluralize
 
 MAGIC = b"ULog\x01\x12\x35"
 _LONGEST_UPTIME_US = 10**14
@@ -49,13 +50,13 @@ def read_ulog(data: bytes) -> Source:
     """Read a ULog; what is damaged is left out and told in ``damage``.
 
     Raises:
-        BadInput: it cannot be read, or has no data in it.
+        InputError: it cannot be read, or has no data in it.
     """
     log = _parsed(data)
     zero = _zero_us(log)
     series = dict(_series(log, zero))
     if not series:
-        raise BadInput("there is no whole message of data in it")
+        raise InputError("there is no whole message of data in it")
     texts = {str(key): str(value) for key, value in log.msg_info_dict.items()}
     parameters = {name: float(value) for name, value in log.initial_parameters.items() if _is_number(value)}
     return Source(
@@ -121,7 +122,7 @@ def _parsed(data: bytes) -> Any:
     except MemoryError:
         raise
     except Exception as error:  # a damaged file makes the package raise whatever it comes to
-        raise BadInput(f"it cannot be read as a ULog: {error or type(error).__name__}") from None
+        raise InputError(f"it cannot be read as a ULog: {error or type(error).__name__}") from None
 
 
 def _damage(data: bytes, log: Any) -> tuple[str, ...]:
@@ -129,14 +130,14 @@ def _damage(data: bytes, log: Any) -> tuple[str, ...]:
     strange = [str(name) for name, value in log.initial_parameters.items() if not _is_number(value)]
     strange += [str(name) for _, name, value in log.changed_parameters if not _is_number(value)]
     if strange:
-        damage.append(f"{counted(len(strange), 'parameter')} without a number, the first: {strange[0]}")
+        damage.append(f"{pluralize(len(strange), 'parameter')} without a number, the first: {strange[0]}")
     if not int(log.start_timestamp) < LATEST_US:
         damage.append("its first time cannot be")
     rest = 0 if log.has_data_appended else len(data) - _end_of_messages(data)
     if log.file_corruption:
         damage.append("damaged inside: messages that could not be read are missing")
     elif rest:
-        damage.append(f"cut off in the middle of a message, {counted(rest, 'byte')} before the end")
+        damage.append(f"cut off in the middle of a message, {pluralize(rest, 'byte')} before the end")
     return tuple(damage)
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from avionics.constants import STANDARD_GRAVITY
-from avionics.quantities import BadInput
+from wingbeat.constants import STANDARD_GRAVITY
+from wingbeat.errors import InputError
 
 
 class Conversion(NamedTuple):
@@ -141,10 +141,10 @@ def conversion(unit: object) -> Conversion:
     """How a unit becomes SI.
 
     Raises:
-        BadInput: it is not known; the text lists what is.
+        InputError: it is not known; the text lists what is.
     """
     if not isinstance(unit, str) or unit not in CONVERSIONS:
-        raise BadInput(f"unit {unit!r} is not known; known: {', '.join(one for one in CONVERSIONS if one)}")
+        raise InputError(f"unit {unit!r} is not known; known: {', '.join(one for one in CONVERSIONS if one)}")
     return CONVERSIONS[unit]
 
 

@@ -11,9 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from avionics.messages import Event
-from avionics.quantities import BadInput
-from avionics.topics import EVENTS, Topic
+from avionics.topics import EVENTS
 from logs.batches import batched
 from logs.codecs import Document
 from logs.importing.source import Array, Own, Series
@@ -21,6 +19,9 @@ from logs.layout import Field, Layout
 from logs.placing import claim, settle
 from logs.recorder import McapRecorder
 from logs.scene import PLAIN_BIRD, SceneRecorder
+from wingbeat.errors import InputError
+from wingbeat.message import Event
+from wingbeat.topic import Topic
 
 FIRST_CHANNEL = 4000
 """of the topics of other programs, in the order of their names"""
@@ -113,10 +114,10 @@ def write_log(path: Path, streams: Sequence[Stream], extras: Extras, progress: P
     """Write a new log, which appears whole or not at all; return how many messages were added for viewers, by topic.
 
     Raises:
-        BadInput: the file exists, or cannot be written.
+        InputError: the file exists, or cannot be written.
     """
     if path.exists():
-        raise BadInput(f"{path} exists: it is not overwritten")
+        raise InputError(f"{path} exists: it is not overwritten")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=f".{path.name}.", suffix=".part", dir=path.parent) as folder:
@@ -126,7 +127,7 @@ def write_log(path: Path, streams: Sequence[Stream], extras: Extras, progress: P
                 settle(file)
             claim(draft, path)
     except OSError as error:
-        raise BadInput(f"cannot write {path}: {error.strerror or error}") from None
+        raise InputError(f"cannot write {path}: {error.strerror or error}") from None
     return added
 
 
@@ -151,7 +152,7 @@ def _write(path: Path, streams: Sequence[Stream], extras: Extras, progress: Prog
             recorder.attach(name, "application/json", made(seen.added))
     trouble = recorder.failure or recorder.refusal
     if trouble:
-        raise BadInput(trouble)
+        raise InputError(trouble)
     return seen.added
 
 

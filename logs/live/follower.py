@@ -16,9 +16,9 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
 from mcap.writer import MCAP0_MAGIC
 
-from avionics.quantities import BadInput
 from logs.chunks import ENTRY_TYPE, ChunkSpan, chunk_at, unpack
 from logs.records import Damage, Span, parse, records
+from wingbeat.errors import InputError
 
 AT_ONCE = 4 * 1024 * 1024
 """bytes; of packed chunks that are unpacked in one go: of more the newest are, the others' messages are counted"""
@@ -30,7 +30,7 @@ def is_recorded(path: Path) -> bool:
     """Whether a recorder holds its lock on the file.
 
     Raises:
-        BadInput: it cannot be read.
+        InputError: it cannot be read.
     """
     try:
         with path.open("rb") as file:
@@ -38,7 +38,7 @@ def is_recorded(path: Path) -> bool:
     except BlockingIOError:
         return True
     except OSError as error:
-        raise BadInput(f"cannot read {path}: {error.strerror or error}") from None
+        raise InputError(f"cannot read {path}: {error.strerror or error}") from None
     return False
 
 

@@ -17,15 +17,15 @@ from typing import Any, NamedTuple, Self
 
 from mcap.records import Channel, Schema
 
-from avionics.quantities import BadInput
 from avionics.topics import TOPICS as FLOWN
-from avionics.topics import Topic
 from logs.codecs import codec_for
 from logs.extras import load_extra
 from logs.live.follower import Follower
 from logs.live.playout import Playout
 from logs.scene import ESTIMATED_SCENE, ESTIMATED_TRANSFORMS, LOCATION, SCENE, TRANSFORMS
 from sim_bridge.topics import TOPICS as TRUE
+from wingbeat.errors import InputError
+from wingbeat.topic import Topic
 
 HOST, PORT = "127.0.0.1", 8765
 """where Foxglove looks for a server unless it is told otherwise"""
@@ -55,11 +55,11 @@ def parse_address(text: str) -> Address:
     """Take ``HOST:PORT`` apart.
 
     Raises:
-        BadInput: it is not of that form.
+        InputError: it is not of that form.
     """
     host, _, number = text.rpartition(":")
     if not host.strip("[]") or not (number.isascii() and number.isdigit()) or int(number) > 65535:
-        raise BadInput(f"address {text!r} for viewers is not HOST:PORT, such as {HOST}:{PORT}")
+        raise InputError(f"address {text!r} for viewers is not HOST:PORT, such as {HOST}:{PORT}")
     return Address(host.strip("[]"), int(number))
 
 
@@ -74,7 +74,7 @@ class LiveServer:
         lost (seen in 0.30).
 
         Raises:
-            BadInput: foxglove-sdk is not installed, or nobody can listen at that address.
+            InputError: foxglove-sdk is not installed, or nobody can listen at that address.
         """
         self._sdk = load_extra("foxglove", "foxglove-sdk", "a live view")
         self._followers = [Follower(path) for path in paths]
@@ -137,7 +137,7 @@ class LiveServer:
             )
         except RuntimeError as error:
             reason = str(error).removeprefix("FoxgloveError: ")
-            raise BadInput(f"no live view on {address.host}:{address.port}: {reason}") from None
+            raise InputError(f"no live view on {address.host}:{address.port}: {reason}") from None
 
     def _serve(self) -> None:
         before = time.monotonic()

@@ -7,11 +7,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from avionics.messages import Event, Text
-from avionics.topics import Topic
 from logs.columns import Columns
 from logs.layout import layout_of
 from logs.reader import Log
+from wingbeat.message import Event, Text
+from wingbeat.topic import Topic
 
 LAST_BITS = 4
 """-; times the last bit of a field's largest value, up to which a difference is one of rounding"""
@@ -173,7 +173,7 @@ def comparison(log: Log, topic: Topic, start: float, end: float) -> TopicCompari
     """What compares a topic of ``log`` with a replay, from after ``start`` to ``end`` (s since boot).
 
     Raises:
-        BadInput: a part of the file is damaged.
+        InputError: a part of the file is damaged.
     """
     if topic.message is Event:
         return TextComparison(topic, log.events(topic), start, end)

@@ -8,14 +8,15 @@ from typing import Any, NamedTuple
 
 from avionics import parameters, snapshot, topics
 from avionics.autopilot import Autopilot
-from avionics.quantities import BadInput, meant
 from avionics.sensing.plausibility import shifted
 from avionics.state import decode_state
-from avionics.topics import Topic
 from avionics.vehicles.gains import FlightGains
 from logs.reader import Log
 from logs.replay.comparison import TopicDifference, comparison
 from logs.replay.recorded_flight import RecordedFlight, Tick, recorded_flight
+from wingbeat.errors import InputError
+from wingbeat.text import did_you_mean
+from wingbeat.topic import Topic
 
 PROGRESS = 200
 """ticks between two tellings of how far it is"""
@@ -61,14 +62,14 @@ def replay_flight(
         progress: told now and then.
 
     Raises:
-        BadInput: the log is not of our flight computer or is damaged, a gain is unknown or refused, or nothing was
+        InputError: the log is not of our flight computer or is damaged, a gain is unknown or refused, or nothing was
             flown between ``start`` and ``end``.
     """
     flight = recorded_flight(log)
     began, autopilot, publish = _begin(flight, changes or {}, start)
     ticks = [tick for tick in flight.ticks if began < tick.frame.time_us <= end * 1e6]
     if not ticks or start > min(end, flight.ticks[-1].frame.time_us * 1e-6):
-        raise BadInput(_nothing(flight, start, end))
+        raise InputError(_nothing(flight, start, end))
     last = ticks[-1].frame.time_us * 1e-6
     compared = {
         topic.name: comparison(log, topic, began * 1e-6 if began >= 0 else -math.inf, last)
@@ -134,16 +135,16 @@ def changed(gains: FlightGains, changes: Mapping[str, float]) -> FlightGains:
     """Gains with some of them replaced, each by parameter name or by its place in the vehicle file.
 
     Raises:
-        BadInput: one is unknown, or its value is refused or out of its range.
+        InputError: one is unknown, or its value is refused or out of its range.
     """
     table = parameters.parameter_table(gains)
     places = {place_of(parameter): name for name, parameter in table.items()}
     for name, value in changes.items():
         if name not in places and name.upper() not in table:
-            guess = meant(name, places) or meant(name.upper(), table)
-            raise BadInput(f"the flight computer has no gain {name!r}{guess}")
+            guess = did_you_mean(name, places) or did_you_mean(name.upper(), table)
+            raise InputError(f"the flight computer has no gain {name!r}{guess}")
         change = parameters.set_value(gains, table, places.get(name, name.upper()), value)
         if not change.accepted or not math.isclose(change.value, value, rel_tol=1e-6):
-            raise BadInput(change.text)
+            raise InputError(change.text)
         gains = change.gains
     return gains

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from avionics.estimation import ahrs
 from avionics.messages import ImuSample
-from avionics.quantities import BadInput
+from wingbeat.errors import InputError
 
 Array = NDArray[np.float64]
 
@@ -83,7 +83,7 @@ def replay_imu(
         scored: called with each score as soon as it is known.
 
     Raises:
-        BadInput: no such file, no recording in it, or a recording that cannot be scored.
+        InputError: no such file, no recording in it, or a recording that cannot be scored.
     """
     chosen = ahrs.AhrsGains() if gains is None else gains
     scores: list[ImuScore] = []
@@ -99,21 +99,21 @@ def recordings(paths: Iterable[str | Path]) -> list[Path]:
     """The files that ``paths`` stand for.
 
     Raises:
-        BadInput: a path that does not exist, a folder without recordings, or no path.
+        InputError: a path that does not exist, a folder without recordings, or no path.
     """
     files: list[Path] = []
     for path in map(Path, paths):
         if path.is_dir():
             inside = sorted(path.glob("*.npz"))
             if not inside:
-                raise BadInput(f"{path}: no .npz recording in this folder")
+                raise InputError(f"{path}: no .npz recording in this folder")
             files += inside
         elif path.exists():
             files.append(path)
         else:
-            raise BadInput(f"{path}: no such file or folder")
+            raise InputError(f"{path}: no such file or folder")
     if not files:
-        raise BadInput("no IMU recording given")
+        raise InputError("no IMU recording given")
     return files
 
 
@@ -121,23 +121,23 @@ def load_recording(path: Path) -> Recording:
     """Read and check one recording.
 
     Raises:
-        BadInput: not a BROAD ``.npz``; the text says what is wrong.
+        InputError: not a BROAD ``.npz``; the text says what is wrong.
     """
     arrays = _arrays(path)
     rate = _rate(path, arrays["rate"])
     samples = len(arrays["gyr"]) if arrays["gyr"].ndim else 0
     if samples < 2:
-        raise BadInput(f"{path}: no samples in it")
+        raise InputError(f"{path}: no samples in it")
     for key, rest in SHAPES.items():
         if arrays[key].shape != (samples, *rest):
             expected = (samples, *rest)
-            raise BadInput(f"{path}: {key} has shape {arrays[key].shape}, expected {expected}")
+            raise InputError(f"{path}: {key} has shape {arrays[key].shape}, expected {expected}")
     acc, gyr, mag = arrays["acc"], arrays["gyr"], arrays["mag"] * GAUSS_PER_MICROTESLA
     sensors = np.concatenate([acc, gyr, mag], axis=1)
     _check_gaps(path, sensors, rate)
     counts = (np.nan_to_num(arrays["movement"]) != 0) & np.isfinite(arrays["quat"]).all(axis=1)
     if not counts.any():
-        raise BadInput(f"{path}: no sample has movement flagged and a finite reference")
+        raise InputError(f"{path}: no sample has movement flagged and a finite reference")
     return Recording(path, rate, sensors, arrays["quat"], counts)
 
 
@@ -146,24 +146,24 @@ def _arrays(path: Path) -> dict[str, Array]:
     try:
         archive = np.load(path, allow_pickle=False)
         if not isinstance(archive, np.lib.npyio.NpzFile):
-            raise BadInput(f"{path}: one array, not an .npz archive of {', '.join(keys)}")
+            raise InputError(f"{path}: one array, not an .npz archive of {', '.join(keys)}")
         with archive:
             missing = [key for key in keys if key not in archive]
             if missing:
-                raise BadInput(f"{path}: no {', '.join(missing)} in it; a recording has {', '.join(keys)}")
+                raise InputError(f"{path}: no {', '.join(missing)} in it; a recording has {', '.join(keys)}")
             return {key: np.asarray(archive[key], dtype=float) for key in keys}
-    except BadInput:
+    except InputError:
         raise
     except (OSError, EOFError, ValueError, TypeError, zipfile.BadZipFile, zlib.error, NotImplementedError) as error:
         reason = (
             error.strerror if isinstance(error, OSError) and error.strerror else "no NumPy archive, or a damaged one"
         )
-        raise BadInput(f"{path}: not a readable .npz recording: {reason}") from None
+        raise InputError(f"{path}: not a readable .npz recording: {reason}") from None
 
 
 def _rate(path: Path, rate: Array) -> float:
     if rate.size != 1 or not 10.0 <= float(rate.reshape(-1)[0]) <= 10000.0:
-        raise BadInput(f"{path}: rate must be one number between 10 and 10000 Hz")
+        raise InputError(f"{path}: rate must be one number between 10 and 10000 Hz")
     return float(rate.reshape(-1)[0])
 
 
@@ -171,14 +171,14 @@ def _check_gaps(path: Path, sensors: Array, rate: float) -> None:
     """Refuse sensors that are not finite at the start or for longer than the filter bridges."""
     finite: NDArray[np.bool_] = np.asarray(np.isfinite(sensors).all(axis=1))
     if not finite[0]:
-        raise BadInput(f"{path}: the first sensor sample is not finite")
+        raise InputError(f"{path}: the first sensor sample is not finite")
     good = np.flatnonzero(finite)
     edges = np.append(good, len(finite))
     gap = int(np.argmax(np.diff(edges)))
     length = (int(edges[gap + 1]) - int(edges[gap]) - 1) / rate
     if length > LONGEST_GAP:
         start = (int(edges[gap]) + 1) / rate
-        raise BadInput(f"{path}: sensors are not finite for {length:.2f} s from {start:.2f} s on")
+        raise InputError(f"{path}: sensors are not finite for {length:.2f} s from {start:.2f} s on")
 
 
 def score_recording(recording: Recording, gains: ahrs.AhrsGains) -> ImuScore:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from bisect import bisect_right
 
 from avionics.messages import Command
-from avionics.topics import Topic
 from avionics.view import FlightView
 from logs.replay.flight import step
 from logs.replay.recorded_flight import RecordedFlight
+from wingbeat.topic import Topic
 
 MOST = 400
 """-; ticks in one go: who cannot keep up plays slower, and serves its links meanwhile"""

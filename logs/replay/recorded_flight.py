@@ -8,14 +8,16 @@ from typing import Any, NamedTuple
 from avionics import snapshot, topics
 from avionics.guidance.mission import ItemKind, Mission, MissionItem
 from avionics.inputs import decode_command
-from avionics.messages import Input, PilotInput, PilotSource, SensorFrame, Text
-from avionics.quantities import BadInput, parse_json
+from avionics.messages import Input, PilotInput, PilotSource, SensorFrame
 from avionics.tasks.intake import RECORDED
-from avionics.topics import Topic
 from avionics.vehicles import FlightVehicle
 from logs.attached import flight_vehicle
 from logs.names import AUTOPILOT, MISSION
 from logs.reader import Log
+from wingbeat.documents import parse_json
+from wingbeat.errors import InputError
+from wingbeat.message import Text
+from wingbeat.topic import Topic
 
 SENSORS = RECORDED
 """topics of a frame's samples, in the order of its fields; the first one is in every frame"""
@@ -55,18 +57,18 @@ def recorded_flight(log: Log) -> RecordedFlight:
     """Everything that a log holds of what entered a flight.
 
     Raises:
-        BadInput: another autopilot flew, the log has no raw sensors or no vehicle file (it is not our flight
+        InputError: another autopilot flew, the log has no raw sensors or no vehicle file (it is not our flight
             computer's), begins in flight without a snapshot of the memory, or is damaged.
     """
     if AUTOPILOT in log.metadata:
-        raise BadInput(f"{log.path}: flown by {log.metadata[AUTOPILOT]['autopilot']}, no Wingbeat flight to replay")
+        raise InputError(f"{log.path}: flown by {log.metadata[AUTOPILOT]['autopilot']}, no Wingbeat flight to replay")
     vehicle = flight_vehicle(log)
     if vehicle is None or topics.IMU.name not in log.topics:
-        raise BadInput(f"{log.path} cannot be flown again: it holds no raw sensors of a Wingbeat flight computer")
+        raise InputError(f"{log.path} cannot be flown again: it holds no raw sensors of a Wingbeat flight computer")
     texts = log.texts(topics.SNAPSHOTS) if topics.SNAPSHOTS.name in log.topics else []
     from_boot = _from_boot(log)
     if not (from_boot or texts):
-        raise BadInput(
+        raise InputError(
             f"{log.path} cannot be flown again by itself: it begins in flight and holds no snapshot of the memory"
         )
     return RecordedFlight(vehicle, recorded_mission(log), list(_ticks(log)), texts, from_boot)
@@ -87,7 +89,7 @@ def recorded_mission(log: Log) -> Mission:
     """The mission that a flight began with; none where the log has no document of it.
 
     Raises:
-        BadInput: the document is damaged or of another version.
+        InputError: the document is damaged or of another version.
     """
     if all(attachment.name != MISSION for attachment in log.attachments):
         return ()
@@ -95,7 +97,7 @@ def recorded_mission(log: Log) -> Mission:
         items = parse_json(log.attachment(MISSION).decode())
         return tuple(_item(item) for item in items)
     except (ValueError, KeyError, TypeError, AttributeError):
-        raise BadInput(f"{log.path}: the mission it began with cannot be read") from None
+        raise InputError(f"{log.path}: the mission it began with cannot be read") from None
 
 
 def _item(document: dict[str, Any]) -> MissionItem:
@@ -143,7 +145,7 @@ def _messages(log: Log, topic: Topic) -> list[Any]:
     names = topic.message._fields
     missing = [name for name in names if name not in columns]
     if missing:
-        raise BadInput(f"{log.path}: {topic.name} is of another version: it has no {', '.join(missing)}")
+        raise InputError(f"{log.path}: {topic.name} is of another version: it has no {', '.join(missing)}")
     values = [[tuple(v) for v in columns[n].tolist()] if columns[n].ndim == 2 else columns[n].tolist() for n in names]
     found = [topic.message(*row) for row in zip(*values, strict=True)]
     if topic is topics.PILOT:

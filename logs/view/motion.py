@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from avionics import topics
-from logs.rotations import quaternion_of
 from logs.view.tables import QUATERNION, Table, Tables, true_state
 from sim_bridge import topics as truth_topics
+from wingbeat.rotation_arrays import quaternions_from_euler
 
 Array = NDArray[np.float64]
 BODY_RATE, BODY_ROWS = 50.0, 200_000
@@ -139,7 +139,7 @@ def _attitude(time: Array, table: Table) -> Array:
     if set(QUATERNION) <= set(table.fields):
         source = np.array([table.fields[name] for name in QUATERNION])
     else:
-        source = np.array(quaternion_of(*(table.fields[name] for name in ("roll", "pitch", "yaw"))))
+        source = np.array(quaternions_from_euler(*(table.fields[name] for name in ("roll", "pitch", "yaw"))))
     known = np.isfinite(source).all(axis=0)
     if not known.any():
         return np.tile([[1.0], [0.0], [0.0], [0.0]], len(time))

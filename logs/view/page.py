@@ -9,7 +9,6 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from avionics.quantities import BadInput
 from logs.attached import simulated_vehicle
 from logs.info import vehicle
 from logs.outline import shape_of
@@ -21,6 +20,7 @@ from logs.view.packing import Packer
 from logs.view.panels import DEGREES, PANELS, TIME_STEP, WING_ANGLE, Series, bands
 from logs.view.tables import Progress, Tables, read_tables, true_state
 from sim_bridge.vehicles import load_vehicle
+from wingbeat.errors import InputError
 
 FOLDER = Path(__file__).parent
 SCRIPTS = ("decode.js", "scene.js", "plots.js", "page.js")
@@ -46,10 +46,10 @@ def write_page(log: Log, path: Path, progress: Progress = lambda done, note: Non
     """Write a flight as a page to ``path``, which must not exist.
 
     Raises:
-        BadInput: the file exists or cannot be written, or a part of the log is damaged or has nothing to show.
+        InputError: the file exists or cannot be written, or a part of the log is damaged or has nothing to show.
     """
     if path.exists():
-        raise BadInput(f"{path} exists: it is not overwritten")
+        raise InputError(f"{path} exists: it is not overwritten")
     tables = read_tables(log, lambda done, note: progress(READING * done, note))
     packer = Packer()
     progress(READING, "drawing")
@@ -69,10 +69,10 @@ def flight_document(log: Log, tables: Tables, packer: Packer) -> dict[str, Any]:
     ``panels`` (see `Series.panel`), ``motion`` (see `_motion`), ``shape`` (see `_drawn`).
 
     Raises:
-        BadInput: a part of the log is damaged, or it has nothing to show.
+        InputError: a part of the log is damaged, or it has nothing to show.
     """
     if not tables:
-        raise BadInput(f"{log.path} has none of the topics that a page shows, such as /attitude/ahrs")
+        raise InputError(f"{log.path} has none of the topics that a page shows, such as /attitude/ahrs")
     start, end = (log.start_ns - log.boot_ns) * 1e-9, (log.end_ns - log.boot_ns) * 1e-9
     motion = motion_of(tables)
     shape, known = shape_in(log)
@@ -157,7 +157,7 @@ def shape_in(log: Log) -> tuple[Shape, bool]:
     """Outline of the vehicle as it was in the world, else of one of that name; and whether it is known."""
     for load in (simulated_vehicle, lambda log: load_vehicle(vehicle(log) or "")):
         # A vehicle file of another version, or none of that name, must not keep a flight from being seen.
-        with contextlib.suppress(BadInput):
+        with contextlib.suppress(InputError):
             found = load(log)
             if found is not None:
                 return shape_of(found), True

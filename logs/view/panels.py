@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from avionics import topics
 from avionics.messages import Mode, Stage
-from avionics.topics import Topic
-from logs.rotations import angles_of
 from logs.view.packing import Packer
 from logs.view.tables import QUATERNION, Table, Tables, true_state
 from logs.view.thinning import Envelope, thinned
 from sim_bridge import topics as truth_topics
+from wingbeat.rotation_arrays import euler_from_quaternions
+from wingbeat.topic import Topic
 
 Array = NDArray[np.float64]
 DEGREES = 180.0 / np.pi
@@ -93,7 +93,7 @@ WING_ANGLE = "Wing angle"
 
 
 def _true_angles(table: Table) -> Mapping[str, Array]:
-    roll, pitch, yaw = angles_of(*(table.fields[name] for name in QUATERNION))
+    roll, pitch, yaw = euler_from_quaternions(*(table.fields[name] for name in QUATERNION))
     down = table.fields["down"]
     return {"roll": roll, "pitch": pitch, "yaw": yaw, "altitude": down[0] - down}
 

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from avionics import topics
-from avionics.topics import Topic
 from logs.columns import Columns
 from logs.reader import Log
 from sim_bridge import topics as truth_topics
+from wingbeat.topic import Topic
 
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
@@ -72,7 +72,7 @@ def read_tables(log: Log, progress: Progress = lambda done, note: None) -> Table
     """Every topic of `WANTED` that the log has messages of.
 
     Raises:
-        BadInput: a part of the file is damaged.
+        InputError: a part of the file is damaged.
     """
     there = {name for name, info in log.topics.items() if info.messages}
     wanted = {t.name: fields for t, fields in WANTED.items() if t.name in there and INSTEAD.get(t) not in there}

@@ -13,8 +13,9 @@ from __future__ import annotations
 import math
 from typing import Annotated, NamedTuple
 
-from avionics.quantities import BadInput, Quantity
 from sim_bridge.vectors import kernel
+from wingbeat.errors import InputError
+from wingbeat.units import Quantity
 
 BREAKAWAY = 1.0
 """rad/s; chosen: motor speed below which its friction fades, so that it holds at rest instead of changing sign"""
@@ -83,27 +84,29 @@ def checked(linkage: FourBar) -> FourBar:
     """The same linkage, if its crank turns through and its rocker rocks (Grashof).
 
     Raises:
-        BadInput: a length that is not positive, or the link that is too long or too short for the others.
+        InputError: a length that is not positive, or the link that is too long or too short for the others.
     """
     ground = math.hypot(linkage.hinge_outboard, linkage.hinge_up)
     crank, coupler, rocker = linkage.crank, linkage.coupler, linkage.rocker
     for name, length in (("crank", crank), ("coupler", coupler), ("rocker", rocker), ("hinge's distance", ground)):
         if not (length > 0.0 and math.isfinite(length)):
-            raise BadInput(f"linkage: {name} {length:g} m is not a length")
+            raise InputError(f"linkage: {name} {length:g} m is not a length")
     if crank >= ground:
-        raise BadInput(
+        raise InputError(
             f"linkage: crank {crank:g} m is not shorter than the {ground:g} m to the hinge; the wing would turn round"
         )
     if coupler <= ground + crank - rocker:
-        raise BadInput(
+        raise InputError(
             f"linkage: coupler {coupler:g} m is too short; it needs more than {ground + crank - rocker:g} m"
         )
     if coupler >= ground - crank + rocker:
-        raise BadInput(
+        raise InputError(
             f"linkage: coupler {coupler:g} m is too long; it needs less than {ground - crank + rocker:g} m"
         )
     if rocker >= ground - crank + coupler:
-        raise BadInput(f"linkage: rocker {rocker:g} m is too long; it needs less than {ground - crank + coupler:g} m")
+        raise InputError(
+            f"linkage: rocker {rocker:g} m is too long; it needs less than {ground - crank + coupler:g} m"
+        )
     return linkage
 
 

@@ -16,12 +16,12 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from avionics.quantities import Quantity
 from sim_bridge.aerodynamics.protocol import FORWARD, NOSE_UP, UPWARD, AerodynamicModel, Motion, SectionLoads, Strips
 from sim_bridge.aerodynamics.strip_theory import KINEMATIC_VISCOSITY
 from sim_bridge.aerodynamics.surfaces import SEPARATED_NORMAL_FORCE
 from sim_bridge.elementary import arctangent
 from sim_bridge.vectors import Floats, inlined, kernel
+from wingbeat.units import Quantity
 
 STALL_BLEND = 0.1
 """rad; chosen: half width over which attached and separated loads are blended, as a hard switch makes a jump"""

@@ -27,9 +27,10 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from avionics.quantities import BadInput, Quantity
 from sim_bridge.aerodynamics.protocol import AerodynamicModel, Motion, SectionLoads, Strips
 from sim_bridge.vectors import Floats, inlined, kernel
+from wingbeat.errors import InputError
+from wingbeat.units import Quantity
 
 REACH = 0.3
 """-; of the airspeed: w as far from its trim is an angle of attack of 17 degrees, about where wings stall (chosen)"""
@@ -212,11 +213,11 @@ def build(settings: Derivatives, strips: Strips) -> DerivativesParameters:
     """The model's parameters.
 
     Raises:
-        BadInput: an inertia that no body has.
+        InputError: an inertia that no body has.
     """
     xx, yy, zz, xz = settings.inertia
     if min(xx, yy, zz) <= 0.0 or xz * xz >= xx * zz:
-        raise BadInput("derivatives.inertia is of no body: xx, yy, zz must be above 0 and xz^2 below xx zz")
+        raise InputError("derivatives.inertia is of no body: xx, yy, zz must be above 0 and xz^2 below xx zz")
     s = settings
     return DerivativesParameters(
         s.forward, s.down, s.elevator, s.force_x, s.force_z, s.density, s.mass, *s.center, xx, yy, zz, xz,
@@ -234,11 +235,11 @@ def check(settings: Derivatives, airspeed: float) -> None:
     """Refuse an airspeed in m/s at which the model does not hold.
 
     Raises:
-        BadInput: farther than `REACH` from the trim's.
+        InputError: farther than `REACH` from the trim's.
     """
     identified = math.hypot(settings.forward, settings.down)
     if abs(airspeed - identified) > REACH * identified:
-        raise BadInput(
+        raise InputError(
             f"derivatives hold within {100 * REACH:.0f} % of {identified:.3g} m/s, the airspeed they were identified "
             f"at, not at {airspeed:g} m/s"
         )

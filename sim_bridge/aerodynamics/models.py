@@ -11,7 +11,6 @@ from functools import cache
 from types import MappingProxyType
 from typing import Any, NamedTuple, get_type_hints
 
-from avionics.quantities import BadInput
 from sim_bridge.aerodynamics import blade_element, derivatives, quasi_steady, regression, strip_theory
 from sim_bridge.aerodynamics.blade_element import BladeParameters
 from sim_bridge.aerodynamics.derivatives import DerivativesParameters
@@ -24,6 +23,7 @@ from sim_bridge.aerodynamics.vortex_lattice.coupled import FarLattice, far_latti
 from sim_bridge.aerodynamics.vortex_lattice.settings import VortexLatticeParameters
 from sim_bridge.bound import call_far
 from sim_bridge.vectors import Floats, inlined
+from wingbeat.errors import InputError
 
 __all__ = ["MODELS", "Air", "advance", "air_of", "compiled_apart", "find_model", "loads"]
 
@@ -50,10 +50,10 @@ def find_model(name: str) -> AerodynamicModel:
     """The model of this name.
 
     Raises:
-        BadInput: there is none.
+        InputError: there is none.
     """
     if name not in MODELS:
-        raise BadInput(f'unknown aerodynamic model "{name}"; known: {", ".join(MODELS)}')
+        raise InputError(f'unknown aerodynamic model "{name}"; known: {", ".join(MODELS)}')
     return MODELS[name]
 
 
@@ -61,7 +61,7 @@ def compiled_apart(name: str) -> bool:
     """Whether the model of this name is compiled at its first flight, and not with the plant.
 
     Raises:
-        BadInput: there is none.
+        InputError: there is none.
     """
     return _hints(Air)[find_model(name).name] is FarLattice
 

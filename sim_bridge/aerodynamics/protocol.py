@@ -150,7 +150,7 @@ class AerodynamicModel(NamedTuple):
     parts: tuple[str, ...]
     """names of the parts of the loads, in order"""
     build: Callable[[Any, Strips], Any]
-    """settings and strips to parameters; raises BadInput where the model does not hold"""
+    """settings and strips to parameters; raises InputError where the model does not hold"""
     initial: Callable[[Any, Strips], Floats]
     loads: Callable[..., None]
     advance: Callable[..., None]

@@ -30,7 +30,6 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from avionics.quantities import BadInput, Quantity
 from sim_bridge.aerodynamics.protocol import (
     FORWARD,
     INERTIA,
@@ -43,6 +42,8 @@ from sim_bridge.aerodynamics.protocol import (
     Strips,
 )
 from sim_bridge.vectors import Floats, inlined, kernel
+from wingbeat.errors import InputError
+from wingbeat.units import Quantity
 
 PARTS = ("translational_lift", "translational_drag", "translational_moment", "rotational")
 LIFT, DRAG, MOMENT, ROTATIONAL = range(len(PARTS))
@@ -191,14 +192,14 @@ def build(settings: QuasiSteady, strips: Strips) -> QuasiSteadyParameters:
     """The model's parameters for the wings of a vehicle.
 
     Raises:
-        BadInput: a wing of a single strip, whose rotation cannot be told from its translation, or a planform whose
+        InputError: a wing of a single strip, whose rotation cannot be told from its translation, or a planform whose
             reference point lies where the border of the advance ratio has no meaning.
     """
     if np.min(np.unique(strips.wing, return_counts=True)[1]) < 2:
-        raise BadInput("quasi_steady needs at least two strips a wing")
+        raise InputError("quasi_steady needs at least two strips a wing")
     reference = force_radius(strips)
     if reference <= -BORDER:
-        raise BadInput(f"quasi_steady needs a wing with r_2 above {-BORDER}, this one has {reference:.3f}")
+        raise InputError(f"quasi_steady needs a wing with r_2 above {-BORDER}, this one has {reference:.3f}")
     axis = settings.pitching_axis
     return QuasiSteadyParameters(reach_of(strips), reference, axis, math.pi * (0.75 - axis))
 

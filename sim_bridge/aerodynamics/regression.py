@@ -23,9 +23,10 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from avionics.quantities import BadInput, Quantity
 from sim_bridge.aerodynamics.protocol import AerodynamicModel, Motion, SectionLoads, Strips
 from sim_bridge.vectors import Floats, inlined, kernel
+from wingbeat.errors import InputError
+from wingbeat.units import Quantity
 
 MEAN_AIRSPEED = 9.2
 """m/s; of the flight, Grauer V.A"""
@@ -154,10 +155,10 @@ def table(settings: Regression) -> Table:
     """The chosen column of Table 1.
 
     Raises:
-        BadInput: there is no such column.
+        InputError: there is no such column.
     """
     if settings.column not in COLUMNS:
-        raise BadInput(f'regression.column must be one of {", ".join(COLUMNS)}, not "{settings.column}"')
+        raise InputError(f'regression.column must be one of {", ".join(COLUMNS)}, not "{settings.column}"')
     return COLUMNS[settings.column]
 
 
@@ -165,12 +166,12 @@ def check(settings: Regression, airspeed: float) -> None:
     """Refuse an airspeed in m/s at which the model does not hold.
 
     Raises:
-        BadInput: outside `IDENTIFIED`, or no such column.
+        InputError: outside `IDENTIFIED`, or no such column.
     """
     table(settings)
     low, high = IDENTIFIED
     if not low <= airspeed <= high:
-        raise BadInput(
+        raise InputError(
             f"regression holds from {low:g} to {high:g} m/s, the speed of the flight it was identified from, "
             f"not at {airspeed:g} m/s"
         )
@@ -186,13 +187,13 @@ def level_heave(settings: Regression, airspeed: float, lift_coefficient: float) 
     """Heave speed v_z in m/s at which the stroke's mean of Eq. 17, without pitch rate, is ``lift_coefficient``.
 
     Raises:
-        BadInput: the airspeed is outside the model's range, or the heave speed outside the recorded one.
+        InputError: the airspeed is outside the model's range, or the heave speed outside the recorded one.
     """
     check(settings, airspeed)
     heave = carrying_heave(settings, airspeed, lift_coefficient)
     low, high = RECORDED_HEAVE
     if not low <= heave <= high:
-        raise BadInput(
+        raise InputError(
             f"regression, column {settings.column}: C_L = {lift_coefficient:.3g} at {airspeed:g} m/s needs a heave "
             f"speed of {heave:.2f} m/s, outside the recorded {low:g} to {high:g} m/s"
         )
@@ -203,7 +204,7 @@ def build(settings: Regression, strips: Strips) -> RegressionParameters:
     """The model's parameters.
 
     Raises:
-        BadInput: there is no such column.
+        InputError: there is no such column.
     """
     return RegressionParameters(table(settings), settings.area, settings.chord)
 

@@ -26,7 +26,6 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from avionics.quantities import BadInput, Quantity
 from sim_bridge.aerodynamics.protocol import (
     FORWARD,
     INERTIA,
@@ -41,6 +40,8 @@ from sim_bridge.aerodynamics.protocol import (
 )
 from sim_bridge.elementary import arctangent
 from sim_bridge.vectors import Floats, apart, inlined, kernel
+from wingbeat.errors import InputError
+from wingbeat.units import Quantity
 
 STALL_BLEND = math.radians(3.0)
 """rad; half width over which attached and separated loads are blended: a hard switch makes the force jump"""
@@ -147,12 +148,12 @@ def build(settings: StripTheory, strips: Strips) -> StripParameters:
     """The model's parameters for the wings of a vehicle.
 
     Raises:
-        BadInput: ``dynamic_stall`` is none of `STALL_FACTOR_BOUNDS`.
+        InputError: ``dynamic_stall`` is none of `STALL_FACTOR_BOUNDS`.
     """
     bound = STALL_FACTOR_BOUNDS.get(settings.dynamic_stall)
     if bound is None:
         known = " or ".join(STALL_FACTOR_BOUNDS)
-        raise BadInput(f'strip_theory.dynamic_stall = "{settings.dynamic_stall}" is unknown; it is {known}')
+        raise InputError(f'strip_theory.dynamic_stall = "{settings.dynamic_stall}" is unknown; it is {known}')
     wing = aspect_ratio(strips)
     p = strip_parameters(wing, settings.zero_lift_angle, settings.suction_efficiency, settings.stall_angle, bound)
     return p._replace(c1=p.c1 * settings.wake_lag)

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from avionics.quantities import BadInput
 from sim_bridge.vectors import Floats
+from wingbeat.errors import InputError
 
 WORST_CONDITION = 1e6
 """-; of the system of one half stroke, beyond which lift and drag cannot be told apart"""
@@ -123,7 +123,7 @@ def mean_coefficients(force: Floats, record: StrokeRecord) -> StrokeCoefficients
     Written once for each half, two components of force give four equations for the four coefficients.
 
     Raises:
-        BadInput: a half of the stroke is empty, or its lift and drag cannot be told apart.
+        InputError: a half of the stroke is empty, or its lift and drag cannot be told apart.
     """
     lift_up, drag_up = _half(force, record, ~record.down, "up-stroke")
     lift_down, drag_down = _half(force, record, record.down, "down-stroke")
@@ -170,10 +170,10 @@ def _columns(values: list[float | Floats]) -> Floats:
 
 def _half(force: Floats, record: StrokeRecord, half: NDArray[np.bool_], name: str) -> tuple[float, float]:
     if not half.any():
-        raise BadInput(f"a stroke without {name} gives no coefficients of it")
+        raise InputError(f"a stroke without {name} gives no coefficients of it")
     columns = [sign * pressure[half].sum(axis=0) for sign, pressure in _signed(record)]
     matrix = np.stack(columns, axis=1)
     if not np.linalg.cond(matrix) < WORST_CONDITION:
-        raise BadInput(f"lift and drag of the {name} cannot be told apart: the wing does not move through the air")
+        raise InputError(f"lift and drag of the {name} cannot be told apart: the wing does not move through the air")
     lift, drag = np.linalg.lstsq(matrix, force[half].sum(axis=0), rcond=None)[0]
     return float(lift), float(drag)

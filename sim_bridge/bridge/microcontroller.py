@@ -22,10 +22,10 @@ from avionics.link.serial_line import SerialLine
 from avionics.link.transport import Stream
 from avionics.link.urls import LinkUrl, parse_url
 from avionics.messages import ActuatorCommand, SensorFrame
-from avionics.quantities import BadInput
 from sim_bridge.bridge.pace import Pacer
 from sim_bridge.bridge.server import EndReason
 from sim_bridge.bridge.world import NEUTRAL, SimulationSilent, World
+from wingbeat.errors import InputError
 
 REST_AFTER = 0.5
 """s; without an actuator frame after which drives and servos go to the rest position"""
@@ -138,7 +138,7 @@ class SerialPeer:
             clock: wall clock in s.
 
         Raises:
-            BadInput: not such an address, or the device cannot be opened.
+            InputError: not such an address, or the device cannot be opened.
         """
         self._stream: Stream = Pty() if url == PTY else _opened(parse_url(url))
         self.address = self._stream.name
@@ -164,7 +164,7 @@ class SerialPeer:
 
 def _opened(url: LinkUrl) -> SerialLine:
     if url.kind != "serial":
-        raise BadInput(f"{url}: a microcontroller is on serial:DEVICE,BAUD")
+        raise InputError(f"{url}: a microcontroller is on serial:DEVICE,BAUD")
     return SerialLine(url.host, url.port)
 
 
@@ -175,10 +175,10 @@ class Pty:
         """Make one.
 
         Raises:
-            BadInput: this platform has none.
+            InputError: this platform has none.
         """
         if sys.platform == "win32":
-            raise BadInput("this platform has no pseudo terminals")
+            raise InputError("this platform has no pseudo terminals")
         import tty
 
         self._master, self._slave = os.openpty()

@@ -16,10 +16,10 @@ from avionics.link.dialect import mavlink
 from avionics.link.framing import Frame, FrameReader, decode
 from avionics.link.transport import Listener, Stream
 from avionics.messages import ActuatorCommand, SensorFrame
-from avionics.quantities import BadInput
 from sim_bridge.bridge.pace import Pacer
 from sim_bridge.bridge.truth import HIL_STATE_QUATERNION, encode_truth
 from sim_bridge.bridge.world import NEUTRAL, SimulationSilent, World
+from wingbeat.errors import InputError
 
 DEFAULT_URL = "tcp:127.0.0.1:4560"
 """Where a flight computer looks for its simulator, PX4 too."""
@@ -86,7 +86,7 @@ class BridgeServer:
             clock: wall clock in s.
 
         Raises:
-            BadInput: not such an address, or the port is in use.
+            InputError: not such an address, or the port is in use.
         """
         self._listener = Listener(url)
         self._speed = speed
@@ -104,7 +104,7 @@ class BridgeServer:
         """Wait for a flight computer and fly until the world is finished or the flight computer hangs up.
 
         Raises:
-            BadInput: PX4 came.
+            InputError: PX4 came.
             FlightComputerSilent: it never came, never said HEARTBEAT, or left a sensor frame unanswered.
         """
         stream = self._listener.accept(self._timeouts.connect)
@@ -148,7 +148,7 @@ class Session:
         """Exchange frames until the world is finished or the partner hangs up.
 
         Raises:
-            BadInput: the partner is PX4.
+            InputError: the partner is PX4.
             FlightComputerSilent: it never said HEARTBEAT, or left a sensor frame unanswered.
         """
         self._await_hello()
@@ -192,7 +192,7 @@ class Session:
                 f" ({self._reader.bad_bytes} bytes were no MAVLink)"
             )
         if self._autopilot == mavlink.MAV_AUTOPILOT_PX4:
-            raise BadInput(f"PX4 connected from {self._stream.name}: it is served by wingbeat sim --px4")
+            raise InputError(f"PX4 connected from {self._stream.name}: it is served by wingbeat sim --px4")
 
     def _send(self, frame: SensorFrame) -> None:
         data = self._writer.sensors(frame)

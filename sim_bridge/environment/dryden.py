@@ -27,10 +27,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from avionics.quantities import BadInput
 from sim_bridge.environment.levels import INTENSITIES, LEVELS, LEVELS_TOLD, SMALL_UAV, WIND_AT_20_FT
 from sim_bridge.observation import Vector
 from sim_bridge.vectors import kernel
+from wingbeat.errors import InputError
 
 FOOT = 0.3048
 """m"""
@@ -117,14 +117,14 @@ def turbulence(level: str, span: float, seed: int) -> Turbulence:
     """Gusts of a ``level`` for a vehicle of ``span`` in m; the same ``seed`` gives the same gusts.
 
     Raises:
-        BadInput: level unknown, span outside 0.01 to 100 m, seed negative.
+        InputError: level unknown, span outside 0.01 to 100 m, seed negative.
     """
     if level not in LEVELS:
-        raise BadInput(f'turbulence "{level}" is unknown; it is {LEVELS_TOLD}')
+        raise InputError(f'turbulence "{level}" is unknown; it is {LEVELS_TOLD}')
     if not NARROWEST <= span <= WIDEST:
-        raise BadInput(f"span {span:g} m is outside {NARROWEST:g} to {WIDEST:g} m")
+        raise InputError(f"span {span:g} m is outside {NARROWEST:g} to {WIDEST:g} m")
     if seed < 0:
-        raise BadInput(f"seed {seed} of the turbulence is negative")
+        raise InputError(f"seed {seed} of the turbulence is negative")
     return Turbulence(level, span, seed)
 
 

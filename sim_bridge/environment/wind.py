@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from avionics.quantities import BadInput
 from sim_bridge.observation import Vector
+from wingbeat.errors import InputError
 
 STRONGEST = 50.0
 """m/s; no ornithopter flies in more"""
@@ -17,10 +17,10 @@ def steady_wind(speed: float, direction_from: float) -> Vector:
     The direction is told as in aviation: 0 is a wind from the north, pi/2 from the east.
 
     Raises:
-        BadInput: speed negative, above 50 m/s, or either not finite.
+        InputError: speed negative, above 50 m/s, or either not finite.
     """
     if not 0.0 <= speed <= STRONGEST:
-        raise BadInput(f"wind speed {speed:g} m/s is outside 0 to {STRONGEST:g} m/s")
+        raise InputError(f"wind speed {speed:g} m/s is outside 0 to {STRONGEST:g} m/s")
     if not math.isfinite(direction_from):
-        raise BadInput(f"wind direction {direction_from:g} rad is not a finite angle")
+        raise InputError(f"wind direction {direction_from:g} rad is not a finite angle")
     return -speed * math.cos(direction_from), -speed * math.sin(direction_from), 0.0

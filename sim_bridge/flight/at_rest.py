@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from avionics.messages import ActuatorCommand, SensorFrame
-from sim_bridge.environment.atmosphere import isa
-from sim_bridge.environment.gravity import GRAVITY
 from sim_bridge.flight.world import TICK, Scenario, sensor_frame
 from sim_bridge.messages import TruthState
 from sim_bridge.observation import Observation
 from sim_bridge.sensors.suite import SensorSuite, sensor_spec
-from sim_bridge.vectors import quaternion_from_euler
 from sim_bridge.vehicles import SimulatedVehicle
+from wingbeat.atmosphere import isa
+from wingbeat.constants import STANDARD_GRAVITY
+from wingbeat.rotations import quaternion_from_euler
 
 
 class AtRest:
@@ -20,7 +20,7 @@ class AtRest:
         """Lay the vehicle down, its nose where the scenario's wind comes from.
 
         Raises:
-            BadInput: a sensor is missing in the vehicle's file, or the seed is negative.
+            InputError: a sensor is missing in the vehicle's file, or the seed is negative.
         """
         self.scenario = scenario
         self.suite = SensorSuite(
@@ -76,7 +76,7 @@ def _observation(vehicle: SimulatedVehicle, scenario: Scenario) -> Observation:
         time_us=0,
         quaternion=(w, x, y, z),
         omega_frd=still,
-        specific_force_frd=(0.0, 0.0, -GRAVITY),
+        specific_force_frd=(0.0, 0.0, -STANDARD_GRAVITY),
         position_ned=still,
         v_ned=still,
         v_air_frd=still,

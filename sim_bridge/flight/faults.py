@@ -14,10 +14,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from avionics.messages import Command, CommandKind
 from avionics.missions.reader import find
-from avionics.quantities import BadInput, DocumentError, parse_toml, why_unread
 from sim_bridge.bridge.world import SimulationSilent
 from sim_bridge.sensors.frame import TICK_RATE, RawFrame, RawPressures, RawReceiver, imu_on_the_wire
 from sim_bridge.sensors.receiver import ReceiverSpec
+from wingbeat.documents import parse_toml
+from wingbeat.errors import DocumentError, InputError
+from wingbeat.text import read_error_text
 
 if TYPE_CHECKING:
     from sim_bridge.plant import Plant
@@ -227,13 +229,13 @@ def parse_fault(text: str) -> Fault:
     """The fault written as ``NAME@T`` or ``NAME@T-T2``, times in s since boot.
 
     Raises:
-        BadInput: no such name, or times that are not 0 or more and rising; one line with the names.
+        InputError: no such name, or times that are not 0 or more and rising; one line with the names.
     """
     name, at, times = text.partition("@")
     sign = "-" if times.startswith("-") else ""  # of the time, to be refused as what it is
     begin, dash, end = times.removeprefix(sign).partition("-")
     if not at:
-        raise BadInput(f"fault {text}: it must be NAME@T or NAME@T-T2; NAME one of {', '.join(FAULTS)}")
+        raise InputError(f"fault {text}: it must be NAME@T or NAME@T-T2; NAME one of {', '.join(FAULTS)}")
     return checked(Fault(name, _seconds(text, sign + begin), _seconds(text, end) if dash else math.inf))
 
 
@@ -241,26 +243,26 @@ def _seconds(text: str, number: str) -> float:
     try:
         return float(number)
     except ValueError:
-        raise BadInput(f"fault {text}: {number or 'nothing'} is no time in seconds") from None
+        raise InputError(f"fault {text}: {number or 'nothing'} is no time in seconds") from None
 
 
 def checked(fault: Fault) -> Fault:
     """The fault, if it is in the table and its times can be.
 
     Raises:
-        BadInput: see `parse_fault`; also an end of what has none.
+        InputError: see `parse_fault`; also an end of what has none.
     """
     if fault.name not in FAULTS:
-        raise BadInput(f"no fault {fault.name}; known: {', '.join(FAULTS)}")
+        raise InputError(f"no fault {fault.name}; known: {', '.join(FAULTS)}")
     if not 0.0 <= fault.at < math.inf:
-        raise BadInput(f"fault {fault.name}: its time must be 0 s or more since boot, not {fault.at:g}")
+        raise InputError(f"fault {fault.name}: its time must be 0 s or more since boot, not {fault.at:g}")
     if not fault.until > fault.at:
-        raise BadInput(
+        raise InputError(
             f"fault {fault.name}: from {fault.at:g} s to {fault.until:g} s; it must end after its beginning"
         )
     kind = FAULTS[fault.name]
     if math.isfinite(fault.until) and (kind.place is Place.BOARD or (kind.begin and not kind.end)):
-        raise BadInput(f"fault {fault.name} does not end: give its beginning alone")
+        raise InputError(f"fault {fault.name} does not end: give its beginning alone")
     return fault
 
 
@@ -268,7 +270,7 @@ def mission_faults(name_or_path: str | Path) -> tuple[Fault, ...]:
     """The ``[[fault]]`` tables (name, at, until) of a mission file; none for files of other formats.
 
     Raises:
-        BadInput: no such mission, not readable, an unknown name or key, a time that cannot be.
+        InputError: no such mission, not readable, an unknown name or key, a time that cannot be.
     """
     path = find(name_or_path)
     if path.suffix != ".toml":
@@ -276,18 +278,18 @@ def mission_faults(name_or_path: str | Path) -> tuple[Fault, ...]:
     try:
         tables = parse_toml(path.read_text(encoding="utf-8-sig")).get("fault", [])
     except (OSError, UnicodeDecodeError) as error:
-        raise BadInput(f"cannot read mission file {path}: {why_unread(error)}") from None
+        raise InputError(f"cannot read mission file {path}: {read_error_text(error)}") from None
     except DocumentError as error:
-        raise BadInput(f"{path}: {error}") from None
+        raise InputError(f"{path}: {error}") from None
     return tuple(_of_table(f"{path}: fault {number}", table) for number, table in enumerate(tables, 1))
 
 
 def _of_table(where: str, table: object) -> Fault:
     if not isinstance(table, dict) or not {"name", "at"} <= set(table) <= {"name", "at", "until"}:
-        raise BadInput(f"{where} must be a [[fault]] table with name, at (s) and, if it ends, until (s)")
+        raise InputError(f"{where} must be a [[fault]] table with name, at (s) and, if it ends, until (s)")
     name, at, until = table["name"], table["at"], table.get("until", math.inf)
     if any(isinstance(value, bool) or not isinstance(value, int | float) for value in (at, until)):
-        raise BadInput(f"{where}: at and until must be numbers of seconds")
+        raise InputError(f"{where}: at and until must be numbers of seconds")
     return checked(Fault(str(name), float(at), float(until)))
 
 
@@ -308,7 +310,7 @@ class FaultInjector:
         """Take the faults of the world; those of the flight are not its own.
 
         Raises:
-            BadInput: see `checked`.
+            InputError: see `checked`.
         """
         self._faults, _ = divided(faults)
         self._active: dict[Fault, int] = {}
@@ -322,7 +324,7 @@ class FaultInjector:
         """Let one more fault of the world happen.
 
         Raises:
-            BadInput: see `checked`.
+            InputError: see `checked`.
         """
         self._faults = (*self._faults, *divided([fault])[0])
 
@@ -379,7 +381,7 @@ def fault_commands(faults: Sequence[Fault]) -> tuple[Command, ...]:
     """What those of ``faults`` that are inputs of the flight put in, at their beginnings and ends.
 
     Raises:
-        BadInput: no such fault, or times that cannot be.
+        InputError: no such fault, or times that cannot be.
     """
     entering = []
     for fault in divided(faults)[1]:

@@ -9,21 +9,16 @@ from avionics.messages import (
     ActuatorCommand,
     AdcBurst,
     EncoderSample,
-    Event,
     GpsFix,
     ImuSample,
     PressureSample,
     ReceiverSample,
     SensorFrame,
-    Severity,
     TorqueSample,
 )
-from avionics.quantities import BadInput
-from avionics.topics import Publish, Topic
 from sim_bridge import plant_kernel as k
 from sim_bridge import topics
 from sim_bridge.environment import dryden
-from sim_bridge.environment.atmosphere import Air, isa
 from sim_bridge.environment.home import COLLEGE_PARK, Home
 from sim_bridge.environment.wind import steady_wind
 from sim_bridge.flight.faults import Fault, FaultInjector
@@ -35,8 +30,12 @@ from sim_bridge.sensors.frame import TICK_RATE, RawFrame
 from sim_bridge.sensors.power_sensor import mean_square
 from sim_bridge.sensors.receiver import Pilot, standing_by
 from sim_bridge.sensors.suite import SensorSuite, SimulationDiverged, sensor_spec
-from sim_bridge.vectors import quaternion_from_euler
 from sim_bridge.vehicles import SimulatedVehicle
+from wingbeat.atmosphere import Air, isa
+from wingbeat.errors import InputError
+from wingbeat.message import Event, Severity
+from wingbeat.rotations import quaternion_from_euler
+from wingbeat.topic import Publish, Topic
 
 TICK = 1.0 / TICK_RATE
 LAUNCH_TIME = 8.0
@@ -161,10 +160,10 @@ class SimulatedWorld:
         """Put the vehicle into the launcher's hand, facing the wind; ``rate`` in Hz is that of the sensors' ticks.
 
         Raises:
-            BadInput: seed or wind out of range, no such turbulence or fault, or bodies that make no vehicle.
+            InputError: seed or wind out of range, no such turbulence or fault, or bodies that make no vehicle.
         """
         if not (math.isfinite(scenario.duration) and scenario.duration > 0.0):
-            raise BadInput(f"duration must be above 0 s, not {scenario.duration:g}")
+            raise InputError(f"duration must be above 0 s, not {scenario.duration:g}")
         self._wind = steady_wind(scenario.wind_speed, scenario.wind_from)
         self.vehicle = vehicle
         self.scenario = scenario

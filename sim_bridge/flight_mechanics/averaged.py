@@ -16,12 +16,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from avionics.quantities import BadInput
-from sim_bridge.environment.gravity import GRAVITY
 from sim_bridge.flight_mechanics.orbit import Orbit
 from sim_bridge.flight_mechanics.stroke_map import INTERVALS, StrokeMap
 from sim_bridge.vectors import Floats
 from sim_bridge.vehicles import SimulatedVehicle
+from wingbeat.constants import STANDARD_GRAVITY
+from wingbeat.errors import InputError
 
 WIDTHS = (0.1, 0.2, 0.4)
 """s; of one step of the doublets: energy from 1 Hz to 4 Hz"""
@@ -71,7 +71,7 @@ def stroke_averaged_model(
     pitch = orbit.means.pitch
     a, b = np.zeros((4, 4)), np.zeros(4)
     a[:3, :3], b[:3] = values[:3].T, values[3]
-    a[0, 3], a[1, 3], a[3, 2] = -GRAVITY * math.cos(pitch), -GRAVITY * math.sin(pitch), 1.0
+    a[0, 3], a[1, 3], a[3, 2] = -STANDARD_GRAVITY * math.cos(pitch), -STANDARD_GRAVITY * math.sin(pitch), 1.0
     return AveragedModel(a, b, np.asarray(left, dtype=np.float64))
 
 
@@ -86,12 +86,12 @@ def short_period_of(model: AveragedModel) -> ShortPeriod:
     """The faster pair of eigenvalues as natural frequency and damping ratio.
 
     Raises:
-        BadInput: the faster eigenvalues diverge in opposite directions: there is no such mode.
+        InputError: the faster eigenvalues diverge in opposite directions: there is no such mode.
     """
     roots = sorted(state_space(model).poles(), key=abs, reverse=True)[:2]
     product, total = (roots[0] * roots[1]).real, (roots[0] + roots[1]).real
     if product <= 0.0:
-        raise BadInput("this flight has no short-period mode")
+        raise InputError("this flight has no short-period mode")
     return ShortPeriod(math.sqrt(product), float(-total) / (2.0 * math.sqrt(product)))
 
 
@@ -130,7 +130,7 @@ def _averaged(
     mean = np.column_stack([np.convolve(column, window, "valid") for column in padded.T])
     rates = np.gradient(mean, step, axis=0)
     pitch = orbit.means.pitch
-    rates[:, 0] += GRAVITY * math.cos(pitch) * mean[:, 3]
-    rates[:, 1] += GRAVITY * math.sin(pitch) * mean[:, 3]
+    rates[:, 0] += STANDARD_GRAVITY * math.cos(pitch) * mean[:, 3]
+    rates[:, 1] += STANDARD_GRAVITY * math.sin(pitch) * mean[:, 3]
     kept = slice(SKIPPED, -SKIPPED)
     return mean[kept][:, [0, 1, 2, 4]], rates[kept, :3]

@@ -15,12 +15,12 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from sim_bridge import plant_kernel as k
-from sim_bridge.environment.gravity import GRAVITY
 from sim_bridge.flight_mechanics.averaged import LENGTH, PHASES, SKIPPED, AveragedModel
 from sim_bridge.flight_mechanics.orbit import Orbit
 from sim_bridge.flight_mechanics.stroke_map import INTERVALS, StrokeMap
 from sim_bridge.vectors import Floats
 from sim_bridge.vehicles import SimulatedVehicle
+from wingbeat.constants import STANDARD_GRAVITY
 
 DRIVE_WIDTHS, RUDDER_WIDTHS = (0.25, 0.5), (0.1, 0.2, 0.4)
 """s; of one step of the doublets"""
@@ -88,7 +88,7 @@ def _lateral(vehicle: SimulatedVehicle, orbit: Orbit) -> tuple[Floats, Floats, F
     """A (4, 4) and B (4,) of the rudder, and what they leave of v', p', r'."""
     step, pitch = 1.0 / (orbit.inputs.frequency * INTERVALS), orbit.means.pitch
     answers = [_answer(vehicle, orbit, _ruddered(orbit), _across, width) for width in RUDDER_WIDTHS]
-    gravity = np.array([GRAVITY * math.cos(pitch), 0.0, 0.0])
+    gravity = np.array([STANDARD_GRAVITY * math.cos(pitch), 0.0, 0.0])
     rates = np.vstack([(_rates(a, step)[:, :3] - a[:, [ROLL]] * gravity)[SKIPPED:-SKIPPED] for a in answers])
     regressors = np.vstack([answer[SKIPPED:-SKIPPED][:, [V, P, R, 4]] for answer in answers])
     values = np.linalg.lstsq(regressors, rates, rcond=None)[0]

@@ -7,12 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim_bridge.environment.gravity import GRAVITY
 from sim_bridge.flight_mechanics.orbit import Orbit
 from sim_bridge.flight_mechanics.stroke_map import INTERVALS, StrokeMap
 from sim_bridge.mechanism import total_mass
 from sim_bridge.vectors import Floats
 from sim_bridge.vehicles import SimulatedVehicle
+from wingbeat.constants import STANDARD_GRAVITY
 
 Range = tuple[float, float]
 
@@ -65,7 +65,7 @@ def figures(vehicle: SimulatedVehicle, orbit: Orbit) -> Figures:
     """The orbit's figures; endurance and range are infinite for a drive that draws no current."""
     means, frequency = orbit.means, orbit.inputs.frequency
     height = 2.0 * vehicle.wing.semispan * math.sin(min(means.flap_amplitude, math.pi / 2))
-    weight = total_mass(vehicle) * GRAVITY
+    weight = total_mass(vehicle) * STANDARD_GRAVITY
     endurance = vehicle.battery.capacity / means.current if means.current > 0.0 else math.inf
     return Figures(
         frequency * height / means.airspeed,

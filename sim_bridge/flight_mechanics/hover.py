@@ -13,13 +13,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.optimize import root, root_scalar
 
-from avionics.quantities import BadInput
 from sim_bridge import plant_kernel as k
 from sim_bridge.aerodynamics.protocol import FORWARD, NOSE_UP, UPWARD
-from sim_bridge.flight_mechanics.stroke_map import SEA_LEVEL_DENSITY, paired_coordinates, throttle_for
+from sim_bridge.flight_mechanics.stroke_map import paired_coordinates, throttle_for
 from sim_bridge.plant import STEP, Plant
-from sim_bridge.vectors import Floats, quaternion_from_euler
+from sim_bridge.vectors import Floats
 from sim_bridge.vehicles import SimulatedVehicle
+from wingbeat.atmosphere import SEA_LEVEL_DENSITY
+from wingbeat.errors import InputError
+from wingbeat.rotations import quaternion_from_euler
 
 HEIGHT = 1000.0
 """m; above the ground, which is out of the way"""
@@ -44,7 +46,7 @@ class HoverMap:
                 so that the map is smooth in the frequency.
 
         Raises:
-            BadInput: joints that are not moved by a prescribed stroke, a crank that may stop, air with a memory.
+            InputError: joints that are not moved by a prescribed stroke, a crank that may stop, air with a memory.
         """
         self.vehicle, self.plant = vehicle, Plant(vehicle)
         _check(self.plant)
@@ -122,11 +124,11 @@ class HoverMap:
 def _check(plant: Plant) -> None:
     vehicle = plant.vehicle
     if vehicle.drive.kind != "crank" or not np.all(plant.parameters.joints.kind == k.PRESCRIBED):
-        raise BadInput(f"{vehicle.name}: hover needs a crank drive and joints that are all moved by the stroke")
+        raise InputError(f"{vehicle.name}: hover needs a crank drive and joints that are all moved by the stroke")
     if min(vehicle.drive.frequencies) <= 0.0:
-        raise BadInput(f"{vehicle.name}: hover needs a crank that never stops: drive.frequencies above 0 Hz")
+        raise InputError(f"{vehicle.name}: hover needs a crank that never stops: drive.frequencies above 0 Hz")
     if plant.layout.size > plant.layout.aerodynamics:
-        raise BadInput(f"{vehicle.name}: hover needs air loads without memory, not {vehicle.aerodynamics.model}")
+        raise InputError(f"{vehicle.name}: hover needs air loads without memory, not {vehicle.aerodynamics.model}")
 
 
 def frequency_at(throttle: float, vehicle: SimulatedVehicle) -> float:
@@ -159,7 +161,7 @@ def hover(vehicle: SimulatedVehicle, forward: float = 0.0, climb_rate: float = 0
         forward, climb_rate: m/s; mean velocity over the ground. step: s; of the integrator.
 
     Raises:
-        BadInput: no such orbit was found within the drive's and the elevator's range.
+        InputError: no such orbit was found within the drive's and the elevator's range.
     """
     stroke = HoverMap(vehicle, step=step)
     middle = throttle_for(vehicle.cruise.frequency, vehicle)
@@ -173,7 +175,7 @@ def hover(vehicle: SimulatedVehicle, forward: float = 0.0, climb_rate: float = 0
     residual = float(np.max(np.abs(_missing(x, stroke, forward, climb_rate))))
     if not residual < 1e-7:
         throttle, elevator = found.x[4:]
-        raise BadInput(
+        raise InputError(
             f"{vehicle.name}: no flight at {forward:g} m/s climbing {climb_rate:g} m/s with throttle 0 to 1 and"
             f" elevator within {vehicle.tail_servo.travel:g} rad: beyond {reached * forward:.2g} m/s climbing"
             f" {reached * climb_rate:.2g} m/s the search comes to {throttle:.2f} and {elevator:.2f} rad"

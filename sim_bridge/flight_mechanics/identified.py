@@ -17,10 +17,11 @@ from sim_bridge.aerodynamics.derivatives import MODEL, Derivatives
 from sim_bridge.flight_mechanics.averaged import stroke_averaged_model
 from sim_bridge.flight_mechanics.averaged_axes import axes_model
 from sim_bridge.flight_mechanics.orbit import Orbit, trim
-from sim_bridge.flight_mechanics.stroke_map import INTERVALS, SEA_LEVEL_DENSITY, StrokeMap
+from sim_bridge.flight_mechanics.stroke_map import INTERVALS, StrokeMap
 from sim_bridge.tuning.model import DriveModel, Identified, LateralModel, LinearModel, model_of
 from sim_bridge.vectors import Floats
 from sim_bridge.vehicles import SimulatedVehicle
+from wingbeat.atmosphere import SEA_LEVEL_DENSITY
 
 SETTLING, AVERAGED = 4, 3
 """-; strokes after which the wings' motion repeats itself, and over which it is averaged"""
@@ -65,7 +66,7 @@ def identified_world(
     ``on_progress`` is called during the linearization with flights done and their number.
 
     Raises:
-        BadInput: the model is none of an identification, or the base has no steady flight at its airspeed.
+        InputError: the model is none of an identification, or the base has no steady flight at its airspeed.
     """
     estimates = model.from_log()
     orbit = trim(base, model.airspeed, model.airspeed * math.sin(model.pitch - estimates.angle_of_attack))

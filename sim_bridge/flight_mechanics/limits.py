@@ -44,7 +44,7 @@ def check_model(vehicle: SimulatedVehicle, airspeed: float) -> None:
     """Refuse an airspeed in m/s at which the vehicle's aerodynamic model does not hold.
 
     Raises:
-        BadInput: as the model says.
+        InputError: as the model says.
     """
     model = vehicle.aerodynamics.model
     if model in MODEL_RANGES:

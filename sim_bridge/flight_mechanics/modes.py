@@ -11,11 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from avionics.quantities import BadInput
 from sim_bridge.flight_mechanics.free_map import BODY, LATERAL, LONGITUDINAL, PITCH, FreeMap, Q, U, W
 from sim_bridge.flight_mechanics.orbit import Orbit
 from sim_bridge.vectors import Floats
 from sim_bridge.vehicles import SimulatedVehicle
+from wingbeat.errors import InputError
 
 LEAST_BODY_SHARE = 0.05
 """-; below it a mode is one of the wings or of the wake"""
@@ -140,9 +140,9 @@ def short_period(solutions: list[Mode]) -> Mode:
     """The short-period mode.
 
     Raises:
-        BadInput: there is none.
+        InputError: there is none.
     """
     for mode in solutions:
         if mode.name == SHORT_PERIOD:
             return mode
-    raise BadInput("this flight has no short-period mode")
+    raise InputError("this flight has no short-period mode")

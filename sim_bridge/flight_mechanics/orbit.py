@@ -12,12 +12,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from avionics.quantities import BadInput
 from sim_bridge.actuators.linkage import Motor
 from sim_bridge.flight_mechanics.limits import check_model, excesses, model_warning, running_out
 from sim_bridge.flight_mechanics.stroke_map import Stroke, StrokeInputs, StrokeMap, StrokeMeans
 from sim_bridge.vectors import Floats
 from sim_bridge.vehicles import SimulatedVehicle
+from wingbeat.errors import InputError
 
 FOUND, REPEATS = 1e-9, 1e-6
 """largest residual at which the search ends, and at which its end is an orbit"""
@@ -144,11 +144,11 @@ def trim(
         told: called with what the search is at, many times a second.
 
     Raises:
-        BadInput: the aerodynamic model does not hold there, there is no orbit, or only beyond what the vehicle's
+        InputError: the aerodynamic model does not hold there, there is no orbit, or only beyond what the vehicle's
             servos and drive can do; which control ends the flights on the way there, and at what value.
     """
     if not airspeed > abs(climb_rate):
-        raise BadInput(f"an airspeed of {airspeed:g} m/s does not climb {climb_rate:g} m/s")
+        raise InputError(f"an airspeed of {airspeed:g} m/s does not climb {climb_rate:g} m/s")
     check_model(vehicle, airspeed)
     return trim_stroke(StrokeMap(vehicle), airspeed, climb_rate, on_progress)
 
@@ -159,7 +159,7 @@ def trim_stroke(
     """`trim` of a stroke map, whose plant or air may be another than those of its vehicle.
 
     Raises:
-        BadInput: there is no orbit, or only beyond what the vehicle's servos and drive can do.
+        InputError: there is no orbit, or only beyond what the vehicle's servos and drive can do.
     """
     vehicle = stroke.vehicle
     requested = f"{vehicle.name}: no trim at {airspeed:g} m/s climbing {climb_rate:g} m/s"
@@ -168,7 +168,7 @@ def trim_stroke(
     inputs = inputs_of(stroke, point.x)
     needs = excesses(vehicle, inputs)
     if needs:
-        raise BadInput(f"{requested}: it needs {' and '.join(needs)}")
+        raise InputError(f"{requested}: it needs {' and '.join(needs)}")
     return Orbit(point.x[: stroke.size], inputs, point.stroke.means, point.largest)
 
 
@@ -215,14 +215,14 @@ def _continued(requested: _Search, refusal: str) -> _Point:
     """The trim followed from the vehicle's cruise.
 
     Raises:
-        BadInput: it ends, or leaves what the vehicle can do, on the way.
+        InputError: it ends, or leaves what the vehicle can do, on the way.
     """
     stroke, cruise = requested.stroke, requested.stroke.vehicle.cruise
     start = _Search(stroke, cruise.airspeed, cruise.climb_rate, requested.on_progress)
     last = start.newton(_guess(stroke, cruise.airspeed, cruise.climb_rate))
     if last is None:
         warning = model_warning(stroke.vehicle)
-        raise BadInput(f"{refusal}, nor at its cruise, {start.words()}{warning and f'; {warning}'}")
+        raise InputError(f"{refusal}, nor at its cruise, {start.words()}{warning and f'; {warning}'}")
     way = abs(requested.airspeed - cruise.airspeed) + abs(requested.climb_rate - cruise.climb_rate)
     done, step, failed, slope = 0.0, FIRST_STEP, False, np.zeros_like(last.x)
     slope[:2] = last.x[:2] * (requested.airspeed / cruise.airspeed - 1.0) / max(way, LAST_STEP)
@@ -235,13 +235,13 @@ def _continued(requested: _Search, refusal: str) -> _Point:
             step, failed = _shorter(step, way - done), True
             if step < LAST_STEP:
                 now, ahead_of_it = (inputs_of(stroke, x) for x in (last.x, last.x + LAST_STEP * slope))
-                raise BadInput(
+                raise InputError(
                     f"{refusal}: {_beyond(reached, requested)} {running_out(stroke.vehicle, now, ahead_of_it)}"
                 )
             continue
         needs = excesses(stroke.vehicle, inputs_of(stroke, found.x))
         if needs and ahead < way:
-            raise BadInput(f"{refusal}: already at {there.words()} it needs {' and '.join(needs)}")
+            raise InputError(f"{refusal}: already at {there.words()} it needs {' and '.join(needs)}")
         slope = (found.x - last.x) / (ahead - done)
         last, done, reached = found, ahead, there
         step, failed = step if failed else 2.0 * step, False

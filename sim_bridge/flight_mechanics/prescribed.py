@@ -20,9 +20,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from avionics.quantities import BadInput
 from sim_bridge.aerodynamics.protocol import Motion, Strips
 from sim_bridge.vectors import Floats
+from wingbeat.errors import InputError
 
 LEFT, RIGHT = -1.0, 1.0
 SIDES = (LEFT, RIGHT)
@@ -146,11 +146,13 @@ def flap_angles(stroke: Stroke, phase: Floats) -> tuple[Floats, Floats]:
     """Flap angle in rad and rate in rad/s (N,) at the ``phase`` (N,) of a stroke.
 
     Raises:
-        BadInput: the down-stroke's phases do not lie in one stroke, the earlier first.
+        InputError: the down-stroke's phases do not lie in one stroke, the earlier first.
     """
     length = stroke.down_to - stroke.down_from
     if not 0.0 < length < 1.0:
-        raise BadInput(f"a down-stroke from phase {stroke.down_from:g} to {stroke.down_to:g} is not part of a stroke")
+        raise InputError(
+            f"a down-stroke from phase {stroke.down_from:g} to {stroke.down_to:g} is not part of a stroke"
+        )
     since = np.mod(phase - stroke.down_from, 1.0)
     falling = since < length
     share = np.where(falling, since / length, (since - length) / (1.0 - length))

@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from avionics.quantities import BadInput
 from sim_bridge.flight_mechanics.prescribed import Wing, WingMotion, section_velocity
 from sim_bridge.vectors import Floats
+from wingbeat.errors import InputError
 
 QUARTER_CHORD = 0.25
 DENSITY, VISCOSITY = 1.225, 1.789e-5
@@ -68,13 +68,13 @@ def draw_spatial(kinematics: SpatialKinematics, path: Path, title: str) -> None:
     """Draw the four fields as polar plots into a PNG.
 
     Raises:
-        BadInput: matplotlib is not installed.
+        InputError: matplotlib is not installed.
     """
     try:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
     except ImportError:
-        raise BadInput(f"drawing needs matplotlib: {sys.executable} -m pip install matplotlib") from None
+        raise InputError(f"drawing needs matplotlib: {sys.executable} -m pip install matplotlib") from None
     figure = Figure(figsize=(10.5, 9.4), layout="constrained")
     FigureCanvasAgg(figure)
     figure.suptitle(title, fontsize=14)

@@ -14,17 +14,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from avionics.quantities import BadInput
 from sim_bridge import plant_kernel as k
 from sim_bridge.actuators.linkage import flap_motion
 from sim_bridge.aerodynamics.models import find_model
 from sim_bridge.plant import Means, Plant
 from sim_bridge.vectors import Floats
 from sim_bridge.vehicles import SimulatedVehicle
+from wingbeat.atmosphere import SEA_LEVEL_DENSITY
+from wingbeat.errors import InputError
 
 INTERVALS = 40
 """pieces of a stroke over which the commanded angle is linear"""
-SEA_LEVEL_DENSITY = 1.225
 BODY_STATES = 4
 """forward speed, downward speed, pitch rate, pitch: the slow states, first in the vector"""
 TURN = 2.0 * math.pi
@@ -82,11 +82,11 @@ def check_memory(vehicle: SimulatedVehicle) -> None:
     """Refuse air that remembers too much for a search among all its states.
 
     Raises:
-        BadInput: it does.
+        InputError: it does.
     """
     name = vehicle.aerodynamics.model
     if find_model(name).keeps_wake:
-        raise BadInput(
+        raise InputError(
             f"{vehicle.name}: no trim or linear model with {name}, its wake is thousands of states: use strip_theory"
         )
 
@@ -98,7 +98,7 @@ class StrokeMap:
         """Build the plant.
 
         Raises:
-            BadInput: the bodies make no vehicle, or the air keeps a whole wake.
+            InputError: the bodies make no vehicle, or the air keeps a whole wake.
         """
         check_memory(vehicle)
         self.vehicle = vehicle

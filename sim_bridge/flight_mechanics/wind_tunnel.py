@@ -12,15 +12,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from avionics.quantities import BadInput
 from sim_bridge import plant_kernel as k
 from sim_bridge.aerodynamics.protocol import MASS
-from sim_bridge.environment.gravity import GRAVITY
 from sim_bridge.mechanism import total_mass, wing_strips
 from sim_bridge.multibody.wings import wing_places
 from sim_bridge.plant import Plant
 from sim_bridge.vectors import Floats, rotation
 from sim_bridge.vehicles import SimulatedVehicle
+from wingbeat.constants import STANDARD_GRAVITY
+from wingbeat.errors import InputError
 
 INTERVALS = 125
 """pieces of a stroke over which the commanded angle is linear, and samples of the record"""
@@ -87,12 +87,15 @@ class Tunnel:
         """Build the plant behind a supply of constant voltage.
 
         Raises:
-            BadInput: the vehicle's wings are not driven by servos, or do not twist; or the climb is above the speed.
+            InputError: the vehicle's wings are not driven by servos, or do not twist; or the climb is above the
+                speed.
         """
         if vehicle.drive.kind != "servo" or not vehicle.wing.twists:
-            raise BadInput(f"{vehicle.name}: the wind tunnel takes wings that twist and are driven by servos")
+            raise InputError(f"{vehicle.name}: the wind tunnel takes wings that twist and are driven by servos")
         if not abs(stream.climb_rate) < stream.airspeed:
-            raise BadInput(f"climb_rate = {stream.climb_rate:g} m/s is not below airspeed = {stream.airspeed:g} m/s")
+            raise InputError(
+                f"climb_rate = {stream.climb_rate:g} m/s is not below airspeed = {stream.airspeed:g} m/s"
+            )
         supply = vehicle.battery._replace(full_voltage=stream.voltage, empty_voltage=stream.voltage, resistance=0.0)
         self.vehicle, self.stream = vehicle, stream
         self.plant = Plant(vehicle._replace(battery=supply))
@@ -154,15 +157,15 @@ def fly(vehicle: SimulatedVehicle, stream: Stream, angle_of_attack: float | None
     """A settled stroke in the tunnel, at an angle of attack or where the wings' mean lift is the weight.
 
     Raises:
-        BadInput: see `Tunnel`; or the wings cannot carry the vehicle.
+        InputError: see `Tunnel`; or the wings cannot carry the vehicle.
     """
     tunnel = Tunnel(vehicle, stream)
     if angle_of_attack is not None:
         return [tunnel.stroke(angle_of_attack) for _ in range(SETTLING + 1)][-1]
     record = levelled(tunnel)
-    weight, lift = total_mass(vehicle) * GRAVITY, float(np.mean(record.lift))
+    weight, lift = total_mass(vehicle) * STANDARD_GRAVITY, float(np.mean(record.lift))
     if abs(lift - weight) > 0.1 * weight:
-        raise BadInput(
+        raise InputError(
             f"{vehicle.name}: the wings do not carry {weight:.2f} N at {stream.airspeed:g} m/s"
             f" ({lift:.2f} N at {record.angle_of_attack:.2f} rad)"
         )
@@ -176,7 +179,7 @@ def levelled(tunnel: Tunnel) -> Record:
     """
     strips, speed = tunnel.plant.mechanism.wings.strips, tunnel.stream.airspeed
     steady = 0.5 * DENSITY * speed**2 * float(strips.chord @ strips.width) * math.pi
-    weight, alpha, slope, before = total_mass(tunnel.vehicle) * GRAVITY, 0.1, steady, (0.0, 0.0)
+    weight, alpha, slope, before = total_mass(tunnel.vehicle) * STANDARD_GRAVITY, 0.1, steady, (0.0, 0.0)
     for stroke in range(LEVELLING):
         lift = float(np.mean(tunnel.stroke(alpha).lift))
         if stroke > 1 and abs(alpha - before[0]) > 1e-4:

@@ -16,8 +16,6 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import least_squares
 
-from avionics.quantities import BadInput
-from sim_bridge.environment.gravity import GRAVITY
 from sim_bridge.flight_mechanics.wind_tunnel import (
     DENSITY,
     Measures,
@@ -33,6 +31,8 @@ from sim_bridge.mechanism import total_mass
 from sim_bridge.vectors import Floats
 from sim_bridge.vehicles import SimulatedVehicle
 from sim_bridge.vehicles.sections import AsMeasured
+from wingbeat.constants import STANDARD_GRAVITY
+from wingbeat.errors import InputError
 
 REFERENCE_CHORD = 0.311
 """m; of the wing whose twist stiffness is a parameter of the fit (wing A): it falls with the cube of the chord"""
@@ -100,10 +100,10 @@ def with_values(vehicle: SimulatedVehicle, values: AsMeasured) -> SimulatedVehic
     """The vehicle with these values, twist stiffness of its own wing, in the place of those it flies with.
 
     Raises:
-        BadInput: the vehicle's file has no section [strip_theory].
+        InputError: the vehicle's file has no section [strip_theory].
     """
     if "strip_theory" not in vehicle.sections:
-        raise BadInput(f"{vehicle.path}: measured values need a section [strip_theory]")
+        raise InputError(f"{vehicle.path}: measured values need a section [strip_theory]")
     wing, drive = vehicle.wing, vehicle.drive
     softened = math.sqrt(values.twist_stiffness / wing.twist_stiffness)
     theory = vehicle.sections["strip_theory"]._replace(stall_angle=values.stall_angle)
@@ -127,11 +127,11 @@ def as_measured(vehicle: SimulatedVehicle) -> SimulatedVehicle:
     """The vehicle with the values of its section [as_measured] in the place of those it flies with.
 
     Raises:
-        BadInput: its file has no such section.
+        InputError: its file has no such section.
     """
     values = vehicle.sections.get("as_measured")
     if values is None:
-        raise BadInput(f"{vehicle.path}: no section [as_measured]: this vehicle's wings were not measured")
+        raise InputError(f"{vehicle.path}: no section [as_measured]: this vehicle's wings were not measured")
     return with_values(vehicle, values)
 
 
@@ -144,7 +144,7 @@ def simulate_rows(vehicle: SimulatedVehicle, values: AsMeasured, flight: Measure
     """What a flight of the vehicle measures with a fit's values.
 
     Raises:
-        BadInput: the wings cannot carry the vehicle.
+        InputError: the wings cannot carry the vehicle.
     """
     changed = with_values(vehicle, for_wing(values, vehicle.wing.root_chord))
     return measure(fly(changed, flight.stream), flight.stream)
@@ -227,7 +227,7 @@ def _residuals(vehicle: SimulatedVehicle, values: AsMeasured, flight: MeasuredFl
         (m.positive_power / flight.power - 1.0) / POWER_SIGMA,
         (m.plunge_speed / flight.plunge_speed - 1.0) / SPEED_SIGMA,
         (m.amplitude / flight.amplitude - 1.0) / AMPLITUDE_SIGMA,
-        (m.lift / (total_mass(vehicle) * GRAVITY) - 1.0) / LIFT_SIGMA,
+        (m.lift / (total_mass(vehicle) * STANDARD_GRAVITY) - 1.0) / LIFT_SIGMA,
         (m.thrust - drag) / THRUST_SIGMA,
     ]
     if flight.slow is not None:

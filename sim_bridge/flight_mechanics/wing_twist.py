@@ -10,9 +10,9 @@ import math
 
 import numpy as np
 
-from avionics.quantities import BadInput
 from sim_bridge.aerodynamics.protocol import Strips
 from sim_bridge.vectors import Floats
+from wingbeat.errors import InputError
 
 
 def twist_stiffness(flexural_rigidity: float, chord: float, proportion: float) -> float:
@@ -49,10 +49,10 @@ def damped_frequency(natural: float, damping_ratio: float) -> float:
     """rad/s, Gerdes Eq. 15.
 
     Raises:
-        BadInput: the damping ratio is not between 0 and 1: there is no oscillation.
+        InputError: the damping ratio is not between 0 and 1: there is no oscillation.
     """
     if not 0.0 <= damping_ratio < 1.0:
-        raise BadInput(f"damping_ratio = {damping_ratio:g} is outside 0 to 1: the twist does not oscillate")
+        raise InputError(f"damping_ratio = {damping_ratio:g} is outside 0 to 1: the twist does not oscillate")
     return natural * math.sqrt(1.0 - damping_ratio**2)
 
 
@@ -65,7 +65,7 @@ def free_twist(time: Floats, start: float, start_rate: float, natural: float, da
     """Twist in rad at ``time`` (n,) s after it was let go at ``start`` rad with ``start_rate`` rad/s, Gerdes Eq. 16.
 
     Raises:
-        BadInput: see `damped_frequency`.
+        InputError: see `damped_frequency`.
     """
     damped, decay = damped_frequency(natural, damping_ratio), damping_ratio * natural
     swing = start * np.cos(damped * time) + (start_rate + decay * start) / damped * np.sin(damped * time)
@@ -76,10 +76,10 @@ def damping_ratio(overshoot: float) -> float:
     """Damping ratio of a second-order step response that overshoots by a share, Gerdes Eq. 17.
 
     Raises:
-        BadInput: the overshoot is not between 0 and 1.
+        InputError: the overshoot is not between 0 and 1.
     """
     if not 0.0 < overshoot < 1.0:
-        raise BadInput(f"overshoot = {overshoot:g} is outside 0 to 1")
+        raise InputError(f"overshoot = {overshoot:g} is outside 0 to 1")
     log = math.log(overshoot)
     return abs(log) / math.hypot(math.pi, log)
 
@@ -88,6 +88,6 @@ def overshoot(damping_ratio: float) -> float:
     """Overshoot, as a share, of a second-order step response: the inverse of Eq. 17.
 
     Raises:
-        BadInput: see `damped_frequency`.
+        InputError: see `damped_frequency`.
     """
     return math.exp(-math.pi * damping_ratio / damped_frequency(1.0, damping_ratio))

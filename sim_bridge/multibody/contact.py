@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from sim_bridge.environment.gravity import GRAVITY
 from sim_bridge.vectors import Floats, kernel
+from wingbeat.constants import STANDARD_GRAVITY
 
 PENETRATION = 0.01
 """m; chosen: how deep the vehicle's weight presses one point into the ground"""
@@ -27,7 +27,7 @@ def ground_force(depth: float, velocity: Floats, weight: float, force: Floats) -
     if depth <= 0.0:
         return False
     stiffness = weight / PENETRATION
-    damping = 2.0 * DAMPING_RATIO * math.sqrt(stiffness * weight / GRAVITY)
+    damping = 2.0 * DAMPING_RATIO * math.sqrt(stiffness * weight / STANDARD_GRAVITY)
     # Full damping only once the point is in: a force that starts from zero keeps the integrator's order.
     sink = damping * min(depth / PENETRATION, 1.0) * velocity[2]
     normal = max(stiffness * depth + sink, 0.0)

@@ -14,9 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from avionics.quantities import BadInput
 from sim_bridge.elementary import sine_and_cosine
 from sim_bridge.vectors import Floats, Integers, apart, inlined, laid_in
+from wingbeat.errors import InputError
 
 Vector = tuple[float, float, float]
 Symmetric = tuple[float, float, float, float, float, float]
@@ -107,7 +107,7 @@ def build_tree(bodies: list[Body]) -> tuple[Tree, list[str]]:
     """The tree of ``bodies`` and the names of its coordinates, those of the jointed bodies.
 
     Raises:
-        BadInput: as `parents_first`, which also gives the order of the bodies in the tree.
+        InputError: as `parents_first`, which also gives the order of the bodies in the tree.
     """
     ordered = parents_first(bodies)
     index = {body.name: i for i, body in enumerate(ordered)}
@@ -149,20 +149,20 @@ def parents_first(bodies: list[Body]) -> list[Body]:
     """The bodies in the order of the tree: base first, each after its parent.
 
     Raises:
-        BadInput: no base or several, a parent that is unknown or comes round to the body itself, a repeated name, a
+        InputError: no base or several, a parent that is unknown or comes round to the body itself, a repeated name, a
             leaf without mass, moments of inertia that no body has.
     """
     named = {body.name: body for body in bodies}
     if len(named) != len(bodies):
         twice = next(body.name for body in bodies if sum(other.name == body.name for other in bodies) > 1)
-        raise BadInput(f'body "{twice}" is there twice')
+        raise InputError(f'body "{twice}" is there twice')
     bases = [body for body in bodies if not body.parent]
     if len(bases) > 1:
         first, second = bases[:2]
-        raise BadInput(f'bodies.{second.name}.parent is missing: "{first.name}" is the base already')
+        raise InputError(f'bodies.{second.name}.parent is missing: "{first.name}" is the base already')
     for body in bodies:
         if body.parent and body.parent not in named:
-            raise BadInput(
+            raise InputError(
                 f'bodies.{body.name}.parent = "{body.parent}" is not one of the bodies: {", ".join(named)}'
             )
     ordered = bases
@@ -171,7 +171,7 @@ def parents_first(bodies: list[Body]) -> list[Body]:
         ready = [body for body in bodies if body.parent in done and body.name not in done]
         if not ready:
             loop = _loop(next(body for body in bodies if body.name not in done), named)
-            raise BadInput(f'bodies.{loop[0]}.parent = "{loop[1]}" makes a loop: {" on ".join(loop)}')
+            raise InputError(f'bodies.{loop[0]}.parent = "{loop[1]}" makes a loop: {" on ".join(loop)}')
         ordered = ordered + ready
     _check_leaves(ordered)
     for body in ordered:
@@ -192,14 +192,14 @@ def _check_leaves(bodies: list[Body]) -> None:
     parents = {body.parent for body in bodies}
     for body in bodies:
         if body.name not in parents and body.mass <= 0.0:
-            raise BadInput(f"bodies.{body.name}.mass = 0 kg: a leaf without mass would accelerate without bound")
+            raise InputError(f"bodies.{body.name}.mass = 0 kg: a leaf without mass would accelerate without bound")
 
 
 def _check_inertia(body: Body) -> None:
     least, middle, greatest = np.linalg.eigvalsh(inertia_matrix(body.inertia)).tolist()
     if least < -ROUNDING * greatest or greatest > (1.0 + ROUNDING) * (least + middle):
         moments = f"{least:.3g}, {middle:.3g}, {greatest:.3g} kg m^2"
-        raise BadInput(
+        raise InputError(
             f"bodies.{body.name}.inertia has principal moments {moments}: none may be negative or exceed the sum of "
             "the others"
         )

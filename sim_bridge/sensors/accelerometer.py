@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from typing import Annotated, NamedTuple
 
-from avionics.quantities import Quantity
-from sim_bridge.environment.gravity import GRAVITY
 from sim_bridge.observation import Vector
 from sim_bridge.sensors.low_pass import corner, low_pass
 from sim_bridge.sensors.noise import SensorSeed, split
 from sim_bridge.sensors.triad import Conversion, Triad, draw_errors
+from wingbeat.constants import STANDARD_GRAVITY
+from wingbeat.units import Quantity
 
 
 class AccelerometerSpec(NamedTuple):
@@ -45,12 +45,12 @@ class Accelerometer:
         unit, flight = split(seed)
         self.errors = draw_errors(
             unit,
-            spec.offset_sigma_mg * 1e-3 * GRAVITY,
+            spec.offset_sigma_mg * 1e-3 * STANDARD_GRAVITY,
             spec.scale_sigma,
             math.radians(spec.misalignment_sigma_deg),
         )
         limit = round(spec.range_g * spec.sensitivity)
-        conversion = Conversion(spec.sensitivity / GRAVITY, -limit, limit - 1, spec.noise)
+        conversion = Conversion(spec.sensitivity / STANDARD_GRAVITY, -limit, limit - 1, spec.noise)
         self._triad = Triad(conversion, self.errors, low_pass(corner(spec.bandwidth), period), flight)
 
     def read(self, specific_force_frd: Vector) -> Vector:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from avionics.quantities import Quantity
 from sim_bridge.sensors.noise import SensorSeed, gauss_markov_step, normal_rows, split
+from wingbeat.units import Quantity
 
 
 class BarometerSpec(NamedTuple):

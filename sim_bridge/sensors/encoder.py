@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Annotated, NamedTuple
 
-from avionics.quantities import Quantity
+from wingbeat.units import Quantity
 
 
 class EncoderSpec(NamedTuple):

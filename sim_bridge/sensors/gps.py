@@ -6,12 +6,12 @@ import math
 from collections import deque
 from typing import Annotated, NamedTuple
 
-from avionics.quantities import Quantity
 from sim_bridge.environment.geodesy import geodetic_from_ned
 from sim_bridge.environment.home import Home
 from sim_bridge.observation import Observation, Vector
 from sim_bridge.sensors.frame import RawGps
 from sim_bridge.sensors.noise import SensorSeed, gauss_markov_step, normal_rows, split
+from wingbeat.units import Quantity
 
 THREE_DIMENSIONAL = 3
 """-; fix type"""

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from typing import Annotated, NamedTuple
 
-from avionics.quantities import Quantity
 from sim_bridge.observation import Vector
 from sim_bridge.sensors.low_pass import corner, low_pass
 from sim_bridge.sensors.noise import SensorSeed, normal_rows, split
 from sim_bridge.sensors.triad import ZERO, Conversion, Triad, draw_errors
+from wingbeat.units import Quantity
 
 
 class GyroscopeSpec(NamedTuple):

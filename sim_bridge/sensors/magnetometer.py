@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from typing import Annotated, NamedTuple
 
-from avionics.quantities import Quantity
 from sim_bridge.environment.magnetic import MagneticField, field_ned
 from sim_bridge.observation import Vector
 from sim_bridge.sensors.low_pass import low_pass
 from sim_bridge.sensors.noise import SensorSeed, split
 from sim_bridge.sensors.triad import Conversion, Triad, draw_errors
+from wingbeat.rotations import frd_from_ned
+from wingbeat.units import Quantity
 
 
 class MagnetometerSpec(NamedTuple):
@@ -51,16 +52,3 @@ class Magnetometer:
     def read(self, quaternion: tuple[float, float, float, float]) -> Vector:
         """Reading in gauss, body axes, at the attitude ``quaternion`` (w, x, y, z) of r_ned_from_frd."""
         return self._triad.read(frd_from_ned(quaternion, self._field_ned))
-
-
-def frd_from_ned(quaternion: tuple[float, float, float, float], v_ned: Vector) -> Vector:
-    """Turn a vector from NED into body axes; the quaternion of r_ned_from_frd need not be of unit length."""
-    w, x, y, z = quaternion
-    a, b, c = v_ned
-    s = 2.0 / (w * w + x * x + y * y + z * z)
-    tx, ty, tz = s * (y * c - z * b), s * (z * a - x * c), s * (x * b - y * a)
-    return (
-        a - w * tx + y * tz - z * ty,
-        b - w * ty + z * tx - x * tz,
-        c - w * tz + x * ty - y * tx,
-    )

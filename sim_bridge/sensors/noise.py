@@ -10,8 +10,8 @@ from typing import Generic, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from avionics.quantities import BadInput
 from sim_bridge.observation import Vector
+from wingbeat.errors import InputError
 
 Row = TypeVar("Row")
 BLOCK = 256
@@ -46,10 +46,10 @@ def sensor_seed(seed: int, sensor: int, corner: float = 0.0) -> SensorSeed:
     """Seed of the ``sensor``-th sensor of the flight with ``seed``; independent of how many others there are.
 
     Raises:
-        BadInput: seed negative.
+        InputError: seed negative.
     """
     if seed < 0:
-        raise BadInput(f"seed must be a whole number from 0, not {seed}")
+        raise InputError(f"seed must be a whole number from 0, not {seed}")
     return SensorSeed(np.random.SeedSequence(entropy=seed, spawn_key=(sensor,)), corner)
 
 

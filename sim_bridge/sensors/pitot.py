@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from typing import Annotated, NamedTuple
 
-from avionics.quantities import Quantity
 from sim_bridge.observation import Vector
 from sim_bridge.sensors.low_pass import low_pass
 from sim_bridge.sensors.noise import SensorSeed, normal_rows, split
+from wingbeat.units import Quantity
 
 
 class PitotSpec(NamedTuple):

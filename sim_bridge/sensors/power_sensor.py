@@ -16,12 +16,12 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from avionics.quantities import Quantity
 from sim_bridge.bound import Bound, bound_values
 from sim_bridge.observation import Observation
 from sim_bridge.sensors.frame import BURST_LENGTH
 from sim_bridge.sensors.noise import BLOCK, SensorSeed, split
 from sim_bridge.vectors import Floats, Integers, njit
+from wingbeat.units import Quantity
 
 SAMPLE_RATE = 6000.0
 """Hz; of the ADC: three periods of 300 Hz in sixty samples"""

@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple, get_type_hints
 
-from avionics.quantities import BadInput
 from sim_bridge.environment.home import Home
 from sim_bridge.observation import Observation, Vector
 from sim_bridge.sensors.accelerometer import Accelerometer, AccelerometerSpec
@@ -31,6 +30,7 @@ from sim_bridge.sensors.pitot import Pitot, PitotSpec
 from sim_bridge.sensors.power_sensor import PowerSensor, PowerSensorSpec
 from sim_bridge.sensors.receiver import Pilot, Receiver, ReceiverSpec
 from sim_bridge.sensors.torque_cell import TorqueCell, TorqueCellSpec
+from wingbeat.errors import InputError
 
 MAGNETOMETER_RATE = 75.0
 """Hz; the most the HMC5883L gives; its last reading is repeated in between"""
@@ -78,7 +78,7 @@ class SensorSpec(NamedTuple):
 
 
 SECTIONS: dict[str, type[Any]] = get_type_hints(SensorSpec)
-"""Sections of a vehicle file that describe sensors, for `avionics.quantities.read_vehicle_file`."""
+"""Sections of a vehicle file that describe sensors, for `wingbeat.vehicle_file.read_vehicle_file`."""
 
 
 class SimulationDiverged(ArithmeticError):
@@ -89,11 +89,11 @@ def sensor_spec(sections: Mapping[str, Any]) -> SensorSpec:
     """The sensors' part of the sections read from a vehicle file (which may hold others too).
 
     Raises:
-        BadInput: the vehicle has no section of one of them.
+        InputError: the vehicle has no section of one of them.
     """
     for name in SensorSpec._fields:
         if name not in sections:
-            raise BadInput(f"the vehicle file has no section [{name}]: without its sensors it cannot be flown")
+            raise InputError(f"the vehicle file has no section [{name}]: without its sensors it cannot be flown")
     return SensorSpec(**{name: sections[name] for name in SensorSpec._fields})
 
 
@@ -115,7 +115,7 @@ class SensorSuite:
         in Hz is that of the ticks.
 
         Raises:
-            BadInput: seed negative.
+            InputError: seed negative.
         """
         tick = 1.0 / rate
         self._ticks = ticks_of(rate)

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from avionics.quantities import Quantity
 from sim_bridge.sensors.noise import SensorSeed, normal_rows, split
+from wingbeat.units import Quantity
 
 
 class TorqueCellSpec(NamedTuple):

@@ -16,9 +16,10 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from avionics.quantities import BadInput, why_unread
 from sim_bridge.observation import Observation
 from sim_bridge.sensors.receiver import Pilot, Sticks
+from wingbeat.errors import InputError
+from wingbeat.text import read_error_text
 
 SWITCHES = {"mode": 2, "arm": 1, "kill": 1}
 """-; highest position of each"""
@@ -53,21 +54,21 @@ def load_script(path: str | Path) -> Script:
     """The table in a file.
 
     Raises:
-        BadInput: it cannot be read, or a line says what no transmitter does; one line that names both.
+        InputError: it cannot be read, or a line says what no transmitter does; one line that names both.
     """
     try:
         text = Path(path).read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
-        raise BadInput(f"cannot read {path}: {why_unread(error)}") from None
+        raise InputError(f"cannot read {path}: {read_error_text(error)}") from None
     lines = [(number, line) for number, line in enumerate(text.splitlines(), 1) if line.strip()[:1] not in ("", "#")]
     rows = list(csv.reader(line for _, line in lines))
     if len(rows) < 2:
-        raise BadInput(f"{path} must have a line that names the columns and one for each time")
+        raise InputError(f"{path} must have a line that names the columns and one for each time")
     names = _names(path, rows[0])
     moved = [_row(f"{path} line {number}", names, row) for (number, _), row in zip(lines[1:], rows[1:], strict=True)]
     times = tuple(time for time, _ in moved)
     if any(later <= earlier for earlier, later in pairwise(times)):
-        raise BadInput(f"{path}: the times must rise from line to line")
+        raise InputError(f"{path}: the times must rise from line to line")
     return Script(times, tuple(sticks for _, sticks in moved), text)
 
 
@@ -75,13 +76,13 @@ def _names(path: str | Path, row: list[str]) -> list[str]:
     names = [name.strip() for name in row]
     known = ("time", *Sticks._fields)
     if "time" not in names or not set(names) <= set(known) or len(set(names)) < len(names):
-        raise BadInput(f"{path}: columns are time and any of {', '.join(Sticks._fields)}; not {', '.join(names)}")
+        raise InputError(f"{path}: columns are time and any of {', '.join(Sticks._fields)}; not {', '.join(names)}")
     return names
 
 
 def _row(where: str, names: list[str], row: list[str]) -> tuple[float, Sticks]:
     if len(row) != len(names):
-        raise BadInput(f"{where} has {len(row)} values for {len(names)} columns")
+        raise InputError(f"{where} has {len(row)} values for {len(names)} columns")
     values = {name: _number(where, name, text) for name, text in zip(names, row, strict=True)}
     time = values.pop("time")
     positions: dict[str, Any] = {name: _position(where, name, value) for name, value in values.items()}
@@ -97,7 +98,7 @@ def _number(where: str, name: str, text: str) -> float:
         value = math.nan
     if not math.isfinite(value):
         names = f" or {', '.join(MODES)}" if name == "mode" else ""
-        raise BadInput(f"{where}: {name} must be a number{names}, not {text.strip() or 'nothing'}")
+        raise InputError(f"{where}: {name} must be a number{names}, not {text.strip() or 'nothing'}")
     return value
 
 
@@ -106,5 +107,5 @@ def _position(where: str, name: str, value: float) -> float:
     if not low <= value <= high or (whole and value != int(value)):
         kind = "a whole number from" if whole else "from"
         names = f" ({', '.join(MODES)})" if name == "mode" else ""
-        raise BadInput(f"{where}: {name} must be {kind} {low} to {high}{names}, not {value:g}")
+        raise InputError(f"{where}: {name} must be {kind} {low} to {high}{names}, not {value:g}")
     return int(value) if whole else value

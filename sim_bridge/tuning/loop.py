@@ -17,9 +17,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from avionics.quantities import BadInput
 from sim_bridge.tuning.margins import LIMITS, Complex, Limits, Margins, bandwidth, frequencies, margins, response
 from sim_bridge.vectors import Floats
+from wingbeat.errors import InputError
 
 CROSSOVERS, DECADES = 40, 2.3
 """-; candidates, and how far they go below the highest crossover allowed"""
@@ -122,14 +122,14 @@ def search(process: Process, spec: LoopSpec) -> Terms:
     """The gains of greatest bandwidth within the limits.
 
     Raises:
-        BadInput: no gains keep them.
+        InputError: no gains keep them.
     """
     sampled = _sample(process)
     crossovers = spec.fastest * np.geomspace(10.0**-DECADES, 1.0, CROSSOVERS)
     integrals, dampings = INTEGRALS if spec.integral else (math.inf,), DAMPINGS if spec.damping else (0.0,)
     best = _best(process, sampled, spec, product(crossovers, integrals, dampings))
     if best is None:
-        raise BadInput(
+        raise InputError(
             f"no gains give this loop {spec.limits.gain_margin_db:g} dB and"
             f" {math.degrees(spec.limits.phase_margin):.0f} degrees below {spec.fastest:.3g} rad/s"
         )

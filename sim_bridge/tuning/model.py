@@ -54,12 +54,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from avionics.quantities import BadInput, DocumentError, parse_json, parse_toml, why_unread
 from sim_bridge.flight_mechanics.averaged_axes import AxesModel
 from sim_bridge.flight_mechanics.orbit import Orbit
 from sim_bridge.flight_mechanics.stroke_map import throttle_for
 from sim_bridge.vectors import Floats
 from sim_bridge.vehicles import SimulatedVehicle
+from wingbeat.documents import parse_json, parse_toml
+from wingbeat.errors import DocumentError, InputError
+from wingbeat.text import read_error_text
 
 THROTTLE, HALF_STROKE = "throttle", "half_stroke"
 """what the drive's B is per"""
@@ -161,10 +163,10 @@ class LinearModel(NamedTuple):
         """The flight test that the model is of.
 
         Raises:
-            BadInput: it is of none.
+            InputError: it is of none.
         """
         if self.identified is None:
-            raise BadInput(f"the model ({self.origin}) is of no flight test: it has no section [identified]")
+            raise InputError(f"the model ({self.origin}) is of no flight test: it has no section [identified]")
         return self.identified
 
 
@@ -200,12 +202,14 @@ def load_model(path: Path) -> LinearModel:
     """Read a model file.
 
     Raises:
-        BadInput: not such a file, or a number that is missing, not finite or of the wrong shape.
+        InputError: not such a file, or a number that is missing, not finite or of the wrong shape.
     """
     document = _document(path)
     unknown = set(document) - {*SECTIONS, "vehicle", "origin"}
     if unknown:
-        raise BadInput(f"{path}: unknown {', '.join(sorted(unknown))}; known: vehicle, origin, {', '.join(SECTIONS)}")
+        raise InputError(
+            f"{path}: unknown {', '.join(sorted(unknown))}; known: vehicle, origin, {', '.join(SECTIONS)}"
+        )
     trim, along = _section(path, document, "trim"), _section(path, document, "longitudinal")
     drive = _drive(path, _section(path, document, "drive")) if "drive" in document else None
     across = _section(path, document, "lateral") if "lateral" in document else None
@@ -231,13 +235,13 @@ def save_model(path: Path, model: LinearModel) -> None:
     """Write a model file; an existing one is never touched.
 
     Raises:
-        BadInput: the file exists.
+        InputError: the file exists.
     """
     try:
         with path.open("x", encoding="utf-8") as file:
             file.write(model_text(model))
     except FileExistsError:
-        raise BadInput(f"{path} exists already; choose another name") from None
+        raise InputError(f"{path} exists already; choose another name") from None
 
 
 def model_text(model: LinearModel) -> str:
@@ -295,34 +299,34 @@ def _document(path: Path) -> dict[str, Any]:
         text = path.read_text(encoding="utf-8-sig")
         identified = parse_json(text) if path.suffix == ".json" else parse_toml(text)
     except (OSError, UnicodeDecodeError) as error:
-        raise BadInput(f"cannot read {path}: {why_unread(error)}") from None
+        raise InputError(f"cannot read {path}: {read_error_text(error)}") from None
     except DocumentError as error:
-        raise BadInput(f"{path}: {error}") from None
+        raise InputError(f"{path}: {error}") from None
     if not isinstance(identified, dict):
-        raise BadInput(f"{path}: not a model: no [longitudinal]")
+        raise InputError(f"{path}: not a model: no [longitudinal]")
     return identified
 
 
 def _section(path: Path, document: Mapping[str, Any], name: str) -> Mapping[str, Any]:
     table = document.get(name)
     if not isinstance(table, dict):
-        raise BadInput(f"{path}: section [{name}] is missing")
+        raise InputError(f"{path}: section [{name}] is missing")
     for key in SECTIONS[name]:
         if key not in table:
-            raise BadInput(f"{path}: key {name}.{key} is missing")
+            raise InputError(f"{path}: key {name}.{key} is missing")
     known = (*SECTIONS[name], *OPTIONAL.get(name, ()))
     unknown = set(table) - set(known)
     if unknown:
-        raise BadInput(f"{path}: unknown key {name}.{min(unknown)}; known: {', '.join(known)}")
+        raise InputError(f"{path}: unknown key {name}.{min(unknown)}; known: {', '.join(known)}")
     return table
 
 
 def _drive(path: Path, table: Mapping[str, Any]) -> DriveModel:
     if table["input"] not in (THROTTLE, HALF_STROKE):
-        raise BadInput(f'{path}: drive.input must be "{THROTTLE}" or "{HALF_STROKE}", not "{table["input"]}"')
+        raise InputError(f'{path}: drive.input must be "{THROTTLE}" or "{HALF_STROKE}", not "{table["input"]}"')
     lag = float(_numbers(path, "drive.lag", table["lag"], ()))
     if lag < 0.0:
-        raise BadInput(f"{path}: drive.lag = {lag:g} is below 0 s")
+        raise InputError(f"{path}: drive.lag = {lag:g} is below 0 s")
     at = float(_numbers(path, "drive.at", table["at"], ()))
     return DriveModel(str(table["input"]), _numbers(path, "drive.b", table["b"], (4,)), lag, at)
 
@@ -339,7 +343,7 @@ def _identified(path: Path, table: Mapping[str, Any]) -> Identified:
     density = _positive(path, "identified.density", table["density"]) if "density" in table else None
     estimates = table.get("estimates", {})
     if not isinstance(estimates, dict):
-        raise BadInput(f"{path}: identified.estimates must be a section of estimates")
+        raise InputError(f"{path}: identified.estimates must be a section of estimates")
     values = tuple(_estimate(path, name, entry) for name, entry in estimates.items())
     return Identified(words[0], words[1], words[2], trim[0], trim[1], density, values)
 
@@ -347,10 +351,10 @@ def _identified(path: Path, table: Mapping[str, Any]) -> Identified:
 def _estimate(path: Path, name: str, entry: Any) -> IdentifiedValue:
     where = f"identified.estimates.{name}"
     if not isinstance(entry, dict) or set(entry) != {*ESTIMATE, "unit"}:
-        raise BadInput(f"{path}: {where} must have {', '.join(ESTIMATE)} and unit, and nothing else")
+        raise InputError(f"{path}: {where} must have {', '.join(ESTIMATE)} and unit, and nothing else")
     value, error, low, high = (float(_numbers(path, f"{where}.{key}", entry[key], ())) for key in ESTIMATE)
     if error < 0.0 or not low <= value <= high:
-        raise BadInput(
+        raise InputError(
             f"{path}: {where} is no estimate: its value must be inside its interval, its error not below 0"
         )
     return IdentifiedValue(name, _words(path, f"{where}.unit", entry["unit"]), value, error, low, high)
@@ -358,14 +362,14 @@ def _estimate(path: Path, name: str, entry: Any) -> IdentifiedValue:
 
 def _words(path: Path, name: str, value: Any) -> str:
     if not isinstance(value, str):
-        raise BadInput(f"{path}: {name} must be text")
+        raise InputError(f"{path}: {name} must be text")
     return value
 
 
 def _positive(path: Path, name: str, value: Any) -> float:
     number = float(_numbers(path, name, value, ()))
     if number <= 0.0:
-        raise BadInput(f"{path}: {name} = {number:g} is not above 0")
+        raise InputError(f"{path}: {name} = {number:g} is not above 0")
     return number
 
 
@@ -376,5 +380,5 @@ def _numbers(path: Path, name: str, value: Any, shape: tuple[int, ...]) -> Float
     except (TypeError, ValueError):
         identified = np.array(math.nan)
     if identified.shape != shape or not np.all(np.isfinite(identified)) or isinstance(value, bool | str):
-        raise BadInput(f"{path}: {name} must be {words}")
+        raise InputError(f"{path}: {name} must be {words}")
     return identified

@@ -12,7 +12,6 @@ from pathlib import Path
 
 import numpy as np
 
-from avionics.quantities import BadInput
 from sim_bridge.aerodynamics.regression import (
     COLUMNS,
     MODEL,
@@ -23,12 +22,13 @@ from sim_bridge.aerodynamics.regression import (
     coefficients,
     level_heave,
 )
-from sim_bridge.environment.gravity import GRAVITY
 from sim_bridge.flight_mechanics.prescribed import SLOW_HAWK_STROKE, elliptic_wing, steady_flight
 from sim_bridge.flight_mechanics.spatial import SpatialKinematics, draw_spatial, spatial_kinematics
 from sim_bridge.flight_mechanics.stroke_loads import prescribed_loads
 from sim_bridge.validation.row import Check, Row, compare, compare_share, figure, unreproducible
 from sim_bridge.vectors import Floats
+from wingbeat.constants import STANDARD_GRAVITY
+from wingbeat.errors import InputError
 
 SPEED, FREQUENCY, MASS = 9.2, 5.91, 0.45
 """m/s, Hz, kg; V.A"""
@@ -40,7 +40,7 @@ ROOT = 2.0 * AREA / (math.pi * SEMISPAN)
 HINGE = np.array([0.05, 0.02, -0.03])
 """m; chosen, and without effect as long as the fuselage does not turn"""
 WING = elliptic_wing(SEMISPAN, ROOT, 75, HINGE)
-WEIGHT = MASS * GRAVITY
+WEIGHT = MASS * STANDARD_GRAVITY
 LEVEL_LIFT = WEIGHT / (0.5 * 1.225 * SPEED**2 * AREA)
 """-; lift coefficient of level flight"""
 SETTINGS = {column: Regression(column, AREA, CHORD) for column in COLUMNS}
@@ -120,7 +120,7 @@ def _column_rows(column: str) -> list[Row]:
 def _trims(column: str) -> str:
     try:
         level_heave(SETTINGS[column], SPEED, LEVEL_LIFT)
-    except BadInput as refusal:
+    except InputError as refusal:
         return f"refused: {refusal}"
     return "trims"
 
@@ -129,11 +129,11 @@ def draw_plots(folder: Path) -> list[Path]:
     """Draw Fig. 8's polar plots into a new file of ``folder``, which is made if it is not there.
 
     Raises:
-        BadInput: the file exists, or matplotlib is not installed.
+        InputError: the file exists, or matplotlib is not installed.
     """
     path = folder / "grauer_fig_8.png"
     if path.exists():
-        raise BadInput(f"{path} exists: it is not overwritten")
+        raise InputError(f"{path} exists: it is not overwritten")
     folder.mkdir(parents=True, exist_ok=True)
     draw_spatial(stroke_fields(), path, f"Slow Hawk over a stroke, {SPEED:g} m/s, {FREQUENCY:g} Hz (Grauer Fig. 8)")
     return [path]

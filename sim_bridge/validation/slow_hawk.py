@@ -13,20 +13,21 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
-from avionics.quantities import BadInput
 from sim_bridge.aerodynamics.regression import COLUMNS, Regression, level_heave
-from sim_bridge.environment.gravity import GRAVITY
 from sim_bridge.flight_mechanics.excursions import Excursions, excursions
 from sim_bridge.flight_mechanics.orbit import Orbit, trim, trim_stroke
 from sim_bridge.flight_mechanics.prescribed import SLOW_HAWK_STROKE as PRINTED
 from sim_bridge.flight_mechanics.prescribed import Stroke
-from sim_bridge.flight_mechanics.stroke_map import INTERVALS, SEA_LEVEL_DENSITY, StrokeMap
+from sim_bridge.flight_mechanics.stroke_map import INTERVALS, StrokeMap
 from sim_bridge.mechanism import all_parts, total_mass, wing_strips
 from sim_bridge.multibody.tree import inertia_matrix
 from sim_bridge.validation.row import Check, Row, compare, compare_share, figure, fitted, unreproducible
 from sim_bridge.vectors import Floats
 from sim_bridge.vehicles import SimulatedVehicle, load_vehicle, with_model
 from sim_bridge.vehicles.bodies import matrix_of
+from wingbeat.atmosphere import SEA_LEVEL_DENSITY
+from wingbeat.constants import STANDARD_GRAVITY
+from wingbeat.errors import InputError
 
 VEHICLE = "slow_hawk"
 SPEED = 9.2
@@ -165,7 +166,7 @@ def trimmed() -> tuple[SimulatedVehicle, Orbit]:
     """The flight of V.A.
 
     Raises:
-        BadInput: it is no trim.
+        InputError: it is no trim.
     """
     vehicle = load_vehicle(VEHICLE)
     return vehicle, trim(vehicle, SPEED, 0.0)
@@ -181,7 +182,13 @@ def _shaking(moved: Excursions) -> list[Row]:
     numbers = (
         ("heave speed", "m/s", HEAVE, float(np.ptp(moved.heave_speed)), SHAKING),
         ("pitch rate", "rad/s", PITCH_RATE, float(np.ptp(moved.pitch_rate)), SHAKING),
-        ("vertical acceleration", "g", ACCELERATION, float(np.ptp(moved.vertical_acceleration)) / GRAVITY, SHAKING),
+        (
+            "vertical acceleration",
+            "g",
+            ACCELERATION,
+            float(np.ptp(moved.vertical_acceleration)) / STANDARD_GRAVITY,
+            SHAKING,
+        ),
         ("altitude", "m", ALTITUDE, moved.altitude, SINUSOID),
     )
     pitch = figure("V.A", "pitch about its mean", "rad", 0.02)
@@ -213,11 +220,11 @@ def towed(vehicle: SimulatedVehicle, column: str) -> tuple[Orbit, float]:
     fuselage's centre of mass; the wings do not twist, as the regression puts no load on them.
 
     Raises:
-        BadInput: the column does not carry the weight within the recorded heave speeds, or there is no orbit.
+        InputError: the column does not carry the weight within the recorded heave speeds, or there is no orbit.
     """
     settings: Regression = vehicle.sections["regression"]._replace(column=column)
     pressure = 0.5 * SEA_LEVEL_DENSITY * SPEED**2
-    level_heave(settings, SPEED, total_mass(vehicle) * GRAVITY / (pressure * settings.area))
+    level_heave(settings, SPEED, total_mass(vehicle) * STANDARD_GRAVITY / (pressure * settings.area))
     rigid = vehicle.wing._replace(twists=False, twist_stiffness=0.0, twist_damping=0.0)
     sections = vehicle.sections | {"regression": settings}
     flown = with_model(vehicle._replace(wing=rigid, sections=sections), "regression")
@@ -245,7 +252,7 @@ def _regression_rows(column: str) -> list[Row]:
     elevator = figure(where, "elevator of the towed flight", "rad", -0.12)
     try:
         orbit, tow = towed(load_vehicle(VEHICLE), column)
-    except BadInput as refusal:
+    except InputError as refusal:
         return [unreproducible(thrust, None, f"refused: {refusal}")]
     return [unreproducible(thrust, tow, TOWED), unreproducible(elevator, orbit.inputs.elevator, SIGN)]
 

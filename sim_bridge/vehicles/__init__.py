@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from avionics.quantities import BadInput, Schema, Source, VehicleFile, meant, read_vehicle_file
 from sim_bridge.actuators.linkage import FourBar, Motor, checked
 from sim_bridge.aerodynamics.models import MODELS, find_model
 from sim_bridge.multibody.tree import Body
@@ -24,6 +23,9 @@ from sim_bridge.vehicles.sections import (
     TailServo,
     Wing,
 )
+from wingbeat.errors import InputError
+from wingbeat.text import did_you_mean
+from wingbeat.vehicle_file import Schema, Source, VehicleFile, read_vehicle_file
 
 FOLDER = Path(__file__).parent
 REQUIRED: dict[str, type[Any]] = {
@@ -76,15 +78,15 @@ def load_vehicle(name_or_path: str) -> SimulatedVehicle:
     """Load a vehicle by name or by the path of its file.
 
     Raises:
-        BadInput: unknown name, unreadable file, a value that is missing, unknown or out of range, or bodies that
+        InputError: unknown name, unreadable file, a value that is missing, unknown or out of range, or bodies that
             make no tree with a wing on either side.
     """
     path = Path(name_or_path)
     if path.suffix != ".toml":
         path = FOLDER / f"{name_or_path}.toml"
         if not path.exists():
-            guess = meant(name_or_path, vehicle_names())
-            raise BadInput(f"unknown vehicle {name_or_path!r}{guess}; known: {', '.join(vehicle_names())}")
+            guess = did_you_mean(name_or_path, vehicle_names())
+            raise InputError(f"unknown vehicle {name_or_path!r}{guess}; known: {', '.join(vehicle_names())}")
     file = read_vehicle_file(path, SCHEMA, FOLDER)
     vehicle = _vehicle(file)
     _check(vehicle)
@@ -95,7 +97,7 @@ def vehicle_bodies(vehicle: SimulatedVehicle) -> tuple[dict[str, BodyPart], list
     """The bodies with the mirror images filled in, and as a tree: base first, each after its parent.
 
     Raises:
-        BadInput: they make no tree, or a wing is not one of them or hangs on no joint of its own side, see
+        InputError: they make no tree, or a wing is not one of them or hangs on no joint of its own side, see
             `sim_bridge.vehicles.bodies`.
     """
     for key in ("right", "left"):
@@ -103,8 +105,8 @@ def vehicle_bodies(vehicle: SimulatedVehicle) -> tuple[dict[str, BodyPart], list
     try:
         parts = completed(vehicle.bodies)
         return parts, body_tree(parts, vehicle.wing)
-    except BadInput as error:
-        raise BadInput(f"{vehicle.path}: {error}") from None
+    except InputError as error:
+        raise InputError(f"{vehicle.path}: {error}") from None
 
 
 def _vehicle(file: VehicleFile) -> SimulatedVehicle:
@@ -120,12 +122,12 @@ def with_model(vehicle: SimulatedVehicle, model: str) -> SimulatedVehicle:
     """The same vehicle flown with another of the aerodynamic models that its file has a section for.
 
     Raises:
-        BadInput: no such model, or no section of it.
+        InputError: no such model, or no section of it.
     """
     find_model(model)
     if model not in vehicle.sections:
         has = ", ".join(models_of(vehicle))
-        raise BadInput(f"aerodynamic model {model}: {vehicle.name} has no section [{model}]; it has {has}")
+        raise InputError(f"aerodynamic model {model}: {vehicle.name} has no section [{model}]; it has {has}")
     return vehicle._replace(aerodynamics=vehicle.aerodynamics._replace(model=model))
 
 
@@ -137,38 +139,38 @@ def models_of(vehicle: SimulatedVehicle) -> list[str]:
 def _check(vehicle: SimulatedVehicle) -> None:
     path, model = vehicle.path, vehicle.aerodynamics.model
     if vehicle.wing.planform not in ("raven", "ellipse"):
-        raise BadInput(f'{path}: wing.planform = "{vehicle.wing.planform}" must be "raven" or "ellipse"')
+        raise InputError(f'{path}: wing.planform = "{vehicle.wing.planform}" must be "raven" or "ellipse"')
     if vehicle.drive.kind not in ("servo", "crank", "linkage"):
-        raise BadInput(f'{path}: drive.kind = "{vehicle.drive.kind}" must be "servo", "crank" or "linkage"')
+        raise InputError(f'{path}: drive.kind = "{vehicle.drive.kind}" must be "servo", "crank" or "linkage"')
     if vehicle.drive.kind == "linkage":
         _check_linkage(vehicle)
     if len(vehicle.drive.frequencies) < 2:
-        raise BadInput(f"{path}: drive.frequencies must have at least 2 numbers")
+        raise InputError(f"{path}: drive.frequencies must have at least 2 numbers")
     try:
         find_model(model)
-    except BadInput as error:
-        raise BadInput(f"{path}: aerodynamics.model: {error}") from None
+    except InputError as error:
+        raise InputError(f"{path}: aerodynamics.model: {error}") from None
     if model not in vehicle.sections:
-        raise BadInput(f'{path}: aerodynamics.model = "{model}" needs a section [{model}]')
+        raise InputError(f'{path}: aerodynamics.model = "{model}" needs a section [{model}]')
     for name, plate in vehicle.plates.items():
         _need_body(vehicle, f"plates.{name}.body", plate.body)
         if not any(plate.normal):
-            raise BadInput(f"{path}: plates.{name}.normal has no direction: not all of it may be 0")
+            raise InputError(f"{path}: plates.{name}.normal has no direction: not all of it may be 0")
     vehicle_bodies(vehicle)
 
 
 def _check_linkage(vehicle: SimulatedVehicle) -> None:
     if vehicle.linkage is None or vehicle.motor is None:
-        raise BadInput(f'{vehicle.path}: drive.kind = "linkage" needs sections [linkage] and [motor]')
+        raise InputError(f'{vehicle.path}: drive.kind = "linkage" needs sections [linkage] and [motor]')
     if vehicle.motor.rotor_inertia <= 0.0:
-        raise BadInput(f"{vehicle.path}: motor.rotor_inertia must be above 0 kg m^2")
+        raise InputError(f"{vehicle.path}: motor.rotor_inertia must be above 0 kg m^2")
     try:
         checked(vehicle.linkage)
-    except BadInput as error:
-        raise BadInput(f"{vehicle.path}: {error}") from None
+    except InputError as error:
+        raise InputError(f"{vehicle.path}: {error}") from None
 
 
 def _need_body(vehicle: SimulatedVehicle, key: str, body: str) -> None:
     if body not in vehicle.bodies:
         known = ", ".join(vehicle.bodies)
-        raise BadInput(f'{vehicle.path}: {key} = "{body}" is not one of the bodies: {known}')
+        raise InputError(f'{vehicle.path}: {key} = "{body}" is not one of the bodies: {known}')

@@ -6,10 +6,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from avionics.quantities import BadInput
 from sim_bridge.multibody.tree import Body, inertia_matrix, parents_first
-from sim_bridge.vectors import Floats, quaternion_from_euler, rotation
+from sim_bridge.vectors import Floats, rotation
 from sim_bridge.vehicles.sections import BodyPart, Wing
+from wingbeat.errors import InputError
+from wingbeat.rotations import quaternion_from_euler
 
 Parts = dict[str, BodyPart]
 
@@ -51,7 +52,7 @@ def completed(bodies: Parts) -> Parts:
     """The bodies of a vehicle file with the mirror images filled in.
 
     Raises:
-        BadInput: a mirror image of a body that is not there, or is itself one, or is told more than its parent; a
+        InputError: a mirror image of a body that is not there, or is itself one, or is told more than its parent; a
             joint moved by nothing that is known, or without an axis, or by a wing's drive that moves another.
     """
     parts: Parts = {}
@@ -59,8 +60,8 @@ def completed(bodies: Parts) -> Parts:
         try:
             whole = _image(bodies, part) if part.mirror_of else part
             _check_joint(whole, parts)
-        except BadInput as error:
-            raise BadInput(f"bodies.{name}.{error}") from None
+        except InputError as error:
+            raise InputError(f"bodies.{name}.{error}") from None
         parts[name] = whole
     return parts
 
@@ -68,29 +69,29 @@ def completed(bodies: Parts) -> Parts:
 def _image(bodies: Parts, part: BodyPart) -> BodyPart:
     model = bodies.get(part.mirror_of)
     if model is None or model.mirror_of:
-        raise BadInput(f'mirror_of = "{part.mirror_of}" must be a body told in full')
+        raise InputError(f'mirror_of = "{part.mirror_of}" must be a body told in full')
     _refuse(part, ("parent", "mirror_of"), f'is not told of a mirror image: it has that of "{part.mirror_of}"')
     return mirrored(model, part)
 
 
 def _refuse(part: BodyPart, but: tuple[str, ...], why: str) -> None:
-    """Raise BadInput where any key is told ``but`` these."""
+    """Raise InputError where any key is told ``but`` these."""
     for key, default in part._field_defaults.items():
         if key not in but and getattr(part, key) != default:
-            raise BadInput(f"{key} {why}")
+            raise InputError(f"{key} {why}")
 
 
 def _check_joint(part: BodyPart, others: Parts) -> None:
     mover = part.moved_by
     if mover and mover not in MOVERS:
-        raise BadInput(f'moved_by = "{mover}" must be one of {", ".join(MOVERS)}')
+        raise InputError(f'moved_by = "{mover}" must be one of {", ".join(MOVERS)}')
     if mover == "stroke" and len(part.motion) % 2 == 0:
-        raise BadInput(f"motion must be a mean and then pairs of cosine and sine, not {len(part.motion)} numbers")
+        raise InputError(f"motion must be a mean and then pairs of cosine and sine, not {len(part.motion)} numbers")
     if mover and not any(part.axis):
-        raise BadInput(f'moved_by = "{mover}" needs an axis')
+        raise InputError(f'moved_by = "{mover}" needs an axis')
     rival = next((name for name, other in others.items() if other.moved_by == mover), "")
     if rival and mover in DRIVES:
-        raise BadInput(f'moved_by = "{mover}" moves "{rival}" already')
+        raise InputError(f'moved_by = "{mover}" moves "{rival}" already')
 
 
 def body_tree(parts: Parts, wing: Wing) -> list[Body]:
@@ -100,15 +101,15 @@ def body_tree(parts: Parts, wing: Wing) -> list[Body]:
         parts: as `completed` has them; both bodies of ``wing`` are among them.
 
     Raises:
-        BadInput: as `sim_bridge.multibody.tree.parents_first`; a base that is told of a joint; a wing that flaps
+        InputError: as `sim_bridge.multibody.tree.parents_first`; a base that is told of a joint; a wing that flaps
             about no joint, or one of the other side, of the tail or of both wings; a joint with nothing to turn.
     """
     bodies = parents_first([_body(name, part) for name, part in parts.items()])
     base = bodies[0].name
     try:
         _refuse(parts[base], ("mass", "center", "inertia"), "is not told of the base: it hangs on no joint")
-    except BadInput as error:
-        raise BadInput(f"bodies.{base}.{error}") from None
+    except InputError as error:
+        raise InputError(f"bodies.{base}.{error}") from None
     _check_wings(wing, parts)
     _check_leaves(wing, bodies)
     return bodies
@@ -129,12 +130,14 @@ def way_to_base(parts: Parts, name: str) -> Iterator[str]:
 
 def _check_wings(wing: Wing, parts: Parts) -> None:
     if wing.left == wing.right:
-        raise BadInput(f'wing.left = "{wing.left}" is the right wing already')
+        raise InputError(f'wing.left = "{wing.left}" is the right wing already')
     right, left = (_flap_joint(parts, side, getattr(wing, side)) for side in ("right", "left"))
     if left == right:
-        raise BadInput(f'wing.left = "{wing.left}" hangs on the joint of "{left}", as the right wing does')
+        raise InputError(f'wing.left = "{wing.left}" hangs on the joint of "{left}", as the right wing does')
     if wing.twists and wing.membrane_mass <= 0.0:
-        raise BadInput("wing.membrane_mass must exceed 0 kg where the membrane twists: it would follow without bound")
+        raise InputError(
+            "wing.membrane_mass must exceed 0 kg where the membrane twists: it would follow without bound"
+        )
 
 
 def _flap_joint(parts: Parts, side: str, wing: str) -> str:
@@ -143,10 +146,10 @@ def _flap_joint(parts: Parts, side: str, wing: str) -> str:
     for name in way_to_base(parts, wing):
         found = _side(parts, name)
         if found not in ("", side):
-            raise BadInput(f'wing.{side} = "{wing}" hangs on "{name}", which is of the {found}')
+            raise InputError(f'wing.{side} = "{wing}" hangs on "{name}", which is of the {found}')
         joint = name if any(parts[name].axis) else joint
     if not joint:
-        raise BadInput(f'wing.{side} = "{wing}" flaps about no joint')
+        raise InputError(f'wing.{side} = "{wing}" flaps about no joint')
     return joint
 
 
@@ -174,7 +177,7 @@ def _check_leaves(wing: Wing, bodies: list[Body]) -> None:
         turning = np.array(body.axis) / length
         arm = np.cross(turning, body.center)
         if turning @ inertia_matrix(body.inertia) @ turning + body.mass * (arm @ arm) <= 0.0:
-            raise BadInput(
+            raise InputError(
                 f"bodies.{body.name}.inertia: about the axis of its joint there is none, it would accelerate "
                 "without bound"
             )

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from avionics.quantities import Label, Quantity
+from wingbeat.units import Quantity
+from wingbeat.vehicle_file import Label
 
 Metres = Annotated[float, Quantity("m", -3.0, 3.0)]
 Radians = Annotated[float, Quantity("rad", -1.6, 1.6)]

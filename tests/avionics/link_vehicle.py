@@ -9,6 +9,8 @@ from avionics import messages as m
 from avionics import topics as t
 from avionics.guidance.mission import NO_FENCE, Fence, Mission, Rally
 from avionics.link.vehicle import Home, Parameter
+from wingbeat.message import Event
+from wingbeat.topic import Topic
 
 HOME = Home(math.radians(48.1), math.radians(11.6), 520.0)
 
@@ -31,17 +33,17 @@ class FakeVehicle:
             *(Parameter(f"SPARE_{number}", float(number), -1e6, 1e6) for number in range(60)),
         ]
         self.refusals: dict[m.CommandKind, str] = {}
-        self.said: list[m.Event] = []
+        self.reported: list[Event] = []
         self.inputs: list[m.Input] = []
         self.topics: dict[str, Any] = {}
         for topic, message in _messages(self.time_us).items():
             self.topics[topic.name] = message
 
-    def latest(self, topic: t.Topic) -> Any:
+    def latest(self, topic: Topic) -> Any:
         return self.topics.get(topic.name)
 
-    def events(self, after: int) -> list[m.Event]:
-        return self.said[after:]
+    def events(self, after: int) -> list[Event]:
+        return self.reported[after:]
 
     def refusal(self, command: m.Command) -> str:
         return self.refusals.get(command.kind, "")
@@ -76,7 +78,7 @@ def _filled(kind: Any, time_us: int, **values: Any) -> Any:
     return kind(**{**empty, "time_us": time_us, **values})
 
 
-def _messages(time_us: int) -> dict[t.Topic, Any]:
+def _messages(time_us: int) -> dict[Topic, Any]:
     return {
         t.ATTITUDE: _filled(m.Attitude, time_us, roll=0.1, pitch=0.2, yaw=-0.5, pitch_rate=0.3, quaternion_w=1.0),
         t.POWER: _filled(m.PowerState, time_us, voltage=7.4, current=2.5, power=18.0, charge=360.0, energy=2500.0,

@@ -15,10 +15,11 @@ from avionics.autopilot import Autopilot
 from avionics.guidance.mission import Channel, Excitation, ItemKind, MissionItem, Shape
 from avionics.messages import Command, CommandKind, Failsafe, Mode, PilotInput, SensorFrame, Stage
 from avionics.missions import load_mission
-from avionics.quantities import BadInput
 from avionics.sensing.plausibility import shifted
 from avionics.state import FORMER_NAMES, decode_state
 from avionics.tasks import guide, sense, stabilize
+from wingbeat.errors import InputError
+from wingbeat.topic import Topic
 
 ARM = Command(0, CommandKind.ARM, source="script")
 AUTO = Command(0, CommandKind.SET_MODE, "AUTO", source="script")
@@ -68,7 +69,7 @@ class Flight:
         self.bird.throw()
         return self
 
-    def of(self, topic: topics.Topic) -> list:
+    def of(self, topic: Topic) -> list:
         return [message for each, message in self.said if each is topic]
 
     def events(self) -> list[str]:
@@ -222,7 +223,7 @@ def test_a_published_snapshot_restores_too() -> None:
 def test_what_is_no_snapshot_is_refused_and_loses_nothing(text: str) -> None:
     flight = Flight().fly(0.5)
     before = flight.autopilot.state
-    with pytest.raises(BadInput, match="not a snapshot"):
+    with pytest.raises(InputError, match="not a snapshot"):
         flight.autopilot.restore(text)
     assert flight.autopilot.state == before
 

@@ -22,9 +22,9 @@ from avionics.board.razor import WITH_SENSORS, FrameClock, RazorBoard, RazorUrl,
 from avionics.board.razor_protocol import OUTPUTS, Reader, start_request
 from avionics.messages import SensorFrame
 from avionics.missions import load_mission
-from avionics.quantities import BadInput
-from avionics.topics import Topic
 from avionics.vehicles import load_vehicle
+from wingbeat.errors import InputError
+from wingbeat.topic import Topic
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "openpty"), reason="needs pseudo terminals")
 
@@ -312,15 +312,17 @@ def test_addresses() -> None:
     ],
 )
 def test_a_bad_address_is_one_line(address: str, part: str) -> None:
-    with pytest.raises(BadInput, match=part) as refused:
+    with pytest.raises(InputError, match=part) as refused:
         check_address(address)
     assert "\n" not in str(refused.value)
 
 
 def test_a_device_that_is_missing_or_in_use_is_bad_input() -> None:
-    with pytest.raises(BadInput, match=r"cannot open serial device /dev/no-such-device at 57600 baud: No such file"):
+    with pytest.raises(
+        InputError, match=r"cannot open serial device /dev/no-such-device at 57600 baud: No such file"
+    ):
         RazorBoard("razor:/dev/no-such-device")
     bench = Bench(FakeRazor(level))
-    with pytest.raises(BadInput, match="another program has it"):
+    with pytest.raises(InputError, match="another program has it"):
         RazorBoard(bench.fake.address)
     bench.board.close()

@@ -22,6 +22,7 @@ from sim_bridge.sensors.magnetometer import Magnetometer
 from sim_bridge.sensors.noise import sensor_seed
 from sim_bridge.sensors.suite import SensorSuite, sensor_spec
 from sim_bridge.vehicles import load_vehicle
+from wingbeat.topic import Topic
 
 G = 9.80665
 WORLD = load_vehicle("robo_raven_ii_d")
@@ -67,8 +68,8 @@ class Bench:
 
     def __init__(self, vehicle: FlightVehicle = VEHICLE) -> None:
         self.suite = biased()
-        self.said: list[tuple[topics.Topic, object]] = []
-        self.autopilot = Autopilot(vehicle, (), lambda topic, message: self.said.append((topic, message)))
+        self.published: list[tuple[Topic, object]] = []
+        self.autopilot = Autopilot(vehicle, (), lambda topic, message: self.published.append((topic, message)))
         self.tick = 0
 
     def rest(
@@ -93,10 +94,10 @@ class Bench:
             commands, self.tick = (), self.tick + every
 
     def events(self) -> list[str]:
-        return [message.text for topic, message in self.said if topic is topics.EVENTS]  # type: ignore[attr-defined]
+        return [message.text for topic, message in self.published if topic is topics.EVENTS]  # type: ignore[attr-defined]
 
     def statuses(self) -> list[object]:
-        return [message for topic, message in self.said if topic is topics.CALIBRATION]
+        return [message for topic, message in self.published if topic is topics.CALIBRATION]
 
 
 def ask(name: str, value: float = 0.0) -> tuple[Command, ...]:

@@ -14,7 +14,6 @@ from avionics.inputs import decode_command
 from avionics.link.key_file import KeyFile
 from avionics.missions.plan_file import read as read_plan
 from avionics.missions.reader import load_plan
-from avionics.quantities import BadInput, DocumentError, parse_json, parse_toml
 from avionics.snapshot import decode
 from avionics.state import AutopilotState
 from avionics.vehicles.loader import load_vehicle as load_flight_vehicle
@@ -24,6 +23,8 @@ from logs.importing.mapping import load_mapping
 from sim_bridge.flight.faults import mission_faults
 from sim_bridge.tuning.model import load_model
 from sim_bridge.vehicles import load_vehicle
+from wingbeat.documents import parse_json, parse_toml
+from wingbeat.errors import DocumentError, InputError
 
 DEEP, LONG = "[" * 5000 + "]" * 5000, "9" * 5000
 HOSTILE_TOML = [f"x = {DEEP}\n", f"x = {LONG}\n", f"x = {'9' * 25}\n", "x = \n", "x = [[[[\n"]
@@ -67,7 +68,7 @@ TOML_READERS: dict[str, Callable[[Path], Any]] = {
 def test_every_toml_reader_names_the_file(tmp_path: Path, reader: Callable[[Path], Any], text: str) -> None:
     path = tmp_path / "file.toml"
     path.write_text(text)
-    with pytest.raises(BadInput, match=r"file\.toml"):
+    with pytest.raises(InputError, match=r"file\.toml"):
         reader(path)
 
 
@@ -75,14 +76,14 @@ def test_every_toml_reader_names_the_file(tmp_path: Path, reader: Callable[[Path
 def test_every_json_reader_refuses_in_one_line(tmp_path: Path, text: str) -> None:
     plan, key = tmp_path / "file.plan", tmp_path / "key"
     plan.write_text(text)
-    with pytest.raises(BadInput, match=r"file\.plan"):
+    with pytest.raises(InputError, match=r"file\.plan"):
         read_plan(plan)
-    with pytest.raises(BadInput, match="not a snapshot"):
+    with pytest.raises(InputError, match="not a snapshot"):
         decode(AutopilotState, text)
     with pytest.raises((ValueError, KeyError, TypeError)):
         decode_command(text)
     (tmp_path / "key.stamps").write_text(text)
-    with pytest.raises(BadInput, match=r"key\.stamps"):
+    with pytest.raises(InputError, match=r"key\.stamps"):
         KeyFile(key).load_stamps()
 
 
@@ -102,16 +103,16 @@ STAMPS: list[Any] = [
 @pytest.mark.parametrize("document", STAMPS)
 def test_damaged_stamps_are_refused_in_one_line(tmp_path: Path, document: Any) -> None:
     (tmp_path / "key.stamps").write_text(json.dumps(document))
-    with pytest.raises(BadInput, match=r"key\.stamps"):
+    with pytest.raises(InputError, match=r"key\.stamps"):
         KeyFile(tmp_path / "key").load_stamps()
 
 
 def test_stamps_that_are_a_folder_or_bytes_are_refused(tmp_path: Path) -> None:
     stamps = tmp_path / "key.stamps"
     stamps.write_bytes(os.urandom(64) + b"\xff")
-    with pytest.raises(BadInput, match=r"key\.stamps"):
+    with pytest.raises(InputError, match=r"key\.stamps"):
         KeyFile(tmp_path / "key").load_stamps()
     stamps.unlink()
     stamps.mkdir()
-    with pytest.raises(BadInput, match=r"key\.stamps"):
+    with pytest.raises(InputError, match=r"key\.stamps"):
         KeyFile(tmp_path / "key").load_stamps()

@@ -13,19 +13,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from avionics.estimation import ahrs
-from avionics.estimation.direction_cosines import (
-    cross,
-    euler,
-    from_quaternion,
-    multiply,
-    norm,
-    orthonormalised,
-    quaternion,
-    rotate,
-    rotate_back,
-    rotation,
-)
 from avionics.messages import Attitude, ImuSample
+from wingbeat.rotations import (
+    dcm_from_quaternion,
+)
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -271,39 +262,4 @@ def test_start_finds_any_attitude(roll: float, pitch: float, yaw: float) -> None
     state = ahrs.start(GAINS, ImuSample(0, *force.tolist(), 0.0, 0.0, 0.0, *field.tolist()))
     assert np.array(state.r).reshape(3, 3) == pytest.approx(r, abs=1e-9)
     attitude = ahrs.attitude(state)
-    assert np.array(from_quaternion(attitude[7:11])).reshape(3, 3) == pytest.approx(r, abs=1e-9)
-
-
-@given(v=vectors)
-@settings(max_examples=200, deadline=None)
-def test_rotation_is_orthonormal_and_keeps_its_axis(v: tuple[float, float, float]) -> None:
-    r = rotation(*v)
-    assert np.array(multiply(r, _transposed(r))) == pytest.approx(np.eye(3).ravel(), abs=1e-12)
-    assert rotate(r, v) == pytest.approx(v, abs=1e-9)
-
-
-@given(v=vectors, w=vectors)
-@settings(max_examples=200, deadline=None)
-def test_rotations_compose_and_come_back(v: tuple[float, float, float], w: tuple[float, float, float]) -> None:
-    r = multiply(rotation(*v), rotation(*w))
-    assert rotate_back(r, rotate(r, v)) == pytest.approx(v, abs=1e-9)
-    assert rotate(r, v) == pytest.approx(rotate(rotation(*v), rotate(rotation(*w), v)), abs=1e-9)
-    assert np.array(from_quaternion(quaternion(r))) == pytest.approx(np.array(r), abs=1e-9)
-    assert norm(cross(v, v)) == 0.0
-
-
-@given(v=vectors, stretch=st.floats(0.99, 1.01))
-@settings(max_examples=100, deadline=None)
-def test_orthonormalised_takes_the_stretch_out(v: tuple[float, float, float], stretch: float) -> None:
-    r = rotation(*v)
-    stretched = tuple(stretch * value for value in r)
-    assert orthonormalised(stretched) == pytest.approx(r, abs=1e-9)  # type: ignore[arg-type]
-
-
-def test_euler_angles_are_those_of_the_matrix() -> None:
-    angles = np.array([[0.3, -0.4, 2.0]])
-    assert euler(tuple(rotation_matrices(angles)[0].ravel())) == pytest.approx(angles[0])
-
-
-def _transposed(r: tuple[float, ...]) -> tuple[float, float, float, float, float, float, float, float, float]:
-    return (r[0], r[3], r[6], r[1], r[4], r[7], r[2], r[5], r[8])
+    assert np.array(dcm_from_quaternion(attitude[7:11])).reshape(3, 3) == pytest.approx(r, abs=1e-9)

@@ -17,6 +17,7 @@ from avionics.guidance.mission import Channel, Excitation, ItemKind, MissionItem
 from avionics.messages import Mode, Stage
 from avionics.state import AutopilotState, initial_state
 from avionics.tasks import guide
+from wingbeat.topic import Topic
 
 GAINS = excitation.Gains(
     recovery=0.5,
@@ -261,7 +262,7 @@ def flight() -> Flight:
 
 
 @cache
-def column(topic: topics.Topic, name: str) -> np.ndarray:
+def column(topic: Topic, name: str) -> np.ndarray:
     return np.array([getattr(message, name) for message in flight().of(topic)])
 
 

@@ -6,7 +6,8 @@ import pytest
 from surrogate_gains import VEHICLE
 
 from avionics.guidance import arming, failsafes, modes, supervisor
-from avionics.messages import Failsafe, Mode, Severity, Stage
+from avionics.messages import Failsafe, Mode, Stage
+from wingbeat.message import Severity
 
 GAINS = VEHICLE.gains.modes
 DT = 0.02

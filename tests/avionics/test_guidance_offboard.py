@@ -19,6 +19,7 @@ from avionics.guidance.route import State
 from avionics.guidance.setpoint import Path, Setpoint
 from avionics.messages import Command, CommandKind, Mode, Stage
 from avionics.missions import load_mission
+from wingbeat.topic import Topic
 
 GAINS = VEHICLE.gains.navigation
 RADIUS = GAINS.loiter_radius
@@ -75,7 +76,7 @@ class Flight:
         self.bird.throw()
         self.fly(10.0)
 
-    def publish(self, topic: topics.Topic, message: Any) -> None:
+    def publish(self, topic: Topic, message: Any) -> None:
         if topic is topics.EVENTS:
             self.events.append(message.text)
 

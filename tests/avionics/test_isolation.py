@@ -24,7 +24,7 @@ from avionics.isolation import (
 from avionics.link.dialect import mavlink
 from avionics.link.ground import GroundLink
 from avionics.link.stream_table import STREAMS
-from avionics.messages import Event, Severity
+from wingbeat.message import Event, Severity
 
 POLL = 0.02
 """s; between two ticks that serve the links"""

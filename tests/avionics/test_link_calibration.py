@@ -15,7 +15,7 @@ from avionics.link.services.service import Reply, Sender
 from avionics.link.services.storage import StorageRequests
 from avionics.link.vehicle import LinkGains
 from avionics.messages import Calibration, CalibrationStatus, CommandKind
-from avionics.quantities import BadInput
+from wingbeat.errors import InputError
 
 STATION = Sender(255, 190, 0, None)
 OTHER = Sender(254, 190, 0, None)
@@ -151,7 +151,7 @@ class Kept:
 
     def stored(self) -> dict[str, float]:
         if self.values is None:
-            raise BadInput("the file is damaged")
+            raise InputError("the file is damaged")
         return self.values
 
     def defaults(self) -> dict[str, float]:

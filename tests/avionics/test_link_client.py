@@ -36,6 +36,7 @@ from avionics.link.dialect import mavlink as ours
 from avionics.link.ground import GroundLink
 from avionics.link.vehicle import Identity, LinkGains, px4_mode
 from avionics.messages import CommandKind
+from wingbeat.message import Event, Severity
 
 mavlink: Any = mavutil.mavlink
 
@@ -477,7 +478,7 @@ def test_a_reached_item_and_an_event_are_told() -> None:
         vehicle.mode, vehicle.mission = m.Mode.AUTO, MISSION
         vehicle.topics["/guidance/navigation"] = vehicle.topics["/guidance/navigation"]._replace(item=1)
         assert expect(client, "MISSION_ITEM_REACHED").seq == 0
-        vehicle.said.append(m.Event(7_654_321, m.Severity.NOTICE, "modes", "launched"))
+        vehicle.reported.append(Event(7_654_321, Severity.NOTICE, "modes", "launched"))
         assert expect(client, "SYSTEM_TIME", lambda each: each.time_boot_ms == 7654)
         text = expect(client, "STATUSTEXT")
         assert (text.text, text.severity, text.id) == ("launched", mavlink.MAV_SEVERITY_NOTICE, 0)

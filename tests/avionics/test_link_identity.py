@@ -13,7 +13,7 @@ from avionics import topics
 from avionics.guidance.mission import ItemKind, MissionItem
 from avionics.link.vehicle import PROFILES, Identity, load_identity
 from avionics.messages import CommandKind, Mode, Stage
-from avionics.quantities import BadInput
+from wingbeat.errors import InputError
 
 mavlink: Any = mavutil.mavlink
 PLANE = PROFILES["ardupilot"]
@@ -165,5 +165,5 @@ def test_item_numbers_are_those_of_the_profile_everywhere(identity: Identity, sh
 
 def test_an_unknown_profile_is_refused_with_the_names() -> None:
     assert load_identity("generic").modes[0].custom_mode == 1 << 16
-    with pytest.raises(BadInput, match="generic, ardupilot, px4"):
+    with pytest.raises(InputError, match="generic, ardupilot, px4"):
         load_identity("betaflight")

@@ -6,7 +6,7 @@ import pytest
 from link_wires import Wire
 
 from avionics.link.urls import OPTIONS, LinkUrl, parse_url
-from avionics.quantities import BadInput
+from wingbeat.errors import InputError
 
 
 @pytest.mark.parametrize(
@@ -25,7 +25,7 @@ def test_the_options_of_an_address_are_read_and_written_again(text: str, url: Li
     "tail", ["?", "?rate=0", "?rate=x", "?unsigned=maybe", "?forward", "?speed=3", "?rate=1&", "?&"]
 )
 def test_an_unknown_option_is_refused_with_those_that_there_are(tail: str) -> None:
-    with pytest.raises(BadInput) as refused:
+    with pytest.raises(InputError) as refused:
         parse_url(f"udpin:h:1{tail}")
     assert OPTIONS in str(refused.value) and "\n" not in str(refused.value)
 

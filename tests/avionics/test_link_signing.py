@@ -26,7 +26,7 @@ from avionics.link.ground import Files, GroundLink
 from avionics.link.key_file import KeyFile, load_signing
 from avionics.link.signing import EPOCH, FRESH, MAX_STREAMS, RESERVE, TICKS_PER_SECOND, Finding, Signing, Stamps
 from avionics.messages import CommandKind
-from avionics.quantities import BadInput
+from wingbeat.errors import InputError
 
 KEY = bytes(range(32))
 OTHER = bytes(range(1, 33))
@@ -533,7 +533,7 @@ def test_a_key_file_that_cannot_be_used_is_refused_in_one_line_without_the_key(
 ) -> None:
     file = key_file(tmp_path, text)
     file.path.chmod(mode)
-    with pytest.raises(BadInput) as refused:
+    with pytest.raises(InputError) as refused:
         file.load_key()
     assert word in str(refused.value) and "\n" not in str(refused.value)
     assert KEY.hex() not in str(refused.value)
@@ -542,7 +542,7 @@ def test_a_key_file_that_cannot_be_used_is_refused_in_one_line_without_the_key(
 def test_damaged_time_stamps_are_refused(tmp_path: Path) -> None:
     file = key_file(tmp_path, KEY.hex())
     file.path.with_name("bird.key.stamps").write_text('{"ours": 3')
-    with pytest.raises(BadInput, match="damaged"):
+    with pytest.raises(InputError, match="damaged"):
         load_signing(file)
 
 

@@ -38,7 +38,7 @@ from avionics.link.transport import (
     open_transport,
 )
 from avionics.link.urls import FORMS, LinkUrl, parse_url
-from avionics.quantities import BadInput
+from wingbeat.errors import InputError
 
 
 @pytest.mark.parametrize(
@@ -63,7 +63,7 @@ def test_an_address_is_taken_apart_and_written_again(text: str, url: LinkUrl) ->
      "tcp:host:70000", "serial:/dev/ttyUSB0", "serial:,57600", "serial:x,fast", "tcp:host:-1", "tcp:host:²"],
 )  # fmt: skip
 def test_what_is_no_address_is_refused_in_one_line_that_names_the_forms(text: str) -> None:
-    with pytest.raises(BadInput) as refused:
+    with pytest.raises(InputError) as refused:
         parse_url(text)
     assert FORMS in str(refused.value) and "\n" not in str(refused.value)
 
@@ -72,7 +72,7 @@ def test_what_is_no_address_is_refused_in_one_line_that_names_the_forms(text: st
 def test_any_text_is_an_address_or_bad_input(text: str) -> None:
     try:
         url = parse_url(text)
-    except BadInput:
+    except InputError:
         return
     assert parse_url(str(url)) == url
 
@@ -85,7 +85,7 @@ def test_a_port_in_use_is_named_and_no_other_link_stays_open(kind: str, socket_k
         if socket_kind is socket.SOCK_STREAM:
             taken.listen()
         port = taken.getsockname()[1]
-        with pytest.raises(BadInput, match=f"port {port} of 127.0.0.1") as refused:
+        with pytest.raises(InputError, match=f"port {port} of 127.0.0.1") as refused:
             GroundLink([f"udpin:127.0.0.1:{other}", f"{kind}:127.0.0.1:{port}"], FakeVehicle())
         assert "\n" not in str(refused.value)
     open_transport(f"udpin:127.0.0.1:{other}").close()
@@ -93,9 +93,9 @@ def test_a_port_in_use_is_named_and_no_other_link_stays_open(kind: str, socket_k
 
 def test_missing_hosts_and_devices_are_bad_input() -> None:
     for url in ("udpout:no-such-host.invalid:14550", "serial:/dev/no-such-device,57600"):
-        with pytest.raises(BadInput):
+        with pytest.raises(InputError):
             open_transport(url)
-    with pytest.raises(BadInput, match="lockstep"):
+    with pytest.raises(InputError, match="lockstep"):
         open_stream("udpin:127.0.0.1:14550", 0.1)
 
 

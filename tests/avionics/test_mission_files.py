@@ -7,7 +7,7 @@ import pytest
 
 from avionics.guidance.mission import Channel, Excitation, ItemKind, MissionItem, Shape
 from avionics.missions import check_mission, load_mission, load_plan, mission_names
-from avionics.quantities import BadInput
+from wingbeat.errors import InputError
 
 
 def written(tmp_path: Path, text: str) -> Path:
@@ -91,7 +91,7 @@ EXCITE = 'kind = "excite"\nchannel = "elevator"\nshape = "doublet"\namplitude_de
     ],
 )  # fmt: skip
 def test_a_bad_mission_is_refused_in_one_line(tmp_path: Path, text: str, said: list[str]) -> None:
-    with pytest.raises(BadInput) as refusal:
+    with pytest.raises(InputError) as refusal:
         load_mission(written(tmp_path, text))
     line = str(refusal.value)
     assert "\n" not in line.strip()
@@ -100,14 +100,14 @@ def test_a_bad_mission_is_refused_in_one_line(tmp_path: Path, text: str, said: l
 
 
 def test_an_unknown_mission_lists_the_known_ones() -> None:
-    with pytest.raises(BadInput, match="circuit"):
+    with pytest.raises(InputError, match="circuit"):
         load_mission("nowhere")
 
 
 def test_a_file_that_is_not_text_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "mission.toml"
     path.write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(BadInput, match="cannot read"):
+    with pytest.raises(InputError, match="cannot read"):
         load_mission(path)
 
 
@@ -159,7 +159,7 @@ def test_sweeps_and_multisines_of_a_file(tmp_path: Path) -> None:
     ],
 )
 def test_an_input_that_cannot_be_flown_is_refused_in_one_line(tmp_path: Path, item: str, said: str) -> None:
-    with pytest.raises(BadInput) as refusal:
+    with pytest.raises(InputError) as refusal:
         load_mission(written(tmp_path, "[[item]]\n" + item))
     assert said in str(refusal.value)
     assert "item 1" in str(refusal.value)
@@ -267,7 +267,7 @@ def test_fence_and_rally_points_of_a_file(tmp_path: Path) -> None:
 def test_what_is_wrong_with_it_is_said_in_one_line(tmp_path: Path, before: str, after: str, said: str) -> None:
     assert before in AROUND
     path = written(tmp_path, AROUND.replace(before, after))
-    with pytest.raises(BadInput) as refusal:
+    with pytest.raises(InputError) as refusal:
         load_plan(path)
     assert said in str(refusal.value) and "\n" not in str(refusal.value)
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from avionics.mixing import flapping, tail
-from avionics.quantities import BadInput
+from wingbeat.errors import InputError
 
 SERVO = flapping.Gains(
     drive="servo",
@@ -115,7 +115,7 @@ def test_motor_passes_the_throttle_and_reports_malladis_frequencies() -> None:
     ],
 )
 def test_drive_that_makes_no_sense_is_refused(change: dict, word: str) -> None:
-    with pytest.raises(BadInput, match=word):
+    with pytest.raises(InputError, match=word):
         flapping.check(SERVO._replace(**change))
 
 

@@ -8,9 +8,9 @@ import pytest
 
 from avionics import parameters
 from avionics.board.parameter_file import FORMAT, AnotherVehicles, ParameterFile, default_path, key_path, unused_files
-from avionics.quantities import BadInput
 from avionics.vehicles import FlightVehicle, load_vehicle
 from avionics.vehicles.gains import FlightGains
+from wingbeat.errors import InputError
 
 RAVEN = load_vehicle("robo_raven_ii_d")
 
@@ -131,7 +131,7 @@ def test_a_write_that_fails_leaves_the_old_file(tmp_path: Path, monkeypatch: pyt
 def test_a_folder_in_the_files_place_is_bad_input(tmp_path: Path) -> None:
     kept = file(tmp_path)
     kept.path.mkdir(parents=True)
-    with pytest.raises(BadInput, match="is not a file"):
+    with pytest.raises(InputError, match="is not a file"):
         kept.load()
 
 

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from avionics import parameters
-from avionics.quantities import BadInput
 from avionics.vehicles import load_vehicle, vehicle_names
+from wingbeat.errors import InputError
 
 VEHICLES = {name: load_vehicle(name) for name in vehicle_names()}
 RAVEN = VEHICLES["robo_raven_ii_d"]
@@ -118,7 +118,7 @@ def edited(tmp_path: Path, old: str, new: str) -> Path:
     ],
 )  # fmt: skip
 def test_a_bad_vehicle_file_is_refused_in_one_line(tmp_path: Path, old: str, new: str, said: list[str]) -> None:
-    with pytest.raises(BadInput) as refusal:
+    with pytest.raises(InputError) as refusal:
         load_vehicle(edited(tmp_path, old, new))
     assert "\n" not in str(refusal.value)
     for words in said:
@@ -126,7 +126,7 @@ def test_a_bad_vehicle_file_is_refused_in_one_line(tmp_path: Path, old: str, new
 
 
 def test_an_unknown_vehicle_lists_the_known_ones() -> None:
-    with pytest.raises(BadInput, match=r"arizona_100cm, robo_raven_ii_d"):
+    with pytest.raises(InputError, match=r"arizona_100cm, robo_raven_ii_d"):
         load_vehicle("condor")
 
 

@@ -19,9 +19,9 @@ from avionics.messages import (
     PilotSource,
     ReceiverSample,
     SensorFrame,
-    Severity,
     Stage,
 )
+from wingbeat.message import Severity
 
 HANDS_OFF = (1500, 1500, 1000, 1500, 1000, 1000, 1000, 1500)
 

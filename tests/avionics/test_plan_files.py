@@ -15,9 +15,9 @@ from avionics.link.mission_codec import encode_item
 from avionics.link.vehicle import Home
 from avionics.missions import plan_file
 from avionics.missions.files import load_flight_plan
-from avionics.quantities import BadInput
 from groundstation.link import waypoints
 from groundstation.link.missions import Item
+from wingbeat.errors import InputError
 
 HOME = Home(math.radians(38.99), math.radians(-76.94), 20.0)
 NORTH_100 = 38.99 + math.degrees(100.0 / 6_378_137.0)
@@ -188,7 +188,7 @@ ITEMS = ["mission", "items"]
 )  # fmt: skip
 def test_a_plan_that_cannot_be_flown_is_refused_in_one_line(plan: Any, words: str, tmp_path: Path) -> None:
     path = written(tmp_path, plan)
-    with pytest.raises(BadInput) as refusal:
+    with pytest.raises(InputError) as refusal:
         load_flight_plan(path)
     assert words in str(refusal.value)
     assert str(path) in str(refusal.value) and "\n" not in str(refusal.value)
@@ -268,7 +268,7 @@ def test_a_mission_written_as_a_plan_is_read_again(tmp_path: Path) -> None:
         assert flown[7:] == item[7:]
     assert plan.rally[0] == pytest.approx((100.0, 0.0, 35.0), abs=0.02)
     assert [len(zone.places) for zone in plan.fence.zones] == [3, 3, 1]
-    with pytest.raises(BadInput, match="cannot write"):
+    with pytest.raises(InputError, match="cannot write"):
         waypoints.write_plan(path, with_fence, HOME)
 
 
@@ -303,7 +303,7 @@ def test_a_list_is_flown_from_its_first_line(tmp_path: Path) -> None:
 
 def test_a_list_without_home_cannot_be_placed(tmp_path: Path) -> None:
     lines = LIST.splitlines()
-    with pytest.raises(BadInput, match="first line must be home"):
+    with pytest.raises(InputError, match="first line must be home"):
         load_flight_plan(written(tmp_path, "\n".join([lines[0], *lines[2:]]), "field.waypoints"))
 
 
@@ -315,19 +315,19 @@ def test_list_that_never_climbs_is_refused(altitude: int, climbs: bool, tmp_path
     if climbs:
         assert load_flight_plan(path).mission[0].altitude == altitude
         return
-    with pytest.raises(BadInput, match="no item climbs above 2 m before a landing"):
+    with pytest.raises(InputError, match="no item climbs above 2 m before a landing"):
         load_flight_plan(path)
 
 
 def test_places_on_the_globe_need_home_in_every_frame(tmp_path: Path) -> None:
     lines = [line.replace("2\t0\t3\t", "2\t0\t10\t") for line in LIST.splitlines()]
-    with pytest.raises(BadInput, match="first line must be home"):
+    with pytest.raises(InputError, match="first line must be home"):
         load_flight_plan(written(tmp_path, "\n".join([lines[0], *lines[2:]]), "terrain.waypoints"))
 
 
 def test_a_list_names_the_item_that_is_not_flown(tmp_path: Path) -> None:
     text = LIST.replace("5 0 2 20", "5 0 2 208")
-    with pytest.raises(BadInput, match=r"item 5: DO_PARACHUTE \(208\) is not flown"):
+    with pytest.raises(InputError, match=r"item 5: DO_PARACHUTE \(208\) is not flown"):
         load_flight_plan(written(tmp_path, text, "field.waypoints"))
 
 

@@ -11,9 +11,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from avionics.messages import EncoderSample, Severity, WingState
+from avionics.messages import EncoderSample, WingState
 from avionics.sensing import encoders, wing_angle
 from avionics.sensing.encoders import Fault
+from wingbeat.message import Severity
 
 PERIOD_US = 5000
 FREQUENCY, AMPLITUDE = 4.0, 0.4

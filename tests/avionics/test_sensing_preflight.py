@@ -12,10 +12,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from avionics import snapshot
-from avionics.constants import STANDARD_GRAVITY
 from avionics.messages import ImuSample
 from avionics.sensing import preflight
 from avionics.sensing.preflight import Finding, Gains, Means, Reference, Rest, State
+from wingbeat.constants import STANDARD_GRAVITY
 
 GAINS = Gains()
 DT = 0.005

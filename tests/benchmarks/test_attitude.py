@@ -26,9 +26,9 @@ from avionics.missions.script import scripted_start
 from avionics.vehicles import load_vehicle as load_flight_vehicle
 from logs.replay import imu
 from sim_bridge.bridge.world import NEUTRAL
-from sim_bridge.environment.gravity import GRAVITY
 from sim_bridge.flight.world import Scenario, SimulatedWorld
 from sim_bridge.vehicles import load_vehicle
+from wingbeat.constants import STANDARD_GRAVITY
 
 ROOT = Path(__file__).parents[2]
 TRIAL = ROOT / "tests" / "data" / "broad" / "trial_16_fast_translation_25_to_75_s.npz"
@@ -108,7 +108,7 @@ def slow_motion() -> imu.Recording:
     angles = np.stack([0.3 * at, 0.5 * np.sin(0.4 * at), 0.7 * np.sin(0.23 * at)], axis=1)
     enu = Rotation.from_euler("ZYX", angles)
     gyr = np.concatenate([np.zeros((1, 3)), (enu[:-1].inv() * enu[1:]).as_rotvec() * rate])
-    acc, mag = enu.inv().apply([0.0, 0.0, GRAVITY]), enu.inv().apply([0.0, 0.2, -0.4])
+    acc, mag = enu.inv().apply([0.0, 0.0, STANDARD_GRAVITY]), enu.inv().apply([0.0, 0.2, -0.4])
     reference = np.roll(enu.as_quat(), 1, axis=1)
     sensors = np.concatenate([acc, gyr, mag], axis=1)
     return imu.Recording(Path("slow motion"), rate, sensors, reference, at > SETTLED)

@@ -17,9 +17,9 @@ import pytest
 from rows import Row, leave, peer
 
 from sim_bridge import plant_kernel as k
-from sim_bridge.environment.gravity import GRAVITY
 from sim_bridge.plant import STEP, Plant
 from sim_bridge.vehicles import load_vehicle
+from wingbeat.constants import STANDARD_GRAVITY
 
 VEHICLE = "robo_raven_ii_d"
 SECONDS, ROUNDS = 2.0, 8
@@ -68,7 +68,7 @@ def test_beside_the_step_of_mujoco() -> None:
         for _ in range(round(SECONDS / STEP)):
             mujoco.mj_step(engine.model, engine.data)
         spent.append(time.process_time() - begun)
-    fallen, expected = float(engine.data.qpos[2]), 0.5 * GRAVITY * SECONDS**2
+    fallen, expected = float(engine.data.qpos[2]), 0.5 * STANDARD_GRAVITY * SECONDS**2
     assert fallen == pytest.approx(expected, rel=0.1), "gravity acts along its z, and nothing else"
     told = f"{peer('mujoco')}, RK4 at the same step, {engine.model.nv} speeds, without air"
     leave(Row("coupled flight, strip theory, 1 kHz", 1.0 / ours(), SECONDS / min(spent), "times real time", told))
@@ -103,9 +103,9 @@ def lattice(ps: object, steps: int) -> np.ndarray:
     across = np.linspace(0.0, 1.0, PANELS[1] + 1)
     sections = [Section(SEMISPAN * s, 0.0, ROOT_CHORD + s * (TIP_CHORD - ROOT_CHORD)) for s in across.tolist()]
     beat = Flapping(0.0, AMPLITUDE, 1.0 / FREQUENCY)
-    start = OperatingPoint(vCg__E=AIRSPEED, alpha=8.0, g_E=(0.0, 0.0, GRAVITY))
+    start = OperatingPoint(vCg__E=AIRSPEED, alpha=8.0, g_E=(0.0, 0.0, STANDARD_GRAVITY))
     flight = FreeFlightMovement(
-        [movement(sections, beat, PANELS[0], MASS * GRAVITY)], FreeFlightOperatingPointMovement(start),
+        [movement(sections, beat, PANELS[0], MASS * STANDARD_GRAVITY)], FreeFlightOperatingPointMovement(start),
         1.0 / FREQUENCY / STEPS_A_BEAT, prescribed_num_steps=2, free_num_steps=steps, max_wake_rows=STEPS_A_BEAT,
     )  # fmt: skip
     problem = FreeFlightUnsteadyProblem(flight, MASS, np.diag([0.02, 0.01, 0.03]))

@@ -16,10 +16,10 @@ from mcap.reader import make_reader
 from rows import Row, leave, peer
 from test_logs import FIXED, quickest, sample, say, timed
 
-from avionics.topics import Topic
 from logs.reader import open_log
 from logs.recorder import McapRecorder
 from logs.view.page import write_page
+from wingbeat.topic import Topic
 
 MINUTE_US = 60_000_000
 LARGEST, LONGEST = 20e6, 20.0

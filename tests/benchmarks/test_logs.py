@@ -20,15 +20,15 @@ from mcap.writer import Writer
 from mcap_protobuf.decoder import DecoderFactory
 from rows import Row, leave, peer
 
-from avionics import messages as m
 from avionics import topics
-from avionics.topics import Topic
 from logs.join import join
 from logs.layout import layout_of
 from logs.poses import Frames, Pose
 from logs.reader import open_log
 from logs.recorder import AT_ONCE, IN_FLIGHT, McapRecorder, Writing
 from sim_bridge import topics as truth_topics
+from wingbeat.message import Event, Text
+from wingbeat.topic import Topic
 
 Result = TypeVar("Result")
 Messages = list[tuple[Topic, Any]]
@@ -42,7 +42,7 @@ TIMES_THE_DATA = 5.0
 """bytes of memory for a byte of columns"""
 SHARE_OF_ONE_TOPIC = 0.2
 
-FIXED = tuple(t for t in topics.TOPICS + truth_topics.TOPICS if t.message not in (m.Event, m.Text) and t.rate)
+FIXED = tuple(t for t in topics.TOPICS + truth_topics.TOPICS if t.message not in (Event, Text) and t.rate)
 RATE = sum(topic.rate for topic in FIXED)
 """messages/s; of a flight"""
 FLIGHT_S = 2e6 / RATE

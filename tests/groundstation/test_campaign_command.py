@@ -18,7 +18,6 @@ from typing import Any
 
 import pytest
 
-from avionics.quantities import BadInput
 from groundstation.command import campaign, campaign_report
 from groundstation.command.main import main
 from logs import extras
@@ -28,6 +27,7 @@ from logs.campaigns.outcome import Outcome, Verdict
 from logs.campaigns.run import fly_campaign
 from logs.campaigns.table import read_table
 from logs.reader import open_log
+from wingbeat.errors import InputError
 
 distributed = pytest.importorskip("distributed")
 pytest.importorskip("pyarrow")
@@ -291,7 +291,7 @@ def test_a_worker_flies_with_our_sources_or_not_at_all(
             client = stack.enter_context(existing_cluster("tcp://s:2"))
             assert not client.closed
             return
-        with pytest.raises(BadInput, match=why):
+        with pytest.raises(InputError, match=why):
             stack.enter_context(existing_cluster("tcp://s:2"))
 
 

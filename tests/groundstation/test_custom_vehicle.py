@@ -43,9 +43,9 @@ def test_flight_computer_takes_the_folder_of_a_vehicle(tmp_path: Path, capsys: C
 
 
 def refuse(*_: object) -> None:
-    from avionics.quantities import BadInput
+    from wingbeat.errors import InputError
 
-    raise BadInput("nobody is there")
+    raise InputError("nobody is there")
 
 
 def test_copied_name_is_reported(tmp_path: Path, capsys: Capture) -> None:

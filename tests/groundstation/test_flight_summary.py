@@ -18,6 +18,7 @@ from logs.recorder import McapRecorder
 from logs.summary import FlightSummary, summarize
 from sim_bridge import topics as truth_topics
 from sim_bridge.messages import TruthState
+from wingbeat.topic import Topic
 
 LAUNCH, TOUCHDOWN, NOTICED, END = 4.0, 34.0, 35.0, 36.0
 HOLD = (12.0, 28.0)
@@ -74,7 +75,7 @@ def true_state(time_us: int, t: float) -> TruthState:
     )
 
 
-def estimates(time_us: int, t: float) -> list[tuple[topics.Topic, Any]]:
+def estimates(time_us: int, t: float) -> list[tuple[Topic, Any]]:
     flying = LAUNCH <= t < TOUCHDOWN
     noticed = m.Stage.LANDED if t >= NOTICED else m.Stage.FLARE
     stage = m.Stage.EN_ROUTE if flying else noticed if t > LAUNCH else m.Stage.WAIT_LAUNCH

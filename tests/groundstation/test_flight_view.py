@@ -9,11 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 
-from avionics.messages import Severity, Stage
+from avionics.messages import Stage
 from groundstation.link.vehicle_state import Heard, VehicleState
 from groundstation.views import braille, wording
 from groundstation.views.flight_view import FlightView, Header, bar, progress_line
 from groundstation.views.history import POINTS, History, remember
+from wingbeat.message import Severity
 
 FLYING = VehicleState(
     system=1, armed=True, time=62.34, roll=0.1, pitch=0.2, yaw=1.6, airspeed=6.8, groundspeed=7.0, altitude=40.2,

@@ -21,7 +21,6 @@ from mcap.reader import make_reader
 
 from avionics import topics
 from avionics.messages import Mode
-from avionics.quantities import BadInput
 from avionics.state import zero
 from avionics.vehicles import FOLDER as FLIGHT_FILES
 from groundstation.command import fly as fly_command
@@ -45,6 +44,7 @@ from sim_bridge.flight.faults import parse_fault
 from sim_bridge.topics import STATE
 from sim_bridge.vehicles import FOLDER as WORLD_FILES
 from sim_bridge.vehicles import load_vehicle
+from wingbeat.errors import InputError
 
 WINGBEAT = (sys.executable, "-m", "groundstation.command.main")
 RECORDED = ("--duration", "10.5", "--json", "--seed", "5")
@@ -418,7 +418,7 @@ def test_recordings_of_different_flights_are_never_joined(tmp_path: Path) -> Non
         os.utime(part, (1e9, 1e9))
     put_right(tmp_path)
     assert sorted(tmp_path.iterdir()) == sorted(parts)
-    with pytest.raises(BadInput, match="are not of one flight"):
+    with pytest.raises(InputError, match="are not of one flight"):
         join(parts, tmp_path / "a.mcap")
     assert sorted(tmp_path.iterdir()) == sorted(parts)
 

@@ -18,11 +18,11 @@ from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
 from mcap.reader import make_reader
 
 from avionics import topics
-from avionics.messages import Event, Severity
 from groundstation.command.live import recorded_file
 from groundstation.command.main import main
 from logs.live.server import ALONE, KNOWN
 from logs.recorder import McapRecorder, Writing
+from wingbeat.message import Event, Severity
 
 pytest.importorskip("foxglove", reason="foxglove-sdk is not installed: pip install foxglove-sdk")
 websockets = pytest.importorskip("websockets.sync.client")

@@ -10,12 +10,13 @@ from types import SimpleNamespace
 import pytest
 
 from avionics import topics
-from avionics.messages import ActuatorCommand, Event, Severity
-from avionics.quantities import BadInput
+from avionics.messages import ActuatorCommand
 from groundstation.command import identify
 from groundstation.command.identify_out import names_of, sha256
 from logs.identification.report import Identification
 from logs.recorder import McapRecorder
+from wingbeat.errors import InputError
+from wingbeat.message import Event, Severity
 
 
 @pytest.mark.parametrize(
@@ -34,7 +35,7 @@ def test_a_file_that_exists_is_refused_before_the_log_is_opened(
     for kept in ("kept.html", "kept.toml"):
         (tmp_path / kept).write_text("mine", encoding="utf-8")
     (tmp_path / "bird").mkdir()
-    with pytest.raises(BadInput, match=told) as refused:
+    with pytest.raises(InputError, match=told) as refused:
         identify.run([str(tmp_path / "no_such_log.mcap"), option, str(tmp_path / name)])
     assert "\n" not in str(refused.value)
     assert (tmp_path / "kept.html").read_text(encoding="utf-8") == "mine"
@@ -74,7 +75,7 @@ def test_an_elevator_is_not_made_where_the_log_tells_its_angle(tmp_path: Path) -
     path = tmp_path / "own.mcap"
     with McapRecorder(path) as recorder:
         recorder.record(topics.ACTUATORS, ActuatorCommand(0, 0.0, 0.0, 0.0, 0.0, 0.0, 1))
-    with pytest.raises(BadInput, match="tells the elevator's angle"):
+    with pytest.raises(InputError, match="tells the elevator's angle"):
         identify.run([str(path), "modes", "--elevator", "/mixing/actuators.elevator", "1"])
 
 
@@ -82,11 +83,11 @@ def test_what_a_damaged_log_lacks_is_refused_with_the_damage(tmp_path: Path) -> 
     path = tmp_path / "cut.mcap"
     with McapRecorder(path) as recorder:
         recorder.record(topics.EVENTS, Event(0, Severity.INFO, "test", "on it goes"))
-    with pytest.raises(BadInput) as whole:
+    with pytest.raises(InputError) as whole:
         identify.run([str(path), "servo"])
     assert "damaged" not in str(whole.value)
     path.write_bytes(path.read_bytes()[:100])
-    with pytest.raises(BadInput) as torn:
+    with pytest.raises(InputError) as torn:
         identify.run([str(path), "servo"])
     assert str(torn.value).startswith(str(whole.value)) and "the file was cut off" in str(torn.value)
 

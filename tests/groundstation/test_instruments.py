@@ -10,7 +10,7 @@ from rich.console import Console, RenderableType
 from rich.text import Text
 
 from avionics.link.dialect import mavlink
-from avionics.messages import Severity, Stage
+from avionics.messages import Stage
 from groundstation.link.missions import Item
 from groundstation.link.station import Note, Picture
 from groundstation.link.traffic import MessageRow, Quality
@@ -20,6 +20,7 @@ from groundstation.views import inspector, panels
 from groundstation.views.field_plot import Trace, field_plot
 from groundstation.views.horizon import GROUND, SKY, horizon
 from groundstation.views.tape import AIRSPEED, ALTITUDE, BUG, WINDOW, tape
+from wingbeat.message import Severity
 
 STATE = VehicleState(
     system=1, autopilot=0, vehicle_type=16, custom_mode=4 << 16 | 4 << 24, armed=True, time=83.4, heard_at=10.0,

@@ -13,7 +13,6 @@ from avionics.link.dialect import mavlink
 from avionics.link.services.manual import ManualService
 from avionics.link.services.service import Sender
 from avionics.messages import PilotInput
-from avionics.quantities import BadInput
 from groundstation.joystick.actions import Action, ActionKind, Assignments, ButtonState, parse_action, step
 from groundstation.joystick.axes import (
     Axis,
@@ -30,6 +29,7 @@ from groundstation.joystick.settings_text import merge, save_settings, settings_
 from groundstation.joystick.sticks import Sticks, manual_control
 from groundstation.link import modes
 from groundstation.link.vehicle_state import VehicleState
+from wingbeat.errors import InputError
 
 fraction = st.floats(0.0, 1.0)
 raw = st.floats(-1.0, 1.0)
@@ -261,14 +261,14 @@ def test_calibration_rejects_a_center_at_the_end() -> None:
     center = Reading((1.0, 0.0, 0.0))
     ranges = start_ranges(center).extended(Reading((-1.0, 1.0, 1.0))).extended(Reading((-1.0, -1.0, -1.0)))
     sticks = {name: Assignment(axis, False) for axis, name in enumerate(("roll", "pitch", "throttle"))}
-    with pytest.raises(BadInput, match="roll: axis 0 has its center at its end"):
+    with pytest.raises(InputError, match="roll: axis 0 has its center at its end"):
         build_settings(DeviceInfo("Pad", "", 3, 0), ranges, center, sticks)
 
 
 def test_calibration_ends_if_the_device_is_disconnected() -> None:
     device = FakeDevice()
     device.connected = False
-    with pytest.raises(BadInput, match="disconnected during the calibration"):
+    with pytest.raises(InputError, match="disconnected during the calibration"):
         calibrate(device, Script(device, []), None)
 
 
@@ -347,7 +347,7 @@ def test_settings_have_defaults() -> None:
 def test_settings_errors_are_one_line(text: str, problem: str, tmp_path: Path) -> None:
     file = tmp_path / "joystick.toml"
     file.write_text(text)
-    with pytest.raises(BadInput) as caught:
+    with pytest.raises(InputError) as caught:
         load_settings(file)
     line = str(caught.value)
     assert line.startswith(f"{file}: ") and problem in line and "\n" not in line
@@ -356,13 +356,13 @@ def test_settings_errors_are_one_line(text: str, problem: str, tmp_path: Path) -
 def test_settings_file_that_is_missing(tmp_path: Path) -> None:
     file = tmp_path / "none.toml"
     assert load_settings(file, must_exist=False) == ()
-    with pytest.raises(BadInput, match="there is no such file"):
+    with pytest.raises(InputError, match="there is no such file"):
         load_settings(file)
 
 
 def test_settings_beyond_the_device_are_rejected() -> None:
-    with pytest.raises(BadInput, match="its settings use axis 3, it has axes 0 to 2"):
+    with pytest.raises(InputError, match="its settings use axis 3, it has axes 0 to 2"):
         check_capabilities(SETTINGS, RADIO._replace(axes=3))
-    with pytest.raises(BadInput, match="its settings use button 24, it has 24 buttons"):
+    with pytest.raises(InputError, match="its settings use button 24, it has 24 buttons"):
         check_capabilities(SETTINGS._replace(assignments=Assignments({24: ARM})), RADIO)
     check_capabilities(SETTINGS, RADIO)

@@ -9,7 +9,6 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from avionics.quantities import BadInput
 from groundstation.command.main import main
 from groundstation.views import lattice_pictures, wake_picture
 from groundstation.views.lattice_pictures import LIFT, WAKE, draw_lattice, lift_plot
@@ -18,6 +17,7 @@ from sim_bridge.aerodynamics.vortex_lattice.geometry import Section, Surface, bu
 from sim_bridge.aerodynamics.vortex_lattice.unsteady import Air, Scheme, Snapshot, run
 from sim_bridge.validation.papers import PAPERS
 from sim_bridge.validation.yeo import measured_lift
+from wingbeat.errors import InputError
 
 SVG = "{http://www.w3.org/2000/svg}"
 ENDS = (Section((0.0, 0.1, 0.0), 0.3), Section((0.0, 1.0, 0.0), 0.2))
@@ -55,7 +55,7 @@ def test_the_colours_tell_sign_and_size_apart() -> None:
 
 def test_a_picture_that_exists_is_kept(tmp_path: Path) -> None:
     (tmp_path / LIFT).write_text("mine")
-    with pytest.raises(BadInput, match=rf"{LIFT} exists: it is not overwritten"):
+    with pytest.raises(InputError, match=rf"{LIFT} exists: it is not overwritten"):
         draw_lattice(tmp_path, lambda share: None)
     assert (tmp_path / LIFT).read_text() == "mine" and not (tmp_path / WAKE).exists()
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from avionics.link.urls import OPTIONS
-from avionics.quantities import BadInput
 from groundstation.command import avionics, fly, options
+from wingbeat.errors import InputError
 
 BOARD = ["--board", "hil:tcp:127.0.0.1:9"]
 
@@ -28,7 +28,7 @@ def test_what_cannot_be_is_refused_before_anything_begins(
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("WINGBEAT_STATE", str(tmp_path / "state"))
     assert callable(run)
-    with pytest.raises(BadInput, match=said):
+    with pytest.raises(InputError, match=said):
         run([*(BOARD if run is avionics.run else []), *words])
 
 
@@ -40,7 +40,7 @@ def test_a_key_that_others_may_read_is_refused_by_both_commands(
     path.write_text("00" * 32)
     path.chmod(0o644)
     for run, words in ((avionics.run, BOARD), (fly.run, [])):
-        with pytest.raises(BadInput, match="chmod 600"):
+        with pytest.raises(InputError, match="chmod 600"):
             run([*words, "--signing-key", str(path)])
 
 

@@ -9,15 +9,16 @@ import pytest
 
 from avionics import topics
 from avionics.board.board import BoardSilent
-from avionics.messages import ActuatorCommand, Command, CommandKind, Event, ImuSample, Mode, PowerState, SensorFrame
+from avionics.messages import ActuatorCommand, Command, CommandKind, ImuSample, Mode, PowerState, SensorFrame
 from avionics.missions import load_mission
 from avionics.missions.script import START_US, scripted_start
 from avionics.processors import WHOLE_TICK
 from avionics.recorder import NullRecorder
 from avionics.runtime.flight_computer import FlightComputer
-from avionics.topics import Topic
 from avionics.vehicles import load_vehicle
 from groundstation.command.console_status import Account, ReportingBoard
+from wingbeat.message import Event
+from wingbeat.topic import Topic
 
 TICK_US = 5000
 

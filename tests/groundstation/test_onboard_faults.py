@@ -13,7 +13,7 @@ from test_onboard_silence import Ear
 from avionics import topics
 from avionics.isolation import Isolation
 from avionics.link.ground import GroundLink
-from avionics.messages import Event, ImuSample, Severity
+from avionics.messages import ImuSample
 from avionics.missions import load_mission
 from avionics.runtime.flight_computer import UNRECORDED, FlightComputer
 from avionics.vehicles import load_vehicle
@@ -25,6 +25,7 @@ from logs.recorder import McapRecorder
 from logs.replay.flight import replay_flight
 from logs.scene import PLAIN_BIRD, SceneRecorder
 from sim_bridge import topics as truth_topics
+from wingbeat.message import Event, Severity
 
 VEHICLE, MISSION = "robo_raven_ii_d", "circuit"
 TICKS = 700

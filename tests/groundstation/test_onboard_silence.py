@@ -16,10 +16,11 @@ from avionics.link.framing import FrameReader, decode
 from avionics.link.ground import GroundLink
 from avionics.link.transport import Packet, Peer
 from avionics.link.urls import parse_url
-from avionics.messages import CommandKind, Event
+from avionics.messages import CommandKind
 from avionics.missions import load_mission
 from avionics.runtime.flight_computer import FlightComputer
 from avionics.vehicles import load_vehicle
+from wingbeat.message import Event
 
 POLL = 0.05
 """s; a waiting board calls `idle` as often"""

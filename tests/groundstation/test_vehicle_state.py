@@ -8,9 +8,10 @@ from typing import Any
 import pytest
 
 from avionics.link.dialect import mavlink
-from avionics.messages import Severity, Stage
+from avionics.messages import Stage
 from groundstation.link import modes
 from groundstation.link.vehicle_state import EVENTS_KEPT, VehicleState, new_events, receive
+from wingbeat.message import Severity
 
 
 def heard(*messages: Any, system: int = 1) -> VehicleState:

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from avionics.guidance.mission import ItemKind
 from avionics.link.vehicle import Home
-from avionics.quantities import BadInput
 from groundstation.link import waypoints
 from groundstation.link.missions import Item
+from wingbeat.errors import InputError
 
 single = st.integers(-9999, 9999).map(lambda n: n / 8)
 items = st.builds(
@@ -58,7 +58,7 @@ def test_our_own_missions_are_read_in_the_local_frame(tmp_path: Path) -> None:
 def test_an_existing_file_is_kept(tmp_path: Path) -> None:
     path = tmp_path / "a.waypoints"
     path.write_text("precious")
-    with pytest.raises(BadInput, match="cannot write"):
+    with pytest.raises(InputError, match="cannot write"):
         waypoints.write(path, [Item(3, 16, (0.0,) * 4, 0, 0, 0.0)])  # type: ignore[arg-type]
     assert path.read_text() == "precious"
 
@@ -80,7 +80,7 @@ def test_an_existing_file_is_kept(tmp_path: Path) -> None:
 def test_a_malformed_file_names_the_line(text: str, part: str, tmp_path: Path) -> None:
     path = tmp_path / "a.waypoints"
     path.write_text(text)
-    with pytest.raises(BadInput, match=part):
+    with pytest.raises(InputError, match=part):
         waypoints.read(path)
 
 

@@ -8,16 +8,16 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from avionics import messages as m
 from avionics import topics
-from avionics.topics import Topic
 from logs.layout import Field, layout_of
 from logs.recorder import McapRecorder
 from sim_bridge import topics as truth_topics
+from wingbeat.message import Event, Severity, Text
+from wingbeat.topic import Topic
 
 EPOCH_NS = 1_700_000_000_000_000_000
 ALL_TOPICS = topics.TOPICS + truth_topics.TOPICS
-FIXED_TOPICS = tuple(topic for topic in ALL_TOPICS if topic.message not in (m.Event, m.Text))
+FIXED_TOPICS = tuple(topic for topic in ALL_TOPICS if topic.message not in (Event, Text))
 LIMITS = {
     "fixed32": (0, 2**32 - 1),
     "sfixed32": (-(2**31), 2**31 - 1),
@@ -35,10 +35,10 @@ def random_value(field: Field, source: random.Random) -> Any:
 
 
 def random_message(topic: Topic, time_us: int, source: random.Random) -> Any:
-    if topic.message is m.Event:
-        return m.Event(time_us, m.Severity(source.randrange(8)), "guidance", f"event {source.random()}")
-    if topic.message is m.Text:
-        return m.Text(time_us, f'{{"value": {source.random()}}}')
+    if topic.message is Event:
+        return Event(time_us, Severity(source.randrange(8)), "guidance", f"event {source.random()}")
+    if topic.message is Text:
+        return Text(time_us, f'{{"value": {source.random()}}}')
     values = [random_value(field, source) for field in layout_of(topic.message).fields]
     return topic.message(*values)._replace(time_us=time_us)
 

@@ -19,8 +19,8 @@ from recorded import EPOCH_NS, FIXED_TOPICS, flight
 
 from avionics import messages as m
 from avionics import topics
-from avionics.topics import Topic
 from logs.recorder import IN_FLIGHT, McapRecorder, Writing
+from wingbeat.topic import Topic
 
 RECORDED = tuple(topic for topic in FIXED_TOPICS if topic is not topics.RECORDER)
 """all but what the recorder says itself"""

@@ -11,10 +11,10 @@ import pytest
 from recorded import EPOCH_NS, flight
 
 from avionics import topics
-from avionics.quantities import BadInput
 from logs.live.server import LiveServer, parse_address
 from logs.reader import open_log
 from logs.recorder import McapRecorder
+from wingbeat.errors import InputError
 
 
 def stuck_viewer(port: int) -> socket.socket:
@@ -64,5 +64,5 @@ def test_whatever_a_live_view_raises_ends_it_alone(
 def test_an_address_has_a_host_and_a_port() -> None:
     assert parse_address("0.0.0.0:8765") == ("0.0.0.0", 8765) and parse_address("[::1]:0") == ("::1", 0)
     for text in ("8765", "host", ":1", "host:", "host:-1", "host:65536", "host:x"):
-        with pytest.raises(BadInput, match="HOST:PORT"):
+        with pytest.raises(InputError, match="HOST:PORT"):
             parse_address(text)

@@ -18,13 +18,13 @@ from recorded import FIXED_TOPICS, flight, random_message, record
 
 from avionics import messages as m
 from avionics import topics
-from avionics.quantities import BadInput
 from avionics.state import zero
-from avionics.topics import Topic
 from logs.layout import layout_of
 from logs.reader import Log, open_log
 from logs.schema import descriptor_set
 from sim_bridge import topics as truth
+from wingbeat.errors import InputError
+from wingbeat.topic import Topic
 
 
 def log_of(path: Path, topic: Topic, times_us: list[int], fill: Callable[[float], dict[str, Any]]) -> Log:
@@ -268,5 +268,5 @@ def test_what_cannot_be_aligned_is_one_line(
     tmp_path: Path, topics_asked: list[str], options: dict[str, float], part: str
 ) -> None:
     log = open_log(record(tmp_path / "a.mcap", flight(0.5, (topics.IMU,))))
-    with pytest.raises(BadInput, match=part):
+    with pytest.raises(InputError, match=part):
         log.aligned(topics_asked, **options)

@@ -18,7 +18,6 @@ from mcap.opcode import Opcode
 from recorded import flight, record
 
 from avionics import topics
-from avionics.quantities import BadInput
 from logs.attached import aircraft_of
 from logs.checksums import OPCODE as CHECKSUMS
 from logs.columns import Columns
@@ -29,6 +28,7 @@ from logs.records import Span, records
 from logs.recover import recover
 from logs.strokes import strokes
 from logs.summary import summarize
+from wingbeat.errors import InputError
 
 ORDERED = (topics.IMU, topics.WING, topics.ATTITUDE)
 Reading = Mapping[str, Any]
@@ -45,7 +45,7 @@ class Refused(str):
 def attempt(read: Callable[[], Any]) -> Any:
     try:
         return read()
-    except BadInput as error:
+    except InputError as error:
         assert str(error) and "\n" not in str(error)
         return Refused(error)
 

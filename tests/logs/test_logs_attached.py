@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 
 from avionics import parameters
-from avionics.quantities import BadInput
 from avionics.sensing import inertial
 from avionics.vehicles import load_vehicle
 from groundstation.command.identify import identified
@@ -16,6 +15,7 @@ from logs.names import FLIGHT_VEHICLE, PARAMETERS
 from logs.noted import note_inputs
 from logs.reader import open_log
 from logs.recorder import McapRecorder
+from wingbeat.errors import InputError
 
 RAVEN = load_vehicle("robo_raven_ii_d")
 
@@ -48,7 +48,10 @@ def test_a_noted_parameter_that_is_no_number_is_one_line(tmp_path: Path) -> None
     recorder.attach(FLIGHT_VEHICLE, "application/toml", RAVEN.file.text.encode())
     recorder.note(PARAMETERS, {"PITCH_P": "fast"})
     recorder.close()
-    with open_log(tmp_path / "flight.mcap") as log, pytest.raises(BadInput, match="PITCH_P is not a number: 'fast'"):
+    with (
+        open_log(tmp_path / "flight.mcap") as log,
+        pytest.raises(InputError, match="PITCH_P is not a number: 'fast'"),
+    ):
         aircraft_of(log)
 
 
@@ -61,5 +64,8 @@ def test_a_log_without_a_vehicle_tells_nothing_of_it(tmp_path: Path) -> None:
 
 def test_another_vehicle_is_not_taken_for_the_one_that_flew(tmp_path: Path) -> None:
     calibrated(tmp_path / "flight.mcap")
-    with open_log(tmp_path / "flight.mcap") as log, pytest.raises(BadInput, match="carries the file of its vehicle"):
+    with (
+        open_log(tmp_path / "flight.mcap") as log,
+        pytest.raises(InputError, match="carries the file of its vehicle"),
+    ):
         identified(log, "modes", "arizona_100cm")

@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 from recorded import flight
 
-from avionics.topics import Topic
 from logs.batches import BATCH, batched
+from wingbeat.topic import Topic
 
 MESSAGES = flight(2.0)
 

@@ -20,7 +20,6 @@ from recorded import ALL_TOPICS, EPOCH_NS, flight, record
 
 from avionics import messages as m
 from avionics import topics
-from avionics.quantities import BadInput
 from logs.checksums import OPCODE, Checksums, decode_checksums, encode_checksums
 from logs.index import ALTERED
 from logs.reader import open_log
@@ -28,6 +27,7 @@ from logs.recorder import McapRecorder
 from logs.records import HEAD, Damage, Span, records
 from logs.recover import recover
 from sim_bridge import topics as truth_topics
+from wingbeat.errors import InputError
 
 CHOSEN = (topics.IMU, topics.WING, topics.NAVIGATION, topics.EVENTS, topics.INPUTS, truth_topics.STATE)
 
@@ -75,7 +75,7 @@ def test_a_file_cut_anywhere_gives_its_whole_chunks(
     path = tmp_path_factory.mktemp("cut") / "a.mcap"
     path.write_bytes(whole[:cut])
     if cut < 8:
-        with pytest.raises(BadInput):
+        with pytest.raises(InputError):
             open_log(path)
         return
     whole_chunks = [span for span in spans_of(whole, Opcode.CHUNK) if span.end <= cut]
@@ -114,7 +114,7 @@ def test_a_flipped_bit_never_gives_a_wrong_number(
         with open_log(path) as log:
             said = bool(log.damage)
             tables = log.tables(_fixed(log))
-    except BadInput as error:
+    except InputError as error:
         assert "\n" not in str(error)
         return
     for name, columns in tables.items():
@@ -134,7 +134,7 @@ def test_a_chunk_altered_in_a_whole_file_is_noticed(tmp_path: Path, whole: bytes
     path = tmp_path / "a.mcap"
     path.write_bytes(damaged)
     log = open_log(path)
-    with pytest.raises(BadInput, match=rf"chunk at byte {chunk.offset} .*recover") as raised:
+    with pytest.raises(InputError, match=rf"chunk at byte {chunk.offset} .*recover") as raised:
         log.columns(topics.IMU)
     assert "\n" not in str(raised.value)
     assert [line for line in log.verify() if f"byte {chunk.offset}" in line]
@@ -146,7 +146,7 @@ def test_an_altered_attachment_is_noticed(tmp_path: Path, whole: bytes) -> None:
     damaged[span.end - 6] ^= 1
     path = tmp_path / "a.mcap"
     path.write_bytes(damaged)
-    with pytest.raises(BadInput, match="attachment"):
+    with pytest.raises(InputError, match="attachment"):
         open_log(path).attachment("vehicle.toml")
 
 
@@ -354,7 +354,7 @@ def test_a_log_that_is_being_recorded_is_not_repaired(tmp_path: Path) -> None:
         for topic, message in flight(0.5, ALL_TOPICS):
             recorder.record(topic, message)
         recorder.flush()
-        with pytest.raises(BadInput, match="being recorded"):
+        with pytest.raises(InputError, match="being recorded"):
             recover(recorder.path)
     assert open_log(recorder.path).complete
 
@@ -362,10 +362,10 @@ def test_a_log_that_is_being_recorded_is_not_repaired(tmp_path: Path) -> None:
 def test_what_is_no_log_is_not_touched_by_repair(tmp_path: Path) -> None:
     path = tmp_path / "notes.txt"
     path.write_text("precious")
-    with pytest.raises(BadInput, match="not an MCAP log"):
+    with pytest.raises(InputError, match="not an MCAP log"):
         recover(path)
     assert path.read_text() == "precious" and list(tmp_path.iterdir()) == [path]
-    with pytest.raises(BadInput, match="cannot repair"):
+    with pytest.raises(InputError, match="cannot repair"):
         recover(tmp_path / "missing.mcap")
 
 

@@ -15,12 +15,12 @@ from recorded import ALL_TOPICS, flight, record
 from scipy.io import loadmat
 
 from avionics import topics
-from avionics.quantities import BadInput
 from logs import matlab
 from logs.export import FORMS, Part, export
 from logs.extras import pip_install
 from logs.matlab import matlab_names, write_mat
 from logs.reader import Log, open_log
+from wingbeat.errors import InputError
 
 SOME = (topics.WING, topics.ADC, topics.NAVIGATION, topics.EVENTS, topics.PILOT)
 
@@ -92,7 +92,7 @@ def test_a_field_whose_name_is_the_structs_own_is_kept(tmp_path: Path) -> None:
 
 def test_what_is_too_large_for_matlab_says_so(log: Log, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(matlab, "LARGEST", 10_000)
-    with pytest.raises(BadInput, match="a MATLAB 5 file"):
+    with pytest.raises(InputError, match="a MATLAB 5 file"):
         export(log, tmp_path / "a.mat")
     assert list(tmp_path.iterdir()) == []
 
@@ -130,7 +130,7 @@ def test_parquet_of_texts_and_of_no_message(tmp_path: Path) -> None:
 
 def test_without_pyarrow_parquet_is_one_line(log: Log, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pyarrow", None)
-    with pytest.raises(BadInput, match=r"needs pyarrow, which is not installed: \S+ -m pip install 'pyarrow[<>=]"):
+    with pytest.raises(InputError, match=r"needs pyarrow, which is not installed: \S+ -m pip install 'pyarrow[<>=]"):
         export(log, tmp_path / "a.parquet", Part(["/main/wing"]))
     assert list(tmp_path.iterdir()) == []
 
@@ -148,7 +148,7 @@ def test_what_is_not_meant_is_refused_in_one_line(log: Log, tmp_path: Path) -> N
         (tmp_path / "a.npz", Part(["/main/wing.phase"]), "/main/wing.phase: a field alone goes into one table"),
         (tmp_path / "a.xyz", Part(), r"a.xyz: no export as .xyz; there are csv"),
     ):
-        with pytest.raises(BadInput, match=said):
+        with pytest.raises(InputError, match=said):
             export(log, target, part)
     assert list(tmp_path.iterdir()) == []
 
@@ -177,11 +177,11 @@ def test_one_table_of_everything_leaves_out_what_is_no_series_of_numbers(log: Lo
 
 
 def test_one_file_holds_one_table(log: Log, tmp_path: Path) -> None:
-    with pytest.raises(BadInput, match="is one file for 5 topics: name a folder, one topic or a rate"):
+    with pytest.raises(InputError, match="is one file for 5 topics: name a folder, one topic or a rate"):
         export(log, tmp_path / "a.csv")
     (path,) = export(log, tmp_path / "a.csv", Part(["/main/wing"])).files
     assert len(rows_of(path)) == 400
-    with pytest.raises(BadInput, match="no export as xls; there are csv, parquet, npz, mat"):
+    with pytest.raises(InputError, match="no export as xls; there are csv, parquet, npz, mat"):
         export(log, tmp_path / "b", form="xls")
     assert list(tmp_path.iterdir()) == [path]
 
@@ -192,7 +192,7 @@ def test_no_form_overwrites(log: Log, tmp_path: Path, form: str) -> None:
         pytest.importorskip("pyarrow")
     taken = tmp_path / f"a.{form}"
     taken.write_text("precious")
-    with pytest.raises(BadInput, match="exists"):
+    with pytest.raises(InputError, match="exists"):
         export(log, taken, Part(["/main/wing"]))
     assert taken.read_text() == "precious" and list(tmp_path.iterdir()) == [taken]
 
@@ -204,7 +204,7 @@ def test_what_cannot_be_decoded_is_left_out_and_told(tmp_path: Path) -> None:
     assert len(done.left_out) == 1 and "/blob is encoded as flatbuffer" in done.left_out[0]
     rows = rows_of(done.files[0])
     assert rows[2]["log_time [s]"] == "0.2" and rows[2]["b.c"] == "2.5" and rows[2]["list"] == "[1, 1]"
-    with pytest.raises(BadInput, match="/blob is encoded as flatbuffer"):
+    with pytest.raises(InputError, match="/blob is encoded as flatbuffer"):
         export(log, tmp_path / "b", Part(["/blob"]))
 
 
@@ -255,13 +255,13 @@ def test_what_installs_a_package_is_the_pip_of_the_python_that_runs(
 def test_without_the_library_a_frame_is_one_line(log: Log, library: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, library, None)
     with pytest.raises(
-        BadInput, match=rf"a data frame needs {library}, which is not installed: \S+ -m pip install {library}$"
+        InputError, match=rf"a data frame needs {library}, which is not installed: \S+ -m pip install {library}$"
     ):
         log.frame(topics.WING, library)
 
 
 def test_frames_of_an_unknown_library(log: Log) -> None:
-    with pytest.raises(BadInput, match="no data frames of excel; there are those of pandas and polars"):
+    with pytest.raises(InputError, match="no data frames of excel; there are those of pandas and polars"):
         log.frame(topics.WING, "excel")
 
 

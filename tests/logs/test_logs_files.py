@@ -22,8 +22,6 @@ from recorded import ALL_TOPICS, EPOCH_NS, FIXED_TOPICS, flight, record
 
 from avionics import messages as m
 from avionics import topics
-from avionics.quantities import BadInput
-from avionics.topics import Topic
 from logs.export import csv_header, export_csv, export_npz
 from logs.info import flown_in, summary, topic_row
 from logs.join import join
@@ -31,6 +29,8 @@ from logs.names import JOINED, PARTS, reserved
 from logs.placing import claim, draft, held
 from logs.reader import TopicInfo, open_log
 from sim_bridge import topics as truth_topics
+from wingbeat.errors import InputError
+from wingbeat.topic import Topic
 
 # --- join -----------------------------------------------------------------------------------------------
 
@@ -76,7 +76,7 @@ def test_joining_never_overwrites(tmp_path: Path) -> None:
     parts, _ = two_parts(tmp_path)
     out = tmp_path / "flight.mcap"
     out.write_bytes(b"precious")
-    with pytest.raises(BadInput, match="exists"):
+    with pytest.raises(InputError, match="exists"):
         join(parts, out)
     assert out.read_bytes() == b"precious" and all(path.exists() for path in parts)
 
@@ -95,7 +95,7 @@ def test_channels_that_contradict_each_other_are_bad_input(tmp_path: Path) -> No
         record(tmp_path / "a", flight(0.5, (topics.IMU,))),
         record(tmp_path / "b", flight(0.5, (other,))),
     ]
-    with pytest.raises(BadInput, match="/sensors/imu and /other"):
+    with pytest.raises(InputError, match="/sensors/imu and /other"):
         join(parts, tmp_path / "c.mcap")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "b"]
 
@@ -115,10 +115,10 @@ def test_a_part_that_was_cut_off_is_joined_and_kept(tmp_path: Path) -> None:
 def test_a_part_that_is_no_log_stops_the_joining(tmp_path: Path) -> None:
     parts, _ = two_parts(tmp_path)
     parts[1].write_bytes(b"")
-    with pytest.raises(BadInput, match=r"world\.part is empty"):
+    with pytest.raises(InputError, match=r"world\.part is empty"):
         join(parts, tmp_path / "flight.mcap")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["avionics.part", "world.part"]
-    with pytest.raises(BadInput, match="nothing to join"):
+    with pytest.raises(InputError, match="nothing to join"):
         join([], tmp_path / "flight.mcap")
 
 
@@ -257,13 +257,13 @@ def test_export_never_overwrites(tmp_path: Path) -> None:
     log = open_log(record(tmp_path / "a.mcap", flight(0.1, (topics.IMU, topics.WING))))
     taken = tmp_path / "main_wing.csv"
     taken.write_text("precious")
-    with pytest.raises(BadInput, match="exists"):
+    with pytest.raises(InputError, match="exists"):
         export_csv(log, tmp_path)
-    with pytest.raises(BadInput, match="exists"):
+    with pytest.raises(InputError, match="exists"):
         export_npz(log, taken)
-    with pytest.raises(BadInput, match="no topic /x"):
+    with pytest.raises(InputError, match="no topic /x"):
         export_csv(log, tmp_path, ["/x"])
-    with pytest.raises(BadInput, match="cannot write"):
+    with pytest.raises(InputError, match="cannot write"):
         export_csv(log, taken / "folder")
     assert taken.read_text() == "precious"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.mcap", "main_wing.csv"]
@@ -312,7 +312,7 @@ def test_the_place_of_another_is_never_taken(tmp_path: Path, monkeypatch: pytest
     if not links:
         monkeypatch.setattr(os, "link", no_links)
     for content in (b"first", b"second"):
-        with contextlib.suppress(BadInput), draft(tmp_path / "a.csv") as (file, name):
+        with contextlib.suppress(InputError), draft(tmp_path / "a.csv") as (file, name):
             file.write(content)
             claim(name, tmp_path / "a.csv")
     assert (tmp_path / "a.csv").read_bytes() == b"first"

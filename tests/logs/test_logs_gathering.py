@@ -13,7 +13,6 @@ from recorded import EPOCH_NS, FIXED_TOPICS, flight, record
 
 from avionics import messages as m
 from avionics import topics
-from avionics.quantities import BadInput
 from logs import gathering
 from logs.index import read_index
 from logs.layout import layout_of
@@ -21,6 +20,7 @@ from logs.listing import Places
 from logs.reader import Log, open_log
 from logs.records import records
 from logs.schema import descriptor_set
+from wingbeat.errors import InputError
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +60,7 @@ def test_damage_in_any_batch_is_one_line(path: Path, tmp_path: Path, monkeypatch
     damaged = tmp_path / "a.mcap"
     damaged.write_bytes(data)
     monkeypatch.setattr(gathering, "BATCH_BYTES", 1)
-    with open_log(damaged) as log, pytest.raises(BadInput, match=f"chunk at byte {chunks[2].offset} "):
+    with open_log(damaged) as log, pytest.raises(InputError, match=f"chunk at byte {chunks[2].offset} "):
         log.tables()
 
 

@@ -16,11 +16,12 @@ from hypothesis import strategies as st
 from recorded import FIXED_TOPICS, LIMITS
 
 from avionics import messages as m
-from avionics.docstrings import split_unit
-from avionics.topics import Topic
 from logs.layout import Field, layout_of, varint
 from logs.schema import channel_metadata, descriptor_set, layout_from_schema
 from sim_bridge.messages import TruthLoads
+from wingbeat.docstrings import split_unit
+from wingbeat.message import Event
+from wingbeat.topic import Topic
 
 
 def library_class(topic: Topic) -> Any:
@@ -112,7 +113,7 @@ def test_an_array_of_another_length_is_refused() -> None:
 
 def test_a_field_without_a_fixed_width_is_refused() -> None:
     with pytest.raises(TypeError, match=r"Event\.time_us"):
-        layout_of(m.Event)
+        layout_of(Event)
 
 
 class Undeclared(NamedTuple):

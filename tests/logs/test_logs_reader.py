@@ -20,12 +20,14 @@ from recorded import ALL_TOPICS, EPOCH_NS, FIXED_TOPICS, flight, record
 
 from avionics import messages as m
 from avionics import topics
-from avionics.quantities import BadInput
 from logs.index import read_index
 from logs.layout import Field, Layout, layout_of
 from logs.reader import TEXT_SCHEMA, open_log
 from logs.schema import descriptor_set, layout_from_schema
 from sim_bridge import topics as truth_topics
+from wingbeat.errors import InputError
+from wingbeat.message import Event, Severity
+from wingbeat.topic import Topic
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +37,7 @@ def sample(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[tuple[A
 
 
 @pytest.mark.parametrize("topic", FIXED_TOPICS, ids=lambda topic: topic.name)
-def test_columns_equal_what_was_recorded(sample: tuple[Path, list[Any]], topic: topics.Topic) -> None:
+def test_columns_equal_what_was_recorded(sample: tuple[Path, list[Any]], topic: Topic) -> None:
     path, messages = sample
     columns = open_log(path).columns(topic)
     recorded = [message for t, message in messages if t is topic]
@@ -70,7 +72,7 @@ def test_topics_tell_what_they_are(sample: tuple[Path, list[Any]]) -> None:
 def test_events_texts_attachments_metadata_and_duration(sample: tuple[Path, list[Any]]) -> None:
     path, messages = sample
     log = open_log(path)
-    events = [message for topic, message in messages if topic.message is m.Event]
+    events = [message for topic, message in messages if topic.message is Event]
     assert log.events() == sorted(events, key=lambda event: event.time_us)
     assert log.texts(topics.INPUTS) == [message for topic, message in messages if topic is topics.INPUTS]
     assert log.attachment("vehicle.toml") == b"name = 'raven'\n"
@@ -99,11 +101,11 @@ def test_several_topics_in_one_pass(sample: tuple[Path, list[Any]]) -> None:
 
 def test_an_unknown_topic_names_the_known_ones(sample: tuple[Path, list[Any]]) -> None:
     log = open_log(sample[0])
-    with pytest.raises(BadInput, match=r"no topic /nowhere; it has: /sensors/imu, "):
+    with pytest.raises(InputError, match=r"no topic /nowhere; it has: /sensors/imu, "):
         log.columns("/nowhere")
-    with pytest.raises(BadInput, match="no texts"):
+    with pytest.raises(InputError, match="no texts"):
         log.texts(topics.IMU)
-    with pytest.raises(BadInput, match=r"no attachment x; it has: vehicle\.toml"):
+    with pytest.raises(InputError, match=r"no attachment x; it has: vehicle\.toml"):
         log.attachment("x")
 
 
@@ -123,14 +125,14 @@ def test_a_log_without_messages(tmp_path: Path) -> None:
 def test_what_is_not_a_log_is_bad_input(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "a.mcap"
     path.write_bytes(content)
-    with pytest.raises(BadInput) as raised:
+    with pytest.raises(InputError) as raised:
         open_log(path)
     assert str(path) in str(raised.value) and "\n" not in str(raised.value)
 
 
 @pytest.mark.parametrize("place", ["missing.mcap", "."])
 def test_what_cannot_be_read_is_bad_input(tmp_path: Path, place: str) -> None:
-    with pytest.raises(BadInput, match="cannot read"):
+    with pytest.raises(InputError, match="cannot read"):
         open_log(tmp_path / place)
 
 
@@ -188,7 +190,7 @@ def test_files_of_another_writer(tmp_path: Path, options: dict[str, Any]) -> Non
     assert fix["velocity.x"].tolist() == fix["latitude"].tolist() == list(range(10, 20))
     assert fix["position_covariance"].shape == (10, 9)
     assert log.topics["/torque"].messages == 60
-    with pytest.raises(BadInput, match="/blob is encoded as cdr"):
+    with pytest.raises(InputError, match="/blob is encoded as cdr"):
         log.columns("/blob")
 
 
@@ -310,9 +312,9 @@ def test_a_message_of_ros_2_that_is_too_short_is_one_line(tmp_path: Path) -> Non
         writer.add_message(wrong, 1, b"\x00\x01\x00\x00", 1)
         writer.finish()
     log = open_log(path)
-    with pytest.raises(BadInput, match="a message of /0 cannot be read"):
+    with pytest.raises(InputError, match="a message of /0 cannot be read"):
         log.columns("/0")
-    with pytest.raises(BadInput, match="schema b/B cannot be read"):
+    with pytest.raises(InputError, match="schema b/B cannot be read"):
         log.columns("/1")
 
 
@@ -320,7 +322,7 @@ def test_without_its_package_ros_2_is_one_line(tmp_path: Path, monkeypatch: pyte
     log = open_log(ros2(tmp_path / "a.mcap"))
     monkeypatch.setitem(sys.modules, "mcap_ros2.decoder", None)
     with pytest.raises(
-        BadInput, match=r"needs mcap-ros2-support, which is not installed: \S+ -m pip install"
+        InputError, match=r"needs mcap-ros2-support, which is not installed: \S+ -m pip install"
     ) as raised:
         log.columns("/odometry")
     assert "\n" not in str(raised.value)
@@ -331,7 +333,7 @@ def test_times_come_from_the_message_indexes_alone(tmp_path: Path) -> None:
     log = open_log(path)
     for topic in FIXED_TOPICS:
         assert log.times(topic) == pytest.approx(log.columns(topic).time, abs=1e-9)
-    with pytest.raises(BadInput, match="has no topic /nothing"):
+    with pytest.raises(InputError, match="has no topic /nothing"):
         log.times("/nothing")
 
 
@@ -353,7 +355,7 @@ def test_the_order_of_writing_is_told_whatever_the_times(tmp_path: Path) -> None
     written: list[Any] = []
     for i, time_us in enumerate(times):
         written.append((topics.HEALTH, m.Health(time_us, 0, 0, i)))
-        written.append((topics.EVENTS, m.Event(time_us, m.Severity.INFO, "x", str(i))))
+        written.append((topics.EVENTS, Event(time_us, Severity.INFO, "x", str(i))))
     path = record(tmp_path / "a.mcap", written)
     log = open_log(path)
     kinds, rows = log.order([topics.HEALTH, topics.EVENTS])
@@ -420,10 +422,10 @@ def test_json_that_is_nested_too_deeply_is_one_line(tmp_path: Path) -> None:
             )
         writer.finish()
     log = open_log(path)
-    with pytest.raises(BadInput, match="a JSON message cannot be read") as raised:
+    with pytest.raises(InputError, match="a JSON message cannot be read") as raised:
         log.columns("/json")
     assert "\n" not in str(raised.value)
-    with pytest.raises(BadInput, match="a text message cannot be read"):
+    with pytest.raises(InputError, match="a text message cannot be read"):
         log.texts("/text")
 
 
@@ -438,7 +440,7 @@ def test_a_log_time_beyond_what_can_be_is_one_line(tmp_path: Path) -> None:
     log = open_log(path)
     for topic in ("/torque", "/json"):
         for read in (log.columns, log.times):
-            with pytest.raises(BadInput, match="a log time of /") as raised:
+            with pytest.raises(InputError, match="a log time of /") as raised:
                 read(topic)
             assert "\n" not in str(raised.value)
 
@@ -454,5 +456,5 @@ def test_any_number_is_a_time(sample: tuple[Path, list[Any]], start: float | Non
 
 
 def test_no_number_is_no_time(sample: tuple[Path, list[Any]]) -> None:
-    with pytest.raises(BadInput, match="nan s is no time"):
+    with pytest.raises(InputError, match="nan s is no time"):
         open_log(sample[0]).columns(topics.IMU, math.nan)

@@ -17,11 +17,12 @@ from recorded import ALL_TOPICS, EPOCH_NS, FIXED_TOPICS, flight, record
 
 from avionics import messages as m
 from avionics import topics
-from avionics.quantities import BadInput
-from avionics.topics import Topic
 from logs import recorder as recorder_module
 from logs.reader import open_log
 from logs.recorder import CHUNK_BYTES, McapRecorder
+from wingbeat.errors import InputError
+from wingbeat.message import Event, Severity
+from wingbeat.topic import Topic
 
 
 def test_an_independent_reader_finds_every_message(tmp_path: Path) -> None:
@@ -61,7 +62,7 @@ def test_every_checksum_and_the_summary_satisfy_the_mcap_package(tmp_path: Path)
 
 
 def test_events_are_log_lines_for_viewers(tmp_path: Path) -> None:
-    path = record(tmp_path / "a.mcap", [(topics.EVENTS, m.Event(1_500_000, m.Severity.NOTICE, "main", "armed"))])
+    path = record(tmp_path / "a.mcap", [(topics.EVENTS, Event(1_500_000, Severity.NOTICE, "main", "armed"))])
     with path.open("rb") as file:
         reader = make_reader(file, decoder_factories=[DecoderFactory()])
         schema, _, _, log = next(iter(reader.iter_decoded_messages()))
@@ -122,14 +123,14 @@ def test_chunks_are_closed_by_the_wall_clock(tmp_path: Path) -> None:
 def test_an_existing_file_is_left_alone(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     path.write_bytes(b"precious")
-    with pytest.raises(BadInput, match="exists"):
+    with pytest.raises(InputError, match="exists"):
         McapRecorder(path)
     assert path.read_bytes() == b"precious"
 
 
 def test_a_place_that_cannot_be_written_is_bad_input(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("no folder")
-    with pytest.raises(BadInput, match="cannot record"):
+    with pytest.raises(InputError, match="cannot record"):
         McapRecorder(tmp_path / "file" / "a.mcap")
 
 
@@ -174,7 +175,7 @@ def test_a_full_disk_ends_the_recording_not_the_flight(
 def test_a_disk_without_room_at_all_is_bad_input(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     create = recorder_module._create
     monkeypatch.setattr(recorder_module, "_create", lambda path: FullDisk(create(path), 10))
-    with pytest.raises(BadInput, match="No space left"):
+    with pytest.raises(InputError, match="No space left"):
         McapRecorder(tmp_path / "a.mcap")
     assert not (tmp_path / "a.mcap").exists()
 
@@ -188,8 +189,8 @@ def test_a_disk_without_room_at_all_is_bad_input(tmp_path: Path, monkeypatch: py
         (topics.HEALTH, None),
         (topics.HEALTH, m.Health(-(2**70), 0, 0, 0)),
         (topics.ADC, m.AdcBurst(1, (1,), (1,))),
-        (topics.EVENTS, m.Event(1, 99, "", "")),  # type: ignore[arg-type]
-        (topics.EVENTS, m.Event(1, m.Severity.INFO, "", "\ud800")),
+        (topics.EVENTS, Event(1, 99, "", "")),  # type: ignore[arg-type]
+        (topics.EVENTS, Event(1, Severity.INFO, "", "\ud800")),
         (Topic("/bad", m.Command, 999, 0.0), m.Command(1, m.CommandKind.ARM)),
         (Topic("/clash", m.Health, topics.IMU.channel, 0.0), m.Health(1, 0, 0, 0)),
     ],
@@ -289,7 +290,7 @@ def test_a_lock_that_is_held_for_a_moment_is_waited_for(tmp_path: Path, monkeypa
 def test_a_file_that_another_keeps_locked_is_not_recorded_to(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with monkeypatch.context() as patch:
         Repairing(patch, attempts=10**6)
-        with pytest.raises(BadInput, match="another program holds its lock"):
+        with pytest.raises(InputError, match="another program holds its lock"):
             McapRecorder(tmp_path / "a.mcap")
     assert list(tmp_path.iterdir()) == []
 

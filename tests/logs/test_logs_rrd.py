@@ -13,9 +13,7 @@ from mcap_protobuf.decoder import DecoderFactory
 from numpy.typing import NDArray
 from recorded import EPOCH_NS
 
-from avionics import messages as m
 from avionics import topics
-from avionics.quantities import BadInput
 from logs.export import Part, export
 from logs.outline import shape_of
 from logs.poses import wing_in_body
@@ -25,13 +23,15 @@ from logs.rrd import BIRD, PLACE
 from logs.scene import SceneRecorder, outlines
 from sim_bridge import topics as truth_topics
 from sim_bridge.vehicles import load_vehicle
+from wingbeat.errors import InputError
+from wingbeat.message import Event, Severity
 
 pytest.importorskip("rerun", reason="rerun-sdk is not installed: pip install rerun-sdk")
 chunk = pytest.importorskip("rerun.chunk")
 
 Array = NDArray[np.float64]
 SHAPE = shape_of(load_vehicle("robo_raven_ii_d"))
-EVENTS = ((1.0, m.Severity.INFO, "armed"), (6.0, m.Severity.CRITICAL, "the battery is empty"))
+EVENTS = ((1.0, Severity.INFO, "armed"), (6.0, Severity.CRITICAL, "the battery is empty"))
 
 
 class Drawn:
@@ -64,7 +64,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Log:
         for topic, message in messages(20.0):
             seen.record(topic, message)
         for time, severity, text in EVENTS:
-            seen.record(topics.EVENTS, m.Event(round(time * 1e6), severity, "main", text))
+            seen.record(topics.EVENTS, Event(round(time * 1e6), severity, "main", text))
     return open_log(path)
 
 
@@ -117,11 +117,11 @@ def test_plots_events_and_track_are_the_logs(flown: Log, drawn: Drawn) -> None:
 
 
 def test_it_takes_no_part_and_shows_nothing_of_nothing(flown: Log, tmp_path: Path) -> None:
-    with pytest.raises(BadInput, match="rrd holds the whole flight: it takes no topics, times or rate"):
+    with pytest.raises(InputError, match="rrd holds the whole flight: it takes no topics, times or rate"):
         export(flown, tmp_path / "a.rrd", Part(start=1.0))
     with McapRecorder(tmp_path / "empty.mcap", start_epoch_ns=EPOCH_NS):
         pass
-    with open_log(tmp_path / "empty.mcap") as empty, pytest.raises(BadInput, match="none of the topics"):
+    with open_log(tmp_path / "empty.mcap") as empty, pytest.raises(InputError, match="none of the topics"):
         export(empty, tmp_path / "a.rrd")
     assert not (tmp_path / "a.rrd").exists()
 
@@ -143,7 +143,7 @@ def test_what_is_believed_is_drawn_where_nothing_truer_is_known(tmp_path: Path) 
 
 def test_a_log_of_events_alone_is_shown_without_a_bird(tmp_path: Path) -> None:
     with McapRecorder(tmp_path / "said.mcap", start_epoch_ns=EPOCH_NS) as recorder:
-        recorder.record(topics.EVENTS, m.Event(10**6, m.Severity.INFO, "main", "armed"))
+        recorder.record(topics.EVENTS, Event(10**6, Severity.INFO, "main", "armed"))
     with open_log(tmp_path / "said.mcap") as log:
         (path,) = export(log, tmp_path / "new" / "said.rrd").files
     found = Drawn(path)

@@ -15,15 +15,17 @@ from avionics.calibration.procedure import Setting, applied
 from avionics.guidance.mission import Channel as Excited
 from avionics.guidance.mission import Excitation, ItemKind, MissionItem, Shape
 from avionics.inputs import encode_command
-from avionics.messages import Command, CommandKind, Event, ImuSample, SensorFrame, Severity, Text
-from avionics.quantities import BadInput
-from avionics.topics import EVENTS, INPUTS, SNAPSHOTS, Topic
+from avionics.messages import Command, CommandKind, ImuSample, SensorFrame
+from avionics.topics import EVENTS, INPUTS, SNAPSHOTS
 from avionics.vehicles import load_vehicle
 from logs.names import MISSION, PARAMETERS
 from logs.noted import note_inputs
 from logs.reader import Log, open_log
 from logs.recorder import McapRecorder
 from logs.settings import Change, mission_document
+from wingbeat.errors import InputError
+from wingbeat.message import Event, Severity, Text
+from wingbeat.topic import Topic
 
 RAVEN = load_vehicle("robo_raven_ii_d")
 TABLE = parameters.parameter_table(RAVEN.gains)
@@ -134,9 +136,9 @@ def test_what_cannot_be_read_is_one_line(tmp_path: Path) -> None:
         recorder.note(PARAMETERS, {"PITCH_P": "fast"})
         recorder.attach(MISSION, "application/json", b"{")
     log = open_log(tmp_path / "a.mcap")
-    with pytest.raises(BadInput, match="PITCH_P is not a number: 'fast'"):
+    with pytest.raises(InputError, match="PITCH_P is not a number: 'fast'"):
         log.parameters.at(0.0)
-    with pytest.raises(BadInput, match=r"mission\.json is no list of mission items"):
+    with pytest.raises(InputError, match=r"mission\.json is no list of mission items"):
         tuple(log.missions)
     command = Command(1, CommandKind.SET_MISSION, payload=[[1, 2]])
     texts = [
@@ -144,5 +146,5 @@ def test_what_cannot_be_read_is_one_line(tmp_path: Path) -> None:
         (INPUTS, Text(2, '{"kind":"SOAR"}')),
         (EVENTS, Event(1, Severity.INFO, "mission", "mission of 1 item")),
     ]
-    with pytest.raises(BadInput, match="of another version of the flight computer"):
+    with pytest.raises(InputError, match="of another version of the flight computer"):
         tuple(noted(tmp_path / "b.mcap", texts).missions)

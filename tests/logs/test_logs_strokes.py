@@ -11,10 +11,10 @@ from recorded import flight, record
 
 from avionics import messages as m
 from avionics import topics
-from avionics.quantities import BadInput
 from avionics.state import zero
 from logs.reader import open_log
 from logs.strokes import Strokes, cut_strokes, strokes
+from wingbeat.errors import InputError
 
 TIME = np.arange(0, 10, 0.005)
 
@@ -115,5 +115,5 @@ def test_strokes_of_a_log(tmp_path: Path) -> None:
     part = strokes(log, 2.0, 4.0)
     assert np.all((part.begin >= 2.0) & (part.end < 4.0)) and len(part.begin) in range(6, 9)
     other = open_log(record(tmp_path / "b.mcap", flight(0.1, (topics.IMU,))))
-    with pytest.raises(BadInput, match="no topic /main/wing"):
+    with pytest.raises(InputError, match="no topic /main/wing"):
         strokes(other)

@@ -16,8 +16,6 @@ import zstandard
 from recorded import EPOCH_NS, flight, record
 
 from avionics import topics
-from avionics.quantities import BadInput
-from avionics.topics import Topic
 from logs import backlog as backlog_module
 from logs import container
 from logs import recorder as recorder_module
@@ -25,6 +23,8 @@ from logs.backlog import Backlog
 from logs.reader import Log, open_log
 from logs.recorder import IN_FLIGHT, McapRecorder, Writing
 from logs.recover import recover_left
+from wingbeat.errors import InputError
+from wingbeat.topic import Topic
 
 IMU_ALONE = (topics.IMU,)
 
@@ -312,7 +312,7 @@ def test_where_no_further_file_can_be_begun_the_last_one_grows_on(
 
     def once(path: Path) -> Any:
         if path.name != "a.mcap":
-            raise BadInput("no more files")
+            raise InputError("no more files")
         return create(path)
 
     monkeypatch.setattr(recorder_module, "_create", once)

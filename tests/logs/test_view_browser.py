@@ -12,9 +12,9 @@ from circling import ONBOARD, messages
 from test_view_data import flown
 
 from avionics import topics
-from avionics.topics import Topic
 from logs.reader import open_log
 from logs.view.page import write_page
+from wingbeat.topic import Topic
 
 PROGRAM = find_browser()
 pytestmark = pytest.mark.skipif(PROGRAM is None, reason="no Chromium on the PATH, and WINGBEAT_CHROMIUM names none")

@@ -22,8 +22,6 @@ from scipy.spatial.transform import Rotation
 
 from avionics import messages as m
 from avionics import topics
-from avionics.quantities import BadInput
-from avionics.topics import Topic
 from logs.poses import enu_from_flu
 from logs.reader import open_log
 from logs.recorder import McapRecorder
@@ -35,6 +33,9 @@ from logs.view.panels import PANELS, Series, bands
 from logs.view.tables import Tables, read_tables
 from logs.view.thinning import thinned
 from sim_bridge import topics as truth_topics
+from wingbeat.errors import InputError
+from wingbeat.message import Event, Severity
+from wingbeat.topic import Topic
 
 Array = NDArray[np.float64]
 NAN = math.nan
@@ -46,7 +47,7 @@ def flown(path: Path, flight: Any, events: tuple[tuple[float, str], ...] = ()) -
         for topic, message in flight:
             recorder.record(topic, message)
         for time, text in events:
-            recorder.record(topics.EVENTS, m.Event(round(time * 1e6), m.Severity.INFO, "main", text))
+            recorder.record(topics.EVENTS, Event(round(time * 1e6), Severity.INFO, "main", text))
     assert not recorder.refusal and not recorder.failure
     return path
 
@@ -298,14 +299,14 @@ def test_what_an_event_says_cannot_leave_its_place(tmp_path: Path) -> None:
 
 def test_a_log_with_nothing_to_show_is_refused(tmp_path: Path) -> None:
     path = flown(tmp_path / "a.mcap", (), ((0.5, "armed"),))
-    with open_log(path) as log, pytest.raises(BadInput, match="none of the topics"):
+    with open_log(path) as log, pytest.raises(InputError, match="none of the topics"):
         write_page(log, tmp_path / "a.html")
     assert not (tmp_path / "a.html").exists()
 
 
 def test_an_existing_page_is_kept(tmp_path: Path) -> None:
     (tmp_path / "a.html").write_text("mine")
-    with open_log(flown(tmp_path / "a.mcap", messages(1.0))) as log, pytest.raises(BadInput, match="exists"):
+    with open_log(flown(tmp_path / "a.mcap", messages(1.0))) as log, pytest.raises(InputError, match="exists"):
         write_page(log, tmp_path / "a.html")
     assert (tmp_path / "a.html").read_text() == "mine"
 

@@ -10,11 +10,11 @@ import pytest
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
-from avionics.quantities import BadInput
 from logs.scene import TRANSFORMS
 from logs.wake_scene import THINNED, WAKE, write_wake
 from sim_bridge.aerodynamics.vortex_lattice.geometry import Section, Surface, build_lattice
 from sim_bridge.aerodynamics.vortex_lattice.unsteady import Air, Scheme, Snapshot, run
+from wingbeat.errors import InputError
 
 EPOCH_NS, STEPS, DT = 1_700_000_000_000_000_000, 6, 0.1
 LATTICE = build_lattice([Surface("wing", (Section((0.0, 0.1, 0.0), 0.3), Section((0.0, 1.0, 0.0), 0.2)), 2, (3,))])
@@ -78,6 +78,6 @@ def test_triangles_are_whole_and_coloured_by_strength(tmp_path: Path) -> None:
 def test_a_recording_that_exists_is_kept(tmp_path: Path) -> None:
     path = tmp_path / "wake.mcap"
     path.write_bytes(b"mine")
-    with pytest.raises(BadInput, match=r"wake\.mcap"):
+    with pytest.raises(InputError, match=r"wake\.mcap"):
         write_wake(path, LATTICE, glide(), EPOCH_NS)
     assert path.read_bytes() == b"mine"

@@ -7,7 +7,6 @@ import math
 import numpy as np
 import pytest
 
-from avionics.quantities import BadInput
 from sim_bridge.aerodynamics.protocol import Strips
 from sim_bridge.flight_mechanics import wing_twist
 from sim_bridge.flight_mechanics.wind_tunnel import (
@@ -35,6 +34,7 @@ from sim_bridge.validation import gerdes_wings as g
 from sim_bridge.validation.gerdes_tables import WINGS
 from sim_bridge.validation.row import WITHIN
 from sim_bridge.vehicles import SimulatedVehicle, load_vehicle
+from wingbeat.errors import InputError
 
 TABLE_3 = {
     "A": (0.0127, 0.527, 0.311),
@@ -142,9 +142,9 @@ def test_eq_16_solves_the_damped_oscillation_from_its_start() -> None:
     assert twist[0] == 0.5
     assert rate[0] == pytest.approx(-4.0, abs=1e-3)
     assert np.max(np.abs(left[5:-5])) < 1e-3 * natural**2
-    with pytest.raises(BadInput, match=r"damping_ratio = 1\.2 is outside 0 to 1"):
+    with pytest.raises(InputError, match=r"damping_ratio = 1\.2 is outside 0 to 1"):
         wing_twist.free_twist(time, 0.5, 0.0, natural, 1.2)
-    with pytest.raises(BadInput, match="overshoot = 0 is outside"):
+    with pytest.raises(InputError, match="overshoot = 0 is outside"):
         wing_twist.damping_ratio(0.0)
 
 
@@ -246,13 +246,13 @@ def test_the_stroke_within_reach_shrinks_with_the_frequency(birds: dict[str, Sim
 
 
 def test_only_servo_wings_that_twist_enter_the_tunnel(birds: dict[str, SimulatedVehicle]) -> None:
-    with pytest.raises(BadInput, match="arizona_100cm: the wind tunnel takes wings that twist"):
+    with pytest.raises(InputError, match="arizona_100cm: the wind tunnel takes wings that twist"):
         fly(load_vehicle("arizona_100cm"), g.stream("A"))
-    with pytest.raises(BadInput, match=r"climb_rate = 6 m/s is not below airspeed = 5\.54 m/s"):
+    with pytest.raises(InputError, match=r"climb_rate = 6 m/s is not below airspeed = 5\.54 m/s"):
         fly(birds["A"], g.stream("A")._replace(climb_rate=6.0))
-    with pytest.raises(BadInput, match=r"robo_raven_ii_a: the wings do not carry 3\.06 N at 1 m/s"):
+    with pytest.raises(InputError, match=r"robo_raven_ii_a: the wings do not carry 3\.06 N at 1 m/s"):
         fly(birds["A"], g.stream("A")._replace(airspeed=1.0, climb_rate=0.0, amplitude=0.05))
-    with pytest.raises(BadInput, match=r"no section \[as_measured\]"):
+    with pytest.raises(InputError, match=r"no section \[as_measured\]"):
         as_measured(load_vehicle("arizona_100cm"))
 
 

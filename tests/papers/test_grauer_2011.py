@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from avionics.quantities import BadInput
 from sim_bridge.aerodynamics.regression import (
     COLUMNS,
     MODEL,
@@ -40,6 +39,7 @@ from sim_bridge.validation.grauer import (
     flown,
     stroke_fields,
 )
+from wingbeat.errors import InputError
 
 STROKE = SLOW_HAWK_STROKE
 
@@ -119,7 +119,7 @@ def test_the_time_domain_column_is_trimmed_within_the_recorded_heave() -> None:
 
 
 def test_the_frequency_domain_column_cannot_be_trimmed() -> None:
-    with pytest.raises(BadInput, match=r"column frequency: C_L = 0\.284 at 9\.2 m/s needs .* -5\.24 m/s, outside"):
+    with pytest.raises(InputError, match=r"column frequency: C_L = 0\.284 at 9\.2 m/s needs .* -5\.24 m/s, outside"):
         level_heave(SETTINGS["frequency"], SPEED, LEVEL_LIFT)
     lifts = [mean_lift("frequency", heave / SPEED) for heave in RECORDED_HEAVE]
     assert min(lifts) > 4.0 * WEIGHT

@@ -7,7 +7,6 @@ import math
 import numpy as np
 import pytest
 
-from avionics.quantities import BadInput
 from sim_bridge.aerodynamics.blade_element import MODEL, BladeElement, BladeParameters, section_coefficients
 from sim_bridge.aerodynamics.protocol import FORWARD, UPWARD, blank_loads
 from sim_bridge.aerodynamics.stroke_averages import (
@@ -39,6 +38,7 @@ from sim_bridge.flight_mechanics.prescribed import (
 )
 from sim_bridge.flight_mechanics.stroke_loads import prescribed_loads
 from sim_bridge.vectors import Floats
+from wingbeat.errors import InputError
 
 AIRSPEED, DENSITY = 8.0, 1.225
 WING = elliptic_wing(0.5, 0.2, 24, np.array([0.08, 0.02, -0.03]))
@@ -152,7 +152,7 @@ def test_what_no_coefficients_can_be_had_from_is_refused(flapping: float, airspe
     still = record_of(motion)
     if airspeed == 0.0:
         still = still._replace(lift_pressure=np.zeros((20, 2)), drag_pressure=np.zeros((20, 2)))
-    with pytest.raises(BadInput, match=message):
+    with pytest.raises(InputError, match=message):
         mean_coefficients(np.zeros((20, 2)), still)
 
 

@@ -7,13 +7,13 @@ import math
 import numpy as np
 import pytest
 
-from sim_bridge.environment.gravity import GRAVITY
 from sim_bridge.flight_mechanics.hover import HoverOrbit, OpenLoop, Z, air_power, hover, open_loop
 from sim_bridge.mechanism import total_mass
 from sim_bridge.plant import Plant
 from sim_bridge.validation.insects import drift_and_swing, drift_rows, hover_rows, stroke_means
 from sim_bridge.validation.row import UNREPRODUCIBLE
 from sim_bridge.vehicles import load_vehicle
+from wingbeat.constants import STANDARD_GRAVITY
 
 STROKES = 10
 ENTOMOPTER = load_vehicle("entomopter")
@@ -56,8 +56,8 @@ def test_open_loop_it_drifts_because_the_mean_force_is_not_the_weight(flown: tup
     period = course.time[-1] / STROKES
     begins = float(sinking[0]) / (0.5 * period)
     # The speed gained within the stroke takes some of it back.
-    assert begins == pytest.approx(GRAVITY * (1.0 - share**2), rel=0.1)
-    assert abs(begins) < GRAVITY * abs(1.0 - share**2)
+    assert begins == pytest.approx(STANDARD_GRAVITY * (1.0 - share**2), rel=0.1)
+    assert abs(begins) < STANDARD_GRAVITY * abs(1.0 - share**2)
     gone = float(course.states[-1, Z] - course.states[0, Z])
     assert gone == pytest.approx(float(np.sum(sinking)) * period, rel=0.01)
 
@@ -73,7 +73,7 @@ def test_open_loop_it_swings_about_the_drift_twice_a_stroke(flown: tuple[float, 
     assert spectrum[1] > 5.0 * np.max(np.delete(spectrum, 1))
     # Its size is that of a force that all but stops at each end of the stroke: W / (m 2 omega).
     amplitude, omega = 2.0 * float(spectrum[1]) / len(swing), 2.0 * math.pi * STROKES / course.time[-1]
-    assert 0.25 < amplitude * 2.0 * omega / GRAVITY < 1.0
+    assert 0.25 < amplitude * 2.0 * omega / STANDARD_GRAVITY < 1.0
 
 
 def test_at_hovers_own_frequency_there_is_the_oscillation_alone(orbit: HoverOrbit) -> None:

@@ -11,7 +11,6 @@ from replayed import later_part, record_flight
 
 from avionics import topics
 from avionics.missions import load_mission
-from avionics.quantities import BadInput
 from avionics.vehicles import load_vehicle
 from groundstation.command import main, replay
 from logs.reader import open_log
@@ -19,6 +18,7 @@ from logs.recorder import McapRecorder
 from logs.replay import comparison
 from logs.replay.flight import changed, replay_flight
 from logs.replay.recorded_flight import recorded_flight, recorded_mission
+from wingbeat.errors import InputError
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +57,7 @@ def test_the_frames_are_those_that_were_flown(flown: Path) -> None:
 
 @pytest.mark.parametrize(("start", "end"), [(9.0, 5.0), (500.0, 600.0), (0.0, 0.0)])
 def test_where_nothing_was_flown_nothing_is_the_same(flown: Path, start: float, end: float) -> None:
-    with open_log(flown) as log, pytest.raises(BadInput, match="nothing was flown from"):
+    with open_log(flown) as log, pytest.raises(InputError, match="nothing was flown from"):
         replay_flight(log, None, start, end)
 
 
@@ -104,7 +104,7 @@ def test_another_gain_holds_from_a_snapshot_on(flown: Path) -> None:
     ],
 )
 def test_a_gain_that_cannot_be_is_refused(flown: Path, change: dict[str, float], said: str) -> None:
-    with open_log(flown) as log, pytest.raises(BadInput, match=said):
+    with open_log(flown) as log, pytest.raises(InputError, match=said):
         replay_flight(log, change)
 
 
@@ -113,7 +113,7 @@ def test_a_log_without_raw_sensors_is_refused(tmp_path: Path) -> None:
         pass
     with open_log(tmp_path / "a.mcap") as log:
         assert recorded_mission(log) == ()
-        with pytest.raises(BadInput, match="holds no raw sensors"):
+        with pytest.raises(InputError, match="holds no raw sensors"):
             recorded_flight(log)
 
 
@@ -136,7 +136,7 @@ def test_a_later_file_of_a_recording_is_replayed_from_its_first_snapshot_on(
 
 def test_a_file_that_begins_in_flight_without_a_snapshot_is_refused(flown: Path, tmp_path: Path) -> None:
     path = later_part(flown, tmp_path / "a-2.mcap", 5, 14)
-    with open_log(path) as log, pytest.raises(BadInput, match="begins in flight and holds no snapshot"):
+    with open_log(path) as log, pytest.raises(InputError, match="begins in flight and holds no snapshot"):
         replay_flight(log)
 
 

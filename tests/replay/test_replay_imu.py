@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from avionics.estimation.ahrs import RAZOR, AhrsGains
-from avionics.quantities import BadInput
 from avionics.vehicles.loader import load_vehicle, vehicle_names
 from logs.replay import imu
+from wingbeat.errors import InputError
 
 ROOT = Path(__file__).parents[2]
 TRIAL = ROOT / "tests" / "data" / "broad" / "trial_16_fast_translation_25_to_75_s.npz"
@@ -171,7 +171,7 @@ def with_nan(first: int, last: int) -> imu.Array:
 )
 def test_recording_that_cannot_be_scored_says_why(tmp_path: Path, changes: dict[str, Any], words: str) -> None:
     path = saved(tmp_path / "bad.npz", **changes)
-    with pytest.raises(BadInput, match=words) as caught:
+    with pytest.raises(InputError, match=words) as caught:
         imu.replay_imu([path])
     text = str(caught.value)
     assert text.startswith(str(path))
@@ -182,7 +182,7 @@ def test_recording_that_cannot_be_scored_says_why(tmp_path: Path, changes: dict[
 def test_file_that_is_no_archive(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "bad.npz"
     path.write_bytes(content)
-    with pytest.raises(BadInput, match=r"bad\.npz: ") as caught:
+    with pytest.raises(InputError, match=r"bad\.npz: ") as caught:
         imu.replay_imu([path])
     assert "\n" not in str(caught.value)
 
@@ -194,7 +194,7 @@ def test_archive_cut_off_or_damaged(tmp_path: Path) -> None:
     damaged = tmp_path / "damaged.npz"
     damaged.write_bytes(whole[:5000] + bytes(200) + whole[5200:])
     for path in (cut, damaged):
-        with pytest.raises(BadInput, match="not a readable"):
+        with pytest.raises(InputError, match="not a readable"):
             imu.replay_imu([path])
 
 
@@ -202,18 +202,18 @@ def test_array_of_another_kind(tmp_path: Path) -> None:
     single = tmp_path / "single.npz"
     with single.open("wb") as file:
         np.save(file, np.zeros(3))
-    with pytest.raises(BadInput, match="one array"):
+    with pytest.raises(InputError, match="one array"):
         imu.replay_imu([single])
     foreign = tmp_path / "foreign.npz"
     with zipfile.ZipFile(foreign, "w") as archive:
         archive.writestr("readme.txt", "hello")
-    with pytest.raises(BadInput, match="no gyr"):
+    with pytest.raises(InputError, match="no gyr"):
         imu.replay_imu([foreign])
 
 
 def test_paths_without_recordings(tmp_path: Path) -> None:
     for paths, words in (([], "no IMU recording"), ([tmp_path / "x.npz"], "no such"), ([tmp_path], "no .npz")):
-        with pytest.raises(BadInput, match=words):
+        with pytest.raises(InputError, match=words):
             imu.replay_imu(paths)
 
 

@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 from pymavlink.dialects.v20 import common
 
 from avionics.messages import ActuatorCommand, ImuSample, SensorFrame
-from avionics.topics import Topic
 from avionics.vehicles import load_vehicle as load_flight_vehicle
 from sim_bridge.bridge.foreign.flight import Rig
 from sim_bridge.bridge.foreign.outputs import Outputs
@@ -22,6 +21,7 @@ from sim_bridge.flight.world import Scenario, SimulatedWorld
 from sim_bridge.messages import TruthState, TruthWing
 from sim_bridge.observation import Observation
 from sim_bridge.vehicles import load_vehicle
+from wingbeat.topic import Topic
 
 RAVEN = "robo_raven_ii_d"
 RIG = Rig(load_flight_vehicle(RAVEN))

@@ -9,11 +9,11 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from sim_bridge.environment.gravity import GRAVITY
 from sim_bridge.multibody.tree import BASE, Body, Tree, assemble, blank_kinematics, build_tree, move
 from sim_bridge.vectors import Floats
+from wingbeat.constants import STANDARD_GRAVITY
 
-GRAVITY = np.array([0.0, 0.0, GRAVITY])
+GRAVITY = np.array([0.0, 0.0, STANDARD_GRAVITY])
 SPECK = 1e-14
 """kg and kg m^2; MuJoCo wants some of both in every moving body, where ours may have none"""
 

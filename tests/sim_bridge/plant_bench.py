@@ -10,18 +10,19 @@ import numpy as np
 
 from sim_bridge import plant_kernel as k
 from sim_bridge.bound import Bound
-from sim_bridge.environment.gravity import GRAVITY
 from sim_bridge.mechanism import all_parts, wing_strips
 from sim_bridge.multibody.tree import assemble, inertia_matrix
 from sim_bridge.plant import Plant, scratch
-from sim_bridge.vectors import Floats, quaternion_from_euler
+from sim_bridge.vectors import Floats
 from sim_bridge.vehicles import SimulatedVehicle, load_vehicle
 from sim_bridge.vehicles.sections import BodyPart
+from wingbeat.constants import STANDARD_GRAVITY
+from wingbeat.rotations import quaternion_from_euler
 
 NAMES = ("robo_raven_ii_d", "arizona_100cm")
 VACUUM = 1e-9
 """kg/m^3; the air's apparent mass is part of the mass matrix, so that none at all would be a special case"""
-GRAVITY = np.array([0.0, 0.0, GRAVITY])
+GRAVITY = np.array([0.0, 0.0, STANDARD_GRAVITY])
 
 
 MECHANISMS = (*NAMES, "slow_hawk", "insect")

@@ -7,9 +7,9 @@ from typing import Any
 
 from scipy.stats import chi2
 
-from avionics.quantities import Schema, read_vehicle_file
 from sim_bridge.observation import Observation
 from sim_bridge.sensors.suite import SECTIONS, SensorSpec, sensor_spec
+from wingbeat.vehicle_file import Schema, read_vehicle_file
 
 SPEC: SensorSpec = sensor_spec(read_vehicle_file(Path(__file__).with_suffix(".toml"), Schema(SECTIONS)).sections)
 

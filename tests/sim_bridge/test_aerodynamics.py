@@ -35,7 +35,6 @@ from aerodynamics_bench import (
     tumbling,
 )
 
-from avionics.quantities import BadInput
 from sim_bridge import plant_kernel as k
 from sim_bridge.aerodynamics import protocol
 from sim_bridge.aerodynamics.models import MODELS, Air, advance, find_model, loads
@@ -46,6 +45,7 @@ from sim_bridge.flight.world import Scenario, SimulatedWorld
 from sim_bridge.plant import Plant, plant_parameters
 from sim_bridge.vectors import Floats
 from sim_bridge.vehicles import load_vehicle, models_of, with_model
+from wingbeat.errors import InputError
 
 README = Path(protocol.__file__).with_name("README.md")
 WITH_APPARENT_MASS = {"strip_theory", "quasi_steady", "vortex_lattice"}
@@ -69,7 +69,7 @@ def test_names_settings_and_parameters_belong_to_one_model_each() -> None:
 
 
 def test_an_unknown_model_is_told_the_known_ones() -> None:
-    with pytest.raises(BadInput, match=r'^unknown aerodynamic model "panels"; known: ' + ", ".join(MODELS)):
+    with pytest.raises(InputError, match=r'^unknown aerodynamic model "panels"; known: ' + ", ".join(MODELS)):
         find_model("panels")
 
 

@@ -9,11 +9,11 @@ import pytest
 from mujoco_bench import random_body
 from plant_bench import vehicle
 
-from avionics.quantities import BadInput
 from sim_bridge.mechanism import all_parts, build_mechanism
 from sim_bridge.multibody.tree import Body, build_tree
 from sim_bridge.vehicles import FOLDER, load_vehicle
 from sim_bridge.vehicles.sections import BodyPart, Wing
+from wingbeat.errors import InputError
 
 RAVEN = vehicle("robo_raven_ii_d")
 FUSELAGE, RIGHT, LEFT, ELEVATOR = (RAVEN.bodies[name] for name in ("fuselage", "right_wing", "left_wing", "elevator"))
@@ -64,7 +64,7 @@ NOTHING = (0.0, 0.0, 0.0)
     ],
 )
 def test_bodies_that_make_no_tree_are_refused_in_one_line(changed: dict[str, BodyPart], said: str) -> None:
-    with pytest.raises(BadInput) as refused:
+    with pytest.raises(InputError) as refused:
         build_mechanism(RAVEN._replace(bodies=RAVEN.bodies | changed))
     assert said in str(refused.value)
     assert str(RAVEN.path) in str(refused.value) and "\n" not in str(refused.value)
@@ -85,19 +85,19 @@ def test_bodies_that_make_no_tree_are_refused_in_one_line(changed: dict[str, Bod
     ],
 )
 def test_wings_that_could_not_fly_are_refused(wing: Wing, said: str) -> None:
-    with pytest.raises(BadInput, match=said):
+    with pytest.raises(InputError, match=said):
         build_mechanism(RAVEN._replace(wing=wing))
 
 
 def test_a_body_told_twice_is_refused(tmp_path: Path) -> None:
     rng = np.random.default_rng(1)
     bodies = [random_body(rng, *names, False) for names in (("a", ""), ("b", "a"), ("b", "a"))]
-    with pytest.raises(BadInput, match='body "b" is there twice'):
+    with pytest.raises(InputError, match='body "b" is there twice'):
         build_tree(bodies)
     path = tmp_path / "bird.toml"
     text = (FOLDER / "robo_raven_ii_d.toml").read_text(encoding="utf-8")
     path.write_text(text + '\n[bodies.elevator]\nparent = "fuselage"\n', encoding="utf-8")
-    with pytest.raises(BadInput, match=r"bird\.toml: not valid TOML.*elevator") as refused:
+    with pytest.raises(InputError, match=r"bird\.toml: not valid TOML.*elevator") as refused:
         load_vehicle(str(path))
     assert "\n" not in str(refused.value)
 
@@ -105,7 +105,7 @@ def test_a_body_told_twice_is_refused(tmp_path: Path) -> None:
 def test_the_loop_is_named_although_others_hang_on_it() -> None:
     rng = np.random.default_rng(2)
     names = ("base", ""), ("feather", "wing"), ("wing", "rod"), ("rod", "wing")
-    with pytest.raises(BadInput, match=r'bodies\.wing\.parent = "rod" makes a loop: wing on rod on wing'):
+    with pytest.raises(InputError, match=r'bodies\.wing\.parent = "rod" makes a loop: wing on rod on wing'):
         build_tree([random_body(rng, *pair, False) for pair in names])
 
 
@@ -136,5 +136,5 @@ def test_a_wing_that_cannot_flap_is_refused() -> None:
         name: part._replace(axis=(0.0, 0.0, 0.0), moved_by="", damping=0.0) for name, part in vehicle.bodies.items()
     }
     stiff |= {name: part for name, part in vehicle.bodies.items() if part.mirror_of or not part.parent}
-    with pytest.raises(BadInput, match=r'wing\.right = "right_wing" flaps about no joint'):
+    with pytest.raises(InputError, match=r'wing\.right = "right_wing" flaps about no joint'):
         build_mechanism(vehicle._replace(bodies=stiff))

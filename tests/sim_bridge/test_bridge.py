@@ -37,12 +37,12 @@ from avionics.messages import (
     SensorFrame,
     TorqueSample,
 )
-from avionics.quantities import BadInput
 from sim_bridge.bridge.pace import Pacer
 from sim_bridge.bridge.server import BridgeServer, BridgeStatistics, FlightComputerSilent, Timeouts
 from sim_bridge.bridge.truth import encode_truth
 from sim_bridge.bridge.world import NEUTRAL, World
 from sim_bridge.messages import TruthState
+from wingbeat.errors import InputError
 
 SHORT = Timeouts(connect=5.0, hello=5.0, reply=0.4, noise=0.05)
 
@@ -301,7 +301,7 @@ def test_px4_is_told_in_one_line_to_come_to_its_own_interface() -> None:
     world = ToyWorld(60)
     serving = Serving(world)
     stream, _, _ = _partner(serving, mavlink.MAV_AUTOPILOT_PX4)
-    with pytest.raises(BadInput, match=r"^PX4 connected from .*: it is served by wingbeat sim --px4$"):
+    with pytest.raises(InputError, match=r"^PX4 connected from .*: it is served by wingbeat sim --px4$"):
         serving.result()
     assert not world.frames and stream.recv(1) == b""
     stream.close()
@@ -349,9 +349,9 @@ def test_truth_in_the_standards_units() -> None:
 def test_a_port_in_use_is_bad_input() -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
-        with pytest.raises(BadInput, match=f"port {port}"):
+        with pytest.raises(InputError, match=f"port {port}"):
             BridgeServer(f"tcp:127.0.0.1:{port}")
-    with pytest.raises(BadInput, match="tcp:HOST:PORT"):
+    with pytest.raises(InputError, match="tcp:HOST:PORT"):
         BridgeServer("udpin:127.0.0.1:4560")
 
 

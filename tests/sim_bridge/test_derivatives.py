@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from aerodynamics_bench import IDENTIFIED
 
-from avionics.quantities import BadInput
 from sim_bridge.aerodynamics.derivatives import DRIVE, MODEL, RATE_REACH, REACH, Derivatives, build, check
 from sim_bridge.aerodynamics.protocol import Motion, Strips, blank_loads, blank_motion
 from sim_bridge.vectors import Floats
+from wingbeat.errors import InputError
 
 STRIPS = Strips(*(np.array([0.1, 0.1]) for _ in range(4)), np.array([0.0, 1.0]))
 TRIM = (IDENTIFIED.forward, 0.0, IDENTIFIED.down, 0.0, 0.0, 0.0)
@@ -118,13 +118,13 @@ def test_thinner_air_carries_less() -> None:
 
 @pytest.mark.parametrize("inertia", [(0.0, 1.0, 1.0, 0.0), (1.0, 1.0, 1.0, 1.1)])
 def test_an_inertia_that_no_body_has_is_refused(inertia: tuple[float, float, float, float]) -> None:
-    with pytest.raises(BadInput, match=r"^derivatives.inertia is of no body: xx, yy, zz must be above 0"):
+    with pytest.raises(InputError, match=r"^derivatives.inertia is of no body: xx, yy, zz must be above 0"):
         build(IDENTIFIED._replace(inertia=inertia), STRIPS)
 
 
 def test_a_trim_far_from_the_flight_tests_airspeed_is_refused() -> None:
     check(IDENTIFIED, 1.29 * AIRSPEED)
     with pytest.raises(
-        BadInput, match=r"^derivatives hold within 30 % of 6.73 m/s, the airspeed they were identified"
+        InputError, match=r"^derivatives hold within 30 % of 6.73 m/s, the airspeed they were identified"
     ):
         check(IDENTIFIED, 0.5 * AIRSPEED)

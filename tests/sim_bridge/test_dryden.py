@@ -11,7 +11,6 @@ import pytest
 from scipy.integrate import quad
 from scipy.signal import welch
 
-from avionics.quantities import BadInput
 from sim_bridge.environment.dryden import (
     FOOT,
     SERIES,
@@ -30,6 +29,7 @@ from sim_bridge.environment.dryden import (
 )
 from sim_bridge.environment.levels import KNOT, SMALL_UAV, WIND_AT_20_FT
 from sim_bridge.vectors import Floats
+from wingbeat.errors import InputError
 
 SPEED, HEIGHT, SPAN, DT = 8.0, 30.0, 1.2, 0.02
 NORTH = (SPEED, 0.0, 0.0)
@@ -287,7 +287,7 @@ def test_a_wider_vehicle_is_rolled_less() -> None:
     ],
 )
 def test_bad_input_is_told_in_one_line(level: str, span: float, seed: int, told: str) -> None:
-    with pytest.raises(BadInput) as caught:
+    with pytest.raises(InputError) as caught:
         turbulence(level, span, seed)
     assert str(caught.value) == told
 

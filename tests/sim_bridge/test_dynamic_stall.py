@@ -7,7 +7,6 @@ import math
 import numpy as np
 import pytest
 
-from avionics.quantities import BadInput
 from sim_bridge.aerodynamics.protocol import Strips
 from sim_bridge.aerodynamics.strip_theory import (
     STALL_BLEND,
@@ -19,6 +18,7 @@ from sim_bridge.aerodynamics.strip_theory import (
     half_stroke_travel,
     section_loads,
 )
+from wingbeat.errors import InputError
 
 CHORD, SPEED, DENSITY, STALL = 0.2, 8.0, 1.2, 0.25
 
@@ -58,7 +58,7 @@ def test_far_from_the_limits_the_choice_does_nothing(incidence: float) -> None:
 
 
 def test_an_unknown_choice_is_told_with_the_known_ones() -> None:
-    with pytest.raises(BadInput, match=r'dynamic_stall = "helicopter" is unknown; it is fixed or kim'):
+    with pytest.raises(InputError, match=r'dynamic_stall = "helicopter" is unknown; it is fixed or kim'):
         parameters("helicopter")
 
 

@@ -7,14 +7,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink import mavextra
 
-from avionics.quantities import BadInput
 from sim_bridge.environment import geodesy
-from sim_bridge.environment.atmosphere import GAS_CONSTANT, isa
 from sim_bridge.environment.geodesy import geodetic_from_ned, ned_from_geodetic
-from sim_bridge.environment.gravity import GRAVITY
 from sim_bridge.environment.home import COLLEGE_PARK, Home
 from sim_bridge.environment.magnetic import MagneticField, field_ned
 from sim_bridge.environment.wind import steady_wind
+from wingbeat.errors import InputError
 
 places = st.builds(
     Home,
@@ -24,40 +22,6 @@ places = st.builds(
     st.just(COLLEGE_PARK.magnetic),
 )
 metres = st.floats(-1400.0, 1400.0)
-
-
-@pytest.mark.parametrize(
-    ("altitude", "pressure", "temperature", "density"),
-    [
-        (-1000.0, 113930.0, 294.65, 1.3470),
-        (0.0, 101325.0, 288.15, 1.2250),
-        (1000.0, 89874.6, 281.65, 1.1116),
-        (5000.0, 54019.9, 255.65, 0.73612),
-        (11000.0, 22632.1, 216.65, 0.36392),
-    ],
-)
-def test_isa_table(altitude: float, pressure: float, temperature: float, density: float) -> None:
-    air = isa(altitude)
-    assert air.pressure == pytest.approx(pressure, rel=2e-5)
-    assert air.temperature == pytest.approx(temperature, abs=1e-9)
-    assert air.density == pytest.approx(density, rel=5e-5)
-
-
-@given(st.floats(-1900.0, 10900.0), st.floats(95e3, 105e3), st.floats(250.0, 310.0))
-def test_pressure_carries_the_air_above_it(altitude: float, pressure: float, temperature: float) -> None:
-    above, here, below = (isa(altitude + step, pressure, temperature) for step in (1.0, 0.0, -1.0))
-    assert (below.pressure - above.pressure) / 2.0 == pytest.approx(here.density * GRAVITY, rel=1e-6)
-    assert here.pressure == pytest.approx(here.density * GAS_CONSTANT * here.temperature)
-
-
-def test_a_day_with_low_pressure() -> None:
-    assert isa(0.0, 98000.0, 280.0)[:2] == (98000.0, 280.0)
-
-
-@pytest.mark.parametrize("altitude", [-2001.0, 11001.0, math.nan, math.inf])
-def test_outside_the_troposphere_is_refused(altitude: float) -> None:
-    with pytest.raises(ValueError, match="troposphere"):
-        isa(altitude)
 
 
 def test_radii_of_curvature_of_wgs84() -> None:
@@ -121,5 +85,5 @@ def test_wind_blows_away_from_where_it_comes() -> None:
 
 @pytest.mark.parametrize(("speed", "direction"), [(-1.0, 0.0), (51.0, 0.0), (math.nan, 0.0), (2.0, math.inf)])
 def test_impossible_wind_is_refused(speed: float, direction: float) -> None:
-    with pytest.raises(BadInput, match="wind"):
+    with pytest.raises(InputError, match="wind"):
         steady_wind(speed, direction)

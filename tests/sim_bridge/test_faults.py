@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from avionics.quantities import BadInput
 from sim_bridge.bridge.world import SimulationSilent
 from sim_bridge.flight import faults
 from sim_bridge.flight.faults import Fault, FaultInjector, mission_faults, parse_fault
 from sim_bridge.sensors.frame import RawEncoder, RawFrame, RawImu, RawPressures, RawReceiver
+from wingbeat.errors import InputError
 
 
 def frame(tick: int) -> RawFrame:
@@ -68,7 +68,7 @@ def test_what_a_fault_makes_of_the_imu_can_be_carried_over_mavlink(name: str) ->
     ],
 )
 def test_what_cannot_fail_is_refused_in_one_line(text: str, reason: str) -> None:
-    with pytest.raises(BadInput, match=reason) as refusal:
+    with pytest.raises(InputError, match=reason) as refusal:
         parse_fault(text)
     assert "\n" not in str(refusal.value)
 
@@ -78,7 +78,7 @@ def test_a_mission_tells_its_faults(tmp_path) -> None:
     path.write_text('[[fault]]\nname = "gps_lost"\nat = 3\nuntil = 5.0\n[[fault]]\nname = "imu_frozen"\nat = 9\n')
     assert mission_faults(path) == (Fault("gps_lost", 3.0, 5.0), Fault("imu_frozen", 9.0))
     path.write_text('[[fault]]\nname = "gps_lost"\n')
-    with pytest.raises(BadInput, match="fault 1"):
+    with pytest.raises(InputError, match="fault 1"):
         mission_faults(path)
 
 

@@ -32,7 +32,6 @@ from pymavlink import mavutil
 
 from avionics import topics
 from avionics.messages import ReceiverSample
-from avionics.quantities import BadInput
 from groundstation.command.main import main
 from sim_bridge import topics as truth_topics
 from sim_bridge.bridge.foreign import ardupilot_wire as wire
@@ -43,6 +42,7 @@ from sim_bridge.bridge.foreign.outputs import Pulses
 from sim_bridge.bridge.foreign.world import AutopilotSilent, Interface
 from sim_bridge.bridge.world import NEUTRAL
 from sim_bridge.flight.world import Scenario
+from wingbeat.errors import InputError
 
 RECORDED = Path(__file__).parent.parent / "data" / "foreign" / "ardupilot_exchange.jsonl"
 BRIEF = Timeouts(stall=0.2, connect=1.0)
@@ -267,7 +267,7 @@ def test_nobody_comes_or_somebody_who_is_no_ardupilot() -> None:
         serving.result()
     stranger.close()
     for url in ("tcp:127.0.0.1:9002", "udpin:nobody.invalid:9002"):
-        with pytest.raises(BadInput):
+        with pytest.raises(InputError):
             ArduPilotServer(Interface(url), RIG, Pulses(), print)
 
 

@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 from ports import free_port
 
 from avionics import topics
-from avionics.constants import STANDARD_GRAVITY
 from groundstation.command.foreign_parameters import push_of
 from sim_bridge import topics as truth_topics
 from sim_bridge.bridge.foreign import launch
@@ -26,6 +25,7 @@ from sim_bridge.bridge.foreign.px4 import Px4Server
 from sim_bridge.bridge.foreign.world import Interface
 from sim_bridge.flight.world import Scenario
 from sim_bridge.vehicles import load_vehicle
+from wingbeat.constants import STANDARD_GRAVITY
 
 THROWN_RIG = RIG._replace(launch=Launch.THROW)
 PUSH = push_of(load_vehicle(RAVEN))

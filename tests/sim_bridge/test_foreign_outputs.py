@@ -11,7 +11,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from avionics import topics
-from avionics.quantities import BadInput
 from avionics.vehicles import load_vehicle
 from sim_bridge import topics as truth_topics
 from sim_bridge.bridge.foreign import launch, mixer
@@ -26,6 +25,7 @@ from sim_bridge.bridge.foreign.outputs import (
     parse_pulses,
 )
 from sim_bridge.bridge.foreign.world import Stage
+from wingbeat.errors import InputError
 
 GAINS = mixer.gains_of(RIG.vehicle)
 STEP = 0.005
@@ -68,13 +68,13 @@ def test_channels_are_assigned_by_name(text: str, channels: Channels) -> None:
     ],
 )
 def test_channels_that_cannot_be_are_refused_in_one_line(text: str, complaint: str) -> None:
-    with pytest.raises(BadInput, match=complaint):
+    with pytest.raises(InputError, match=complaint):
         parse_channels(text)
 
 
 @pytest.mark.parametrize("text", ["1900:1100", "1100", "100:1900", "1100:2600", "a:b", "1100:1900:5"])
 def test_pulses_that_cannot_be_are_refused(text: str) -> None:
-    with pytest.raises(BadInput):
+    with pytest.raises(InputError):
         parse_pulses(text)
     assert parse_pulses("1000:2000") == Pulses(1000.0, 2000.0)
 

@@ -11,7 +11,6 @@ import pytest
 from foreign_bench import RAVEN
 from pymavlink.mavparm import MAVParmDict
 
-from avionics.quantities import BadInput
 from avionics.vehicles import load_vehicle
 from groundstation.command.main import main
 from sim_bridge.bridge.foreign import mixer
@@ -28,6 +27,7 @@ from sim_bridge.bridge.foreign.parameters import (
     px4_file,
     px4_parameters,
 )
+from wingbeat.errors import InputError
 
 PERFORMANCE = Performance(6.8, 9.8, 1.5, 0.28, 0.1, -0.07)
 PUSH = Push(20.0, 0.3)
@@ -128,7 +128,7 @@ def test_launch_detection_is_on_for_a_throw_alone_and_below_what_the_throw_gives
     by_throttle = SUBJECT._replace(push=None)
     assert values(ardupilot_parameters(by_throttle))["TKOFF_THR_MINACC"] == 0
     assert values(px4_parameters(by_throttle))["FW_LAUN_DETCN_ON"] == 0
-    with pytest.raises(BadInput, match="too weak"):
+    with pytest.raises(InputError, match="too weak"):
         check_push(Push(10.0, 0.3))
 
 

@@ -17,13 +17,13 @@ from pymavlink.dialects.v20 import common
 from avionics import topics
 from avionics.link.codec import FrameWriter
 from avionics.messages import GpsFix, ImuSample, PressureSample, ReceiverSample, SensorFrame
-from avionics.quantities import BadInput
 from sim_bridge import topics as truth_topics
 from sim_bridge.bridge.foreign import px4_wire as wire
 from sim_bridge.bridge.foreign.outputs import Outputs
 from sim_bridge.bridge.foreign.px4 import Echo, Px4Server, Timeouts
 from sim_bridge.bridge.foreign.world import AutopilotSilent, Interface
 from sim_bridge.sensors.suite import ticks_of
+from wingbeat.errors import InputError
 
 BRIEF = Timeouts(connect=5.0, hello=5.0, moment=0.05, stall=0.2, silence=0.6)
 AIR = RIG.vehicle.gains.air_data
@@ -268,7 +268,7 @@ def test_nobody_comes_or_the_port_is_taken() -> None:
     serving, _ = served(ToyStages(0.1), BRIEF._replace(connect=0.05))
     with pytest.raises(AutopilotSilent, match=r"no PX4 connected to tcp:127.0.0.1:\d+ for 0.05 s"):
         serving.result()
-    with socket.create_server(("127.0.0.1", 0)) as taken, pytest.raises(BadInput, match="cannot listen"):
+    with socket.create_server(("127.0.0.1", 0)) as taken, pytest.raises(InputError, match="cannot listen"):
         Px4Server(Interface(f"tcp:127.0.0.1:{taken.getsockname()[1]}"), RIG, print)
 
 

@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from avionics.quantities import BadInput
 from sim_bridge.flight_mechanics.averaged import stroke_averaged_model
 from sim_bridge.flight_mechanics.averaged_axes import axes_model
 from sim_bridge.flight_mechanics.identified import identified_world, world_text
 from sim_bridge.flight_mechanics.orbit import trim
 from sim_bridge.tuning.model import Identified, IdentifiedValue, LinearModel, load_model, model_text, save_model
 from sim_bridge.vehicles import SimulatedVehicle, load_vehicle
+from wingbeat.errors import InputError
 
 MODELS = Path(__file__).parents[1] / "data" / "models"
 ESTIMATES = (
@@ -81,13 +81,13 @@ def test_a_section_that_cannot_be_used_is_refused_in_a_line(tmp_path: Path, old:
     path, text = tmp_path / "bird.toml", model_text(flight_test())
     assert old in text
     path.write_text(text.replace(old, new, 1), encoding="utf-8")
-    with pytest.raises(BadInput) as refused:
+    with pytest.raises(InputError) as refused:
         load_model(path)
     assert str(refused.value).startswith(f"{path}: {told}") and "\n" not in str(refused.value)
 
 
 def test_a_model_of_no_flight_test_makes_no_world() -> None:
-    with pytest.raises(BadInput, match=r"of no flight test: it has no section \[identified\]$"):
+    with pytest.raises(InputError, match=r"of no flight test: it has no section \[identified\]$"):
         identified_world(flight_test()._replace(identified=None), load_vehicle("robo_raven_ii_d"))
 
 

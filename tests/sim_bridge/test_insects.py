@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from plant_bench import VACUUM, equations
 
-from avionics.quantities import BadInput
 from groundstation.command.fly import build_parser, check
 from sim_bridge import plant_kernel as k
 from sim_bridge.flight_mechanics.hover import (
@@ -46,6 +45,7 @@ from sim_bridge.plant import STEP, Plant
 from sim_bridge.validation.insects import AUTHORITY, TOLERANCES, held_within, pushed
 from sim_bridge.vectors import Floats
 from sim_bridge.vehicles import load_vehicle, with_model
+from wingbeat.errors import InputError
 
 NAMES = ("hawkmoth", "entomopter")
 FREQUENCY, DENSITY = 25.0, 1.2
@@ -253,22 +253,24 @@ def test_slow_flight_is_that_of_the_trim_at_an_airspeed(name: str) -> None:
 
 
 def test_what_is_no_insect_is_told_so() -> None:
-    with pytest.raises(BadInput, match=r"^robo_raven_ii_d: hover needs a crank drive and joints that are all moved"):
+    with pytest.raises(
+        InputError, match=r"^robo_raven_ii_d: hover needs a crank drive and joints that are all moved"
+    ):
         hover(load_vehicle("robo_raven_ii_d"))
     moth = load_vehicle("hawkmoth")
     with pytest.raises(
-        BadInput, match=r"^hawkmoth: hover needs a crank that never stops: drive\.frequencies above 0"
+        InputError, match=r"^hawkmoth: hover needs a crank that never stops: drive\.frequencies above 0"
     ):
         hover(moth._replace(drive=moth.drive._replace(frequencies=(0.0, 35.0))))
     lagging = moth.sections | {"strip_theory": load_vehicle("robo_raven_ii_d").sections["strip_theory"]}
     lagging["strip_theory"] = lagging["strip_theory"]._replace(wake_lag=1.0)
-    with pytest.raises(BadInput, match=r"^hawkmoth: hover needs air loads without memory, not strip_theory"):
+    with pytest.raises(InputError, match=r"^hawkmoth: hover needs air loads without memory, not strip_theory"):
         hover(with_model(moth._replace(sections=lagging), "strip_theory"))
 
 
 def test_a_speed_beyond_the_moth_names_what_it_would_take() -> None:
     wanted = r"^hawkmoth: no flight at 0 m/s climbing 6 m/s with throttle 0 to 1 and elevator within 0\.4 rad: beyond"
-    with pytest.raises(BadInput, match=wanted) as refused:
+    with pytest.raises(InputError, match=wanted) as refused:
         hover(load_vehicle("hawkmoth"), 0.0, 6.0)
     assert "\n" not in str(refused.value)
 
@@ -349,6 +351,6 @@ def test_without_feedback_the_same_push_grows_at_the_rate_foretold(name: str) ->
 @pytest.mark.parametrize("name", NAMES)
 def test_an_insect_is_refused_by_the_flight_in_one_line(name: str) -> None:
     wanted = rf"^{name} has no flight-computer file: it can be trimmed and linearized, not flown; arizona_100cm"
-    with pytest.raises(BadInput, match=wanted) as refused:
+    with pytest.raises(InputError, match=wanted) as refused:
         check(build_parser().parse_args(["--vehicle", name]))
     assert "\n" not in str(refused.value)

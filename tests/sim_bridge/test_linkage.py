@@ -8,7 +8,6 @@ import re
 import numpy as np
 import pytest
 
-from avionics.quantities import BadInput
 from sim_bridge.actuators.linkage import (
     BREAKAWAY,
     FourBar,
@@ -19,6 +18,7 @@ from sim_bridge.actuators.linkage import (
     stroke,
 )
 from sim_bridge.vectors import Floats
+from wingbeat.errors import InputError
 
 BIRD = FourBar(0.012, 0.050, 0.022, 0.030, 0.050, -1.2, False)
 MOTOR = Motor(0.004, 0.12, 0.8, 40.0, 0.85, 2e-6)
@@ -39,7 +39,7 @@ def turning(count: int) -> list[FourBar]:
         candidate = random_links(rng)
         try:
             found.append(checked(candidate))
-        except BadInput:
+        except InputError:
             continue
     return found
 
@@ -137,7 +137,7 @@ def test_the_other_side_is_the_mirror_image() -> None:
     ],
 )
 def test_an_impossible_linkage_names_the_link(links: dict[str, float], told: str) -> None:
-    with pytest.raises(BadInput, match=re.escape(told)):
+    with pytest.raises(InputError, match=re.escape(told)):
         checked(BIRD._replace(**links))
 
 
@@ -157,7 +157,7 @@ def test_what_is_refused_cannot_turn_and_what_is_not_can() -> None:
         b = random_links(rng)
         try:
             outcomes.append(checked(b) is b)
-        except BadInput:
+        except InputError:
             outcomes.append(False)
         assert outcomes[-1] is turns_through(b)
     assert 20 < sum(outcomes) < 280

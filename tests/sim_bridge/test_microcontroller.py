@@ -19,13 +19,13 @@ from avionics.link import codec
 from avionics.link.serial_line import SerialLine
 from avionics.messages import ActuatorCommand, SensorFrame
 from avionics.missions import load_mission
-from avionics.quantities import BadInput
-from avionics.topics import Topic
 from avionics.vehicles import load_vehicle as load_computer
 from sim_bridge.bridge.microcontroller import REST, REST_AFTER, Microcontroller, Pty, SerialPeer
 from sim_bridge.flight.at_rest import AtRest
 from sim_bridge.flight.world import Scenario
 from sim_bridge.vehicles import load_vehicle
+from wingbeat.errors import InputError
+from wingbeat.topic import Topic
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "openpty"), reason="needs pseudo terminals")
 
@@ -271,9 +271,9 @@ def test_the_peer_serves_a_world_to_its_end_and_says_so() -> None:
 
 
 def test_a_peer_needs_a_serial_address() -> None:
-    with pytest.raises(BadInput, match="a microcontroller is on serial:DEVICE,BAUD"):
+    with pytest.raises(InputError, match="a microcontroller is on serial:DEVICE,BAUD"):
         SerialPeer("tcp:127.0.0.1:4560")
-    with pytest.raises(BadInput, match="cannot open serial device /dev/no-such-device"):
+    with pytest.raises(InputError, match="cannot open serial device /dev/no-such-device"):
         SerialPeer("serial:/dev/no-such-device,921600")
 
 

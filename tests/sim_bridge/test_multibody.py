@@ -25,7 +25,8 @@ from plant_bench import (
 from sim_bridge import plant_kernel as k
 from sim_bridge.multibody.tree import hold, solve
 from sim_bridge.plant import Plant
-from sim_bridge.vectors import quaternion_from_euler, rotation
+from sim_bridge.vectors import rotation
+from wingbeat.rotations import quaternion_from_euler
 
 
 @pytest.mark.parametrize("name", MECHANISMS)

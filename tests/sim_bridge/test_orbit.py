@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from plant_bench import NAMES, vehicle
 
-from avionics.quantities import BadInput
 from sim_bridge.flight_mechanics.free_map import BODY, LATERAL, LONGITUDINAL, ROLL, FreeMap, P, Q, V, W
 from sim_bridge.flight_mechanics.modes import (
     DUTCH_ROLL,
@@ -23,6 +22,7 @@ from sim_bridge.flight_mechanics.modes import (
 from sim_bridge.flight_mechanics.orbit import Orbit, trim
 from sim_bridge.flight_mechanics.stroke_map import StrokeInputs, StrokeMap, throttle_for
 from sim_bridge.vehicles import SimulatedVehicle
+from wingbeat.errors import InputError
 
 
 class Trimmed(NamedTuple):
@@ -139,13 +139,13 @@ def test_settled_wings_leave_the_body_where_it_was() -> None:
 def test_a_trim_that_does_not_exist_says_what_was_asked() -> None:
     bird = vehicle("robo_raven_ii_d")
     coarse = bird._replace(wing=bird.wing._replace(strips=4))
-    with pytest.raises(BadInput, match=r"robo_raven_ii_d: no trim at 40 m/s climbing 0 m/s"):
+    with pytest.raises(InputError, match=r"robo_raven_ii_d: no trim at 40 m/s climbing 0 m/s"):
         trim(coarse, 40.0, 0.0)
 
 
 def test_no_short_period_among_modes_of_the_wings() -> None:
     wings = [Mode(-11.0 + 0j, 0.0, 0.0), Mode(-13.0 + 6.0j, 0.0002, 0.88)]
-    with pytest.raises(BadInput, match="no short-period"):
+    with pytest.raises(InputError, match="no short-period"):
         short_period(wings)
 
 

@@ -9,10 +9,11 @@ from plant_bench import NAMES, air, equations, hold, joint_rates, mirrored, pitc
 from sim_bridge import plant_kernel as k
 from sim_bridge.actuators.linkage import drive
 from sim_bridge.aerodynamics.protocol import aspect_ratio
-from sim_bridge.environment.gravity import GRAVITY
 from sim_bridge.mechanism import chord_shape, total_mass, wing_strips
 from sim_bridge.plant import Plant
-from sim_bridge.vectors import Floats, quaternion_from_euler
+from sim_bridge.vectors import Floats
+from wingbeat.constants import STANDARD_GRAVITY
+from wingbeat.rotations import quaternion_from_euler
 
 
 def gliding(name: str, elevator: float = 0.0, rudder: float = 0.0) -> Plant:
@@ -58,7 +59,7 @@ def test_the_parts_weigh_what_the_vehicle_weighs(name: str) -> None:
     parts = sum(bodies[body.mirror_of or key].mass for key, body in bodies.items())
     total = parts + 2.0 * vehicle(name).wing.membrane_mass
     assert total_mass(vehicle(name)) == pytest.approx(total)
-    assert plant.parameters.weight == pytest.approx(total * GRAVITY)
+    assert plant.parameters.weight == pytest.approx(total * STANDARD_GRAVITY)
     assert plant.parameters.tree.mass.sum() + plant.parameters.wings.membrane.sum() == pytest.approx(total)
 
 
@@ -121,7 +122,7 @@ def test_the_imu_on_the_bench_feels_one_g_upwards_and_in_free_fall_nothing() -> 
     plant.y[3:7] = quaternion_from_euler(0.0, 0.2, 0.0)
     means = plant.advance(hold(), air(launcher=k.HELD))
     down = np.array([-math.sin(0.2), 0.0, math.cos(0.2)])
-    assert means[4:7] == pytest.approx(tuple(-GRAVITY * down))
+    assert means[4:7] == pytest.approx(tuple(-STANDARD_GRAVITY * down))
     means = gliding("robo_raven_ii_d").advance(hold(powered=0.0), air(1e-9))
     assert means[4:7] == pytest.approx((0.0, 0.0, 0.0), abs=1e-4)
 

@@ -6,7 +6,6 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from avionics.quantities import BadInput
 from sim_bridge.aerodynamics.protocol import (
     FORWARD,
     INERTIA,
@@ -37,6 +36,7 @@ from sim_bridge.aerodynamics.quasi_steady import (
 from sim_bridge.flight_mechanics.prescribed import Harmonics, PrescribedStroke, kinematics
 from sim_bridge.flight_mechanics.stroke_loads import mean_lift_and_thrust, stroke_loads
 from sim_bridge.vectors import Floats
+from wingbeat.errors import InputError
 
 REACH, MEAN_CHORD, COUNT = 0.3, 0.08, 24
 DENSITY = 1.2
@@ -287,7 +287,7 @@ def test_more_strips_change_little() -> None:
 
 
 def test_a_wing_of_one_strip_is_refused() -> None:
-    with pytest.raises(BadInput, match="two strips a wing"):
+    with pytest.raises(InputError, match="two strips a wing"):
         build(QuasiSteady(0.25), elliptic_strips(0.3, 0.08, 0.2, 1))
 
 
@@ -299,5 +299,5 @@ def test_a_wing_with_its_area_at_the_root_is_refused() -> None:
         np.tile([0.1, 0.9], 2),
         np.repeat([0.0, 1.0], 2),
     )
-    with pytest.raises(BadInput, match="needs a wing with r_2 above"):
+    with pytest.raises(InputError, match="needs a wing with r_2 above"):
         build(QuasiSteady(0.25), strips)

@@ -5,7 +5,6 @@ import math
 import numpy as np
 import pytest
 
-from avionics.quantities import BadInput
 from sim_bridge.aerodynamics.protocol import Motion, Strips, blank_loads
 from sim_bridge.aerodynamics.regression import (
     COLUMNS,
@@ -32,6 +31,7 @@ from sim_bridge.flight_mechanics.prescribed import (
 )
 from sim_bridge.flight_mechanics.stroke_loads import prescribed_loads
 from sim_bridge.vectors import Floats
+from wingbeat.errors import InputError
 
 TIME = Regression("time", 0.3, 0.25)
 FREQUENCY = Regression("frequency", 0.3, 0.25)
@@ -159,12 +159,12 @@ def test_the_airspeed_is_checked_and_the_limit_named() -> None:
     for speed in IDENTIFIED:
         check(TIME, speed)
     for speed in (0.0, 8.0, 12.0, math.nan):
-        with pytest.raises(BadInput, match=r"^regression holds from 8\.7 to 9\.7 m/s.*not at \S+ m/s$"):
+        with pytest.raises(InputError, match=r"^regression holds from 8\.7 to 9\.7 m/s.*not at \S+ m/s$"):
             check(TIME, speed)
 
 
 def test_an_unknown_column_is_refused() -> None:
-    with pytest.raises(BadInput, match=r'regression\.column must be one of time, frequency, not "wavelet"'):
+    with pytest.raises(InputError, match=r'regression\.column must be one of time, frequency, not "wavelet"'):
         MODEL.build(TIME._replace(column="wavelet"), STRIPS)
 
 
@@ -172,5 +172,5 @@ def test_the_heave_speed_for_a_lift_gives_that_lift() -> None:
     heave = level_heave(TIME, 9.0, 0.25)
     c = coefficients(COLUMNS["time"], Regressors(9.0, heave, 0.0, 0.2, 0.0))
     assert c.lift == pytest.approx(0.25, rel=1e-12)
-    with pytest.raises(BadInput, match="holds from"):
+    with pytest.raises(InputError, match="holds from"):
         level_heave(TIME, 12.0, 0.25)

@@ -13,12 +13,12 @@ from sensors_bench import SPEC, cruise, perfect
 
 from avionics import messages
 from avionics.link import codec
-from avionics.quantities import BadInput
 from sim_bridge.environment.home import COLLEGE_PARK
 from sim_bridge.sensors import frame
 from sim_bridge.sensors.frame import RawFrame
 from sim_bridge.sensors.receiver import Sticks
 from sim_bridge.sensors.suite import SECTIONS, SensorSpec, SensorSuite, SimulationDiverged, sensor_spec
+from wingbeat.errors import InputError
 
 PAIRS = [
     (frame.RawImu, messages.ImuSample),
@@ -170,7 +170,7 @@ def test_sections_are_the_spec() -> None:
 
 
 def test_negative_seed_is_refused() -> None:
-    with pytest.raises(BadInput, match="seed must be a whole number from 0, not -1"):
+    with pytest.raises(InputError, match="seed must be a whole number from 0, not -1"):
         SensorSuite(SPEC, -1, COLLEGE_PARK)
 
 

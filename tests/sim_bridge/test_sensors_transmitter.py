@@ -8,10 +8,10 @@ import pytest
 from sensors_bench import cruise
 
 from avionics.messages import Mode
-from avionics.quantities import BadInput
 from avionics.vehicles import load_vehicle
 from sim_bridge.sensors.receiver import Sticks
 from sim_bridge.sensors.transmitter import Script, load_script
+from wingbeat.errors import InputError
 
 TABLE = """# take off, hand over to the autopilot
 time, arm, throttle, roll, mode
@@ -85,7 +85,7 @@ def test_the_names_of_the_mode_switch_are_the_modes_of_the_vehicle_files_that_co
     ],
 )
 def test_a_table_that_nobody_can_fly_is_refused_in_one_line(tmp_path: Path, text: str, reason: str) -> None:
-    with pytest.raises(BadInput, match=reason) as refusal:
+    with pytest.raises(InputError, match=reason) as refusal:
         load_script(written(tmp_path, text))
     assert "\n" not in str(refusal.value)
     assert "sticks.csv" in str(refusal.value)
@@ -100,5 +100,5 @@ def test_the_table_of_the_readme_arms_with_the_throttle_closed_and_ends_in_auto(
 
 
 def test_a_file_that_is_not_there_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(BadInput, match="cannot read"):
+    with pytest.raises(InputError, match="cannot read"):
         load_script(tmp_path / "nowhere.csv")

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from avionics.quantities import BadInput
 from sim_bridge.flight_mechanics.prescribed import (
     LEFT,
     RIGHT,
@@ -24,6 +23,7 @@ from sim_bridge.flight_mechanics.prescribed import (
     strips_of,
 )
 from sim_bridge.flight_mechanics.spatial import draw_spatial, spatial_kinematics
+from wingbeat.errors import InputError
 
 WING = elliptic_wing(0.5, 0.25, 10, np.array([0.06, 0.02, -0.04]))
 STROKE = Stroke(5.0, 0.7, -0.5, 0.2, 0.8)
@@ -48,7 +48,7 @@ def test_the_flap_rate_is_the_derivative_of_the_angle() -> None:
 
 
 def test_a_down_stroke_that_is_no_part_of_a_stroke_is_refused() -> None:
-    with pytest.raises(BadInput, match=r"from phase 0\.8 to 0\.2"):
+    with pytest.raises(InputError, match=r"from phase 0\.8 to 0\.2"):
         flap_angles(STROKE._replace(down_from=0.8, down_to=0.2), np.zeros(1))
 
 
@@ -136,6 +136,6 @@ def test_without_matplotlib_one_line_says_so(tmp_path: Path, monkeypatch: pytest
 
     monkeypatch.setattr(builtins, "__import__", without)
     fields = spatial_kinematics(WING, steady_flight(STROKE, 8, 9.2))
-    with pytest.raises(BadInput, match="drawing needs matplotlib"):
+    with pytest.raises(InputError, match="drawing needs matplotlib"):
         draw_spatial(fields, tmp_path / "stroke.png", "a stroke")
     assert not (tmp_path / "stroke.png").exists()

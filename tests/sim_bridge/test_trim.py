@@ -7,7 +7,6 @@ import math
 import pytest
 from plant_bench import NAMES, vehicle
 
-from avionics.quantities import BadInput
 from sim_bridge.actuators.linkage import FourBar, Motor
 from sim_bridge.aerodynamics.regression import Regression
 from sim_bridge.flight_mechanics.excursions import excursions, figures
@@ -17,6 +16,7 @@ from sim_bridge.flight_mechanics.modes import modes
 from sim_bridge.flight_mechanics.orbit import Orbit, trim
 from sim_bridge.flight_mechanics.stroke_map import StrokeInputs, StrokeMap
 from sim_bridge.vehicles import SimulatedVehicle
+from wingbeat.errors import InputError
 
 LINKAGE = FourBar(0.012, 0.050, 0.022, 0.030, 0.050, -1.2, False)
 MOTOR = Motor(0.004, 0.12, 0.8, 40.0, 0.85, 2e-6)
@@ -92,7 +92,7 @@ def test_a_trim_that_newton_does_not_reach_is_followed_from_the_cruise() -> None
     ],
 )
 def test_a_refusal_tells_what_stands_in_the_way(name: str, airspeed: float, climb_rate: float, said: str) -> None:
-    with pytest.raises(BadInput, match=said):
+    with pytest.raises(InputError, match=said):
         trim(vehicle(name), airspeed, climb_rate)
 
 
@@ -116,7 +116,7 @@ def test_an_airspeed_at_which_the_aerodynamic_model_does_not_hold_is_refused() -
     bird = vehicle("arizona_100cm")
     sections = bird.sections | {"regression": Regression("time", 0.3, 0.25)}
     flown = bird._replace(sections=sections, aerodynamics=bird.aerodynamics._replace(model="regression"))
-    with pytest.raises(BadInput, match=r"regression holds from 8\.7 to 9\.7 m/s"):
+    with pytest.raises(InputError, match=r"regression holds from 8\.7 to 9\.7 m/s"):
         trim(flown, 8.0, 0.0)
 
 

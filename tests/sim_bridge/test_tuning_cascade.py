@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from tuning_bench import OMEGA, VEHICLES, Sampled, designed, grows, loops, model, nearest, vehicle
 
-from avionics.quantities import BadInput
 from avionics.stabilization import pitch, roll
 from avionics.vehicles import load_vehicle as load_flight_vehicle
 from avionics.vehicles.gains import FlightGains
 from sim_bridge.flight.tuning.cascade import PARTS, design
 from sim_bridge.flight.tuning.vehicle_file import places, tuned_text, write
 from sim_bridge.tuning.margins import LIMITS
+from wingbeat.errors import InputError
 
 BOTH = pytest.mark.parametrize("name", [VEHICLES[0], pytest.param(VEHICLES[1], marks=pytest.mark.validate)])
 """a design takes some seconds: that of the second vehicle is for the long studies"""
@@ -177,7 +177,7 @@ def test_a_model_without_drive_and_lateral_motion_tunes_the_pitch_loop_alone() -
 def test_an_elevator_that_does_nothing_is_refused_by_the_loop_it_is_in() -> None:
     name = VEHICLES[0]
     limp = model(name)._replace(elevator=1e-6 * model(name).elevator)
-    with pytest.raises(BadInput, match="pitch: no gains"):
+    with pytest.raises(InputError, match="pitch: no gains"):
         design(limp, vehicle(name))
 
 
@@ -213,7 +213,7 @@ def test_a_file_laid_out_otherwise_is_refused_and_nothing_is_written(tmp_path: P
     text = vehicle(name).file.text.replace("[roll]\nproportional", "[roll]\n'proportional'")
     odd = vehicle(name)._replace(file=vehicle(name).file._replace(text=text))
     where = places(tmp_path / "my_bird")
-    with pytest.raises(BadInput, match=r"roll\.proportional must be written on one line"):
+    with pytest.raises(InputError, match=r"roll\.proportional must be written on one line"):
         write(where, odd, designed(name), "# the world\n")
     assert list(tmp_path.iterdir()) == []
 
@@ -223,11 +223,11 @@ def test_existing_files_are_never_touched(tmp_path: Path) -> None:
         folder = tmp_path / taken.partition(".")[0]
         folder.mkdir()
         (folder / taken).write_text("mine")
-        with pytest.raises(BadInput, match="exists already and is not overwritten"):
+        with pytest.raises(InputError, match="exists already and is not overwritten"):
             places(folder)
         assert (folder / taken).read_text() == "mine"
-    with pytest.raises(BadInput, match="exists already"):
+    with pytest.raises(InputError, match="exists already"):
         places(tmp_path / "world" / "world.toml")
     (tmp_path / "plain").write_text("mine")
-    with pytest.raises(BadInput, match="is a file"):
+    with pytest.raises(InputError, match="is a file"):
         places(tmp_path / "plain")

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 from tuning_bench import MODELS, VEHICLES, model
 
-from avionics.quantities import BadInput
 from avionics.stabilization import stroke_filter
 from sim_bridge.flight_mechanics.averaged import stroke_averaged_model
 from sim_bridge.flight_mechanics.averaged_axes import axes_model
@@ -23,6 +22,7 @@ from sim_bridge.tuning.loop import LoopSpec, Process, Terms, loop_margins, searc
 from sim_bridge.tuning.margins import bandwidth, frequencies, margins, response
 from sim_bridge.tuning.model import is_model_file, load_model, model_of, model_text, save_model
 from sim_bridge.vehicles import load_vehicle
+from wingbeat.errors import InputError
 
 
 def test_the_margins_of_a_loop_known_by_heart() -> None:
@@ -100,7 +100,7 @@ def test_a_search_stays_in_its_limits_and_leaves_no_faster_gain_out() -> None:
 
 
 def test_a_search_without_a_way_says_so() -> None:
-    with pytest.raises(BadInput, match="no gains give this loop 6 dB and 45 degrees below 2 rad/s"):
+    with pytest.raises(InputError, match="no gains give this loop 6 dB and 45 degrees below 2 rad/s"):
         search(lagging_process(), LoopSpec(2.0, False, False, (1e-6, 0.0, 0.0)))
 
 
@@ -113,7 +113,7 @@ def test_a_model_survives_its_file(name: str, tmp_path: Path) -> None:
     as_json = tmp_path / "model.json"
     as_json.write_text(json.dumps(tomllib.loads(path.read_text())))
     assert model_text(load_model(as_json)) == model_text(model(name))
-    with pytest.raises(BadInput, match="exists already"):
+    with pytest.raises(InputError, match="exists already"):
         save_model(path, model(name))
 
 
@@ -137,7 +137,7 @@ def test_a_damaged_model_file_is_refused_in_one_line(change: tuple[str, str], co
     assert change[0] in text
     path = tmp_path / "bad.toml"
     path.write_text(text.replace(*change))
-    with pytest.raises(BadInput, match=complaint.replace("(", r"\(")) as refusal:
+    with pytest.raises(InputError, match=complaint.replace("(", r"\(")) as refusal:
         load_model(path)
     assert "\n" not in str(refusal.value) and "bad.toml" in str(refusal.value)
 

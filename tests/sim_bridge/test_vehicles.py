@@ -10,13 +10,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from plant_bench import NAMES
 
-from avionics.quantities import BadInput, toml_text
 from avionics.vehicles import load_vehicle as load_flight_vehicle
 from avionics.vehicles import vehicle_names as flight_names
 from groundstation.command.main import main
 from sim_bridge.mechanism import CHANNELS, all_parts, build_mechanism, total_mass
 from sim_bridge.vehicles import FOLDER, REPEATED, load_vehicle, vehicle_bodies, vehicle_names, with_model
 from sim_bridge.vehicles.bodies import MOVERS
+from wingbeat.documents import toml_text
+from wingbeat.errors import InputError
 
 RAVEN = (FOLDER / "robo_raven_ii_d.toml").read_text(encoding="utf-8")
 
@@ -114,7 +115,7 @@ def test_a_file_is_loaded_by_its_path(tmp_path: Path) -> None:
     ],
 )
 def test_a_bad_file_is_refused_in_one_line_that_names_key_and_range(tmp_path: Path, text: str, said: str) -> None:
-    with pytest.raises(BadInput, match=said) as refused:
+    with pytest.raises(InputError, match=said) as refused:
         load_vehicle(written(tmp_path, text))
     assert "\n" not in str(refused.value)
 
@@ -191,13 +192,13 @@ def test_a_base_may_have_a_base_and_stand_beside_the_file(tmp_path: Path) -> Non
 )
 def test_a_base_that_cannot_be_is_told_in_one_line(tmp_path: Path, base: str, said: str) -> None:
     (tmp_path / "other.toml").write_text('base = "bird.toml"', encoding="utf-8")
-    with pytest.raises(BadInput, match=said) as refused:
+    with pytest.raises(InputError, match=said) as refused:
         load_vehicle(written(tmp_path, f"base = {base}"))
     assert "\n" not in str(refused.value)
 
 
 def test_a_key_that_is_wrong_behind_a_base_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(BadInput, match=r"unknown key wing\.feathers"):
+    with pytest.raises(InputError, match=r"unknown key wing\.feathers"):
         load_vehicle(written(tmp_path, 'base = "robo_raven_ii_d"\n[wing]\nfeathers = { value = 9 }'))
 
 
@@ -209,12 +210,12 @@ def test_the_flight_computer_believes_the_tails_travel_and_speed_that_are(name: 
 
 
 def test_an_unknown_vehicle_is_told_the_known_ones() -> None:
-    with pytest.raises(BadInput, match=r"unknown vehicle 'pterodactyl'; known: .*robo_raven_ii_d"):
+    with pytest.raises(InputError, match=r"unknown vehicle 'pterodactyl'; known: .*robo_raven_ii_d"):
         load_vehicle("pterodactyl")
 
 
 def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
-    with pytest.raises(BadInput, match=r"gone\.toml"):
+    with pytest.raises(InputError, match=r"gone\.toml"):
         load_vehicle(str(tmp_path / "gone.toml"))
 
 
@@ -257,7 +258,7 @@ def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
 )
 def test_bodies_that_make_no_vehicle_are_refused_in_one_line(tmp_path: Path, text: str, said: str) -> None:
     path = written(tmp_path, text)
-    with pytest.raises(BadInput, match=said) as refused:
+    with pytest.raises(InputError, match=said) as refused:
         load_vehicle(path)
     assert "\n" not in str(refused.value)
     assert str(path) in str(refused.value)
@@ -266,7 +267,7 @@ def test_bodies_that_make_no_vehicle_are_refused_in_one_line(tmp_path: Path, tex
 def test_a_loop_through_mirror_images_is_refused_when_the_file_is_loaded(tmp_path: Path) -> None:
     text = changed("parent", '"left_wing"', "bodies.right_wing")
     text = text.replace('[bodies.left_wing]\nparent = "fuselage"', '[bodies.left_wing]\nparent = "right_wing"')
-    with pytest.raises(BadInput, match="makes a loop: right_wing on left_wing on right_wing") as refused:
+    with pytest.raises(InputError, match="makes a loop: right_wing on left_wing on right_wing") as refused:
         load_vehicle(written(tmp_path, text))
     assert "\n" not in str(refused.value)
 
@@ -279,13 +280,15 @@ def test_wings_on_one_joint_are_refused(tmp_path: Path) -> None:
         "right_wing": plain._replace(parent="hinge"),
         "left_wing": plain._replace(parent="hinge"),
     }
-    with pytest.raises(BadInput, match=r'wing\.left = "left_wing" hangs on the joint of "hinge", as the right wing'):
+    with pytest.raises(
+        InputError, match=r'wing\.left = "left_wing" hangs on the joint of "hinge", as the right wing'
+    ):
         vehicle_bodies(bird._replace(bodies=bodies))
 
 
 def test_a_bad_model_setting_is_refused_when_the_mechanism_is_built(tmp_path: Path) -> None:
     path = written(tmp_path, changed("dynamic_stall", '"never"', "strip_theory"))
-    with pytest.raises(BadInput, match=r'dynamic_stall = "never" is unknown; it is fixed or kim') as refused:
+    with pytest.raises(InputError, match=r'dynamic_stall = "never" is unknown; it is fixed or kim') as refused:
         build_mechanism(load_vehicle(path))
     assert "\n" not in str(refused.value) and path in str(refused.value)
 
@@ -337,9 +340,9 @@ def test_a_vehicle_flies_with_any_model_that_its_file_has_a_section_of(name: str
 
 def test_another_model_is_refused_with_those_there_are() -> None:
     bird = load_vehicle("robo_raven_ii_d")
-    with pytest.raises(BadInput, match=r'^unknown aerodynamic model "panels"; known: strip_theory, quasi_steady'):
+    with pytest.raises(InputError, match=r'^unknown aerodynamic model "panels"; known: strip_theory, quasi_steady'):
         with_model(bird, "panels")
     known = "strip_theory, quasi_steady, blade_element, vortex_lattice"
     has = rf"robo_raven_ii_d has no section \[regression\]; it has {known}$"
-    with pytest.raises(BadInput, match=has):
+    with pytest.raises(InputError, match=has):
         with_model(bird, "regression")

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from aerodynamics_bench import SLACK
 
-from avionics.quantities import BadInput
 from sim_bridge import plant_kernel as k
 from sim_bridge.aerodynamics.vortex_lattice.geometry import lattice_of
 from sim_bridge.aerodynamics.vortex_lattice.settings import VortexLatticeParameters
@@ -18,6 +17,7 @@ from sim_bridge.aerodynamics.vortex_lattice.steady import SteadyFlow, solve_stea
 from sim_bridge.plant import Plant
 from sim_bridge.vectors import Floats
 from sim_bridge.vehicles import SimulatedVehicle, load_vehicle, with_model
+from wingbeat.errors import InputError
 
 SPEED, TICK = 6.8, 0.005
 AROUND = k.Surroundings(0.0, 0.0, 0.0, 1.225, k.HELD, 0.0, 0.0, 0.0)
@@ -188,11 +188,13 @@ def test_the_pose_of_a_circle_is_the_circle() -> None:
 
 
 def test_an_unknown_stall_is_refused() -> None:
-    with pytest.raises(BadInput, match=r'vortex_lattice.dynamic_stall = "none" is unknown; it is fixed or kim$'):
+    with pytest.raises(InputError, match=r'vortex_lattice.dynamic_stall = "none" is unknown; it is fixed or kim$'):
         Plant(raven(dynamic_stall="none"))
 
 
 def test_a_fin_through_the_tailplane_is_refused_with_the_place() -> None:
-    with pytest.raises(BadInput, match=r'robo_raven_ii_d.*surface ".*" crosses ".*" at \(-0\.\d+, 0, [-0-9.e]+\) m$'):
+    with pytest.raises(
+        InputError, match=r'robo_raven_ii_d.*surface ".*" crosses ".*" at \(-0\.\d+, 0, [-0-9.e]+\) m$'
+    ):
         Plant(raven(fin_place=(-0.42, 0.0, 0.05)))
     assert parameters_of(Plant(raven(fin_place=(-0.42, 0.3, 0.05)))).tail.fin_y == 0.3

@@ -7,12 +7,12 @@ import math
 import numpy as np
 import pytest
 
-from avionics.quantities import BadInput
 from sim_bridge.aerodynamics.vortex_lattice.far_wake import far_drag
 from sim_bridge.aerodynamics.vortex_lattice.geometry import Lattice, Section, Surface, build_lattice, lattice_of
 from sim_bridge.aerodynamics.vortex_lattice.steady import solve_steady
 from sim_bridge.validation.straight_wing import straight_wing
 from sim_bridge.vectors import Floats
+from wingbeat.errors import InputError
 
 ALPHA, DENSITY, SPEED = 0.08, 1.2, 10.0
 BACK = np.array([1.0, 0.0, 0.0])
@@ -109,11 +109,11 @@ def test_a_wake_without_direction_or_through_a_mirror_is_refused(
     along: Floats, mirrors: dict[str, float], part: str
 ) -> None:
     lattice, strengths = elliptic(4)
-    with pytest.raises(BadInput, match=part) as refused:
+    with pytest.raises(InputError, match=part) as refused:
         far_drag(lattice, strengths, along, DENSITY, **mirrors)  # type: ignore[arg-type]
     assert "\n" not in str(refused.value)
 
 
 def test_a_wake_direction_that_is_none_is_refused_near_by_too() -> None:
-    with pytest.raises(BadInput, match="the wake has no direction"):
+    with pytest.raises(InputError, match="the wake has no direction"):
         solve_steady(build_lattice([flat(-1.0, 1.0, 2)]), WIND, DENSITY, along=np.zeros(3))

@@ -10,8 +10,6 @@ from plant_bench import NAMES, vehicle
 from scipy.spatial.transform import Rotation
 
 from avionics.messages import ActuatorCommand, SensorFrame
-from avionics.quantities import BadInput
-from avionics.topics import Topic
 from sim_bridge import topics
 from sim_bridge.bridge.world import NEUTRAL
 from sim_bridge.environment.dryden import FOOT, Gust
@@ -29,6 +27,8 @@ from sim_bridge.flight.world import (
     Throw,
 )
 from sim_bridge.messages import TruthState
+from wingbeat.errors import InputError
+from wingbeat.topic import Topic
 
 Pilot = Callable[[int], ActuatorCommand]
 SOON = 1.0
@@ -328,7 +328,7 @@ def test_loads_and_power_agree_with_each_other() -> None:
     ],
 )
 def test_a_scenario_out_of_range_is_refused(scenario: Scenario, text: str) -> None:
-    with pytest.raises(BadInput, match=text):
+    with pytest.raises(InputError, match=text):
         SimulatedWorld(vehicle("robo_raven_ii_d"), scenario)
 
 

@@ -8,11 +8,11 @@ from pathlib import Path
 from memory_log import MemoryLog
 
 from avionics import topics
-from avionics.topics import Topic
 from logs.export import Part, export
 from logs.importing.log_import import Choice, import_log
 from logs.reader import open_log
 from logs.recorder import McapRecorder
+from wingbeat.topic import Topic
 
 RATE = 200.0
 """Hz; of the table"""

@@ -20,7 +20,6 @@ from avionics.link.codec import quantised_command
 from avionics.messages import ActuatorCommand, Command, SensorFrame, Stage
 from avionics.missions import load_mission
 from avionics.missions.script import scripted_start
-from avionics.topics import Topic
 from avionics.vehicles import load_vehicle as load_flight_vehicle
 from logs.summary import CAPTURE_ALTITUDE, CAPTURE_HEADING
 from sim_bridge import topics as truth_topics
@@ -29,6 +28,7 @@ from sim_bridge.flight.faults import Fault, fault_commands
 from sim_bridge.flight.flight import fly
 from sim_bridge.flight.world import Scenario, SimulatedWorld
 from sim_bridge.vehicles import load_vehicle
+from wingbeat.topic import Topic
 
 RAVEN, ARIZONA = "robo_raven_ii_d", "arizona_100cm"
 DETERMINISTIC = tuple(topic for topic in topics.TOPICS + truth_topics.TOPICS if topic.deterministic)

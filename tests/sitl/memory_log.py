@@ -12,12 +12,12 @@ import numpy as np
 from avionics.autopilot import Autopilot
 from avionics.missions import load_mission
 from avionics.missions.script import scripted_start
-from avionics.quantities import BadInput
-from avionics.topics import Topic
 from avionics.vehicles import load_vehicle as load_flight_vehicle
 from sim_bridge.flight.flight import fly
 from sim_bridge.flight.world import Scenario, SimulatedWorld
 from sim_bridge.vehicles import load_vehicle
+from wingbeat.errors import InputError
+from wingbeat.topic import Topic
 
 
 class MemoryLog:
@@ -48,7 +48,7 @@ class MemoryLog:
         """Arrays by field name."""
         kept = self.messages.get(topic.name)
         if not kept:
-            raise BadInput(f"the flight has no topic {topic.name}")
+            raise InputError(f"the flight has no topic {topic.name}")
         columns = self._columns.get(topic.name, {})
         if not columns or any(len(column) != len(kept) for column in columns.values()):
             columns = {

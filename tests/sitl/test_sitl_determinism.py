@@ -18,13 +18,13 @@ from avionics.messages import ActuatorCommand, Command, SensorFrame
 from avionics.missions import load_mission
 from avionics.missions.script import scripted_start
 from avionics.runtime.flight_computer import FlightComputer
-from avionics.topics import Topic
 from avionics.vehicles import load_vehicle as load_flight_vehicle
 from sim_bridge import topics as truth_topics
 from sim_bridge.bridge.server import BridgeServer, BridgeStatistics
 from sim_bridge.flight.flight import fly
 from sim_bridge.flight.world import Scenario, SimulatedWorld
 from sim_bridge.vehicles import load_vehicle
+from wingbeat.topic import Topic
 
 MID_STROKE_US = 12_345_000
 

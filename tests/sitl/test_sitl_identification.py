@@ -11,12 +11,12 @@ import pytest
 from identified import INPUTS_OVER, known, true_short_period
 from memory_log import flown
 
-from avionics.quantities import BadInput
 from logs.identification.modes.mode import Mode, ModesResult
 from logs.identification.modes.short_period import identify_modes
 from logs.identification.sources.flight import flight_data
 from sim_bridge.flight.world import Scenario
 from sim_bridge.flight_mechanics.averaged import ShortPeriod
+from wingbeat.errors import InputError
 
 VEHICLE = "robo_raven_ii_d"
 SEEDS = range(1, 21)
@@ -108,7 +108,7 @@ def in_gusts(vehicle: str, level: str, seed: int) -> InGusts | None:
         log = flown(vehicle, Scenario(seed=seed, turbulence=level))
         modes = identify_modes(flight_data(log), known(vehicle)).modes
         return InGusts(true_short_period(vehicle, log), modes[WITH_A_MODEL - 1])
-    except BadInput:
+    except InputError:
         return None
 
 

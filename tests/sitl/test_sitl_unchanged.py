@@ -20,8 +20,8 @@ import numpy as np
 import pytest
 from flown import DETERMINISTIC, RAVEN, flown
 
-from avionics.messages import Event, Text
 from sim_bridge.flight.world import Scenario
+from wingbeat.message import Event, Text
 
 DIGESTS = Path(__file__).parents[1] / "data" / "flight_columns.json"
 DURATIONS = {"30 s": 30.0, "whole": 300.0}

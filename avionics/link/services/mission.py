@@ -20,7 +20,7 @@ from avionics.link.services.statustext import refusal_text
 from avionics.link.vehicle import Home, LinkGains, VehicleView
 from avionics.link.wire_item import HomeUnknown, ItemRefused, WireItem
 from avionics.messages import Command, CommandKind, Mode
-from avionics.quantities import counted
+from wingbeat.text import pluralize
 
 _MISSION = mavlink.MAV_MISSION_TYPE_MISSION
 _ALL = mavlink.MAV_MISSION_TYPE_ALL
@@ -192,7 +192,7 @@ class MissionService:
             return self._refuse(upload, refused, str(refused))
         self._without_home[mission_type] = upload
         self._done = (upload.sender, len(items) - 1, mission_type)
-        text = f"{counted(len(items), 'item')} accepted; they are checked once the GPS gives home"
+        text = f"{pluralize(len(items), 'item')} accepted; they are checked once the GPS gives home"
         return [_ack(upload.sender, _ACCEPTED, mission_type), *refusal_text(text, upload.sender)]
 
     def _at_home(self, now: float) -> list[Output]:
@@ -250,7 +250,7 @@ class MissionService:
         """Why the item with this number on the wire cannot be flown next; empty when it can."""
         count = len(self._vehicle.mission)
         known = sequence >= 0 and self.item(sequence) < count
-        return "" if known else f"there is no mission item {sequence}, only {counted(count, 'item')}"
+        return "" if known else f"there is no mission item {sequence}, only {pluralize(count, 'item')}"
 
     def _cancelled(self, message: Any, sender: Sender, now: float) -> list[Output]:
         upload = self._upload

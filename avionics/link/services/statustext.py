@@ -13,7 +13,7 @@ from avionics.link.dialect import mavlink
 from avionics.link.services.service import Output, Reply, Sender
 from avionics.link.telemetry import boot_ms
 from avionics.link.vehicle import VehicleView
-from avionics.messages import Event, Severity
+from wingbeat.message import Event, Severity
 
 CHUNK = 50
 LONGEST = 4 * CHUNK

@@ -8,7 +8,7 @@ from avionics.link.dialect import mavlink
 from avionics.link.services.command_result import CommandResult, Request, refused
 from avionics.link.vehicle import Storage, VehicleView
 from avionics.messages import Command, CommandKind
-from avionics.quantities import BadInput
+from wingbeat.errors import InputError
 
 READ, WRITE, RESET = 0.0, 1.0, 2.0
 """of the first parameter; 3 (sensors alone) and 4 (everything) reset the parameters too"""
@@ -34,7 +34,7 @@ class StorageRequests:
                 return CommandResult(mavlink.MAV_RESULT_ACCEPTED)
             if what == READ:
                 return self._set(request, {**self._storage.defaults(), **self._storage.stored()})
-        except (BadInput, OSError) as failure:
+        except (InputError, OSError) as failure:
             return CommandResult(mavlink.MAV_RESULT_FAILED, (), f"storage: {failure}")
         if what in (RESET, 4.0):
             return self._set(request, self._storage.defaults())

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from avionics.quantities import BadInput
 from avionics.sensing import inertial
 from logs.identification.aerodynamics.inverse_dynamics import LOW_PASS, coefficients
 from logs.identification.aerodynamics.structure import AeroResult, identify_coefficients
 from logs.identification.sources.motion import measured_motion, true_motion
 from logs.identification.sources.topic_table import ColumnSource
 from sim_bridge.vehicles import SimulatedVehicle
+from wingbeat.errors import InputError
 
 
 def identify_aero(
@@ -23,10 +23,10 @@ def identify_aero(
     the ``vehicle``'s.
 
     Raises:
-        BadInput: the vehicle is not known, a topic is missing, or the flight has no stretch that is long enough.
+        InputError: the vehicle is not known, a topic is missing, or the flight has no stretch that is long enough.
     """
     if vehicle is None:
-        raise BadInput(
+        raise InputError(
             "inverse dynamics needs the masses and hinges of the vehicle, and the log carries no file of it"
         )
     flown = true_motion(source, vehicle) if by_truth else measured_motion(source, vehicle, calibration)

@@ -19,7 +19,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from avionics.quantities import BadInput
 from logs.identification.aerodynamics.wing_air import MovedVehicle, wing_air
 from logs.identification.experiment import Experiment
 from logs.identification.kinematics.speeds import Speeds, smoothed
@@ -28,6 +27,7 @@ from logs.identification.results import Array
 from sim_bridge.mechanism import build_mechanism, wing_strips
 from sim_bridge.plant_kernel import COORDINATES
 from sim_bridge.vehicles import SimulatedVehicle
+from wingbeat.errors import InputError
 
 LOW_PASS = 15.0
 """Hz; keeps the second harmonic of a bird's stroke, which the wing's speed squared has"""
@@ -101,17 +101,17 @@ def coefficients(
     """Eq. 13 to 16 for ``motion`` of ``vehicle``, low-passed at ``cutoff`` Hz where given.
 
     Raises:
-        BadInput: the motion has other coordinates than the vehicle, samples that are not finite, no airspeed, or is
+        InputError: the motion has other coordinates than the vehicle, samples that are not finite, no airspeed, or is
             too short or too slow for the cut-off.
     """
     moved, wing = motion.moved, wing or wing_of(vehicle)
     if not all(np.all(np.isfinite(values)) for values in moved):
-        raise BadInput(
+        raise InputError(
             f"{motion.name}: inverse dynamics needs every sample of the motion; cut the record or bridge it"
         )
     air = wing_air(vehicle, moved, motion.density)
     if not np.all(air.pressure > LEAST_PRESSURE):
-        raise BadInput(
+        raise InputError(
             f"{motion.name}: the wings' mean speed falls to zero: coefficients would be divided by nothing"
         )
     force = air.pressure * wing.area
@@ -174,7 +174,7 @@ def _low_passed(motion: WingMotion, signals: dict[str, Array], cutoff: float) ->
     ends = math.ceil(RINGING / (max(cutoff, 1e-3) * step))
     if len(motion.time) < 30 + 2 * ends or not 0.0 < cutoff < 0.45 / step:
         least = f"{30 + 2 * ends} samples and a rate above {cutoff / 0.45:g} Hz"
-        raise BadInput(f"{motion.name}: a low-pass at {cutoff:g} Hz needs {least}")
+        raise InputError(f"{motion.name}: a low-pass at {cutoff:g} Hz needs {least}")
     # Residuals without anything in most of their band would have no white part to tell their errors by.
     every = max(int(1.0 / (SAMPLED * cutoff * step)), 1)
     kept = slice(ends, len(motion.time) - ends, every)

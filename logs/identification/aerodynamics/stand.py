@@ -13,7 +13,6 @@ from typing import NamedTuple
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from avionics.quantities import BadInput
 from logs.identification.aerodynamics.inverse_dynamics import (
     COEFFICIENTS,
     STATES,
@@ -31,8 +30,9 @@ from logs.identification.results import Array
 from sim_bridge.mechanism import build_mechanism
 from sim_bridge.multibody.tree import BASE
 from sim_bridge.plant_kernel import COORDINATES
-from sim_bridge.vectors import quaternion_from_euler
 from sim_bridge.vehicles import SimulatedVehicle
+from wingbeat.errors import InputError
+from wingbeat.rotations import quaternion_from_euler
 
 LEAST_SAMPLES = 60
 HARMONICS = 31
@@ -86,7 +86,7 @@ def stand_coefficients(
     load is that of the vehicle's plates.
 
     Raises:
-        BadInput: a run that is too short, has holes, no airflow or no stroke, or a mount that is no rotation.
+        InputError: a run that is too short, has holes, no airflow or no stroke, or a mount that is no rotation.
     """
     cell = cell or LoadCell()
     moved, load = stand_motion(vehicle, run, cutoff), _on_base(run, cell, cutoff)
@@ -98,7 +98,7 @@ def stand_coefficients(
         on_wings = load - _over_stroke(run, tare, cell, cutoff) + _tail_difference(vehicle, moved, run)
     force = air.pressure * wing_of(vehicle).area
     if not np.all(air.pressure > 1.0):
-        raise BadInput(f"{run.name}: the wings' mean speed falls to zero: coefficients would be divided by nothing")
+        raise InputError(f"{run.name}: the wings' mean speed falls to zero: coefficients would be divided by nothing")
     found = coefficients_of(on_wings, force, wing_of(vehicle).chord)
     signals = dict(zip(COEFFICIENTS, found, strict=True)) | states(vehicle, moved)
     signals |= products(signals)
@@ -110,7 +110,7 @@ def stand_motion(vehicle: SimulatedVehicle, run: StandRun, cutoff: float = CUTOF
     """The vehicle of a ``run``: base at rest in the stream, both wings at the smoothed angle, other joints at zero.
 
     Raises:
-        BadInput: the run is too short, not equally spaced, or has samples that are not numbers.
+        InputError: the run is too short, not equally spaced, or has samples that are not numbers.
     """
     step, count = _step(run, cutoff), len(run.time)
     layout = build_mechanism(vehicle).layout
@@ -129,15 +129,15 @@ def stand_motion(vehicle: SimulatedVehicle, run: StandRun, cutoff: float = CUTOF
 
 def _step(run: StandRun, cutoff: float) -> float:
     if len(run.time) < LEAST_SAMPLES:
-        raise BadInput(f"{run.name}: {len(run.time)} samples; a stand's run needs {LEAST_SAMPLES}")
+        raise InputError(f"{run.name}: {len(run.time)} samples; a stand's run needs {LEAST_SAMPLES}")
     if not all(np.all(np.isfinite(values)) for values in (run.time, run.load, run.flap, run.strokes)):
-        raise BadInput(f"{run.name}: it has samples that are not numbers; cut or bridge them")
+        raise InputError(f"{run.name}: it has samples that are not numbers; cut or bridge them")
     steps = np.diff(run.time)
     if not (steps.min() > 0.0 and np.ptp(steps) < 0.01 * np.mean(steps)):
-        raise BadInput(f"{run.name}: its samples are not equally spaced; resample it")
+        raise InputError(f"{run.name}: its samples are not equally spaced; resample it")
     step = float(np.mean(steps))
     if not 0.0 < cutoff < 0.45 / step:
-        raise BadInput(f"{run.name}: a low-pass at {cutoff:g} Hz needs a rate above {cutoff / 0.45:g} Hz")
+        raise InputError(f"{run.name}: a low-pass at {cutoff:g} Hz needs a rate above {cutoff / 0.45:g} Hz")
     return step
 
 
@@ -145,7 +145,7 @@ def _on_base(run: StandRun, cell: LoadCell, cutoff: float) -> Array:
     """N, N m; (N, 6), load of the vehicle on the cell, base's axes about the base's origin, low-passed."""
     r = np.asarray(cell.r_frd_from_cell, float)
     if r.shape != (3, 3) or np.abs(r @ r.T - np.eye(3)).max() > MOUNT_ROUNDING or np.linalg.det(r) < 0.0:
-        raise BadInput("the load cell's r_frd_from_cell is no rotation")
+        raise InputError("the load cell's r_frd_from_cell is no rotation")
     load = cell.sign * smoothed(run.load, _step(run, cutoff), cutoff)
     force = load[:, :3] @ r.T
     moment = load[:, 3:] @ r.T + np.cross(np.asarray(cell.place, float), force)
@@ -156,9 +156,9 @@ def _over_stroke(run: StandRun, tare: StandRun, cell: LoadCell, cutoff: float) -
     """(N, 6); the tare run's mean load at the stroke's phases of ``run``."""
     rates = [float(one.strokes[-1] - one.strokes[0]) / float(one.time[-1] - one.time[0]) for one in (run, tare)]
     if not min(rates) > 0.0 or float(tare.strokes[-1] - tare.strokes[0]) < 2.0:
-        raise BadInput(f"{tare.name}: a tare run needs two strokes or more")
+        raise InputError(f"{tare.name}: a tare run needs two strokes or more")
     if abs(rates[0] - rates[1]) > 0.03 * rates[0]:
-        raise BadInput(f"{tare.name} flaps at {rates[1]:.3g} Hz, {run.name} at {rates[0]:.3g} Hz: inertia differs")
+        raise InputError(f"{tare.name} flaps at {rates[1]:.3g} Hz, {run.name} at {rates[0]:.3g} Hz: inertia differs")
     load, turned = _on_base(tare, cell, cutoff), 2.0 * math.pi * tare.strokes
     most = max(min(HARMONICS, int(1.5 * cutoff / rates[1])), 1)
     series, wanted = _harmonics(turned, most), _harmonics(2.0 * math.pi * run.strokes, most)

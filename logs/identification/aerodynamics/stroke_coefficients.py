@@ -13,7 +13,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from avionics.quantities import BadInput
 from logs.identification.results import Array, Estimate, Unidentified, estimate, estimates
 from sim_bridge.aerodynamics.stroke_averages import (
     WORST_CONDITION,
@@ -23,6 +22,7 @@ from sim_bridge.aerodynamics.stroke_averages import (
     mean_coefficients,
     moment_regressors,
 )
+from wingbeat.errors import InputError
 
 LEAST_STROKES = 3
 HALVES = ("up", "down")
@@ -67,13 +67,15 @@ def stroke_coefficients(
             their scatter does not show: what each shifts the coefficients by is one more standard error.
 
     Raises:
-        BadInput: fewer than three strokes, or forces whose shape is not that of their record.
+        InputError: fewer than three strokes, or forces whose shape is not that of their record.
     """
     if len(records) < LEAST_STROKES or len(records) != len(forces):
-        raise BadInput(f"{len(records)} strokes and {len(forces)} forces: {LEAST_STROKES} strokes or more are needed")
+        raise InputError(
+            f"{len(records)} strokes and {len(forces)} forces: {LEAST_STROKES} strokes or more are needed"
+        )
     for record, force in zip(records, forces, strict=True):
         if force.shape != record.lift_pressure.shape:
-            raise BadInput("a stroke's force has another shape than its dynamic pressure")
+            raise InputError("a stroke's force has another shape than its dynamic pressure")
     found: list[Estimate] = []
     refused: list[Unidentified] = []
     for name in HALVES:
@@ -161,7 +163,7 @@ def _alone(record: StrokeRecord, force: NDArray[np.float64]) -> Array:
         return np.full(4, np.nan)
     try:
         return np.array(mean_coefficients(force, record))
-    except BadInput:
+    except InputError:
         return np.full(4, np.nan)
 
 

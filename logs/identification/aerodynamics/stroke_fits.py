@@ -59,7 +59,7 @@ def stroke_fit(flown: Sequence[Flight], held: Sequence[Flight] = ()) -> tuple[Fi
     ``held``.
 
     Raises:
-        BadInput: fewer than three strokes.
+        InputError: fewer than three strokes.
     """
     records = tuple(record for one in flown for record in one.strokes.records)
     forces = tuple(force for one in flown for force in one.strokes.forces)

@@ -13,12 +13,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from avionics.quantities import BadInput
 from logs.identification.preparing.fourier_smoothing import LEAST, POWER, fourier_smoothing
 from logs.identification.preparing.runs import longest_run, runs
 from logs.identification.results import Array
 from logs.strokes import strokes_of, time_at
 from sim_bridge.aerodynamics.stroke_averages import StrokeRecord, stroke_record
+from wingbeat.errors import InputError
 
 INSTANTS = 128
 """-; of a stroke, between samples of the same half along a line, force and pressures alike"""
@@ -82,13 +82,13 @@ def planform_of(outline: tuple[tuple[float, float], ...]) -> Planform:
     """Sections of a wing from its ``outline``: pairs of distance from the flapping axis and chord there, m, rising.
 
     Raises:
-        BadInput: fewer than two pairs, distances that do not rise from 0 on, a chord below zero, or no area.
+        InputError: fewer than two pairs, distances that do not rise from 0 on, a chord below zero, or no area.
     """
     table = np.asarray(outline, dtype=np.float64).reshape(-1, 2)
     if len(table) < 2 or np.any(np.diff(table[:, 0]) <= 0) or table[0, 0] < 0:
-        raise BadInput("a planform is two pairs or more of distance from the flapping axis (m, rising) and chord")
+        raise InputError("a planform is two pairs or more of distance from the flapping axis (m, rising) and chord")
     if np.any(table[:, 1] < 0) or not np.any(table[:, 1] > 0):
-        raise BadInput("a planform's chords (m) are 0 or more, and one above 0")
+        raise InputError("a planform's chords (m) are 0 or more, and one above 0")
     nodes, weights = np.polynomial.legendre.leggauss(SECTIONS)
     half = np.diff(table[:, 0])[:, None] / 2
     distance = (table[:-1, :1] + half * (1 + nodes)).ravel()
@@ -184,7 +184,7 @@ def measured_strokes(flown: Flapped, wing: Planform, cuts: tuple[Array, Array]) 
     """The strokes between ``cuts`` (begins and ends, s) of which every sample was measured.
 
     Raises:
-        BadInput: too few samples to a stroke.
+        InputError: too few samples to a stroke.
     """
     columns = np.column_stack((flown.flap, flown.airspeed, flown.alpha, flown.force))
     step = float(flown.time[-1] - flown.time[0]) / (len(flown.time) - 1)
@@ -194,7 +194,7 @@ def measured_strokes(flown: Flapped, wing: Planform, cuts: tuple[Array, Array]) 
     strokes, spans = [], []
     for begin, end in zip(*cuts, strict=True):
         if (end - begin) / step < LEAST_PER_STROKE:
-            raise BadInput(
+            raise InputError(
                 f"a stroke has {(end - begin) / step:.1f} samples; {LEAST_PER_STROKE:g} are needed to follow it"
             )
         near = (flown.time >= begin - 3 * step) & (flown.time <= end + 3 * step)

@@ -14,10 +14,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from avionics.quantities import BadInput
 from logs.identification.aerodynamics.inverse_dynamics import COEFFICIENTS, STATES, WingCoefficients, product_units
 from logs.identification.regression.stepwise import Rules, Step, stepwise_regression
 from logs.identification.results import Estimate, Unidentified
+from wingbeat.errors import InputError
 
 RULES = Rules(stop="PRESS", least_gain=0.001, most_terms=8)
 CANDIDATES = (*STATES, *product_units())
@@ -59,10 +59,10 @@ def identify_coefficients(
     """Structure and parameters of C_L, C_T and C_m from all records of ``found`` together.
 
     Raises:
-        BadInput: no record, a candidate that is no signal, records of different sampling intervals.
+        InputError: no record, a candidate that is no signal, records of different sampling intervals.
     """
     if not found:
-        raise BadInput("there is no record of the wings' motion to identify coefficients from")
+        raise InputError("there is no record of the wings' motion to identify coefficients from")
     notes = tuple(dict.fromkeys(note for one in found for note in one.notes))
     models = tuple(_model(found, name, candidates, rules) for name in COEFFICIENTS)
     return AeroResult(models, tuple(one.experiment.name for one in found), notes)

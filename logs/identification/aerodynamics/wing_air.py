@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from avionics.quantities import BadInput
 from sim_bridge import plant_kernel as k
 from sim_bridge.aerodynamics.regression import dynamic_pressure
 from sim_bridge.bound import Bound, bound_values
@@ -22,6 +21,7 @@ from sim_bridge.multibody.wings import add_wings
 from sim_bridge.plant import plant_parameters, scratch
 from sim_bridge.vectors import Floats, kernel
 from sim_bridge.vehicles import SimulatedVehicle
+from wingbeat.errors import InputError
 
 
 class MovedVehicle(NamedTuple):
@@ -75,12 +75,12 @@ def wing_air(vehicle: SimulatedVehicle, moved: MovedVehicle, density: float, wit
     Grauer did, or else taken off by the vehicle's drag areas.
 
     Raises:
-        BadInput: the motion has other coordinates than the vehicle.
+        InputError: the motion has other coordinates than the vehicle.
     """
     mechanism = build_mechanism(vehicle)
     names, hull = mechanism.layout.coordinates, vehicle.fuselage
     if moved.coordinates.shape[1] != len(names):
-        raise BadInput(f"{vehicle.name} has the coordinates {', '.join(names)}, not {moved.coordinates.shape[1]}")
+        raise InputError(f"{vehicle.name} has the coordinates {', '.join(names)}, not {moved.coordinates.shape[1]}")
     areas = np.zeros(2) if with_drag else np.array([hull.drag_area, hull.side_area])
     parameters = plant_parameters(vehicle, mechanism)._replace(plates=mechanism.plates, drag_areas=areas)
     states = np.zeros((len(moved.speeds), mechanism.layout.size))

@@ -12,10 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.stats import f as f_distribution
 
-from avionics.quantities import BadInput
 from logs.identification.accuracy.widened import not_below, uneven
 from logs.identification.results import Array, Estimate, Unidentified, estimate
 from logs.strokes import stroke_cuts
+from wingbeat.errors import InputError
 
 BAND = 0.02
 """-; within which a throttle stands still"""
@@ -126,16 +126,18 @@ def identify_frequency(data: ThrottleData) -> FrequencyModel:
     """Frequency at the mean throttle, its slope, and what else the record tells.
 
     Raises:
-        BadInput: no throttle, wings that were not watched, too few stretches.
+        InputError: no throttle, wings that were not watched, too few stretches.
     """
     if not len(data.throttle_time) or not len(data.wing_time):
-        raise BadInput("flapping frequency against throttle needs both the throttle and the wings' motion")
+        raise InputError("flapping frequency against throttle needs both the throttle and the wings' motion")
     if float(np.nanmax(data.throttle) - np.nanmin(data.throttle)) < BAND:
-        raise BadInput("the throttle does not move: it does not set how fast these wings beat, or was never changed")
+        raise InputError(
+            "the throttle does not move: it does not set how fast these wings beat, or was never changed"
+        )
     segments = steady_segments(data)
     flapping = [s for s in segments if s.frequency > 0]
     if len(flapping) < LEAST_SEGMENTS:
-        raise BadInput(
+        raise InputError(
             f"the throttle stands still in {len(flapping)} stretches with flapping wings;"
             f" frequency against throttle needs {LEAST_SEGMENTS}"
         )
@@ -146,7 +148,7 @@ def fit_segments(segments: tuple[Segment, ...], terms: tuple[str, ...] | None = 
     """The model of ``segments``; ``terms`` fixes what is fitted, else the partial F decides.
 
     Raises:
-        BadInput: the terms cannot be told apart.
+        InputError: the terms cannot be told apart.
     """
     flapping = [s for s in segments if s.frequency > 0]
     throttle, frequency, voltage, weight = (
@@ -228,7 +230,7 @@ def _weighted(design: Array, frequency: Array, weight: Array) -> tuple[Array, Ar
     shares = weight / weight.mean()
     information = design.T @ (design * shares[:, None])
     if np.linalg.cond(information) > 1e12:
-        raise BadInput("the stretches of throttle do not tell these terms apart")
+        raise InputError("the stretches of throttle do not tell these terms apart")
     inverse = np.linalg.inv(information)
     values = inverse @ (design.T @ (shares * frequency))
     left = frequency - design @ values

@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from avionics.quantities import BadInput
 from logs.identification.accuracy.widened import not_below, uneven
 from logs.identification.data import DriveData, GaugeErrors
 from logs.identification.drive.gauges import with_gauge_errors
@@ -18,6 +17,7 @@ from logs.identification.drive.servo import ServoModel
 from logs.identification.regression.least_squares import Fit, regress
 from logs.identification.results import Array, Estimate, Unidentified, estimate, student_factor
 from logs.strokes import interval_mean, stroke_cuts, stroke_means
+from wingbeat.errors import InputError
 
 LEAST_STROKES = 40
 HIGHEST_INFLATION = 25.0
@@ -52,14 +52,14 @@ class _Strokes(NamedTuple):
 
 def _stroke_means(data: DriveData) -> _Strokes:
     if not len(data.wing_time):
-        raise BadInput("the log has no motion of the wings (/main/wing), which the power model needs")
+        raise InputError("the log has no motion of the wings (/main/wing), which the power model needs")
     half = data.window / 2
     first = max(data.power_time[0], data.torque_time[0], data.wing_time[0]) + half
     last = min(data.power_time[-1] - half, data.torque_time[-1], data.wing_time[-1])
     cuts = stroke_cuts(data.wing_time, data.strokes) if np.ptp(data.strokes) > 2 else np.zeros(0)
     cuts = cuts[(cuts >= first) & (cuts <= last)]
     if len(cuts) < LEAST_STROKES:
-        raise BadInput(f"the log has {len(cuts)} wing strokes; the power model needs {LEAST_STROKES}")
+        raise InputError(f"the log has {len(cuts)} wing strokes; the power model needs {LEAST_STROKES}")
     centre = data.power_time - half
     power = np.zeros(len(data.torque_time))
     for torque, rate in ((data.torque_left, data.rate_left), (data.torque_right, data.rate_right)):
@@ -101,7 +101,7 @@ def identify_power(
     them.
 
     Raises:
-        BadInput: too few strokes.
+        InputError: too few strokes.
     """
     strokes = _stroke_means(data)
     c_d = -float(strokes.current.mean()) if centre_current is None else centre_current
@@ -125,7 +125,7 @@ def power_with_gauge_errors(
     """`identify_power` with intervals that hold what the sensors' calibrations left.
 
     Raises:
-        BadInput: too few strokes.
+        InputError: too few strokes.
     """
     model = identify_power(data, centre_current, centre_voltage)
     centre, dropped = (model.centre_current, model.centre_voltage), list(model.unidentified)

@@ -18,11 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from avionics.quantities import BadInput
 from logs.identification.data import DriveData
 from logs.identification.drive.servo import ServoModel
 from logs.identification.regression.least_squares import regress
 from logs.identification.results import Array, Unidentified, estimate, student_factor
+from wingbeat.errors import InputError
 
 Mask = NDArray[np.bool_]
 LEAST_SAMPLES = 40
@@ -90,7 +90,7 @@ def identify_torque(data: DriveData) -> ServoModel:
     """K_tau and K_tau0 of Gerdes Eq. 11.
 
     Raises:
-        BadInput: too few samples in which both servos are loaded.
+        InputError: too few samples in which both servos are loaded.
     """
     fitted = _fitted(data)
     again = _fitted(data._replace(torque_time=data.torque_time + fitted.lead)) if fitted.lead else fitted
@@ -124,7 +124,7 @@ def _fitted(data: DriveData) -> _Fitted:
 
 def _enough(used: Mask) -> Mask:
     if used.sum() * SMOOTH < LEAST_SAMPLES:
-        raise BadInput(
+        raise InputError(
             f"both drive servos are loaded in only {int(used.sum())} samples; the torque model needs"
             f" {math.ceil(LEAST_SAMPLES / SMOOTH)}"
         )
@@ -140,7 +140,7 @@ def _preliminary(current: Array, torque: Array, steady: Mask) -> tuple[float, fl
     """Floor, slope and offset from the upper half of the currents, where both servos are surely loaded."""
     high = steady & (current > np.quantile(current, 0.6))
     if high.sum() < LEAST_SAMPLES or np.ptp(current) <= 0:
-        raise BadInput(
+        raise InputError(
             "the drive current does not vary: no flapping in this log from which to learn the torque model"
         )
     slope, offset = (float(c) for c in np.polyfit(current[high], torque[high], 1))

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from avionics.quantities import BadInput
 from logs.identification.data import DriveData, GaugeErrors
 from logs.identification.delta import propagate
 from logs.identification.drive.gauges import with_gauge_errors
@@ -23,6 +22,7 @@ from logs.identification.preparing.resampling import GAP_STEPS, Channel, even
 from logs.identification.regression.least_squares import Fit, regress
 from logs.identification.results import Array, Estimate, Unidentified, estimate, student_factor
 from logs.strokes import stroke_cuts
+from wingbeat.errors import InputError
 
 LEAST_SAMPLES = 20
 LEAST_STROKES = 10
@@ -54,14 +54,14 @@ def identify_torque_speed(torque: Array, rate: Array, voltage: Array, nominal: f
     Samples that are not finite are left out. Where the voltage does not vary, the line through it is found.
 
     Raises:
-        BadInput: lengths that differ, too few samples.
+        InputError: lengths that differ, too few samples.
     """
     columns = [np.asarray(values, dtype=float) for values in (torque, rate, voltage)]
     if len({values.shape for values in columns}) != 1:
-        raise BadInput("torque, rate and voltage must have the same number of samples")
+        raise InputError("torque, rate and voltage must have the same number of samples")
     good = np.all(np.isfinite(columns), axis=0)
     if good.sum() < LEAST_SAMPLES:
-        raise BadInput(
+        raise InputError(
             f"torque, speed and voltage have {int(good.sum())} samples together; a line needs {LEAST_SAMPLES}"
         )
     torque, rate, voltage = (np.where(good, values, 0.0) for values in columns)
@@ -131,13 +131,13 @@ def identify_load(data: DriveData, gauges: GaugeErrors = EXACT) -> ServoModel:
     have wrong.
 
     Raises:
-        BadInput: no motion of the wings, too few strokes or samples.
+        InputError: no motion of the wings, too few strokes or samples.
     """
     flapping, pace = _while_flapping(data)
     rows = _sides(data, flapping, pace)
     samples = int(min(row.used.sum() for row in rows))
     if samples < LEAST_SAMPLES:
-        raise BadInput(f"torque and motion of the wings are known together for {samples} samples while they flap")
+        raise InputError(f"torque and motion of the wings are known together for {samples} samples while they flap")
     if min(float(np.ptp(row.regressors[:, 0])) for row in rows) < 1.0:
         lost = tuple(Unidentified(name, "the wings do not move") for name in LOAD)
         return ServoModel((), lost, 0.0, 0.0, 0.0, samples)
@@ -156,13 +156,13 @@ def identify_load(data: DriveData, gauges: GaugeErrors = EXACT) -> ServoModel:
 def _while_flapping(data: DriveData) -> tuple[NDArray[np.bool_], float]:
     """At which of the torque's times the wings flap, their motion known; and how many samples a second are of use."""
     if not len(data.wing_time):
-        raise BadInput("the log has no motion of the wings (/main/wing), which the wing's load needs")
+        raise InputError("the log has no motion of the wings (/main/wing), which the wing's load needs")
     cuts = stroke_cuts(data.wing_time, data.strokes) if np.ptp(data.strokes) > 1 else np.zeros(0)
     if len(cuts) <= LEAST_STROKES:
-        raise BadInput(f"the wings made {max(len(cuts) - 1, 0)} strokes; their load needs {LEAST_STROKES}")
+        raise InputError(f"the wings made {max(len(cuts) - 1, 0)} strokes; their load needs {LEAST_STROKES}")
     flapping = (data.torque_time >= cuts[0]) & (data.torque_time <= cuts[-1])
     if flapping.sum() < LEAST_SAMPLES:
-        raise BadInput(f"the log has {int(flapping.sum())} torque readings while the wings flap")
+        raise InputError(f"the log has {int(flapping.sum())} torque readings while the wings flap")
     return flapping, PER_STROKE / float(np.median(np.diff(cuts)))
 
 
@@ -236,7 +236,7 @@ def load_truth(data: DriveData, measured: ServoModel) -> dict[str, float]:
     """What ``measured`` tells of the wings' load, by the same regression on true drive ``data``: name to value.
 
     Raises:
-        BadInput: as `identify_load`.
+        InputError: as `identify_load`.
     """
     told = {found.name for found in measured.estimates}
     return {found.name: found.value for found in identify_load(data).estimates if found.name in told}

@@ -15,13 +15,13 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import least_squares
 
-from avionics.quantities import BadInput
 from logs.identification.accuracy.colour import colour_of, coloured_information
 from logs.identification.accuracy.widened import not_below
 from logs.identification.drive.servo import ServoModel
 from logs.identification.experiment import Experiment
 from logs.identification.preparing.noise_level import noise_beside_steps
 from logs.identification.results import Array, Estimate, Unidentified, estimate, student_factor
+from wingbeat.errors import InputError
 
 DAMPING, NATURAL = "twist_damping", "twist_natural_frequency"
 LEAST_SAMPLES = 16
@@ -56,12 +56,12 @@ def damping_from_overshoot(
         steady_error: standard error of ``steady``.
 
     Raises:
-        BadInput: a number that is not finite, a steady value of zero, or a negative error.
+        InputError: a number that is not finite, a steady value of zero, or a negative error.
     """
     if not all(math.isfinite(x) for x in (peak, steady, peak_error, steady_error)) or steady == 0.0:
-        raise BadInput("the overshoot needs a finite peak and a finite steady value that is not 0")
+        raise InputError("the overshoot needs a finite peak and a finite steady value that is not 0")
     if min(peak_error, steady_error) < 0.0 or peak_error + steady_error == 0.0:
-        raise BadInput("the overshoot's interval needs the standard error of peak or steady value, above 0")
+        raise InputError("the overshoot's interval needs the standard error of peak or steady value, above 0")
     overshoot = peak / steady - 1.0
     error = math.hypot(peak_error, (overshoot + 1.0) * steady_error) / abs(steady)
     if overshoot <= CLEAR * error:
@@ -82,13 +82,13 @@ def damping_from_peaks(peaks: Array, steady: float, error: float) -> Estimate | 
         error: standard error of each, in the same unit.
 
     Raises:
-        BadInput: fewer than two extremes, a number that is not finite, or no error.
+        InputError: fewer than two extremes, a number that is not finite, or no error.
     """
     swings = np.asarray(peaks, dtype=float) - steady
     if len(swings) < 2 or not np.all(np.isfinite(swings)) or not error > 0.0:
-        raise BadInput("the decay needs two extremes or more, finite, and their standard error above 0")
+        raise InputError("the decay needs two extremes or more, finite, and their standard error above 0")
     if np.any(swings[1:] * swings[:-1] >= 0):
-        raise BadInput("the extremes must lie above and below the steady value in turn")
+        raise InputError("the extremes must lie above and below the steady value in turn")
     sizes = np.abs(swings)
     clear = int(np.argmin(sizes > CLEAR * error)) if np.any(sizes <= CLEAR * error) else len(sizes)
     if clear < 2:
@@ -120,14 +120,14 @@ def identify_twist(test: Experiment, signal: str = "twist") -> ServoModel:
     left out.
 
     Raises:
-        BadInput: no such signal, too few samples.
+        InputError: no such signal, too few samples.
     """
     if signal not in test.signals:
-        raise BadInput(f"the test {test.name} has no signal {signal!r}; it has {', '.join(test.signals)}")
+        raise InputError(f"the test {test.name} has no signal {signal!r}; it has {', '.join(test.signals)}")
     time, swing = _from_release(test.time, np.asarray(test.signals[signal], dtype=float))
     measured = np.isfinite(swing)
     if measured.sum() < LEAST_SAMPLES:
-        raise BadInput(
+        raise InputError(
             f"the test {test.name} has {int(measured.sum())} samples after its release, fewer than {LEAST_SAMPLES}"
         )
     if float(np.ptp(swing[measured])) == 0.0:

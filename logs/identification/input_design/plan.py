@@ -17,7 +17,6 @@ import numpy as np
 from avionics.guidance import excitation as flown
 from avionics.guidance.mission import Channel, Excitation, Shape
 from avionics.missions.excitations import check_excitation
-from avionics.quantities import BadInput
 from logs.identification.input_design.limits import Limits, allowed, peaks
 from logs.identification.input_design.prediction import Gust, Predicted, predict, predicted_covariance
 from logs.identification.input_design.prior import Prior
@@ -25,6 +24,7 @@ from logs.identification.input_design.response import respond
 from logs.identification.input_design.waveform import Waveform, waveform
 from logs.identification.modes.mode import short_period_of
 from logs.identification.results import Array
+from wingbeat.errors import InputError
 
 UNIT = 1.6
 """rad; time unit of a multistep times the natural frequency, about which units are tried"""
@@ -97,7 +97,7 @@ def plan(prior: Prior, asked: Asked, show: Callable[[float, float], None] = lamb
     """The best input of the asked shape; ``show`` is told how many of how many were tried.
 
     Raises:
-        BadInput: none can be flown, none tells the derivatives apart, or the asked errors need too many repeats.
+        InputError: none can be flown, none tells the derivatives apart, or the asked errors need too many repeats.
     """
     trials, refusal = [], ""
     widths = _widths(prior, asked)
@@ -105,14 +105,14 @@ def plan(prior: Prior, asked: Asked, show: Callable[[float, float], None] = lamb
         show(done, len(widths))
         try:
             trials.append(_trial(prior, asked, width))
-        except BadInput as error:
+        except InputError as error:
             refusal = str(error)
     if not trials:
-        raise BadInput(refusal)
+        raise InputError(refusal)
     best = min(trials, key=lambda trial: _cost(prior, asked, trial))
     repeats = asked.repeats or _repeats(prior, asked, best)
     if repeats > MOST_REPEATS:
-        raise BadInput(
+        raise InputError(
             f"the asked errors need {repeats} repeats, more than the {MOST_REPEATS} that one item flies:"
             " widen the limits, or ask for less"
         )
@@ -145,7 +145,7 @@ def _mode(prior: Prior) -> tuple[float, float]:
     try:
         return short_period_of(prior.model().a)
     except ValueError as error:
-        raise BadInput(f"the prior model has no short period: {error}") from None
+        raise InputError(f"the prior model has no short period: {error}") from None
 
 
 def _trial(prior: Prior, asked: Asked, width: float) -> _Trial:
@@ -160,7 +160,7 @@ def _trial(prior: Prior, asked: Asked, width: float) -> _Trial:
     excitation = _excitation(prior, asked, width, amplitude)
     refusal = check_excitation(excitation)
     if refusal:
-        raise BadInput(refusal)
+        raise InputError(refusal)
     times = amplitude / UNIT_AMPLITUDE
     planned = planned._replace(command=times * planned.command)
     response = response.times(times)

@@ -14,7 +14,6 @@ import numpy as np
 from scipy.linalg import expm, solve_continuous_lyapunov
 from scipy.sparse import csr_array, eye_array
 
-from avionics.quantities import BadInput
 from logs.identification.accuracy.colour import Colour, coloured_information
 from logs.identification.delta import propagate
 from logs.identification.input_design.prior import OUTPUTS, Prior
@@ -25,6 +24,7 @@ from logs.identification.modes.mode import short_period_of
 from logs.identification.preparing.manoeuvre import OUTPUT_STEP
 from logs.identification.preparing.stroke import averaging_matrix
 from logs.identification.results import Array
+from wingbeat.errors import InputError
 
 WORST_CONDITION = 1e12
 FORGOTTEN = 1e-3
@@ -58,7 +58,7 @@ def predicted_covariance(prior: Prior, planned: Waveform, response: Response, gu
     """Covariance (12, 12) of the derivatives after one manoeuvre.
 
     Raises:
-        BadInput: the manoeuvre does not tell all derivatives apart, or gusts on an aircraft whose motion grows.
+        InputError: the manoeuvre does not tell all derivatives apart, or gusts on an aircraft whose motion grows.
     """
     averaging, windy = _averaging(prior, planned), gust is not None and gust.sigma > 0.0
     colour = _gust_colour(prior, gust, len(planned.time)) if gust is not None and windy else None
@@ -70,7 +70,7 @@ def predicted_covariance(prior: Prior, planned: Waveform, response: Response, gu
     information = np.einsum("nip,niq->pq", free, free)
     size = np.sqrt(np.diag(information))
     if not np.all(size > 0) or np.linalg.cond(information / np.outer(size, size)) > WORST_CONDITION:
-        raise BadInput("this input does not tell all derivatives apart: make it longer, or of more frequencies")
+        raise InputError("this input does not tell all derivatives apart: make it longer, or of more frequencies")
     inverse = np.linalg.inv(information / np.outer(size, size)) / np.outer(size, size)
     weights = np.stack([averaging.T @ free[:, i] for i in range(len(OUTPUTS))], axis=1) / noise[:, None]
     core = np.einsum("nip,i,niq->pq", weights, np.square(prior.noise), weights)
@@ -84,7 +84,7 @@ def predict(prior: Prior, covariance: Array, repeats: int = 1) -> tuple[Predicte
     """The mode's frequency and damping, then every derivative, after ``repeats`` of a manoeuvre.
 
     Raises:
-        BadInput: the prior has no short period.
+        InputError: the prior has no short period.
     """
     covariance = covariance / repeats
 
@@ -94,7 +94,7 @@ def predict(prior: Prior, covariance: Array, repeats: int = 1) -> tuple[Predicte
     try:
         both, errors = propagate(mode, prior.values, covariance)
     except ValueError as error:
-        raise BadInput(f"the prior model has no short period: {error}") from None
+        raise InputError(f"the prior model has no short period: {error}") from None
     rows = zip(
         (*MODE_UNITS, *LONGITUDINAL), (*both, *prior.values), (*errors, *np.sqrt(np.diag(covariance))), strict=True
     )
@@ -150,7 +150,7 @@ def _gust_colour(prior: Prior, gust: Gust, samples: int) -> Colour:
     at_imu = np.array([np.zeros(2), x + prior.aircraft.imu_z * m, z - prior.aircraft.imu_x * m])
     whole = np.block([[model.a, np.vstack((-force, np.zeros(2)))], [np.zeros((2, 4)), -pole * np.eye(2)]])
     if np.max(np.linalg.eigvals(whole).real) >= 0.0:
-        raise BadInput("the prior model's motion grows by itself: its errors in gusts cannot be predicted")
+        raise InputError("the prior model's motion grows by itself: its errors in gusts cannot be predicted")
     drive = np.diag([0.0, 0.0, 0.0, 0.0, 1.0, 1.0]) * 2.0 * pole * gust.sigma**2
     spread = solve_continuous_lyapunov(whole, -drive)
     c = np.hstack((model.c[: len(OUTPUTS)], -at_imu))

@@ -8,14 +8,14 @@ from typing import NamedTuple
 import numpy as np
 
 from avionics import topics
-from avionics.constants import STANDARD_GRAVITY
-from avionics.quantities import BadInput
 from logs.identification.data import Aircraft
 from logs.identification.modes.longitudinal import LONGITUDINAL, Matrices, matrices
 from logs.identification.preparing.manoeuvre import Reference
 from logs.identification.results import Array
 from sim_bridge.tuning.model import LinearModel
 from sim_bridge.vehicles import SimulatedVehicle
+from wingbeat.constants import STANDARD_GRAVITY
+from wingbeat.errors import InputError
 
 OUTPUTS = ("q", "a_x", "a_z")
 """what is fitted, in the order of `Prior.noise`"""
@@ -48,10 +48,10 @@ def prior_of(model: LinearModel, aircraft: Aircraft, noise: tuple[float, float, 
     """The prior that a linear ``model`` of level flight is; ``rate`` (Hz) of the samples, 0 for the IMU's own.
 
     Raises:
-        BadInput: a noise that is not above zero: nothing would have an error.
+        InputError: a noise that is not above zero: nothing would have an error.
     """
     if not all(math.isfinite(sigma) and sigma > 0.0 for sigma in noise):
-        raise BadInput("the noise of pitch rate and accelerations must be above 0")
+        raise InputError("the noise of pitch rate and accelerations must be above 0")
     u, w = model.airspeed * math.cos(model.pitch), model.airspeed * math.sin(model.pitch)
     kinematic = np.array([[0.0, 0.0, -w], [0.0, 0.0, u], [0.0, 0.0, 0.0]])
     derivatives = np.column_stack((model.a[:3, :3] - kinematic, model.elevator[:3]))
@@ -64,10 +64,10 @@ def sensor_noise(vehicle: SimulatedVehicle) -> tuple[float, float, float]:
     """Noise of one sample of q (rad/s), a_x and a_z (m/s^2) by a vehicle's file, with the rounding to counts.
 
     Raises:
-        BadInput: the file tells no gyroscope or accelerometer.
+        InputError: the file tells no gyroscope or accelerometer.
     """
     if not {"gyroscope", "accelerometer"} <= set(vehicle.sections):
-        raise BadInput(f"{vehicle.path} tells no gyroscope and accelerometer: say their noise with --noise")
+        raise InputError(f"{vehicle.path} tells no gyroscope and accelerometer: say their noise with --noise")
     gyro, accel = vehicle.sections["gyroscope"], vehicle.sections["accelerometer"]
     q = math.radians(math.hypot(gyro.noise_deg_s, ROUNDING / gyro.sensitivity))
     x, z = (math.hypot(accel.noise[i], ROUNDING) / accel.sensitivity * STANDARD_GRAVITY for i in (0, 2))

@@ -19,7 +19,6 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
-from avionics.constants import STANDARD_GRAVITY
 from logs.identification.kinematics.aided_kernels import (
     LAG,
     MATRICES,
@@ -33,6 +32,7 @@ from logs.identification.kinematics.aided_kernels import (
 from logs.identification.kinematics.rigid_motion import flown, linearised, with_middles
 from logs.identification.preparing.noise_level import noise_level
 from logs.identification.results import Array
+from wingbeat.constants import STANDARD_GRAVITY
 
 FIRST = np.array([3.0] * 3 + [0.2] * 2 + [0.5] + [0.2] * 3 + [1.0] * 3 + [0.01] * 9 + [0.007] * 9 + [0.003])
 """SI; standard deviations before the first fix. Motion: of the first guess; offsets: wider than they may come out;

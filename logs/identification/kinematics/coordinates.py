@@ -13,12 +13,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from avionics.quantities import BadInput
-from logs.identification.kinematics.markers import LEAST_FRAMES, OUTLIER, MarkedBody, body_poses, jumps, rotations
+from logs.identification.kinematics.markers import LEAST_FRAMES, OUTLIER, MarkedBody, body_poses, jumps
 from logs.identification.kinematics.skeleton import marker_rates, product, skeleton, turned
 from logs.identification.results import Array
 from sim_bridge.mechanism import Mechanism
 from sim_bridge.multibody.tree import Tree
+from wingbeat.errors import InputError
+from wingbeat.rotation_arrays import dcms_from_quaternions
 
 ROUNDS = 12
 """of Gauss-Newton"""
@@ -85,14 +86,14 @@ def fit_coordinates(
         positions: by a body's name (m, N, 3) m in NED, NaN where a marker was not seen.
 
     Raises:
-        BadInput: the base has no three markers that tell its pose, a joint is beyond every marked body, or the frames
-            are too few.
+        InputError: the base has no three markers that tell its pose, a joint is beyond every marked body, or the
+            frames are too few.
     """
     tree, names = mechanism.tree, joint_names(mechanism)
     cloud = _cloud(marked, positions)
     base = next((name for name, (index, _) in marked.items() if index == 0), None)
     if base is None:
-        raise BadInput("the base has no markers: its position and attitude start the fit")
+        raise InputError("the base has no markers: its position and attitude start the fit")
     poses = body_poses(MarkedBody(base, marked[base][1]), positions[base])
     known = np.isfinite(poses.position[:, 0])
     start = _State(
@@ -101,7 +102,9 @@ def fit_coordinates(
     state, off, normal = _gauss_newton(tree, cloud, start)
     told, seen = _told(normal), np.isfinite(cloud.positions).all(axis=2)
     if told.sum() < LEAST_FRAMES:
-        raise BadInput(f"fewer than {LEAST_FRAMES} frames whose markers tell {', '.join(names)} and the base's pose")
+        raise InputError(
+            f"fewer than {LEAST_FRAMES} frames whose markers tell {', '.join(names)} and the base's pose"
+        )
     scale = float(np.nanmedian(np.abs(off[told]))) / 0.6745
     wrong = np.linalg.norm(np.where(np.isfinite(off), off, 0.0), axis=2) > OUTLIER * scale
     if wrong.any():
@@ -115,11 +118,11 @@ def body_coordinates(body: MarkedBody, positions: Array) -> Coordinates:
     """Coordinates of one rigid body without joints, from ``positions`` (m, N, 3) m of its markers in NED.
 
     Raises:
-        BadInput: as of `body_poses`.
+        InputError: as of `body_poses`.
     """
     poses = body_poses(body, positions)
     own = np.tile(np.eye(6), (len(poses.position), 1, 1))
-    own[:, :3, :3] = rotations(poses.quaternion).swapaxes(1, 2)
+    own[:, :3, :3] = dcms_from_quaternions(poses.quaternion).swapaxes(1, 2)
     covariance = own @ poses.covariance @ own.swapaxes(1, 2)
     seen = np.isfinite(positions).all(axis=2)
     angles = np.zeros((len(poses.position), 0))
@@ -133,7 +136,7 @@ def _coordinates(
     left = off[told]
     freedom = np.isfinite(left).sum() - told.sum() * normal.shape[1]
     if freedom <= 0:
-        raise BadInput("the markers just tell the coordinates: one more marker is needed to tell their noise")
+        raise InputError("the markers just tell the coordinates: one more marker is needed to tell their noise")
     noise = float(np.sqrt(np.nansum(np.square(left)) / freedom))
     covariance = np.full(normal.shape, np.nan)
     covariance[told] = np.linalg.inv(normal[told]) * noise**2
@@ -145,7 +148,7 @@ def _coordinates(
 def _cloud(marked: dict[str, tuple[int, Array]], positions: dict[str, Array]) -> _Cloud:
     for name, (_, places) in marked.items():
         if name not in positions or positions[name].shape[::2] != places.shape:
-            raise BadInput(f"{name}: positions of {len(places)} markers are needed, (markers, frames, 3)")
+            raise InputError(f"{name}: positions of {len(places)} markers are needed, (markers, frames, 3)")
     clean = [np.where(jumps(positions[name])[:, :, None], np.nan, positions[name]) for name in marked]
     bodies = tuple(index for index, _ in marked.values())
     return _Cloud(bodies, tuple(places for _, places in marked.values()), np.concatenate(clean).swapaxes(0, 1))
@@ -188,11 +191,13 @@ def _residuals(tree: Tree, cloud: _Cloud, state: _State) -> tuple[Array, Array]:
     bones, columns = skeleton(tree, state.angles), state.angles.shape[1]
     parts = [marker_rates(tree, bones, b, p, columns) for b, p in zip(cloud.bodies, cloud.places, strict=True)]
     at, rates = (np.concatenate(part, axis=1) for part in zip(*parts, strict=True))
-    own = np.einsum("nji,nmj->nmi", rotations(state.quaternion), cloud.positions - state.position[:, None])
+    own = np.einsum(
+        "nji,nmj->nmi", dcms_from_quaternions(state.quaternion), cloud.positions - state.position[:, None]
+    )
     return own - at, rates * np.isfinite(own[..., :1, None])
 
 
 def _moved(state: _State, step: Array) -> _State:
-    shift = np.einsum("nij,nj->ni", rotations(state.quaternion), step[:, :3])
+    shift = np.einsum("nij,nj->ni", dcms_from_quaternions(state.quaternion), step[:, :3])
     quaternion = _unit(product(state.quaternion, turned(step[:, 3:6])))
     return _State(state.position + shift, quaternion, state.angles + step[:, 6:])

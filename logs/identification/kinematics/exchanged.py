@@ -13,9 +13,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from logs.identification.kinematics.markers import Places, rotations
+from logs.identification.kinematics.markers import Places
 from logs.identification.results import Array
 from logs.importing.rigid_body import LEAST_MARKERS, fitted
+from wingbeat.rotation_arrays import dcms_from_quaternions
 
 FRAMES = 100
 """-; of a record, equally far apart, that the fits are compared in"""
@@ -93,7 +94,7 @@ def _misfit(at: Array, seen: Array) -> float:
     if len(at) >= LEAST_MARKERS:
         position, quaternion = fitted(at, seen.swapaxes(0, 1))
         if np.isfinite(position).all():
-            turned = np.einsum("nij,mj->mni", rotations(quaternion), at)
+            turned = np.einsum("nij,mj->mni", dcms_from_quaternions(quaternion), at)
             return float(np.median(np.sum((seen - position - turned) ** 2, axis=(0, 2))))
     pairs = np.array(list(combinations(range(len(at)), 2))).T
     apart, mapped = (np.linalg.norm(each[pairs[0]] - each[pairs[1]], axis=-1) for each in (seen, at))

@@ -14,7 +14,6 @@ from typing import NamedTuple
 import numpy as np
 
 from avionics import topics
-from avionics.quantities import BadInput
 from logs.identification.chapter import LINE, MEASURED, MODEL, POINTS, Chapter, Plot, Series
 from logs.identification.data import Aircraft
 from logs.identification.experiment import Experiment
@@ -30,6 +29,7 @@ from logs.identification.results import Array, Estimate, FitSeries, Fitted, Unid
 from logs.identification.sources.topic_table import ColumnSource
 from logs.identification.sources.velocity_fixes import ANGLES, FLYING, IN_FLIGHT, LEAD, aided_flight
 from logs.identification.sources.whole_flight import LONGEST_GAP, whole_flight
+from wingbeat.errors import InputError
 
 PIECE = 30.0
 """s; of flight without a manoeuvre, in which the air is taken to move steadily"""
@@ -63,17 +63,17 @@ def identify_path(source: ColumnSource, aircraft: Aircraft) -> PathResult:
     """Errors of the IMU and the motion, by the velocities of the GPS or, where there are none, by the attitude told.
 
     Raises:
-        BadInput: the log lacks the IMU, or both the GPS and the airspeed, has no flight that is long enough, or does
-            not tell a path.
+        InputError: the log lacks the IMU, or both the GPS and the airspeed, has no flight that is long enough, or
+            does not tell a path.
     """
     flight = whole_flight(source, "flight", aircraft.imu)
     try:
         aided = aided_flight(source, flight, aircraft)
-    except BadInput as reason:
+    except InputError as reason:
         return _by_attitude(flight, aircraft, str(reason), _by_a_filter(source))
     found = aided_fit(aided)
     if found is None:
-        raise BadInput(f"flight path: the path by IMU and GPS did not settle in its repetitions; {ADVICE}")
+        raise InputError(f"flight path: the path by IMU and GPS did not settle in its repetitions; {ADVICE}")
     return _by_velocities(aided, found)
 
 
@@ -135,7 +135,7 @@ def _by_a_filter(source: ColumnSource) -> bool:
     """Whether the attitude has an error of its own, or does not say that it has none."""
     try:
         return bool(np.any(np.asarray(source.columns(topics.ATTITUDE)["tilt_sigma"], dtype=np.float64) != 0.0))
-    except (KeyError, BadInput):
+    except (KeyError, InputError):
         return True
 
 
@@ -145,16 +145,16 @@ def _by_attitude(flight: Experiment, aircraft: Aircraft, reason: str, by_a_filte
     The ``reason`` says why not by the GPS.
 
     Raises:
-        BadInput: the log has no airspeed, no flight that is long enough, or does not tell a path.
+        InputError: the log has no airspeed, no flight that is long enough, or does not tell a path.
     """
     if "airspeed" not in flight.signals:
-        raise BadInput(f"a flight path needs velocities of the GPS ({reason}) or the airspeed (/main/air_data)")
+        raise InputError(f"a flight path needs velocities of the GPS ({reason}) or the airspeed (/main/air_data)")
     flight = flight._replace(signals={name: one for name, one in flight.signals.items() if name not in UNSURE})
     records = _pieces(flight)
     setup = Setup(places=Places(imu=(aircraft.imu_x, 0.0, aircraft.imu_z)), gusts=True)
     found = reconstruct(records, setup)
     if found.failure:
-        raise BadInput(f"flight path: {found.failure}; by the attitude, as {reason}")
+        raise InputError(f"flight path: {found.failure}; by the attitude, as {reason}")
     told = fitted_path(records, found, setup)
     lost = tuple(one._replace(reason=NO_WIND) if one.name in WINDS else one for one in told.unidentified)
     told = told._replace(unidentified=lost, notes=(f"{ATTITUDE} {reason}", *told.notes))
@@ -170,16 +170,16 @@ def _pieces(flight: Experiment) -> tuple[Experiment, ...]:
     """The manoeuvres with what is beside them, or pieces of the flight, without gaps."""
     try:
         found = _joined(flight, excited(flight, LEAD, LEAD))
-    except BadInput:
+    except InputError:
         found = _flying(flight)
     pieces: list[Experiment] = []
     for one in found:
         try:
             pieces += whole_records(one, (*INPUTS, "airspeed"), LONGEST_GAP, LEAST)
-        except BadInput:
+        except InputError:
             continue
     if not pieces:
-        raise BadInput(f"the log has no {LEAST:g} s of flight in which the IMU and the airspeed were recorded")
+        raise InputError(f"the log has no {LEAST:g} s of flight in which the IMU and the airspeed were recorded")
     return tuple(pieces[:MOST_PIECES])
 
 

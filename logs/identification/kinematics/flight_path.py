@@ -104,7 +104,7 @@ def reconstruct(experiments: Sequence[Experiment], setup: Setup = USUAL) -> Reco
     (m/s), with NaN where not measured. The air moves steadily and level.
 
     Raises:
-        BadInput: an input or the airspeed is missing or has gaps, or a record is short or uneven.
+        InputError: an input or the airspeed is missing or has gaps, or a record is short or uneven.
     """
     records, channels = records_of(experiments, setup.longitudinal)
     asked, refused = _asked(channels, setup)

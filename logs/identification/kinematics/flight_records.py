@@ -7,8 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from avionics.constants import STANDARD_GRAVITY
-from avionics.quantities import BadInput
 from logs.identification.experiment import Experiment
 from logs.identification.kinematics.flight_sensors import (
     LONGITUDINAL_INPUTS,
@@ -24,6 +22,8 @@ from logs.identification.kinematics.flight_sensors import (
 )
 from logs.identification.kinematics.rigid_motion import INPUTS, STATES, fly, jacobians, state_slopes
 from logs.identification.results import Array
+from wingbeat.constants import STANDARD_GRAVITY
+from wingbeat.errors import InputError
 
 LEAST_SAMPLES = 40
 UNEVEN = 1e-3
@@ -98,11 +98,11 @@ def records_of(experiments: Sequence[Experiment], longitudinal: bool) -> tuple[t
     """The records and the outputs that at least one of them has.
 
     Raises:
-        BadInput: an input is missing or has gaps, no airspeed was measured, a record is short or uneven,
+        InputError: an input is missing or has gaps, no airspeed was measured, a record is short or uneven,
             or one that turns is to be reconstructed by its longitudinal motion alone.
     """
     if not experiments:
-        raise BadInput("no record to reconstruct a flight path from")
+        raise InputError("no record to reconstruct a flight path from")
     wanted = LONGITUDINAL_OUTPUTS if longitudinal else OUTPUTS
     channels = tuple(c for c in wanted if any(np.any(np.isfinite(e.signals.get(c, np.nan))) for e in experiments))
     if longitudinal:
@@ -118,25 +118,29 @@ def _refuse_turns(experiments: Sequence[Experiment]) -> None:
             missed = np.nancumsum(q * (np.cos(phi) - 1) - r * np.sin(phi)) * experiment.step
             if np.max(np.abs(missed)) > LEVEL:
                 turned = f"{experiment.name}: it turns with banked wings ({np.max(np.abs(missed)):.2f} rad of pitch)"
-                raise BadInput(f"{turned}, cut the turns out or reconstruct all axes")
+                raise InputError(f"{turned}, cut the turns out or reconstruct all axes")
 
 
 def _record(experiment: Experiment, channels: tuple[str, ...], needed: tuple[str, ...]) -> Record:
     time, signals, count = experiment.time, experiment.signals, len(experiment.time)
     if count < LEAST_SAMPLES:
-        raise BadInput(f"{experiment.name}: {count} samples are too few for a flight path, it takes {LEAST_SAMPLES}")
+        raise InputError(
+            f"{experiment.name}: {count} samples are too few for a flight path, it takes {LEAST_SAMPLES}"
+        )
     steps = np.diff(time)
     if not np.all(np.abs(steps - experiment.step) < UNEVEN * experiment.step + 1e-9):
-        raise BadInput(f"{experiment.name}: its time base is not even, resample it first")
+        raise InputError(f"{experiment.name}: its time base is not even, resample it first")
     missing = [name for name in needed if name not in signals]
     if missing:
-        raise BadInput(f"{experiment.name} has no {', '.join(missing)}: a flight path takes {', '.join(needed)}")
+        raise InputError(f"{experiment.name} has no {', '.join(missing)}: a flight path takes {', '.join(needed)}")
     for name in needed:
         absent = int(np.sum(~np.isfinite(signals[name])))
         if absent:
-            raise BadInput(f"{experiment.name}: {absent} samples of {name} are missing, bridge or split there first")
+            raise InputError(
+                f"{experiment.name}: {absent} samples of {name} are missing, bridge or split there first"
+            )
     if not np.any(np.isfinite(signals.get("airspeed", np.nan))):
-        raise BadInput(f"{experiment.name}: no airspeed was measured, without which no flight path is to be had")
+        raise InputError(f"{experiment.name}: no airspeed was measured, without which no flight path is to be had")
     inputs = np.column_stack([signals[name] if name in needed else np.zeros(count) for name in INPUTS])
     outputs = np.column_stack([_measured(signals, name, count) for name in channels])
     used = np.isfinite(outputs).astype(np.float64)

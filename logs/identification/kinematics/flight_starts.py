@@ -15,10 +15,10 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from avionics.constants import STANDARD_GRAVITY
 from logs.identification.kinematics.flight_records import LEAST_SAMPLES, Problem, Record, Values
 from logs.identification.kinematics.rigid_motion import STATES
 from logs.identification.results import Array
+from wingbeat.constants import STANDARD_GRAVITY
 
 SPANS = (8.0, 2.0, 32.0)
 """s; from the start, that gravity is found over"""

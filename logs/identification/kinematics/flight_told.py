@@ -6,13 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from avionics.quantities import BadInput
 from logs.identification.chapter import LINE, MEASURED, MODEL, POINTS, Chapter, Plot, Series
 from logs.identification.experiment import Experiment
 from logs.identification.kinematics.flight_path import Reconstruction, Setup, Track, reconstruct
 from logs.identification.kinematics.flight_sensors import UNITS, WRAPPED, usual_parameters
 from logs.identification.kinematics.rigid_motion import INPUTS
 from logs.identification.results import Array, FitSeries, Fitted
+from wingbeat.errors import InputError
 
 METHOD = "flight path"
 WHOLE = (
@@ -60,7 +60,7 @@ def predicted_path(
         freed = freed_of_errors(one, found)
         try:
             alone = reconstruct([freed], setup._replace(known=names))
-        except BadInput as error:
+        except InputError as error:
             notes.append(str(error))
             continue
         if alone.failure:

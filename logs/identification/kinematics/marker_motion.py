@@ -13,7 +13,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from avionics.quantities import BadInput, counted
 from logs.identification.kinematics.coordinates import Coordinates, body_coordinates, fit_coordinates
 from logs.identification.kinematics.exchanged import Exchange, exchanged
 from logs.identification.kinematics.markers import MarkedBody, Places
@@ -21,6 +20,8 @@ from logs.identification.kinematics.speeds import CUTOFF, LONGEST_GAP, Speeds, g
 from logs.identification.results import Array, Estimate, estimate
 from sim_bridge.mechanism import build_mechanism
 from sim_bridge.vehicles import SimulatedVehicle, vehicle_bodies
+from wingbeat.errors import InputError
+from wingbeat.text import pluralize
 
 BASE = ("north", "east", "down", "roll_axis", "pitch_axis", "yaw_axis")
 """position, and turns about the base's axes"""
@@ -83,7 +84,7 @@ def marker_motion(
     Without a vehicle ``places`` are those of one rigid body without joints.
 
     Raises:
-        BadInput: a body that the vehicle does not have, a base without three markers, markers that do not tell the
+        InputError: a body that the vehicle does not have, a base without three markers, markers that do not tell the
             coordinates, too few frames, or no vehicle to tell how several bodies hang together.
     """
     nowhere = np.full((len(cloud.time), 3), np.nan)
@@ -95,8 +96,8 @@ def marker_motion(
         doubt = _check_names(places, positions)
         _check_distances(places, positions)
         found = _rigid(at, positions) if vehicle is None else _jointed(vehicle, at, positions)
-    except BadInput as error:
-        raise BadInput(f"{cloud.name}: {error}") from None
+    except InputError as error:
+        raise InputError(f"{cloud.name}: {error}") from None
     used = min(cutoff, HIGHEST / float(np.mean(np.diff(cloud.time))))
     stretches = _stretches(cloud.time, found)
     pieces = tuple(generalized_speeds(cloud.time[part], _part(found, part), used) for part in stretches)
@@ -109,7 +110,7 @@ def _check_names(places: Places, positions: dict[str, Array]) -> Exchange | None
     """Two names that seem exchanged; refused where no place was measured so badly."""
     found = exchanged(places, positions)
     if found is not None and found.named > INEXACT:
-        raise BadInput(f"{_fit_of(found)}: exchange the two")
+        raise InputError(f"{_fit_of(found)}: exchange the two")
     return found
 
 
@@ -129,7 +130,7 @@ def _check_distances(places: Places, positions: dict[str, Array]) -> None:
                 continue
             seen, mapped = float(np.nanmedian(apart)), math.dist(markers[one], markers[other])
             if not mapped / FAR - SLACK < seen < mapped * FAR + SLACK:
-                raise BadInput(
+                raise InputError(
                     f"{one} and {other} are {seen:.3g} m apart, and {mapped:.3g} m by markers.places.{body}:"
                     " is the unit another, or are names exchanged?"
                 )
@@ -137,7 +138,7 @@ def _check_distances(places: Places, positions: dict[str, Array]) -> None:
 
 def _rigid(places: dict[str, Array], positions: dict[str, Array]) -> Coordinates:
     if len(places) != 1:
-        raise BadInput(f"{' and '.join(places)} need a vehicle that tells how they hang together")
+        raise InputError(f"{' and '.join(places)} need a vehicle that tells how they hang together")
     ((name, at),) = places.items()
     return body_coordinates(MarkedBody(name, at), positions[name])
 
@@ -146,7 +147,7 @@ def _jointed(vehicle: SimulatedVehicle, places: dict[str, Array], positions: dic
     tree = [body.name for body in vehicle_bodies(vehicle)[1]]
     unknown = next((name for name in places if name not in tree), None)
     if unknown is not None:
-        raise BadInput(f"markers.places.{unknown}: {vehicle.name} has no such body; it has: {', '.join(tree)}")
+        raise InputError(f"markers.places.{unknown}: {vehicle.name} has no such body; it has: {', '.join(tree)}")
     marked = {body: (tree.index(body), at) for body, at in places.items()}
     return fit_coordinates(build_mechanism(vehicle), marked, positions)
 
@@ -182,12 +183,12 @@ def said(motion: MarkerMotion) -> tuple[str, ...]:
     told, frames = int(motion.told.sum()), len(motion.time)
     unused = motion.coordinates.unused
     lines = [
-        f"{motion.name}: {told} of {counted(frames, 'frame')} told, {1.0 / np.mean(np.diff(motion.time)):.4g} Hz"
+        f"{motion.name}: {told} of {pluralize(frames, 'frame')} told, {1.0 / np.mean(np.diff(motion.time)):.4g} Hz"
     ]
     lines += [f"{100.0 * unused:.1f} % of the samples seen were left out as wrong"] if unused > 0.0 else []
     lines += [f"never seen: {', '.join(motion.never)}"] if motion.never else []
     lines += [f"{_fit_of(motion.doubt)}: exchanged, or inexact places?"] if motion.doubt is not None else []
     seconds = sum(float(one.time[-1] - one.time[0]) for one in motion.speeds)
-    pieces = f"{counted(len(motion.speeds), 'record')} without a gap"
+    pieces = f"{pluralize(len(motion.speeds), 'record')} without a gap"
     lines.append(f"speeds over {seconds:.2f} s in {pieces}, low-passed at {motion.cutoff:.3g} Hz")
     return tuple(lines)

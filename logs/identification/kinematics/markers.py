@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 from scipy.special import chdtri
 
-from avionics.quantities import BadInput
 from logs.identification.results import Array
 from logs.importing.rigid_body import FLAT, LEAST_MARKERS, fitted
+from wingbeat.errors import InputError
+from wingbeat.rotation_arrays import dcms_from_quaternions
 
 OUTLIER = 6.0
 """-; robust standard deviations from the others at which a marker is left out"""
@@ -65,7 +66,7 @@ def body_poses(body: MarkedBody, positions: Array) -> Poses:
     has no pose.
 
     Raises:
-        BadInput: fewer than three markers, markers in one line, shapes that differ, or too few frames with three.
+        InputError: fewer than three markers, markers in one line, shapes that differ, or too few frames with three.
     """
     _check(body, positions)
     seen = np.where(jumps(positions)[:, :, None], np.nan, positions)
@@ -82,7 +83,7 @@ def body_poses(body: MarkedBody, positions: Array) -> Poses:
     position[unfit] = quaternion[unfit] = np.nan
     used = np.isfinite(off).all(axis=2) & ~unfit
     if int(np.isfinite(position[:, 0]).sum()) < LEAST_FRAMES:
-        raise BadInput(f"{body.name}: fewer than {LEAST_FRAMES} frames in which three of its markers agree")
+        raise InputError(f"{body.name}: fewer than {LEAST_FRAMES} frames in which three of its markers agree")
     noise = _noise(off, used)
     return Poses(position, quaternion, _covariance(body.places, quaternion, used, noise), noise, used)
 
@@ -101,17 +102,6 @@ def jumps(positions: Array) -> NDArray[np.bool_]:
     return np.asarray(far & peak & whole)
 
 
-def rotations(quaternion: Array) -> Array:
-    """Rotation matrices (N, 3, 3) of unit quaternions (N, 4), w first."""
-    w, x, y, z = quaternion.T
-    rows = (
-        (1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)),
-        (2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)),
-        (2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)),
-    )
-    return np.moveaxis(np.array(rows), 2, 0)
-
-
 def skew(vectors: Array) -> Array:
     """S(v) of Grauer Eq. 5, (..., 3, 3) of (..., 3): the matrix of ``v`` cross."""
     x, y, z = np.moveaxis(vectors, -1, 0)
@@ -121,17 +111,17 @@ def skew(vectors: Array) -> Array:
 
 def _check(body: MarkedBody, positions: Array) -> None:
     if body.places.shape != (len(body.places), 3) or positions.shape[::2] != (len(body.places), 3):
-        raise BadInput(f"{body.name}: positions of {len(body.places)} markers are needed, (markers, frames, 3)")
+        raise InputError(f"{body.name}: positions of {len(body.places)} markers are needed, (markers, frames, 3)")
     if len(body.places) < LEAST_MARKERS:
-        raise BadInput(f"{body.name}: {len(body.places)} markers tell no attitude; three are needed")
+        raise InputError(f"{body.name}: {len(body.places)} markers tell no attitude; three are needed")
     if np.linalg.svd(body.places - body.places.mean(axis=0), compute_uv=False)[1] < FLAT:
-        raise BadInput(f"{body.name}: its markers are in one line and tell no attitude")
+        raise InputError(f"{body.name}: its markers are in one line and tell no attitude")
 
 
 def _fit(places: Array, seen: Array) -> tuple[Array, Array, Array]:
     """Positions, quaternions, and how far each marker (m, N, 3) is off, NaN where it was not used."""
     position, quaternion = fitted(places, seen.swapaxes(0, 1))
-    model = position[None] + np.einsum("nij,mj->mni", rotations(quaternion), places)
+    model = position[None] + np.einsum("nij,mj->mni", dcms_from_quaternions(quaternion), places)
     return position, quaternion, np.asarray(seen - model)
 
 
@@ -156,7 +146,7 @@ def _noise(off: Array, used: NDArray[np.bool_]) -> float:
 
 def _covariance(places: Array, quaternion: Array, used: NDArray[np.bool_], noise: float) -> Array:
     """(N, 6, 6): inverse of J^T J with J = [I, -R S(r_k')] of each marker, times the noise squared."""
-    turn = -np.einsum("nij,mjk->nmik", rotations(quaternion), skew(places))
+    turn = -np.einsum("nij,mjk->nmik", dcms_from_quaternions(quaternion), skew(places))
     jacobian = np.concatenate([np.broadcast_to(np.eye(3), turn.shape), turn], axis=3) * used.T[:, :, None, None]
     known = used.any(axis=0)
     out = np.full((len(quaternion), 6, 6), np.nan)

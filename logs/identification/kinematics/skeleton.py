@@ -6,9 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from logs.identification.kinematics.markers import rotations, skew
+from logs.identification.kinematics.markers import skew
 from logs.identification.results import Array
 from sim_bridge.multibody.tree import Tree
+from wingbeat.rotation_arrays import dcms_from_quaternions
 
 
 class Skeleton(NamedTuple):
@@ -39,7 +40,7 @@ def skeleton(tree: Tree, angles: Array) -> Skeleton:
 def turns(axis: Array, angles: Array) -> Array:
     """Rotation matrices (N, 3, 3) of turns by ``angles`` (N,) about the unit vector ``axis`` (3,)."""
     half = 0.5 * angles[:, None]
-    return rotations(np.concatenate([np.cos(half), np.sin(half) * axis], axis=1))
+    return dcms_from_quaternions(np.concatenate([np.cos(half), np.sin(half) * axis], axis=1))
 
 
 def turned(vectors: Array) -> Array:

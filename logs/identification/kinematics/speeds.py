@@ -13,10 +13,10 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import butter, filtfilt
 
-from avionics.quantities import BadInput
 from logs.identification.kinematics.coordinates import Coordinates
-from logs.identification.kinematics.markers import rotations
 from logs.identification.results import Array
+from wingbeat.errors import InputError
+from wingbeat.rotation_arrays import dcms_from_quaternions
 
 CUTOFF = 50.0
 """Hz; Grauer IV.C"""
@@ -46,7 +46,7 @@ def generalized_speeds(time: Array, found: Coordinates, cutoff: float = CUTOFF) 
     """Smoothed coordinates, speeds and rates at ``time`` (N,) s, equally spaced; ``cutoff`` in Hz.
 
     Raises:
-        BadInput: the record is too short for the filter or has gaps too long to bridge, or the cut-off is too high.
+        InputError: the record is too short for the filter or has gaps too long to bridge, or the cut-off is too high.
     """
     step = _step(time, cutoff)
     table = np.column_stack([found.position_ned, found.quaternion, found.angles])
@@ -55,7 +55,7 @@ def generalized_speeds(time: Array, found: Coordinates, cutoff: float = CUTOFF) 
     spline = CubicSpline(time, smooth)
     first, second = spline(time, 1), spline(time, 2)
     quaternion = smooth[:, 3:7]
-    to_body = rotations(quaternion).swapaxes(1, 2)
+    to_body = dcms_from_quaternions(quaternion).swapaxes(1, 2)
     omega = 2.0 * _vector(quaternion, first[:, 3:7])
     v = np.einsum("nij,nj->ni", to_body, first[:, :3])
     v_rate = np.einsum("nij,nj->ni", to_body, second[:, :3]) - np.cross(omega, v)
@@ -82,25 +82,25 @@ def bridged(time: Array, table: Array) -> Array:
     """``table`` (N, k) with the rows that are NaN filled by a spline.
 
     Raises:
-        BadInput: a gap is longer than `LONGEST_GAP`, or at an end.
+        InputError: a gap is longer than `LONGEST_GAP`, or at an end.
     """
     known = np.asarray(np.isfinite(table).all(axis=1))
     at = np.flatnonzero(known)
     if len(at) < 4 or not (known[0] and known[-1]):
-        raise BadInput("the record begins or ends without coordinates: cut it to where its markers were seen")
+        raise InputError("the record begins or ends without coordinates: cut it to where its markers were seen")
     longest = float(np.max(np.diff(time[at])))
     if longest > LONGEST_GAP + 1.5 * (time[1] - time[0]):
-        raise BadInput(f"no coordinates for {longest:.3f} s: cut the record there ({LONGEST_GAP:g} s are bridged)")
+        raise InputError(f"no coordinates for {longest:.3f} s: cut the record there ({LONGEST_GAP:g} s are bridged)")
     return table if known.all() else np.where(known[:, None], table, CubicSpline(time[at], table[at])(time))
 
 
 def _step(time: Array, cutoff: float) -> float:
     steps = np.diff(time)
     if len(time) < 30 or not np.all(np.isfinite(steps)) or not np.ptp(steps) < 0.01 * np.mean(steps):
-        raise BadInput("speeds need a record of 30 frames or more, equally spaced in time")
+        raise InputError("speeds need a record of 30 frames or more, equally spaced in time")
     step = float(np.mean(steps))
     if not 0.0 < cutoff < 0.45 / step:
-        raise BadInput(f"a cut-off of {cutoff:g} Hz must lie below 0.45 of the frame rate {1.0 / step:g} Hz")
+        raise InputError(f"a cut-off of {cutoff:g} Hz must lie below 0.45 of the frame rate {1.0 / step:g} Hz")
     return step
 
 

@@ -12,13 +12,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from avionics.constants import STANDARD_GRAVITY
 from logs.identification.data import Aircraft
 from logs.identification.modes.errors import Spread, by_scatter
 from logs.identification.modes.longitudinal import REGRESSORS
 from logs.identification.modes.modulation import LEAST_MANOEUVRES
 from logs.identification.preparing.manoeuvre import Manoeuvre, Reference, lagged
 from logs.identification.results import Array
+from wingbeat.constants import STANDARD_GRAVITY
 
 HIGHEST = 0.5
 """-; of the flapping frequency: the stroke average leaves little above it"""

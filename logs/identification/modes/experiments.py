@@ -36,7 +36,7 @@ def modes_of_experiments(
     a fitted model, to compare with.
 
     Raises:
-        BadInput: a named signal is not there, or no record is long enough.
+        InputError: a named signal is not there, or no record is long enough.
     """
     records = records_of(experiments, input_name, output_names, others)
     modes = (*known, *modes_of_records(records, kinds or _likely(records)))

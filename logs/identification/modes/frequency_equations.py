@@ -18,7 +18,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from avionics.quantities import BadInput
 from logs.identification.experiment import Experiment
 from logs.identification.modes.between_samples import Acting, ExactMotion, acting_of, fly
 from logs.identification.modes.errors import Spread
@@ -29,6 +28,7 @@ from logs.identification.regression.equation_error import Settings, equations
 from logs.identification.regression.frequency_domain import default_frequencies, in_band
 from logs.identification.regression.least_squares import Colouring, Fit, Piece, linear_of, regress_records
 from logs.identification.results import Array
+from wingbeat.errors import InputError
 
 METHOD = "equation error"
 STATES = ("alpha", "q")
@@ -87,14 +87,14 @@ def frequency_equation_error(experiments: tuple[Experiment, ...], asked: Asked) 
     try:
         records = _records(experiments, asked)
         step = common_step(records)
-    except BadInput as error:
+    except InputError as error:
         return nothing(METHOD, str(error))
     if step <= 0 or sum(len(one.time) for one in records) < LEAST_SAMPLES:
         return nothing(METHOD, f"it takes {LEAST_SAMPLES} samples of alpha, q and the inputs on end")
     try:
         return _solved(records, asked)
-    except (np.linalg.LinAlgError, BadInput) as error:
-        why = str(error) if isinstance(error, BadInput) else "the records do not excite alpha, q and inputs apart"
+    except (np.linalg.LinAlgError, InputError) as error:
+        why = str(error) if isinstance(error, InputError) else "the records do not excite alpha, q and inputs apart"
         return nothing(METHOD, why)
 
 
@@ -102,20 +102,20 @@ def _records(experiments: tuple[Experiment, ...], asked: Asked) -> tuple[Experim
     """Whole stretches of what the equations need.
 
     Raises:
-        BadInput: alpha or q was not measured, or no stretch is long enough.
+        InputError: alpha or q was not measured, or no stretch is long enough.
     """
     needed = [*STATES, *(("a_z",) if _by_force(experiments, asked) else ()), *asked.inputs]
     absent = [name for name in needed if any(name not in one.signals for one in experiments)]
     if absent:
-        raise BadInput(f"it takes {' and '.join(absent)} measured")
+        raise InputError(f"it takes {' and '.join(absent)} measured")
     found: list[Experiment] = []
     for one in experiments:
         try:
             found += whole_records(one, needed, LONGEST_GAP * one.step, (LEAST_SAMPLES - 1) * one.step)
-        except BadInput:
+        except InputError:
             continue
     if not found:
-        raise BadInput(f"no {LEAST_SAMPLES} samples on end have {', '.join(needed)}")
+        raise InputError(f"no {LEAST_SAMPLES} samples on end have {', '.join(needed)}")
     return tuple(found)
 
 

@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from avionics.constants import STANDARD_GRAVITY
 from logs.identification.data import Aircraft
 from logs.identification.modes.gust_filter import Averaged, Kinds
 from logs.identification.modes.gusts import OUTPUTS, kinematics
@@ -20,6 +19,7 @@ from logs.identification.modes.longitudinal import TAIL_LAG
 from logs.identification.preparing.manoeuvre import Reference, tail_angle
 from logs.identification.preparing.stretches import Stretch
 from logs.identification.results import Array
+from wingbeat.constants import STANDARD_GRAVITY
 
 PHASES = (0.0, 0.5)
 """-; of a stroke, at which the averages of the same flight begin"""

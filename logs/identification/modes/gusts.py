@@ -44,12 +44,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from avionics.constants import STANDARD_GRAVITY
 from logs.identification.data import Aircraft
 from logs.identification.modes.gust_filter import Driven
 from logs.identification.modes.longitudinal import matrices
 from logs.identification.preparing.manoeuvre import Reference
 from logs.identification.results import Array
+from wingbeat.constants import STANDARD_GRAVITY
 
 OUTPUTS = ("q", "a_x", "a_z")
 BEGIN = (3.0, 3.0, 1.0, 0.5)

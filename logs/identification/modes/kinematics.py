@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from avionics.constants import STANDARD_GRAVITY
 from logs.identification.preparing.manoeuvre import Manoeuvre, Reference
 from logs.identification.results import Array
+from wingbeat.constants import STANDARD_GRAVITY
 
 
 def turned(states: Array, manoeuvre: Manoeuvre, reference: Reference) -> Array:

@@ -12,11 +12,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from avionics.constants import STANDARD_GRAVITY
 from logs.identification.data import Aircraft
 from logs.identification.preparing.manoeuvre import Reference
 from logs.identification.results import Array
 from sim_bridge.vectors import njit
+from wingbeat.constants import STANDARD_GRAVITY
 
 REGRESSORS = ("u", "w", "q", "delta")
 UNITS = {

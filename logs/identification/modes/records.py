@@ -7,12 +7,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from avionics.quantities import BadInput, counted
 from logs.identification.experiment import Experiment
 from logs.identification.preparing.manoeuvre import Manoeuvre
 from logs.identification.preparing.noise_level import noise_beside_steps
 from logs.identification.preparing.runs import longest_run, runs
 from logs.identification.results import Array
+from wingbeat.errors import InputError
+from wingbeat.text import pluralize
 
 LEAST_SAMPLES = 16
 LONGEST_GAP = 3
@@ -87,10 +88,10 @@ def records_of(
     A motion is free once the ``others``, inputs beside ``input_name``, rest as well.
 
     Raises:
-        BadInput: a signal that is named is not there, or no experiment is long enough.
+        InputError: a signal that is named is not there, or no experiment is long enough.
     """
     if not output_names:
-        raise BadInput("no output is named: modes need at least one")
+        raise InputError("no output is named: modes need at least one")
     pieces, notes = [], []
     moving: set[str] = set()
     for experiment in experiments:
@@ -104,7 +105,7 @@ def records_of(
         pieces.append(record._replace(free_from=max((record.free_from, *map(rest_of, moved.values())))))
         moving |= moved.keys()
     if not pieces:
-        raise BadInput(f"no record of {', '.join(output_names)} has {LEAST_SAMPLES} samples in a row")
+        raise InputError(f"no record of {', '.join(output_names)} has {LEAST_SAMPLES} samples in a row")
     units = tuple(experiments[0].units.get(name, "") for name in output_names)
     beside = tuple(name for name in others if name in moving)
     return Records(tuple(pieces), output_names, units, 0.0, tuple(notes), beside)
@@ -115,7 +116,7 @@ def _columns(experiment: Experiment, input_name: str | None, output_names: tuple
     names = (*output_names, *(() if input_name is None else (input_name,)))
     for name in names:
         if name not in experiment.signals:
-            raise BadInput(f"{experiment.name}: no signal {name!r}; there are {', '.join(experiment.signals)}")
+            raise InputError(f"{experiment.name}: no signal {name!r}; there are {', '.join(experiment.signals)}")
     return np.column_stack([np.asarray(experiment.signals[name], dtype=float) for name in names])
 
 
@@ -132,7 +133,7 @@ def _without_gaps(columns: Array) -> tuple[Array, str]:
         whole[run], count = True, count + run.stop - run.start
     kept = bridged[longest_run(whole)]
     lost = int(np.count_nonzero(~whole))
-    told = [f"{counted(count, 'missing sample')} bridged"] if count else []
+    told = [f"{pluralize(count, 'missing sample')} bridged"] if count else []
     if lost:
         others = f"the other {lost}" if count else f"{lost} missing samples"
         told.append(f"the longest stretch without {others} taken: {len(kept)} of {len(columns)} samples")

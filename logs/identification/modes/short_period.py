@@ -78,7 +78,7 @@ def identify_modes(
     Of joined flights those named by ``held_out`` are not fitted: `modes.validation` says how they are predicted.
 
     Raises:
-        BadInput: no usable elevator manoeuvre, in all flights or in one that is held out.
+        InputError: no usable elevator manoeuvre, in all flights or in one that is held out.
     """
     every = find_manoeuvres(data, aircraft)
     manoeuvres, held = by_flight(every, held_out)

@@ -6,13 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from avionics.quantities import counted
 from logs.identification.accuracy.theil import Theil, theil
 from logs.identification.modes.mode import ModesResult
 from logs.identification.modes.replayed import predicted
 from logs.identification.modes.short_period import OUTPUT_ERROR
 from logs.identification.preparing.manoeuvre import Manoeuvre
 from logs.identification.results import FitSeries
+from wingbeat.text import pluralize
 
 
 class Prediction(NamedTuple):
@@ -51,7 +51,7 @@ class Validation(NamedTuple):
     def _told(self, flight: str) -> str:
         own = [one for one in self.predictions if one.flight == flight]
         shares = ", ".join(f"{one.output} {one.theil.coefficient:.3f}" for one in own if not one.theil.failure)
-        return f"{flight} ({counted(own[0].manoeuvres, 'manoeuvre')}), predicted and not fitted: Theil's U {shares}"
+        return f"{flight} ({pluralize(own[0].manoeuvres, 'manoeuvre')}), predicted and not fitted: Theil's U {shares}"
 
 
 def validation(result: ModesResult) -> Validation | None:

@@ -44,7 +44,7 @@ def output_error(problem: Problem, search: Search = FROM_THE_START) -> Fit:
     """The free parameters of ``problem`` by maximum likelihood.
 
     Raises:
-        BadInput: the problem does not make sense: unknown names, gaps in inputs, nothing measured.
+        InputError: the problem does not make sense: unknown names, gaps in inputs, nothing measured.
     """
     flight = flight_of(problem)
     starts = starts_of(flight, search)
@@ -77,7 +77,7 @@ def flight_of(problem: Problem) -> Flight:
     """The problem's model and records, ready to be flown.
 
     Raises:
-        BadInput: see `output_error`.
+        InputError: see `output_error`.
     """
     layout = layout_of(problem)
     return Flight(problem.model, layout, records_of(problem, layout))

@@ -8,9 +8,9 @@ from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
 
-from avionics.quantities import BadInput
 from logs.identification.experiment import Experiment
 from logs.identification.results import Array, Estimate, Unidentified
+from wingbeat.errors import InputError
 
 Status = Literal["converged", "not converged", "diverged", "not identifiable"]
 Weighting = Literal["diagonal", "full", "given"]
@@ -181,11 +181,11 @@ def window(experiment: Experiment, start: float, end: float) -> Experiment:
     """The part of ``experiment`` from ``start`` to ``end`` s, both included.
 
     Raises:
-        BadInput: fewer than two samples lie in it.
+        InputError: fewer than two samples lie in it.
     """
     slack = 1e-6 * experiment.step
     inside = (experiment.time >= start - slack) & (experiment.time <= end + slack)
     if inside.sum() < 2:
-        raise BadInput(f"{experiment.name}: fewer than two samples between {start:g} and {end:g} s")
+        raise InputError(f"{experiment.name}: fewer than two samples between {start:g} and {end:g} s")
     signals = {name: np.asarray(values)[inside] for name, values in experiment.signals.items()}
     return experiment._replace(time=experiment.time[inside], signals=signals)

@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from avionics.quantities import BadInput
 from logs.identification.experiment import Experiment
 from logs.identification.output_error.problem import Model, Nuisances, Parameter, Problem
 from logs.identification.results import Array
+from wingbeat.errors import InputError
 
 FIRST_SAMPLES = 3
 LEAST_SAMPLES = 8
@@ -74,7 +74,7 @@ def layout_of(problem: Problem) -> Layout:
     """Indices of what is free.
 
     Raises:
-        BadInput: a name that the model does not have, nothing free, or a start outside its bounds.
+        InputError: a name that the model does not have, nothing free, or a start outside its bounds.
     """
     model, parameters, nuisances = problem.model, problem.parameters, problem.nuisances
     names = list(model.parameters)
@@ -84,7 +84,7 @@ def layout_of(problem: Problem) -> Layout:
     local = [n for n, p in parameters.items() if p.free and p.local]
     _within_bounds(parameters)
     if not free:
-        raise BadInput("output error has no free parameter")
+        raise InputError("output error has no free parameter")
     fitted = _fitted(problem)
     states = list(model.states) if nuisances.initial_states is None else list(nuisances.initial_states)
     return Layout(
@@ -102,13 +102,13 @@ def layout_of(problem: Problem) -> Layout:
 
 def _fitted(problem: Problem) -> list[str]:
     if not problem.outputs:
-        raise BadInput("output error has no output to fit")
+        raise InputError("output error has no output to fit")
     if len(set(problem.outputs)) < len(problem.outputs):
-        raise BadInput("an output to fit is named twice")
+        raise InputError("an output to fit is named twice")
     if problem.weighting == "given":
         missing = [name for name in problem.outputs if not problem.deviations.get(name, 0.0) > 0]
         if missing:
-            raise BadInput(f"weights are given, but no positive standard deviation for {', '.join(missing)}")
+            raise InputError(f"weights are given, but no positive standard deviation for {', '.join(missing)}")
     return list(problem.outputs)
 
 
@@ -117,15 +117,15 @@ def _biased(nuisances: Nuisances, fitted: list[str]) -> list[str]:
 
 
 def _unknown_output(name: str, fitted: list[str]) -> bool:
-    raise BadInput(f"a bias of {name} was asked for, which is not fitted (fitted: {', '.join(fitted)})")
+    raise InputError(f"a bias of {name} was asked for, which is not fitted (fitted: {', '.join(fitted)})")
 
 
 def _within_bounds(parameters: Mapping[str, Parameter]) -> None:
     for name, parameter in parameters.items():
         if not np.isfinite(parameter.start):
-            raise BadInput(f"parameter {name}: its start value is not a number")
+            raise InputError(f"parameter {name}: its start value is not a number")
         if parameter.free and not parameter.low <= parameter.start <= parameter.high:
-            raise BadInput(
+            raise InputError(
                 f"parameter {name}: its start {parameter.start:g} is outside its bounds "
                 f"{parameter.low:g} to {parameter.high:g}"
             )
@@ -134,7 +134,7 @@ def _within_bounds(parameters: Mapping[str, Parameter]) -> None:
 def _known(asked: Iterable[str], names: list[str], noun: str) -> None:
     for name in asked:
         if name not in names:
-            raise BadInput(f"the model has no {noun} {name} (it has {', '.join(names)})")
+            raise InputError(f"the model has no {noun} {name} (it has {', '.join(names)})")
 
 
 def _places(asked: Iterable[str], names: list[str], noun: str) -> Ints:
@@ -147,21 +147,21 @@ def records_of(problem: Problem, layout: Layout) -> tuple[Record, ...]:
     """Every experiment as columns.
 
     Raises:
-        BadInput: a signal is missing, an input has gaps, an output has no sample, or time is not even.
+        InputError: a signal is missing, an input has gaps, an output has no sample, or time is not even.
     """
     if not problem.experiments:
-        raise BadInput("output error has no manoeuvre to fit")
+        raise InputError("output error has no manoeuvre to fit")
     given = problem.initial or tuple({} for _ in problem.experiments)
     if len(given) != len(problem.experiments):
-        raise BadInput(f"initial states for {len(given)} of {len(problem.experiments)} manoeuvres")
+        raise InputError(f"initial states for {len(given)} of {len(problem.experiments)} manoeuvres")
     records = tuple(_record(problem, e, i) for e, i in zip(problem.experiments, given, strict=True))
     for index, name in enumerate(problem.outputs):
         if not any(np.any(record.used[:, index]) for record in records):
-            raise BadInput(f"output {name} has no sample in any of the manoeuvres")
+            raise InputError(f"output {name} has no sample in any of the manoeuvres")
     count = sum(float(record.used.sum()) for record in records)
     wanted = len(layout.free) + layout.own * len(records)
     if count <= wanted:
-        raise BadInput(f"{count:.0f} measured values are too few for {wanted} unknowns")
+        raise InputError(f"{count:.0f} measured values are too few for {wanted} unknowns")
     return records
 
 
@@ -171,7 +171,7 @@ def _record(problem: Problem, experiment: Experiment, given: Mapping[str, float]
     for name, column in zip(problem.model.inputs, inputs.T, strict=True):
         gaps = int(np.sum(~np.isfinite(column)))
         if gaps:
-            raise BadInput(f"{experiment.name}: input {name} lacks {gaps} samples; an input needs all of them")
+            raise InputError(f"{experiment.name}: input {name} lacks {gaps} samples; an input needs all of them")
     raw = _columns(experiment, problem.outputs, "output")
     used = np.isfinite(raw)
     measured = np.where(used, raw, 0.0)
@@ -190,21 +190,21 @@ def _groups(used: Flags) -> tuple[tuple[Indices, Indices], ...]:
 def _even(experiment: Experiment) -> None:
     time = np.asarray(experiment.time, dtype=np.float64)
     if len(time) < LEAST_SAMPLES:
-        raise BadInput(f"{experiment.name}: {len(time)} samples are too few, {LEAST_SAMPLES} are the least")
+        raise InputError(f"{experiment.name}: {len(time)} samples are too few, {LEAST_SAMPLES} are the least")
     steps = np.diff(time)
     if not np.all(np.isfinite(steps)) or experiment.step <= 0:
-        raise BadInput(f"{experiment.name}: its time does not increase")
+        raise InputError(f"{experiment.name}: its time does not increase")
     if np.max(np.abs(steps - experiment.step)) > EVEN * experiment.step:
-        raise BadInput(f"{experiment.name}: its samples are not equally spaced; resample it first")
+        raise InputError(f"{experiment.name}: its samples are not equally spaced; resample it first")
 
 
 def _columns(experiment: Experiment, names: tuple[str, ...], noun: str) -> Array:
     for name in names:
         if name not in experiment.signals:
             there = ", ".join(experiment.signals)
-            raise BadInput(f"{experiment.name}: the {noun} {name} is not among its signals ({there})")
+            raise InputError(f"{experiment.name}: the {noun} {name} is not among its signals ({there})")
         if len(experiment.signals[name]) != len(experiment.time):
-            raise BadInput(f"{experiment.name}: {name} has not as many samples as the time")
+            raise InputError(f"{experiment.name}: {name} has not as many samples as the time")
     if not names:
         return np.empty((len(experiment.time), 0))
     return np.column_stack([np.asarray(experiment.signals[name], dtype=np.float64) for name in names])

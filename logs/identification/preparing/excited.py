@@ -7,10 +7,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from avionics.quantities import BadInput
 from logs.identification.experiment import Experiment
 from logs.identification.preparing.resampling import cut
 from logs.identification.results import Array
+from wingbeat.errors import InputError
 
 NEEDED = ("active", "manoeuvre", "aborted")
 """signals: 1 while a manoeuvre runs, its number, 1 where an envelope limit ended it"""
@@ -22,15 +22,15 @@ def excited(flight: Experiment, lead: float = 0.0, tail: float = 0.0) -> tuple[E
     They are called FLIGHT, manoeuvre NUMBER. One that was aborted, or that the record's ends cut, is left out.
 
     Raises:
-        BadInput: the flight tells no excitation, or has no whole manoeuvre.
+        InputError: the flight tells no excitation, or has no whole manoeuvre.
     """
     missing = [name for name in NEEDED if name not in flight.signals]
     if missing:
-        raise BadInput(f"{flight.name} has no signal {', '.join(missing)} to find its manoeuvres by")
+        raise InputError(f"{flight.name} has no signal {', '.join(missing)} to find its manoeuvres by")
     active, number, aborted = (flight.signals[name] for name in NEEDED)
     spans = [s for s in manoeuvre_spans(active, number, aborted) if s.start > 0 and s.stop < len(active)]
     if not spans:
-        raise BadInput(f"{flight.name} has no whole manoeuvre that was not aborted")
+        raise InputError(f"{flight.name} has no whole manoeuvre that was not aborted")
     before, behind = (int(seconds / flight.step + 1e-6) for seconds in (lead, tail))
     free = ~((active > 0) & np.isfinite(number))
     return tuple(

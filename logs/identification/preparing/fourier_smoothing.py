@@ -68,7 +68,7 @@ def fourier_smoothing(values: Array, step: float, cut_off: float | None = None) 
     """Smoothed ``values`` (N,), ``step`` s apart; the ``cut_off`` (Hz) is found where none is given.
 
     Raises:
-        BadInput: too few samples, some are missing, or the cut-off is not below half the sampling rate.
+        InputError: too few samples, some are missing, or the cut-off is not below half the sampling rate.
     """
     series = _series(whole(values, LEAST))
     count = len(values)

@@ -9,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.signal import savgol_coeffs, savgol_filter
 
-from avionics.quantities import BadInput
 from logs.identification.preparing.smoothed import Smoothed, whole
 from logs.identification.results import Array
+from wingbeat.errors import InputError
 
 NEIGHBOURS = 5
 """-; samples in a parabola, if nothing is asked"""
@@ -23,10 +23,10 @@ def local_quadratic(values: Array, step: float, width: int = NEIGHBOURS) -> Smoo
     The standard errors are those of white noise; what the parabola bends off the signal is not in them.
 
     Raises:
-        BadInput: the width is even or under five, too few samples, or some are missing.
+        InputError: the width is even or under five, too few samples, or some are missing.
     """
     if width < NEIGHBOURS or width % 2 == 0:
-        raise BadInput(f"a parabola over {width} samples: the width must be odd and {NEIGHBOURS} or more")
+        raise InputError(f"a parabola over {width} samples: the width must be odd and {NEIGHBOURS} or more")
     whole(values, width + 2)
     smooth, rates = (savgol_filter(values, width, 2, deriv=order, delta=step, mode="interp") for order in (0, 1))
     own = float(savgol_coeffs(width, 2)[width // 2])

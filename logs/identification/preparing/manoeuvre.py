@@ -7,12 +7,12 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse import csr_array
 
-from avionics.quantities import BadInput
 from logs.identification.data import Aircraft, FlightData, JoinedFlight
 from logs.identification.preparing.excited import manoeuvre_spans, was_aborted
 from logs.identification.preparing.lag import behind
 from logs.identification.preparing.stroke import averaging_matrix, wing_period
 from logs.identification.results import Array
+from wingbeat.errors import InputError
 
 OUTPUT_STEP = 0.02
 """s; between stroke averages: they hold nothing above the flapping frequency"""
@@ -114,13 +114,13 @@ def find_manoeuvres(data: FlightData, aircraft: Aircraft) -> tuple[Manoeuvre, ..
     """Every complete elevator manoeuvre; one that repeats its input is cut before each repeat.
 
     Raises:
-        BadInput: none is usable.
+        InputError: none is usable.
     """
     tail = tail_angle(data.time, data.elevator, aircraft)
     found = [_cut(data, tail, aircraft, piece) for piece in _all_pieces(data)]
     usable = tuple(manoeuvre for manoeuvre in found if manoeuvre is not None)
     if not usable:
-        raise BadInput("the log has no complete elevator manoeuvre flown with flapping wings")
+        raise InputError("the log has no complete elevator manoeuvre flown with flapping wings")
     return usable
 
 
@@ -220,7 +220,7 @@ def reference_of(data: FlightData, manoeuvres: tuple[Manoeuvre, ...]) -> Referen
     during = np.isin(data.manoeuvre, [m.number for m in manoeuvres]) & (data.active > 0)
     airspeed, pitch = float(np.mean(data.airspeed[during])), float(np.mean(data.pitch[during]))
     if airspeed < 1.0:
-        raise BadInput(f"mean airspeed in the manoeuvres is {airspeed:.2f} m/s: no forward flight to identify")
+        raise InputError(f"mean airspeed in the manoeuvres is {airspeed:.2f} m/s: no forward flight to identify")
     climb = float(np.mean(data.climb_rate[during]))
     angle = pitch - float(np.arcsin(np.clip(climb / airspeed, -1, 1)))
     elevator = float(np.mean(data.elevator[during]))

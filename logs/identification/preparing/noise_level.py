@@ -30,7 +30,7 @@ def noise_level(values: Array) -> float:
     Noise that is correlated from sample to sample counts only by what of it differs between neighbours.
 
     Raises:
-        BadInput: too few samples, or some are missing.
+        InputError: too few samples, or some are missing.
     """
     whole(values, 2 * HIGHEST)
     before = _variance(values, 1)

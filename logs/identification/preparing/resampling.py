@@ -15,10 +15,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.signal import firwin, kaiserord, oaconvolve
 
-from avionics.quantities import BadInput
 from logs.identification.experiment import Experiment
 from logs.identification.preparing.runs import runs
 from logs.identification.results import Array
+from wingbeat.errors import InputError
 
 PASSED = 0.6
 """-; of the new half rate"""
@@ -75,10 +75,10 @@ def even(channel: Channel, at: Array, longest_gap: float) -> Array:
     Gaps up to ``longest_gap`` s are bridged by straight lines.
 
     Raises:
-        BadInput: fewer than two samples, or time that does not rise.
+        InputError: fewer than two samples, or time that does not rise.
     """
     if len(channel.time) < 2 or np.any(np.diff(channel.time) <= 0):
-        raise BadInput(f"{channel.name}: time must rise over two samples or more")
+        raise InputError(f"{channel.name}: time must rise over two samples or more")
     old, new = float(np.median(np.diff(channel.time))), float(at[1] - at[0])
     if new < 1.2 * old:
         return interpolated(channel.time, channel.values, at, longest_gap)
@@ -107,17 +107,17 @@ def experiment_of(name: str, channels: Sequence[Channel], step: float, longest_g
     """One even time base, ``step`` s apart, from the first sample of any channel to the last; NaN in gaps.
 
     Raises:
-        BadInput: no channel, a name twice, or a channel that cannot be resampled.
+        InputError: no channel, a name twice, or a channel that cannot be resampled.
     """
     names = [channel.name for channel in channels]
     if not names or len(set(names)) < len(names):
-        raise BadInput(f"{name}: channels must be given, each name once")
+        raise InputError(f"{name}: channels must be given, each name once")
     if not step > 0:
-        raise BadInput(f"{name}: a step of {step:g} s")
+        raise InputError(f"{name}: a step of {step:g} s")
     begin, end = min(c.time[0] for c in channels), max(c.time[-1] for c in channels)
     time = begin + step * np.arange(int((end - begin) / step + 1e-6) + 1)
     if len(time) < 2:
-        raise BadInput(f"{name}: the record is shorter than one step of {step:g} s")
+        raise InputError(f"{name}: the record is shorter than one step of {step:g} s")
     signals = {channel.name: even(channel, time, longest_gap) for channel in channels}
     return Experiment(name, time, signals, {channel.name: channel.unit for channel in channels})
 
@@ -126,10 +126,12 @@ def down_sampled(experiment: Experiment, step: float) -> Experiment:
     """The experiment on a time base of ``step`` s, low-passed before.
 
     Raises:
-        BadInput: the step is shorter than the experiment's, or the record than two of them.
+        InputError: the step is shorter than the experiment's, or the record than two of them.
     """
     if step < experiment.step:
-        raise BadInput(f"{experiment.name}: a step of {step:g} s is shorter than the measured {experiment.step:g} s")
+        raise InputError(
+            f"{experiment.name}: a step of {step:g} s is shorter than the measured {experiment.step:g} s"
+        )
     pairs = experiment.signals.items()
     channels = [Channel(name, experiment.units[name], experiment.time, values) for name, values in pairs]
     return experiment_of(experiment.name, channels, step, 0.0)
@@ -161,18 +163,18 @@ def whole_records(
     """`measured_pieces` of ``least`` s or more, gaps of the signals ``names`` up to ``longest_gap`` s bridged before.
 
     Raises:
-        BadInput: a signal is missing, or no piece is left.
+        InputError: a signal is missing, or no piece is left.
     """
     missing = [name for name in names if name not in experiment.signals]
     if missing:
-        raise BadInput(f"{experiment.name} has no signal {', '.join(missing)}")
+        raise InputError(f"{experiment.name} has no signal {', '.join(missing)}")
     pieces: tuple[Experiment, ...] = ()
     if len(experiment.time) > 1:
         step = experiment.step
         joined = bridged(experiment, names, int(longest_gap / step + 1e-6))
         pieces = measured_pieces(joined, names, math.ceil(least / step - 1e-6) + 1)
     if not pieces:
-        raise BadInput(f"{experiment.name}: {', '.join(names)} are nowhere measured together for {least:g} s")
+        raise InputError(f"{experiment.name}: {', '.join(names)} are nowhere measured together for {least:g} s")
     return pieces
 
 

@@ -15,11 +15,11 @@ import numpy as np
 from filterpy.common import Q_continuous_white_noise
 from filterpy.kalman import KalmanFilter, rts_smoother
 
-from avionics.quantities import BadInput
 from logs.identification.preparing.fourier_smoothing import fourier_smoothing
 from logs.identification.preparing.runs import longest_run
 from logs.identification.preparing.smoothed import Smoothed, half_power
 from logs.identification.results import Array
+from wingbeat.errors import InputError
 
 MODELS = {"acceleration": 3, "jerk": 4}
 """what is constant but for white noise, and the number of states that takes"""
@@ -43,11 +43,11 @@ def tuning_of(values: Array, step: float) -> Tuning:
     """Noise and cut-off by Fourier smoothing of the longest piece of ``values`` (N,) without a gap.
 
     Raises:
-        BadInput: no piece has 64 samples.
+        InputError: no piece has 64 samples.
     """
     longest = values[longest_run(np.isfinite(values))]
     if len(longest) < LEAST_TUNED:
-        raise BadInput(
+        raise InputError(
             f"no {LEAST_TUNED} samples without a gap to tell noise from signal: give the smoother's tuning"
         )
     found = fourier_smoothing(longest, step)
@@ -60,14 +60,14 @@ def rts(values: Array, step: float, tuning: Tuning | None = None, model: str = "
     A gap is bridged and the standard errors grow in it. ``model`` is one of `MODELS`.
 
     Raises:
-        BadInput: too few samples, or a tuning that is not positive or above half the sampling rate.
+        InputError: too few samples, or a tuning that is not positive or above half the sampling rate.
     """
     measured = int(np.sum(np.isfinite(values)))
     if measured < LEAST:
-        raise BadInput(f"the smoother needs {LEAST} measured samples, not {measured}")
+        raise InputError(f"the smoother needs {LEAST} measured samples, not {measured}")
     known = tuning_of(values, step) if tuning is None else tuning
     if not known.noise > 0:
-        raise BadInput("the signal has no noise that a smoother could weigh it with")
+        raise InputError("the signal has no noise that a smoother could weigh it with")
     circular = half_power(step, known.cut_off) / step
     # In noises and in radians of the cut-off all states are of one size, which keeps the covariances exact.
     first = values[np.isfinite(values)][0]

@@ -14,13 +14,13 @@ from typing import NamedTuple
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
-from avionics.quantities import BadInput
 from logs.identification.experiment import Experiment
 from logs.identification.preparing.fourier_smoothing import fourier_smoothing
 from logs.identification.preparing.resampling import interpolated
 from logs.identification.preparing.smoothed import Smoothed, whole
 from logs.identification.regression.least_squares import regress
 from logs.identification.results import Array, Estimate, Unidentified, estimate
+from wingbeat.errors import InputError
 
 LEAST = 40
 """-; samples"""
@@ -49,13 +49,13 @@ def skew_between(first: Array, second: Array, step: float, longest: float) -> Es
     for; no skew is told where the peak of the correlation is not clear of the next or lies at the end of the search.
 
     Raises:
-        BadInput: the signals differ in length, are shorter than 40 samples or twice the longest skew, or have gaps.
+        InputError: the signals differ in length, are shorter than 40 samples or twice the longest skew, or have gaps.
     """
     if len(first) != len(second):
-        raise BadInput(f"signals of {len(first)} and {len(second)} samples cannot be aligned: resample them first")
+        raise InputError(f"signals of {len(first)} and {len(second)} samples cannot be aligned: resample them first")
     reach = int(np.ceil(longest / step))
     if reach < 1 or reach > (1 - LEAST_OVERLAP) * len(first):
-        raise BadInput(f"a skew up to {longest:g} s cannot be looked for in {step * len(first):g} s of signals")
+        raise InputError(f"a skew up to {longest:g} s cannot be looked for in {step * len(first):g} s of signals")
     smooth = fourier_smoothing(whole(first, LEAST), step).smoothed
     whole(second, LEAST)
     if np.ptp(first) == 0 or np.ptp(second) == 0:

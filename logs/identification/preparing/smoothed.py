@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from avionics.quantities import BadInput
 from logs.identification.results import Array
+from wingbeat.errors import InputError
 
 
 class Smoothed(NamedTuple):
@@ -29,13 +29,13 @@ def whole(values: Array, least: int) -> Array:
     """``values`` (N,) as they are.
 
     Raises:
-        BadInput: fewer than ``least`` samples, or some are not finite.
+        InputError: fewer than ``least`` samples, or some are not finite.
     """
     if values.ndim != 1 or len(values) < least:
-        raise BadInput(f"a signal of {values.shape} samples is too short to be smoothed: {least} are needed")
+        raise InputError(f"a signal of {values.shape} samples is too short to be smoothed: {least} are needed")
     missing = int(np.sum(~np.isfinite(values)))
     if missing:
-        raise BadInput(
+        raise InputError(
             f"{missing} of the signal's {len(values)} samples are missing: fill short gaps or split it first"
         )
     return values
@@ -45,8 +45,10 @@ def half_power(step: float, cut_off: float) -> float:
     """The cut-off in rad a sample from Hz.
 
     Raises:
-        BadInput: it does not lie between zero and half the sampling rate.
+        InputError: it does not lie between zero and half the sampling rate.
     """
     if not 0 < cut_off < 0.5 / step:
-        raise BadInput(f"a cut-off of {cut_off:g} Hz is not between 0 and {0.5 / step:g} Hz, half the sampling rate")
+        raise InputError(
+            f"a cut-off of {cut_off:g} Hz is not between 0 and {0.5 / step:g} Hz, half the sampling rate"
+        )
     return 2 * np.pi * cut_off * step

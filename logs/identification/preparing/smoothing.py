@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
-from avionics.quantities import BadInput
 from logs.identification.experiment import Experiment
 from logs.identification.preparing.fourier_smoothing import fourier_smoothing
 from logs.identification.preparing.local_quadratic import local_quadratic
@@ -14,6 +13,7 @@ from logs.identification.preparing.smoothed import Smoothed
 from logs.identification.preparing.spline import smoothing_spline
 from logs.identification.preparing.stroke import stroke_smoothed
 from logs.identification.results import Array
+from wingbeat.errors import InputError
 
 RATE_SUFFIX = "_dot"
 """the slope of signal q is called q_dot"""
@@ -25,7 +25,7 @@ Method = Callable[[Experiment, Array], Smoothed]
 
 def _stroke(experiment: Experiment, values: Array) -> Smoothed:
     if STROKES not in experiment.signals:
-        raise BadInput(f"no signal {STROKES} to average over")
+        raise InputError(f"no signal {STROKES} to average over")
     return stroke_smoothed(experiment.time, values, experiment.signals[STROKES])
 
 
@@ -52,19 +52,19 @@ def smoothed(experiment: Experiment, names: Sequence[str], method: str = "fourie
     """The experiment with the signals ``names`` smoothed and differentiated by one of `METHODS`.
 
     Raises:
-        BadInput: no such method or signal, or a signal that the method cannot take, with its name.
+        InputError: no such method or signal, or a signal that the method cannot take, with its name.
     """
     if method not in METHODS:
-        raise BadInput(f"no method {method!r} to smooth with: it is one of {', '.join(METHODS)}")
+        raise InputError(f"no method {method!r} to smooth with: it is one of {', '.join(METHODS)}")
     signals, units = dict(experiment.signals), dict(experiment.units)
     noise: dict[str, float] = {}
     for name in names:
         if name not in experiment.signals:
-            raise BadInput(f"{experiment.name} has no signal {name}")
+            raise InputError(f"{experiment.name} has no signal {name}")
         try:
             found = METHODS[method](experiment, experiment.signals[name])
-        except BadInput as reason:
-            raise BadInput(f"{experiment.name}, {name}: {reason}") from None
+        except InputError as reason:
+            raise InputError(f"{experiment.name}, {name}: {reason}") from None
         signals[name], signals[name + RATE_SUFFIX] = found.values, found.rates
         units[name + RATE_SUFFIX] = f"{units[name]}/s"
         noise[name] = found.noise

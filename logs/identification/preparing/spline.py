@@ -11,9 +11,9 @@ import numpy as np
 from scipy.interpolate import BSpline, make_smoothing_spline
 from scipy.optimize import minimize_scalar
 
-from avionics.quantities import BadInput
 from logs.identification.preparing.smoothed import Smoothed, half_power
 from logs.identification.results import Array
+from wingbeat.errors import InputError
 
 LEAST = 8
 GRID = 12
@@ -27,14 +27,14 @@ def smoothing_spline(time: Array, values: Array, cut_off: float | None = None) -
     the last measured sample the result is NaN.
 
     Raises:
-        BadInput: fewer than eight samples, time that does not rise, or a cut-off above half the sampling rate.
+        InputError: fewer than eight samples, time that does not rise, or a cut-off above half the sampling rate.
     """
     good = np.isfinite(values)
     at, measured = time[good], values[good]
     if len(at) < LEAST:
-        raise BadInput(f"a spline needs {LEAST} measured samples, not {len(at)}")
+        raise InputError(f"a spline needs {LEAST} measured samples, not {len(at)}")
     if np.any(np.diff(at) <= 0):
-        raise BadInput("time does not rise from sample to sample")
+        raise InputError("time does not rise from sample to sample")
     step = float(np.median(np.diff(at)))
     circular = _best(at, measured, step) if cut_off is None else half_power(step, cut_off) / step
     fitted = _fit(at, measured, step, circular)

@@ -12,9 +12,9 @@ from typing import NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
-from avionics.quantities import BadInput
 from logs.identification.data import JoinedFlight
 from logs.identification.experiment import Experiment
+from wingbeat.errors import InputError
 
 SHARE = 1 / 3
 """-; held back, if nothing is asked"""
@@ -46,10 +46,10 @@ def split(flights: Mapping[str, Sequence[Experiment]], share: float = SHARE, see
     The same ``seed`` and names of flights, or of manoeuvres, give the same split, in whatever order they come.
 
     Raises:
-        BadInput: the share is not between 0 and 1, or there is but one manoeuvre.
+        InputError: the share is not between 0 and 1, or there is but one manoeuvre.
     """
     if not 0 < share < 1:
-        raise BadInput(f"a share of {share:g} to hold back is not between 0 and 1")
+        raise InputError(f"a share of {share:g} to hold back is not between 0 and 1")
     flown = {name: tuple(experiments) for name, experiments in flights.items() if experiments}
     if len(flown) > 1:
         held = drawn(sorted(flown), share, seed)
@@ -60,14 +60,14 @@ def split(flights: Mapping[str, Sequence[Experiment]], share: float = SHARE, see
         )
     manoeuvres = [e for experiments in flown.values() for e in experiments]
     if len(manoeuvres) < 2:
-        raise BadInput("a single manoeuvre cannot be split: fit it and fly another to try the model on")
+        raise InputError("a single manoeuvre cannot be split: fit it and fly another to try the model on")
     return _of_one_flight(manoeuvres, share, seed)
 
 
 def _of_one_flight(manoeuvres: list[Experiment], share: float, seed: int) -> Split:
     names = sorted(e.name for e in manoeuvres)
     if len(set(names)) < len(names):
-        raise BadInput("two manoeuvres of the flight have the same name")
+        raise InputError("two manoeuvres of the flight have the same name")
     held = drawn(names, share, seed)
     parts = [tuple(e for e in manoeuvres if (e.name in held) is side) for side in (False, True)]
     told = f"held back: {len(held)} of {len(names)} manoeuvres ({', '.join(sorted(held))})"
@@ -78,14 +78,14 @@ def by_flight(manoeuvres: Sequence[M], held: Collection[str]) -> tuple[tuple[M, 
     """The manoeuvres of the flights that are fitted, and those of the flights named by ``held``.
 
     Raises:
-        BadInput: a flight held out has no usable manoeuvre, or all are.
+        InputError: a flight held out has no usable manoeuvre, or all are.
     """
     names = [one.flight.name if one.flight is not None else "" for one in manoeuvres]
     lost = [name for name in held if name not in names]
     if lost:
-        raise BadInput(f"{lost[0]} is held out and has no complete elevator manoeuvre flown with flapping wings")
+        raise InputError(f"{lost[0]} is held out and has no complete elevator manoeuvre flown with flapping wings")
     if set(names) <= set(held):
-        raise BadInput("every flight with a usable manoeuvre is held out: none is left to fit")
+        raise InputError("every flight with a usable manoeuvre is held out: none is left to fit")
     pairs = list(zip(manoeuvres, names, strict=True))
     return tuple(one for one, name in pairs if name not in held), tuple(one for one, name in pairs if name in held)
 

@@ -9,10 +9,10 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse import csr_array
 
-from avionics.quantities import BadInput
 from logs.identification.preparing.smoothed import Smoothed, whole
 from logs.identification.results import Array
 from logs.strokes import interval_mean, time_at
+from wingbeat.errors import InputError
 
 
 def wing_period(time: Array, strokes: Array, at: Array) -> Array:
@@ -55,14 +55,14 @@ def stroke_smoothed(time: Array, values: Array, strokes: Array) -> Smoothed:
     of the record's ends all is NaN. ``noise`` is the standard deviation of what was averaged away: the shaking.
 
     Raises:
-        BadInput: the record holds no whole stroke, or samples are missing.
+        InputError: the record holds no whole stroke, or samples are missing.
     """
     whole(values, 4)
     whole(strokes, 4)
     period = wing_period(time, strokes, time)
     inside = np.isfinite(period)
     if inside.sum() < 2:
-        raise BadInput(f"no stroke average: the record holds {strokes[-1] - strokes[0]:.1f} strokes")
+        raise InputError(f"no stroke average: the record holds {strokes[-1] - strokes[0]:.1f} strokes")
     at, window = time[inside], period[inside]
     smooth, rates = np.full(len(time), np.nan), np.full(len(time), np.nan)
     smooth[inside] = stroke_average(time, values, window, at)

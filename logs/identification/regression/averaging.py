@@ -61,7 +61,7 @@ def as_regressed(
     """A ``term`` (N,) as a regression has it; NaN where it has none.
 
     Raises:
-        BadInput: it names what is neither a signal nor a constant.
+        InputError: it names what is neither a signal nor a constant.
     """
     values = evaluate(term, experiment, constants)
     if averaging is None or averaging.through & term.powers.keys():

@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from avionics.quantities import BadInput
 from logs.identification.accuracy.goodness import Goodness, goodness
 from logs.identification.experiment import Experiment
 from logs.identification.regression.averaging import as_regressed
@@ -21,6 +20,7 @@ from logs.identification.regression.frequency_domain import bridged
 from logs.identification.regression.least_squares import Fit, Piece, regress_records
 from logs.identification.regression.terms import parse
 from logs.identification.results import Array, Estimate, Unidentified, estimate
+from wingbeat.errors import InputError
 
 FOLLOWING = 100.0
 """-; condition index from which on a coefficient whose interval spans zero is refused"""
@@ -83,7 +83,8 @@ def coefficient_regression(
     are interpolated. Regressors that follow one another are named in `unidentified`, the others keep their numbers.
 
     Raises:
-        BadInput: unknown names, unequal time steps, long runs without data, frequencies that the record cannot hold.
+        InputError: unknown names, unequal time steps, long runs without data, frequencies that the record cannot
+            hold.
     """
     settings = settings or Settings()
     design = design_of(experiments, response, regressors, settings.constants, settings.units, settings.averaging)
@@ -241,10 +242,10 @@ def predict(result: CoefficientRegression, experiment: Experiment, settings: Set
     """The response (N,) that ``result`` gives for another ``experiment``, without trends; NaN where a regressor is.
 
     Raises:
-        BadInput: the result has no numbers, no intercept for all manoeuvres, or a regressor is missing.
+        InputError: the result has no numbers, no intercept for all manoeuvres, or a regressor is missing.
     """
     if result.failure:
-        raise BadInput(f"{result.response}: {result.failure}")
+        raise InputError(f"{result.response}: {result.failure}")
     settings = settings or Settings()
     total = np.zeros(len(experiment.time))
     for name, value in zip(result.names, result.values, strict=True):

@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from avionics.quantities import BadInput
 from logs.identification.experiment import Experiment
 from logs.identification.regression.averaging import Averaging, as_regressed
 from logs.identification.regression.terms import Term, parse, quotient, unit_of
 from logs.identification.results import Array
+from wingbeat.errors import InputError
 
 INTERCEPT = "intercept"
 UNEVEN = 0.01
@@ -73,10 +73,10 @@ def design_of(
     What is not yet averaged as ``averaging`` says is.
 
     Raises:
-        BadInput: no experiment, time steps that differ, a name that is not there, a regressor named twice.
+        InputError: no experiment, time steps that differ, a name that is not there, a regressor named twice.
     """
     if not experiments:
-        raise BadInput("a regression needs at least one manoeuvre")
+        raise InputError("a regression needs at least one manoeuvre")
     terms = tuple(parse(name) for name in regressors)
     _refuse_twins(terms)
     step = common_step(experiments)
@@ -97,18 +97,18 @@ def common_step(experiments: tuple[Experiment, ...]) -> float:
     """Sampling interval in s of all ``experiments``.
 
     Raises:
-        BadInput: fewer than three samples, times that are not equally spaced, or steps that differ.
+        InputError: fewer than three samples, times that are not equally spaced, or steps that differ.
     """
     for experiment in experiments:
         if len(experiment.time) < 3:
-            raise BadInput(f"{experiment.name}: {len(experiment.time)} samples are no record")
+            raise InputError(f"{experiment.name}: {len(experiment.time)} samples are no record")
         steps = np.diff(experiment.time)
         if not np.all(np.abs(steps - experiment.step) <= UNEVEN * experiment.step):
-            raise BadInput(f"{experiment.name}: its samples are not equally spaced; resample it")
+            raise InputError(f"{experiment.name}: its samples are not equally spaced; resample it")
     first = experiments[0]
     for other in experiments[1:]:
         if abs(other.step - first.step) > UNEVEN * first.step:
-            raise BadInput(
+            raise InputError(
                 f"{first.name} has a step of {first.step:g} s, {other.name} of {other.step:g} s: resample them to one"
             )
     return first.step
@@ -118,9 +118,9 @@ def _refuse_twins(terms: tuple[Term, ...]) -> None:
     for index, term in enumerate(terms):
         for earlier in terms[:index]:
             if dict(term.powers) == dict(earlier.powers):
-                raise BadInput(f"regressors '{earlier.name}' and '{term.name}' are the same but for a number")
+                raise InputError(f"regressors '{earlier.name}' and '{term.name}' are the same but for a number")
         if term.name == INTERCEPT or not term.powers:
-            raise BadInput(f"regressor '{term.name}' is a constant: the intercept has that part")
+            raise InputError(f"regressor '{term.name}' is a constant: the intercept has that part")
 
 
 def _record(

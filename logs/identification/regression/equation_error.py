@@ -13,12 +13,12 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from avionics.quantities import BadInput
 from logs.identification.regression.averaging import Averaging
 from logs.identification.regression.design import INTERCEPT, Design, Record
 from logs.identification.regression.frequency_domain import checked, default_frequencies, in_band, transform
 from logs.identification.regression.least_squares import Piece
 from logs.identification.results import Array
+from wingbeat.errors import InputError
 
 Domain = Literal["time", "frequency"]
 
@@ -62,10 +62,10 @@ def equations(design: Design, domain: Domain, settings: Settings) -> Equations:
     """The ``design``'s equations in the ``domain``; in the frequency domain it must be `frequency_domain.bridged`.
 
     Raises:
-        BadInput: unknown domain, frequencies that the record cannot hold.
+        InputError: unknown domain, frequencies that the record cannot hold.
     """
     if domain not in ("time", "frequency"):
-        raise BadInput(f"domain '{domain}' is neither time nor frequency")
+        raise InputError(f"domain '{domain}' is neither time nor frequency")
     order = settings.trend if settings.trend is not None else int(domain == "frequency")
     names, reported, nuisances = _nuisances(design.records, settings.intercept, order)
     if domain == "time":

@@ -12,9 +12,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.signal import CZT
 
-from avionics.quantities import BadInput
 from logs.identification.regression.design import Design, Record
 from logs.identification.results import Array
+from wingbeat.errors import InputError
 
 BAND_SHARE = 0.99
 """-; of each regressor's variance that the default band holds"""
@@ -37,12 +37,12 @@ def checked(frequencies: Array, design: Design) -> Array:
     """``frequencies`` (F,) in Hz, sorted.
 
     Raises:
-        BadInput: none, or one that is not between 0 and half the sampling rate.
+        InputError: none, or one that is not between 0 and half the sampling rate.
     """
     sorted_ = np.unique(np.asarray(frequencies, dtype=np.float64))
     half = 0.5 / design.step
     if not len(sorted_) or not np.all(np.isfinite(sorted_)) or sorted_[0] <= 0 or sorted_[-1] >= half:
-        raise BadInput(f"frequencies must lie between 0 and half the sampling rate, {half:g} Hz")
+        raise InputError(f"frequencies must lie between 0 and half the sampling rate, {half:g} Hz")
     return sorted_
 
 
@@ -90,7 +90,7 @@ def bridged(design: Design, longest: int) -> Design:
     """``design`` with runs of at most ``longest`` unused samples interpolated, and unused ends cut off.
 
     Raises:
-        BadInput: a longer run of samples that were not measured.
+        InputError: a longer run of samples that were not measured.
     """
     return design._replace(records=tuple(_bridge(record, design.step, longest) for record in design.records))
 
@@ -98,12 +98,12 @@ def bridged(design: Design, longest: int) -> Design:
 def _bridge(record: Record, step: float, longest: int) -> Record:
     there = np.flatnonzero(record.used > 0)
     if not len(there):
-        raise BadInput(f"{record.name}: not one sample has all signals of the regression")
+        raise InputError(f"{record.name}: not one sample has all signals of the regression")
     whole = slice(int(there[0]), int(there[-1]) + 1)
     gaps = np.diff(there) - 1
     if gaps.max(initial=0) > longest:
         start = there[int(np.argmax(gaps))] + 1
-        raise BadInput(
+        raise InputError(
             f"{record.name}: {int(gaps.max())} samples in a row from {start * step:.3g} s after its start lack"
             f" a signal; the frequency domain bridges {longest} at most: cut the record there or use the time domain"
         )

@@ -69,7 +69,7 @@ def orthogonal_regression(
     """The model of ``response`` in the ``candidates`` (`terms.pool`) that has the least predicted square error.
 
     Raises:
-        BadInput: unknown names, unequal time steps.
+        InputError: unknown names, unequal time steps.
     """
     settings = settings or Settings()
     design = design_of(experiments, response, candidates, settings.constants, settings.units, settings.averaging)

@@ -105,7 +105,7 @@ def stepwise_regression(
     In the time domain; take the terms to `coefficient_regression` for the frequency domain.
 
     Raises:
-        BadInput: unknown names, unequal time steps.
+        InputError: unknown names, unequal time steps.
     """
     rules, settings = rules or Rules(), settings or Settings()
     candidates = tuple(dict.fromkeys((*rules.always, *candidates)))

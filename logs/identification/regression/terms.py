@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from avionics.quantities import BadInput
 from logs.identification.experiment import Experiment
 from logs.identification.results import Array
+from wingbeat.errors import InputError
 
 TOKEN = re.compile(
     r"\s*(?:(?P<number>\d+(?:\.\d*)?(?:[eE][-+]?\d+)?|\.\d+)|(?P<name>[^\W\d][\w.]*)|(?P<sign>[*/^()]))"
@@ -39,7 +39,7 @@ def parse(text: str) -> Term:
     """The monomial that ``text`` names.
 
     Raises:
-        BadInput: not a product or quotient of names, numbers and whole powers.
+        InputError: not a product or quotient of names, numbers and whole powers.
     """
     tokens = _tokens(text)
     scale, powers = _product(tokens, text)
@@ -48,8 +48,8 @@ def parse(text: str) -> Term:
     return Term(text, scale, {symbol: power for symbol, power in powers.items() if power})
 
 
-def _unreadable(text: str, why: str) -> BadInput:
-    return BadInput(f"regressor '{text}': {why}; write products such as alpha, q*c/2V, alpha^2, alpha*delta")
+def _unreadable(text: str, why: str) -> InputError:
+    return InputError(f"regressor '{text}': {why}; write products such as alpha, q*c/2V, alpha^2, alpha*delta")
 
 
 def _tokens(text: str) -> list[tuple[str, str]]:
@@ -120,7 +120,7 @@ def evaluate(term: Term, experiment: Experiment, constants: Mapping[str, float])
     A name that is both a signal and a constant is the signal.
 
     Raises:
-        BadInput: a name is neither a signal of the experiment nor a constant.
+        InputError: a name is neither a signal of the experiment nor a constant.
     """
     if term.name in experiment.signals:
         return np.asarray(experiment.signals[term.name], dtype=np.float64)
@@ -139,7 +139,7 @@ def _symbol(symbol: str, term: Term, experiment: Experiment, constants: Mapping[
         return constants[symbol]
     of = "" if symbol == term.name else f" (of '{term.name}')"
     known = ", ".join([*experiment.signals, *constants])
-    raise BadInput(f"{experiment.name}: no signal or constant '{symbol}'{of}; it has {known or 'none'}")
+    raise InputError(f"{experiment.name}: no signal or constant '{symbol}'{of}; it has {known or 'none'}")
 
 
 def unit_of(term: Term, units: Mapping[str, str]) -> str:

@@ -12,6 +12,7 @@ from logs.identification.kinematics.marker_motion import BASE, MarkerMotion, sai
 from logs.identification.report.words import sentence
 from logs.identification.results import Array, student_factor
 from logs.identification.tables.markers import MarkersResult
+from wingbeat.rotation_arrays import euler_from_quaternions
 
 UNITS = ("m",) * 3 + ("rad",) * 3
 SPEEDS = ("v_x", "v_y", "v_z", "omega_x", "omega_y", "omega_z")
@@ -48,19 +49,13 @@ class Track(NamedTuple):
 def coordinates(motion: MarkerMotion) -> tuple[Track, ...]:
     """Position, attitude and joint angles; errors of position and attitude are along and about the base's axes."""
     found, errors = motion.coordinates, motion.errors
-    values = np.column_stack([found.position_ned, _angles(found.quaternion), found.angles])
+    values = np.column_stack(
+        [found.position_ned, np.column_stack(euler_from_quaternions(*found.quaternion.T)), found.angles]
+    )
     names = ("north", "east", "down", "roll", "pitch", "yaw", *found.names)
     units = (*UNITS, *("rad",) * len(found.names))
     rows = zip(names, units, values.T, errors.T, strict=True)
     return tuple(Track(*row) for row in rows)
-
-
-def _angles(quaternion: Array) -> Array:
-    """Roll, pitch and yaw (N, 3) in rad."""
-    w, x, y, z = quaternion.T
-    roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
-    yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-    return np.column_stack([roll, np.arcsin(np.clip(2 * (w * y - z * x), -1.0, 1.0)), yaw])
 
 
 def speed_lines(motion: MarkerMotion) -> tuple[tuple[str, str, float, float], ...]:

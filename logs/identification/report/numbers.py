@@ -7,7 +7,6 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from avionics.quantities import BadInput
 from logs.identification.aerodynamics.flight import identify_aero
 from logs.identification.aerodynamics.structure import AeroResult
 from logs.identification.data import Aircraft, GaugeErrors
@@ -31,6 +30,7 @@ from logs.identification.sources.topic_table import ColumnSource
 from logs.identification.sources.true_imu import imu_truths
 from logs.identification.tables.markers import MarkersResult
 from sim_bridge.vehicles import SimulatedVehicle
+from wingbeat.errors import InputError
 
 SUBJECTS = ("servo", "power", "modes", "aero", "path", "all")
 POWER_TRUTH = "the same regression on this flight's noise-free drive; they vary with the flight"
@@ -86,7 +86,7 @@ def servo_truth(source: ColumnSource, measured: ServoModel) -> dict[str, float]:
     """Coefficients of Gerdes Eq. 12 from the world's noise-free topics, the same regression as ``measured``.
 
     Raises:
-        BadInput: the log has no truth.
+        InputError: the log has no truth.
     """
     return power_truth(true_drive_data(source), measured)
 
@@ -105,10 +105,10 @@ def identify(
     (aero) need the ``bodies`` of the vehicle, and are of all where these are known; the flight path (path) is not.
 
     Raises:
-        BadInput: unknown subject, or the log gives nothing of what was asked for.
+        InputError: unknown subject, or the log gives nothing of what was asked for.
     """
     if what not in SUBJECTS:
-        raise BadInput(f"cannot identify {what!r}; known: {', '.join(SUBJECTS)}")
+        raise InputError(f"cannot identify {what!r}; known: {', '.join(SUBJECTS)}")
     source = Remembered(source)
     known, aircraft, missing = dict(truths or {}), aircraft or Aircraft(), list[Unidentified]()
     torque = power = load = frequency = None
@@ -129,7 +129,7 @@ def identify(
     aero, found = _wings(source, what, aircraft, bodies, unknown_wings), modes()
     missing += [*unknown_modes, *unknown_wings]
     if all(each is None for each in (torque, power, load, frequency, found, aero)):
-        raise BadInput("; ".join(entry.reason for entry in missing))
+        raise InputError("; ".join(entry.reason for entry in missing))
     return Identification(torque, power, load, frequency, found, tuple(missing), known, aero)
 
 
@@ -159,7 +159,7 @@ def _wings(
     """The wings' coefficients, alone or beside all else; there nothing is asked of a vehicle that is not known.
 
     Raises:
-        BadInput: asked for alone, and not to be had.
+        InputError: asked for alone, and not to be had.
     """
     if what == "aero":
         return identify_aero(source, bodies, aircraft.imu)
@@ -174,7 +174,7 @@ def _wings(
 def _attempt(work: Any, name: str, missing: list[Unidentified]) -> Any:
     try:
         return work()
-    except BadInput as error:
+    except InputError as error:
         missing.append(Unidentified(name, str(error)))
         return None
 
@@ -211,7 +211,7 @@ def _load_and_frequency(
 def _power_truths(source: ColumnSource, power: ServoModel) -> dict[str, float]:
     try:
         truth = servo_truth(source, power)
-    except BadInput:
+    except InputError:
         return {}  # a log of a real flight has no truth to compare with
     return {f"power.{name}": value for name, value in truth.items()}
 
@@ -219,7 +219,7 @@ def _power_truths(source: ColumnSource, power: ServoModel) -> dict[str, float]:
 def _load_truths(source: ColumnSource, load: ServoModel) -> dict[str, float]:
     try:
         return load_truth(true_drive_data(source), load)
-    except BadInput:
+    except InputError:
         return {}
 
 

@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from avionics.quantities import BadInput, counted
 from logs.identification.chapter import MEASURED, Bar, Chapter, Intervals, Plot, Series, Table
 from logs.identification.data import DriveData
 from logs.identification.modes.flown_again import Problem
@@ -33,6 +32,8 @@ from logs.identification.report.numbers import rows as all_rows
 from logs.identification.report.words import sentence
 from logs.identification.results import Array, Fitted
 from logs.placing import claim, draft, settle
+from wingbeat.errors import InputError
+from wingbeat.text import pluralize
 
 
 class Subject(NamedTuple):
@@ -60,12 +61,12 @@ def refuse_existing(path: Path) -> None:
     """Refuse a file that is there, before the long work.
 
     Raises:
-        BadInput: it exists, or its folder does not.
+        InputError: it exists, or its folder does not.
     """
     if path.exists():
-        raise BadInput(f"{path} exists: it is not overwritten")
+        raise InputError(f"{path} exists: it is not overwritten")
     if not path.parent.is_dir():
-        raise BadInput(f"{path}: there is no folder {path.parent}")
+        raise InputError(f"{path}: there is no folder {path.parent}")
 
 
 def write_report(
@@ -80,7 +81,7 @@ def write_report(
     ``drive`` is what the servo models were found from, for their scatter plots; ``more`` are chapters of other rooms.
 
     Raises:
-        BadInput: the file exists or cannot be written.
+        InputError: the file exists or cannot be written.
     """
     facts = (
         subject.file,
@@ -94,7 +95,7 @@ def write_page(path: Path, title: str, facts: tuple[str, ...], told: tuple[Chapt
     """Write the chapters ``told`` below a ``title`` and a line of ``facts`` to ``path``; the page's size in bytes.
 
     Raises:
-        BadInput: the file exists or cannot be written.
+        InputError: the file exists or cannot be written.
     """
     refuse_existing(path)
     text = page(title, facts, told).encode()
@@ -211,7 +212,7 @@ def _manoeuvres(problem: Problem) -> Table:
         *(("flight",) if several else ()), "manoeuvre", "start (s)", "length (s)", "wing strokes", "flapping (Hz)",
         "airspeed (m/s)", "elevator, range (°)", "pitch rate, range (°/s)",
     )  # fmt: skip
-    return Table(columns, lines, f"Used: {counted(len(lines), 'manoeuvre')}; ranges are from least to greatest.")
+    return Table(columns, lines, f"Used: {pluralize(len(lines), 'manoeuvre')}; ranges are from least to greatest.")
 
 
 def _used(one: Manoeuvre) -> slice:

@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from avionics.quantities import counted
 from logs.identification.chapter import MEASURED, Bar, Chapter, Intervals, Plot, Series, Table
 from logs.identification.modes.mode import KINDS
 from logs.identification.report.fits import (
@@ -26,6 +25,7 @@ from logs.identification.results import Estimate, Fitted
 from logs.identification.tables.constants import UNITS
 from logs.identification.tables.results import TableFit, TableIdentification
 from logs.identification.tables.telling import heading
+from wingbeat.text import pluralize
 
 FITS = "Measured and modelled outputs of every manoeuvre, in the table's time."
 RESIDUALS = (
@@ -51,7 +51,7 @@ def write_tables_report(path: Path, sources: tuple[Source, ...], found: TableIde
     """Write the page of what was identified from ``sources``, the map among them; its size in bytes.
 
     Raises:
-        BadInput: the file exists or cannot be written.
+        InputError: the file exists or cannot be written.
     """
     names = tuple(one.name for one in sources)
     more = len(found.files) - 1
@@ -130,8 +130,8 @@ def _numbers(title: str, found: tuple[Estimate, ...], controls: tuple[str, ...])
 
 
 def _extent(fit: TableFit) -> str:
-    numbers = counted(len(fit.fitted.estimates), "number")
-    return f"{numbers} from {counted(fit.samples, 'sample')}{'' if fit.converged else ', not converged'}"
+    numbers = pluralize(len(fit.fitted.estimates), "number")
+    return f"{numbers} from {pluralize(fit.samples, 'sample')}{'' if fit.converged else ', not converged'}"
 
 
 def _data(sources: tuple[Source, ...], found: TableIdentification) -> Chapter:
@@ -146,7 +146,7 @@ def _data(sources: tuple[Source, ...], found: TableIdentification) -> Chapter:
 def _absent(found: TableIdentification) -> list[str]:
     """Samples that a signal lacks, manoeuvre by manoeuvre."""
     return [
-        f"{one.name}: {int(lost)} of {counted(len(values), 'sample')} of {name} not measured"
+        f"{one.name}: {int(lost)} of {pluralize(len(values), 'sample')} of {name} not measured"
         for one in found.records
         for name, values in one.signals.items()
         if (lost := np.count_nonzero(~np.isfinite(values)))
@@ -161,7 +161,7 @@ def _manoeuvres(found: TableIdentification) -> Table:
         )
         for one in found.records
     )  # fmt: skip
-    told = f"{counted(len(found.experiments), 'manoeuvre')} fitted, {len(found.held_out)} held out."
+    told = f"{pluralize(len(found.experiments), 'manoeuvre')} fitted, {len(found.held_out)} held out."
     return Table(("manoeuvre", "use", "start (s)", "length (s)", "samples", "rate (Hz)"), rows, told)
 
 

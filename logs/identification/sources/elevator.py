@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from avionics import topics
-from avionics.quantities import BadInput
-from avionics.topics import Topic
 from logs.reader import Log
+from wingbeat.errors import InputError
+from wingbeat.topic import Topic
 
 
 class MadeElevator(NamedTuple):
@@ -34,7 +34,7 @@ class MadeElevator(NamedTuple):
         """Arrays by field name.
 
         Raises:
-            BadInput: the log has no such topic, or what the elevator is made of is no number.
+            InputError: the log has no such topic, or what the elevator is made of is no number.
         """
         if topic != topics.ACTUATORS:
             return self.log.columns(topic)
@@ -42,5 +42,5 @@ class MadeElevator(NamedTuple):
         values = columns.fields.get(self.field)
         if values is None or values.ndim != 1 or values.dtype.kind not in "fiu":
             numbers = [name for name, each in columns.items() if each.ndim == 1 and each.dtype.kind in "fiu"]
-            raise BadInput(f"{self.topic} has no number {self.field}; it has: {', '.join(numbers)}")
+            raise InputError(f"{self.topic} has no number {self.field}; it has: {', '.join(numbers)}")
         return {"time_us": np.rint(columns.time * 1e6), "elevator": values * self.scale}

@@ -10,8 +10,8 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import butter, find_peaks, hilbert, sosfiltfilt, welch
 
-from avionics.quantities import BadInput
 from logs.identification.results import Array
+from wingbeat.errors import InputError
 
 SLOWEST, FASTEST = 1.5, 30.0
 """Hz; of flapping"""
@@ -37,7 +37,7 @@ def strokes_in(time: Array, signal: Array) -> Array:
     ``time`` (N,) in s, equally spaced.
 
     Raises:
-        BadInput: nothing repeats itself in it as wings do.
+        InputError: nothing repeats itself in it as wings do.
     """
     step = float(time[1] - time[0])
     frequency = flapping_frequency(step, signal)
@@ -56,7 +56,7 @@ def flapping_frequency(step: float, signal: Array) -> float:
     """Hz; fundamental of what repeats itself in a ``signal`` (N,) sampled every ``step`` s.
 
     Raises:
-        BadInput: nothing does as wings do.
+        InputError: nothing does as wings do.
     """
     length = min(round(1 / (RESOLUTION * step)), len(signal))
     at, power = welch(signal, 1 / step, nperseg=length, detrend="linear")
@@ -66,7 +66,7 @@ def flapping_frequency(step: float, signal: Array) -> float:
     dust = ROUNDING * float(np.mean(np.square(signal)))
     lines = lines[power[lines] > LINE * np.median(power) + dust] if len(lines) else lines
     if not len(lines):
-        raise BadInput("nothing in it repeats itself as wings do")
+        raise InputError("nothing in it repeats itself as wings do")
     strongest = lines[np.argmax(power[lines])]
     ratio = at[strongest] / at[lines]
     harmonic = (np.abs(ratio - np.round(ratio)) < RESOLUTION / at[lines]) & (ratio > 0.9)

@@ -9,9 +9,7 @@ from scipy.signal import savgol_filter
 
 from avionics import topics
 from avionics.messages import BURST_LENGTH
-from avionics.quantities import BadInput
 from avionics.sensing import inertial
-from avionics.topics import Topic
 from logs.identification.data import AIRSPEED_GUESSED, STROKES_GUESSED, DriveData, FlightData
 from logs.identification.drive.frequency import ThrottleData
 from logs.identification.results import Array
@@ -20,6 +18,8 @@ from logs.identification.sources.inputs import find_inputs
 from logs.identification.sources.topic_table import ColumnSource, TopicTable, time_base
 from logs.strokes import strokes_of
 from sim_bridge import topics as truth
+from wingbeat.errors import InputError
+from wingbeat.topic import Topic
 
 BURST_RATE = 6000.0
 """Hz; of the ADC's samples inside a burst"""
@@ -42,12 +42,12 @@ def _strokes(source: ColumnSource) -> tuple[TopicTable, Array]:
     try:
         wing = TopicTable(source, topics.WING, "phase", "angle_left", "angle_right")
         return wing, strokes_of(wing["phase"])
-    except BadInput as missing:
+    except InputError as missing:
         try:
             wing = TopicTable(source, topics.WING, "angle_left", "angle_right")
             time = time_base(wing.time)
             return wing, np.interp(wing.time, time, strokes_in(time, wing.linear("angle_left", time)))
-        except BadInput:
+        except InputError:
             raise missing from None
 
 
@@ -75,7 +75,7 @@ def flight_data(source: ColumnSource, calibration: inertial.Gains = inertial.NEU
     elevator's motion, the strokes from the wing's angle or the specific force, the airspeed from that over ground.
 
     Raises:
-        BadInput: a topic is missing and nothing can stand for it, or nothing was excited.
+        InputError: a topic is missing and nothing can stand for it, or nothing was excited.
     """
     told, commanded = _told(source), _elevator(source)
     imu = _inertial(source, told is not None)
@@ -125,7 +125,7 @@ def _where_told(source: ColumnSource, topic: Topic, field: str, time: Array) -> 
     """The field at ``time`` (N,); NaN beyond its samples, in its gaps, and where the log has not the field."""
     try:
         table = TopicTable(source, topic, field)
-    except BadInput:
+    except InputError:
         return np.full(len(time), np.nan)
     behind = np.searchsorted(table.time, time, side="left").clip(1, len(table.time) - 1)
     apart = table.time[behind] - table.time[behind - 1]
@@ -138,18 +138,18 @@ def _told(source: ColumnSource) -> TopicTable | None:
     """The topic of the excitation; None where the log has none."""
     try:
         told = TopicTable(source, topics.EXCITATION, "active", "manoeuvre", "elevator", "aborted")
-    except BadInput:
+    except InputError:
         return None
     if not np.any(told["active"]):
-        raise BadInput("the log has no excitation: fly an EXCITE item with the elevator to identify the modes")
+        raise InputError("the log has no excitation: fly an EXCITE item with the elevator to identify the modes")
     return told
 
 
 def _inertial(source: ColumnSource, excited: bool) -> TopicTable:
     try:
         return TopicTable(source, topics.IMU, "gyro_y", "accel_x", "accel_z")
-    except BadInput as missing:
-        raise missing if excited else BadInput(f"no excitation is told, nor can one be found: {missing}") from None
+    except InputError as missing:
+        raise missing if excited else InputError(f"no excitation is told, nor can one be found: {missing}") from None
 
 
 def _flown(told: TopicTable, time: Array) -> _Excited:
@@ -160,8 +160,8 @@ def _flown(told: TopicTable, time: Array) -> _Excited:
 def _found(time: Array, elevator: Array, strokes: Array) -> _Excited:
     try:
         inputs = find_inputs(time, elevator, strokes)
-    except BadInput as reason:
-        raise BadInput(f"the log has no topic {topics.EXCITATION.name} that tells an input, and {reason}") from None
+    except InputError as reason:
+        raise InputError(f"the log has no topic {topics.EXCITATION.name} that tells an input, and {reason}") from None
     note = "manoeuvres: the elevator's quick movements from rest to rest"
     return _Excited(inputs.active, inputs.manoeuvre, inputs.excitation, np.zeros(len(time)), note)
 
@@ -169,18 +169,18 @@ def _found(time: Array, elevator: Array, strokes: Array) -> _Excited:
 def _elevator(source: ColumnSource) -> TopicTable:
     try:
         return TopicTable(source, topics.ACTUATORS, "elevator")
-    except BadInput as missing:
+    except InputError as missing:
         hint = "--elevator makes it of a pulse width or a stick"
-        raise BadInput(f"{missing} to find the elevator's excitation: its angle ({hint})") from None
+        raise InputError(f"{missing} to find the elevator's excitation: its angle ({hint})") from None
 
 
 def _airspeed(source: ColumnSource, time: Array, climb: Array) -> _Taken:
     try:
         return _Taken(TopicTable(source, topics.AIR_DATA, "airspeed").linear("airspeed", time))
-    except BadInput as missing:
+    except InputError as missing:
         try:
             ground = TopicTable(source, topics.POSITION, "v_north", "v_east")
-        except BadInput:
+        except InputError:
             raise missing from None
     north, east = (ground.linear(field, time) for field in ("v_north", "v_east"))
     return _Taken(np.sqrt(north**2 + east**2 + climb**2), AIRSPEED_GUESSED)
@@ -191,11 +191,11 @@ def _flown_strokes(source: ColumnSource, time: Array, accel_z: Array) -> _Taken:
     try:
         wing, strokes = _strokes(source)
         return _Taken(np.interp(time, wing.time, strokes))
-    except BadInput as missing:
+    except InputError as missing:
         try:
             strokes = strokes_in(time, accel_z)
-        except BadInput as reason:
-            raise BadInput(f"{missing}, and its specific force tells no strokes: {reason}") from None
+        except InputError as reason:
+            raise InputError(f"{missing}, and its specific force tells no strokes: {reason}") from None
     return _Taken(strokes, STROKES_GUESSED)
 
 
@@ -208,7 +208,7 @@ def _wing_rate_squared(source: ColumnSource, time: Array) -> Array:
     unknown = np.full(len(time), np.nan)
     try:
         wing, strokes = _strokes(source)
-    except BadInput:
+    except InputError:
         return unknown
     steps = np.diff(wing.time)
     if len(steps) < SMOOTHED or len(strokes) / max(strokes[-1] - strokes[0], 1.0) < LEAST_SAMPLES:
@@ -228,7 +228,7 @@ def drive_data(source: ColumnSource) -> DriveData:
     A stand without encoders gives no motion of the wings, which the torque model does without.
 
     Raises:
-        BadInput: a topic is missing.
+        InputError: a topic is missing.
     """
     torque = TopicTable(source, topics.DRIVE_TORQUE, "left", "right")
     power = TopicTable(source, topics.POWER, "current", "voltage")
@@ -244,7 +244,7 @@ def _cell_window(source: ColumnSource, ticks: Array) -> float:
     """s; over which a torque cell that our board samples tells the mean: one of its ``ticks``; 0 for any other."""
     try:
         TopicTable(source, topics.TORQUE_RAW, "left_counts")
-    except BadInput:
+    except InputError:
         return 0.0
     return float(np.median(np.diff(ticks))) if len(ticks) else 0.0
 
@@ -253,13 +253,13 @@ def throttle_data(source: ColumnSource) -> ThrottleData:
     """Throttle, strokes and voltage in a log; the voltage may be missing.
 
     Raises:
-        BadInput: the throttle or the wings' motion is missing.
+        InputError: the throttle or the wings' motion is missing.
     """
     commanded = TopicTable(source, topics.ACTUATORS, "throttle")
     wing, strokes = _strokes(source)
     try:
         power = TopicTable(source, topics.POWER, "voltage")
-    except BadInput:
+    except InputError:
         nothing = np.zeros(0)
         return ThrottleData(commanded.time, commanded["throttle"], wing.time, strokes, nothing, nothing)
     return ThrottleData(commanded.time, commanded["throttle"], wing.time, strokes, power.time, power["voltage"])
@@ -269,7 +269,7 @@ def _motion(source: ColumnSource) -> tuple[Array, Array, Array, Array]:
     """Time, rates of both wings and strokes; all empty where they were not measured."""
     try:
         wing, strokes = _strokes(source)
-    except BadInput:
+    except InputError:
         return np.zeros(0), np.zeros(0), np.zeros(0), np.zeros(0)
     step = float(np.median(np.diff(wing.time)))
     return wing.time, _rate(wing["angle_left"], step), _rate(wing["angle_right"], step), strokes
@@ -288,7 +288,7 @@ def true_drive_data(source: ColumnSource) -> DriveData:
     """The wing drives in a simulated flight's log as they truly were, strokes as measured.
 
     Raises:
-        BadInput: the log has no topic of the world's truth.
+        InputError: the log has no topic of the world's truth.
     """
     fields = ("current", "voltage", "torque_left", "torque_right", "rate_left", "rate_right")
     true = TopicTable(source, truth.WING, *fields)

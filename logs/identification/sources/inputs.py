@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from avionics.quantities import BadInput
 from logs.identification.results import Array
+from wingbeat.errors import InputError
 
 QUICK = 0.1
 """s; in which the elevator moves by `LEAST_STEP` at the least"""
@@ -58,7 +58,7 @@ def find_inputs(time: Array, elevator: Array, strokes: Array) -> Inputs:
     """The inputs in the ``elevator`` command (rad) flown with flapping wings; ``time`` (s) equally spaced, all (N,).
 
     Raises:
-        BadInput: there is none.
+        InputError: there is none.
     """
     step = float(time[1] - time[0])
     found = [span for first, last in _movements(elevator, step) if (span := _at_rest(elevator, step, first, last))]
@@ -71,7 +71,7 @@ def find_inputs(time: Array, elevator: Array, strokes: Array) -> Inputs:
         moved = slice(span.first, span.last + 1)
         excitation[moved] = elevator[moved] - np.mean(elevator[span.start : span.first])
     if not flown:
-        raise BadInput("its elevator nowhere moves quickly from rest to rest in flapping flight")
+        raise InputError("its elevator nowhere moves quickly from rest to rest in flapping flight")
     return Inputs(active, number, excitation)
 
 

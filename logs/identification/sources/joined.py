@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from avionics.quantities import BadInput, counted
 from logs.identification.data import FlightData, JoinedFlight
 from logs.identification.preparing.stretches import LONGEST_CALM
 from logs.identification.results import Array
+from wingbeat.errors import InputError
+from wingbeat.text import pluralize
 
 UNEVEN = 1e-3
 """-; of a sampling interval, by which those of two flights may differ"""
@@ -23,11 +24,11 @@ def joined_flights(flights: tuple[FlightData, ...], names: tuple[str, ...] = ())
     later, and a pause in which nothing moves is between two, so that nothing of one flight is in another's.
 
     Raises:
-        BadInput: their samples are not equally far apart.
+        InputError: their samples are not equally far apart.
     """
     steps = [float(np.median(np.diff(flight.time))) for flight in flights]
     if max(steps) - min(steps) > UNEVEN * steps[0]:
-        raise BadInput(f"the logs' IMUs sample every {min(steps):.4g} s and {max(steps):.4g} s: they must agree")
+        raise InputError(f"the logs' IMUs sample every {min(steps):.4g} s and {max(steps):.4g} s: they must agree")
     pieces = [_with_pause(_apart(flight), steps[0]) for flight in flights]
     columns = {name: [getattr(one, name) for one in pieces] for name in FlightData.arrays()}
     before = [0, *np.cumsum([int(one.manoeuvre.max()) for one in pieces])]
@@ -43,7 +44,7 @@ def joined_flights(flights: tuple[FlightData, ...], names: tuple[str, ...] = ())
         JoinedFlight(name, float(begin), float(one.time[0]), int(count))
         for name, begin, one, count in zip(named, begins, pieces, before[:-1], strict=True)
     )
-    return FlightData(**whole, notes=(f"together: {counted(len(flights), 'flight')}", *notes), flights=places)
+    return FlightData(**whole, notes=(f"together: {pluralize(len(flights), 'flight')}", *notes), flights=places)
 
 
 def _apart(flight: FlightData) -> FlightData:

@@ -15,29 +15,28 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import CubicSpline
 
 from avionics import topics
-from avionics.quantities import BadInput
 from avionics.sensing import inertial
 from logs.identification.aerodynamics.inverse_dynamics import WingMotion
 from logs.identification.aerodynamics.wing_air import MovedVehicle
-from logs.identification.kinematics.markers import rotations
 from logs.identification.kinematics.speeds import smoothed
 from logs.identification.preparing.lag import behind
 from logs.identification.preparing.runs import runs
 from logs.identification.results import Array
 from logs.identification.sources.topic_table import ColumnSource, TopicTable, time_base
 from sim_bridge import topics as truth
-from sim_bridge.environment.gravity import GRAVITY
 from sim_bridge.mechanism import build_mechanism
 from sim_bridge.plant_kernel import COORDINATES
 from sim_bridge.vehicles import SimulatedVehicle
+from wingbeat.atmosphere import SEA_LEVEL_DENSITY
+from wingbeat.constants import STANDARD_GRAVITY
+from wingbeat.errors import InputError
+from wingbeat.rotation_arrays import dcms_from_quaternions
 
 CUTOFF = 50.0
 """Hz; Grauer IV.C"""
 SLOW = 0.5
 """Hz; below it the speed is that over ground, above it the integrated acceleration"""
 LEAST_SECONDS = 1.5
-SEA_LEVEL = 1.225
-"""kg/m^3; where the log tells no density"""
 QUATERNION = ("quaternion_w", "quaternion_x", "quaternion_y", "quaternion_z")
 
 
@@ -62,7 +61,7 @@ def measured_motion(
     Where excitation is told, only stretches with excitation.
 
     Raises:
-        BadInput: a topic is missing, or no stretch is long enough.
+        InputError: a topic is missing, or no stretch is long enough.
     """
     imu = TopicTable(source, topics.IMU, "accel_x", "accel_y", "accel_z")
     wing = TopicTable(source, topics.WING, "angle_left", "angle_right", "flapping")
@@ -87,7 +86,7 @@ def true_motion(source: ColumnSource, vehicle: SimulatedVehicle) -> tuple[WingMo
     """The motion of every stretch of a simulated flight, as it truly was.
 
     Raises:
-        BadInput: the log has no topics of the truth, or no stretch is long enough.
+        InputError: the log has no topics of the truth, or no stretch is long enough.
     """
     fields = ("v_north", "v_east", "v_down", *QUATERNION, "roll_rate", "pitch_rate", "yaw_rate", "wind_north",
               "wind_east", "wind_down", "on_ground")  # fmt: skip
@@ -99,7 +98,7 @@ def true_motion(source: ColumnSource, vehicle: SimulatedVehicle) -> tuple[WingMo
     columns = {field: state.linear(field, time) for field in fields}
     quaternion = _attitude(state, time)
     v_ned = np.column_stack([columns[f"v_{axis}"] for axis in ("north", "east", "down")])
-    v = np.einsum("nji,nj->ni", rotations(quaternion), v_ned)
+    v = np.einsum("nji,nj->ni", dcms_from_quaternions(quaternion), v_ned)
     omega = np.column_stack([columns[f"{axis}_rate"] for axis in ("roll", "pitch", "yaw")])
     layout = build_mechanism(vehicle).layout
     named = dict(_flaps(vehicle)) | {layout.elevator: "elevator", layout.rudder: "rudder"}
@@ -124,15 +123,15 @@ def _measured_base(
     felt = (felt - np.asarray(calibration.accel_offset)) * np.asarray(calibration.accel_scale)
     arm = np.asarray(vehicle.fuselage.imu_position, float)
     felt = smoothed(felt, step, _cutoff(step)) - np.cross(omega_rate, arm) - np.cross(omega, np.cross(omega, arm))
-    to_ned = rotations(quaternion)
-    acceleration = np.einsum("nij,nj->ni", to_ned, felt) + np.array((0.0, 0.0, GRAVITY))
+    to_ned = dcms_from_quaternions(quaternion)
+    acceleration = np.einsum("nij,nj->ni", to_ned, felt) + np.array((0.0, 0.0, STANDARD_GRAVITY))
     ground = TopicTable(source, topics.POSITION, "v_north", "v_east")
     climb = TopicTable(source, topics.ALTITUDE, "climb_rate")
     over_ground = [ground.linear(field, time) for field in ("v_north", "v_east")]
     slow = np.column_stack([*over_ground, -climb.linear("climb_rate", time)])
     quick = cumulative_trapezoid(acceleration, dx=step, axis=0, initial=0.0)
     v = np.einsum("nji,nj->ni", to_ned, quick + smoothed(slow - quick, step, SLOW))
-    weight = np.einsum("nji,j->ni", to_ned, np.array([0.0, 0.0, GRAVITY]))
+    weight = np.einsum("nji,j->ni", to_ned, np.array([0.0, 0.0, STANDARD_GRAVITY]))
     return _Base(quaternion, v, omega, felt + weight - np.cross(omega, v), omega_rate)
 
 
@@ -163,7 +162,7 @@ def _stretches(vehicle: SimulatedVehicle, whole: _Whole, use: NDArray[np.bool_])
     rates = np.column_stack([base.velocity_rate, base.omega_rate, spline(time, 2)])
     spans = [run for run in runs(use) if (run.stop - run.start) * step >= LEAST_SECONDS]
     if not spans:
-        raise BadInput(f"the log has no {LEAST_SECONDS:g} s of flapping flight without a break")
+        raise InputError(f"the log has no {LEAST_SECONDS:g} s of flapping flight without a break")
     return tuple(
         WingMotion(
             f"{time[s.start]:.1f} s to {time[s.stop - 1]:.1f} s",
@@ -185,7 +184,7 @@ def _excited(source: ColumnSource, time: Array) -> NDArray[np.bool_]:
     """Where a manoeuvre runs; everywhere, in a log that tells of none."""
     try:
         active = TopicTable(source, topics.EXCITATION, "active")
-    except BadInput:
+    except InputError:
         return np.ones(len(time), bool)
     running = active.held("active", time) > 0
     return np.asarray(running) if running.any() else np.ones(len(time), bool)
@@ -198,12 +197,12 @@ def _air(source: ColumnSource, time: Array) -> tuple[Array, float, tuple[str, ..
     try:
         told = TopicTable(source, topics.POSITION, "wind_north", "wind_east")
         wind[:2] = np.mean(told["wind_north"]), np.mean(told["wind_east"])
-    except BadInput:
+    except InputError:
         notes += ("wind: none, as none is told",)
     try:
         density = float(np.median(TopicTable(source, topics.AIR_DATA, "density")["density"]))
-    except BadInput:
-        density, notes = SEA_LEVEL, (*notes, "density: at sea level")
+    except InputError:
+        density, notes = SEA_LEVEL_DENSITY, (*notes, "density: at sea level")
     return np.tile(wind, (len(time), 1)), density, notes
 
 

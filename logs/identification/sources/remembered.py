@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Container, Mapping
 from typing import Any
 
-from avionics.topics import Topic
 from logs.identification.sources.topic_table import ColumnSource
+from wingbeat.topic import Topic
 
 
 class Remembered:
@@ -26,7 +26,7 @@ class Remembered:
         """Arrays by field name.
 
         Raises:
-            BadInput: as the source says.
+            InputError: as the source says.
         """
         if topic.name not in self._read:
             self._read[topic.name] = self._source.columns(topic)

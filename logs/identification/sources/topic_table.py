@@ -7,9 +7,9 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from avionics.quantities import BadInput
-from avionics.topics import Topic
 from logs.identification.results import Array
+from wingbeat.errors import InputError
+from wingbeat.topic import Topic
 
 LEAST_SAMPLES = 20
 
@@ -28,16 +28,18 @@ class TopicTable:
         try:
             columns = source.columns(topic)
             arrays = [np.asarray(columns[field], dtype=float) for field in ("time_us", *fields)]
-        except (KeyError, BadInput) as error:
-            if isinstance(error, BadInput) and topic.name in getattr(source, "topics", ()):
+        except (KeyError, InputError) as error:
+            if isinstance(error, InputError) and topic.name in getattr(source, "topics", ()):
                 raise  # it is there, and damaged: nothing can stand for it
-            raise BadInput(f"the log has no topic {topic.name}, which this needs") from None
+            raise InputError(f"the log has no topic {topic.name}, which this needs") from None
         if len(arrays[0]) < LEAST_SAMPLES:
-            raise BadInput(f"topic {topic.name} has {len(arrays[0])} messages; identification needs {LEAST_SAMPLES}")
+            raise InputError(
+                f"topic {topic.name} has {len(arrays[0])} messages; identification needs {LEAST_SAMPLES}"
+            )
         good = np.all(np.isfinite(arrays), axis=0)
         good[1:] &= np.diff(np.maximum.accumulate(arrays[0])) > 0
         if good.sum() < LEAST_SAMPLES:
-            raise BadInput(f"topic {topic.name} has too few finite samples in order of time")
+            raise InputError(f"topic {topic.name} has too few finite samples in order of time")
         self.time: Array = arrays[0][good] * 1e-6
         """s; (N,), since boot, rising"""
         self._fields = {field: array[good] for field, array in zip(fields, arrays[1:], strict=True)}

@@ -7,15 +7,15 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from avionics.quantities import BadInput
 from logs.identification.data import Aircraft
-from logs.identification.kinematics.markers import rotations
 from logs.identification.kinematics.rigid_motion import INPUTS
 from logs.identification.results import Array
 from logs.identification.sources.topic_table import ColumnSource, TopicTable
 from logs.identification.sources.whole_flight import whole_flight
 from sim_bridge import topics as truth
-from sim_bridge.environment.gravity import GRAVITY
+from wingbeat.constants import STANDARD_GRAVITY
+from wingbeat.errors import InputError
+from wingbeat.rotation_arrays import dcms_from_quaternions
 
 QUATERNION = ("quaternion_w", "quaternion_x", "quaternion_y", "quaternion_z")
 
@@ -28,7 +28,7 @@ def imu_truths(source: ColumnSource, aircraft: Aircraft, spans: Sequence[tuple[f
     """
     try:
         true = _true_inputs(source, aircraft)
-    except BadInput:
+    except InputError:
         return {}
     flight = whole_flight(source, "flight", aircraft.imu)
     inside = np.any([(flight.time >= begin) & (flight.time <= end) for begin, end in spans], axis=0)
@@ -40,11 +40,11 @@ def _true_inputs(source: ColumnSource, aircraft: Aircraft) -> dict[str, tuple[Ar
     """Time and value of the true rates and of the specific forces at the IMU's place."""
     rates = ("roll_rate", "pitch_rate", "yaw_rate")
     state = TopicTable(source, truth.STATE, "v_north", "v_east", "v_down", *QUATERNION, *rates)
-    to_ned = rotations(np.column_stack([state[name] for name in QUATERNION]))
+    to_ned = dcms_from_quaternions(np.column_stack([state[name] for name in QUATERNION]))
     omega = np.column_stack([state[name] for name in rates])
     arm = np.array((aircraft.imu_x, 0.0, aircraft.imu_z))
     v_ned = np.column_stack([state[f"v_{axis}"] for axis in ("north", "east", "down")])
     at_imu = v_ned + np.einsum("nij,nj->ni", to_ned, np.cross(omega, arm))
-    felt = CubicSpline(state.time, at_imu)(state.time, 1) - np.array((0.0, 0.0, GRAVITY))
+    felt = CubicSpline(state.time, at_imu)(state.time, 1) - np.array((0.0, 0.0, STANDARD_GRAVITY))
     forces = np.einsum("nji,nj->ni", to_ned, felt)
     return {name: (state.time, column) for name, column in zip(INPUTS, np.hstack((omega, forces)).T, strict=True)}

@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from avionics import topics
-from avionics.quantities import BadInput
 from logs.identification.data import Aircraft
 from logs.identification.experiment import Experiment
 from logs.identification.kinematics.aided_fit import AidedFlight, ned_from_frd
@@ -16,6 +15,7 @@ from logs.identification.preparing.runs import longest_run
 from logs.identification.results import Array
 from logs.identification.sources.topic_table import ColumnSource, TopicTable
 from logs.identification.sources.whole_flight import LONGEST_GAP
+from wingbeat.errors import InputError
 
 ANGLES = ("phi", "theta", "psi")
 FLYING = 0.5
@@ -38,12 +38,12 @@ def aided_flight(source: ColumnSource, flight: Experiment, aircraft: Aircraft) -
     A fix tells of some time before it arrives; that age is where the integrated specific force follows it best.
 
     Raises:
-        BadInput: the log has no ground velocities of a receiver, no attitude to begin with, or no such stretch.
+        InputError: the log has no ground velocities of a receiver, no attitude to begin with, or no such stretch.
     """
     fixes = TopicTable(source, topics.GPS, "v_north", "v_east", "v_down")
     missing = [name for name in (*INPUTS, *ANGLES) if name not in flight.signals]
     if missing:
-        raise BadInput(f"the log does not tell {', '.join(missing)}")
+        raise InputError(f"the log does not tell {', '.join(missing)}")
     whole = bridged(flight, (*INPUTS, *ANGLES), int(LONGEST_GAP / flight.step + 1e-6))
     span = _longest(_usable(whole, fixes), flight.step)
     time = whole.time[span]
@@ -73,7 +73,7 @@ def _longest(usable: NDArray[np.bool_], step: float) -> slice:
     whole = longest_run(usable)
     first = whole.start + int(LEAD / step)
     if (whole.stop - first) * step < LEAST:
-        raise BadInput(f"no {LEAST:g} s of flight with fixes of the GPS all along, {LEAD:g} s behind a launch")
+        raise InputError(f"no {LEAST:g} s of flight with fixes of the GPS all along, {LEAD:g} s behind a launch")
     return slice(first, int(min(whole.stop, first + LONGEST / step)))
 
 

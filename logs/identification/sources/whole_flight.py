@@ -8,14 +8,14 @@ from typing import NamedTuple
 import numpy as np
 
 from avionics import topics
-from avionics.quantities import BadInput
 from avionics.sensing import inertial
-from avionics.topics import Topic
 from logs.identification.experiment import Experiment
 from logs.identification.preparing.resampling import Channel, interpolated
 from logs.identification.results import Array
 from logs.identification.sources.topic_table import ColumnSource
 from logs.strokes import strokes_of
+from wingbeat.errors import InputError
+from wingbeat.topic import Topic
 
 LONGEST_GAP = 0.1
 """s; bridged by a straight line"""
@@ -70,11 +70,11 @@ def whole_flight(source: ColumnSource, name: str, calibration: inertial.Gains = 
     Before a signal's first and behind its last message, and in gaps over 0.1 s, it is NaN.
 
     Raises:
-        BadInput: the log has no IMU, or a topic that is there is damaged.
+        InputError: the log has no IMU, or a topic that is there is damaged.
     """
     channels = {wanted.signal: channel for wanted in WANTED if (channel := _channel(source, wanted))}
     if "q" not in channels:
-        raise BadInput(f"the log has no topic {topics.IMU.name}, which this needs")
+        raise InputError(f"the log has no topic {topics.IMU.name}, which this needs")
     for axis, signal in enumerate(("a_x", "a_y", "a_z")):
         if signal in channels:
             values = (channels[signal].values - calibration.accel_offset[axis]) * calibration.accel_scale[axis]
@@ -96,7 +96,7 @@ def _read(source: ColumnSource, topic: Topic, field: str) -> tuple[Array, Array]
         time, values = (np.asarray(columns[key], dtype=np.float64) for key in ("time_us", field))
     except KeyError:
         return None
-    except BadInput:
+    except InputError:
         if topic.name in getattr(source, "topics", ()):
             raise  # it is there, and damaged
         return None

@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from avionics.quantities import BadInput
 from logs.identification.chapter import MEASURED, MODEL, POINTS, Chapter, Plot, Series
 from logs.identification.drive.servo import ServoModel
 from logs.identification.drive.torque_speed import identify_torque_speed, turning
@@ -19,6 +18,7 @@ from logs.identification.tables.goodness import output_fits
 from logs.identification.tables.named import signal
 from logs.identification.tables.quantities import Measure
 from logs.identification.tables.results import TableFit
+from wingbeat.errors import InputError
 
 TORQUE_SPEED_EXAMPLE = """\
 # The line that bounds a servo at full drive (Gerdes Fig. 9): wingbeat identify BENCH.csv --map THIS.toml torque_speed
@@ -94,11 +94,11 @@ def torque_speed_fit(
     """The line over all manoeuvres, and its torque in those that were held out.
 
     Raises:
-        BadInput: a signal is not there or in another unit, or too few samples have all three.
+        InputError: a signal is not there or in another unit, or too few samples have all three.
     """
     nominal = None if asked.nominal is None else asked.nominal.si("V", 0.0)
     if asked.voltage is None and nominal is None:
-        raise BadInput("torque_speed needs voltage (a signal) or nominal (V)")
+        raise InputError("torque_speed needs voltage (a signal) or nominal (V)")
     parts = [_bench(asked, one, nominal) for one in found.fitted]
     whole = _Bench(*(np.concatenate(column) for column in zip(*parts, strict=True)))
     volts = float(np.nanmean(whole.voltage)) if nominal is None else nominal
@@ -148,12 +148,12 @@ def twist_fits(asked: TwistSection, found: Cut, constants: Mapping[str, float], 
     """Each release for itself, and those held out with the mean of the others' constants.
 
     Raises:
-        BadInput: the signal is not there or is no angle or rate, or a release has too few samples.
+        InputError: the signal is not there or is no angle or rate, or a release has too few samples.
     """
     for one in (*found.fitted, *found.held_out):
         signal(one, asked.signal, None, "twist.signal")
         if one.units.get(asked.signal) not in ("rad", "rad/s"):
-            raise BadInput(f"twist.signal: signals.{asked.signal} is no angle and no rate")
+            raise InputError(f"twist.signal: signals.{asked.signal} is no angle and no rate")
     fits = []
     for one in found.fitted:
         model = identify_twist(one, asked.signal)

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from typing import NamedTuple, get_type_hints
 
-from avionics.constants import STANDARD_GRAVITY
-from avionics.quantities import BadInput
 from logs.identification.tables.quantities import Measure
+from wingbeat.atmosphere import isa
+from wingbeat.constants import STANDARD_GRAVITY
+from wingbeat.errors import InputError
 
 
 class ConstantsSection(NamedTuple):
@@ -58,7 +59,7 @@ def read_constants(section: ConstantsSection) -> dict[str, float]:
     """What was told, by name in SI; the mass from the weight, the density from the altitude.
 
     Raises:
-        BadInput: a unit of something else, a mass that is not positive, or one thing told twice.
+        InputError: a unit of something else, a mass that is not positive, or one thing told twice.
     """
     known = dict(section.others)
     for name in get_type_hints(ConstantsSection):
@@ -69,14 +70,14 @@ def read_constants(section: ConstantsSection) -> dict[str, float]:
             known[name] = measure.si(UNITS[name], 0.0 if name in POSITIVE else -math.inf)
     for name, other in (("mass", "weight"), ("rho", "altitude")):
         if getattr(section, name) is not None and getattr(section, other) is not None:
-            raise BadInput(f"constants.{name} and constants.{other} say the same: give one")
+            raise InputError(f"constants.{name} and constants.{other} say the same: give one")
     if "weight" in known:
         known["mass"] = known.pop("weight") / STANDARD_GRAVITY
     if "altitude" in known:
         known["rho"] = density(known["altitude"])
     for name in ("alpha", "theta", "phi"):
         if not abs(known.get(name, 0.0)) < math.pi:
-            raise BadInput(f"constants.{name} = {known[name]:g} rad is no angle of an aircraft: is its unit told?")
+            raise InputError(f"constants.{name} = {known[name]:g} rad is no angle of an aircraft: is its unit told?")
     return {"g": STANDARD_GRAVITY, **known}
 
 
@@ -84,24 +85,20 @@ def density(altitude: float) -> float:
     """Density (kg/m^3) of the standard atmosphere at an ``altitude`` (m).
 
     Raises:
-        BadInput: beyond the two lowest layers.
+        InputError: beyond the two lowest layers.
     """
     low, high = ALTITUDES
     if not low <= altitude <= high:
-        raise BadInput(f"constants.altitude = {altitude:g} m is outside {low:g} to {high:g} m")
-    temperature = 288.15 - 0.0065 * min(altitude, 11000.0)
-    pressure = 101325.0 * (temperature / 288.15) ** (STANDARD_GRAVITY / (287.05287 * 0.0065))
-    if altitude > 11000.0:
-        pressure *= math.exp(-STANDARD_GRAVITY * (altitude - 11000.0) / (287.05287 * temperature))
-    return float(pressure / (287.05287 * temperature))
+        raise InputError(f"constants.altitude = {altitude:g} m is outside {low:g} to {high:g} m")
+    return isa(altitude).density
 
 
 def need(constants: dict[str, float], *names: str, what: str) -> None:
     """Refuse where one of ``names`` was not told.
 
     Raises:
-        BadInput: with the keys that are missing.
+        InputError: with the keys that are missing.
     """
     absent = [f"constants.{name}" for name in names if name not in constants]
     if absent:
-        raise BadInput(f"{what} needs {', '.join(absent)}")
+        raise InputError(f"{what} needs {', '.join(absent)}")

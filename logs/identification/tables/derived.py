@@ -12,7 +12,6 @@ from typing import NamedTuple
 import numpy as np
 from scipy.signal import savgol_coeffs
 
-from avionics.quantities import BadInput
 from logs.identification.experiment import Experiment
 from logs.identification.preparing.lever_arm import acceleration_at_centre
 from logs.identification.preparing.local_quadratic import NEIGHBOURS, local_quadratic
@@ -20,6 +19,7 @@ from logs.identification.preparing.runs import runs
 from logs.identification.regression.averaging import LINE, Averaging, average_of_slope
 from logs.identification.results import Array
 from logs.identification.tables.between import jumps
+from wingbeat.errors import InputError
 
 COEFFICIENTS = ("C_X", "C_Y", "C_Z", "C_L", "C_D", "C_l", "C_m", "C_n")
 FORCES = ("a_x", "a_y", "a_z")
@@ -45,7 +45,7 @@ class Source(NamedTuple):
         """A signal (N,), or a constant as one.
 
         Raises:
-            BadInput: it is neither, and there is no ``otherwise``.
+            InputError: it is neither, and there is no ``otherwise``.
         """
         if name in self.experiment.signals:
             return np.asarray(self.experiment.signals[name], dtype=np.float64)
@@ -54,17 +54,17 @@ class Source(NamedTuple):
             made = MADE.get(name)
             if made is not None and name != self.asked:
                 return made[1](self._replace(asked=name))
-            raise BadInput(f"{self.asked} needs signals.{name} or constants.{name}")
+            raise InputError(f"{self.asked} needs signals.{name} or constants.{name}")
         return np.full(len(self.experiment.time), value)
 
     def constant(self, name: str) -> float:
         """A constant of the vehicle.
 
         Raises:
-            BadInput: it was not told.
+            InputError: it was not told.
         """
         if name not in self.constants:
-            raise BadInput(f"{self.asked} needs constants.{name}")
+            raise InputError(f"{self.asked} needs constants.{name}")
         return self.constants[name]
 
 
@@ -211,7 +211,7 @@ def with_made(experiment: Experiment, wanted: set[str], constants: Mapping[str, 
     """The experiment with those of ``wanted`` that are not measured but can be made.
 
     Raises:
-        BadInput: what one of them is made of is neither measured nor told.
+        InputError: what one of them is made of is neither measured nor told.
     """
     signals, units = dict(experiment.signals), dict(experiment.units)
     for name in sorted(wanted & MADE.keys() - signals.keys()):

@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from avionics.quantities import counted
 from logs.identification.experiment import Experiment
 from logs.identification.output_error.problem import Fit, Problem
 from logs.identification.preparing.noise_level import noise_beside_steps
@@ -20,6 +19,7 @@ from logs.identification.tables.models import Chosen, untold_trim
 from logs.identification.tables.signs import turned
 from logs.identification.tables.suspects import speeds_of, suspicion
 from logs.identification.tables.unseen import unseen
+from wingbeat.text import pluralize
 
 OVERDRIVEN = 20.0
 """-; angle of attack or sideslip per angle of the input, from which the unit of either is asked for"""
@@ -62,7 +62,7 @@ def _missing(series: Sequence[FitSeries]) -> tuple[Information, ...]:
     counts = [(one, int(np.count_nonzero(~np.isfinite(one.measured)))) for one in series]
     return tuple(
         Information(
-            f"{one.experiment}: {count} of {counted(len(one.measured), 'sample')} of {one.output} not measured"
+            f"{one.experiment}: {count} of {pluralize(len(one.measured), 'sample')} of {one.output} not measured"
         )
         for one, count in counts
         if count

@@ -32,7 +32,7 @@ def by_equations(
     """The short period by its two equations; with output error's delay, and its error, where that is free.
 
     Raises:
-        BadInput: a band without a frequency.
+        InputError: a band without a frequency.
     """
     delay, error = asked.delay.fixed, 0.0
     if delay is None:

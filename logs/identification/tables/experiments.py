@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from avionics.quantities import BadInput, counted, meant
 from logs.identification.experiment import Experiment
 from logs.identification.preparing.resampling import down_sampled
 from logs.identification.preparing.split import split
@@ -17,6 +16,8 @@ from logs.identification.tables.prepare import PrepareSection, prepared
 from logs.identification.tables.quantities import SIGNALS
 from logs.identification.tables.signals import LEAST_SAMPLES, Place, Record, SignalEntry, TimeSection, records_of
 from logs.identification.tables.table import Columns
+from wingbeat.errors import InputError
+from wingbeat.text import did_you_mean, pluralize
 
 UNEVEN = 0.01
 """-; by which a rate may miss a whole share of the measured one and still be its means"""
@@ -40,15 +41,15 @@ class Window(NamedTuple):
         """Of a map's entry.
 
         Raises:
-            BadInput: it is neither, or ends before it begins.
+            InputError: it is neither, or ends before it begins.
         """
         if isinstance(entry, list) and len(entry) == 2:
             entry = {"start": entry[0], "end": entry[1]}
         if not isinstance(entry, dict):
-            raise BadInput(f"{key} must be [start, end] in s or {{ file = ..., start = ..., end = ... }}")
+            raise InputError(f"{key} must be [start, end] in s or {{ file = ..., start = ..., end = ... }}")
         span = read_section(_Span, entry, key)
         if not span.end > span.start:
-            raise BadInput(f"{key} ends at {span.end:g}, before it begins at {span.start:g}")
+            raise InputError(f"{key} ends at {span.end:g}, before it begins at {span.start:g}")
         return cls(span, key)
 
 
@@ -93,10 +94,10 @@ def cut(
     """Experiments, named by number and file, on even time bases.
 
     Raises:
-        BadInput: a column or window that is not in the tables, or nothing left to fit.
+        InputError: a column or window that is not in the tables, or nothing left to fit.
     """
     if sum(bool(told) for told in (section.windows, section.rows, section.column)) > 1:
-        raise BadInput("[manoeuvres] takes one of windows, rows and column")
+        raise InputError("[manoeuvres] takes one of windows, rows and column")
     records, notes = [], []
     for columns in tables:
         found, said = records_of(columns, entries, base, section.column)
@@ -106,7 +107,7 @@ def cut(
     delays: tuple[Estimate, ...] = ()
     if prepare is not None:
         if prepare.resample is not None and base.resample is not None:
-            raise BadInput("time.resample and prepare.resample say the same: give one")
+            raise InputError("time.resample and prepare.resample say the same: give one")
         records, units, said, delays = prepared(records, units, prepare)
         notes += said
     pieces = _pieces(records, section)
@@ -121,21 +122,21 @@ def _split(experiments: list[tuple[Experiment, bool]], section: Manoeuvres, note
     """What is fitted, and what is held out by number, window, file or lot.
 
     Raises:
-        BadInput: a manoeuvre or file that is not there, a share beside another choice, or nothing left to fit.
+        InputError: a manoeuvre or file that is not there, a share beside another choice, or nothing left to fit.
     """
     numbers = _held_out(len(experiments), section.validate)
     files = [file_of(one) for one, _ in experiments]
     for name in section.validate_files:
         if name not in files:
-            told = f"manoeuvres.validate_files {name}{meant(name, files)}: no such file is among those given"
-            raise BadInput(f"{told}; there are: {', '.join(dict.fromkeys(files))}")
+            told = f"manoeuvres.validate_files {name}{did_you_mean(name, files)}: no such file is among those given"
+            raise InputError(f"{told}; there are: {', '.join(dict.fromkeys(files))}")
     held = [
         told or number in numbers or file in section.validate_files
         for number, ((_, told), file) in enumerate(zip(experiments, files, strict=True), 1)
     ]
     if section.validate_share is not None:
         if any(held):
-            raise BadInput("manoeuvres.validate_share draws what is held out: name none beside it")
+            raise InputError("manoeuvres.validate_share draws what is held out: name none beside it")
         flights = {file: [one for (one, _), own in zip(experiments, files, strict=True) if own == file]
                    for file in files}  # fmt: skip
         drawn = split(flights, section.validate_share)
@@ -143,14 +144,14 @@ def _split(experiments: list[tuple[Experiment, bool]], section: Manoeuvres, note
     pairs = list(zip((one for one, _ in experiments), held, strict=True))
     fitted = tuple(one for one, out in pairs if not out)
     if not fitted:
-        raise BadInput("every manoeuvre is held out for validation: none is left to fit (manoeuvres.validate)")
+        raise InputError("every manoeuvre is held out for validation: none is left to fit (manoeuvres.validate)")
     return Cut(fitted, tuple(one for one, out in pairs if out), tuple(notes))
 
 
 def _held_out(count: int, validate: tuple[int, ...]) -> set[int]:
     for number in validate:
         if not 1 <= number <= count:
-            raise BadInput(f"manoeuvres.validate: there is no manoeuvre {number}; there are {count}")
+            raise InputError(f"manoeuvres.validate: there is no manoeuvre {number}; there are {count}")
     return set(validate)
 
 
@@ -172,11 +173,11 @@ def _apart(parts: list[tuple[str, Record, slice]]) -> None:
     """Refuse windows that hold the same samples: they would count twice, and intervals be too narrow.
 
     Raises:
-        BadInput: two do; they may share the sample at which one ends and the other begins.
+        InputError: two do; they may share the sample at which one ends and the other begins.
     """
     for (key, record, part), (other, another, beside) in combinations(parts, 2):
         if record is another and min(part.stop, beside.stop) - max(part.start, beside.start) > 1:
-            raise BadInput(f"{key} and {other} overlap: what both hold of {record.file} would count twice")
+            raise InputError(f"{key} and {other} overlap: what both hold of {record.file} would count twice")
 
 
 def _of_window(records: list[Record], window: Window, by_time: bool) -> list[_Piece]:
@@ -184,7 +185,7 @@ def _of_window(records: list[Record], window: Window, by_time: bool) -> list[_Pi
     named = [record for record in records if span.file in (None, record.file)]
     if not named:
         known = ", ".join(sorted({record.file for record in records}))
-        raise BadInput(f"{window.key}: there is no file {span.file!r}; there are: {known}")
+        raise InputError(f"{window.key}: there is no file {span.file!r}; there are: {known}")
     for record in named:
         base = record.time if by_time else record.rows
         slack = 1e-6 * (record.time[1] - record.time[0]) if by_time else 0.0
@@ -194,10 +195,10 @@ def _of_window(records: list[Record], window: Window, by_time: bool) -> list[_Pi
     if not pieces:
         told = [f"{_reach(record, by_time)} of {record.file}" for record in named[:3]]
         few = f"{window.key} holds fewer than {LEAST_SAMPLES} samples of any record; there are {', '.join(told)}"
-        raise BadInput(few)
+        raise InputError(few)
     for (one, _, _), (other, _, _) in pairwise(pieces):
         if by_time and one.file == other.file and other.time[0] <= one.time[-1]:
-            raise BadInput(f"{window.key}: the time of {one.file} goes back, it tells several pieces: give rows")
+            raise InputError(f"{window.key}: the time of {one.file} goes back, it tells several pieces: give rows")
     return pieces
 
 
@@ -216,7 +217,7 @@ def _marked(records: list[Record]) -> list[_Piece]:
         runs = [slice(a, b) for a, b in pairwise(edges) if marks[a] and b - a >= LEAST_SAMPLES]
         pieces += [(record, run, False) for run in runs]
     if not pieces:
-        raise BadInput(f"manoeuvres.column has no run of {LEAST_SAMPLES} rows with the same number other than 0")
+        raise InputError(f"manoeuvres.column has no run of {LEAST_SAMPLES} rows with the same number other than 0")
     return pieces
 
 
@@ -226,7 +227,7 @@ def _experiment(name: str, record: Record, span: slice, units: dict[str, str], r
     if resample is not None:
         whole = _slower(whole, resample, record.file)
     if len(whole.time) < LEAST_SAMPLES:
-        raise BadInput(f"manoeuvre {name} has {counted(len(whole.time), 'sample')} left after time.resample")
+        raise InputError(f"manoeuvre {name} has {pluralize(len(whole.time), 'sample')} left after time.resample")
     return whole
 
 
@@ -236,7 +237,7 @@ def _slower(experiment: Experiment, rate: float, file: str) -> Experiment:
     measured = (len(time) - 1) / float(time[-1] - time[0])
     factor = round(measured / rate)
     if factor < 1:
-        raise BadInput(f"time.resample = {rate:g} Hz is above the {measured:.4g} Hz of {file}")
+        raise InputError(f"time.resample = {rate:g} Hz is above the {measured:.4g} Hz of {file}")
     if abs(measured / rate - factor) > UNEVEN * factor:
         return down_sampled(experiment, 1 / rate)
     signals = {key: _averaged(values, factor) for key, values in experiment.signals.items()}

@@ -7,8 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from avionics.constants import STANDARD_GRAVITY
-from avionics.quantities import BadInput, counted
 from logs.identification.experiment import Experiment
 from logs.identification.kinematics.flight_path import Reconstruction, Setup, reconstruct
 from logs.identification.kinematics.flight_records import LEAST_SAMPLES
@@ -22,6 +20,9 @@ from logs.identification.tables.goodness import output_fits
 from logs.identification.tables.keys import check_known
 from logs.identification.tables.results import TableFit
 from logs.identification.tables.signals import LONGEST_FILL
+from wingbeat.constants import STANDARD_GRAVITY
+from wingbeat.errors import InputError
+from wingbeat.text import pluralize
 
 EXAMPLE = """\
 # Biases and scales of the sensors: wingbeat identify FLIGHT.csv --map THIS.toml path
@@ -77,12 +78,12 @@ def path_fit(asked: PathSection, found: Cut, constants: Mapping[str, float], fil
     """The reconstruction over all manoeuvres, and what its errors make of those that were held out.
 
     Raises:
-        BadInput: an input or the airspeed is not there, or no stretch without a gap is long enough.
+        InputError: an input or the airspeed is not there, or no stretch without a gap is long enough.
     """
     setup, notes = _setup(asked, tuple(found.fitted[0].signals), constants)
     fitted = _records(found.fitted, setup.longitudinal, fill, notes)
     if not fitted:
-        raise BadInput("path: " + "; ".join(notes))
+        raise InputError("path: " + "; ".join(notes))
     held = _records(found.held_out, setup.longitudinal, fill, notes)
     result = _with_level_wings(reconstruct(fitted, setup), fitted, setup.longitudinal)
     told = fitted_path(fitted, result, setup, held)
@@ -162,7 +163,7 @@ def _setup(asked: PathSection, signals: tuple[str, ...], constants: Mapping[str,
     for name, value in asked.input_noise.items():
         check_known(name, INPUTS, f"path.input_noise.{name}")
         if not value > 0:
-            raise BadInput(f"path.input_noise.{name} must be above 0")
+            raise InputError(f"path.input_noise.{name} must be above 0")
     absent = [name for name in INPUTS if name not in signals]
     longitudinal, notes = asked.longitudinal, []
     if longitudinal is None:
@@ -173,7 +174,7 @@ def _setup(asked: PathSection, signals: tuple[str, ...], constants: Mapping[str,
     missing = [f"signals.{name}" for name in input_names(longitudinal) if name not in signals]
     missing += [] if {"V", "airspeed"} & set(signals) else ["signals.V"]
     if missing:
-        raise BadInput(f"path needs {', '.join(missing)}")
+        raise InputError(f"path needs {', '.join(missing)}")
     places = asked.places
     if places.imu == Places().imu:
         x, y, z = (constants.get(f"imu_{axis}", 0.0) for axis in "xyz")
@@ -191,12 +192,12 @@ def _records(
         lost = int(np.count_nonzero(~np.all([np.isfinite(one.signals[name]) for name in names], axis=0)))
         try:
             pieces = whole_records(one, names, gap, (LEAST_SAMPLES - 1) * one.step)
-        except BadInput as reason:
+        except InputError as reason:
             notes.append(f"left out: {reason}")
             continue
         left = len(one.time) - sum(len(piece.time) for piece in pieces)
         if lost:
-            said = f"{counted(lost, 'sample')} without {', '.join(names)}"
+            said = f"{pluralize(lost, 'sample')} without {', '.join(names)}"
             notes.append(
                 Information(f"{one.name}: {said}, {lost - min(left, lost)} of them bridged, {left} left out")
             )

@@ -14,12 +14,12 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from avionics.constants import STANDARD_GRAVITY
 from logs.identification.experiment import Experiment
 from logs.identification.kinematics.flight_sensors import SPEEDS
 from logs.identification.preparing.noise_level import noise_beside_steps
 from logs.identification.preparing.runs import longest_run
 from logs.identification.results import Array
+from wingbeat.constants import STANDARD_GRAVITY
 
 DEGREES = float(np.degrees(1.0))
 VANE = (0.5, 2.0)

@@ -9,7 +9,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 
-from avionics.quantities import BadInput, DocumentError, meant, parse_toml
+from wingbeat.documents import parse_toml
+from wingbeat.errors import DocumentError, InputError
+from wingbeat.text import did_you_mean
 
 LARGEST = 1e30
 """a number beyond it is a slip of the pen, and overflows what is made of it"""
@@ -23,10 +25,10 @@ def read_section(record: type[Any], table: Any, key: str) -> Any:
     A record with a method ``from_entry(entry, key)`` reads itself.
 
     Raises:
-        BadInput: an unknown or missing key, or a value of another kind.
+        InputError: an unknown or missing key, or a value of another kind.
     """
     if not isinstance(table, dict):
-        raise BadInput(f"{key or 'the map'} must be a section of keys, not {reprlib.repr(table)}")
+        raise InputError(f"{key or 'the map'} must be a section of keys, not {reprlib.repr(table)}")
     hints = get_type_hints(record, include_extras=True)
     for name in table:
         check_known(name, hints, _joined(key, name))
@@ -34,7 +36,7 @@ def read_section(record: type[Any], table: Any, key: str) -> Any:
     defaults: Mapping[str, Any] = getattr(record, "_field_defaults", {})
     for name in hints:
         if name not in values and name not in defaults:
-            raise BadInput(f"{_joined(key, name)} is missing")
+            raise InputError(f"{_joined(key, name)} is missing")
     return record(**values)
 
 
@@ -42,27 +44,27 @@ def read_document(path: Path) -> dict[str, Any]:
     """A map's TOML, nothing of it checked yet.
 
     Raises:
-        BadInput: it cannot be read, or is no TOML.
+        InputError: it cannot be read, or is no TOML.
     """
     try:
         return parse_toml(path.read_text(encoding="utf-8-sig"))
     except OSError as error:
-        raise BadInput(f"cannot read map {path}: {error.strerror or error}") from None
+        raise InputError(f"cannot read map {path}: {error.strerror or error}") from None
     except UnicodeDecodeError as error:
-        raise BadInput(f"map {path}: not valid TOML: {error}") from None
+        raise InputError(f"map {path}: not valid TOML: {error}") from None
     except DocumentError as error:
-        raise BadInput(f"map {path}: {error}") from None
+        raise InputError(f"map {path}: {error}") from None
 
 
 def check_known(name: str, known: Any, key: str) -> None:
     """Refuse a name that is none of ``known``.
 
     Raises:
-        BadInput: with the nearest that is known, and all of them.
+        InputError: with the nearest that is known, and all of them.
     """
     if name in known:
         return
-    raise BadInput(f"unknown key {key}{meant(name, known)}; known: {', '.join(known)}")
+    raise InputError(f"unknown key {key}{did_you_mean(name, known)}; known: {', '.join(known)}")
 
 
 def _joined(key: str, name: str) -> str:
@@ -78,7 +80,7 @@ def _value(hint: Any, entry: Any, key: str) -> Any:
         return _several(get_args(hint), entry, key)
     if get_origin(hint) is dict:
         if not isinstance(entry, dict):
-            raise BadInput(f"{key} must be a section of keys, not {reprlib.repr(entry)}")
+            raise InputError(f"{key} must be a section of keys, not {reprlib.repr(entry)}")
         return {name: _value(get_args(hint)[1], one, _joined(key, name)) for name, one in entry.items()}
     if hasattr(hint, "from_entry"):
         return hint.from_entry(entry, key)
@@ -93,7 +95,7 @@ def _choice(hint: Any, entry: Any, key: str) -> Any:
     known = {_folded(one): one for one in allowed}
     for one in value if isinstance(value, tuple) else (value,):
         if _folded(one) not in known:
-            raise BadInput(f"{key} = {reprlib.repr(one)} is not known; known: {', '.join(map(str, allowed))}")
+            raise InputError(f"{key} = {reprlib.repr(one)} is not known; known: {', '.join(map(str, allowed))}")
     if isinstance(value, tuple):
         return tuple(dict.fromkeys(known[_folded(one)] for one in value))
     return known[_folded(value)]
@@ -107,7 +109,9 @@ def _folded(choice: Any) -> Any:
 def _several(kinds: tuple[Any, ...], entry: Any, key: str) -> tuple[Any, ...]:
     open_ended = kinds[-1] is Ellipsis
     if not isinstance(entry, list) or (not open_ended and len(entry) != len(kinds)):
-        raise BadInput(f"{key} must be a list{'' if open_ended else f' of {len(kinds)}'}, not {reprlib.repr(entry)}")
+        raise InputError(
+            f"{key} must be a list{'' if open_ended else f' of {len(kinds)}'}, not {reprlib.repr(entry)}"
+        )
     each = [kinds[0]] * len(entry) if open_ended else kinds
     return tuple(
         _value(kind, one, f"{key}[{place}]") for place, (kind, one) in enumerate(zip(each, entry, strict=True))
@@ -121,11 +125,11 @@ def _plain(hint: Any, entry: Any, key: str) -> Any:
         return entry
     words = {bool: "true or false", int: "a whole number", str: "text in quotes"}
     if not isinstance(entry, hint) or (hint is int and isinstance(entry, bool)):
-        raise BadInput(f"{key} must be {words[hint]}, not {reprlib.repr(entry)}")
+        raise InputError(f"{key} must be {words[hint]}, not {reprlib.repr(entry)}")
     if hint is str and not entry.isprintable():
-        raise BadInput(f"{key} = {reprlib.repr(entry)} has characters that cannot be printed")
+        raise InputError(f"{key} = {reprlib.repr(entry)} has characters that cannot be printed")
     if hint is int and abs(entry) > 10**9:
-        raise BadInput(f"{key} is too large")
+        raise InputError(f"{key} is too large")
     return entry
 
 
@@ -133,10 +137,10 @@ def number(entry: Any, key: str) -> float:
     """A finite number of a map.
 
     Raises:
-        BadInput: it is none.
+        InputError: it is none.
     """
     if isinstance(entry, bool) or not isinstance(entry, int | float):
-        raise BadInput(f"{key} must be a number, not {reprlib.repr(entry)}")
+        raise InputError(f"{key} must be a number, not {reprlib.repr(entry)}")
     if not abs(entry) <= LARGEST or math.isnan(entry):
-        raise BadInput(f"{key} must be a finite number, not {reprlib.repr(entry)}")
+        raise InputError(f"{key} must be a finite number, not {reprlib.repr(entry)}")
     return float(entry)

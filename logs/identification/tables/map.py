@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
-from avionics.quantities import BadInput
 from logs.identification.tables.benches import TorqueSpeedSection, TwistSection
 from logs.identification.tables.constants import ConstantsSection
 from logs.identification.tables.experiments import Manoeuvres
@@ -16,6 +15,7 @@ from logs.identification.tables.signals import SignalEntry, TimeSection
 from logs.identification.tables.stands import StandSection
 from logs.identification.tables.strokes import StrokeSection
 from logs.identification.tables.table import Layout
+from wingbeat.errors import InputError
 
 EXAMPLE = """\
 # What the columns of a table are and what is to be fitted: wingbeat identify TABLE.csv --map THIS.toml
@@ -79,7 +79,7 @@ class Parameter(NamedTuple):
         """Of a map's entry: a number holds it, ``{}``, ``"free"`` and ``{ start = ... }`` leave it free.
 
         Raises:
-            BadInput: it is none of these.
+            InputError: it is none of these.
         """
         if entry == "free":
             return cls()
@@ -89,7 +89,7 @@ class Parameter(NamedTuple):
             check_known(name, ("fixed", "start"), f"{key}.{name}")
         told = {name: number(value, f"{key}.{name}") for name, value in entry.items()}
         if len(told) > 1:
-            raise BadInput(f"{key} is either fixed or has a start")
+            raise InputError(f"{key} is either fixed or has a start")
         return cls(**told)
 
 
@@ -173,14 +173,14 @@ def load_map(path: Path) -> Map:
     """A map, every key of it checked.
 
     Raises:
-        BadInput: it cannot be read, is no TOML, or has a key or value that is not known; the text names the key.
+        InputError: it cannot be read, is no TOML, or has a key or value that is not known; the text names the key.
     """
     document = read_document(path)
     if "markers" in document:
-        raise BadInput(f"map {path}: [markers] is read by wingbeat identify FILE --map MAP.toml markers")
+        raise InputError(f"map {path}: [markers] is read by wingbeat identify FILE --map MAP.toml markers")
     try:
         found: Map = read_section(Map, document, "")
         found.time.check()
-    except BadInput as error:
-        raise BadInput(f"map {path}: {error}") from None
+    except InputError as error:
+        raise InputError(f"map {path}: {error}") from None
     return found

@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from avionics.quantities import BadInput
 from logs.identification.aerodynamics.inverse_dynamics import LOW_PASS, WingMotion, coefficients, moved_by_speeds
 from logs.identification.aerodynamics.structure import AeroResult, identify_coefficients
 from logs.identification.kinematics.marker_motion import Cloud, MarkerMotion, marker_motion
@@ -20,6 +19,7 @@ from logs.identification.tables.signals import SignalEntry, TimeSection, records
 from logs.identification.tables.table import Layout, read_columns
 from logs.reader import Log
 from sim_bridge.vehicles import SimulatedVehicle
+from wingbeat.errors import InputError
 
 EXAMPLE = """\
 # A vehicle's motion from markers: wingbeat identify CAPTURE.mcap markers --map THIS.toml
@@ -110,14 +110,14 @@ def load_markers_map(path: Path) -> MarkersMap:
     """A map with a section [markers].
 
     Raises:
-        BadInput: it cannot be read, or a key of it is wrong; the text names the key.
+        InputError: it cannot be read, or a key of it is wrong; the text names the key.
     """
     document = read_document(path)
     try:
         found: MarkersMap = read_section(MarkersMap, document, "")
         _check(found.markers)
-    except BadInput as error:
-        raise BadInput(f"map {path}: {error}") from None
+    except InputError as error:
+        raise InputError(f"map {path}: {error}") from None
     return found
 
 
@@ -125,36 +125,36 @@ def _check(asked: MarkersSection) -> None:
     names, axes = asked.names(), np.array(asked.axes)
     twice = next((name for place, name in enumerate(names) if name in names[:place]), None)
     if twice is not None:
-        raise BadInput(f"markers.places: {twice} is on two bodies")
+        raise InputError(f"markers.places: {twice} is on two bodies")
     if not np.allclose(axes @ axes.T, np.eye(3), atol=1e-3) or np.linalg.det(axes) < 0.0:
-        raise BadInput("markers.axes must be a rotation: rows of unit length at right angles, right-handed")
+        raise InputError("markers.axes must be a rotation: rows of unit length at right angles, right-handed")
     if not asked.density > 0.0:
-        raise BadInput("markers.density must be above 0")
+        raise InputError("markers.density must be above 0")
     if not asked.cutoff > 0.0:
-        raise BadInput("markers.cutoff must be above 0")
+        raise InputError("markers.cutoff must be above 0")
 
 
 def cloud_of_log(log: Log, asked: MarkersSection) -> Cloud:
     """The markers under /mocap/ of a log that `wingbeat log import` made.
 
     Raises:
-        BadInput: none of the map's markers is there, or their frames are not of one rate.
+        InputError: none of the map's markers is there, or their frames are not of one rate.
     """
     there = [name for name in asked.names() if TOPIC + name in log.topics]
     if not there:
         seen = ", ".join(name.removeprefix(TOPIC) for name in log.topics if name.startswith(TOPIC))
-        raise BadInput(f"{log.path} has none of the map's markers under {TOPIC}; it has: {seen or 'none'}")
+        raise InputError(f"{log.path} has none of the map's markers under {TOPIC}; it has: {seen or 'none'}")
     columns = {name: log.columns(TOPIC + name) for name in there}
     stamps = np.unique(np.concatenate([np.asarray(one.time, float) for one in columns.values()]))
     if len(stamps) < 2:
-        raise BadInput(f"{log.path}: its markers were seen in a single frame")
+        raise InputError(f"{log.path}: its markers were seen in a single frame")
     step = float(np.median(np.diff(stamps)))
     time = stamps[0] + step * np.arange(round(float(stamps[-1] - stamps[0]) / step) + 1)
     tracks = {}
     for name, one in columns.items():
         at = (np.asarray(one.time, float) - stamps[0]) / step
         if np.max(np.abs(at - np.rint(at))) > SLIP + 1e-6 * len(time):
-            raise BadInput(f"{log.path}: {TOPIC}{name} has frames between those of {1.0 / step:.4g} Hz")
+            raise InputError(f"{log.path}: {TOPIC}{name} has frames between those of {1.0 / step:.4g} Hz")
         tracks[name] = np.full((len(time), 3), np.nan)
         tracks[name][np.rint(at).astype(int)] = np.column_stack([np.asarray(one[field], float) for field in FIELDS])
     return Cloud(log.path.name, time, tracks)
@@ -164,18 +164,18 @@ def clouds_of_tables(paths: Sequence[Path], chosen: MarkersMap) -> tuple[tuple[C
     """The markers of tables, a cloud for every record, and what was done to make their time even.
 
     Raises:
-        BadInput: a marker has no three signals NAME_x, NAME_y, NAME_z in m, or a table cannot be read.
+        InputError: a marker has no three signals NAME_x, NAME_y, NAME_z in m, or a table cannot be read.
     """
     if not chosen.signals:
-        raise BadInput("the map has no [signals] that say which columns of the table are the markers'")
+        raise InputError("the map has no [signals] that say which columns of the table are the markers'")
     chosen.time.check()
     asked, notes, clouds = chosen.markers, [], []
     there = [name for name in asked.names() if any(f"{name}_{axis}" in chosen.signals for axis in "xyz")]
     for name in [f"{marker}_{axis}" for marker in there for axis in "xyz"]:
         if name not in chosen.signals or chosen.signals[name].unit != "m":
-            raise BadInput(f"signals.{name} must be there, in a unit of length")
+            raise InputError(f"signals.{name} must be there, in a unit of length")
     if not there:
-        raise BadInput("no marker of markers.places has signals NAME_x, NAME_y and NAME_z")
+        raise InputError("no marker of markers.places has signals NAME_x, NAME_y and NAME_z")
     for path in paths:
         records, told = records_of(read_columns(path, chosen.table), chosen.signals, chosen.time, None)
         notes += told
@@ -197,7 +197,7 @@ def identify_markers(
     """Coordinates and speeds of every record; without a vehicle of the one rigid body that has markers.
 
     Raises:
-        BadInput: as of `marker_motion`.
+        InputError: as of `marker_motion`.
     """
     places: Places = asked.places
     name = vehicle.name if vehicle is not None else next(iter(places))
@@ -208,7 +208,7 @@ def wings_by_markers(vehicle: SimulatedVehicle, asked: MarkersSection, found: Ma
     """The wings' coefficients (Grauer Eq. 13 to 19) by the motion that the markers tell.
 
     Raises:
-        BadInput: no stretch of the speeds is long enough, or the wings do not move through the air.
+        InputError: no stretch of the speeds is long enough, or the wings do not move through the air.
     """
     notes: tuple[str, ...] = ("motion: by markers",)
     if vehicle.wing.twists:
@@ -222,8 +222,8 @@ def wings_by_markers(vehicle: SimulatedVehicle, asked: MarkersSection, found: Ma
                 told.append(
                     coefficients(vehicle, WingMotion(name, piece.time, moved, asked.density, notes), LOW_PASS)
                 )
-            except BadInput as error:
+            except InputError as error:
                 lost.append(str(error))
     if not told:
-        raise BadInput("; ".join(lost) or "the markers tell no speeds")
+        raise InputError("; ".join(lost) or "the markers tell no speeds")
     return identify_coefficients(tuple(told))

@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from avionics.quantities import BadInput
 from logs.identification.data import Aircraft
 from logs.identification.model_file import identified_values
 from logs.identification.modes.longitudinal import matrices
@@ -18,6 +17,7 @@ from logs.identification.tables.models import DROPPED, FIRST_SAMPLES, with_speed
 from logs.identification.tables.results import TableFit, TableIdentification
 from logs.identification.tables.subjects import AERO, ALL, MODES
 from sim_bridge.tuning.model import Identified, LinearModel
+from wingbeat.errors import InputError
 
 LONGITUDINAL = "longitudinal"
 REGRESSORS = ("u", "alpha", "q", "delta")
@@ -44,21 +44,21 @@ def check_model(chosen: Map, what: str) -> None:
     """Refuse a map that gives no model file, before the long work.
 
     Raises:
-        BadInput: with what is missing.
+        InputError: with what is missing.
     """
     asked = _asked(chosen, what)
     told = asked.section.parameters
     if len(asked.section.inputs) != 1:
-        raise BadInput(f"--model: the model takes one elevator in inputs, not {len(asked.section.inputs)}")
+        raise InputError(f"--model: the model takes one elevator in inputs, not {len(asked.section.inputs)}")
     own = {_own(name, asked.section.inputs[0]) for name in told}
     left_out = [name for name in WANTED if told and name not in own and name not in DROPPED]
     if left_out:
-        raise BadInput(f"--model: all derivatives are wanted; parameters lacks {', '.join(left_out)}")
+        raise InputError(f"--model: all derivatives are wanted; parameters lacks {', '.join(left_out)}")
     absent = [f"constants.{name}" for name in TRIM if getattr(chosen.constants, name) is None]
     if chosen.constants.V is None and "V" not in chosen.signals:
         absent.insert(0, "constants.V or signals.V")
     if absent:
-        raise BadInput(f"--model: the trim is not known: the map lacks {', '.join(absent)}")
+        raise InputError(f"--model: the trim is not known: the map lacks {', '.join(absent)}")
 
 
 def _asked(chosen: Map, what: str) -> _Asked:
@@ -70,7 +70,7 @@ def _asked(chosen: Map, what: str) -> _Asked:
     for one in found:
         if one.section.model == LONGITUDINAL:
             return one
-    raise BadInput(f'--model: it is of a fit with model = "{LONGITUDINAL}" in [modes] or [[aero.output_error]]')
+    raise InputError(f'--model: it is of a fit with model = "{LONGITUDINAL}" in [modes] or [[aero.output_error]]')
 
 
 def _own(name: str, elevator: str) -> str:
@@ -81,13 +81,13 @@ def table_model(chosen: Map, found: TableIdentification, what: str, sha256: str)
     """The model of what was ``found``; its elevator is nose up positive whatever the table's is.
 
     Raises:
-        BadInput: the fit failed, or a derivative was not identified.
+        InputError: the fit failed, or a derivative was not identified.
     """
     asked = _asked(chosen, what)
     fit = _fit(asked, found)
     elevator = asked.section.inputs[0]
     if found.records[0].units.get(elevator) != "rad":
-        raise BadInput(f"no model is written: {elevator} is no angle")
+        raise InputError(f"no model is written: {elevator} is no angle")
     known = with_speed(found.constants, tuple(one for one in found.records if one.name in found.experiments))
     speed, alpha, pitch = known["V"], known["alpha"], known["theta"]
     estimates = {one.name: one for one in fit.fitted.estimates}
@@ -111,16 +111,16 @@ def _fit(asked: _Asked, found: TableIdentification) -> TableFit:
     """The fit, with every derivative a number.
 
     Raises:
-        BadInput: there is none, or not all of them are.
+        InputError: there is none, or not all of them are.
     """
     fits = [one for one in found.fits if one.subject == asked.subject and one.model == LONGITUDINAL]
     if not fits:
         why = "; ".join(one.reason for one in found.missing)
-        raise BadInput(f"no model is written: {why or 'nothing was fitted'}")
+        raise InputError(f"no model is written: {why or 'nothing was fitted'}")
     fit = fits[0]
     lost = [f"{one.name} is not identified: {one.reason}" for one in fit.fitted.unidentified]
     if fit.failure or lost:
-        raise BadInput(f"no model is written: {fit.failure or '; '.join(lost)}")
+        raise InputError(f"no model is written: {fit.failure or '; '.join(lost)}")
     return fit
 
 

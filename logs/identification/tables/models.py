@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from avionics.quantities import BadInput
 from logs.identification.experiment import Experiment
 from logs.identification.output_error.models.actuated import Actuated, Actuator
 from logs.identification.output_error.models.linear import LinearModel
@@ -18,6 +17,7 @@ from logs.identification.results import Array
 from logs.identification.tables.constants import need
 from logs.identification.tables.keys import check_known
 from logs.identification.tables.map import DELAY, OutputError, Parameter
+from wingbeat.errors import InputError
 
 FIRST_SAMPLES = 3
 LONGEST_DELAY = 1.0
@@ -73,12 +73,12 @@ class Chosen(NamedTuple):
         """The manoeuvre with its inputs as the model takes them.
 
         Raises:
-            BadInput: an input is not among the signals.
+            InputError: an input is not among the signals.
         """
         signals = dict(experiment.signals)
         for name, own in self.aliases.items():
             if name not in signals:
-                raise BadInput(f"input {name!r} is not in [signals]; there are: {', '.join(experiment.signals)}")
+                raise InputError(f"input {name!r} is not in [signals]; there are: {', '.join(experiment.signals)}")
             signals[own] = signals[name]
         for name, value in self.held.items():
             signals[name] = np.full(len(experiment.time), value)
@@ -102,11 +102,11 @@ class Chosen(NamedTuple):
         """Matrix A (n, n) of a linear model with parameters ``values``, without angles that only follow.
 
         Raises:
-            BadInput: the model is not linear.
+            InputError: the model is not linear.
         """
         inner = self.model.model if isinstance(self.model, Actuated) else self.model
         if not isinstance(inner, LinearModel):
-            raise BadInput("a model that is not linear has no modes of its own")
+            raise InputError("a model that is not linear has no modes of its own")
         whole = inner.matrices(np.array([values[name] for name in inner.parameters])).a
         kept = [place for place in range(len(whole)) if np.any(whole[:, place]) or len(whole) == 1]
         return np.asarray(whole[np.ix_(kept, kept)])
@@ -116,7 +116,7 @@ def chosen_model(asked: OutputError, constants: Mapping[str, float], experiments
     """The model with what is free in it.
 
     Raises:
-        BadInput: an output or parameter that it does not have, or a constant that it needs.
+        InputError: an output or parameter that it does not have, or a constant that it needs.
     """
     build, linear = MODELS[asked.model]
     made = build(asked, with_speed(constants, experiments), experiments)
@@ -125,19 +125,19 @@ def chosen_model(asked: OutputError, constants: Mapping[str, float], experiments
     model = Actuated(made.model, late, held) if late or held else made.model
     for name in asked.outputs:
         if name not in model.outputs:
-            raise BadInput(f"{asked.model} has no output {name!r}; it has: {', '.join(model.outputs)}")
+            raise InputError(f"{asked.model} has no output {name!r}; it has: {', '.join(model.outputs)}")
         unit = experiments[0].units.get(name, model.outputs[name])
         if unit != model.outputs[name]:
-            raise BadInput(f"signals.{name} is in {unit}, the model's {name} in {model.outputs[name]}")
+            raise InputError(f"signals.{name} is in {unit}, the model's {name} in {model.outputs[name]}")
     parameters = _parameters(asked, made)
     if asked.delay.fixed != 0.0:
         if asked.delay.fixed is not None and not abs(asked.delay.fixed) <= LONGEST_DELAY:
-            raise BadInput(
+            raise InputError(
                 f"delay = {asked.delay.fixed:g} s: an input acts at most {LONGEST_DELAY:g} s late or early"
             )
         parameters[DELAY] = asked.delay
     if all(one.fixed is not None for one in parameters.values()):
-        raise BadInput(f"{asked.model}: every parameter is fixed, there is nothing to find")
+        raise InputError(f"{asked.model}: every parameter is fixed, there is nothing to find")
     return Chosen(model, made.equations, parameters, linear, made.aliases, made.held)
 
 
@@ -145,7 +145,7 @@ def _held(asked: OutputError, made: Made) -> tuple[str, ...]:
     """The model's names of the inputs that are held.
 
     Raises:
-        BadInput: the map holds what is no input.
+        InputError: the map holds what is no input.
     """
     for name in asked.hold:
         check_known(name, asked.inputs, f"hold {name}")
@@ -198,7 +198,7 @@ def untold_trim(
 def _steady(asked: OutputError, constants: Mapping[str, float]) -> Steady:
     needs_speed = asked.model != "short period" or any(name in OF_SPEED for name in asked.outputs)
     if needs_speed and "V" not in constants:
-        raise BadInput(f"{asked.model} with {', '.join(asked.outputs)} needs constants.V or signals.V")
+        raise InputError(f"{asked.model} with {', '.join(asked.outputs)} needs constants.V or signals.V")
     return Steady(
         constants.get("V", 1.0),
         constants.get("theta", 0.0) if "V" in constants else 0.0,
@@ -262,7 +262,7 @@ def _lateral(asked: OutputError, constants: Mapping[str, float], _: tuple[Experi
 def _nonlinear(asked: OutputError, constants: Mapping[str, float], experiments: tuple[Experiment, ...]) -> Made:
     controls = tuple(name for name in asked.inputs if name != "thrust")
     if len(controls) != 1:
-        raise BadInput(f"nonlinear longitudinal takes one control in inputs (and thrust), not {len(controls)}")
+        raise InputError(f"nonlinear longitudinal takes one control in inputs (and thrust), not {len(controls)}")
     known = dict(constants)
     need(known, "mass", "I_y", "S", "c", "V", what="nonlinear longitudinal")
     aliases, held = {controls[0]: "delta_e"}, {}
@@ -271,13 +271,15 @@ def _nonlinear(asked: OutputError, constants: Mapping[str, float], experiments: 
     elif "thrust" in known:
         held["thrust"] = known["thrust"]
     else:
-        raise BadInput("nonlinear longitudinal needs signals.thrust or constants.thrust (0 for a glide)")
+        raise InputError("nonlinear longitudinal needs signals.thrust or constants.thrust (0 for a glide)")
     density: float | str = known.get("rho", 0.0)
     for signal, own in (("rho", "density"), ("qbar", "dynamic_pressure")):
         if signal in experiments[0].signals:
             aliases[signal], density = own, own
     if not density:
-        raise BadInput("nonlinear longitudinal needs constants.rho, constants.altitude, signals.rho or signals.qbar")
+        raise InputError(
+            "nonlinear longitudinal needs constants.rho, constants.altitude, signals.rho or signals.qbar"
+        )
     angle = known.get("thrust_angle", 0.0)
     arm = known.get("thrust_z", 0.0) * np.cos(angle) + known.get("thrust_x", 0.0) * np.sin(angle)
     airframe = Airframe(

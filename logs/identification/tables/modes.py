@@ -6,7 +6,6 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from avionics.quantities import BadInput
 from logs.identification.experiment import Experiment
 from logs.identification.modes.agreement import agreement
 from logs.identification.modes.errors import Spread
@@ -33,6 +32,7 @@ from logs.identification.tables.output_errors import output_error_fit, shortened
 from logs.identification.tables.results import TableFit
 from logs.identification.tables.starts import acting_at
 from logs.identification.tables.systems import fitted_system
+from wingbeat.errors import InputError
 
 LONGITUDINAL = "longitudinal"
 SHORT_PERIOD_OUTPUTS = {"alpha", "q", "theta", "a_z", "n_z", "q_dot"}
@@ -46,7 +46,7 @@ def modes_fit(
     """The fit of the model, and the modes by it and by all other methods that the records allow.
 
     Raises:
-        BadInput: a signal that is not there, or no record is long enough.
+        InputError: a signal that is not there, or no record is long enough.
     """
     _check(asked, found)
     fits, known, suspected = _by_model(asked, found, constants, fill)
@@ -62,15 +62,15 @@ def _check(asked: ModesSection, found: Cut) -> None:
     """Refuse what no method could answer.
 
     Raises:
-        BadInput: a signal that is not there or is input and output, no output, no kind, or inputs that do not move.
+        InputError: a signal that is not there or is input and output, no output, no kind, or inputs that do not move.
     """
     for name in (*asked.inputs, *asked.outputs):
         if name not in found.fitted[0].signals:
-            raise BadInput(f"modes: {name!r} is not in [signals]; there are: {', '.join(found.fitted[0].signals)}")
+            raise InputError(f"modes: {name!r} is not in [signals]; there are: {', '.join(found.fitted[0].signals)}")
     if not asked.outputs:
-        raise BadInput("modes.outputs names no signal")
+        raise InputError("modes.outputs names no signal")
     if asked.kinds is not None and not asked.kinds:
-        raise BadInput("modes.kinds names no mode: leave it out to have those that the outputs show")
+        raise InputError("modes.kinds names no mode: leave it out to have those that the outputs show")
     check_apart(found.fitted, asked.inputs, asked.outputs, "modes")
     if not asked.inputs:
         _must_be_free(found.fitted, asked.outputs)
@@ -103,13 +103,13 @@ def _compared(
     """The ``known`` modes beside those of every method that needs no model, of inputs that act by ``delay`` s late.
 
     Raises:
-        BadInput: no method can be asked, and no mode is known.
+        InputError: no method can be asked, and no mode is known.
     """
     first = asked.inputs[0] if asked.inputs else None
     acting = tuple(acting_at(one, asked.inputs, delay) for one in experiments)
     try:
         result = modes_of_experiments(acting, first, asked.outputs, asked.kinds, known, asked.inputs[1:])
-    except BadInput as error:
+    except InputError as error:
         if not known:
             raise
         return ModesResult(known, None, f"no comparison: {error}", None, len(experiments), None)
@@ -138,22 +138,22 @@ def _must_move(experiments: tuple[Experiment, ...], inputs: tuple[str, ...]) -> 
     """Refuse a response to inputs none of which moves: what derivatives it gave would be those of a free motion.
 
     Raises:
-        BadInput: no input moves in any manoeuvre.
+        InputError: no input moves in any manoeuvre.
     """
     measured = [one.signals[name] for one in experiments for name in inputs]
     moved = [one[np.isfinite(one)] for one in measured]
     if inputs and not any(map(len, moved)):
-        raise BadInput(f"modes: {', '.join(inputs)}: nothing was measured; a free motion has inputs = []")
+        raise InputError(f"modes: {', '.join(inputs)}: nothing was measured; a free motion has inputs = []")
     if inputs and not any(len(one) and np.ptp(one) > 0.0 for one in moved):
         said = "do" if len(inputs) > 1 else "does"
-        raise BadInput(f"modes: {', '.join(inputs)} {said} not move; a free motion has inputs = []")
+        raise InputError(f"modes: {', '.join(inputs)} {said} not move; a free motion has inputs = []")
 
 
 def _must_be_free(experiments: tuple[Experiment, ...], outputs: tuple[str, ...]) -> None:
     """Refuse a free response in which a control, an angle with a name of its own, moves.
 
     Raises:
-        BadInput: one does, with the time at which it comes to rest.
+        InputError: one does, with the time at which it comes to rest.
     """
     for one in experiments:
         for name in one.signals.keys() - MOTION - set(outputs):
@@ -163,7 +163,7 @@ def _must_be_free(experiments: tuple[Experiment, ...], outputs: tuple[str, ...])
             rest = float(values[np.isfinite(values)][-LEAST_RUN:].mean())
             moved = np.flatnonzero(away(values, rest))
             if len(moved):
-                raise BadInput(
+                raise InputError(
                     f"modes: inputs = [] but {name} moves until {one.time[moved[-1]]:.6g} s in {one.name}: begin the "
                     "manoeuvre after that, name it in inputs, or leave it out of [signals] if it is no control"
                 )

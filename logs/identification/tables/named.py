@@ -7,9 +7,10 @@ from itertools import product
 
 import numpy as np
 
-from avionics.quantities import BadInput, meant
 from logs.identification.experiment import Experiment
 from logs.identification.results import Array
+from wingbeat.errors import InputError
+from wingbeat.text import did_you_mean
 
 LEAST_ALIKE = 10
 """-; samples, of which fewer may be alike by chance"""
@@ -21,17 +22,17 @@ def signal(one: Experiment, name: str, unit: str | None, key: str) -> Array:
     """The signal (N,) that the map's ``key`` names, in SI ``unit``; None takes any.
 
     Raises:
-        BadInput: it is not in [signals], is in another unit, or has no sample.
+        InputError: it is not in [signals], is in another unit, or has no sample.
     """
     if name not in one.signals:
-        guess = meant(name, one.signals)
-        raise BadInput(f"{key} = {name!r} is not in [signals]{guess}; there are: {', '.join(one.signals)}")
+        guess = did_you_mean(name, one.signals)
+        raise InputError(f"{key} = {name!r} is not in [signals]{guess}; there are: {', '.join(one.signals)}")
     own = one.units.get(name, "-")
     if unit is not None and own != unit:
-        raise BadInput(f"signals.{name} is in {own}; {key} must be in {unit}")
+        raise InputError(f"signals.{name} is in {own}; {key} must be in {unit}")
     values = np.asarray(one.signals[name], dtype=np.float64)
     if not np.any(np.isfinite(values)):
-        raise BadInput(f"{one.name}: {name} ({key}) was not measured")
+        raise InputError(f"{one.name}: {name} ({key}) was not measured")
     return values
 
 
@@ -39,13 +40,13 @@ def band_frequencies(band: tuple[float, float], experiments: tuple[Experiment, .
     """Frequencies (F,) in Hz of a ``band`` in Hz, one over the longest record's length apart.
 
     Raises:
-        BadInput: the band does not rise from above 0, or holds none; ``key`` is whose it is.
+        InputError: the band does not rise from above 0, or holds none; ``key`` is whose it is.
     """
     low, high = band
     length = max(len(one.time) * one.step for one in experiments)
     found = np.arange(max(np.ceil(low * length), 1.0), np.floor(high * length) + 1.0) / length
     if not 0 < low < high or not len(found):
-        raise BadInput(f"{key}: band = [{low:g}, {high:g}] Hz holds no frequency")
+        raise InputError(f"{key}: band = [{low:g}, {high:g}] Hz holds no frequency")
     return found
 
 
@@ -53,11 +54,11 @@ def check_apart(experiments: Sequence[Experiment], inputs: Sequence[str], output
     """Refuse an output that is an input, but for scale and offset: any fit to it is perfect, and tells nothing.
 
     Raises:
-        BadInput: it names both; ``key`` is whose they are.
+        InputError: it names both; ``key`` is whose they are.
     """
     for given, seen in product(inputs, outputs):
         if given == seen:
-            raise BadInput(f"{key}: {given} is in inputs and in outputs")
+            raise InputError(f"{key}: {given} is in inputs and in outputs")
         pairs = [
             (np.asarray(one.signals[given]), np.asarray(one.signals[seen]))
             for one in experiments
@@ -69,4 +70,4 @@ def check_apart(experiments: Sequence[Experiment], inputs: Sequence[str], output
             continue
         left = 1.0 - abs(float(np.corrcoef(both.T)[0, 1]))
         if left < ALIKE:
-            raise BadInput(f"{key}: input {given} and output {seen} are one signal: is it the same column?")
+            raise InputError(f"{key}: input {given} and output {seen} are one signal: is it the same column?")

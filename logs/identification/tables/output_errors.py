@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from avionics.quantities import BadInput, counted
 from logs.identification.accuracy.correlation import correlation_among
 from logs.identification.experiment import Experiment
 from logs.identification.output_error.fit import Method, Search, output_error
@@ -31,6 +30,8 @@ from logs.identification.tables.signals import LONGEST_FILL
 from logs.identification.tables.spikes import spikes
 from logs.identification.tables.starts import SPANS, begin
 from logs.identification.tables.unexplained import without_unexplained
+from wingbeat.errors import InputError
+from wingbeat.text import pluralize
 
 BESIDE = Search(starts=4)
 """where Gauss-Newton does not arrive: from starts beside the first as well"""
@@ -51,7 +52,7 @@ def output_error_fit(
     """One output-error fit over all manoeuvres, and its prediction of those that were held out.
 
     Raises:
-        BadInput: a signal, constant or parameter that the model does not have or needs and is not there.
+        InputError: a signal, constant or parameter that the model does not have or needs and is not there.
     """
     check_apart(found.fitted, asked.inputs, asked.outputs, subject)
     chosen = chosen_model(asked, constants, found.fitted)
@@ -114,7 +115,7 @@ def driven(experiments: tuple[Experiment, ...], chosen: Chosen, fill: float | No
     """The manoeuvres, short gaps of their inputs bridged, cut at longer ones.
 
     Raises:
-        BadInput: an input is not among the signals, or no run with all of them is long enough.
+        InputError: an input is not among the signals, or no run with all of them is long enough.
     """
     pieces: list[Experiment] = []
     notes: list[str] = []
@@ -123,8 +124,8 @@ def driven(experiments: tuple[Experiment, ...], chosen: Chosen, fill: float | No
     if not pieces:
         longest = max(len(one.time) for one in experiments)
         if longest < LEAST_RUN or not chosen.model.inputs:
-            raise BadInput(f"the longest manoeuvre has {counted(longest, 'sample')}: it takes {LEAST_RUN}")
-        raise BadInput(f"no {LEAST_RUN} samples on end have every input ({', '.join(chosen.model.inputs)})")
+            raise InputError(f"the longest manoeuvre has {pluralize(longest, 'sample')}: it takes {LEAST_RUN}")
+        raise InputError(f"no {LEAST_RUN} samples on end have every input ({', '.join(chosen.model.inputs)})")
     return Driven(tuple(chosen.from_trim(one) for one in pieces), tuple(notes))
 
 
@@ -133,18 +134,18 @@ def _whole_runs(
 ) -> tuple[Experiment, ...]:
     for name in inputs:
         if name not in experiment.signals:
-            raise BadInput(f"input {name} is not in [signals]; there are {', '.join(experiment.signals)}")
+            raise InputError(f"input {name} is not in [signals]; there are {', '.join(experiment.signals)}")
     whole = bridged(experiment, inputs, LONGEST_FILL if fill is None else int(fill / experiment.step + 1e-9))
     for name in inputs:
         count = int(np.isfinite(whole.signals[name]).sum() - np.isfinite(experiment.signals[name]).sum())
         if count:
-            notes.append(Information(f"{experiment.name}: {counted(count, 'sample')} of {name} interpolated"))
+            notes.append(Information(f"{experiment.name}: {pluralize(count, 'sample')} of {name} interpolated"))
     pieces = measured_pieces(whole, inputs, LEAST_RUN)
     untold = int(np.count_nonzero(~np.all([np.isfinite(whole.signals[name]) for name in inputs], axis=0)))
     short = len(experiment.time) - sum(len(piece.time) for piece in pieces) - untold
     if untold or short:
-        lost = [f"{counted(untold, 'sample')} without {', '.join(inputs)}"] if untold else []
-        lost += [f"{counted(short, 'sample')} of pieces that are too short"] if short else []
+        lost = [f"{pluralize(untold, 'sample')} without {', '.join(inputs)}"] if untold else []
+        lost += [f"{pluralize(short, 'sample')} of pieces that are too short"] if short else []
         notes.append(Information(f"{experiment.name}: {' and '.join(lost)} left out"))
     return pieces
 

@@ -13,12 +13,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from avionics.constants import STANDARD_GRAVITY
-from avionics.quantities import BadInput
 from logs.identification.experiment import Experiment
 from logs.identification.preparing.runs import longest_run
 from logs.identification.results import Array
 from logs.identification.tables.flow_mistakes import DEGREES, HINT, NORMAL, SIDEWAYS, level, mistake
+from wingbeat.constants import STANDARD_GRAVITY
+from wingbeat.errors import InputError
 
 UPRIGHT = (0.7, 1.4)
 """-; mean of a_z over g, of which a flight's is -1 and an a_z that counts upward's +1"""
@@ -61,7 +61,7 @@ def check_plausible(
     """Refuse signals that cannot all be what the map calls them.
 
     Raises:
-        BadInput: one of ``inputs``, which the map calls radians, moves as only degrees do;
+        InputError: one of ``inputs``, which the map calls radians, moves as only degrees do;
             a_z is positive on the mean as one that counts
             upward is; an angle changes against the rates, or 57 or a thousand times as fast or as slowly as they say;
             a_z is against alpha and q, or in g; a_x or a_y is against what the speed along its axis and gravity
@@ -75,12 +75,12 @@ def check_plausible(
         shares = _shares(experiments, angle, (rate,), constants)
         wrong = None if shares is None else _turning(shares, angle, rate)
         if wrong:
-            raise BadInput(wrong.words)
+            raise InputError(wrong.words)
     _check_lift(experiments, constants)
     for flow in (NORMAL, SIDEWAYS):
         said = mistake(flow, experiments, constants)
         if said:
-            raise BadInput(said)
+            raise InputError(said)
     for force, (names, speed_and_rest) in ALONG.items():
         share = _force_share(experiments, force, names, speed_and_rest)
         if share is not None:
@@ -101,7 +101,7 @@ def _check_speed(experiments: Sequence[Experiment], constants: Mapping[str, floa
     usual = float(np.median(moving))
     ratio = max(told / usual, usual / told)
     if any(unit / UNIT_WITHIN < ratio < unit * UNIT_WITHIN for unit in SPEED_UNITS):
-        raise BadInput(
+        raise InputError(
             f"constants.V is {told:.4g} m/s and signals.V {usual:.4g} m/s: one of both is in another unit than told"
         )
 
@@ -163,10 +163,12 @@ def _force_share(experiments: Sequence[Experiment], force: str, names: tuple[str
 def _check_along(share: float, force: str) -> None:
     """``share`` is how much of a speed's change the ``force`` makes over what it should."""
     if _is(share, -1.0):
-        raise BadInput(f"{force} is against what airspeed, flow angles and attitude say: its sign is wrong ({HINT})")
+        raise InputError(
+            f"{force} is against what airspeed, flow angles and attitude say: its sign is wrong ({HINT})"
+        )
     for factor, unit in ((STANDARD_GRAVITY, "in g, not in m/s^2"), (1.0 / STANDARD_GRAVITY, "in m/s^2, not in g")):
         if _is(share, factor):
-            raise BadInput(f"{force} does not fit airspeed, flow angles and attitude: it is {unit}")
+            raise InputError(f"{force} does not fit airspeed, flow angles and attitude: it is {unit}")
 
 
 def _check_inputs(experiments: Sequence[Experiment], inputs: Sequence[str]) -> None:
@@ -175,7 +177,9 @@ def _check_inputs(experiments: Sequence[Experiment], inputs: Sequence[str]) -> N
         known = np.concatenate([one[np.isfinite(one)] for one in angles]) if angles else np.zeros(0)
         travel = float(np.ptp(np.percentile(known, ENDS))) if len(known) else 0.0
         if travel > WIDEST_TRAVEL:
-            raise BadInput(f"signals.{name} moves through {math.degrees(travel):.0f} deg: is it in deg, not in rad?")
+            raise InputError(
+                f"signals.{name} moves through {math.degrees(travel):.0f} deg: is it in deg, not in rad?"
+            )
 
 
 def _check_gravity(experiments: Sequence[Experiment]) -> None:
@@ -185,11 +189,11 @@ def _check_gravity(experiments: Sequence[Experiment]) -> None:
         return
     mean = float(measured.mean())
     if UPRIGHT[0] < mean / STANDARD_GRAVITY < UPRIGHT[1]:
-        raise BadInput(
+        raise InputError(
             f"signals.a_z is {mean:+.1f} m/s^2 on the mean where a flight has -9.8 ({HINT}): scale = -1.0 is missing"
         )
     if UPRIGHT[0] < abs(mean) / STANDARD_GRAVITY**2 < UPRIGHT[1]:
-        raise BadInput(f"signals.a_z is {mean:.3g} m/s^2 on the mean: it is in m/s^2 already, not in g")
+        raise InputError(f"signals.a_z is {mean:.3g} m/s^2 on the mean: it is in m/s^2 already, not in g")
 
 
 def _check_lift(experiments: Sequence[Experiment], constants: Mapping[str, float]) -> None:
@@ -199,7 +203,7 @@ def _check_lift(experiments: Sequence[Experiment], constants: Mapping[str, float
     It is another one in another third. A third that tells nothing does not contradict.
 
     Raises:
-        BadInput: they do.
+        InputError: they do.
     """
     whole = _shares(experiments, "alpha", ("q", "a_z"), constants)
     if whole is None:
@@ -210,7 +214,7 @@ def _check_lift(experiments: Sequence[Experiment], constants: Mapping[str, float
             continue
         thirds = (_shares(experiments, "alpha", ("q", "a_z"), constants, third) for third in range(3))
         if all(shares is None or _is_of(wrong.kind, find(shares)) for shares in thirds):
-            raise BadInput(wrong.words)
+            raise InputError(wrong.words)
 
 
 def _is_of(kind: str, found: Mistake | None) -> bool:

@@ -17,7 +17,7 @@ def predicted(problem: Problem, fit: Fit, experiments: tuple[Experiment, ...]) -
     """Measured and predicted outputs; initial state and biases of each by least squares. Nothing after a failure.
 
     Raises:
-        BadInput: a signal is missing, or nothing of the outputs was measured.
+        InputError: a signal is missing, or nothing of the outputs was measured.
     """
     if fit.failure:
         return ()

@@ -6,7 +6,6 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from avionics.quantities import BadInput, counted
 from logs.identification.experiment import Experiment
 from logs.identification.preparing.resampling import cut, down_sampled, whole_records
 from logs.identification.preparing.runs import runs
@@ -17,6 +16,8 @@ from logs.identification.tables.derived import slope
 from logs.identification.tables.keys import check_known, number, read_section
 from logs.identification.tables.quantities import SIGNALS
 from logs.identification.tables.signals import LONGEST_FILL, Record
+from wingbeat.errors import InputError
+from wingbeat.text import pluralize
 
 LONGEST = 0.5
 """s; skew that is looked for either way where nothing is told"""
@@ -46,16 +47,16 @@ class Late(NamedTuple):
         """Of a map's entry: seconds, or ``{ like = SIGNAL, by = "value"|"slope", longest = s }``.
 
         Raises:
-            BadInput: it is neither, or a time that cannot be.
+            InputError: it is neither, or a time that cannot be.
         """
         if isinstance(entry, dict):
             told = read_section(_Like, entry, key)
             if not 0 < told.longest <= LONGEST_GIVEN:
-                raise BadInput(f"{key}.longest must be above 0 and at most {LONGEST_GIVEN:g} s")
+                raise InputError(f"{key}.longest must be above 0 and at most {LONGEST_GIVEN:g} s")
             return cls(None, told.like, told.by == "slope", told.longest)
         seconds = number(entry, key)
         if abs(seconds) > LONGEST_GIVEN:
-            raise BadInput(f"{key} = {seconds:g} s is more than {LONGEST_GIVEN:g} s")
+            raise InputError(f"{key} = {seconds:g} s is more than {LONGEST_GIVEN:g} s")
         return cls(seconds)
 
 
@@ -84,7 +85,7 @@ def prepared(records: list[Record], units: dict[str, str], asked: PrepareSection
     """The ``records`` with late signals moved, smoothed and resampled as ``asked``.
 
     Raises:
-        BadInput: a signal that is not there, a skew that cannot be told, or a rate above that of a record.
+        InputError: a signal that is not there, a skew that cannot be told, or a rate above that of a record.
     """
     for key, names in (("delay", asked.delay), ("smooth", asked.smooth)):
         for name in names:
@@ -124,7 +125,7 @@ def _skew(flown: list[Experiment], name: str, late: Late) -> Estimate:
     """By how much the signal is late, over all records: their mean, weighted with their errors.
 
     Raises:
-        BadInput: no record tells it.
+        InputError: no record tells it.
     """
     found: list[Estimate] = []
     reasons: list[str] = []
@@ -139,7 +140,7 @@ def _skew(flown: list[Experiment], name: str, late: Late) -> Estimate:
                 reasons.append(told.reason)
     if not found:
         why = reasons[0] if reasons else f"no record has both for {2 * late.longest:g} s on end"
-        raise BadInput(f"prepare.delay.{name}: its skew behind {late.like} is not told: {why}")
+        raise InputError(f"prepare.delay.{name}: its skew behind {late.like} is not told: {why}")
     weights = np.array([one.standard_error**-2 for one in found])
     values = np.array([one.value for one in found])
     mean = float(weights @ values / weights.sum())
@@ -151,7 +152,7 @@ def _skew(flown: list[Experiment], name: str, late: Late) -> Estimate:
 def _whole(one: Experiment, names: tuple[str, str], least: float) -> tuple[Experiment, ...]:
     try:
         return whole_records(one, names, LONGEST_FILL * one.step, least)
-    except BadInput:
+    except InputError:
         return ()
 
 
@@ -168,9 +169,9 @@ def _smoothed(one: Experiment, name: str, method: str, notes: list[str]) -> Expe
         clean[run], rates[run] = done.experiment.signals[name], done.experiment.signals[slope_name]
         taken.append(done.noise[name])
     if not taken:
-        raise BadInput(f"prepare.smooth.{name}: {one.name} has no {LEAST_SMOOTHED} samples of it on end")
+        raise InputError(f"prepare.smooth.{name}: {one.name} has no {LEAST_SMOOTHED} samples of it on end")
     lost = int(np.isfinite(values).sum() - np.isfinite(clean).sum())
-    left = f"; {counted(lost, 'sample')} in short pieces left out" if lost else ""
+    left = f"; {pluralize(lost, 'sample')} in short pieces left out" if lost else ""
     unit = one.units.get(name, "")
     notes.append(f"{one.name}: {name} smoothed by {method}, noise of {max(taken):.3g} {unit} taken off{left}")
     made = {} if slope_name in one.signals else {slope_name: rates}
@@ -181,7 +182,7 @@ def _smoothed(one: Experiment, name: str, method: str, notes: list[str]) -> Expe
 def _resampled(one: Experiment, rate: float, notes: list[str]) -> Experiment:
     own = 1.0 / one.step
     if not 0.0 < rate <= own * (1 + 1e-6):
-        raise BadInput(f"prepare.resample = {rate:g} Hz is not above 0 and up to the {own:.4g} Hz of {one.name}")
+        raise InputError(f"prepare.resample = {rate:g} Hz is not above 0 and up to the {own:.4g} Hz of {one.name}")
     notes.append(f"{one.name}: {own:.4g} Hz low-passed and resampled to {rate:g} Hz")
     return down_sampled(one, max(1.0 / rate, one.step))
 

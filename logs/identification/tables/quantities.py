@@ -6,9 +6,9 @@ import math
 import reprlib
 from typing import Any, NamedTuple
 
-from avionics.quantities import BadInput
 from logs.identification.tables.keys import check_known, number
 from logs.importing.units import CONVERSIONS, Conversion
+from wingbeat.errors import InputError
 
 SIGNALS = {
     "V": "m/s", "alpha": "rad", "beta": "rad", "p": "rad/s", "q": "rad/s", "r": "rad/s", "phi": "rad",
@@ -38,21 +38,21 @@ class Measure(NamedTuple):
         """Of a map's entry.
 
         Raises:
-            BadInput: it is neither.
+            InputError: it is neither.
         """
         if not isinstance(entry, dict):
             return cls(number(entry, key), None, key)
         for name in entry:
             check_known(name, ("value", "unit"), f"{key}.{name}")
         if "value" not in entry or "unit" not in entry:
-            raise BadInput(f'{key} must be a number in SI or {{ value = ..., unit = "..." }}')
+            raise InputError(f'{key} must be a number in SI or {{ value = ..., unit = "..." }}')
         return cls(number(entry["value"], f"{key}.value"), entry["unit"], key)
 
     def si(self, unit: str, low: float = -math.inf, high: float = math.inf) -> float:
         """The number in SI ``unit``.
 
         Raises:
-            BadInput: it is in the unit of something else, or not above ``low`` and up to ``high``.
+            InputError: it is in the unit of something else, or not above ``low`` and up to ``high``.
         """
         value = self.value
         if self.unit is not None:
@@ -60,7 +60,7 @@ class Measure(NamedTuple):
             value = value * told.factor + told.offset
         if not low < value <= high:
             limit = f"above {low:g}" if value <= low else f"at most {high:g}"
-            raise BadInput(f"{self.key} = {value:g} {unit} must be {limit}")
+            raise InputError(f"{self.key} = {value:g} {unit} must be {limit}")
         return value
 
 
@@ -68,14 +68,14 @@ def converted(unit: Any, wanted: str | None, key: str) -> Conversion:
     """How ``unit`` becomes the SI unit ``wanted``, any where that is None.
 
     Raises:
-        BadInput: it is not known, or in another dimension.
+        InputError: it is not known, or in another dimension.
     """
     fitting = [name for name, one in CONVERSIONS.items() if name and wanted in (None, one.unit)]
     if not isinstance(unit, str) or unit not in CONVERSIONS:
-        raise BadInput(f"{key}: unit {reprlib.repr(unit)} is not known; known: {', '.join(fitting)}")
+        raise InputError(f"{key}: unit {reprlib.repr(unit)} is not known; known: {', '.join(fitting)}")
     told = CONVERSIONS[unit]
     if wanted not in (None, told.unit):
-        raise BadInput(f"{key} is in {wanted}; {unit!r} cannot be that (known: {', '.join(fitting)})")
+        raise InputError(f"{key} is in {wanted}; {unit!r} cannot be that (known: {', '.join(fitting)})")
     return told
 
 
@@ -83,7 +83,7 @@ def in_unit(value: float, unit: Any, wanted: str, key: str) -> float:
     """``value`` in SI ``wanted``.
 
     Raises:
-        BadInput: as `converted`.
+        InputError: as `converted`.
     """
     told = converted(unit, wanted, key)
     return value * told.factor + told.offset

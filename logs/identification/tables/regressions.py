@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Mapping
 
-from avionics.quantities import BadInput, meant
 from logs.identification.accuracy.correlation import correlation_among
 from logs.identification.chapter import Chapter, Table
 from logs.identification.experiment import Experiment
@@ -28,6 +27,8 @@ from logs.identification.tables.noisy import TREND, with_noise
 from logs.identification.tables.quantities import SIGNALS
 from logs.identification.tables.results import TableFit
 from logs.identification.tables.signs import turned
+from wingbeat.errors import InputError
+from wingbeat.text import did_you_mean
 
 OF_THRUST = ("C_X", "C_Z", "C_L", "C_D")
 """responses that thrust is taken off"""
@@ -40,7 +41,7 @@ def regression_fit(asked: Regression, found: Cut, constants: Mapping[str, float]
     """One regression over all manoeuvres, and its prediction of those that were held out.
 
     Raises:
-        BadInput: a name that is neither signal nor constant and cannot be made of them, or no term was chosen.
+        InputError: a name that is neither signal nor constant and cannot be made of them, or no term was chosen.
     """
     names = tuple(product_of(name) for name in asked.regressors)
     wanted = {symbol for name in (asked.response, *names) for symbol in parse(name).powers}
@@ -98,15 +99,16 @@ def check_names(asked: Regression, signals: Collection[str], constants: Collecti
     """Refuse what no manoeuvre can tell, a word misspelt, before anything is fitted.
 
     Raises:
-        BadInput: a regressor that is no product, or a name that is no signal, no constant and not to be made of them.
+        InputError: a regressor that is no product, or a name that is no signal, no constant and not to be made of
+            them.
     """
     known = [*signals, *constants, *(name for name in MADE if name not in signals)]
     for name in (asked.response, *asked.regressors, *asked.always):
         for symbol in () if name in signals else parse(product_of(name)).powers:
             if symbol not in known:
-                guess = meant(symbol, known)
+                guess = did_you_mean(symbol, known)
                 of = "" if symbol == name else f" of {name!r}"
-                raise BadInput(
+                raise InputError(
                     f"aero.regressions of {asked.response}: {symbol!r}{of} is neither in [signals] nor in"
                     f" [constants]{guess}; there are: {', '.join([*signals, *constants])}"
                 )
@@ -121,15 +123,15 @@ def _orthogonal(
     """The terms whose orthogonal functions lower the predicted square error, and every function's share.
 
     Raises:
-        BadInput: a choice by other means as well, the frequency domain, or no function that is worth its cost.
+        InputError: a choice by other means as well, the frequency domain, or no function that is worth its cost.
     """
     key = f"aero.regressions of {asked.response}"
     if asked.selection != "all" or asked.always or asked.domain != "time":
-        raise BadInput(f'{key}: method = "orthogonal" chooses its terms itself, in the time domain')
+        raise InputError(f'{key}: method = "orthogonal" chooses its terms itself, in the time domain')
     found = orthogonal_regression(parts[0], asked.response, names, len(names), settings)
     if not found.terms:
         why = found.failure or "no orthogonal function lowers the predicted square error"
-        raise BadInput(f"{key}: nothing was chosen: {why}")
+        raise InputError(f"{key}: nothing was chosen: {why}")
     told: tuple[str, ...] = tuple(
         Information(
             f"orthogonal function of {one.term}: {100 * one.gain:.3g} % of the variance, PSE {one.pse:.4g},"
@@ -172,7 +174,7 @@ def _chosen(
         fitted, asked.response, names, Rules(always=always), settings._replace(frequencies=None)
     )
     if found.failure and not found.terms:
-        raise BadInput(f"stepwise regression of {asked.response} chose nothing: {found.failure}")
+        raise InputError(f"stepwise regression of {asked.response} chose nothing: {found.failure}")
     return found.terms, found.steps
 
 
@@ -187,7 +189,7 @@ def _frequencies(asked: Regression, experiments: tuple[Experiment, ...]) -> Arra
         return None
     key = f"aero.regressions of {asked.response}"
     if asked.domain != "frequency":
-        raise BadInput(f'{key}: band is for domain = "frequency"')
+        raise InputError(f'{key}: band is for domain = "frequency"')
     return band_frequencies(asked.band, experiments, key)
 
 

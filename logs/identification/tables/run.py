@@ -8,7 +8,6 @@ from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
-from avionics.quantities import BadInput
 from logs.identification.modes.mode import ModesResult
 from logs.identification.results import Unidentified
 from logs.identification.tables import stands
@@ -27,6 +26,7 @@ from logs.identification.tables.subjects import AERO, ALL, MODES, PATH, SECTIONS
 from logs.identification.tables.systems import with_lateral_modes
 from logs.identification.tables.table import Columns, read_columns
 from logs.identification.tables.vane import at_centre
+from wingbeat.errors import InputError
 
 T = TypeVar("T")
 
@@ -35,7 +35,7 @@ def identify_tables(files: Sequence[Path], mapping: Path, what: str = ALL) -> Ta
     """Identify ``what`` (`SUBJECTS`) from tables by their map.
 
     Raises:
-        BadInput: a file or map that cannot be used, or a map that does not ask for ``what``.
+        InputError: a file or map that cannot be used, or a map that does not ask for ``what``.
     """
     chosen = load_map(mapping)
     _asked(chosen, mapping, what)
@@ -49,26 +49,26 @@ def _cut(tables: list[Columns], chosen: Map) -> Cut:
 
 def _asked(chosen: Map, mapping: Path, what: str) -> None:
     if what not in SUBJECTS:
-        raise BadInput(f"a table gives {', '.join(SUBJECTS)}; {what!r} needs a log")
+        raise InputError(f"a table gives {', '.join(SUBJECTS)}; {what!r} needs a log")
     wanted = SECTIONS if what == ALL else (what,)
     if all(getattr(chosen, name) is None for name in wanted):
         *others, last = (f"[{name}]" for name in wanted)
         named = f"{', '.join(others)} or {last}" if others else last
-        raise BadInput(f"map {mapping}: it has no section {named} that says what to fit")
+        raise InputError(f"map {mapping}: it has no section {named} that says what to fit")
 
 
 def _of_map(mapping: Path, work: Callable[[], T]) -> T:
     try:
         return work()
-    except BadInput as error:
-        raise BadInput(f"{error} (map {mapping})") from None
+    except InputError as error:
+        raise InputError(f"{error} (map {mapping})") from None
 
 
 def _identified(chosen: Map, found: Cut, what: str) -> TableIdentification:
     """Each fit for itself: what the one lacks the others may not need.
 
     Raises:
-        BadInput: none of them can be had, or a regressor is misspelt.
+        InputError: none of them can be had, or a regressor is misspelt.
     """
     constants = read_constants(chosen.constants)
     _check_regressors(chosen, found, constants, what)
@@ -90,7 +90,7 @@ def _identified(chosen: Map, found: Cut, what: str) -> TableIdentification:
             fits += [] if one is None else [one]
     fits += _of_rooms(chosen, seen, constants, what, missing)
     if not fits and modes is None:
-        raise BadInput("; ".join(dict.fromkeys(one.reason for one in missing)))
+        raise InputError("; ".join(dict.fromkeys(one.reason for one in missing)))
     tare = stands.tare_name(chosen.stand, found) if chosen.stand is not None and what == STAND else None
     fitted, held = (tuple(one.name for one in part if one.name != tare) for part in (found.fitted, found.held_out))
     every = (*found.fitted, *found.held_out)
@@ -106,7 +106,7 @@ def _check_regressors(chosen: Map, found: Cut, constants: dict[str, float], what
     """Refuse words misspelt before anything is fitted.
 
     Raises:
-        BadInput: a regressor that nothing tells.
+        InputError: a regressor that nothing tells.
     """
     if chosen.aero is not None and what in (AERO, ALL):
         signals = {name: None for one in found.fitted for name in one.signals}
@@ -156,7 +156,7 @@ def _in_radians(chosen: Map) -> tuple[str, ...]:
 def _attempt(name: str, work: Callable[[], T], missing: list[Unidentified]) -> T | None:
     try:
         return work()
-    except BadInput as error:
+    except InputError as error:
         missing.append(Unidentified(name, str(error)))
         return None
 
@@ -174,7 +174,7 @@ def _aero(
 ) -> list[tuple[str, Callable[[], TableFit]]]:
     """What is asked for, by name, and the work; ``seen`` has the signals as they were measured."""
     if not section.regressions and not section.output_error:
-        raise BadInput("[aero] asks for nothing: write [[aero.regressions]] or [[aero.output_error]]")
+        raise InputError("[aero] asks for nothing: write [[aero.regressions]] or [[aero.output_error]]")
     work: list[tuple[str, Callable[[], TableFit]]] = [
         (f"regression of {one.response}", partial(_regression, one, found, seen, constants))
         for one in section.regressions

@@ -9,11 +9,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from avionics.quantities import BadInput, counted
 from logs.identification.results import Array
 from logs.identification.tables.keys import read_section
 from logs.identification.tables.quantities import ANGLES, SIGNALS, WIDEST_ANGLE, converted, in_unit
 from logs.identification.tables.table import Columns
+from wingbeat.errors import InputError
+from wingbeat.text import pluralize
 
 LEAST_RATE, HIGHEST_RATE = 1e-3, 1e5
 LEAST_SAMPLES = 5
@@ -49,10 +50,10 @@ class Place(NamedTuple):
         """Of a map's entry.
 
         Raises:
-            BadInput: it is neither text nor a whole number.
+            InputError: it is neither text nor a whole number.
         """
         if isinstance(entry, bool) or not isinstance(entry, str | int):
-            raise BadInput(f"{key} must be the name of a column in quotes, or its number from 1")
+            raise InputError(f"{key} must be the name of a column in quotes, or its number from 1")
         return cls(entry)
 
 
@@ -83,11 +84,11 @@ class SignalEntry(NamedTuple):
         """Of a map's entry, its unit checked against what the name means.
 
         Raises:
-            BadInput: neither column nor value, or a unit that cannot be that of the signal.
+            InputError: neither column nor value, or a unit that cannot be that of the signal.
         """
         told = read_section(_Entry, entry, key)
         if (told.column is None) == (told.value is None):
-            raise BadInput(f'{key} must be {{ column = "...", unit = "..." }} or {{ value = ..., unit = "..." }}')
+            raise InputError(f'{key} must be {{ column = "...", unit = "..." }} or {{ value = ..., unit = "..." }}')
         converted(told.unit, SIGNALS.get(key.rpartition(".")[2]), key)
         return cls(told, key)
 
@@ -100,7 +101,7 @@ class SignalEntry(NamedTuple):
         """Values in SI (N,), NaN where not measured.
 
         Raises:
-            BadInput: the column is not there, or has angles that no aircraft has.
+            InputError: the column is not there, or has angles that no aircraft has.
         """
         told, entry = converted(self.entry.unit, None, self.key), self.entry
         if entry.column is None:
@@ -118,7 +119,7 @@ class SignalEntry(NamedTuple):
     def _check_number(self, columns: Columns) -> None:
         wanted = None if self.entry.column is None else self.entry.column.column
         if (columns.order[wanted - 1] if isinstance(wanted, int) else wanted) in columns.clocks:
-            raise BadInput(f"{self.key}: column {wanted!r} of {columns.file} holds clocks or dates, no numbers")
+            raise InputError(f"{self.key}: column {wanted!r} of {columns.file} holds clocks or dates, no numbers")
 
     def stand_for_nothing(self, columns: Columns) -> tuple[float, ...]:
         """Numbers of its column, not told by the map, that loggers write for nothing and that are far from others."""
@@ -139,7 +140,7 @@ def _check_angle(key: str, unit: str, values: Array) -> None:
     limit = math.pi if name in ANGLES else WIDEST_ANGLE if unit == "rad" and name not in SIGNALS else math.inf
     largest = float(np.nanmax(np.abs(values))) if np.any(np.isfinite(values)) else 0.0
     if largest > limit:
-        raise BadInput(
+        raise InputError(
             f"{key} reaches {largest:.3g} rad: is its unit right, and what stands for missing values told?"
         )
 
@@ -160,16 +161,16 @@ class TimeSection(NamedTuple):
         """Refuse what cannot be.
 
         Raises:
-            BadInput: neither column nor rate, or a number out of range.
+            InputError: neither column nor rate, or a number out of range.
         """
         if (self.column is None) == (self.rate is None):
-            raise BadInput("[time] must have either a column or a rate")
+            raise InputError("[time] must have either a column or a rate")
         in_unit(0.0, self.unit, "s", "time.unit")
         for name, rate in (("rate", self.rate), ("resample", self.resample)):
             if rate is not None and not LEAST_RATE <= rate <= HIGHEST_RATE:
-                raise BadInput(f"time.{name} = {rate:g} Hz is outside {LEAST_RATE:g} to {HIGHEST_RATE:g} Hz")
+                raise InputError(f"time.{name} = {rate:g} Hz is outside {LEAST_RATE:g} to {HIGHEST_RATE:g} Hz")
         if self.fill is not None and self.fill < 0:
-            raise BadInput("time.fill must be 0 or more")
+            raise InputError("time.fill must be 0 or more")
 
 
 class Record(NamedTuple):
@@ -192,7 +193,7 @@ def records_of(
     """Every record of a table, cut where its time goes back, and what was done to make its time even.
 
     Raises:
-        BadInput: a column that is not there, no time in it, or none of the rows can be used.
+        InputError: a column that is not there, no time in it, or none of the rows can be used.
     """
     signals = {name: entry.read(columns) for name, entry in entries.items()}
     silent = [
@@ -204,25 +205,25 @@ def records_of(
     times = _times(columns, base)
     rows = np.flatnonzero(np.isfinite(times))
     if not len(rows):
-        raise BadInput(f"{columns.file}: no row has a time (time.column){_said(columns, base)}")
+        raise InputError(f"{columns.file}: no row has a time (time.column){_said(columns, base)}")
     notes = [*columns.notes, *silent]
     bounds = [0, *_cuts(columns.file, times[rows], base, notes), len(rows)]
     if len(rows) < len(times):
-        notes.append(f"{columns.file}: {counted(len(times) - len(rows), 'row')} without a time left out")
+        notes.append(f"{columns.file}: {pluralize(len(times) - len(rows), 'row')} without a time left out")
     found = []
     for first, last in pairwise(bounds):
         piece = rows[first:last]
         if len(np.unique(times[piece])) < LEAST_SAMPLES:
-            notes.append(f"{columns.file}: a piece of {counted(len(piece), 'row')} is too short and left out")
+            notes.append(f"{columns.file}: a piece of {pluralize(len(piece), 'row')} is too short and left out")
             continue
         found.append(_even(columns.file, times[piece], piece, signals, marked, notes))
     if not found:
         back = int(np.count_nonzero(np.diff(times[rows]) < 0))
         if 2 * back > len(rows):
-            raise BadInput(
+            raise InputError(
                 f"{columns.file}: its time goes back in {back} of {len(rows)} rows: it must be sorted by time"
             )
-        raise BadInput(f"{columns.file}: it has fewer than {LEAST_SAMPLES} rows with a time of their own")
+        raise InputError(f"{columns.file}: it has fewer than {LEAST_SAMPLES} rows with a time of their own")
     return found, notes
 
 
@@ -243,7 +244,7 @@ def _cuts(file: str, times: Array, base: TimeSection, notes: list[str]) -> list[
     gap = steps > max(base.fill or 0.0, LONGEST_FILL * usual) + WIDEST_GAP * usual
     for what, where in (("goes back", back), ("has a gap", gap)):
         if where.any():
-            notes.append(f"{file}: the time {what} {counted(int(where.sum()), 'time')}; each piece is a record")
+            notes.append(f"{file}: the time {what} {pluralize(int(where.sum()), 'time')}; each piece is a record")
     return (np.flatnonzero(back | gap) + 1).tolist()
 
 
@@ -251,12 +252,12 @@ def _times(columns: Columns, base: TimeSection) -> Array:
     if base.rate is not None:
         return np.arange(columns.rows) / base.rate
     if base.column is None:
-        raise BadInput("[time] must have either a column or a rate")
+        raise InputError("[time] must have either a column or a rate")
     told, wanted = converted(base.unit, "s", "time.unit"), base.column.column
     values = columns.column(wanted, "time.column")
     name = columns.order[wanted - 1] if isinstance(wanted, int) else wanted
     if name in columns.clocks and told.factor != 1.0:
-        raise BadInput(f"time.unit is {base.unit!r}, but {columns.file} has clocks in {name!r}: their unit is s")
+        raise InputError(f"time.unit is {base.unit!r}, but {columns.file} has clocks in {name!r}: their unit is s")
     return values * told.factor
 
 
@@ -267,7 +268,7 @@ def _even(
     time, rows, read = _apart(file, time, rows, {name: values[rows] for name, values in signals.items()}, notes)
     step = _usual_step(time)
     if time[-1] - time[0] > step * min(MOST_SAMPLES, 1000 * len(time)):
-        raise BadInput(
+        raise InputError(
             f"{file}: rows are {step:.3g} s apart but span {time[-1] - time[0]:.3g} s: too many are missing"
         )
     places = _places(time, step)
@@ -278,7 +279,9 @@ def _even(
     off = float(np.max(np.abs(time - start - places * step)))
     if off <= max(_resolution(time), 1e-3 * step):
         if count > len(time):
-            notes.append(f"{file}: {counted(count - len(time), 'sample')} missing in the time, taken as not measured")
+            notes.append(
+                f"{file}: {pluralize(count - len(time), 'sample')} missing in the time, taken as not measured"
+            )
         even: Array = np.asarray(start + step * np.arange(count), dtype=np.float64)
         taken = {name: _spread(values, places, count) for name, values in read.items()}
         before = np.searchsorted(places, np.arange(count), side="right") - 1
@@ -302,7 +305,7 @@ def _apart(
     even are left out where a few of them share a stamp.
 
     Raises:
-        BadInput: most rows share a stamp and are not even, and so have no time.
+        InputError: most rows share a stamp and are not even, and so have no time.
     """
     first = np.flatnonzero(np.concatenate(([True], np.diff(time) > 0)))
     extra = len(time) - len(first)
@@ -318,9 +321,9 @@ def _apart(
         if even is not None:
             return even, rows, read
     if others:
-        notes.append(f"{file}: {counted(others, 'row')} with the time of the row before left out")
+        notes.append(f"{file}: {pluralize(others, 'row')} with the time of the row before left out")
     if extra > others:
-        notes.append(f"{file}: {counted(extra - others, 'row')} with the time of the row before joined with it")
+        notes.append(f"{file}: {pluralize(extra - others, 'row')} with the time of the row before joined with it")
     joined = {name: np.asarray(np.where(doubtful, values[first], lowest[name])) for name, values in read.items()}
     return time[first], rows[first], joined
 
@@ -330,7 +333,7 @@ def _between_stamps(file: str, time: Array, first: NDArray[np.int64], notes: lis
     rate has these stamps, which jitter and drop-outs make of rows that share few.
 
     Raises:
-        BadInput: likewise, of rows that mostly share theirs.
+        InputError: likewise, of rows that mostly share theirs.
     """
     count, coarse = np.arange(len(time)), float(np.median(np.diff(time[first]))) if len(first) > 1 else 0.0
     step, start = (float(one) for one in np.polyfit(count, time, 1))
@@ -339,9 +342,9 @@ def _between_stamps(file: str, time: Array, first: NDArray[np.int64], notes: lis
     if not coarse or float(np.max(np.abs(even - time))) > 0.75 * coarse:
         if shared <= MOSTLY * len(time):
             return None
-        raise BadInput(
-            f"{file}: {counted(shared, 'row')} of {len(time)} have the time of the row before and other values: the "
-            "time is too coarse; give [time] rate in its place, or a column that tells it finer"
+        raise InputError(
+            f"{file}: {pluralize(shared, 'row')} of {len(time)} have the time of the row before and other values: "
+            "the time is too coarse; give [time] rate in its place, or a column that tells it finer"
         )
     notes.append(f"{file}: time stamps of {coarse:.3g} s that rows share; the rows taken as even, {1 / step:.4g} Hz")
     return even
@@ -353,7 +356,7 @@ def _usual_step(time: Array) -> float:
     median = float(np.median(steps))
     usual = steps[np.abs(steps - median) <= 0.5 * median]
     if not len(usual):
-        raise BadInput(
+        raise InputError(
             f"[time]: its steps are from {steps.min():.3g} to {steps.max():.3g} s, none usual: is it a time?"
         )
     return float(np.mean(usual))

@@ -14,12 +14,12 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from avionics.quantities import counted
 from logs.identification.experiment import Experiment
 from logs.identification.preparing.noise_level import MEDIAN_TO_DEVIATION
 from logs.identification.preparing.runs import runs
 from logs.identification.results import Array, FitSeries
 from logs.identification.tables.between import LEAST_RUN
+from wingbeat.text import pluralize
 
 Flags = NDArray[np.bool_]
 Places = NDArray[np.intp]
@@ -52,7 +52,7 @@ def spikes(series: Sequence[FitSeries], experiments: Sequence[Experiment], input
         bad = _bad(one.measured, one.measured - one.model, pushed)
         if bad:
             told.append(
-                f"{one.experiment}: {counted(len(bad), 'sample')} of {one.output} from {one.time[bad[0]]:.6g} s on"
+                f"{one.experiment}: {pluralize(len(bad), 'sample')} of {one.output} from {one.time[bad[0]]:.6g} s on"
                 f" {'is' if len(bad) == 1 else 'are'} off by more than {OFF:.0f} times the usual, apart from"
                 f" {'its' if len(bad) == 1 else 'their'} neighbours or frozen: spikes, drop-outs?"
                 " missing = [...] leaves them out"

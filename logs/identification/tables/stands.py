@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from avionics.quantities import BadInput
 from logs.identification.aerodynamics.inverse_dynamics import COEFFICIENTS, WingCoefficients
 from logs.identification.aerodynamics.stand import LoadCell, StandRun, stand_coefficients
 from logs.identification.aerodynamics.strokes_measured import strokes_by_angle
@@ -24,6 +23,7 @@ from logs.identification.tables.keys import check_known
 from logs.identification.tables.named import signal
 from logs.identification.tables.results import TableFit
 from sim_bridge.vehicles import SimulatedVehicle, load_vehicle
+from wingbeat.errors import InputError
 
 EXAMPLE = """\
 # The wings' coefficients from a six-axis load cell: wingbeat identify RUN.csv TARE.csv --map THIS.toml stand
@@ -90,10 +90,10 @@ def stand_fits(asked: StandSection, found: Cut, constants: Mapping[str, float], 
     """C_L, C_T and C_m over all runs but the tare, each as a sum of chosen terms, and of the runs held out.
 
     Raises:
-        BadInput: a signal or constant is not there, the vehicle is not known, or a run cannot be used.
+        InputError: a signal or constant is not there, the vehicle is not known, or a run cannot be used.
     """
     if asked.sign not in (1.0, -1.0):
-        raise BadInput("stand.sign must be 1 or -1")
+        raise InputError("stand.sign must be 1 or -1")
     for name in asked.candidates:
         check_known(name, CANDIDATES, f"stand.candidates {name}")
     vehicle, cell = _vehicle(asked.vehicle), LoadCell(asked.place, np.array(asked.axes), asked.sign)
@@ -127,14 +127,14 @@ def _tare(asked: StandSection, found: Cut) -> tuple[Experiment | None, tuple[lis
     """The tare run, and the runs to fit and to predict.
 
     Raises:
-        BadInput: there is no manoeuvre of that number, or nothing beside it.
+        InputError: there is no manoeuvre of that number, or nothing beside it.
     """
     name, every = tare_name(asked, found), (*found.fitted, *found.held_out)
     if asked.tare is not None and name is None:
-        raise BadInput(f"stand.tare: there is no manoeuvre {asked.tare}; there are {len(every)}")
+        raise InputError(f"stand.tare: there is no manoeuvre {asked.tare}; there are {len(every)}")
     fitted, held = ([one for one in part if one.name != name] for part in (found.fitted, found.held_out))
     if not fitted:
-        raise BadInput("stand: no run is left beside the tare run and those held out")
+        raise InputError("stand: no run is left beside the tare run and those held out")
     return next((one for one in every if one.name == name), None), (fitted, held)
 
 
@@ -146,7 +146,7 @@ def _run(asked: StandSection, one: Experiment, constants: Mapping[str, float]) -
     speed, pitch, density = (float(np.nanmean(source.get(name))) for name in ("V", "alpha", "rho"))
     begin, end = strokes_by_angle(one.time, flap)
     if not len(begin):
-        raise BadInput(f"{one.name}: the wings' angle ({asked.flap}) goes through no whole stroke")
+        raise InputError(f"{one.name}: the wings' angle ({asked.flap}) goes through no whole stroke")
     cuts = np.append(begin, end[-1])
     rate = 1.0 / float(np.mean(end - begin))
     count = np.interp(one.time, cuts, np.arange(len(cuts), dtype=np.float64))
@@ -161,7 +161,7 @@ def _thinned(found: WingCoefficients, cutoff: float) -> WingCoefficients:
     ends, every = math.ceil(ENDS / (cutoff * one.step)), max(int(1.0 / (SAMPLED * cutoff * one.step)), 1)
     kept = slice(ends, len(one.time) - ends, every)
     if len(one.time[kept]) < 3:
-        raise BadInput(f"{one.name}: too short for a low-pass at {cutoff:g} Hz")
+        raise InputError(f"{one.name}: too short for a low-pass at {cutoff:g} Hz")
     signals = {name: np.asarray(values)[kept] for name, values in one.signals.items()}
     return found._replace(experiment=one._replace(time=one.time[kept], signals=signals))
 

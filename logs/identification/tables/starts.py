@@ -14,7 +14,6 @@ from typing import NamedTuple
 import numpy as np
 from scipy.signal import savgol_coeffs
 
-from avionics.constants import STANDARD_GRAVITY
 from logs.identification.experiment import Experiment
 from logs.identification.output_error.models.actuated import Actuated
 from logs.identification.output_error.models.compiled import CompiledModel
@@ -25,6 +24,7 @@ from logs.identification.regression.averaging import average_of_slope, averaged
 from logs.identification.results import Array
 from logs.identification.tables.derived import SLOPE_SPAN, slope, slope_width
 from logs.identification.tables.map import DELAY, Parameter
+from wingbeat.constants import STANDARD_GRAVITY
 
 SPANS = (0.3, 1.0)
 """s; over which slopes are taken, and states averaged, where shorter ones led nowhere: noise that hides the motion

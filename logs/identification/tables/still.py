@@ -10,7 +10,6 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from avionics.quantities import BadInput
 from logs.identification.experiment import Experiment
 from logs.identification.regression.terms import parse
 from logs.identification.results import Array, Unidentified
@@ -18,6 +17,7 @@ from logs.identification.tables.experiments import file_of
 from logs.identification.tables.map import Regression
 from logs.identification.tables.regressions import product_of
 from logs.identification.tables.results import TableFit
+from wingbeat.errors import InputError
 
 LEAST = 1e-9
 """-; of a signal's size, by which it moves: less is the rounding of its unit"""
@@ -32,12 +32,12 @@ def refuse_still(names: Iterable[str], experiments: tuple[Experiment, ...]) -> N
     """Refuse outputs that are one number in each manoeuvre.
 
     Raises:
-        BadInput: one of them is.
+        InputError: one of them is.
     """
     for name in names:
         series = [one.signals[name] for one in experiments if name in one.signals]
         if any(map(_measured, series)) and not any(map(_moves, series)):
-            raise BadInput(
+            raise InputError(
                 f"{_not_moving(name, experiments)}; an output held still says nothing of the motion: {WRONG}"
             )
 
@@ -48,7 +48,7 @@ def without_still(
     """The regression without terms of signals that are one number throughout, and those terms.
 
     Raises:
-        BadInput: the response is one number, or no term is left.
+        InputError: the response is one number, or no term is left.
     """
     still = {
         name for name in experiments[0].signals
@@ -57,7 +57,7 @@ def without_still(
     refuse_still({asked.response} & still, experiments)
     rate = MADE_OF.get(asked.response, "")
     if rate in still and not {asked.response, f"{rate}_dot"} & set(experiments[0].signals):
-        raise BadInput(f"{asked.response} is made of {rate}, and {_not_moving(rate, experiments)}")
+        raise InputError(f"{asked.response} is made of {rate}, and {_not_moving(rate, experiments)}")
     lost = {}
     for name in dict.fromkeys((*asked.regressors, *asked.always)):
         symbols = [one for one in _symbols(name, experiments) if one not in OF_AIR]
@@ -65,7 +65,7 @@ def without_still(
             lost[name] = Unidentified(name, f"{_not_moving(symbols[0], experiments)}: {WRONG}")
     kept = tuple(name for name in asked.regressors if name not in lost)
     if lost and not kept:
-        raise BadInput("; ".join(one.reason for one in lost.values()))
+        raise InputError("; ".join(one.reason for one in lost.values()))
     always = tuple(name for name in asked.always if name not in lost)
     return asked._replace(regressors=kept, always=always), tuple(lost.values())
 

@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from avionics.quantities import BadInput, counted
 from logs.identification.aerodynamics.stroke_coefficients import LEAST_STROKES, MeanCoefficients
 from logs.identification.aerodynamics.stroke_fits import Flight, derivative_fit, stroke_chapter, stroke_fit
 from logs.identification.aerodynamics.strokes_measured import (
@@ -30,6 +29,8 @@ from logs.identification.tables.results import TableFit
 from logs.identification.tables.stroke_doubts import AS_TOLD, Signs, doubts, without_impossible
 from logs.strokes import interval_mean
 from sim_bridge.aerodynamics.stroke_averages import Attitude
+from wingbeat.errors import InputError
+from wingbeat.text import pluralize
 
 EXAMPLE = """\
 # Mean coefficients of up- and down-stroke (Malladi Eq. 18 to 25): wingbeat identify RUN.csv --map THIS.toml stroke
@@ -82,10 +83,10 @@ def stroke_fits(
     """The mean coefficients over all manoeuvres, and where asked for what they are functions of.
 
     Raises:
-        BadInput: a signal or constant is not there, or fewer than three strokes were measured whole.
+        InputError: a signal or constant is not there, or fewer than three strokes were measured whole.
     """
     if asked.wings not in (1, 2):
-        raise BadInput("stroke.wings must be 1 or 2")
+        raise InputError("stroke.wings must be 1 or 2")
     wing = planform_of(asked.planform)
     notes: list[str] = []
     flown, held = (
@@ -93,7 +94,7 @@ def stroke_fits(
     )
     count = sum(len(one.strokes.records) for one in flown)
     if count < LEAST_STROKES:
-        raise BadInput(f"stroke: {counted(count, 'whole stroke')} found; {LEAST_STROKES} are needed ({notes[0]})")
+        raise InputError(f"stroke: {pluralize(count, 'whole stroke')} found; {LEAST_STROKES} are needed ({notes[0]})")
     told, each = stroke_fit(flown, held)
     told = without_impossible(told)
 
@@ -154,7 +155,7 @@ def _told(name: str, strokes: MeasuredStrokes, found: int) -> Information:
     lost = found - len(strokes.records)
     left = f", {lost} with missing samples left out" if lost else ""
     rate = f" at {1 / float(np.mean(strokes.end - strokes.begin)):.3g} Hz" if len(strokes.records) else ""
-    return Information(f"{name}: {counted(len(strokes.records), 'stroke')}{rate}{left}")
+    return Information(f"{name}: {pluralize(len(strokes.records), 'stroke')}{rate}{left}")
 
 
 def _with_attitude(asked: StrokeSection, one: Experiment, source: Source, strokes: MeasuredStrokes) -> Flight:
@@ -187,5 +188,5 @@ def _mean(one: Experiment, values: Array, strokes: MeasuredStrokes) -> Array:
 def _bridged(values: Array) -> Array:
     known, places = np.isfinite(values), np.arange(len(values))
     if not known.any():
-        raise BadInput("stroke: the angle of attack is missing all through a record")
+        raise InputError("stroke: the angle of attack is missing all through a record")
     return np.interp(places, places[known], values[known])

@@ -10,10 +10,11 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from avionics.quantities import BadInput, counted
 from logs.identification.results import Array
 from logs.identification.tables.clock import clock_column
 from logs.importing.csv_table import WHITESPACE, Table, decoded, number_of, parse_table, split_rows
+from wingbeat.errors import InputError
+from wingbeat.text import pluralize
 
 LOOKED_AT = 200
 """lines from which the delimiter is found out"""
@@ -61,16 +62,16 @@ class Columns(NamedTuple):
         """A column by its name, or by its number from 1.
 
         Raises:
-            BadInput: there is none, or several.
+            InputError: there is none, or several.
         """
         if isinstance(wanted, int):
             if not 1 <= wanted <= len(self.order):
-                raise BadInput(f"{key}: {self.file} has no column {wanted}; it has {len(self.order)}")
+                raise InputError(f"{key}: {self.file} has no column {wanted}; it has {len(self.order)}")
             wanted = self.order[wanted - 1]
         if wanted not in self.by_name:
-            raise BadInput(f"{key}: {self.file} has no column {wanted!r}; it has: {_listed(self.order)}")
+            raise InputError(f"{key}: {self.file} has no column {wanted!r}; it has: {_listed(self.order)}")
         if wanted in self.twice:
-            raise BadInput(f"{key}: {self.file} has several columns {wanted!r}: give its number")
+            raise InputError(f"{key}: {self.file} has several columns {wanted!r}: give its number")
         return self.by_name[wanted]
 
 
@@ -83,29 +84,29 @@ def read_columns(path: Path, layout: Layout) -> Columns:
     """Read a table from a file.
 
     Raises:
-        BadInput: it cannot be read, is no table, or has no numbers.
+        InputError: it cannot be read, is no table, or has no numbers.
     """
     try:
         data = path.read_bytes()
     except OSError as error:
-        raise BadInput(f"cannot read {path}: {error.strerror or error}") from None
+        raise InputError(f"cannot read {path}: {error.strerror or error}") from None
     try:
         return _columns(path.name, data, layout)
-    except BadInput as reason:
-        raise BadInput(f"{path}: {reason}") from None
+    except InputError as reason:
+        raise InputError(f"{path}: {reason}") from None
 
 
 def _columns(file: str, data: bytes, layout: Layout) -> Columns:
     lines = [_uncommented(line) for line in _text(data, layout.encoding).splitlines()]
     if layout.skip is not None:
         if layout.skip < 0:
-            raise BadInput("table.skip must be 0 or more")
+            raise InputError("table.skip must be 0 or more")
         lines = lines[layout.skip :]
     form = _form(lines, layout)
     first = _first_row(lines, form)
     names = _names(lines[:first], lines[first], form) if layout.names is not False else None
     if layout.names and names is None:
-        raise BadInput("there is no line of names above its numbers (table.names, table.skip)")
+        raise InputError("there is no line of names above its numbers (table.names, table.skip)")
     body = "\n".join(lines[first:])
     table = parse_table(body.encode(), {"delimiter": form.delimiter, "decimal": form.decimal, "names": False})
     return _with_clocks(_named(file, table, names, layout), lines[first:], form)
@@ -136,9 +137,9 @@ def _text(data: bytes, encoding: str | None) -> str:
     for guess in ("utf-16",) if data[:2] in (b"\xff\xfe", b"\xfe\xff") else ("utf-8", "cp1252"):
         try:
             return decoded(data, guess)
-        except BadInput:
+        except InputError:
             continue
-    raise BadInput('it is no text in UTF-8 or cp1252: the map can say [table] encoding = "latin-1"')
+    raise InputError('it is no text in UTF-8 or cp1252: the map can say [table] encoding = "latin-1"')
 
 
 def _uncommented(line: str) -> str:
@@ -156,7 +157,7 @@ def _form(lines: list[str], layout: Layout) -> _Form:
     """The delimiter and decimal sign with which most cells are numbers, and of those the most columns."""
     filled = [line for line in lines if line]
     if not filled:
-        raise BadInput("it is empty")
+        raise InputError("it is empty")
     told = [layout.delimiter] if layout.delimiter is not None else [",", ";", "\t", WHITESPACE]
     signs = [layout.decimal] if layout.decimal is not None else [".", ","]
     sample = filled[len(filled) // 2 :][:LOOKED_AT]
@@ -195,7 +196,7 @@ def _first_row(lines: list[str], form: _Form) -> int:
     rows = ((place, _cells(line, form)) for place, line in enumerate(lines) if line)
     numeric = [(place, len(cells)) for place, cells in rows if _is_row(cells, form)][: 50 + LOOKED_AT]
     if not numeric:
-        raise BadInput("there is no row of numbers in it")
+        raise InputError("there is no row of numbers in it")
     usual = sorted(width for _, width in numeric)[len(numeric) // 2]
     first = next(place for place, width in numeric if width >= usual)
     delimiters = len(_all_cells(lines[first], form))
@@ -231,8 +232,8 @@ def _named(file: str, table: Table, names: list[str] | None, layout: Layout) -> 
     given = names or []
     order = [given[n] if n < len(given) and given[n] else str(n + 1) for n in range(len(values))]
     told = {
-        f"{counted(table.strange, 'cell')} with something that is no number": table.strange,
-        f"{counted(table.short, 'row')} with fewer cells than the others": table.short,
+        f"{pluralize(table.strange, 'cell')} with something that is no number": table.strange,
+        f"{pluralize(table.short, 'row')} with fewer cells than the others": table.short,
     }
     return Columns(
         file, dict(zip(order, values, strict=True)), tuple(order),

@@ -10,10 +10,10 @@ from collections.abc import Collection, Mapping
 
 import numpy as np
 
-from avionics.quantities import BadInput
 from logs.identification.experiment import Experiment
 from logs.identification.results import Array
 from logs.identification.tables.experiments import Cut
+from wingbeat.errors import InputError
 
 PLACE = "vane_x"
 RATES = (("alpha", "q", 1.0), ("beta", "r", -1.0))
@@ -25,7 +25,7 @@ def at_centre(found: Cut, constants: Mapping[str, float], used: Collection[str])
     An angle that nothing of what is fitted uses (``used``) stays as it is where its rate was not told.
 
     Raises:
-        BadInput: the rate or the airspeed that this takes was not told.
+        InputError: the rate or the airspeed that this takes was not told.
     """
     place = constants.get(PLACE, 0.0)
     if not place:
@@ -42,7 +42,7 @@ def _moved(one: Experiment, place: float, constants: Mapping[str, float], used: 
         if angle not in signals or (rate not in signals and angle not in used):
             continue
         if rate not in signals:
-            raise BadInput(f"constants.{PLACE} needs signals.{rate}: {angle} of the centre of mass is made of both")
+            raise InputError(f"constants.{PLACE} needs signals.{rate}: {angle} of the centre of mass is made of both")
         turning: Array = np.asarray(signals[rate]) * place / _airspeed(one, constants)
         signals[angle] = np.asarray(signals[angle]) + sign * turning
     return one._replace(signals=signals)
@@ -53,5 +53,5 @@ def _airspeed(one: Experiment, constants: Mapping[str, float]) -> Array | float:
         speed: Array = np.asarray(one.signals["V"], dtype=np.float64)
         return np.asarray(np.where(speed > 0.0, speed, np.nan))
     if "V" not in constants:
-        raise BadInput(f"constants.{PLACE} needs constants.V or signals.V")
+        raise InputError(f"constants.{PLACE} needs constants.V or signals.V")
     return constants["V"]

@@ -110,7 +110,7 @@ def build(settings: VortexLattice, strips: Strips) -> VortexLatticeParameters:
     """The model's parameters for the wings of a vehicle; the same for the same wings, their room with them.
 
     Raises:
-        BadInput: see `parameters_of`.
+        InputError: see `parameters_of`.
     """
     key = settings, b"".join(column.tobytes() for column in strips)
     if key not in _built:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from avionics.quantities import BadInput
 from sim_bridge.aerodynamics.vortex_lattice.geometry import Lattice, grid_of
 from sim_bridge.vectors import Floats
+from wingbeat.errors import InputError
 
 INSIDE = 1e-6
 """-; surfaces may touch: an edge crosses where it goes through by this share of itself, that far from the border"""
@@ -16,7 +16,7 @@ def check_crossings(lattice: Lattice) -> None:
     """Look for surfaces that go through one another.
 
     Raises:
-        BadInput: two do; says which, and where.
+        InputError: two do; says which, and where.
     """
     grids = [grid_of(lattice, lattice.nodes, i) for i in range(len(lattice.names))]
     for i, one in enumerate(grids):
@@ -26,7 +26,7 @@ def check_crossings(lattice: Lattice) -> None:
             where = _crossing(one, other)
             if where is not None:
                 place = ", ".join(f"{x:.3g}" for x in where)
-                raise BadInput(f'surface "{lattice.names[i]}" crosses "{lattice.names[j]}" at ({place}) m')
+                raise InputError(f'surface "{lattice.names[i]}" crosses "{lattice.names[j]}" at ({place}) m')
 
 
 def _boxes_meet(one: Floats, other: Floats) -> bool:

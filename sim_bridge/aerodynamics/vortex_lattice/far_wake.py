@@ -13,11 +13,11 @@ import math
 
 import numpy as np
 
-from avionics.quantities import BadInput
 from sim_bridge.aerodynamics.vortex_lattice.geometry import Lattice
 from sim_bridge.aerodynamics.vortex_lattice.influence import reflections
 from sim_bridge.aerodynamics.vortex_lattice.steady import CORE, direction, edge_nodes, mean_chords, trailing_panels
 from sim_bridge.vectors import Floats, Integers
+from wingbeat.errors import InputError
 
 ALONG = 1e-9
 """-; sine of the angle to a mirror plane up to which a wake runs along it"""
@@ -41,7 +41,7 @@ def far_drag(
         ground: m; height z of a plane that no air crosses.
 
     Raises:
-        BadInput: ``along`` has no direction, or leads through a plane that mirrors.
+        InputError: ``along`` has no direction, or leads through a plane that mirrors.
     """
     way, images = direction(along), reflections(symmetric, ground)
     _check_mirrors(way, images)
@@ -62,7 +62,7 @@ def _check_mirrors(way: Floats, images: Floats) -> None:
     for image in images:
         if np.max(np.abs(image[:3] @ way - way)) > ALONG:
             told = ", ".join(f"{x:.3g}" for x in way)
-            raise BadInput(f"the wake along ({told}) leads through a plane that mirrors, not along it")
+            raise InputError(f"the wake along ({told}) leads through a plane that mirrors, not along it")
 
 
 def _edge_indices(lattice: Lattice) -> tuple[Integers, Integers]:

@@ -14,9 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from avionics.quantities import BadInput
 from sim_bridge.aerodynamics.vortex_lattice.sections import FLAT, MeanLine
 from sim_bridge.vectors import Floats, Integers
+from wingbeat.errors import InputError
 
 SMALLEST_AREA = 1e-9
 """-; share of the surface's mean panel below which a panel counts as having none"""
@@ -96,14 +96,14 @@ def spacing(kind: str, panels: int) -> Floats:
     """(panels + 1,) places from 0 to 1.
 
     Raises:
-        BadInput: no such spacing.
+        InputError: no such spacing.
     """
     even = np.linspace(0.0, 1.0, panels + 1)
     if kind == "uniform":
         return even
     if kind == "cosine":
         return np.asarray(0.5 * (1.0 - np.cos(math.pi * even)))
-    raise BadInput(f'spacing "{kind}" is unknown; it is "uniform" or "cosine"')
+    raise InputError(f'spacing "{kind}" is unknown; it is "uniform" or "cosine"')
 
 
 def _chord_points(section: Section, places: Floats) -> Floats:
@@ -118,7 +118,7 @@ def surface_nodes(surface: Surface) -> Floats:
     """(rows + 1, columns + 1, 3) m.
 
     Raises:
-        BadInput: fewer than two sections, panels that do not fit them, an unknown spacing, a chord below 0.
+        InputError: fewer than two sections, panels that do not fit them, an unknown spacing, a chord below 0.
     """
     _check(surface)
     places = spacing(surface.chordwise, surface.rows)
@@ -133,19 +133,19 @@ def surface_nodes(surface: Surface) -> Floats:
 def _check(surface: Surface) -> None:
     name, sections = surface.name, surface.sections
     if len(sections) < 2 or len(surface.columns) != len(sections) - 1:
-        raise BadInput(f'surface "{name}" needs two sections or more, and the number of panels between each two')
+        raise InputError(f'surface "{name}" needs two sections or more, and the number of panels between each two')
     if surface.rows < 1 or min(surface.columns) < 1:
-        raise BadInput(f'surface "{name}" needs one panel or more along chord and span')
+        raise InputError(f'surface "{name}" needs one panel or more along chord and span')
     for i, section in enumerate(sections):
         if not section.chord >= 0.0:
-            raise BadInput(f'surface "{name}", section {i}: chord = {section.chord:g} m must not be below 0')
+            raise InputError(f'surface "{name}", section {i}: chord = {section.chord:g} m must not be below 0')
 
 
 def build_lattice(surfaces: Sequence[Surface]) -> Lattice:
     """The panels of all surfaces.
 
     Raises:
-        BadInput: see `surface_nodes` and `check_areas`.
+        InputError: see `surface_nodes` and `check_areas`.
     """
     return lattice_of({surface.name: surface_nodes(surface) for surface in surfaces})
 
@@ -154,7 +154,7 @@ def lattice_of(grids: dict[str, Floats]) -> Lattice:
     """A lattice of surfaces that are told by their nodes (rows + 1, columns + 1, 3) in m.
 
     Raises:
-        BadInput: see `check_areas`.
+        InputError: see `check_areas`.
     """
     layout = layout_of([(grid.shape[0] - 1, grid.shape[1] - 1) for grid in grids.values()])
     lattice = Lattice(tuple(grids), layout, flat_nodes(list(grids.values())))
@@ -185,16 +185,16 @@ def check_areas(lattice: Lattice) -> None:
     """Look for what a lattice cannot be solved with.
 
     Raises:
-        BadInput: a node that is no place, or a panel without area.
+        InputError: a node that is no place, or a panel without area.
     """
     for i, name in enumerate(lattice.names):
         grid = grid_of(lattice, lattice.nodes, i)
         if not np.all(np.isfinite(grid)):
             row, column = np.argwhere(~np.isfinite(grid).all(axis=2))[0]
-            raise BadInput(f'surface "{name}": node {row}, {column} is no place: {grid[row, column].tolist()}')
+            raise InputError(f'surface "{name}": node {row}, {column} is no place: {grid[row, column].tolist()}')
         areas = panel_areas(grid)
         flat = np.argwhere(areas <= SMALLEST_AREA * max(float(areas.mean()), 1e-300))
         if len(flat):
             row, column = flat[0]
             corner = ", ".join(f"{x:.3g}" for x in grid[row, column])
-            raise BadInput(f'surface "{name}": panel {row}, {column} at ({corner}) m has no area')
+            raise InputError(f'surface "{name}": panel {row}, {column} at ({corner}) m has no area')

@@ -16,8 +16,8 @@ import math
 
 import numpy as np
 
-from avionics.quantities import BadInput
 from sim_bridge.vectors import Floats, kernel
+from wingbeat.errors import InputError
 
 FILAMENT = 8
 """rows of a table of filaments: start (3) m, end (3) m, strength over 4 pi in m^2/s, (core length)^2 in m^4"""
@@ -32,10 +32,10 @@ def reflections(symmetric: bool, ground: float | None) -> Floats:
     """(k, 4, 3) reflections, R above t: none, that in the plane y = 0, that in z = ``ground`` m, and in both.
 
     Raises:
-        BadInput: the ground's height is no number.
+        InputError: the ground's height is no number.
     """
     if ground is not None and not math.isfinite(ground):
-        raise BadInput(f"ground = {ground:g} m is no height")
+        raise InputError(f"ground = {ground:g} m is no height")
     found = [np.vstack((np.eye(3), np.zeros(3)))]
     if symmetric:
         found += [_reflected(one, 1, 0.0) for one in found]

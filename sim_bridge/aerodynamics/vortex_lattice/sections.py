@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from avionics.quantities import BadInput
 from sim_bridge.vectors import Floats
+from wingbeat.errors import InputError
 
 FIVE_DIGITS = {"210": (0.0580, 361.4), "220": (0.1260, 51.64), "230": (0.2025, 15.957), "240": (0.2900, 6.643),
                "250": (0.3910, 3.230)}  # fmt: skip
@@ -35,14 +35,16 @@ def naca(digits: str, points: int = 401) -> MeanLine:
     """The mean line of ``naca("2412")`` or ``naca("23012")`` (Abbott and von Doenhoff 1959, Eq. 6.4 and 6.6).
 
     Raises:
-        BadInput: not four digits, nor five of a known mean line.
+        InputError: not four digits, nor five of a known mean line.
     """
     x = 0.5 * (1.0 - np.cos(np.linspace(0.0, math.pi, points)))
     if len(digits) == 4 and digits.isdigit():
         return MeanLine(x, _four(x, int(digits[0]) / 100.0, int(digits[1]) / 10.0))
     if len(digits) == 5 and digits.isdigit() and digits[:3] in FIVE_DIGITS:
         return MeanLine(x, _five(x, *FIVE_DIGITS[digits[:3]]))
-    raise BadInput(f"NACA {digits} is none of the four-digit sections, nor of {', '.join(FIVE_DIGITS)} with two more")
+    raise InputError(
+        f"NACA {digits} is none of the four-digit sections, nor of {', '.join(FIVE_DIGITS)} with two more"
+    )
 
 
 def _four(x: Floats, m: float, p: float) -> Floats:
@@ -62,11 +64,11 @@ def tabled(x: Floats, z: Floats) -> MeanLine:
     """A mean line of points in chords, from the leading edge back.
 
     Raises:
-        BadInput: fewer than two points, not as many heights, or places that do not grow from 0 to 1.
+        InputError: fewer than two points, not as many heights, or places that do not grow from 0 to 1.
     """
     x, z = np.asarray(x, dtype=np.float64), np.asarray(z, dtype=np.float64)
     if x.ndim != 1 or x.shape != z.shape or len(x) < 2 or not np.all(np.isfinite(np.concatenate((x, z)))):
-        raise BadInput("a camber table needs two points or more, each with a place and a height in chords")
+        raise InputError("a camber table needs two points or more, each with a place and a height in chords")
     if x[0] != 0.0 or x[-1] != 1.0 or np.any(np.diff(x) <= 0.0):
-        raise BadInput("a camber table's places must grow from 0 at the leading edge to 1 at the trailing edge")
+        raise InputError("a camber table's places must grow from 0 at the leading edge to 1 at the trailing edge")
     return MeanLine(x, z)

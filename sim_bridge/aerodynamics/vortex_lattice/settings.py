@@ -7,7 +7,6 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from avionics.quantities import BadInput, Quantity
 from sim_bridge.aerodynamics.protocol import Strips, aspect_ratio
 from sim_bridge.aerodynamics.strip_theory import STALL_FACTOR_BOUNDS, StripParameters, strip_parameters
 from sim_bridge.aerodynamics.vortex_lattice.crossings import check_crossings
@@ -17,6 +16,8 @@ from sim_bridge.aerodynamics.vortex_lattice.panels import Panels, blank_panels
 from sim_bridge.aerodynamics.vortex_lattice.steady import trailing_panels, with_wake_row
 from sim_bridge.aerodynamics.vortex_lattice.wake import blank_table, wake_filaments
 from sim_bridge.vectors import Floats, Integers
+from wingbeat.errors import InputError
+from wingbeat.units import Quantity
 
 WING, TAILPLANE, FIN = 0, 1, 2
 """surfaces"""
@@ -202,12 +203,12 @@ def parameters_of(settings: VortexLattice, strips: Strips) -> VortexLatticeParam
     """The model's parameters for the wings of a vehicle, left wing first, strips from root to tip.
 
     Raises:
-        BadInput: ``dynamic_stall`` is unknown, or the fin goes through the tailplane.
+        InputError: ``dynamic_stall`` is unknown, or the fin goes through the tailplane.
     """
     bound = STALL_FACTOR_BOUNDS.get(settings.dynamic_stall)
     if bound is None:
         known = " or ".join(STALL_FACTOR_BOUNDS)
-        raise BadInput(f'vortex_lattice.dynamic_stall = "{settings.dynamic_stall}" is unknown; it is {known}')
+        raise InputError(f'vortex_lattice.dynamic_stall = "{settings.dynamic_stall}" is unknown; it is {known}')
     check_crossings(tail_at_rest(settings))
     half, wing = len(strips.chord) // 2, aspect_ratio(strips)
     layout = layout_of([(settings.rows, 2 * half), TAIL_SHAPE, FIN_SHAPE])
@@ -244,7 +245,7 @@ def tail_at_rest(settings: VortexLattice) -> Lattice:
     """Tailplane and fin with no deflection, body axes.
 
     Raises:
-        BadInput: a panel has no area.
+        InputError: a panel has no area.
     """
     s = settings
     (x, y, z), (fin_x, fin_y, fin_z) = s.tail_place, s.fin_place

@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from avionics.quantities import BadInput
 from sim_bridge.aerodynamics.vortex_lattice.crossings import check_crossings
 from sim_bridge.aerodynamics.vortex_lattice.forces import Flow, Loads, blank_loads_of, middles, set_loads
 from sim_bridge.aerodynamics.vortex_lattice.geometry import Lattice, Layout, grid_of, layout_of, panel_count
@@ -24,6 +23,7 @@ from sim_bridge.aerodynamics.vortex_lattice.panels import (
 )
 from sim_bridge.aerodynamics.vortex_lattice.wake import blank_table
 from sim_bridge.vectors import Floats
+from wingbeat.errors import InputError
 
 WAKE_SPANS = 100.0
 """-; length of the wake over the greatest extent of the lattice"""
@@ -90,11 +90,11 @@ def direction(along: Floats) -> Floats:
     """(3,) -; of a wake that leaves ``along`` (3,), of any length.
 
     Raises:
-        BadInput: it has none.
+        InputError: it has none.
     """
     length = float(np.linalg.norm(along))
     if not length > 0.0 or not math.isfinite(length):
-        raise BadInput(f"the wake has no direction: {np.asarray(along).tolist()}")
+        raise InputError(f"the wake has no direction: {np.asarray(along).tolist()}")
     return np.asarray(along, dtype=float) / length
 
 
@@ -123,11 +123,11 @@ def solve_steady(
     direction ``along`` (3,), of any length, the wind's where none is told.
 
     Raises:
-        BadInput: there is no wind, the wake has no direction, surfaces cross, or the panels allow no solution.
+        InputError: there is no wind, the wake has no direction, surfaces cross, or the panels allow no solution.
     """
     speed = float(np.linalg.norm(wind))
     if not speed > SLOWEST or not math.isfinite(speed):
-        raise BadInput(f"zero airspeed: a steady lattice needs wind, and not {speed:g} m/s")
+        raise InputError(f"zero airspeed: a steady lattice needs wind, and not {speed:g} m/s")
     check_crossings(lattice)
     layout, images = lattice.layout, reflections(symmetric, ground)
     panels, ends = blank_panels(layout), edge_nodes(layout, lattice.nodes)
@@ -153,7 +153,7 @@ def _strengths(
     matrix[:, trailing] += full[:, wake]
     x, pivots = -(np.asarray(wind) @ wide.normal), np.zeros(len(at))
     if not factorize(matrix, pivots):
-        raise BadInput("the lattice has no solution: two of its panels lie in the same place")
+        raise InputError("the lattice has no solution: two of its panels lie in the same place")
     substitute(matrix, pivots, x)
     return x
 

@@ -17,7 +17,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from avionics.quantities import BadInput
 from sim_bridge.aerodynamics.vortex_lattice.crossings import check_crossings
 from sim_bridge.aerodynamics.vortex_lattice.forces import Flow, Loads, blank_loads_of, middles, ring_areas, set_loads
 from sim_bridge.aerodynamics.vortex_lattice.geometry import Lattice, grid_of, panel_count
@@ -44,6 +43,7 @@ from sim_bridge.aerodynamics.vortex_lattice.wake import (
     wake_filaments,
 )
 from sim_bridge.vectors import Floats
+from wingbeat.errors import InputError
 
 LONGEST_STEP = 5.0
 """-; way of a trailing edge in a step over the length of its panel: a longer wake ring resolves nothing of it"""
@@ -189,8 +189,8 @@ def run(
     The nodes of ``lattice`` are those of ``motion(0)``.
 
     Raises:
-        BadInput: surfaces cross, nothing moves, the time step is too long for the panels, an unknown wake, or panels
-            without a solution.
+        InputError: surfaces cross, nothing moves, the time step is too long for the panels, an unknown wake, or
+            panels without a solution.
     """
     _check(lattice, motion, scheme)
     work = _work(lattice, scheme, air)
@@ -217,20 +217,20 @@ def run(
 
 def _check(lattice: Lattice, motion: NodeMotion, scheme: Scheme) -> None:
     if not (scheme.dt > 0.0 and math.isfinite(scheme.dt)) or scheme.steps < 1:
-        raise BadInput(f"dt = {scheme.dt:g} s and steps = {scheme.steps} must be above 0")
+        raise InputError(f"dt = {scheme.dt:g} s and steps = {scheme.steps} must be above 0")
     if scheme.wake not in WAKES:
-        raise BadInput(f'wake "{scheme.wake}" is unknown; it is {" or ".join(WAKES)}')
+        raise InputError(f'wake "{scheme.wake}" is unknown; it is {" or ".join(WAKES)}')
     check_crossings(lattice)
     times = scheme.dt * np.linspace(0.0, scheme.steps, min(scheme.steps, 40) + 1)
     ways = [motion(time + scheme.dt) - motion(time) for time in times.tolist()]
     if not max(float(np.max(np.abs(way))) for way in ways) > SLOWEST:
-        raise BadInput("zero airspeed: no node of the lattice moves through the air")
+        raise InputError("zero airspeed: no node of the lattice moves through the air")
     for i, name in enumerate(lattice.names):
         grid = grid_of(lattice, lattice.nodes, i)
         panel = float(np.linalg.norm(grid[-1] - grid[-2], axis=1).max())
         way = max(float(np.linalg.norm(grid_of(lattice, way, i)[-1], axis=1).max()) for way in ways)
         if way > LONGEST_STEP * panel:
-            raise BadInput(
+            raise InputError(
                 f'time step {scheme.dt:g} s is too long for surface "{name}": its trailing edge goes {way:.3g} m in'
                 f" it, more than {LONGEST_STEP:g} of its panels' {panel:.3g} m"
             )
@@ -307,10 +307,10 @@ def _solve(lattice: Lattice, work: _Work, flow: Floats, step: int) -> Floats:
     set_influence(lattice.layout, work.panels, work.images, work.cores, work.scratch, work.matrix)
     x = -np.einsum("in,in->n", flow, work.panels.normal)
     if not factorize(work.matrix, work.pivots):
-        raise BadInput(f"step {step}: the lattice has no solution: two of its panels lie in the same place")
+        raise InputError(f"step {step}: the lattice has no solution: two of its panels lie in the same place")
     substitute(work.matrix, work.pivots, x)
     if not np.all(np.isfinite(x)):
-        raise BadInput(f"step {step}: the strengths have no finite value; a panel lost its area, or the wake burst")
+        raise InputError(f"step {step}: the strengths have no finite value; a panel lost its area, or the wake burst")
     return np.asarray(x)
 
 

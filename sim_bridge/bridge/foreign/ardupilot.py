@@ -15,8 +15,7 @@ from enum import Enum
 from typing import Any, NamedTuple
 
 from avionics.link.urls import parse_url
-from avionics.messages import ReceiverSample, Severity
-from avionics.quantities import BadInput
+from avionics.messages import ReceiverSample
 from sim_bridge.bridge.foreign import ardupilot_wire as wire
 from sim_bridge.bridge.foreign.flight import ForeignFlight, Rig
 from sim_bridge.bridge.foreign.outputs import Pulses, from_pulses
@@ -24,6 +23,8 @@ from sim_bridge.bridge.foreign.world import AutopilotSilent, Interface, NextStag
 from sim_bridge.bridge.pace import Pacer
 from sim_bridge.bridge.world import SimulationSilent
 from sim_bridge.observation import Observation
+from wingbeat.errors import InputError
+from wingbeat.message import Severity
 
 PORT = 9002
 """of instance 0"""
@@ -98,7 +99,7 @@ class ArduPilotServer:
         """Listen.
 
         Raises:
-            BadInput: the interface's address is not ``udpin:HOST:PORT``, or the port is in use.
+            InputError: the interface's address is not ``udpin:HOST:PORT``, or the port is in use.
         """
         self._socket = _bound(interface.url)
         self._speed = interface.speed
@@ -279,13 +280,13 @@ class ArduPilotFlight:
 def _bound(url: str) -> socket.socket:
     where = parse_url(url)
     if where.kind != "udpin":
-        raise BadInput(f"{url}: ArduPilot's physics listens on udpin:HOST:PORT")
+        raise InputError(f"{url}: ArduPilot's physics listens on udpin:HOST:PORT")
     try:
         family, kind, _, _, address = socket.getaddrinfo(where.host, where.port, type=socket.SOCK_DGRAM)[0]
         port = socket.socket(family, kind)
         port.bind(address)
     except OSError as error:
-        raise BadInput(f"{url}: cannot listen there: {error.strerror or error}") from None
+        raise InputError(f"{url}: cannot listen there: {error.strerror or error}") from None
     return port
 
 

@@ -8,8 +8,7 @@ from typing import NamedTuple
 
 from avionics import topics
 from avionics.isolation import Isolation, fault_events
-from avionics.messages import Event, FlapCommand, SensorFrame, Severity
-from avionics.topics import Topic
+from avionics.messages import FlapCommand, SensorFrame
 from avionics.vehicles.loader import FlightVehicle
 from sim_bridge import topics as truth_topics
 from sim_bridge.bridge.foreign import launch, mixer
@@ -19,6 +18,8 @@ from sim_bridge.bridge.foreign.outputs import Channels, Outputs
 from sim_bridge.bridge.foreign.world import ForeignWorld, Stage, Tell
 from sim_bridge.bridge.world import NEUTRAL
 from sim_bridge.observation import Observation
+from wingbeat.message import Event, Severity
+from wingbeat.topic import Topic
 
 LONGEST_STEP = 0.005
 """s; a stroke of 4 Hz is cut into 50 of them"""

@@ -9,8 +9,8 @@ from __future__ import annotations
 from enum import Enum
 from typing import NamedTuple
 
-from avionics.constants import STANDARD_GRAVITY
 from sim_bridge.bridge.foreign.outputs import Outputs
+from wingbeat.constants import STANDARD_GRAVITY
 
 ARMED_TIME = 5.0
 """s; armed for so long before a throw: time to select the mode, and for the autopilot to start its detection"""

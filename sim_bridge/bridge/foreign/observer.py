@@ -14,8 +14,8 @@ from avionics.messages import ActuatorCommand, FlapCommand, SensorFrame, Stage
 from avionics.state import initial_state
 from avionics.tasks import estimate, sense
 from avionics.tasks.intake import accept
-from avionics.topics import Publish, Topic
 from avionics.vehicles.loader import FlightVehicle
+from wingbeat.topic import Publish, Topic
 
 TASKS = (
     sense.power, sense.wing, sense.air, sense.torque, estimate.attitude, estimate.altitude, estimate.position,

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from avionics.quantities import BadInput
+from wingbeat.errors import InputError
 
 MOST_CHANNELS = 32
 
@@ -51,25 +51,25 @@ def parse_channels(text: str) -> Channels:
     """The assignment written as ``elevator=2,throttle=3``; what is not named keeps its usual channel.
 
     Raises:
-        BadInput: no such function or channel, a channel given twice, or a throttle that is missing or reversed.
+        InputError: no such function or channel, a channel given twice, or a throttle that is missing or reversed.
     """
     given: dict[str, int] = {}
     for part in text.split(","):
         name, _, number = part.strip().partition("=")
         if name not in Channels._fields:
-            raise BadInput(f"channels {text}: {name or 'nothing'} is not one of {', '.join(Channels._fields)}")
+            raise InputError(f"channels {text}: {name or 'nothing'} is not one of {', '.join(Channels._fields)}")
         digits = number.removeprefix("-")
         if not (digits.isascii() and digits.isdigit() and int(digits) <= MOST_CHANNELS):
-            raise BadInput(
+            raise InputError(
                 f"channels {text}: the channel of {name} must be 1 to {MOST_CHANNELS}, -1 to reverse it, 0"
             )
         given[name] = int(number)
     channels = Channels(**given)
     used = [abs(number) for number in channels if number]
     if len(set(used)) != len(used):
-        raise BadInput(f"channels {text}: {channels} gives one channel to two functions")
+        raise InputError(f"channels {text}: {channels} gives one channel to two functions")
     if channels.throttle < 1:
-        raise BadInput(f"channels {text}: the throttle needs a channel, and cannot be reversed")
+        raise InputError(f"channels {text}: the throttle needs a channel, and cannot be reversed")
     return channels
 
 
@@ -77,14 +77,14 @@ def parse_pulses(text: str) -> Pulses:
     """The ends of the servos' travel written as ``LOW:HIGH`` in us.
 
     Raises:
-        BadInput: not two such numbers, or not rising.
+        InputError: not two such numbers, or not rising.
     """
     low, _, high = text.partition(":")
     if not (low.isascii() and low.isdigit() and high.isascii() and high.isdigit()):
-        raise BadInput(f"pulses {text}: they must be LOW:HIGH in whole microseconds, such as 1100:1900")
+        raise InputError(f"pulses {text}: they must be LOW:HIGH in whole microseconds, such as 1100:1900")
     pulses = Pulses(float(low), float(high))
     if not 500.0 <= pulses.low < pulses.high <= 2500.0:
-        raise BadInput(f"pulses {text}: they must rise, within 500 to 2500 us")
+        raise InputError(f"pulses {text}: they must rise, within 500 to 2500 us")
     return pulses
 
 

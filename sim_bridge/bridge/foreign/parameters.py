@@ -11,10 +11,10 @@ import textwrap
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from avionics.quantities import BadInput
 from avionics.vehicles.loader import FlightVehicle
 from sim_bridge.bridge.foreign.launch import Push
 from sim_bridge.bridge.foreign.outputs import Channels, Pulses
+from wingbeat.errors import InputError
 
 LINE_LENGTH = 98
 """characters; ArduPilot reads a parameter file in lines of at most so many, and splits longer ones"""
@@ -84,20 +84,20 @@ def check_outputs(channels: Channels, of_px4: bool) -> None:
     """Refuse outputs that the autopilot does not have.
 
     Raises:
-        BadInput: there is one.
+        InputError: there is one.
     """
     if of_px4 and max(abs(number) for number in channels) > PX4_OUTPUTS:
-        raise BadInput(f"channels {channels}: PX4 has {PX4_OUTPUTS} outputs")
+        raise InputError(f"channels {channels}: PX4 has {PX4_OUTPUTS} outputs")
 
 
 def check_push(push: Push) -> None:
     """Refuse a throw too weak for a launch detection.
 
     Raises:
-        BadInput: it is.
+        InputError: it is.
     """
     if not push.is_detectable:
-        raise BadInput(
+        raise InputError(
             f"launch throw: {push.acceleration:.3g} m/s^2 is too weak for a launch detection; use --launch throttle"
         )
 

@@ -16,7 +16,7 @@ from avionics.link import codec
 from avionics.link.dialect import mavlink
 from avionics.link.framing import Frame, FrameReader, decode
 from avionics.link.transport import Listener, Stream
-from avionics.messages import SensorFrame, Severity
+from avionics.messages import SensorFrame
 from sim_bridge.bridge.foreign import px4_wire as wire
 from sim_bridge.bridge.foreign.flight import ForeignFlight, Rig
 from sim_bridge.bridge.foreign.outputs import Outputs, from_controls
@@ -25,6 +25,7 @@ from sim_bridge.bridge.pace import Pacer
 from sim_bridge.bridge.truth import HIL_STATE_QUATERNION, encode_truth
 from sim_bridge.bridge.world import SimulationSilent
 from sim_bridge.sensors.suite import ticks_of
+from wingbeat.message import Severity
 
 PORT = 4560
 """of instance 0; the next instance's is the next"""
@@ -91,7 +92,7 @@ class Px4Server:
         """Listen.
 
         Raises:
-            BadInput: the interface's address is not ``tcp:HOST:PORT``, or the port is in use.
+            InputError: the interface's address is not ``tcp:HOST:PORT``, or the port is in use.
         """
         self._listener = Listener(interface.url)
         self._speed = interface.speed

@@ -8,11 +8,12 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from avionics.constants import STANDARD_GRAVITY
 from avionics.link import codec
 from avionics.link.dialect import mavlink
 from avionics.messages import ImuSample, PressureSample, ReceiverSample, SensorFrame
 from avionics.sensing import air_data
+from wingbeat.atmosphere import pressure_altitude
+from wingbeat.constants import STANDARD_GRAVITY
 
 BAROMETER, DIFFERENTIAL_PRESSURE = 0x1A00, 0x400
 """``fields_updated`` of pressure, pressure altitude and temperature, and of the pitot"""
@@ -77,7 +78,7 @@ def _pressures(sample: PressureSample | None, gains: air_data.Gains) -> tuple[tu
     differential = air_data.differential(gains, sample.differential_counts)
     celsius = sample.temperature_counts * gains.temperature_scale - KELVIN
     values = (static / PASCAL_PER_HECTOPASCAL, differential / PASCAL_PER_HECTOPASCAL)
-    return (*values, air_data.isa_altitude(static), celsius), BAROMETER | DIFFERENTIAL_PRESSURE
+    return (*values, pressure_altitude(static), celsius), BAROMETER | DIFFERENTIAL_PRESSURE
 
 
 def rc_channels(sample: ReceiverSample) -> object:

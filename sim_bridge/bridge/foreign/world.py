@@ -6,9 +6,9 @@ from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
 from avionics.messages import ActuatorCommand, SensorFrame
-from avionics.topics import Publish
 from sim_bridge.messages import TruthState, TruthWing
 from sim_bridge.observation import Observation
+from wingbeat.topic import Publish
 
 
 class ForeignWorld(Protocol):

@@ -37,7 +37,7 @@ def tuned(aircraft: Aircraft) -> Aircraft:
     """With the altitude loop designed.
 
     Raises:
-        BadInput: no gain keeps the margins.
+        InputError: no gain keeps the margins.
     """
     inside = loop_bandwidth(climb.process(aircraft), climb.terms(aircraft.gains.altitude))
     ranges = greatest(altitude.Gains, "proportional")

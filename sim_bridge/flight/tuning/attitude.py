@@ -28,7 +28,7 @@ def designed(aircraft: Aircraft, process: Process, gains: Gains) -> Gains:
     """The gains with the loop's part designed, for the airspeed of the model.
 
     Raises:
-        BadInput: no gains keep the margins.
+        InputError: no gains keep the margins.
     """
     fastest = SHARE * aircraft.model.flapping_rate
     ranges = greatest(type(gains), "proportional", "integral", "damping")

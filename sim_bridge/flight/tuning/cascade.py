@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
-from avionics.quantities import BadInput
 from avionics.vehicles import FlightVehicle
 from avionics.vehicles.gains import FlightGains
 from sim_bridge.flight.tuning import altitude, climb, heading, pitch, roll
@@ -13,6 +12,7 @@ from sim_bridge.flight.tuning.aircraft import Aircraft
 from sim_bridge.tuning.loop import Process, Terms, loop_bandwidth, loop_margins
 from sim_bridge.tuning.margins import Margins
 from sim_bridge.tuning.model import LinearModel
+from wingbeat.errors import InputError
 
 
 class Part(NamedTuple):
@@ -79,7 +79,7 @@ def design(
     """Design every loop that the model has the motion for; ``on_progress`` gets the loops done and their number.
 
     Raises:
-        BadInput: a loop finds no gains that keep the margins.
+        InputError: a loop finds no gains that keep the margins.
     """
     start = Aircraft(model, vehicle.airframe, vehicle.gains)
     parts = parts_of(model)
@@ -87,8 +87,8 @@ def design(
     for i, part in enumerate(parts):
         try:
             aircraft = _rounded(part.tuned(aircraft), part)
-        except BadInput as error:
-            raise BadInput(f"{part.name}: {error}") from None
+        except InputError as error:
+            raise InputError(f"{part.name}: {error}") from None
         on_progress(i + 1, len(parts))
     before, after = (tuple(examined(part, one) for part in parts) for one in (start, aircraft))
     return Design(model, aircraft.gains, before, after)

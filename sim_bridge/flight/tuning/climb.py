@@ -72,7 +72,7 @@ def tuned(aircraft: Aircraft) -> Aircraft:
     """With the climb loop designed.
 
     Raises:
-        BadInput: no gains keep the margins.
+        InputError: no gains keep the margins.
     """
     fastest = SHARE * aircraft.model.flapping_rate
     ranges, held = (

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 
 from avionics.guidance import heading
-from sim_bridge.environment.gravity import GRAVITY
 from sim_bridge.flight.tuning import roll
 from sim_bridge.flight.tuning.aircraft import Aircraft, loop_delay
 from sim_bridge.flight.tuning.altitude import APART
@@ -18,6 +17,7 @@ from sim_bridge.flight.tuning.ranges import greatest
 from sim_bridge.tuning import blocks
 from sim_bridge.tuning.loop import LoopSpec, Process, Terms, loop_bandwidth, pick, search
 from sim_bridge.tuning.margins import GUIDANCE
+from wingbeat.constants import STANDARD_GRAVITY
 
 
 def process(aircraft: Aircraft) -> Process:
@@ -39,12 +39,12 @@ def tuned(aircraft: Aircraft) -> Aircraft:
     """With the heading loop designed.
 
     Raises:
-        BadInput: no gain keeps the margins.
+        InputError: no gain keeps the margins.
     """
     inside = loop_bandwidth(roll.process(aircraft), roll.terms(aircraft))
     ranges = greatest(heading.Gains, "proportional")
     file = aircraft.gains.heading
-    steepest = file.roll_rate * aircraft.model.airspeed / (GRAVITY * math.tan(file.roll_max))
+    steepest = file.roll_rate * aircraft.model.airspeed / (STANDARD_GRAVITY * math.tan(file.roll_max))
     found = search(
         process(aircraft), LoopSpec(inside / APART, False, False, ranges, steepest=steepest, limits=GUIDANCE)
     )

@@ -48,7 +48,7 @@ def tuned(aircraft: Aircraft) -> Aircraft:
     """With the pitch loop designed.
 
     Raises:
-        BadInput: no gains keep the margins.
+        InputError: no gains keep the margins.
     """
     gains = attitude.designed(aircraft, process(aircraft), aircraft.gains.pitch)
     return aircraft._replace(gains=aircraft.gains._replace(pitch=gains))

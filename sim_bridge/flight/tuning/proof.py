@@ -20,14 +20,14 @@ from avionics.autopilot import Autopilot
 from avionics.guidance.mission import ItemKind, Mission, MissionItem
 from avionics.messages import Stage
 from avionics.missions.script import scripted_start
-from avionics.quantities import BadInput
-from avionics.topics import Topic
 from avionics.vehicles import FlightVehicle
 from avionics.vehicles.gains import FlightGains
 from sim_bridge import topics as truth_topics
 from sim_bridge.flight.flight import fly
 from sim_bridge.flight.world import Scenario, SimulatedWorld
 from sim_bridge.vehicles import SimulatedVehicle
+from wingbeat.errors import InputError
+from wingbeat.topic import Topic
 
 SETTLED, MEASURED = 8.0, 18.0
 """s; from a hold's beginning to the window, and its length"""
@@ -147,7 +147,7 @@ def fly_quality(
     """Fly `MISSION` with these gains in one process.
 
     Raises:
-        BadInput: a scenario or vehicle that cannot be flown, or a flight that never came to its first hold.
+        InputError: a scenario or vehicle that cannot be flown, or a flight that never came to its first hold.
     """
     memory = _Memory()
     autopilot = Autopilot(vehicle._replace(gains=gains), MISSION, memory.publish)
@@ -158,7 +158,7 @@ def fly_quality(
 def _measured(memory: _Memory) -> FlightQuality:
     spans = _windows(memory)
     if not spans:
-        raise BadInput(f"the flight did not come to its first hold at {HEIGHT:g} m")
+        raise InputError(f"the flight did not come to its first hold at {HEIGHT:g} m")
     truth, time = _chosen(memory, truth_topics.STATE, spans), memory.column(truth_topics.STATE, "time_us")
     asked_altitude, asked_heading = (
         _level_flight(memory, name, truth("time_us")) for name in ("altitude_setpoint", "heading_setpoint")

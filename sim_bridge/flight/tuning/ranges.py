@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, get_args, get_type_hints
 
-from avionics.quantities import Quantity
+from wingbeat.units import Quantity
 
 
 def greatest(gains: type[Any], *keys: str) -> tuple[float, float, float]:

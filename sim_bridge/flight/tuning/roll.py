@@ -37,7 +37,7 @@ def tuned(aircraft: Aircraft) -> Aircraft:
     """With the roll loop designed.
 
     Raises:
-        BadInput: no gains keep the margins.
+        InputError: no gains keep the margins.
     """
     gains = attitude.designed(aircraft, process(aircraft), aircraft.gains.roll)
     return aircraft._replace(gains=aircraft.gains._replace(roll=gains))

@@ -13,10 +13,11 @@ import tempfile
 from pathlib import Path
 from typing import NamedTuple
 
-from avionics.quantities import BadInput, name_by_path
 from avionics.vehicles import FlightVehicle, load_vehicle
 from sim_bridge.flight.tuning.cascade import Design, value_of
 from sim_bridge.tuning.margins import Margins
+from wingbeat.errors import InputError
+from wingbeat.vehicle_file import name_by_path
 
 WORLD, AVIONICS = "world.toml", "avionics.toml"
 
@@ -34,15 +35,15 @@ def places(out: Path) -> Places:
     """DIR/avionics.toml and DIR/world.toml, or the one file that ``out`` names.
 
     Raises:
-        BadInput: one of them exists already.
+        InputError: one of them exists already.
     """
     alone = out.suffix == ".toml"
     found = Places(out, None) if alone else Places(out / AVIONICS, out / WORLD)
     if not alone and out.is_file():
-        raise BadInput(f"{out} is a file; --out takes a new folder, or a name that ends in .toml")
+        raise InputError(f"{out} is a file; --out takes a new folder, or a name that ends in .toml")
     for path in found:
         if path is not None and path.exists():
-            raise BadInput(f"{path} exists already and is not overwritten; choose another --out")
+            raise InputError(f"{path} exists already and is not overwritten; choose another --out")
     return found
 
 
@@ -50,7 +51,7 @@ def write(where: Places, vehicle: FlightVehicle, design: Design, world: str | No
     """Write the tuned file, and the world's text beside it where there is one; existing files are never touched.
 
     Raises:
-        BadInput: a file exists, or the vehicle's own file is laid out in a way that a value cannot be replaced in.
+        InputError: a file exists, or the vehicle's own file is laid out in a way that a value cannot be replaced in.
     """
     text = _renamed(tuned_text(vehicle, design), name_by_path(where.avionics))
     where.avionics.parent.mkdir(parents=True, exist_ok=True)
@@ -70,7 +71,7 @@ def tuned_text(vehicle: FlightVehicle, design: Design) -> str:
     """The flight computer's file with the designed gains in it.
 
     Raises:
-        BadInput: a value is not written as ``key = { value = ..., source = "..." }`` on a line of its own.
+        InputError: a value is not written as ``key = { value = ..., source = "..." }`` on a line of its own.
     """
     text = vehicle.file.text
     for loop in design.after:
@@ -97,7 +98,7 @@ def _replaced(text: str, path: Path, key: str, value: float, source: str) -> str
     found, count = line.subn(lambda match: f"{match[1]}{value:g}{match[2]}{json.dumps(source)}", text, count=1)
     if count != 1:
         layout = f'{name} = {{ value = ..., unit = "...", source = "..." }}'
-        raise BadInput(f"{path}: {key} must be written on one line, {layout}")
+        raise InputError(f"{path}: {key} must be written on one line, {layout}")
     return found
 
 
@@ -105,7 +106,7 @@ def _check(text: str, vehicle: FlightVehicle, design: Design) -> None:
     """Read the text back: it must give the designed gains and leave every other as it was.
 
     Raises:
-        BadInput: it does not.
+        InputError: it does not.
     """
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / AVIONICS
@@ -116,9 +117,9 @@ def _check(text: str, vehicle: FlightVehicle, design: Design) -> None:
         section, name = key.split(".")
         wanted = wanted._replace(**{section: getattr(wanted, section)._replace(**{name: design.values[key]})})
         if value_of(gains, key) != design.values[key]:
-            raise BadInput(f"{vehicle.file.path}: {key} cannot be replaced in a file laid out like this")
+            raise InputError(f"{vehicle.file.path}: {key} cannot be replaced in a file laid out like this")
     if gains != wanted:
-        raise BadInput(f"{vehicle.file.path}: cannot be tuned without changing other values")
+        raise InputError(f"{vehicle.file.path}: cannot be tuned without changing other values")
 
 
 def _create(path: Path, text: str) -> None:
@@ -126,4 +127,4 @@ def _create(path: Path, text: str) -> None:
         with path.open("x", encoding="utf-8") as file:
             file.write(text)
     except FileExistsError:
-        raise BadInput(f"{path} exists already and is not overwritten; choose another --out") from None
+        raise InputError(f"{path} exists already and is not overwritten; choose another --out") from None

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 from short_campaigns import campaign_of
 
-from avionics.quantities import BadInput
 from logs.campaigns.campaign import flight_values, load_campaign
 from logs.campaigns.prepared import prepare
+from wingbeat.errors import InputError
 
 EXAMPLES = Path(__file__).parents[3] / "docs" / "examples"
 MISSIONS = Path(__file__).parents[3] / "avionics" / "missions"
@@ -151,20 +151,20 @@ REFUSED = {
 @pytest.mark.parametrize("case", REFUSED)
 def test_what_cannot_be_flown_is_refused_in_one_line(tmp_path: Path, case: str) -> None:
     text, words = REFUSED[case]
-    with pytest.raises(BadInput) as refused:
+    with pytest.raises(InputError) as refused:
         campaign_of(tmp_path, text)
     assert words in str(refused.value) and "\n" not in str(refused.value)
     assert str(refused.value).startswith(str(tmp_path / "short.toml"))
 
 
 def test_what_all_flights_have_is_not_blamed_on_a_grid(tmp_path: Path) -> None:
-    with pytest.raises(BadInput) as refused:
+    with pytest.raises(InputError) as refused:
         campaign_of(tmp_path, REFUSED["a value that all have"][0])
     assert "wind" not in str(refused.value)
 
 
 def test_a_flight_that_is_not_there_and_a_file_that_is_not_there(tmp_path: Path) -> None:
-    with pytest.raises(BadInput, match="flights 1 to 2, not 3"):
+    with pytest.raises(InputError, match="flights 1 to 2, not 3"):
         flight_values(campaign_of(tmp_path, "flights = 2"), 3)
-    with pytest.raises(BadInput, match="cannot read the campaign"):
+    with pytest.raises(InputError, match="cannot read the campaign"):
         load_campaign(tmp_path / "none.toml")

@@ -23,6 +23,7 @@ from logs.replay.flight import replay_flight
 from logs.summary import NEEDED, FlightSummary, Touchdown, summarize
 from sim_bridge.flight.world import SimulatedWorld
 from sim_bridge.topics import STATE
+from wingbeat.topic import Topic
 
 MODES = load_vehicle("robo_raven_ii_d").gains.modes
 
@@ -108,7 +109,7 @@ def test_a_vehicle_that_is_nowhere_ends_its_flight(tmp_path: Path, monkeypatch: 
     assert (row["outcome"], row["failed"]) == ("not a number", True)
 
 
-def table(topic: topics.Topic, **fields: list[float]) -> Columns:
+def table(topic: Topic, **fields: list[float]) -> Columns:
     columns = {name: np.array(values) for name, values in fields.items()}
     return Columns(topic.name, columns, {}, (columns["time_us"] * 1000).astype(np.int64), 0)
 

@@ -9,12 +9,12 @@ from typing import Any
 import pytest
 from short_campaigns import HEAD, SHORT, campaign_of, cluster_in_process
 
-from avionics.quantities import BadInput
 from logs.campaigns.flown import row_of
 from logs.campaigns.journal import Journal
 from logs.campaigns.outcome import Outcome, Verdict
 from logs.campaigns.run import Logs, fly_campaign, order_of
 from logs.campaigns.table import read_table, write_table
+from wingbeat.errors import InputError
 
 pytest.importorskip("pyarrow")
 
@@ -80,7 +80,7 @@ class KillingClient:
 
 def test_a_log_that_cannot_be_written_stops_the_campaign(tmp_path: Path) -> None:
     campaign, logs = campaign_of(tmp_path, FIVE), Logs("all", tmp_path / "short.toml")
-    with cluster_in_process() as client, pytest.raises(BadInput, match="Not a directory; the same command goes on"):
+    with cluster_in_process() as client, pytest.raises(InputError, match="Not a directory; the same command goes on"):
         list(fly_campaign(campaign, [1, 2], client, logs))
 
 
@@ -106,7 +106,7 @@ def test_a_journal_keeps_rows_and_forgets_a_torn_last_line(tmp_path: Path) -> No
     with Journal(path, "abc") as journal:
         journal.add(rows[2])
         journal.add(rows[1])
-        with pytest.raises(BadInput, match="another command is flying this campaign"):
+        with pytest.raises(InputError, match="another command is flying this campaign"):
             Journal(path, "abc")
     whole = path.read_bytes()
     path.write_bytes(whole + b'{"flight": 3, "ba')
@@ -136,7 +136,7 @@ OTHERS = (
 def test_a_journal_of_something_else_is_refused_and_left_alone(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "table.parquet.flights"
     path.write_bytes(content)
-    with pytest.raises(BadInput, match="name another --out"):
+    with pytest.raises(InputError, match="name another --out"):
         Journal(path, "abc")
     assert path.read_bytes() == content
 
@@ -153,18 +153,18 @@ def test_a_journal_without_flights_is_in_nobodys_way(tmp_path: Path) -> None:
 
 def test_a_table_is_never_overwritten_and_another_file_is_none(tmp_path: Path) -> None:
     campaign = campaign_of(tmp_path, FIVE)
-    with pytest.raises(BadInput, match="there is no such file"):
+    with pytest.raises(InputError, match="there is no such file"):
         read_table(tmp_path / "table.parquet")
     (tmp_path / "table.parquet").write_text("mine")
-    with pytest.raises(BadInput, match="exists"):
+    with pytest.raises(InputError, match="exists"):
         write_table(tmp_path / "table.parquet", campaign, {})
-    with pytest.raises(BadInput, match="cannot read"):
+    with pytest.raises(InputError, match="cannot read"):
         read_table(tmp_path / "table.parquet")
     import pyarrow
     import pyarrow.parquet
 
     pyarrow.parquet.write_table(pyarrow.table({"flight": [1]}), tmp_path / "other.parquet")
-    with pytest.raises(BadInput, match="no table of a campaign"):
+    with pytest.raises(InputError, match="no table of a campaign"):
         read_table(tmp_path / "other.parquet")
 
 

@@ -14,13 +14,13 @@ from rich.console import Console
 from scipy import stats
 from short_campaigns import campaign_of
 
-from avionics.quantities import BadInput
 from groundstation.views.campaign_report import report
 from logs.campaigns.comparison import comparisons
 from logs.campaigns.metrics import METRICS
 from logs.campaigns.page import write
 from logs.campaigns.statistics import alike, chosen_metric, inputs_of, ranks, sensitivities, spreads, worst
 from logs.campaigns.table import OWN, About, Table, about, read_table, write_table
+from wingbeat.errors import InputError
 
 FLIGHTS = 60
 GENERATOR = np.random.default_rng(5)
@@ -89,7 +89,7 @@ def test_the_worst_are_those_that_failed_and_then_the_worst_by_a_metric() -> Non
 
 def test_a_metric_that_nobody_has_is_refused() -> None:
     assert chosen_metric(table(), None) == "touchdown_sink"
-    with pytest.raises(BadInput, match="metrics: power, touchdown_sink"):
+    with pytest.raises(InputError, match="metrics: power, touchdown_sink"):
         chosen_metric(table(), "hold_altitude_rms")
 
 
@@ -218,5 +218,5 @@ def test_the_page_holds_everything_and_needs_nothing(tmp_path: Path) -> None:
         assert words in text
     assert "--flight" in text and "http" not in text.replace("http-equiv", "")
     assert text.count("<svg") >= 4
-    with pytest.raises(BadInput, match="exists"):
+    with pytest.raises(InputError, match="exists"):
         write(path, table(), ())

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from logs.identification.aerodynamics.wing_air import MovedVehicle
-from logs.identification.kinematics.markers import rotations
 from logs.identification.kinematics.skeleton import skeleton
 from sim_bridge import plant_kernel as k
 from sim_bridge.aerodynamics import regression
@@ -22,6 +21,7 @@ from sim_bridge.aerodynamics.models import air_of
 from sim_bridge.mechanism import Mechanism, build_mechanism
 from sim_bridge.plant import Plant
 from sim_bridge.vehicles import SimulatedVehicle, load_vehicle, vehicle_bodies, with_model
+from wingbeat.rotation_arrays import dcms_from_quaternions
 
 Floats = NDArray[np.float64]
 STEP = 0.002
@@ -123,7 +123,7 @@ def marked() -> dict[str, tuple[int, Floats]]:
 def true_poses(flown: Flown, body: str) -> tuple[Floats, Floats]:
     """Position (N, 3) and r_ned_from_body (N, 3, 3) of a body."""
     y, index = flown.states, marked()[body][0]
-    bones, base = skeleton(mechanism().tree, y[:, 13:17]), rotations(y[:, 3:7])
+    bones, base = skeleton(mechanism().tree, y[:, 13:17]), dcms_from_quaternions(y[:, 3:7])
     return y[:, :3] + np.einsum("nij,nj->ni", base, bones.place[index]), base @ bones.rotation[index]
 
 

@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 from scipy.signal import lfilter
 
-from avionics.constants import STANDARD_GRAVITY
 from logs.identification.data import Aircraft, FlightData
 from logs.identification.modes.equation_error import equation_error
 from logs.identification.modes.filter_error import Filtered, filter_error
@@ -20,6 +19,7 @@ from logs.identification.preparing.manoeuvre import Reference, find_manoeuvres, 
 from logs.identification.preparing.stretches import stretches
 from logs.identification.results import Array
 from sim_bridge.vectors import njit
+from wingbeat.constants import STANDARD_GRAVITY
 
 REFERENCE = Reference(7.5, 1.6, 0.25, 7.67, elevator=0.05)
 AIRCRAFT = Aircraft(imu_x=0.05, imu_z=0.0, tail_time_constant=0.04)

@@ -8,10 +8,10 @@ import numpy as np
 from scipy.integrate import cumulative_simpson
 from scipy.signal import lfilter
 
-from avionics.constants import STANDARD_GRAVITY
 from logs.identification.experiment import Experiment
 from logs.identification.kinematics.flight_sensors import UNITS, Places
 from logs.identification.results import Array
+from wingbeat.constants import STANDARD_GRAVITY
 
 FINE = 8
 """-; steps of the truth in a sample"""

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from avionics import topics
-from avionics.quantities import BadInput
-from avionics.topics import Topic
 from logs.identification.aerodynamics.flight import identify_aero
-from logs.identification.kinematics.markers import rotations
 from logs.identification.report import Identification, document, identify, rows
 from sim_bridge import topics as truth
 from tests.logs.identification import flown_slow_hawk as hawk
 from tests.logs.identification.test_aero_structure import EXPECTED, TRUTH, structure
+from wingbeat.errors import InputError
+from wingbeat.rotation_arrays import dcms_from_quaternions
+from wingbeat.topic import Topic
 
 GRAVITY = 9.80665
 
@@ -28,7 +28,7 @@ class Recorded:
         flown, random = hawk.fly(4.0, 2), np.random.default_rng(8)
         y, rates = flown.states, flown.rates
         time = {"time_us": np.round(flown.time * 1e6)}
-        to_ned = rotations(y[:, 3:7])
+        to_ned = dcms_from_quaternions(y[:, 3:7])
         v_ned = np.einsum("nij,nj->ni", to_ned, y[:, 7:10])
         felt = rates[:, :3] + np.cross(y[:, 10:13], y[:, 7:10]) - GRAVITY * to_ned[:, 2, :]
         felt = felt + 10 * noise * random.normal(size=felt.shape)
@@ -93,21 +93,21 @@ def test_the_report_has_them_row_by_row_and_as_a_document() -> None:
 def test_they_are_among_all_where_the_vehicle_is_known() -> None:
     found = identify(Recorded(0.005), "all", bodies=hawk.vehicle())
     assert found.aero == identified().aero
-    with pytest.raises(BadInput, match="no topic"):
+    with pytest.raises(InputError, match="no topic"):
         identify(Recorded(0.005), "all")
     still = Recorded(0.005)
     still.by_topic[topics.WING.name]["flapping"] = np.zeros(2000)
-    with pytest.raises(BadInput, match="of flapping flight"):
+    with pytest.raises(InputError, match="of flapping flight"):
         identify(still, "all", bodies=hawk.vehicle())
 
 
 def test_without_the_vehicle_or_a_flight_the_reason_is_told() -> None:
-    with pytest.raises(BadInput, match="no file of it"):
+    with pytest.raises(InputError, match="no file of it"):
         identify(Recorded(0.005), "aero")
     still = Recorded(0.005)
     still.by_topic[topics.WING.name]["flapping"] = np.zeros(2000)
-    with pytest.raises(BadInput, match="of flapping flight"):
+    with pytest.raises(InputError, match="of flapping flight"):
         identify(still, "aero", bodies=hawk.vehicle())
     del still.by_topic[topics.IMU.name]
-    with pytest.raises(BadInput, match="no topic /sensors/imu"):
+    with pytest.raises(InputError, match="no topic /sensors/imu"):
         identify(still, "aero", bodies=hawk.vehicle())

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from avionics.quantities import BadInput
 from logs.identification.aerodynamics.inverse_dynamics import (
     LOW_PASS,
     WingCoefficients,
@@ -18,6 +17,7 @@ from logs.identification.kinematics.coordinates import fit_coordinates
 from logs.identification.kinematics.speeds import generalized_speeds
 from logs.identification.regression.coefficients import coefficient_regression
 from tests.logs.identification import flown_slow_hawk as hawk
+from wingbeat.errors import InputError
 
 NOISE = 0.0013
 """m; of the markers, Grauer IV.A"""
@@ -73,7 +73,7 @@ def test_noise_alone_has_no_model() -> None:
 
 
 def test_without_a_record_there_is_nothing_to_identify() -> None:
-    with pytest.raises(BadInput, match="no record"):
+    with pytest.raises(InputError, match="no record"):
         identify_coefficients(())
 
 

@@ -10,7 +10,6 @@ from prescribed_flight import ERRORS, INPUT_NOISE, Flight, motion, truth
 from promised import SEEDS, promise_kept
 
 from avionics import topics
-from avionics.topics import Topic
 from logs.identification.data import Aircraft
 from logs.identification.kinematics.aided_fit import AidedFit, AidedFlight, aided_fit, ned_from_frd
 from logs.identification.kinematics.flight_log import identify_path
@@ -20,6 +19,7 @@ from logs.identification.sources.true_imu import imu_truths
 from logs.identification.sources.velocity_fixes import aided_flight
 from logs.identification.sources.whole_flight import whole_flight
 from sim_bridge import topics as truth_topics
+from wingbeat.topic import Topic
 
 OFFSETS = np.array([ERRORS[f"bias_{name}"] for name in INPUTS])
 FIX_NOISE, FIX_STEP = 0.1, 10

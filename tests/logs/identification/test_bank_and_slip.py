@@ -8,7 +8,6 @@ from linear_ornithopter import AIRCRAFT, REFERENCE, TRUTH, Flight, fly
 from test_identification_report import RecordedTopics, motion_topics
 
 from avionics import topics
-from avionics.constants import STANDARD_GRAVITY
 from avionics.sensing import inertial
 from logs.identification.data import FlightData
 from logs.identification.modes.gust_strokes import Task, averaged_strokes
@@ -17,6 +16,7 @@ from logs.identification.preparing.manoeuvre import find_manoeuvres
 from logs.identification.preparing.stretches import stretches
 from logs.identification.results import Array
 from logs.identification.sources.flight import SIDEWAYS_UNKNOWN, flight_data
+from wingbeat.constants import STANDARD_GRAVITY
 
 SLIPPING = Flight(seed=3, slip=1.0, doublets=2)
 SIDEWAYS = ("roll", "roll_rate", "yaw_rate", "accel_y")

@@ -6,8 +6,8 @@ import threading
 
 import pytest
 
-from avionics.quantities import BadInput
 from logs.identification.report.beside import begun
+from wingbeat.errors import InputError
 
 
 def test_it_goes_on_while_other_work_is_done() -> None:
@@ -20,8 +20,8 @@ def test_it_goes_on_while_other_work_is_done() -> None:
 
 def test_what_it_raises_is_raised_where_its_result_is_asked_for() -> None:
     def refuse() -> int:
-        raise BadInput("no flight")
+        raise InputError("no flight")
 
     result = begun(refuse)
-    with pytest.raises(BadInput, match="no flight"):
+    with pytest.raises(InputError, match="no flight"):
         result()

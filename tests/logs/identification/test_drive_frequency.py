@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from promised import SEEDS, covered, promise_kept
 
-from avionics.quantities import BadInput
 from logs.identification.drive.frequency import (
     FrequencyModel,
     ThrottleData,
@@ -15,6 +14,7 @@ from logs.identification.drive.frequency import (
     steady_segments,
 )
 from logs.identification.results import Estimate
+from wingbeat.errors import InputError
 
 LEVELS = (0.0, 0.1, 0.3, 0.45, 0.6, 0.75, 0.9, 0.35, 0.7, 0.5)
 HELD = 4.0
@@ -90,12 +90,12 @@ def test_stretches_are_settled_and_count_whole_strokes() -> None:
 def test_a_throttle_that_never_rests_is_refused() -> None:
     data = record()
     moving = data._replace(throttle=0.5 + 0.3 * np.sin(data.throttle_time))
-    with pytest.raises(BadInput, match="stands still in"):
+    with pytest.raises(InputError, match="stands still in"):
         identify_frequency(moving)
-    with pytest.raises(BadInput, match="does not move"):
+    with pytest.raises(InputError, match="does not move"):
         identify_frequency(data._replace(throttle=np.full_like(data.throttle, 0.5)))
     nothing = np.zeros(0)
-    with pytest.raises(BadInput, match="needs both"):
+    with pytest.raises(InputError, match="needs both"):
         identify_frequency(data._replace(wing_time=nothing, strokes=nothing))
 
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from avionics.quantities import BadInput
 from logs.identification.data import DriveData, GaugeErrors
 from logs.identification.drive.servo import ServoModel
 from logs.identification.drive.torque_speed import identify_load, identify_torque_speed, load_truth
 from logs.identification.results import Array, Estimate
 from sim_bridge.actuators.drives import torque_bound
+from wingbeat.errors import InputError
 
 STALL, SPEED, NOMINAL = 2.25, 20.5, 8.0
 
@@ -55,9 +55,9 @@ def test_a_servo_that_is_not_at_its_bound_is_refused() -> None:
     assert "not at its bound" in model.unidentified[0].reason
     still = identify_torque_speed(np.full(40, 2.0), np.full(40, 5.0), np.full(40, 8.0))
     assert "rate does not vary" in still.unidentified[0].reason
-    with pytest.raises(BadInput, match="samples together"):
+    with pytest.raises(InputError, match="samples together"):
         identify_torque_speed(np.full(40, np.nan), rate[:40], voltage[:40])
-    with pytest.raises(BadInput, match="same number"):
+    with pytest.raises(InputError, match="same number"):
         identify_torque_speed(rate[:40], rate, voltage)
 
 
@@ -129,7 +129,7 @@ def test_wings_that_hardly_flapped_tell_nothing() -> None:
         rate_right=few.rate_right[short],
         strokes=few.strokes[short],
     )
-    with pytest.raises(BadInput, match=r"made \d strokes; their load needs 10"):
+    with pytest.raises(InputError, match=r"made \d strokes; their load needs 10"):
         identify_load(cut)
 
 
@@ -167,5 +167,5 @@ def test_the_truth_is_the_same_regression_on_true_drives() -> None:
 def test_wings_at_rest_have_no_load_that_could_be_told() -> None:
     assert "do not move" in identify_load(flapping(amplitude=0.0)).unidentified[0].reason
     nothing = np.zeros(0)
-    with pytest.raises(BadInput, match="no motion of the wings"):
+    with pytest.raises(InputError, match="no motion of the wings"):
         identify_load(flapping()._replace(wing_time=nothing))

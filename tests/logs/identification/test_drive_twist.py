@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from promised import SEEDS, covered, promise_kept
 
-from avionics.quantities import BadInput
 from logs.identification.drive.servo import ServoModel
 from logs.identification.drive.twist import (
     damping_from_overshoot,
@@ -19,6 +18,7 @@ from logs.identification.drive.twist import (
 from logs.identification.experiment import Experiment
 from logs.identification.results import Estimate, Unidentified
 from sim_bridge.flight_mechanics.wing_twist import free_twist, overshoot
+from wingbeat.errors import InputError
 
 NATURAL = 40.0
 
@@ -60,9 +60,9 @@ def test_an_overshoot_within_its_error_gives_no_ratio() -> None:
         assert "within its error" in found.reason
     too_far = damping_from_overshoot(20.0, 9.0, 0.1, 0.1)
     assert isinstance(too_far, Unidentified) and "no damped step" in too_far.reason
-    with pytest.raises(BadInput, match="standard error"):
+    with pytest.raises(InputError, match="standard error"):
         damping_from_overshoot(10.0, 9.0, 0.0, 0.0)
-    with pytest.raises(BadInput, match="not 0"):
+    with pytest.raises(InputError, match="not 0"):
         damping_from_overshoot(10.0, 0.0, 0.1, 0.1)
 
 
@@ -90,9 +90,9 @@ def test_several_peaks_narrow_the_interval() -> None:
 def test_peaks_that_are_noise_are_refused() -> None:
     assert isinstance(damping_from_peaks(np.array([1.5, 0.99]), 1.0, 0.01), Unidentified)
     assert isinstance(damping_from_peaks(np.array([1.5, 0.5, 1.5]), 1.0, 0.01), Unidentified)
-    with pytest.raises(BadInput, match="in turn"):
+    with pytest.raises(InputError, match="in turn"):
         damping_from_peaks(np.array([1.5, 1.2]), 1.0, 0.01)
-    with pytest.raises(BadInput, match="two extremes"):
+    with pytest.raises(InputError, match="two extremes"):
         damping_from_peaks(np.array([1.5]), 1.0, 0.01)
 
 
@@ -124,7 +124,7 @@ def test_no_swing_is_found_in_noise() -> None:
     for seed in range(10):
         try:
             model = identify_twist(held(seed, 0.0))
-        except BadInput as error:
+        except InputError as error:
             assert "after its release" in str(error)  # the greatest excursion of noise may be its last sample
             continue
         looked_at += 1
@@ -172,7 +172,7 @@ def test_a_wing_that_does_not_swing_is_refused() -> None:
     rng = np.random.default_rng(1)
     noise = Experiment("noise", time, {"twist": 0.01 * rng.normal(size=len(time))}, {"twist": "rad"})
     assert identify_twist(noise).estimates == ()
-    with pytest.raises(BadInput, match="no signal 'rate'"):
+    with pytest.raises(InputError, match="no signal 'rate'"):
         identify_twist(still, "rate")
-    with pytest.raises(BadInput, match="fewer than"):
+    with pytest.raises(InputError, match="fewer than"):
         identify_twist(Experiment("lost", time, {"twist": np.full_like(time, np.nan)}, {"twist": "rad"}))

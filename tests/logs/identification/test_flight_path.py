@@ -7,7 +7,6 @@ import pytest
 from prescribed_flight import ERRORS, NOISE, PLACES, Flight, measured, truth
 from promised import SEEDS, promise_kept
 
-from avionics.quantities import BadInput
 from logs.identification.experiment import Experiment
 from logs.identification.kinematics import flight_path
 from logs.identification.kinematics.flight_path import Reconstruction, Setup, reconstruct
@@ -15,6 +14,7 @@ from logs.identification.kinematics.flight_records import Problem, free_states, 
 from logs.identification.kinematics.flight_sensors import Parameter, Places
 from logs.identification.kinematics.flight_shortened import thinned, windows_of
 from logs.identification.kinematics.flight_starts import starts_of
+from wingbeat.errors import InputError
 
 LONGITUDINAL = ("airspeed", "theta", "altitude")
 LONGITUDINAL_FLOW = ("airspeed", "alpha", "theta", "altitude")
@@ -266,18 +266,18 @@ def test_bad_records_are_refused_in_a_line() -> None:
         return experiment._replace(signals={k: v for k, v in experiment.signals.items() if k != name})
 
     setup = Setup(longitudinal=True)
-    with pytest.raises(BadInput, match="has no q"):
+    with pytest.raises(InputError, match="has no q"):
         reconstruct([without("q")], setup)
-    with pytest.raises(BadInput, match="no airspeed was measured"):
+    with pytest.raises(InputError, match="no airspeed was measured"):
         reconstruct([without("airspeed")], setup)
     gap = np.where(np.arange(len(experiment.time)) == 50, np.nan, experiment.signals["a_z"])
-    with pytest.raises(BadInput, match="1 samples of a_z are missing"):
+    with pytest.raises(InputError, match="1 samples of a_z are missing"):
         reconstruct([experiment._replace(signals={**experiment.signals, "a_z": gap})], setup)
-    with pytest.raises(BadInput, match="not even"):
+    with pytest.raises(InputError, match="not even"):
         reconstruct([experiment._replace(time=experiment.time**1.1)], setup)
-    with pytest.raises(BadInput, match="turns with banked wings"):
+    with pytest.raises(InputError, match="turns with banked wings"):
         reconstruct([measured(Flight())], setup)
-    with pytest.raises(BadInput, match="no record"):
+    with pytest.raises(InputError, match="no record"):
         reconstruct([], setup)
 
 

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from linear_ornithopter import AIRCRAFT, Flight, fly, model_of
 
-from avionics.quantities import BadInput
 from logs.identification.data import FlightData
 from logs.identification.modes.mode import short_period_of
 from logs.identification.modes.short_period import identify_modes
 from logs.identification.results import Array
 from logs.identification.sources.flapping import flapping_frequency, strokes_in
 from logs.identification.sources.inputs import find_inputs
+from wingbeat.errors import InputError
 
 STEP = 0.005
 TIME = np.arange(0.0, 30.0, STEP)
@@ -49,13 +49,13 @@ def test_a_stick_moved_by_hand_is_an_input() -> None:
 def test_what_a_stabilisation_moves_is_none() -> None:
     """GIVEN a loop that answers to the motion, and a pulse among its answers THEN there is no input at rest."""
     answers = 0.05 * np.sin(2 * np.pi * 1.3 * TIME) + 0.02 * np.sin(2 * np.pi * 4.0 * TIME)
-    with pytest.raises(BadInput, match="nowhere moves quickly from rest to rest"):
+    with pytest.raises(InputError, match="nowhere moves quickly from rest to rest"):
         find_inputs(TIME, answers + bump(10.0, 0.5, 0.1), STROKES)
 
 
 @pytest.mark.parametrize("elevator", [0.1 + 0 * TIME, 0.02 * TIME, bump(5.0, 8.0, 0.3), bump(29.6, 0.3, 0.1)])
 def test_rest_trim_and_the_end_of_the_record_are_none(elevator: Array) -> None:
-    with pytest.raises(BadInput):
+    with pytest.raises(InputError):
         find_inputs(TIME, elevator, STROKES)
 
 
@@ -91,7 +91,7 @@ def test_wings_that_stand_still_make_no_strokes() -> None:
 
 @pytest.mark.parametrize("signal", [0.0 * TIME, np.random.default_rng(2).normal(size=len(TIME)), 0.1 * TIME])
 def test_nothing_that_flaps_is_said(signal: Array) -> None:
-    with pytest.raises(BadInput, match="repeats itself"):
+    with pytest.raises(InputError, match="repeats itself"):
         strokes_in(TIME, signal)
 
 

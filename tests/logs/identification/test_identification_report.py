@@ -12,13 +12,13 @@ from linear_ornithopter import AIRCRAFT, Flight, fly, model_of
 from wing_drives import K_TAU, K_TAU0, Drives, exact, measure, simulate
 
 from avionics import topics
-from avionics.quantities import BadInput
 from avionics.sensing import inertial
-from avionics.topics import Topic
 from logs.identification.data import FlightData
 from logs.identification.modes.mode import short_period_of
 from logs.identification.report import POWER_TRUTH, Identification, document, identify, rows
 from sim_bridge import topics as truth
+from wingbeat.errors import InputError
+from wingbeat.topic import Topic
 
 FREQUENCY, DAMPING = short_period_of(model_of(Flight()).a)
 TRUTHS = {
@@ -232,7 +232,7 @@ def test_a_missing_topic_is_named_in_one_line(motion: RecordedTopics, topic: Top
     """GIVEN a log in which nothing else tells what the topic would have THEN it is named."""
     still = motion.with_constant(topics.ACTUATORS, "elevator") if topic is topics.EXCITATION else motion
     still = motion.with_constant(topics.IMU, "accel_z") if topic is topics.WING else still
-    with pytest.raises(BadInput, match=topic.name) as refusal:
+    with pytest.raises(InputError, match=topic.name) as refusal:
         identify(still.without(topic), "modes", AIRCRAFT)
     assert "\n" not in str(refusal.value)
 
@@ -243,12 +243,12 @@ class DamagedTopics(RecordedTopics):
     topics = frozenset(topic.name for topic in topics.TOPICS)
 
     def columns(self, topic: Topic) -> Mapping[str, Any]:
-        raise BadInput("chunk at byte 496888 does not match its checksum")
+        raise InputError("chunk at byte 496888 does not match its checksum")
 
 
 @pytest.mark.parametrize("what", ["modes", "servo"])
 def test_a_damaged_topic_is_not_called_missing(motion: RecordedTopics, what: str) -> None:
-    with pytest.raises(BadInput, match="chunk at byte 496888"):
+    with pytest.raises(InputError, match="chunk at byte 496888"):
         identify(DamagedTopics(motion.tables), what, AIRCRAFT)
 
 
@@ -307,7 +307,7 @@ def test_a_flight_without_excitation_is_told_what_to_fly(motion: RecordedTopics)
     calm[topics.EXCITATION.name] = {
         name: column if name == "time_us" else 0 * column for name, column in calm[topics.EXCITATION.name].items()
     }
-    with pytest.raises(BadInput, match="no excitation: fly an EXCITE item"):
+    with pytest.raises(InputError, match="no excitation: fly an EXCITE item"):
         identify(RecordedTopics(calm), "modes", AIRCRAFT)
 
 
@@ -321,5 +321,5 @@ def test_samples_that_are_not_finite_are_passed_over(motion: RecordedTopics) -> 
 
 
 def test_an_unknown_subject_is_refused_with_the_known_ones(motion: RecordedTopics) -> None:
-    with pytest.raises(BadInput, match="servo, power, modes, aero, path, all"):
+    with pytest.raises(InputError, match="servo, power, modes, aero, path, all"):
         identify(motion, "colour")

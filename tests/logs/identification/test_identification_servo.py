@@ -7,13 +7,13 @@ import pytest
 from promised import SEEDS, promise_kept
 from wing_drives import CENTRE, K_TAU, K_TAU0, Drives, exact, law, measure, simulate
 
-from avionics.quantities import BadInput
 from logs.identification.data import DriveData, GaugeErrors
 from logs.identification.drive.gauges import with_gauge_errors
 from logs.identification.drive.power import identify_power, power_truth, power_with_gauge_errors
 from logs.identification.drive.servo import ServoModel
 from logs.identification.drive.torque import identify_torque
 from logs.identification.results import Estimate
+from wingbeat.errors import InputError
 
 SHORT = Drives(duration=25.0)
 
@@ -200,9 +200,9 @@ def test_wings_at_rest_are_refused() -> None:
         torque_right=np.zeros_like(data.torque_right),
         strokes=np.zeros_like(data.strokes),
     )
-    with pytest.raises(BadInput, match="current does not vary"):
+    with pytest.raises(InputError, match="current does not vary"):
         identify_torque(still)
-    with pytest.raises(BadInput, match="0 wing strokes"):
+    with pytest.raises(InputError, match="0 wing strokes"):
         identify_power(still)
 
 

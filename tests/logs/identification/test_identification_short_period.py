@@ -8,8 +8,6 @@ import numpy as np
 import pytest
 from linear_ornithopter import AIRCRAFT, REFERENCE, STEP, TRUTH, Flight, by_output_error, fly, model_of
 
-from avionics.constants import STANDARD_GRAVITY
-from avionics.quantities import BadInput
 from logs.identification.data import Aircraft, FlightData
 from logs.identification.delta import propagate
 from logs.identification.modes import short_period
@@ -31,6 +29,8 @@ from logs.identification.modes.short_period import (
 )
 from logs.identification.preparing.manoeuvre import find_manoeuvres, reference_of
 from logs.identification.results import Array
+from wingbeat.constants import STANDARD_GRAVITY
+from wingbeat.errors import InputError
 
 
 def true_mode(flight: Flight) -> tuple[float, float]:
@@ -235,7 +235,7 @@ def test_an_aborted_manoeuvre_is_left_out() -> None:
 def test_data_without_a_use_is_refused_in_one_line(field: str, value: float, what: str) -> None:
     data = fly(Flight(doublets=2))
     spoilt = data._replace(**{field: np.full_like(data.time, value)})
-    with pytest.raises(BadInput, match=what) as refusal:
+    with pytest.raises(InputError, match=what) as refusal:
         identify_modes(spoilt, AIRCRAFT)
     assert "\n" not in str(refusal.value)
 

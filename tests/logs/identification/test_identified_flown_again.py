@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from linear_ornithopter import AIRCRAFT, Flight, fly
 
-from avionics.quantities import BadInput
 from avionics.vehicles import load_vehicle as load_flight_vehicle
 from logs.identification.data import Aircraft, FlightData
 from logs.identification.model_file import Base, Log, linear_model, write_model
@@ -23,6 +22,7 @@ from sim_bridge.flight_mechanics.stroke_map import INTERVALS, StrokeMap
 from sim_bridge.tuning.margins import LIMITS
 from sim_bridge.tuning.model import LinearModel, load_model
 from sim_bridge.vehicles import SimulatedVehicle, load_vehicle
+from wingbeat.errors import InputError
 
 NAME = "robo_raven_ii_d"
 LOG = Log("flight.mcap", "0f" * 32, 1.225)
@@ -168,12 +168,12 @@ def test_the_flight_code_flies_the_identified_world(cycle: Cycle) -> None:
 
 def test_nothing_is_overwritten_and_nothing_half_written(first: ModesResult, tmp_path: Path) -> None:
     (tmp_path / "bird").mkdir()
-    with pytest.raises(BadInput, match=r"bird exists: it is not overwritten$"):
+    with pytest.raises(InputError, match=r"bird exists: it is not overwritten$"):
         write_model(tmp_path / "bird.toml", first, LOG, base())
     assert not (tmp_path / "bird.toml").exists()
-    with pytest.raises(BadInput, match=r"^--model .*: the name of a model ends in .toml$"):
+    with pytest.raises(InputError, match=r"^--model .*: the name of a model ends in .toml$"):
         write_model(tmp_path / "bird.json", first, LOG, None)
-    with pytest.raises(BadInput, match=r"there is no folder"):
+    with pytest.raises(InputError, match=r"there is no folder"):
         write_model(tmp_path / "nowhere" / "bird.toml", first, LOG, None)
 
 
@@ -189,6 +189,6 @@ def test_without_bodies_the_model_is_written_alone_and_it_is_said(first: ModesRe
 
 def test_a_flight_without_a_whole_model_writes_none(first: ModesResult, tmp_path: Path) -> None:
     bare = first._replace(modes=tuple(mode._replace(short_period=None) for mode in first.modes))
-    with pytest.raises(BadInput, match=r"^no model is written: no method gives all longitudinal derivatives"):
+    with pytest.raises(InputError, match=r"^no model is written: no method gives all longitudinal derivatives"):
         write_model(tmp_path / "none.toml", bare, LOG, None)
     assert list(tmp_path.iterdir()) == []

@@ -14,7 +14,6 @@ from linear_ornithopter import AIRCRAFT, REFERENCE, STEP, TRUTH, Flight, by_outp
 
 from avionics.guidance.mission import Channel, Excitation, Shape
 from avionics.missions.excitations import read_excitation
-from avionics.quantities import BadInput
 from groundstation.command import design, gcs_excite
 from groundstation.command.gcs_session import VerbParser
 from logs.identification.input_design.limits import Limits, allowed, peaks
@@ -27,6 +26,7 @@ from logs.identification.input_design.wording import command_line, mission_item
 from logs.identification.modes.longitudinal import LONGITUDINAL
 from logs.identification.results import Array
 from sim_bridge.tuning.model import load_model
+from wingbeat.errors import InputError
 
 MODEL = Path(__file__).parents[2] / "data" / "models" / "robo_raven_ii_d.toml"
 PRIOR = Prior(np.array([TRUTH[n] for n in LONGITUDINAL]), REFERENCE, AIRCRAFT, 0.25, (0.0066, 0.15, 0.15), STEP)
@@ -159,14 +159,14 @@ def test_repeats_reach_the_asked_error_and_no_more() -> None:
 
 
 def test_what_cannot_be_reached_is_refused() -> None:
-    with pytest.raises(BadInput, match="repeats, more than the 100"):
+    with pytest.raises(InputError, match="repeats, more than the 100"):
         plan(PRIOR, Asked(Shape.DOUBLET, LIMITS, amplitude=0.01, frequency_error=1e-6))
-    with pytest.raises(BadInput, match="outside"):
+    with pytest.raises(InputError, match="outside"):
         plan(PRIOR, Asked(Shape.DOUBLET, Limits(elevator=1e-4)))
-    with pytest.raises(BadInput, match="above 0"):
+    with pytest.raises(InputError, match="above 0"):
         prior_of(load_model(MODEL), AIRCRAFT, (0.0, 0.1, 0.1))
     diverging = PRIOR._replace(values=PRIOR.values * np.where(np.arange(12) == 9, -1.0, 1.0))
-    with pytest.raises(BadInput, match=r"short period|grows by itself"):
+    with pytest.raises(InputError, match=r"short period|grows by itself"):
         plan(diverging, Asked(Shape.DOUBLET, LIMITS, gust=Gust(1.0)))
 
 
@@ -210,7 +210,7 @@ def test_the_command_designs_from_a_model_file(tmp_path: Path, capsys: pytest.Ca
     assert [one["name"] for one in found["predicted"][:2]] == ["short_period_frequency", "short_period_damping"]
     assert all(one["standard_error"] > 0 for one in found["predicted"])
     assert tomllib.loads(out.read_text())["item"][0]["repeats"] == 2
-    with pytest.raises(BadInput, match="exists: it is not overwritten"):
+    with pytest.raises(InputError, match="exists: it is not overwritten"):
         design.run([str(MODEL), "--out", str(out)])
 
 
@@ -226,10 +226,10 @@ def test_the_command_shows_errors_and_how_it_is_flown(capsys: pytest.CaptureFixt
 def test_the_command_says_what_a_model_lacks(tmp_path: Path) -> None:
     nameless = tmp_path / "model.toml"
     nameless.write_text(MODEL.read_text().replace('vehicle = "robo_raven_ii_d"', 'vehicle = ""'))
-    with pytest.raises(BadInput, match="--noise"):
+    with pytest.raises(InputError, match="--noise"):
         design.run([str(nameless)])
     assert design.run([str(nameless), "--noise", "0.01", "0.1", "0.1", "--duration", "0.2"]) == 0
-    with pytest.raises(BadInput, match="--airspeed goes with a VEHICLE"):
+    with pytest.raises(InputError, match="--airspeed goes with a VEHICLE"):
         design.run([str(MODEL), "--airspeed", "7"])
 
 

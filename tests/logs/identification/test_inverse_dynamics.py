@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from avionics.quantities import BadInput
 from logs.identification.aerodynamics.inverse_dynamics import WingMotion, coefficients
 from logs.identification.aerodynamics.wing_air import MovedVehicle, wing_air
 from sim_bridge import plant_kernel as k
 from sim_bridge.plant import Plant
 from sim_bridge.vehicles import load_vehicle, with_model
 from tests.logs.identification import flown_slow_hawk as hawk
+from wingbeat.errors import InputError
 
 
 def thrown(name: str, model: str, density: float, seed: int) -> tuple[Plant, MovedVehicle]:
@@ -71,14 +71,14 @@ def test_a_low_pass_leaves_the_relation_as_it_is() -> None:
 def test_motions_that_tell_nothing_are_refused() -> None:
     flown = hawk.fly(3.0, 1).cut(0, 200)
     moved = hawk.moved(flown)
-    with pytest.raises(BadInput, match="coordinates"):
+    with pytest.raises(InputError, match="coordinates"):
         wing_air(hawk.vehicle(), moved._replace(coordinates=moved.coordinates[:, :2]), 1.225)
     holed = moved.rates.copy()
     holed[50] = np.nan
-    with pytest.raises(BadInput, match="every sample"):
+    with pytest.raises(InputError, match="every sample"):
         coefficients(hawk.vehicle(), WingMotion("holed", flown.time, moved._replace(rates=holed), 1.225))
     still = moved._replace(speeds=np.zeros_like(moved.speeds))
-    with pytest.raises(BadInput, match="falls to zero"):
+    with pytest.raises(InputError, match="falls to zero"):
         coefficients(hawk.vehicle(), WingMotion("still", flown.time, still, 1.225))
-    with pytest.raises(BadInput, match="needs"):
+    with pytest.raises(InputError, match="needs"):
         coefficients(hawk.vehicle(), WingMotion("short", flown.time, moved, 1.225), cutoff=2.0)

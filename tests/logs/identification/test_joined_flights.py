@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from linear_ornithopter import AIRCRAFT, TRUTH, Flight, by_output_error, fly, model_of
 
-from avionics.quantities import BadInput
 from logs.identification.data import FlightData
 from logs.identification.modes.flown_again import Problem
 from logs.identification.modes.longitudinal import LONGITUDINAL
@@ -19,6 +18,7 @@ from logs.identification.preparing.split import by_flight
 from logs.identification.preparing.stretches import stretches
 from logs.identification.report.numbers import Identification, document, rows
 from logs.identification.sources.joined import joined_flights
+from wingbeat.errors import InputError
 
 FLIGHTS = tuple(fly(Flight(seed=seed, modulation=0.2)) for seed in (1, 2))
 NAMES = ("monday.mcap", "tuesday.mcap", "friday.mcap")
@@ -77,7 +77,7 @@ def test_no_stretch_of_strokes_goes_from_one_flight_into_another() -> None:
 
 def test_flights_of_other_rates_are_not_joined() -> None:
     other = FLIGHTS[1]._replace(time=2.0 * FLIGHTS[1].time)
-    with pytest.raises(BadInput, match=r"sample every 0.005 s and 0.01 s: they must agree"):
+    with pytest.raises(InputError, match=r"sample every 0.005 s and 0.01 s: they must agree"):
         joined_flights((FLIGHTS[0], other))
 
 
@@ -134,7 +134,7 @@ def test_modes_of_joined_flights_tell_theils_coefficient_of_the_one_held_out() -
 
 def test_where_nothing_would_be_left_to_fit_it_is_refused() -> None:
     manoeuvres = find_manoeuvres(joined_flights(FLIGHTS, NAMES[:2]), AIRCRAFT)
-    with pytest.raises(BadInput, match=r"every flight with a usable manoeuvre is held out"):
+    with pytest.raises(InputError, match=r"every flight with a usable manoeuvre is held out"):
         by_flight(manoeuvres, NAMES[:2])
-    with pytest.raises(BadInput, match=r"friday.mcap is held out and has no complete elevator manoeuvre"):
+    with pytest.raises(InputError, match=r"friday.mcap is held out and has no complete elevator manoeuvre"):
         by_flight(manoeuvres, ("friday.mcap",))

@@ -12,12 +12,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from avionics.quantities import BadInput
 from groundstation.command import identify
 from groundstation.command.main import main
 from logs.identification.kinematics.exchanged import exchanged
 from logs.identification.kinematics.marker_motion import INEXACT
-from logs.identification.kinematics.markers import rotations
 from logs.identification.kinematics.skeleton import skeleton
 from logs.identification.kinematics.speeds import Speeds
 from logs.identification.tables.markers import (
@@ -27,6 +25,8 @@ from logs.identification.tables.markers import (
     load_markers_map,
 )
 from tests.logs.identification import flown_slow_hawk as hawk
+from wingbeat.errors import InputError
+from wingbeat.rotation_arrays import dcms_from_quaternions
 
 NOISE = 0.0013
 FRAMES = 600
@@ -100,7 +100,7 @@ def test_coordinates_of_a_table_are_those_flown_within_their_errors(tmp_path: Pa
 def off(speeds: Speeds, body: str) -> tuple[float, float]:
     """Root mean square errors in m and rad per axis of a body by the smoothed coordinates, ends left out."""
     index, inside = hawk.marked()[body][0], slice(30, -30)
-    bones, base = skeleton(hawk.mechanism().tree, speeds.angles), rotations(speeds.quaternion)
+    bones, base = skeleton(hawk.mechanism().tree, speeds.angles), dcms_from_quaternions(speeds.quaternion)
     position, rotation = hawk.true_poses(hawk.fly(3.0, 1).cut(0, FRAMES), body)
     away = speeds.position_ned + np.einsum("nij,nj->ni", base, bones.place[index]) - position
     turn = np.einsum("nji,njk->nik", rotation, base @ bones.rotation[index])
@@ -160,7 +160,7 @@ def test_a_rigid_body_needs_no_vehicle(tmp_path: Path, capsys: pytest.CaptureFix
     assert len(record["speeds"][0]["names"]) == 6 and record["low_pass"] == 50.0
     assert "rudder: motion by markers" in (tmp_path / "r.html").read_text()
     path.with_suffix(".toml").write_text(f"{whole}[markers]\naero = true\n{axes}\n[markers.places.rudder]\n{at}")
-    with pytest.raises(BadInput, match="which vehicle's wings are the coefficients of"):
+    with pytest.raises(InputError, match="which vehicle's wings are the coefficients of"):
         identify.run(words)
 
 
@@ -200,7 +200,7 @@ def test_a_map_that_cannot_be_used_is_refused_in_one_line(tmp_path: Path, old: s
         text = "\n".join(line for line in text.splitlines() if not line.startswith("axes"))
     assert old in text
     mapping.write_text(text.replace(old, new, 1))
-    with pytest.raises(BadInput, match=told) as refused:
+    with pytest.raises(InputError, match=told) as refused:
         identify.run([str(path), "markers", "--map", str(mapping)])
     assert "\n" not in str(refused.value)
 
@@ -248,7 +248,7 @@ def test_a_body_s_mirror_image_is_told_from_it() -> None:
 def test_a_capture_with_exchanged_names_is_refused(tmp_path: Path, one: str, other: str) -> None:
     tracks = capture(100)
     path = table(tmp_path, tracks | {one: tracks[other], other: tracks[one]})
-    with pytest.raises(BadInput, match="exchange the two") as refused:
+    with pytest.raises(InputError, match="exchange the two") as refused:
         identify.run([str(path), "markers", "--map", str(path.with_suffix(".toml"))])
     assert one in str(refused.value) and other in str(refused.value)
 
@@ -264,18 +264,18 @@ def test_a_small_exchange_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[
 def test_markers_without_a_map_or_in_a_log_without_them_are_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with pytest.raises(BadInput, match="markers needs --map"):
+    with pytest.raises(InputError, match="markers needs --map"):
         identify.run(["capture.mcap", "markers"])
     mapping = tmp_path / "map.toml"
     mapping.write_text(EXAMPLE)
-    with pytest.raises(BadInput, match="is read by wingbeat identify FILE --map MAP"):
+    with pytest.raises(InputError, match="is read by wingbeat identify FILE --map MAP"):
         identify.run(["take.csv", "--map", str(mapping)])
     assert identify.run(["--map-example", "markers"]) == 0
     assert capsys.readouterr().out == EXAMPLE
     path = nexus(tmp_path, capture(100))
     places = "".join(f"[markers.places.{body}]\nother_{body} = [0, 0, 0]\n" for body in PLACES)
     (tmp_path / "places.toml").write_text(f'[markers]\nvehicle = "slow_hawk"\n{places}')
-    with pytest.raises(BadInput, match=r"none of the map's markers under /mocap/; it has: .*nose"):
+    with pytest.raises(InputError, match=r"none of the map's markers under /mocap/; it has: .*nose"):
         identify.run([str(path), "markers", "--map", str(tmp_path / "places.toml")])
-    with pytest.raises(BadInput, match="markers takes --map"):
+    with pytest.raises(InputError, match="markers takes --map"):
         identify.run([str(path), "markers", "--map", "m.toml", "--model", "a.toml"])

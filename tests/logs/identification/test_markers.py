@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from avionics.quantities import BadInput
 from logs.identification.kinematics.coordinates import fit_coordinates
-from logs.identification.kinematics.markers import MarkedBody, body_poses, rotations
+from logs.identification.kinematics.markers import MarkedBody, body_poses
 from logs.identification.kinematics.speeds import generalized_speeds, smoothed
 from tests.logs.identification import flown_slow_hawk as hawk
+from wingbeat.errors import InputError
+from wingbeat.rotation_arrays import dcms_from_quaternions
 
 NOISE = 0.0013
 """m; Grauer IV.A"""
@@ -25,7 +26,7 @@ def errors(body: str, seed: int) -> tuple[float, float]:
     position, rotation = hawk.true_poses(flown, body)
     known = np.isfinite(poses.position[:, 0])
     assert known.mean() > 0.98
-    off = np.einsum("nji,njk->nik", rotation, rotations(poses.quaternion))[known]
+    off = np.einsum("nji,njk->nik", rotation, dcms_from_quaternions(poses.quaternion))[known]
     turn = 0.5 * np.stack([off[:, i, j] - off[:, j, i] for i, j in ((2, 1), (0, 2), (1, 0))], axis=1)
     return tuple(np.sqrt(np.mean(np.square(values))) for values in ((poses.position - position)[known], turn))
 
@@ -75,7 +76,9 @@ def test_all_markers_together_tell_the_coordinates_within_their_errors() -> None
     error = np.sqrt(np.diagonal(found.covariance, axis1=1, axis2=2))
     assert found.names == ("right_wing", "left_wing", "elevator", "rudder")
     assert np.std((found.angles - flown.states[:, 13:17]) / error[:, 6:], axis=0) == pytest.approx(1.0, abs=0.08)
-    own = np.einsum("nji,nj->ni", rotations(flown.states[:, 3:7]), found.position_ned - flown.states[:, :3])
+    own = np.einsum(
+        "nji,nj->ni", dcms_from_quaternions(flown.states[:, 3:7]), found.position_ned - flown.states[:, :3]
+    )
     assert np.std(own / error[:, :3], axis=0) == pytest.approx(1.0, abs=0.08)
     alone = body_poses(MarkedBody("fuselage", hawk.MARKERS["fuselage"]), hawk.seen(flown, NOISE, 6)["fuselage"])
     assert error[:, 4].mean() < 0.3 * np.sqrt(alone.covariance[:, 4, 4].mean())
@@ -97,7 +100,7 @@ def test_frames_in_which_a_joint_is_not_seen_are_not_told() -> None:
     found = fit_coordinates(hawk.mechanism(), hawk.marked(), positions)
     assert np.isnan(found.angles[100:120]).all()
     assert np.isfinite(found.angles[120:]).all()
-    with pytest.raises(BadInput, match="no coordinates for"):
+    with pytest.raises(InputError, match="no coordinates for"):
         generalized_speeds(flown.time, found)
 
 
@@ -129,11 +132,11 @@ def test_a_turn_through_south_while_nothing_is_seen_makes_no_leap() -> None:
 
 def test_what_the_markers_cannot_tell_is_refused() -> None:
     line = MarkedBody("wing", np.array([(0.0, 0.0, 0.0), (0.0, 0.2, 0.0), (0.0, 0.6, 0.0)]))
-    with pytest.raises(BadInput, match="one line"):
+    with pytest.raises(InputError, match="one line"):
         body_poses(line, np.zeros((3, 50, 3)))
-    with pytest.raises(BadInput, match="2 markers"):
+    with pytest.raises(InputError, match="2 markers"):
         body_poses(MarkedBody("wing", line.places[:2]), np.zeros((2, 50, 3)))
-    with pytest.raises(BadInput, match="fewer than 20 frames"):
+    with pytest.raises(InputError, match="fewer than 20 frames"):
         body_poses(MarkedBody("rudder", hawk.MARKERS["rudder"]), np.full((3, 50, 3), np.nan))
-    with pytest.raises(BadInput, match="base has no markers"):
+    with pytest.raises(InputError, match="base has no markers"):
         fit_coordinates(hawk.mechanism(), {"rudder": hawk.marked()["rudder"]}, {"rudder": np.zeros((3, 50, 3))})

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from promised import SEEDS, covered, modes_kept, pairs
 
-from avionics.quantities import BadInput
 from logs.identification.experiment import Experiment
 from logs.identification.modes.experiments import modes_of_experiments
 from logs.identification.modes.mode import Mode, ModesResult
+from wingbeat.errors import InputError
 
 FREQUENCY, DAMPING = 6.29, 0.055
 RATE = 30.0
@@ -84,11 +84,11 @@ def test_a_gap_is_bridged_or_cut_and_told() -> None:
 
 
 def test_a_signal_that_is_not_there_is_refused_in_one_line() -> None:
-    with pytest.raises(BadInput, match="no signal 'q'; there are theta, alpha"):
+    with pytest.raises(InputError, match="no signal 'q'; there are theta, alpha"):
         modes_of_experiments((glide(0),), None, ("q",))
     nothing = np.full(300, np.nan)
     empty = glide(0)._replace(signals={"theta": nothing})
-    with pytest.raises(BadInput, match="no record of theta has 16 samples"):
+    with pytest.raises(InputError, match="no record of theta has 16 samples"):
         modes_of_experiments((empty,), None, ("theta",))
 
 

@@ -14,12 +14,12 @@ from output_error_cases import (
     pitching,
 )
 
-from avionics.quantities import BadInput
 from logs.identification.output_error.fit import Search, output_error
 from logs.identification.output_error.models.linear import ONE, Term, linear_model
 from logs.identification.output_error.models.nonlinear_longitudinal import nonlinear_longitudinal
 from logs.identification.output_error.models.stability import Steady, lateral, short_period
 from logs.identification.output_error.problem import Fit, Named, Nuisances, Parameter, Problem, window
+from wingbeat.errors import InputError
 
 SHORT = ("alpha", "q", "theta", "a_z")
 PROBLEM = Problem(SHORT_PERIOD, (pitching(1),), parameters(SHORT_PERIOD_TRUTH), SHORT)
@@ -171,7 +171,7 @@ def gap(name: str, count: int) -> np.ndarray:  # type: ignore[type-arg]
     ],
 )
 def test_nonsense_is_refused_in_a_line(problem: Problem, words: str) -> None:
-    with pytest.raises(BadInput, match=words) as caught:
+    with pytest.raises(InputError, match=words) as caught:
         output_error(problem)
     assert "\n" not in str(caught.value)
 
@@ -180,20 +180,20 @@ def test_uneven_time_and_short_records_are_refused() -> None:
     record = PROBLEM.experiments[0]
     late = record.time.copy()
     late[250:] += 0.01
-    with pytest.raises(BadInput, match="not equally spaced"):
+    with pytest.raises(InputError, match="not equally spaced"):
         output_error(PROBLEM._replace(experiments=(record._replace(time=late),)))
-    with pytest.raises(BadInput, match="too few"):
+    with pytest.raises(InputError, match="too few"):
         output_error(PROBLEM._replace(experiments=(window(record, 1.0, 1.1),)))
-    with pytest.raises(BadInput, match="fewer than two samples"):
+    with pytest.raises(InputError, match="fewer than two samples"):
         window(record, 100.0, 101.0)
 
 
 def test_models_that_cannot_be_are_refused() -> None:
-    with pytest.raises(BadInput, match="positive airspeed"):
+    with pytest.raises(InputError, match="positive airspeed"):
         short_period(Steady(0.0))
-    with pytest.raises(BadInput, match="states beta, p, r, phi"):
+    with pytest.raises(InputError, match="states beta, p, r, phi"):
         lateral(Steady(20.0), states=("q",))
-    with pytest.raises(BadInput, match="mass must be positive"):
+    with pytest.raises(InputError, match="mass must be positive"):
         nonlinear_longitudinal(JET._replace(mass=0.0))
-    with pytest.raises(BadInput, match="density"):
+    with pytest.raises(InputError, match="density"):
         nonlinear_longitudinal(JET._replace(density="thin"))

@@ -21,13 +21,13 @@ from output_error_cases import (
 from scipy.integrate import solve_ivp
 from scipy.signal import lsim
 
-from avionics.quantities import BadInput
 from logs.identification.output_error.fit import output_error
 from logs.identification.output_error.models.actuated import Actuated, Actuator, actuated
 from logs.identification.output_error.models.linear import LinearModel
 from logs.identification.output_error.models.nonlinear_longitudinal import nonlinear_longitudinal
 from logs.identification.output_error.models.stability import Steady, lateral, longitudinal, short_period
 from logs.identification.output_error.problem import Parameter, Problem
+from wingbeat.errors import InputError
 
 TIME = 0.02 * np.arange(400)
 
@@ -186,5 +186,5 @@ def test_a_lag_and_a_delay_of_the_elevator_are_those_of_scipy_and_are_found() ->
     free |= {name: Parameter(0.04, low=0.0, high=0.3) for name in late}
     fit = output_error(Problem(model, (record,), free, ("alpha", "q", "a_z")))
     assert covered(fit, truth | late) >= 5  # of 6
-    with pytest.raises(BadInput, match="no input flap"):
+    with pytest.raises(InputError, match="no input flap"):
         actuated(inner, ("flap",))

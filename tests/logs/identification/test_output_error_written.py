@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from avionics.quantities import BadInput
 from logs.identification.output_error.models.stability import Steady, short_period
 from logs.identification.output_error.models.written import Matrix, written_model
 from logs.identification.output_error.problem import Named
+from wingbeat.errors import InputError
 
 STATES = {"alpha": Named("rad"), "q": Named("rad/s")}
 A: Matrix = [["Z_alpha", "1 + Z_q"], ["M_alpha", "M_q"]]
@@ -43,5 +43,5 @@ def test_it_flies_as_the_short_period() -> None:
     ],
 )
 def test_what_cannot_be_is_refused(matrices: dict[str, Matrix], words: str) -> None:
-    with pytest.raises(BadInput, match=words):
+    with pytest.raises(InputError, match=words):
         written_model(STATES, {"delta_e": "rad"}, OUTPUTS, {}, matrices)

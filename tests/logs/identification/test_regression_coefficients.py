@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from avionics.quantities import BadInput
 from logs.identification.experiment import Experiment
 from logs.identification.regression.coefficients import CoefficientRegression, coefficient_regression, predict
 from logs.identification.regression.equation_error import Settings
 from logs.identification.regression.frequency_domain import in_band, transform
 from logs.identification.results import Estimate
 from tests.logs.identification.coloured_noise import TRUTH, flown, noise
+from wingbeat.errors import InputError
 
 NAMES = ("alpha", "q", "delta")
 
@@ -92,7 +92,7 @@ def test_frequency_domain_bridges_short_gaps_and_refuses_long_ones() -> None:
     assert by_name(found)["alpha"].value == pytest.approx(TRUTH["alpha"], abs=0.05)
     assert np.isnan(found.residuals[0]).sum() == 2
     alpha[300:340] = np.nan
-    with pytest.raises(BadInput, match=r"flight: 40 samples in a row from 6 s after its start lack a signal"):
+    with pytest.raises(InputError, match=r"flight: 40 samples in a row from 6 s after its start lack a signal"):
         coefficient_regression((with_signals(flight, alpha=alpha),), "C", NAMES, "frequency")
 
 
@@ -146,18 +146,18 @@ def test_too_few_samples_are_a_failure_not_a_number(domain: str) -> None:
     ],
 )
 def test_bad_regressors_are_one_clear_line(regressors: tuple[str, ...], message: str) -> None:
-    with pytest.raises(BadInput, match=message):
+    with pytest.raises(InputError, match=message):
         coefficient_regression((flown("white", 50, 9),), "C", regressors)
 
 
 def test_bad_records_are_one_clear_line() -> None:
     one, other = flown("white", 200, 1, name="one"), flown("white", 100, 1, name="other")
-    with pytest.raises(BadInput, match=r"one has a step of 0.05 s, other of 0.1 s"):
+    with pytest.raises(InputError, match=r"one has a step of 0.05 s, other of 0.1 s"):
         coefficient_regression((one, other), "C", NAMES)
     uneven = one._replace(time=np.sort(np.random.default_rng(1).uniform(0, 10, 200)))
-    with pytest.raises(BadInput, match="not equally spaced"):
+    with pytest.raises(InputError, match="not equally spaced"):
         coefficient_regression((uneven,), "C", NAMES)
-    with pytest.raises(BadInput, match="frequencies must lie between 0 and half the sampling rate, 10 Hz"):
+    with pytest.raises(InputError, match="frequencies must lie between 0 and half the sampling rate, 10 Hz"):
         coefficient_regression((one,), "C", NAMES, "frequency", Settings(frequencies=np.array([1.0, 12.0])))
 
 

@@ -12,7 +12,6 @@ import pytest
 from linear_ornithopter import AIRCRAFT, Flight, fly
 from wing_drives import K_TAU, K_TAU0, Drives, measure, simulate
 
-from avionics.quantities import BadInput
 from logs.identification.accuracy.whiteness import BAND, autocorrelation
 from logs.identification.aerodynamics import stroke_fits
 from logs.identification.aerodynamics.structure import AeroResult, CoefficientModel
@@ -43,6 +42,7 @@ from logs.identification.report.svg import NARROW, axis, drawn, round_step, writ
 from logs.identification.report.words import meaning, number, rich, symbol
 from logs.identification.results import Estimate, Unidentified, estimate
 from logs.identification.tables import benches, stands
+from wingbeat.errors import InputError
 
 SUBJECT = Subject("bird: identification", "flight.mcap", "ab" * 32, (("vehicle", "bird"), ("length", "20.0 s")))
 TRUTHS = {"K_tau": K_TAU, "K_tau0": K_TAU0, "short_period_frequency": 11.0, "short_period_damping": 0.6}
@@ -147,10 +147,10 @@ def test_an_existing_file_is_refused_before_and_after_the_work(tmp_path: Path, f
     path = tmp_path / "kept.html"
     path.write_text("mine", encoding="utf-8")
     for attempt in (lambda: refuse_existing(path), lambda: write_report(path, SUBJECT, found)):
-        with pytest.raises(BadInput, match=r"kept.html exists: it is not overwritten$"):
+        with pytest.raises(InputError, match=r"kept.html exists: it is not overwritten$"):
             attempt()
     assert path.read_text(encoding="utf-8") == "mine"
-    with pytest.raises(BadInput, match=r"there is no folder"):
+    with pytest.raises(InputError, match=r"there is no folder"):
         refuse_existing(tmp_path / "nowhere" / "a.html")
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from avionics.quantities import BadInput
 from logs.identification.experiment import Experiment
 from logs.identification.preparing.resampling import (
     Channel,
@@ -18,6 +17,7 @@ from logs.identification.preparing.resampling import (
     measured_pieces,
     whole_records,
 )
+from wingbeat.errors import InputError
 
 
 def test_uneven_samples_of_a_line_stay_on_it_and_end_with_it() -> None:
@@ -108,21 +108,21 @@ def test_an_experiment_is_down_sampled() -> None:
     assert slower.step == pytest.approx(0.02)
     inside = np.isfinite(slower.signals["q"])
     np.testing.assert_allclose(slower.signals["q"][inside], np.sin(slower.time[inside]), atol=2e-3)
-    with pytest.raises(BadInput, match="shorter than the measured"):
+    with pytest.raises(InputError, match="shorter than the measured"):
         down_sampled(flight, 0.001)
 
 
 def test_what_cannot_be_resampled_is_refused() -> None:
     time = np.array([0.0, 0.1, 0.1, 0.2])
-    with pytest.raises(BadInput, match="q: time must rise"):
+    with pytest.raises(InputError, match="q: time must rise"):
         experiment_of("flight", [Channel("q", "rad/s", time, time)], 0.1, 0.0)
-    with pytest.raises(BadInput, match="each name once"):
+    with pytest.raises(InputError, match="each name once"):
         experiment_of("flight", [], 0.1, 0.0)
     flight = Experiment("flight", np.arange(9.0), {"q": np.full(9, np.nan)}, {"q": "rad/s"})
-    with pytest.raises(BadInput, match="nowhere measured together"):
+    with pytest.raises(InputError, match="nowhere measured together"):
         whole_records(flight, ["q"], 0.0, 1.0)
-    with pytest.raises(BadInput, match="has no signal theta"):
+    with pytest.raises(InputError, match="has no signal theta"):
         whole_records(flight, ["q", "theta"], 0.0, 1.0)
     for samples in range(2):
-        with pytest.raises(BadInput, match="nowhere measured together"):
+        with pytest.raises(InputError, match="nowhere measured together"):
             whole_records(cut(flight, slice(samples)), ["q"], 0.0, 1.0)

@@ -9,10 +9,10 @@ import pytest
 from promised import SEEDS, promise_kept
 from scipy.signal import lfilter
 
-from avionics.quantities import BadInput
 from logs.identification.experiment import Experiment
 from logs.identification.preparing.skew import shifted, skew_between
 from logs.identification.results import Estimate, Unidentified
+from wingbeat.errors import InputError
 
 STEP = 0.02
 FINE = 10
@@ -104,7 +104,7 @@ def test_a_late_signal_is_moved_back_and_nothing_is_made_up() -> None:
 
 
 def test_signals_that_cannot_be_compared_are_refused() -> None:
-    with pytest.raises(BadInput, match="resample them first"):
+    with pytest.raises(InputError, match="resample them first"):
         skew_between(np.zeros(100), np.zeros(99), STEP, 0.5)
-    with pytest.raises(BadInput, match="cannot be looked for"):
+    with pytest.raises(InputError, match="cannot be looked for"):
         skew_between(np.zeros(100), np.zeros(100), STEP, 1.5)

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from avionics.quantities import BadInput
 from logs.identification.experiment import Experiment
 from logs.identification.preparing.fourier_smoothing import fourier_smoothing
 from logs.identification.preparing.local_quadratic import local_quadratic
@@ -18,6 +17,7 @@ from logs.identification.preparing.rts import Tuning, rts, tuning_of
 from logs.identification.preparing.smoothed import Smoothed
 from logs.identification.preparing.smoothing import METHODS, smoothed
 from logs.identification.preparing.spline import smoothing_spline
+from wingbeat.errors import InputError
 
 STEP = 0.02
 TIME = STEP * np.arange(500)
@@ -225,22 +225,22 @@ def test_a_stroke_average_has_the_slope_of_what_does_not_flap() -> None:
 def test_missing_samples_are_refused_in_a_line(name: str) -> None:
     values = noisy(8)
     values[40:45] = np.nan
-    with pytest.raises(BadInput, match="5 of the signal's 500 samples are missing"):
+    with pytest.raises(InputError, match="5 of the signal's 500 samples are missing"):
         SMOOTHERS[name](values)
 
 
 def test_what_cannot_be_smoothed_is_refused() -> None:
-    with pytest.raises(BadInput, match="too short"):
+    with pytest.raises(InputError, match="too short"):
         fourier_smoothing(TIME[:10], STEP)
-    with pytest.raises(BadInput, match="half the sampling rate"):
+    with pytest.raises(InputError, match="half the sampling rate"):
         fourier_smoothing(RESPONSE, STEP, 30.0)
-    with pytest.raises(BadInput, match="odd"):
+    with pytest.raises(InputError, match="odd"):
         local_quadratic(RESPONSE, STEP, 6)
-    with pytest.raises(BadInput, match="give the smoother's tuning"):
+    with pytest.raises(InputError, match="give the smoother's tuning"):
         rts(np.where(np.arange(500) % 10 < 5, RESPONSE, np.nan), STEP)
-    with pytest.raises(BadInput, match="no method 'median'"):
+    with pytest.raises(InputError, match="no method 'median'"):
         smoothed(Experiment("flight", TIME, {"q": RESPONSE}, {"q": "rad/s"}), ["q"], "median")
-    with pytest.raises(BadInput, match="flight, q: no signal strokes"):
+    with pytest.raises(InputError, match="flight, q: no signal strokes"):
         smoothed(Experiment("flight", TIME, {"q": RESPONSE}, {"q": "rad/s"}), ["q"], "stroke")
 
 

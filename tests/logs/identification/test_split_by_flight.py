@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from avionics.quantities import BadInput
 from logs.identification.experiment import Experiment
 from logs.identification.preparing.excited import excited
 from logs.identification.preparing.split import split
+from wingbeat.errors import InputError
 
 
 def manoeuvre(name: str) -> Experiment:
@@ -41,9 +41,9 @@ def test_of_one_flight_whole_manoeuvres_are_held_back_and_it_is_said() -> None:
 
 
 def test_what_cannot_be_split_is_refused() -> None:
-    with pytest.raises(BadInput, match="single manoeuvre"):
+    with pytest.raises(InputError, match="single manoeuvre"):
         split({"flight": [manoeuvre("one")]})
-    with pytest.raises(BadInput, match="between 0 and 1"):
+    with pytest.raises(InputError, match="between 0 and 1"):
         split(FLIGHTS, share=1.0)
 
 
@@ -67,7 +67,7 @@ def test_manoeuvres_are_cut_by_the_logged_excitation() -> None:
 
 def test_an_aborted_manoeuvre_is_left_out() -> None:
     assert [e.name[-1] for e in excited(flight([0, 1, 0, 2, 0], aborted=1.0))] == ["2"]
-    with pytest.raises(BadInput, match="no whole manoeuvre"):
+    with pytest.raises(InputError, match="no whole manoeuvre"):
         excited(flight([0, 1, 0], aborted=1.0))
-    with pytest.raises(BadInput, match="has no signal active"):
+    with pytest.raises(InputError, match="has no signal active"):
         excited(Experiment("flight", np.arange(3.0), {}, {}))

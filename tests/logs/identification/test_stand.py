@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from avionics.quantities import BadInput
 from logs.identification.aerodynamics.stand import LoadCell, StandRun, stand_coefficients, stand_motion
 from logs.identification.aerodynamics.wing_air import wing_air
 from tests.logs.identification import flown_slow_hawk as hawk
+from wingbeat.errors import InputError
 
 Floats = NDArray[np.float64]
 MOUNT = LoadCell((0.02, 0.0, 0.07), np.array([(0.0, 1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, -1.0)]), -1.0)
@@ -55,19 +55,19 @@ def test_inertia_is_most_of_what_the_cell_feels() -> None:
 
 def test_runs_that_cannot_be_used_are_refused() -> None:
     run = stroke("run", 9.2)
-    with pytest.raises(BadInput, match="no rotation"):
+    with pytest.raises(InputError, match="no rotation"):
         stand_coefficients(hawk.vehicle(), run, MOUNT._replace(r_frd_from_cell=2 * np.eye(3)))
-    with pytest.raises(BadInput, match="needs 60"):
+    with pytest.raises(InputError, match="needs 60"):
         stand_coefficients(hawk.vehicle(), stroke("short", 9.2, seconds=0.1), MOUNT)
     holed = run.load.copy()
     holed[100, 2] = np.nan
-    with pytest.raises(BadInput, match="not numbers"):
+    with pytest.raises(InputError, match="not numbers"):
         stand_coefficients(hawk.vehicle(), run._replace(load=holed), MOUNT)
-    with pytest.raises(BadInput, match="inertia differs"):
+    with pytest.raises(InputError, match="inertia differs"):
         slow = stroke("tare", 0.0)
         stand_coefficients(hawk.vehicle(), run, MOUNT, slow._replace(time=1.2 * slow.time))
-    with pytest.raises(BadInput, match="not equally spaced"):
+    with pytest.raises(InputError, match="not equally spaced"):
         stand_coefficients(hawk.vehicle(), run._replace(time=np.sort(np.random.default_rng(0).random(600))), MOUNT)
     still = run._replace(airspeed=0.0, flap=np.full(600, 0.1))
-    with pytest.raises(BadInput, match="falls to zero"):
+    with pytest.raises(InputError, match="falls to zero"):
         stand_coefficients(hawk.vehicle(), still, MOUNT)

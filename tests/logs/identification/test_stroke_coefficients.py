@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from avionics.quantities import BadInput
 from logs.identification.aerodynamics.stroke_coefficients import (
     drag_polar,
     lift_derivatives,
@@ -24,6 +23,7 @@ from sim_bridge.aerodynamics.stroke_averages import (
     moment_coefficient,
     stroke_record,
 )
+from wingbeat.errors import InputError
 
 Floats = NDArray[np.float64]
 TRUTH = StrokeCoefficients(lift_up=0.35, lift_down=0.95, drag_up=0.12, drag_down=0.21)
@@ -90,10 +90,10 @@ def test_a_wing_at_rest_and_strokes_without_a_half_tell_nothing() -> None:
 
 def test_too_few_strokes_are_refused() -> None:
     records, forces = flown(1, 2)
-    with pytest.raises(BadInput, match="3 strokes"):
+    with pytest.raises(InputError, match="3 strokes"):
         stroke_coefficients(records, forces)
     records, forces = flown(1, 3)
-    with pytest.raises(BadInput, match="another shape"):
+    with pytest.raises(InputError, match="another shape"):
         stroke_coefficients(records, tuple(force[:50] for force in forces))
 
 

@@ -13,11 +13,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from test_tables_identified import BASE, flight, write
 
-from avionics.quantities import BadInput
 from logs.identification.tables.map import EXAMPLE, load_map
 from logs.identification.tables.run import identify_tables
 from logs.identification.tables.table import Layout, read_columns
 from logs.identification.tables.telling import notes_of, table_document
+from wingbeat.errors import InputError
 
 MAP = (
     BASE
@@ -59,7 +59,7 @@ def refused(work: object) -> str:
         warnings.simplefilter("error")
         try:
             work()
-        except BadInput as error:
+        except InputError as error:
             assert str(error).isprintable() and len(str(error)) < 3000
             return str(error)
     return ""

@@ -12,7 +12,6 @@ import pytest
 from scipy.ndimage import gaussian_filter1d
 from scipy.signal import lsim
 
-from avionics.quantities import BadInput
 from logs.identification.accuracy.autoregression import autocovariance, prediction_variances
 from logs.identification.experiment import Experiment
 from logs.identification.modes.equivalent_system import equivalent_system
@@ -33,6 +32,7 @@ from tests.logs.identification.test_frequency_equations import SLOW, exact
 from tests.logs.identification.test_tables_identified import flight
 from tests.logs.identification.test_tables_strangers import identified
 from tests.logs.identification.test_tables_strangers import said as notes_of
+from wingbeat.errors import InputError
 
 EXAMPLES = Path(__file__).parents[3] / "docs" / "examples"
 STEP = 0.04
@@ -83,7 +83,7 @@ def test_free_response_of_a_record_in_which_the_control_moves_is_refused(tmp_pat
     table, mapping = tmp_path / "t.csv", tmp_path / "m.toml"
     np.savetxt(table, np.column_stack((TIME, q, one.signals["delta_e"])), delimiter=",")
     mapping.write_text(FREE_MAP % 0)
-    with pytest.raises(BadInput, match=r"delta_e moves until 5\.96 s in manoeuvre 1 of t\.csv"):
+    with pytest.raises(InputError, match=r"delta_e moves until 5\.96 s in manoeuvre 1 of t\.csv"):
         identify_tables([table], mapping)
     mapping.write_text(FREE_MAP % 6.1)
     found = identify_tables([table], mapping).modes

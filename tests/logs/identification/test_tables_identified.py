@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from avionics.quantities import BadInput
 from groundstation.command import identify
 from logs.identification.experiment import Experiment
 from logs.identification.tables.derived import MADE as MADE_OF
@@ -22,6 +21,7 @@ from logs.identification.tables.map import EXAMPLE, load_map
 from logs.identification.tables.results import TableFit, TableIdentification
 from logs.identification.tables.run import identify_tables
 from logs.identification.tables.telling import notes_of, table_document
+from wingbeat.errors import InputError
 
 EXAMPLES = Path(__file__).parents[3] / "docs" / "examples"
 MADE = runpy.run_path(str(EXAMPLES / "make_tables.py"))
@@ -201,7 +201,7 @@ def test_thirty_samples(tmp_path: Path) -> None:
     fit = found.fits[0]
     assert fit.failure or all(np.isfinite(one.value) and one.high > one.low for one in fit.fitted.estimates)
     few = {name: values[:10] for name, values in columns.items()}
-    with pytest.raises(BadInput) as refused:
+    with pytest.raises(InputError) as refused:
         identified(tmp_path, few)
     assert str(refused.value).isprintable()
 
@@ -236,13 +236,13 @@ def test_what_is_input_and_output_at_once_is_refused(tmp_path: Path, column: str
     assert list(columns)[2] == "q"
     told = f'column = {json.dumps(column)}, unit = "deg"'
     same = BASE.replace('column = "delta_e", unit = "rad"', told)
-    with pytest.raises(BadInput, match="modes: input delta_e and output q are one signal"):
+    with pytest.raises(InputError, match="modes: input delta_e and output q are one signal"):
         identified(tmp_path, columns, same)
     both = BASE.replace('outputs = ["alpha"', 'outputs = ["delta_e", "alpha"')
-    with pytest.raises(BadInput, match="modes: delta_e is in inputs and in outputs"):
+    with pytest.raises(InputError, match="modes: delta_e is in inputs and in outputs"):
         identified(tmp_path, columns, both)
     other = same.replace("[modes]", '[[aero.output_error]]\nmodel = "short period"')
-    with pytest.raises(BadInput, match="input delta_e and output q are one signal"):
+    with pytest.raises(InputError, match="input delta_e and output q are one signal"):
         identified(tmp_path, columns, other, "aero")
 
 
@@ -278,7 +278,7 @@ def test_rolling_moments_need_no_inertia_of_pitch_where_no_pitch_rate_was_measur
     made = MADE_OF["C_l"][1](Source(one, constants, "C_l"))
     assert made[50] == pytest.approx(2.0 * 0.3 * np.cos(time[50]) / (50.0 * 0.5 * 1.5), rel=0.01)
     pitching = one._replace(signals={**signals, "q": 0.1 + 0.0 * time}, units={**one.units, "q": "rad/s"})
-    with pytest.raises(BadInput, match=r"constants\.I_[yz]"):
+    with pytest.raises(InputError, match=r"constants\.I_[yz]"):
         MADE_OF["C_l"][1](Source(pitching, {"I_x": 2.0, "S": 0.5, "b": 1.5}, "C_l"))
 
 
@@ -317,14 +317,14 @@ def test_any_outputs(tmp_path: Path, outputs: list[str]) -> None:
 
 def test_a_channel_that_is_missing_is_told(tmp_path: Path) -> None:
     mapping = BASE.replace('a_z = { column = "a_z", unit = "m/s^2" }', "")
-    with pytest.raises(BadInput, match="modes: 'a_z' is not in \\[signals\\]; there are: alpha, q, delta_e"):
+    with pytest.raises(InputError, match="modes: 'a_z' is not in \\[signals\\]; there are: alpha, q, delta_e"):
         identified(tmp_path, flight(), mapping)
     columns = flight()
     columns["q"][:] = np.nan
-    with pytest.raises(BadInput, match="output q has no sample"):
+    with pytest.raises(InputError, match="output q has no sample"):
         identified(tmp_path, columns)
     columns["delta_e"][:] = np.nan
-    with pytest.raises(BadInput, match="modes: delta_e: nothing was measured"):
+    with pytest.raises(InputError, match="modes: delta_e: nothing was measured"):
         identified(tmp_path, columns)
 
 
@@ -344,7 +344,7 @@ def test_an_input_that_does_not_move_is_refused_before_it_gives_damping_and_freq
     """GIVEN an elevator that stands still THEN neither M_q nor a spectrum's peak is printed for a driven response."""
     columns = flight()
     columns["delta_e"][:] = 0.01
-    with pytest.raises(BadInput, match=r"modes: delta_e does not move; a free motion has inputs = \[\]"):
+    with pytest.raises(InputError, match=r"modes: delta_e does not move; a free motion has inputs = \[\]"):
         identified(tmp_path, columns)
 
 
@@ -404,7 +404,7 @@ def test_a_regressor_that_is_misspelt_is_told_before_anything_is_fitted(
 ) -> None:
     """GIVEN a map whose other sections can be had THEN the mistake is the answer, not a line below theirs."""
     mapping = BASE + f'[[aero.regressions]]\nresponse = "a_z"\nregressors = ["{regressor}", "delta_e"]\n'
-    with pytest.raises(BadInput, match=told):
+    with pytest.raises(InputError, match=told):
         identified(tmp_path, flight(), mapping, "all")
     assert identified(tmp_path, flight(), mapping, "modes").fits, "what does not need it is had for itself"
 
@@ -427,7 +427,7 @@ def test_a_command_line_that_cannot_be(
     monkeypatch.chdir(tmp_path)
     (tmp_path / "map.toml").write_text(BASE)
     write(tmp_path / "run.csv", flight())
-    with pytest.raises(BadInput, match=told):
+    with pytest.raises(InputError, match=told):
         identify.run(words)
 
 
@@ -437,7 +437,7 @@ def test_a_nonlinear_model_needs_its_thrust_told_and_takes_a_constant(tmp_path: 
     assert signal in whole
     untold = whole.replace(signal, "")[: whole.replace(signal, "").index("[[aero.regressions]]")]
     (tmp_path / "map.toml").write_text(untold)
-    with pytest.raises(BadInput, match=r"needs signals\.thrust or constants\.thrust \(0 for a glide\) \(map"):
+    with pytest.raises(InputError, match=r"needs signals\.thrust or constants\.thrust \(0 for a glide\) \(map"):
         identify_tables([table], tmp_path / "map.toml", "aero")
     (tmp_path / "map.toml").write_text(untold.replace("[constants]", "[constants]\nthrust = 9850"))
     found = numbers(identify_tables([table], tmp_path / "map.toml", "aero").fits[0])

@@ -11,9 +11,9 @@ import pytest
 from scipy.signal import cont2discrete
 from test_tables_identified import BASE, TRUTH, flight, identified, write
 
-from avionics.quantities import BadInput
 from groundstation.command import identify
 from logs.identification.tables.between import jumps
+from wingbeat.errors import InputError
 
 
 def methods(folder: Path, mapping: str, capsys: pytest.CaptureFixture[str], **flown: float) -> dict[str, Any]:
@@ -52,7 +52,7 @@ def test_equation_error_says_what_it_lacks_and_keeps_to_its_band(
     assert refused["reason"] == "it takes alpha measured"
     narrow = methods(tmp_path, BASE + "band = [0.05, 1.0]\n", capsys)["equation error"]
     assert narrow["frequency"]["value"] == pytest.approx(2.793, rel=0.03)
-    with pytest.raises(BadInput, match=r"modes: band = \[2, 1\] Hz holds no frequency"):
+    with pytest.raises(InputError, match=r"modes: band = \[2, 1\] Hz holds no frequency"):
         methods(tmp_path, BASE + "band = [2.0, 1.0]\n", capsys)
 
 
@@ -157,9 +157,9 @@ def test_a_term_that_is_worth_less_than_it_costs_but_no_chance_is_named(
 
 def test_orthogonal_functions_take_no_other_choice_beside_them(tmp_path: Path) -> None:
     for line in ('selection = "stepwise"', 'domain = "frequency"'):
-        with pytest.raises(BadInput, match="chooses its terms itself, in the time domain"):
+        with pytest.raises(InputError, match="chooses its terms itself, in the time domain"):
             identify.run(moments(tmp_path, ORTHOGONAL + line + "\n"))
-    with pytest.raises(BadInput, match=r"method = 'orthogonl' is not known; known: least squares, orthogonal"):
+    with pytest.raises(InputError, match=r"method = 'orthogonl' is not known; known: least squares, orthogonal"):
         identify.run(moments(tmp_path, ORTHOGONAL.replace('"orthogonal"', '"orthogonl"')))
 
 
@@ -194,9 +194,9 @@ def test_an_input_that_was_held_is_told_with_the_word_that_mends_it(tmp_path: Pa
 
 
 def test_what_is_held_or_late_must_be_an_input_and_by_a_second_at_most(tmp_path: Path) -> None:
-    with pytest.raises(BadInput, match=r"unknown key hold delta \(meant 'delta_e'\?\)"):
+    with pytest.raises(InputError, match=r"unknown key hold delta \(meant 'delta_e'\?\)"):
         identified(tmp_path, held_flight(), BASE + 'hold = ["delta"]\n')
-    with pytest.raises(BadInput, match="delay = 5 s: an input acts at most 1 s late or early"):
+    with pytest.raises(InputError, match="delay = 5 s: an input acts at most 1 s late or early"):
         identified(tmp_path, held_flight(), BASE + "delay = 5\n")
 
 

@@ -7,13 +7,13 @@ import pytest
 from output_error_cases import LATERAL, LATERAL_TRUTH, steps
 from output_error_cases import flown as flown_laterally
 
-from avionics.constants import STANDARD_GRAVITY
-from avionics.quantities import BadInput
 from logs.identification.experiment import Experiment
 from logs.identification.results import Estimate, estimate
 from logs.identification.tables.flow_mistakes import Known, said_of
 from logs.identification.tables.plausible import check_plausible
 from logs.identification.tables.signs import turned
+from wingbeat.constants import STANDARD_GRAVITY
+from wingbeat.errors import InputError
 
 STEP, SPEED = 0.02, 20.0
 UNITS = {"alpha": "rad", "theta": "rad", "q": "rad/s", "a_z": "m/s^2"}
@@ -60,7 +60,7 @@ def test_a_flight_with_errors_of_scale_is_none_of_these_mistakes(seed: int, scal
     ],
 )
 def test_a_known_mistake_is_named(scales: dict[str, float], said: str) -> None:
-    with pytest.raises(BadInput, match=said):
+    with pytest.raises(InputError, match=said):
         check_plausible((flown(**scales),), {"V": SPEED})
 
 
@@ -71,7 +71,7 @@ def test_an_airspeed_of_the_constants_that_is_not_the_measured_one_is_refused(to
     if right:
         check_plausible((moved,), {"V": told})
         return
-    with pytest.raises(BadInput, match=rf"constants.V is {told:.4g} m/s and signals.V 20 m/s: one of both"):
+    with pytest.raises(InputError, match=rf"constants.V is {told:.4g} m/s and signals.V 20 m/s: one of both"):
         check_plausible((moved,), {"V": told})
 
 
@@ -92,7 +92,7 @@ def test_spikes_a_blocked_pitot_and_changes_of_the_airspeed_say_nothing_of_its_u
 def test_the_sign_of_an_a_z_without_its_mean_is_told_by_alpha_and_q() -> None:
     one = flown(a_z=-1.0)
     level = one.signals["a_z"] - one.signals["a_z"].mean()
-    with pytest.raises(BadInput, match="a_z is against the changes of alpha and q: its sign is wrong"):
+    with pytest.raises(InputError, match="a_z is against the changes of alpha and q: its sign is wrong"):
         check_plausible((one._replace(signals={**one.signals, "a_z": level}),), {"V": SPEED})
 
 
@@ -134,7 +134,7 @@ def test_forces_that_speed_and_attitude_bear_out_are_taken(seed: int, scale: flo
     ("scale", "said"), [(-1.0, "its sign is wrong"), (1 / STANDARD_GRAVITY, "it is in g"), (9.80665, "it is in m/s")]
 )
 def test_a_force_against_speed_and_attitude_is_refused(force: str, scale: float, said: str) -> None:
-    with pytest.raises(BadInput, match=f"{force} .*{said}"):
+    with pytest.raises(InputError, match=f"{force} .*{said}"):
         check_plausible((turning(**{force: scale}),), {})
 
 
@@ -150,7 +150,7 @@ def test_a_steady_climb_tells_the_sign_of_a_x_by_its_mean(scale: float, said: st
     one = Experiment("one", STEP * np.arange(count), signals, {})
     if not said:
         return check_plausible((one,), {})
-    with pytest.raises(BadInput, match=f"a_x .*{said}"):
+    with pytest.raises(InputError, match=f"a_x .*{said}"):
         check_plausible((one,), {})
     return None
 
@@ -177,9 +177,9 @@ def test_what_noise_adds_up_to_is_no_mistake(speed: float, force: float) -> None
 
 @pytest.mark.parametrize("seed", range(20))
 def test_a_mistake_is_named_whatever_the_noise(seed: int) -> None:
-    with pytest.raises(BadInput, match="it is in g, not in m/s"):
+    with pytest.raises(InputError, match="it is in g, not in m/s"):
         check_plausible((flown(seed=seed, a_z=1.0 / STANDARD_GRAVITY),), {"V": SPEED})
-    with pytest.raises(BadInput, match="is it in kn, not in m/s"):
+    with pytest.raises(InputError, match="is it in kn, not in m/s"):
         check_plausible((flown(seed=seed, noise=0.3),), {"V": SPEED * 3600.0 / 1852.0})
 
 
@@ -194,7 +194,7 @@ def test_a_speed_in_another_unit_is_told_though_vane_and_forces_are_off(unit: st
         (SPEED * times, f"is it in .*{unit}, not in m/s"),
         (SPEED / times, f"is it in m/s, not in .*{unit}"),
     ):
-        with pytest.raises(BadInput, match=f"V does not fit alpha, q and a_z: {said}"):
+        with pytest.raises(InputError, match=f"V does not fit alpha, q and a_z: {said}"):
             check_plausible((one,), {"V": speed})
 
 
@@ -210,7 +210,7 @@ def test_a_mistake_that_leaves_nothing_at_all_is_named() -> None:
 def test_an_airspeed_by_its_other_name_is_asked_for_its_unit() -> None:
     one = flown(noise=0.3)
     one.signals["airspeed"] = np.full(len(one.time), SPEED * 3600.0 / 1852.0)
-    with pytest.raises(BadInput, match="is it in kn, not in m/s"):
+    with pytest.raises(InputError, match="is it in kn, not in m/s"):
         check_plausible((one,), {})
 
 
@@ -245,7 +245,7 @@ def test_a_lateral_motion_is_none_of_these_mistakes(noise: float) -> None:
 )
 def test_a_known_mistake_of_the_lateral_motion_is_named(scales: dict[str, float], said: str) -> None:
     for seed in range(5):
-        with pytest.raises(BadInput, match=said):
+        with pytest.raises(InputError, match=said):
             check_plausible((sideslipping(seed, 0.02, **scales),), SIDEWAYS)
 
 
@@ -257,7 +257,7 @@ def test_turns_that_balance_do_not_make_a_mistake_of_a_sensors_scale(scales: dic
 
 
 def test_a_bank_tells_the_unit_of_the_speed() -> None:
-    with pytest.raises(BadInput, match=r"V does not fit beta, r, phi and a_y: is it in kn.*, not in m/s"):
+    with pytest.raises(InputError, match=r"V does not fit beta, r, phi and a_y: is it in kn.*, not in m/s"):
         check_plausible((turning(V=3600.0 / 1852.0),), {})
 
 

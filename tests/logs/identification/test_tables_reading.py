@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from avionics.quantities import BadInput
 from logs.identification.tables.experiments import Cut, cut
 from logs.identification.tables.keys import read_section
 from logs.identification.tables.map import Map, load_map
 from logs.identification.tables.table import Columns, Layout, read_columns
+from wingbeat.errors import InputError
 
 WAVE = '[signals]\na = { column = "a", unit = "-" }\n'
 TIMED = '[time]\ncolumn = "t"\n' + WAVE
@@ -80,7 +80,7 @@ def test_cells_that_are_no_numbers_and_short_rows_are_told(tmp_path: Path) -> No
     ],
 )
 def test_what_is_no_table_is_refused(tmp_path: Path, text: str | bytes, told: str) -> None:
-    with pytest.raises(BadInput, match=told):
+    with pytest.raises(InputError, match=told):
         read(tmp_path, text)
 
 
@@ -90,7 +90,7 @@ def test_what_is_no_table_is_refused(tmp_path: Path, text: str | bytes, told: st
 )
 def test_a_column_that_is_not_there_is_told_with_those_that_are(tmp_path: Path, column: str | int, told: str) -> None:
     text = "x,x\n0,1\n1,2\n" if column == "x" else "t,a\n0,1\n1,2\n"
-    with pytest.raises(BadInput, match=told):
+    with pytest.raises(InputError, match=told):
         read(tmp_path, text).column(column, "signals.q.column")
 
 
@@ -132,7 +132,7 @@ def test_a_time_that_goes_back_begins_a_record_and_rows_tell_them_apart(tmp_path
     told = cut_of(tmp_path, wave(time), TIMED + "[manoeuvres]\nrows = [[11, 60], [101, 180]]\nvalidate = [1]")
     assert [len(one.time) for one in told.held_out] == [50]
     assert [len(one.time) for one in told.fitted] == [80]
-    with pytest.raises(BadInput, match=r"manoeuvres.windows\[0\]: the time of run.csv goes back"):
+    with pytest.raises(InputError, match=r"manoeuvres.windows\[0\]: the time of run.csv goes back"):
         cut_of(tmp_path, wave(time), TIMED + "[manoeuvres]\nwindows = [[1, 5]]")
 
 
@@ -197,7 +197,7 @@ def test_resampling_to_no_whole_share_of_the_rate_gives_the_rate_asked_for(tmp_p
     ],
 )
 def test_a_map_that_cannot_be_is_refused_by_its_key(tmp_path: Path, mapping: str, told: str) -> None:
-    with pytest.raises(BadInput, match=told) as refused:
+    with pytest.raises(InputError, match=told) as refused:
         cut_of(tmp_path, wave(np.arange(100) * 0.1), mapping)
     assert str(refused.value).isprintable()
 

@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 from rich.console import Console, RenderableType
 
-from avionics.quantities import BadInput
 from groundstation.command import identify
 from groundstation.views.identification import identification_table
 from groundstation.views.table_identification import table_identification
@@ -30,6 +29,7 @@ from logs.identification.results import Fitted, Unidentified, estimate
 from logs.identification.tables.results import TableFit, TableIdentification
 from logs.identification.tables.telling import table_document
 from sim_bridge.tuning.model import load_model
+from wingbeat.errors import InputError
 
 EXAMPLES = Path(__file__).parents[3] / "docs" / "examples"
 MADE = runpy.run_path(str(EXAMPLES / "make_tables.py"))
@@ -270,7 +270,7 @@ def test_what_a_model_lacks_is_told_before_the_table_is_read(
     files[0].unlink()
     assert old in MAP
     files[1].write_text(MAP.replace(old, new))
-    with pytest.raises(BadInput, match=said):
+    with pytest.raises(InputError, match=said):
         run(files, "--model", str(tmp_path / "bird.toml"))
     assert not (tmp_path / "bird.toml").exists()
 
@@ -282,7 +282,7 @@ def test_an_existing_file_is_refused_before_the_table_is_read(
     files[0].unlink()
     mine = tmp_path / "mine.toml"
     mine.write_text("mine")
-    with pytest.raises(BadInput, match=r"mine.toml exists: it is not overwritten$"):
+    with pytest.raises(InputError, match=r"mine.toml exists: it is not overwritten$"):
         run(files, option, str(mine))
     assert mine.read_text() == "mine"
 
@@ -291,7 +291,7 @@ def test_a_model_that_was_not_identified_is_not_written(files: tuple[Path, Path]
     lines = files[0].read_text().splitlines()
     still = [f"{row.rpartition(',')[0]},0.05" for row in lines[1:]]
     files[0].write_text("\n".join((lines[0], *still)) + "\n")
-    with pytest.raises(BadInput, match=r"^modes: delta_e does not move"):
+    with pytest.raises(InputError, match=r"^modes: delta_e does not move"):
         run(files, "--model", str(tmp_path / "bird.toml"))
     assert not (tmp_path / "bird.toml").exists()
 

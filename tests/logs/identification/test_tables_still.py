@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from avionics.quantities import BadInput
 from logs.identification.tables.results import TableFit
 from logs.identification.tables.run import identify_tables
 from tests.logs.identification.test_tables_identified import BASE, flight, numbers, write
+from wingbeat.errors import InputError
 
 REGRESSION = """
 [time]
@@ -34,7 +34,7 @@ def test_an_output_that_never_moves_is_refused_by_its_name(tmp_path: Path, more:
     columns = flight()
     columns["alpha"] = np.full(len(columns["t"]), 0.05)
     (tmp_path / "map.toml").write_text(BASE.replace("V = 100\n", f"V = 100\n{more}"))
-    with pytest.raises(BadInput, match=r"^alpha does not move in run\.csv; .* is it the wrong column\?"):
+    with pytest.raises(InputError, match=r"^alpha does not move in run\.csv; .* is it the wrong column\?"):
         identify_tables([write(tmp_path / "run.csv", columns)], tmp_path / "map.toml", "modes")
 
 
@@ -42,7 +42,7 @@ def test_a_file_with_an_of_in_its_name_is_called_by_all_of_it(tmp_path: Path) ->
     columns = flight()
     (tmp_path / "map.toml").write_text(BASE)
     file = write(tmp_path / "log of day.csv", columns | {"alpha": np.full(len(columns["t"]), 0.05)})
-    with pytest.raises(BadInput, match=r"^alpha does not move in log of day\.csv;"):
+    with pytest.raises(InputError, match=r"^alpha does not move in log of day\.csv;"):
         identify_tables([file], tmp_path / "map.toml", "modes")
 
 
@@ -79,8 +79,8 @@ def test_a_rate_that_never_moves_has_no_coefficient_though_the_airspeed_moves(tm
 
 
 def test_a_regression_of_nothing_that_moves_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(BadInput, match=r"alpha does not move in run\.csv.*q does not move in run\.csv"):
+    with pytest.raises(InputError, match=r"alpha does not move in run\.csv.*q does not move in run\.csv"):
         regressed(tmp_path, moves=False, angles=False)
     made = REGRESSION.replace('response = "C"', 'response = "C_m"').replace("c = 2", "I_y = 9\nS = 3\nrho = 1\nc = 2")
-    with pytest.raises(BadInput, match=r"C_m is made of q, and q does not move in run\.csv"):
+    with pytest.raises(InputError, match=r"C_m is made of q, and q does not move in run\.csv"):
         regressed(tmp_path, moves=False, mapping=made.replace(', "q*c/2V"', ""))

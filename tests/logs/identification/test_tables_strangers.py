@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from avionics.quantities import BadInput
 from logs.identification.experiment import Experiment
 from logs.identification.modes.experiments import modes_of_experiments
 from logs.identification.modes.mode import PHUGOID
@@ -22,6 +21,7 @@ from logs.identification.tables.run import identify_tables
 from tests.logs.identification.test_tables_identified import BASE, assert_truth, flight, numbers
 from tests.logs.identification.test_tables_plausible import SPEED, flown
 from tests.logs.identification.test_tables_reading import read
+from wingbeat.errors import InputError
 
 THETA = BASE.replace("[constants]", 'theta = { column = "theta", unit = "rad" }\n[constants]\ntheta = 0.07')
 
@@ -61,7 +61,7 @@ def test_coarse_stamps_of_rows_that_are_not_even_are_refused(tmp_path: Path) -> 
     columns = flight(50.0)
     kept = np.concatenate((np.arange(0, 300), np.arange(300, len(columns["t"]), 5)))
     coarse = {name: values[kept] for name, values in columns.items()} | {"t": np.floor(columns["t"][kept])}
-    with pytest.raises(BadInput, match="the time is too coarse; give"):
+    with pytest.raises(InputError, match="the time is too coarse; give"):
         identified(tmp_path, coarse)
 
 
@@ -112,17 +112,17 @@ def test_a_column_of_clocks_is_a_time(tmp_path: Path) -> None:
     found, plain = (identified(tmp_path, columns | {"t": t}) for t in (clocks, columns["t"]))
     for name, one in numbers(plain.fits[0]).items():
         assert numbers(found.fits[0])[name].value == pytest.approx(one.value, rel=1e-6)
-    with pytest.raises(BadInput, match="'noon' is neither a number nor a clock"):
+    with pytest.raises(InputError, match="'noon' is neither a number nor a clock"):
         identified(tmp_path, columns | {"t": ["noon"] * len(clocks)})
-    with pytest.raises(BadInput, match=r"column 'alpha' of run\.csv holds clocks or dates, no numbers"):
+    with pytest.raises(InputError, match=r"column 'alpha' of run\.csv holds clocks or dates, no numbers"):
         identified(tmp_path, columns | {"alpha": clocks})
-    with pytest.raises(BadInput, match=r"clocks in 't': their unit is s"):
+    with pytest.raises(InputError, match=r"clocks in 't': their unit is s"):
         identified(tmp_path, columns | {"t": clocks}, BASE.replace('column = "t"', 'column = "t"\nunit = "ms"', 1))
 
 
 def test_time_that_runs_backwards_is_told(tmp_path: Path) -> None:
     columns = flight()
-    with pytest.raises(BadInput, match="its time goes back in 374 of 375 rows"):
+    with pytest.raises(InputError, match="its time goes back in 374 of 375 rows"):
         identified(tmp_path, {name: values[::-1] for name, values in columns.items()})
 
 
@@ -163,7 +163,7 @@ def test_spikes_are_told(tmp_path: Path) -> None:
 def test_units_of_inputs_that_their_size_contradicts(tmp_path: Path) -> None:
     columns = flight()
     degrees = columns | {"delta_e": np.degrees(columns["delta_e"])}
-    with pytest.raises(BadInput, match="delta_e moves through 344 deg: is it in deg, not in rad"):
+    with pytest.raises(InputError, match="delta_e moves through 344 deg: is it in deg, not in rad"):
         identified(tmp_path, degrees)
     called = BASE.replace('"delta_e", unit = "rad"', '"delta_e", unit = "deg"')
     assert_truth(identified(tmp_path, degrees, called).fits[0])
@@ -175,11 +175,11 @@ def test_units_of_inputs_that_their_size_contradicts(tmp_path: Path) -> None:
 def test_angles_speed_and_time_in_another_unit_are_named() -> None:
     one = flown()
     both = {name: np.radians(one.signals[name]) for name in ("alpha", "q", "theta")}
-    with pytest.raises(BadInput, match="both are in rad, not in deg"):
+    with pytest.raises(InputError, match="both are in rad, not in deg"):
         check_plausible((one._replace(signals={**one.signals, **both}),), {"V": SPEED})
-    with pytest.raises(BadInput, match="is it in kn, not in m/s"):
+    with pytest.raises(InputError, match="is it in kn, not in m/s"):
         check_plausible((one,), {"V": SPEED * 3600.0 / 1852.0})
-    with pytest.raises(BadInput, match="1e3 times as slowly as q says: time"):
+    with pytest.raises(InputError, match="1e3 times as slowly as q says: time"):
         check_plausible((one._replace(time=1000.0 * one.time),), {})
 
 
@@ -200,7 +200,7 @@ def test_a_vane_on_a_boom_tells_the_derivatives_of_the_centre_of_mass(tmp_path: 
     wrong = numbers(identified(tmp_path, ahead).fits[0])["M_alpha"]
     assert not wrong.contains(-6.0)
     lacking = told.replace('q = { column = "q", unit = "rad/s" }\n', "").replace('"alpha", "q"', '"alpha"')
-    with pytest.raises(BadInput, match=r"constants.vane_x needs signals.q"):
+    with pytest.raises(InputError, match=r"constants.vane_x needs signals.q"):
         identified(tmp_path, columns, lacking)
 
 
@@ -211,7 +211,7 @@ def test_a_sideslip_that_nothing_uses_needs_no_yaw_rate_for_a_vane_ahead(tmp_pat
     told = BASE.replace("V = 100", "V = 100\nvane_x = 6")
     told = told.replace("[constants]", 'beta = { column = "beta", unit = "rad" }\n[constants]')
     assert_truth(identified(tmp_path, ahead, told).fits[0])
-    with pytest.raises(BadInput, match=r"constants.vane_x needs signals.r"):
+    with pytest.raises(InputError, match=r"constants.vane_x needs signals.r"):
         identified(tmp_path, ahead, told.replace('inputs = ["delta_e"]', 'inputs = ["delta_e", "beta"]'))
 
 

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from avionics import topics
-from avionics.quantities import BadInput
 from avionics.sensing.inertial import NEUTRAL
-from avionics.topics import Topic
 from logs.identification.preparing.excited import excited
 from logs.identification.results import Array
 from logs.identification.sources.whole_flight import whole_flight
+from wingbeat.errors import InputError
+from wingbeat.topic import Topic
 
 
 class Recorded:
@@ -93,5 +93,5 @@ def test_a_gap_stays_a_gap_and_a_log_without_an_imu_is_refused() -> None:
     flight = whole_flight(Recorded(tables), "flight 1")
     assert np.all(np.isnan(flight.signals["airspeed"][(flight.time > 3.0) & (flight.time < 4.0)]))
     del tables[topics.IMU]
-    with pytest.raises(BadInput, match="has no topic /sensors/imu"):
+    with pytest.raises(InputError, match="has no topic /sensors/imu"):
         whole_flight(Recorded(tables), "flight 1")

@@ -10,11 +10,11 @@ import pytest
 from linear_ornithopter import AIRCRAFT, Flight, fly
 
 from avionics import topics
-from avionics.topics import Topic
 from logs.identification.preparing.manoeuvre import find_manoeuvres
 from logs.identification.preparing.stretches import stretches
 from logs.identification.results import Array
 from logs.identification.sources.flight import RATE_UNKNOWN, flight_data
+from wingbeat.topic import Topic
 
 RATE, AMPLITUDE, LASTS = 4.0, 0.5, 8.0
 """Hz, rad, s"""

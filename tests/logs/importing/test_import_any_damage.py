@@ -15,8 +15,8 @@ from test_import_c3d import c3d
 from test_import_motion_capture import motive_csv, nexus_csv, wandering
 from test_import_razor import binary_frame, text_frame
 
-from avionics.quantities import BadInput
 from logs.importing.log_import import FORMATS
+from wingbeat.errors import InputError
 
 SECONDS = 20
 """s; in which a file of some kilobytes must be imported or refused: it is milliseconds unless it never ends"""
@@ -75,7 +75,7 @@ def attempt(folder: Path, name: str, data: bytes) -> str:
     try:
         with bounded():
             imported(source, folder, **options)[0].unlink()
-    except BadInput as reason:
+    except InputError as reason:
         assert str(reason).isprintable()
         return str(reason)
     return ""

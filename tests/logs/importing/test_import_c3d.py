@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from foreign_logs import imported
 
-from avionics.quantities import BadInput
 from logs.reader import open_log
+from wingbeat.errors import InputError
 
 LABELS = ("nose", "tail")
 
@@ -88,7 +88,7 @@ def test_what_is_no_whole_c3d_file_is_refused_in_one_line(tmp_path: Path) -> Non
         (c3d("<", True, unit="in"), "its markers are in 'in'"),
     ):
         source = written(tmp_path, data)
-        with pytest.raises(BadInput, match=reason) as error:
+        with pytest.raises(InputError, match=reason) as error:
             imported(source, tmp_path)
         assert "\n" not in str(error.value)
     assert list(tmp_path.iterdir()) == [source]
@@ -101,7 +101,7 @@ def test_flipped_bytes_are_refused_in_one_line_or_read(tmp_path: Path, seed: int
     data[source.integers(0, 700, 8)] = source.integers(0, 256, 8)
     try:
         out, _ = imported(written(tmp_path, data.tobytes()), tmp_path)
-    except BadInput as reason:
+    except InputError as reason:
         assert "\n" not in str(reason)
         return
     with open_log(out) as log:
@@ -114,7 +114,7 @@ def test_dimensions_of_a_parameter_that_the_file_cannot_have_are_refused(
 ) -> None:
     """GIVEN dimensions that tell more texts than there are bytes THEN one line, not hours and all memory."""
     source = written(tmp_path, c3d("<", True, frames=1, told=sizes))
-    with pytest.raises(BadInput, match="POINT:UNITS has dimensions that do not fit into the file"):
+    with pytest.raises(InputError, match="POINT:UNITS has dimensions that do not fit into the file"):
         imported(source, tmp_path)
 
 
@@ -127,5 +127,5 @@ def test_a_text_of_no_length_is_no_text_however_often(tmp_path: Path) -> None:
 def test_a_head_that_tells_more_markers_than_any_laboratory_has_is_refused(tmp_path: Path) -> None:
     """Every pair of markers is looked at for a body: a damaged number of them would cost hours."""
     whole = c3d("<", True, frames=3000)
-    with pytest.raises(BadInput, match="its head tells no frames"):
+    with pytest.raises(InputError, match="its head tells no frames"):
         imported(written(tmp_path, whole[:2] + struct.pack("<H", 5000) + whole[4:]), tmp_path)

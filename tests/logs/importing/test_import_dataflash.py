@@ -14,10 +14,10 @@ from foreign_logs import SHARED, imported, needs_shared, new_dataflash
 from pymavlink.DFReader import DFReader_binary
 
 from avionics import topics
-from avionics.quantities import BadInput
 from logs.importing.dataflash import find_records, read_dataflash
 from logs.importing.log_import import IMPORT, REPORT
 from logs.reader import open_log
+from wingbeat.errors import InputError
 
 
 def test_an_imported_log_opens_like_a_flown_one(tmp_path: Path) -> None:
@@ -146,7 +146,7 @@ def test_flipped_bits_and_cuts_give_what_can_be_true_or_one_line(seed: int, tmp_
     path.write_bytes(bytes(data[: source.randrange(500, len(data))]))
     try:
         out, report = imported(path, tmp_path)
-    except BadInput as reason:
+    except InputError as reason:
         assert "\n" not in str(reason) and list(tmp_path.iterdir()) == [path]
         return
     with open_log(out) as log:
@@ -166,7 +166,7 @@ def test_no_whole_record_is_refused_and_nothing_written(tmp_path: Path) -> None:
         (b"", "empty"),
     ):
         source.write_bytes(data)
-        with pytest.raises(BadInput, match=reason) as error:
+        with pytest.raises(InputError, match=reason) as error:
             imported(source, tmp_path)
         assert "\n" not in str(error.value)
     assert list(tmp_path.iterdir()) == [source]

@@ -12,14 +12,14 @@ from foreign_logs import imported
 
 from avionics import messages as m
 from avionics import topics
-from avionics.quantities import BadInput
 from avionics.state import zero
 from logs.importing.clocks import Signal, align
 from logs.importing.log_import import IMPORT, NOTES
 from logs.importing.motion_capture import body_rates
 from logs.reader import open_log
 from logs.recorder import McapRecorder
-from logs.rotations import angles_of, quaternion_of
+from wingbeat.errors import InputError
+from wingbeat.rotation_arrays import euler_from_quaternions, quaternions_from_euler
 
 Motion = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 """Times to positions NED (N, 3) and quaternions of r_ned_from_frd (N, 4)."""
@@ -35,7 +35,7 @@ def wandering(seed: int) -> Motion:
             sum(0.12 / f * np.sin(2 * np.pi * f * time + p) for f, p in zip(*tone, strict=True)) for tone in tones
         ]
         position = np.stack([1.0 + 0.5 * time, 0.2 * np.sin(time), -2.0 - 0.1 * time], axis=1)
-        return position, np.stack(quaternion_of(*angles), axis=1)
+        return position, np.stack(quaternions_from_euler(*angles), axis=1)
 
     return motion
 
@@ -92,7 +92,7 @@ def test_attitude_and_place_are_those_of_the_bird(tmp_path: Path, export: Callab
     with open_log(out) as log:
         attitude, place, height = (log.columns(t) for t in (topics.ATTITUDE, topics.POSITION, topics.ALTITUDE))
         position, turn = motion(attitude.time)
-        for name, angle in zip(("roll", "pitch", "yaw"), angles_of(*turn.T), strict=True):
+        for name, angle in zip(("roll", "pitch", "yaw"), euler_from_quaternions(*turn.T), strict=True):
             assert attitude[name] == pytest.approx(angle, abs=2e-6)
         assert place["north"] == pytest.approx(position[:, 0], abs=1e-5)
         assert place["east"] == pytest.approx(position[:, 1], abs=1e-5)
@@ -106,7 +106,7 @@ def test_body_rates_are_those_of_the_turning_body() -> None:
     """A coning body: heading turns steadily while it is banked, so that its rates are constant in body axes."""
     time = np.arange(0.0, 2.0, 0.01)
     roll = np.full_like(time, 0.5)
-    rates = body_rates(time, np.stack(quaternion_of(roll, 0.0 * time, 1.2 * time), axis=1))[1:-1]
+    rates = body_rates(time, np.stack(quaternions_from_euler(roll, 0.0 * time, 1.2 * time), axis=1))[1:-1]
     expected = [0.0, 1.2 * math.sin(0.5), 1.2 * math.cos(0.5)]
     assert rates == pytest.approx(np.tile(expected, (len(rates), 1)), abs=1e-4)
 
@@ -139,7 +139,7 @@ def test_a_take_goes_on_the_clock_of_the_onboard_log(tmp_path: Path, offset: flo
     out, _ = imported(written(tmp_path, motive_csv(motion, 12.0, start=offset)), tmp_path, onboard=log)
     with open_log(out) as aligned:
         attitude = aligned.columns(topics.ATTITUDE)
-        expected = angles_of(*motion(attitude.time)[1].T)[1]
+        expected = euler_from_quaternions(*motion(attitude.time)[1].T)[1]
         shift = np.gradient(expected, attitude.time)
         error = float(np.sum((attitude["pitch"] - expected) * shift) / np.sum(shift**2))
         assert abs(error) < 0.002
@@ -150,7 +150,7 @@ def test_a_take_goes_on_the_clock_of_the_onboard_log(tmp_path: Path, offset: flo
 def test_clocks_of_two_motions_are_not_put_together(tmp_path: Path) -> None:
     log = onboard(tmp_path / "flight.mcap", wandering(7), 0.0, 20.0)
     source = written(tmp_path, motive_csv(wandering(8), 10.0))
-    with pytest.raises(BadInput, match="cannot be aligned"):
+    with pytest.raises(InputError, match="cannot be aligned"):
         imported(source, tmp_path, onboard=log)
     assert sorted(tmp_path.iterdir()) == sorted((log, source))
 
@@ -158,9 +158,9 @@ def test_clocks_of_two_motions_are_not_put_together(tmp_path: Path) -> None:
 def test_a_motion_that_repeats_itself_fits_at_several_offsets_and_is_refused() -> None:
     time = np.arange(0.0, 20.0, 0.005)
     flapping = 2.0 + np.sin(2 * np.pi * 4.0 * time)
-    with pytest.raises(BadInput, match="several offsets"):
+    with pytest.raises(InputError, match="several offsets"):
         align(Signal(time[:1200], flapping[:1200]), Signal(time, flapping))
-    with pytest.raises(BadInput, match="less than 3 s"):
+    with pytest.raises(InputError, match="less than 3 s"):
         align(Signal(time[:20], flapping[:20]), Signal(time, flapping))
 
 
@@ -177,7 +177,7 @@ def test_exports_that_are_not_whole_are_refused_in_one_line(tmp_path: Path) -> N
         (nexus.replace(",,deg,deg,deg,mm,mm,mm", ",,deg,deg,deg,,mm,mm"), "TX of .* is in ''"),
         (nexus.replace(",,deg,deg,deg,mm,mm,mm", ",,deg,mm,deg,mm,mm,mm"), "RY of .* where a unit of rad must be"),
     ):
-        with pytest.raises(BadInput, match=reason) as error:
+        with pytest.raises(InputError, match=reason) as error:
             imported(written(tmp_path, text), tmp_path)
         assert "\n" not in str(error.value)
 

@@ -11,9 +11,9 @@ import pytest
 from foreign_logs import imported
 
 from avionics import topics
-from avionics.quantities import BadInput
 from logs.importing.log_import import IMPORT
 from logs.reader import open_log
+from wingbeat.errors import InputError
 
 LEVEL = ((0.0, 0.0, 256.0), (40.0, 0.0, 90.0), (10.0, 20.0, -30.0))
 """accelerometer, magnetometer, gyroscope in counts"""
@@ -84,6 +84,6 @@ def test_own_angles_are_an_attitude(tmp_path: Path) -> None:
 
 def test_a_binary_capture_without_tokens_says_what_is_missing(tmp_path: Path) -> None:
     source = captured(tmp_path, b"#SYNCH01\r\n" + binary_frame() * 5)
-    with pytest.raises(BadInput, match="between two synch tokens"):
+    with pytest.raises(InputError, match="between two synch tokens"):
         imported(source, tmp_path)
     assert list(tmp_path.iterdir()) == [source]

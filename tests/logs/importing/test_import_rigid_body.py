@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from logs.importing.rigid_body import find_rigid_body, quaternions
-from logs.rotations import angles_of, quaternion_of
+from wingbeat.rotation_arrays import euler_from_quaternions, quaternions_from_euler
 
 Array = NDArray[np.float64]
 FUSELAGE = np.array([(0.15, 0.0, -0.02), (-0.2, 0.0, 0.0), (0.0, 0.06, 0.0), (0.0, -0.06, 0.01), (0.05, 0.0, 0.04)])
@@ -28,7 +28,7 @@ def turning() -> Array:
     """Quaternions of a bird that is level at first, circles more than once, banks and pitches."""
     ramp = np.minimum(TIME, 1.0)
     angles = (0.5 * ramp * np.sin(1.3 * TIME), 0.4 * ramp * np.sin(2.1 * TIME), 1.5 * ramp * TIME)
-    return np.stack(quaternion_of(*angles), axis=1)
+    return np.stack(quaternions_from_euler(*angles), axis=1)
 
 
 def captured(seed: int = 0) -> Array:
@@ -87,8 +87,8 @@ def test_quaternions_of_rotations_about_every_axis_by_up_to_a_whole_turn() -> No
     assert np.max(angle_between(quaternions(rotations(quaternion)), quaternion)) < 1e-6
     half_turns = np.array([(0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0)])
     assert np.abs(quaternions(rotations(half_turns))) == pytest.approx(half_turns, abs=1e-12)
-    assert np.stack(angles_of(*quaternions(rotations(turning())).T)) == pytest.approx(
-        np.stack(angles_of(*turning().T)), abs=1e-9
+    assert np.stack(euler_from_quaternions(*quaternions(rotations(turning())).T)) == pytest.approx(
+        np.stack(euler_from_quaternions(*turning().T)), abs=1e-9
     )
 
 

@@ -11,7 +11,6 @@ import pytest
 from foreign_logs import DATA, ROOT, imported
 
 from avionics import topics
-from avionics.quantities import BadInput
 from groundstation.command.identify import UNKNOWN, identified
 from logs.identification.modes.mode import short_period_of
 from logs.identification.report import identify
@@ -22,6 +21,7 @@ from logs.importing.mapping import EXAMPLE, load_mapping
 from logs.importing.units import CONVERSIONS, LIMITS, conversion, limits_in
 from logs.reader import open_log
 from sim_bridge.vehicles import load_vehicle
+from wingbeat.errors import InputError
 
 sys.path.append(str(ROOT / "tests" / "logs" / "identification"))
 from linear_ornithopter import AIRCRAFT, Flight, fly, model_of
@@ -247,7 +247,7 @@ def test_the_elevator_can_be_made_of_a_pulse_width(tmp_path: Path) -> None:
     flight = Flight(doublets=4)
     per_unit = math.radians(0.1)  # ten microseconds a degree
     with open_log(flown_as_table(tmp_path, PULSE_MAPPING, flight)) as log:
-        with pytest.raises(BadInput, match="--elevator makes it"):
+        with pytest.raises(InputError, match="--elevator makes it"):
             identify(log, "modes", AIRCRAFT)
         right, wrong = (
             identify(MadeElevator(log, "/csv/servos", "pulse", per_unit * factor), "modes", AIRCRAFT).modes
@@ -276,7 +276,7 @@ def test_an_elevator_that_cannot_be_made_is_told_in_one_line(
     tmp_path: Path, words: tuple[str, str], reason: str
 ) -> None:
     out = flown_as_table(tmp_path, PULSE_MAPPING, Flight(doublets=1))
-    with open_log(out) as log, pytest.raises(BadInput, match=reason) as raised:
+    with open_log(out) as log, pytest.raises(InputError, match=reason) as raised:
         identified(log, "modes", None, words)
     assert "\n" not in str(raised.value)
 
@@ -284,7 +284,7 @@ def test_an_elevator_that_cannot_be_made_is_told_in_one_line(
 def test_a_real_record_without_an_input_says_what_it_lacks(tmp_path: Path) -> None:
     """The fixed-wing record has neither wings that flap nor an elevator that moves quickly."""
     out, _ = imported(DATA / "fixedwing_model.csv", tmp_path, mapping=DATA / "fixedwing_model.toml")
-    with open_log(out) as log, pytest.raises(BadInput, match="/main/altitude") as raised:
+    with open_log(out) as log, pytest.raises(InputError, match="/main/altitude") as raised:
         identify(log, "modes")
     assert "\n" not in str(raised.value)
 
@@ -340,7 +340,7 @@ WHOLE = '[time]\nrate = 10.0\n[topics."/sensors/imu"]\ngyro_y = { column = "Q", 
 )
 def test_a_mapping_that_cannot_be_meant_is_refused_in_one_line(tmp_path: Path, mapping: str, reason: str) -> None:
     source, chosen = mapped(tmp_path, "Q\n1\n2\n", mapping)
-    with pytest.raises(BadInput, match=reason) as error:
+    with pytest.raises(InputError, match=reason) as error:
         imported(source, tmp_path, mapping=chosen)
     assert "\n" not in str(error.value)
     assert sorted(tmp_path.iterdir()) == sorted((source, chosen))
@@ -348,14 +348,14 @@ def test_a_mapping_that_cannot_be_meant_is_refused_in_one_line(tmp_path: Path, m
 
 def test_a_table_without_a_mapping_or_without_rows_is_refused(tmp_path: Path) -> None:
     source, chosen = mapped(tmp_path, "Q\n", WHOLE)
-    with pytest.raises(BadInput, match="no row of numbers"):
+    with pytest.raises(InputError, match="no row of numbers"):
         imported(source, tmp_path, mapping=chosen)
-    with pytest.raises(BadInput, match="needs --map"):
+    with pytest.raises(InputError, match="needs --map"):
         imported(source, tmp_path)
     source.write_bytes(b"\xff\xfe\0Q")
-    with pytest.raises(BadInput, match="no text in UTF-8"):
+    with pytest.raises(InputError, match="no text in UTF-8"):
         imported(source, tmp_path, mapping=chosen)
-    with pytest.raises(BadInput, match="cannot read mapping"):
+    with pytest.raises(InputError, match="cannot read mapping"):
         load_mapping(tmp_path / "none.toml")
 
 
@@ -387,12 +387,12 @@ def test_a_table_of_another_encoding_says_which(tmp_path: Path) -> None:
         tmp_path, "", '[time]\ncolumn = "t"\n[topics."/csv/a"]\npitch = { column = "pitch °", unit = "deg" }\n'
     )
     table.write_bytes("t,pitch °\n0,90\n1,45\n".encode("latin-1"))
-    with pytest.raises(BadInput, match=r'no text in UTF-8: the mapping can say \[table\] encoding = "latin-1"'):
+    with pytest.raises(InputError, match=r'no text in UTF-8: the mapping can say \[table\] encoding = "latin-1"'):
         imported(table, tmp_path, mapping=mapping)
     text = mapping.read_text()
     for encoding in ("elvish", "hex"):
         mapping.write_text(f'{text}[table]\nencoding = "{encoding}"\n')
-        with pytest.raises(BadInput, match=f"encoding '{encoding}' is not known"):
+        with pytest.raises(InputError, match=f"encoding '{encoding}' is not known"):
             imported(table, tmp_path, mapping=mapping)
     mapping.write_text(f'{text}[table]\nencoding = "latin-1"\n')
     with open_log(imported(table, tmp_path, mapping=mapping)[0]) as log:
@@ -403,7 +403,7 @@ def test_of_two_columns_of_one_name_none_is_meant(tmp_path: Path) -> None:
     """Beside them the table is read."""
     mapping = '[time]\ncolumn = "t"\n[topics."/csv/stand"]\nforce = { column = "F", unit = "N" }\n'
     source, chosen = mapped(tmp_path, "t,F,F\n0,1,2\n1,3,4\n", mapping)
-    with pytest.raises(BadInput, match="several columns 'F'"):
+    with pytest.raises(InputError, match="several columns 'F'"):
         imported(source, tmp_path, mapping=chosen)
     source.write_text("t,F,G,G\n0,1,2,3\n1,3,4,5\n")
     out, _ = imported(source, tmp_path, mapping=chosen)

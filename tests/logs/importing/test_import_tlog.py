@@ -12,9 +12,9 @@ from foreign_logs import imported, stamped, tlog
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from avionics import topics
-from avionics.quantities import BadInput
 from logs.importing.log_import import IMPORT
 from logs.reader import open_log
+from wingbeat.errors import InputError
 
 BOOT_US = 1_700_000_000_000_000
 
@@ -131,6 +131,6 @@ def test_what_is_no_telemetry_log_is_refused_in_one_line(tmp_path: Path) -> None
     source = tmp_path / "no.tlog"
     for data in (b"\0" * 64, struct.pack(">Q", BOOT_US) + b"\xfd\x09", b"text and nothing else"):
         source.write_bytes(data)
-        with pytest.raises(BadInput, match="no whole MAVLink frame"):
+        with pytest.raises(InputError, match="no whole MAVLink frame"):
             imported(source, tmp_path)
     assert list(tmp_path.iterdir()) == [source]

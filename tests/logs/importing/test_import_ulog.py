@@ -13,10 +13,10 @@ from foreign_logs import DATA, SHARED, imported, needs_shared
 from pyulog import ULog
 
 from avionics import topics
-from avionics.quantities import BadInput
 from logs.importing.log_import import IMPORT, NOTES
 from logs.importing.ulog import unit_of
 from logs.reader import open_log
+from wingbeat.errors import InputError
 
 BENCH = DATA / "vtol_bench.ulg"
 
@@ -86,7 +86,7 @@ def test_flipped_bits_give_what_can_be_true_or_one_line(seed: int, tmp_path: Pat
     path.write_bytes(bytes(data))
     try:
         out, report = imported(path, tmp_path)
-    except BadInput as reason:
+    except InputError as reason:
         assert "\n" not in str(reason) and list(tmp_path.iterdir()) == [path]
         return
     with open_log(out) as log:
@@ -100,7 +100,7 @@ def test_a_wrong_file_is_refused_in_one_line(tmp_path: Path) -> None:
     source = tmp_path / "wrong.ulg"
     for data in (b"ULog\x01\x12\x35", b"ULog\x01\x12\x35" + bytes(9), BENCH.read_bytes()[:2000], b"MAVLink"):
         source.write_bytes(data)
-        with pytest.raises(BadInput) as error:
+        with pytest.raises(InputError) as error:
             imported(source, tmp_path)
         assert "\n" not in str(error.value)
     assert list(tmp_path.iterdir()) == [source]
@@ -131,7 +131,7 @@ def test_a_simulation_cut_before_its_first_message_of_data_is_refused_in_one_lin
     for start in (1_710_773_350_054_000, 2**64 - 1):
         for end in (16, 40, 20_000):
             source.write_bytes(data[:8] + start.to_bytes(8, "little") + data[16:end])
-            with pytest.raises(BadInput, match="no whole message of data"):
+            with pytest.raises(InputError, match="no whole message of data"):
                 imported(source, tmp_path)
 
 

@@ -16,10 +16,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from avionics.quantities import BadInput
 from logs.identification.output_error.problem import Held, Model, Named
 from logs.identification.preparing.lag import behind
 from logs.identification.results import Array
+from wingbeat.errors import InputError
 
 FINE = 0.01
 """s; longest step at which held inputs with a delay are flown"""
@@ -130,9 +130,9 @@ def actuated(model: Model, inputs: tuple[str, ...]) -> Actuated:
     """``model`` with each of ``inputs`` behind an actuator of its own; parameters ``delay_<input>``, ``lag_<input>``.
 
     Raises:
-        BadInput: the model has no such input.
+        InputError: the model has no such input.
     """
     for name in inputs:
         if name not in model.inputs:
-            raise BadInput(f"the model has no input {name} (it has {', '.join(model.inputs)})")
+            raise InputError(f"the model has no input {name} (it has {', '.join(model.inputs)})")
     return Actuated(model, tuple(Actuator((name,), f"delay_{name}", f"lag_{name}") for name in inputs))

@@ -12,10 +12,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from avionics.quantities import BadInput
 from logs.identification.output_error.problem import Held, Named
 from logs.identification.results import Array
 from sim_bridge.vectors import njit
+from wingbeat.errors import InputError
 
 ONE = "1"
 """the regressor of constants"""
@@ -159,7 +159,7 @@ def linear_model(
     """A model from the terms of each state's rate and each output (its unit, its terms).
 
     Raises:
-        BadInput: a term names a signal or parameter that there is not.
+        InputError: a term names a signal or parameter that there is not.
     """
     columns, names = [*states, *inputs, ONE], list(parameters)
     rows = [rates.get(name, ()) for name in states] + [terms for _, terms in outputs.values()]
@@ -168,7 +168,7 @@ def linear_model(
     for index, terms in enumerate(rows):
         for term in terms:
             if term.of not in columns or (term.parameter and term.parameter not in names):
-                raise BadInput(f"the linear model has no {term.of} or no parameter {term.parameter}")
+                raise InputError(f"the linear model has no {term.of} or no parameter {term.parameter}")
             entry = constant if not term.parameter else slopes[names.index(term.parameter)]
             entry[index, columns.index(term.of)] += term.factor
     units = {name: unit for name, (unit, _) in outputs.items()}

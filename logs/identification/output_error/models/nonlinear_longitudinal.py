@@ -18,12 +18,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from avionics.constants import STANDARD_GRAVITY
-from avionics.quantities import BadInput
 from logs.identification.output_error.models.compiled import LONGEST_STEP, CompiledModel
 from logs.identification.output_error.problem import Named
 from logs.identification.results import Array
 from sim_bridge.vectors import njit
+from wingbeat.constants import STANDARD_GRAVITY
+from wingbeat.errors import InputError
 
 _DRAG = ("0", "V", "alpha", "alpha2", "k", "q", "delta")
 _OTHERS = ("0", "V", "alpha", "alpha2", "q", "delta")
@@ -115,11 +115,11 @@ def nonlinear_longitudinal(airframe: Airframe, longest_step: float = LONGEST_STE
     All of `COEFFICIENTS` are parameters, zero and fixed unless the problem names them.
 
     Raises:
-        BadInput: a mass, inertia, area, chord, airspeed or density that is not positive.
+        InputError: a mass, inertia, area, chord, airspeed or density that is not positive.
     """
     for name in ("mass", "inertia_y", "area", "chord", "airspeed"):
         if not getattr(airframe, name) > 0:
-            raise BadInput(f"the airframe's {name} must be positive, not {getattr(airframe, name):g}")
+            raise InputError(f"the airframe's {name} must be positive, not {getattr(airframe, name):g}")
     air = _air(airframe.density)
     inputs = {ELEVATOR: "rad", THRUST: "N"} | ({str(airframe.density): air[2]} if air[2] else {})
     return CompiledModel(
@@ -146,7 +146,7 @@ def _air(density: float | str) -> tuple[float, float, str]:
     if density == PRESSURE:
         return MEASURED_PRESSURE, 0.0, "Pa"
     if isinstance(density, str) or not density > 0:
-        raise BadInput(f'the density is a positive number, "{DENSITY}" or "{PRESSURE}", not {density}')
+        raise InputError(f'the density is a positive number, "{DENSITY}" or "{PRESSURE}", not {density}')
     return CONSTANT, float(density), ""
 
 

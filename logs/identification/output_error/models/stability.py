@@ -13,10 +13,10 @@ import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from avionics.constants import STANDARD_GRAVITY
-from avionics.quantities import BadInput
 from logs.identification.output_error.models.linear import ONE, LinearModel, Term, Terms, linear_model, times
 from logs.identification.output_error.problem import Named
+from wingbeat.constants import STANDARD_GRAVITY
+from wingbeat.errors import InputError
 
 UNITS = {
     "alpha": "rad", "beta": "rad", "theta": "rad", "phi": "rad", "p": "rad/s", "q": "rad/s", "r": "rad/s",
@@ -59,7 +59,7 @@ def _parameters(rates: Mapping[str, str], regressors: Mapping[str, str]) -> dict
 def _suffixes(states: tuple[str, ...], inputs: tuple[str, ...]) -> dict[str, str]:
     """What follows the axis in a derivative's name; a single input is ``delta``."""
     if len(set(states + inputs)) < len(states + inputs):
-        raise BadInput("a signal is a state or an input twice")
+        raise InputError("a signal is a state or an input twice")
     suffixes = {name: name for name in states}
     single = len(inputs) == 1 and inputs[0] not in UNITS
     return suffixes | {name: "delta" if single else name for name in inputs}
@@ -77,11 +77,11 @@ def short_period(
     (``-a_z / g``, the load factor's change).
 
     Raises:
-        BadInput: ``vertical`` is neither alpha nor w, or an airspeed that is not positive.
+        InputError: ``vertical`` is neither alpha nor w, or an airspeed that is not positive.
     """
     _airspeed(steady)
     if vertical not in ("alpha", "w"):
-        raise BadInput(f"a short period has the state alpha or w, not {vertical}")
+        raise InputError(f"a short period has the state alpha or w, not {vertical}")
     states = (vertical, "q", "theta") if pitch else (vertical, "q")
     suffixes = _suffixes((vertical, "q"), inputs)
     scale = steady.airspeed if vertical == "alpha" else 1.0
@@ -111,7 +111,7 @@ def longitudinal(steady: Steady, inputs: tuple[str, ...] = ("delta_e",)) -> Line
     at 3 degrees.
 
     Raises:
-        BadInput: an airspeed that is not positive.
+        InputError: an airspeed that is not positive.
     """
     _airspeed(steady)
     v, g = steady.airspeed, steady.gravity
@@ -153,12 +153,12 @@ def lateral(
     n_y = a_y / g.
 
     Raises:
-        BadInput: a state that there is not, or an airspeed that is not positive.
+        InputError: a state that there is not, or an airspeed that is not positive.
     """
     _airspeed(steady)
     known = ("beta", "p", "r", "phi")
     if not set(states) <= set(known) or not states:
-        raise BadInput(f"a lateral model has the states {', '.join(known)}, not {', '.join(states)}")
+        raise InputError(f"a lateral model has the states {', '.join(known)}, not {', '.join(states)}")
     suffixes = _suffixes(tuple(s for s in states if s != "phi"), tuple(i for i in inputs if i != "phi"))
     y, roll, yaw = (_derivatives(axis, suffixes) for axis in "YLN")
     beta, phi = (_there(terms, {*states, *inputs}) for terms in _lateral_kinematics(steady))
@@ -191,7 +191,7 @@ def _there(terms: Terms, signals: set[str]) -> Terms:
 
 def _airspeed(steady: Steady) -> None:
     if not steady.airspeed > 0:
-        raise BadInput(f"a linear model needs a positive airspeed, not {steady.airspeed:g} m/s")
+        raise InputError(f"a linear model needs a positive airspeed, not {steady.airspeed:g} m/s")
 
 
 def _state_outputs(states: tuple[str, ...]) -> dict[str, tuple[str, Terms]]:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 
-from avionics.quantities import BadInput
 from logs.identification.output_error.models.linear import ONE, LinearModel, Term, Terms, linear_model
 from logs.identification.output_error.problem import Named
+from wingbeat.errors import InputError
 
 Entry = float | str
 Matrix = Sequence[Sequence[Entry]]
@@ -28,7 +28,7 @@ def written_model(
     parameter, its unit from ``units`` (dimensionless where not told). An input named "1" carries constants.
 
     Raises:
-        BadInput: a matrix is missing or of the wrong size, or an entry cannot be read.
+        InputError: a matrix is missing or of the wrong size, or an entry cannot be read.
     """
     n, m, k = len(states), len(outputs), len(inputs)
     columns = (list(states), [*inputs])
@@ -50,10 +50,10 @@ def _sized(name: str, matrices: Mapping[str, Matrix], high: int, wide: int) -> M
     if name == "D" and name not in matrices:
         return [[0.0] * wide for _ in range(high)]
     if name not in matrices:
-        raise BadInput(f"the linear model lacks its matrix {name}")
+        raise InputError(f"the linear model lacks its matrix {name}")
     matrix = matrices[name]
     if len(matrix) != high or any(len(row) != wide for row in matrix):
-        raise BadInput(f"matrix {name} must have {high} rows of {wide} entries")
+        raise InputError(f"matrix {name} must have {high} rows of {wide} entries")
     return matrix
 
 
@@ -64,10 +64,10 @@ def _terms(of: str, entry: Entry, name: str) -> Terms:
     while at < len(text):
         part = _PART.match(text, at)
         if part is None or (at > 0 and not part[1]):
-            raise BadInput(f'matrix {name}: the entry "{entry}" cannot be read; write it like "1 + 2*Z_q"')
+            raise InputError(f'matrix {name}: the entry "{entry}" cannot be read; write it like "1 + 2*Z_q"')
         sign = -1.0 if part[1] == "-" else 1.0
         terms.append(Term(of, part[3] or "", sign * float(part[2] or 1.0) * float(part[4] or 1.0)))
         at = part.end()
     if not terms:
-        raise BadInput(f"matrix {name} has an empty entry")
+        raise InputError(f"matrix {name} has an empty entry")
     return tuple(terms)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import pytest
 
-from avionics.records import constructor
+from wingbeat.records import constructor
 
 
 class Sample(NamedTuple):

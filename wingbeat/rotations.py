@@ -1,4 +1,8 @@
-"""Rotations as direction cosine matrices on plain floats: nine numbers, row by row."""
+"""Rotations on plain floats: direction cosine matrices, quaternions (w, x, y, z) and Euler angles.
+
+A direction cosine matrix (DCM) is nine numbers, row by row. Euler angles are roll, pitch and yaw in rad, for
+rotations about z, y, x in this order. `wingbeat.rotation_arrays` has the same for columns of a table.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +15,7 @@ Quaternion = tuple[float, float, float, float]
 SMALL_ANGLE_SQUARED = 1e-14
 
 
-def rotation(x: float, y: float, z: float) -> Matrix:
+def dcm_from_rotation_vector(x: float, y: float, z: float) -> Matrix:
     """Matrix of the rotation by ``|v|`` rad about the vector ``v = (x, y, z)``, exactly (Rodrigues)."""
     square = x * x + y * y + z * z
     if square < SMALL_ANGLE_SQUARED:
@@ -69,21 +73,21 @@ def unit(v: Vector) -> Vector | None:
     return (v[0] / length, v[1] / length, v[2] / length)
 
 
-def orthonormalised(r: Matrix) -> Matrix:
-    """The rotation next to ``r``: round-off is taken out of the rows (Gram-Schmidt, last row kept)."""
+def orthonormalize(r: Matrix) -> Matrix:
+    """Remove round-off from the rows of ``r`` (Gram-Schmidt, last row kept)."""
     down = unit((r[6], r[7], r[8])) or (0.0, 0.0, 1.0)
     east = unit(cross(down, (r[0], r[1], r[2]))) or (0.0, 1.0, 0.0)
     return (*cross(east, down), *east, *down)
 
 
-def euler(r: Matrix) -> Vector:
-    """Roll, pitch and yaw in rad of r_ned_from_frd (rotations about z, y, x in this order)."""
+def euler_from_dcm(r: Matrix) -> Vector:
+    """Roll, pitch and yaw in rad of r_ned_from_frd."""
     r0, _, _, r3, _, _, r6, r7, r8 = r
     return (atan2(r7, r8), asin(-r6 if -1.0 <= r6 <= 1.0 else -copysign(1.0, r6)), atan2(r3, r0))
 
 
-def quaternion(r: Matrix) -> Quaternion:
-    """The same rotation as (w, x, y, z) with w >= 0; the largest part comes from a root, the rest from it."""
+def quaternion_from_dcm(r: Matrix) -> Quaternion:
+    """Quaternion with w >= 0 of a matrix, from its largest component (Shepperd 1978)."""
     r0, r1, r2, r3, r4, r5, r6, r7, r8 = r
     if r0 + r4 + r8 > 0.0:
         s = sqrt(1.0 + r0 + r4 + r8)
@@ -104,7 +108,7 @@ def quaternion(r: Matrix) -> Quaternion:
     return (w, x, y, z) if w >= 0.0 else (-w, -x, -y, -z)
 
 
-def from_quaternion(q: Quaternion) -> Matrix:
+def dcm_from_quaternion(q: Quaternion) -> Matrix:
     """Matrix of the unit quaternion (w, x, y, z)."""
     w, x, y, z = q
     return (
@@ -112,3 +116,29 @@ def from_quaternion(q: Quaternion) -> Matrix:
         2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x),
         2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y),
     )  # fmt: skip
+
+
+def quaternion_from_euler(roll: float, pitch: float, yaw: float) -> Quaternion:
+    """Quaternion of r_ned_from_frd of roll, pitch and yaw in rad."""
+    cr, sr = cos(roll / 2), sin(roll / 2)
+    cp, sp = cos(pitch / 2), sin(pitch / 2)
+    cy, sy = cos(yaw / 2), sin(yaw / 2)
+    return (
+        cr * cp * cy + sr * sp * sy,
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+    )
+
+
+def frd_from_ned(quaternion: Quaternion, v_ned: Vector) -> Vector:
+    """Rotate a vector from NED to body axes; the quaternion of r_ned_from_frd need not be of unit length."""
+    w, x, y, z = quaternion
+    a, b, c = v_ned
+    s = 2.0 / (w * w + x * x + y * y + z * z)
+    tx, ty, tz = s * (y * c - z * b), s * (z * a - x * c), s * (x * b - y * a)
+    return (
+        a - w * tx + y * tz - z * ty,
+        b - w * ty + z * tx - x * tz,
+        c - w * tz + x * ty - y * tx,
+    )

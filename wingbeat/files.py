@@ -1,4 +1,4 @@
-"""Files that are there whole or not at all: of text, at the edge (parameters, keys and their time stamps)."""
+"""Atomic replacement of text files: parameters, keys, settings."""
 
 from __future__ import annotations
 
@@ -8,35 +8,34 @@ import tempfile
 from pathlib import Path
 
 
-def write_whole(path: Path, text: str, settle: bool = True) -> None:
-    """Put a file of this ``text`` in the place of ``path``: the old one or the new one, never a part.
+def write_atomically(path: Path, text: str, sync: bool = True) -> None:
+    """Replace the file at ``path`` by one with this ``text``; after a crash it is the old one or the new one.
 
-    `mkstemp` makes it its owner's alone. Where ``settle`` it outlives a power cut from here on, name and all, which
-    waits for the disk.
+    Only the owner can read it, as of `mkstemp`. With ``sync`` the call waits until file and name are on the disk.
 
     Raises:
-        OSError: it cannot be written; the old file stays as it is.
+        OSError: the file cannot be written; the old one is unchanged.
     """
     descriptor, scratch = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}-")
     try:
         with os.fdopen(descriptor, "w", encoding="utf-8") as file:
             file.write(text)
-            if settle:
+            if sync:
                 file.flush()
                 os.fsync(file.fileno())
         Path(scratch).replace(path)
     except BaseException:
         Path(scratch).unlink(missing_ok=True)
         raise
-    if settle:
-        settle_names(path.parent)
+    if sync:
+        sync_folder(path.parent)
 
 
-def settle_names(folder: Path) -> None:
-    """Let the names in ``folder`` outlive a power cut, where the system can.
+def sync_folder(folder: Path) -> None:
+    """Write the names in ``folder`` to the disk, if the system supports it.
 
     Raises:
-        OSError: the disk does not take them.
+        OSError: the disk rejects them.
     """
     if os.name != "posix":
         return
