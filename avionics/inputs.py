@@ -113,7 +113,7 @@ def refusal(s: AutopilotState, command: Command) -> str:
     return ""
 
 
-def _manual_control_lost(topic: Topic, message: Any) -> None:
+def _manual_control_lost(topic: Topic[Any], message: Any) -> None:
     pass
 
 

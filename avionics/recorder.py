@@ -14,7 +14,7 @@ class Recorder(Protocol):
     def failure(self) -> str:
         """Why nothing is recorded any more, one line; empty while it is."""
 
-    def record(self, topic: Topic, message: Any) -> None:
+    def record(self, topic: Topic[Any], message: Any) -> None:
         """Store one message; its ``time_us`` is the time stamp."""
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
@@ -33,7 +33,7 @@ class NullRecorder:
     failure = ""
     """nothing can fail"""
 
-    def record(self, topic: Topic, message: Any) -> None:
+    def record(self, topic: Topic[Any], message: Any) -> None:
         """Ignore the message."""
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:

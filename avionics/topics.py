@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from avionics import messages as m
 from wingbeat.message import Event, RecorderStatus, Text
 from wingbeat.topic import Topic
@@ -49,7 +51,7 @@ LINK_EVENTS = Topic("/system/link_events", Event, 65, 0.0, deterministic=False)
 RECORDER = Topic("/system/recorder", RecorderStatus, 68, 0.0, deterministic=False)
 """each time the recorder had to leave out more"""
 
-TOPICS: tuple[Topic, ...] = (
+TOPICS: tuple[Topic[Any], ...] = (
     IMU, ENCODER, PRESSURES, ADC, TORQUE_RAW, GPS, PILOT, RECEIVER, OVERRIDE, VIBRATION,
     ATTITUDE, POWER, WING, DRIVE_TORQUE, AIR_DATA, ALTITUDE, POSITION,
     NAVIGATION, ALTITUDE_LOOP, HEADING_LOOP, EXCITATION, PITCH_LOOP, ROLL_LOOP, FLAP, ACTUATORS,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 from avionics import inputs, parameters, piloting, topics
 from avionics.autopilot import Autopilot
@@ -17,6 +17,8 @@ from avionics.vehicles import FlightVehicle
 from avionics.vehicles.gains import FlightGains
 from wingbeat.message import Event, Severity
 from wingbeat.topic import Publish, Topic
+
+T = TypeVar("T")
 
 
 def shown_parameter(gains: FlightGains, entry: parameters.Parameter) -> Parameter:
@@ -63,7 +65,7 @@ class FlightView:
         """No sensor frames come, so that nothing is obeyed; its owner, who has the clock, says so."""
         self.autopilot = Autopilot(vehicle, mission, self._publish, schedule)
 
-    def _publish(self, topic: Topic, message: Any) -> None:
+    def _publish(self, topic: Topic[Any], message: Any) -> None:
         self._latest[topic.name] = message
         if topic is topics.EVENTS:
             self._events.append(message)
@@ -122,7 +124,7 @@ class FlightView:
             self._parameters = tuple(shown_parameter(gains, entry) for entry in self._table.values())
         return self._parameters
 
-    def latest(self, topic: Topic) -> Any:
+    def latest(self, topic: Topic[T]) -> T | None:
         """The last message of ``topic``, or None before the first."""
         return self._latest.get(topic.name)
 
@@ -150,5 +152,5 @@ class FlightView:
         ]
 
 
-def _manual_control_lost(topic: Topic, message: Any) -> None:
+def _manual_control_lost(topic: Topic[Any], message: Any) -> None:
     pass

@@ -49,7 +49,7 @@ class _Places(NamedTuple):
 
 def aligned(
     log: Log,
-    topics: Iterable[str | Topic],
+    topics: Iterable[str | Topic[Any]],
     rate: float | None = None,
     start: float | None = None,
     end: float | None = None,

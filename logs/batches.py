@@ -22,7 +22,7 @@ def batched(record_all: Callable[[Sequence[Said]], None]) -> Iterator[Publish]:
     """
     said: list[Said] = []
 
-    def publish(topic: Topic, message: Any) -> None:
+    def publish(topic: Topic[Any], message: Any) -> None:
         said.append((topic, message))
         if len(said) >= BATCH:
             hand_over()

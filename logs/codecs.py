@@ -74,7 +74,7 @@ class Codec(NamedTuple):
     encode: Encoder
 
 
-def codec_for(topic: Topic) -> Codec:
+def codec_for(topic: Topic[Any]) -> Codec:
     """Schema, channel and encoder of a topic; both numbers are ``topic.channel``.
 
     Raises:
@@ -87,7 +87,7 @@ def codec_for(topic: Topic) -> Codec:
     return Codec(schema, channel, encoder)
 
 
-def _kind(topic: Topic) -> tuple[str, str, str, bytes, dict[str, str], Encoder]:
+def _kind(topic: Topic[Any]) -> tuple[str, str, str, bytes, dict[str, str], Encoder]:
     message = topic.message
     if message is Text:
         schema = json.dumps(TEXT_SCHEMA).encode()

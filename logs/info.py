@@ -71,7 +71,7 @@ def flown_in(log: Log, however_long: bool = False) -> FlightSummary | None:
     Raises:
         InputError: a part of the file is damaged.
     """
-    told = any(map(log.is_native, _TOLD_BY))
+    told = any(log.is_native(topic) for topic in _TOLD_BY)
     return summarize(log) if told and (however_long or not is_long(log)) else None
 
 

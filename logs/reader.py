@@ -134,7 +134,7 @@ class Log:
         text = self.metadata.get(RECORDING, {}).get("start_epoch_ns", "")
         return int(text) if text.isdecimal() and len(text) < 20 and int(text) <= LATEST_NS else self.start_ns
 
-    def is_native(self, topic: Topic) -> bool:
+    def is_native(self, topic: Topic[Any]) -> bool:
         """Whether the log has messages of one of our topics in our own encoding."""
         info = self.topics.get(topic.name)
         return info is not None and info.messages > 0 and info.layout is not None and info.schema.startswith(NATIVE)
@@ -198,13 +198,13 @@ class Log:
 
         return missions_of(self)
 
-    def columns(self, topic: str | Topic, start: float | None = None, end: float | None = None) -> Columns:
+    def columns(self, topic: str | Topic[Any], start: float | None = None, end: float | None = None) -> Columns:
         """One topic as columns; see `tables`."""
         name = topic if isinstance(topic, str) else topic.name
         return self.tables([name], start, end)[name]
 
     def tables(
-        self, topics: Iterable[str | Topic] | None = None, start: float | None = None, end: float | None = None
+        self, topics: Iterable[str | Topic[Any]] | None = None, start: float | None = None, end: float | None = None
     ) -> dict[str, Columns]:
         """Topics (all by default) as columns in one pass over the file.
 
@@ -226,7 +226,7 @@ class Log:
         boot = self.boot_ns
         return {name: self._table(name, boot, window, filled) for name in names}
 
-    def times(self, topic: str | Topic) -> NDArray[np.float64]:
+    def times(self, topic: str | Topic[Any]) -> NDArray[np.float64]:
         """Log times (s since boot) of a topic's messages, in the order of the file.
 
         By the message indexes alone and much faster than `columns` where a checksum vouches for them, as it does in
@@ -273,7 +273,7 @@ class Log:
         content = unpack(self._data, chunk)
         return {channel: entries_of(self._data, chunk, content, channel, max_records) for channel in channels}
 
-    def order(self, topics: Iterable[str | Topic]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def order(self, topics: Iterable[str | Topic[Any]]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Messages of several topics in the order in which they were written, whatever their times.
 
         Returns:
@@ -302,7 +302,7 @@ class Log:
 
     def aligned(
         self,
-        topics: Iterable[str | Topic],
+        topics: Iterable[str | Topic[Any]],
         rate: float | None = None,
         start: float | None = None,
         end: float | None = None,
@@ -327,7 +327,7 @@ class Log:
         return aligned(self, topics, rate, start, end, gap)
 
     def frame(
-        self, topic: str | Topic, library: str = "pandas", start: float | None = None, end: float | None = None
+        self, topic: str | Topic[Any], library: str = "pandas", start: float | None = None, end: float | None = None
     ) -> Any:
         """One topic as a data frame of ``pandas`` (index: s since boot) or ``polars`` (the same as its first column).
 
@@ -338,7 +338,7 @@ class Log:
         """
         return frame(self.columns(topic, start, end), library)
 
-    def events(self, topic: str | Topic | None = None) -> list[Event]:
+    def events(self, topic: str | Topic[Any] | None = None) -> list[Event]:
         """Events of one topic, or of all that carry them, in order of log time.
 
         Raises:
@@ -349,7 +349,7 @@ class Log:
             names = [topic if isinstance(topic, str) else topic.name]
         return self._checked(lambda: self._read_events(names))
 
-    def texts(self, topic: str | Topic) -> list[Text]:
+    def texts(self, topic: str | Topic[Any]) -> list[Text]:
         """Documents of a topic that carries `Text`, in order of log time.
 
         Raises:

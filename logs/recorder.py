@@ -29,7 +29,7 @@ FLUSH_S = 0.25
 _FLUSH_NS = round(FLUSH_S * 1e9)
 ZSTD_LEVEL = -1
 """Files are 3 to 5 % larger than with level 1, and unpacked in half to three quarters of the time."""
-Said = tuple[Topic, Any]
+Said = tuple[Topic[Any], Any]
 """a message with its topic"""
 RECORDING = "wingbeat.recording"
 """Name of the metadata record that says when the vehicle's clock was zero."""
@@ -40,7 +40,7 @@ class _Stream:
 
     __slots__ = ("codec", "encode", "index", "sequence", "topic")
 
-    def __init__(self, topic: Topic, codec: Codec) -> None:
+    def __init__(self, topic: Topic[Any], codec: Codec) -> None:
         self.topic = topic
         self.codec = codec
         self.encode = codec.encode
@@ -56,7 +56,7 @@ class Writing(NamedTuple):
     """bytes; that may wait for the disk behind the flight's back; 0: every message waits until it is written"""
     volume: int = 0
     """bytes; after which a file is finished and the next one begun (``-2``, ``-3``); 0 for one file of any size"""
-    account: Topic | None = None
+    account: Topic[Any] | None = None
     """where the recorder itself says what it had to leave out, and how much waits; None for nowhere"""
 
 
@@ -93,7 +93,7 @@ class McapRecorder:
         *,
         start_epoch_ns: int | None = None,
         clock: Callable[[], float] = time.monotonic,
-        topics: Iterable[Topic] = (),
+        topics: Iterable[Topic[Any]] = (),
         writing: Writing = AT_ONCE,
     ) -> None:
         """Create the file.
@@ -151,7 +151,7 @@ class McapRecorder:
         self._settle()
         return self._refusal
 
-    def record(self, topic: Topic, message: Any) -> None:
+    def record(self, topic: Topic[Any], message: Any) -> None:
         """Store one message; its ``time_us`` is the time stamp."""
         if not self._open_for_writing:
             return
@@ -368,7 +368,7 @@ class McapRecorder:
             raise InputError(f"cannot record to {self.path}: {error.strerror or error}") from None
         return volumes
 
-    def _open(self, topic: Topic) -> _Stream:
+    def _open(self, topic: Topic[Any]) -> _Stream:
         known = self._streams.get(topic.channel)
         if known is None:
             known = self._streams[topic.channel] = _Stream(topic, codec_for(topic))

@@ -225,7 +225,7 @@ class SceneRecorder:
         """Why nothing is recorded any more, one line; empty while it is."""
         return self.inner.failure
 
-    def record(self, topic: Topic, message: Any) -> None:
+    def record(self, topic: Topic[Any], message: Any) -> None:
         """Store one message, and what there is to see at its time."""
         self.inner.record(topic, message)
         if topic.channel in self._watched:

@@ -115,10 +115,10 @@ class _Flight(NamedTuple):
     launch: float | None
     end: float | None
 
-    def get(self, topic: Topic) -> Columns | None:
+    def get(self, topic: Topic[Any]) -> Columns | None:
         return self.tables.get(topic.name)
 
-    def in_air(self, topic: Topic) -> tuple[Columns, NDArray[np.bool_]] | None:
+    def in_air(self, topic: Topic[Any]) -> tuple[Columns, NDArray[np.bool_]] | None:
         """A topic and where it was recorded in the air; None without such samples."""
         columns = self.get(topic)
         if columns is None or self.launch is None or self.end is None:
@@ -291,7 +291,7 @@ def _distance(flight: _Flight) -> float | None:
     return float(np.sum(np.hypot(np.diff(columns["north"][inside]), np.diff(columns["east"][inside]))))
 
 
-def _mean_in_air(flight: _Flight, topic: Topic, name: str) -> float | None:
+def _mean_in_air(flight: _Flight, topic: Topic[Any], name: str) -> float | None:
     found = flight.in_air(topic)
     return None if found is None else float(np.mean(found[0][name][found[1]]))
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from sim_bridge import messages as m
 from wingbeat.message import Event, RecorderStatus
 from wingbeat.topic import Topic
@@ -14,4 +16,4 @@ EVENTS = Topic("/truth/events", Event, 1003, 0.0)
 RECORDER = Topic("/truth/recorder", RecorderStatus, 1004, 0.0, deterministic=False)
 """each time the world's recorder had to leave out more"""
 
-TOPICS: tuple[Topic, ...] = (STATE, WING, LOADS, EVENTS, RECORDER)
+TOPICS: tuple[Topic[Any], ...] = (STATE, WING, LOADS, EVENTS, RECORDER)

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Generic, NamedTuple, Protocol, TypeVar
+
+T = TypeVar("T")
 
 
-class Topic(NamedTuple):
-    """One stream of messages."""
+class Topic(NamedTuple, Generic[T]):
+    """One stream of messages of type ``T``."""
 
     name: str
     """path in the log, ``/processor/what``"""
-    message: type[Any]
+    message: type[T]
     """the NamedTuple it carries; `wingbeat.message.Event` and `Text` have no fixed layout"""
     channel: int
     """number in the log: below 1000 of the flight computer, from 1000 of the simulator, from 2000 for viewers"""
@@ -24,5 +25,8 @@ class Topic(NamedTuple):
     """the same seed and inputs give the same bytes"""
 
 
-Publish = Callable[[Topic, Any], None]
-"""takes every message of a flight with its topic"""
+class Publish(Protocol):
+    """Receiver of all messages of a flight; type checkers hold each message to the type of its topic."""
+
+    def __call__(self, topic: Topic[T], message: T, /) -> None:
+        """Take one message."""

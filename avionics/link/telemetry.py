@@ -191,7 +191,7 @@ _AHRS = mavlink.MAV_SYS_STATUS_AHRS
 _CHECK = mavlink.MAV_SYS_STATUS_PREARM_CHECK
 _IMU = _GYRO | _ACCELEROMETER | _MAGNETOMETER
 _RECEIVER = mavlink.MAV_SYS_STATUS_SENSOR_RC_RECEIVER
-_SENSORS = (
+_SENSORS: tuple[tuple[Topic[Any], int], ...] = (
     (t.IMU, _IMU),
     (t.PRESSURES, _BAROMETER | _PITOT),
     (t.GPS, _GPS),
@@ -438,7 +438,7 @@ class Mirror(NamedTuple):
 
     name: bytes
     """-; at most 10 characters"""
-    topic: Topic
+    topic: Topic[Any]
     field: str
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple, Protocol, TypeVar
 
 from avionics.guidance.mission import Fence, Mission, Rally
 from avionics.link.dialect import mavlink
@@ -11,6 +11,8 @@ from avionics.messages import Command, CommandKind, Mode
 from wingbeat.errors import InputError
 from wingbeat.message import Event
 from wingbeat.topic import Topic
+
+T = TypeVar("T")
 
 NO_FRAMES = "no sensor frames"
 """Why nothing is taken while the board is silent: it would be obeyed whenever the board comes back."""
@@ -91,7 +93,7 @@ class VehicleView(Protocol):
     def parameters(self) -> Sequence[Parameter]:
         """The parameter table; names and order stay the same for the whole flight."""
 
-    def latest(self, topic: Topic) -> Any:
+    def latest(self, topic: Topic[T]) -> T | None:
         """The last message of ``topic``, or None before the first."""
 
     def events(self, after: int) -> Sequence[Event]:

@@ -76,7 +76,7 @@ class FlightComputer:
         self._ticked_at = float("-inf")
         self._unrecorded = False
         self._thinking = False
-        self._announced: deque[tuple[Topic, Any]] = deque(maxlen=UNRECORDED)
+        self._announced: deque[tuple[Topic[Any], Any]] = deque(maxlen=UNRECORDED)
         self.view = FlightView(vehicle, mission, self._publish, self._stopwatch.schedule)
 
     def keep_parameters(self, file: ParameterFile) -> None:
@@ -111,14 +111,14 @@ class FlightComputer:
                 self._keeping.run(self._keep, self._file, armed=False)
             self._report_faults()
 
-    def _publish(self, topic: Topic, message: Any) -> None:
+    def _publish(self, topic: Topic[Any], message: Any) -> None:
         """Record what was said: of a tick once it is answered, so that the servos do not wait for the log."""
         if self._thinking:
             self._announced.append((topic, message))
         else:
             self._record(topic, message)
 
-    def _record(self, topic: Topic, message: Any) -> None:
+    def _record(self, topic: Topic[Any], message: Any) -> None:
         self._recording.run(self._recorder.record, topic, message)
 
     def _write_down(self) -> None:

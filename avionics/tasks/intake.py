@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from avionics import topics
 from avionics.calibration.procedure import RAW_IMU
 from avionics.inputs import publish_event
@@ -11,11 +13,11 @@ from avionics.state import AutopilotState
 from avionics.timebase import BASE_RATE
 from wingbeat.constants import STANDARD_GRAVITY
 from wingbeat.message import Severity
-from wingbeat.topic import Publish
+from wingbeat.topic import Publish, Topic
 
 TICK = 1.0 / BASE_RATE
 """s"""
-RECORDED = (
+RECORDED: tuple[Topic[Any], ...] = (
     topics.IMU,
     topics.ENCODER,
     topics.PRESSURES,

@@ -9,6 +9,7 @@ import sys
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 from logs.live.follower import is_recorded
 from logs.live.server import ALONE, HOST, PORT, LiveServer, parse_address
@@ -44,7 +45,7 @@ def add_address(parser: argparse.ArgumentParser) -> None:
 
 @contextlib.contextmanager
 def shown_live(
-    address: str | None, paths: Sequence[Path], topics: Iterable[Topic] | None = None
+    address: str | None, paths: Sequence[Path], topics: Iterable[Topic[Any]] | None = None
 ) -> Iterator[LiveServer | None]:
     """Show the files at an address, told on stderr, as long as the context lasts; nothing without an address.
 

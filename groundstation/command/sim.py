@@ -240,7 +240,7 @@ class IsolatedOutputs:
             for name, publish in outputs.items()
         ]
 
-    def __call__(self, topic: Topic, message: Any) -> None:
+    def __call__(self, topic: Topic[Any], message: Any) -> None:
         """Hand a message to each output, after the faults of the one before."""
         self._isolation.advance(message.time_us * 1e-6)
         for fault in self._isolation.take_faults():
@@ -248,12 +248,12 @@ class IsolatedOutputs:
                 self._publish(topics.EVENTS, event)
         self._publish(topic, message)
 
-    def _publish(self, topic: Topic, message: Any) -> None:
+    def _publish(self, topic: Topic[Any], message: Any) -> None:
         for guard, publish in self._outputs:
             guard.run(publish, topic, message)
 
 
-def print_events(topic: Topic, message: Any) -> None:
+def print_events(topic: Topic[Any], message: Any) -> None:
     """Print what happens in the world to stderr, without tracebacks."""
     if topic is topics.EVENTS and message.severity < Severity.DEBUG:
         print(f"{message.time_us * 1e-6:6.1f} s  {message.text}", file=sys.stderr, flush=True)

@@ -33,13 +33,13 @@ SCALARS = {
 TIME = Field("time_us", 1, "fixed64", 0, "us", "since boot of the vehicle, by its own stamp where it gives one")
 
 
-def topic_of(kind: Any, channel: int) -> Topic:
+def topic_of(kind: Any, channel: int) -> Topic[Any]:
     """The topic of a generated message class, ``/mavlink/ATTITUDE``; its rate is not known, so 0."""
     message = Document if "char" in kind.fieldtypes else _numbers(kind)
     return Topic(f"/mavlink/{kind.msgname}", message, channel, 0.0, deterministic=False)
 
 
-def encode(topic: Topic, message: Any, time_us: int) -> Any:
+def encode(topic: Topic[Any], message: Any, time_us: int) -> Any:
     """What of a MAVLink message goes into its topic."""
     if topic.message is Document:
         return Document(time_us, document(message))

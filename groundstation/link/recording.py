@@ -142,7 +142,7 @@ class Recording:
         self._time = VehicleTime()
         self._state = VehicleState()
         self._announced = 0
-        self._topics: dict[int, Topic] = {}
+        self._topics: dict[int, Topic[Any]] = {}
 
     @property
     def path(self) -> Path | None:
@@ -252,7 +252,7 @@ class Recording:
         if frame.system == self._state.system:
             self._record_as_vehicle(message, time_us)
 
-    def _topic(self, number: int, message: Any) -> Topic:
+    def _topic(self, number: int, message: Any) -> Topic[Any]:
         topic = self._topics.get(number)
         if topic is None:
             channel = UNKNOWN.channel + 1 + len(self._topics)

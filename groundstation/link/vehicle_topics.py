@@ -23,7 +23,7 @@ _NO_SPEED = 65535
 class Entry(NamedTuple):
     """One message for the log."""
 
-    topic: Topic
+    topic: Topic[Any]
     message: Any
 
 
@@ -108,12 +108,12 @@ def _same_names(kind: Any) -> Builder:
     return build
 
 
-def _as_heard(topic: Topic) -> Topic:
+def _as_heard(topic: Topic[Any]) -> Topic[Any]:
     return topic._replace(rate=topic.telemetry_rate, deterministic=False)
 
 
 EVENTS = _as_heard(t.EVENTS)
-BUILDERS: dict[str, tuple[Topic, Builder]] = {
+BUILDERS: dict[str, tuple[Topic[Any], Builder]] = {
     "ATTITUDE": (_as_heard(t.ATTITUDE), _attitude),
     "GLOBAL_POSITION_INT": (_as_heard(t.ALTITUDE), _altitude),
     "LOCAL_POSITION_NED": (_as_heard(t.POSITION), _position),

@@ -16,7 +16,7 @@ from sim_bridge import topics as truth_topics
 from sim_bridge.flight.world import publish_nothing
 from wingbeat.topic import Publish, Topic
 
-KEPT: dict[Topic, tuple[str, ...]] = {
+KEPT: dict[Topic[Any], tuple[str, ...]] = {
     topics.ATTITUDE: ("roll", "pitch", "yaw"),
     topics.POWER: ("power", "energy"),
     topics.WING: ("frequency", "flapping"),
@@ -37,7 +37,7 @@ KEPT: dict[Topic, tuple[str, ...]] = {
 class _Kept:
     """One topic's numbers, message after message."""
 
-    def __init__(self, topic: Topic, fields: tuple[str, ...]) -> None:
+    def __init__(self, topic: Topic[Any], fields: tuple[str, ...]) -> None:
         self.topic = topic
         self.fields = ("time_us", *fields)
         self.numbers = array("d")
@@ -60,7 +60,7 @@ class Memory:
         self.broken = False
         """whether the vehicle's place was no number"""
 
-    def publish(self, topic: Topic, message: Any) -> None:
+    def publish(self, topic: Topic[Any], message: Any) -> None:
         """Keep one message and hand it on."""
         kept = self._kept.get(topic.name)
         if kept is not None:

@@ -19,7 +19,7 @@ from wingbeat.rotation_arrays import euler_from_quaternions, quaternions_from_eu
 from wingbeat.topic import Topic
 
 Columns = dict[str, Array]
-CORE: Mapping[Topic, tuple[str, ...]] = {
+CORE: Mapping[Topic[Any], tuple[str, ...]] = {
     t.IMU: ("accel_x", "accel_y", "accel_z", "gyro_x", "gyro_y", "gyro_z"),
     t.ATTITUDE: ("roll", "pitch", "yaw"),
     t.AIR_DATA: ("airspeed",),
@@ -105,7 +105,7 @@ def _in_si(series: Series, column: str) -> Array:
 class Counterpart(NamedTuple):
     """How one of the project's topics is made of a series."""
 
-    topic: Topic
+    topic: Topic[Any]
     source: str
     """name of the series that gives its times"""
     build: Callable[[View], Columns]
@@ -114,7 +114,7 @@ class Counterpart(NamedTuple):
 
 def make_all(table: Sequence[Counterpart], series: Mapping[str, Series]) -> list[Own]:
     """The first counterpart of each topic that the series give."""
-    made: dict[Topic, Own] = {}
+    made: dict[Topic[Any], Own] = {}
     for counterpart in table:
         if counterpart.topic in made or counterpart.source not in series:
             continue
@@ -129,7 +129,7 @@ def make_all(table: Sequence[Counterpart], series: Mapping[str, Series]) -> list
     return list(made.values())
 
 
-def _check_shapes(topic: Topic, columns: Columns) -> None:
+def _check_shapes(topic: Topic[Any], columns: Columns) -> None:
     """Whether numbers are given for numbers, and arrays for arrays; raises `ValueError` where they are not."""
     fields = {field.name: field for field in fields_of(topic)}
     for name, values in columns.items():
@@ -137,7 +137,7 @@ def _check_shapes(topic: Topic, columns: Columns) -> None:
             raise ValueError(name)
 
 
-def checked(topic: Topic, source: Series, columns: Columns) -> Own:
+def checked(topic: Topic[Any], source: Series, columns: Columns) -> Own:
     """A topic of ``columns`` at the times of ``source``, without the rows that cannot be true."""
     columns = {name: np.asarray(values) for name, values in columns.items()}
     kept = np.ones(len(source.time_us), bool)
@@ -151,7 +151,7 @@ def checked(topic: Topic, source: Series, columns: Columns) -> Own:
     return Own(topic, source.name, whole.taken(kept), kept, tuple(dropped))
 
 
-def _verdicts(topic: Topic, columns: Columns) -> list[tuple[str, Mask]]:
+def _verdicts(topic: Topic[Any], columns: Columns) -> list[tuple[str, Mask]]:
     """Reasons, each with a mask of the rows that pass."""
     core = CORE.get(topic, tuple(columns))
     verdicts = [(f"{name} not finite", _finite(columns[name])) for name in core if name in columns]
@@ -160,7 +160,7 @@ def _verdicts(topic: Topic, columns: Columns) -> list[tuple[str, Mask]]:
     return verdicts + [(f"{name} out of range", mask) for name, mask in within(columns, limits)]
 
 
-def fields_of(topic: Topic) -> tuple[Field, ...]:
+def fields_of(topic: Topic[Any]) -> tuple[Field, ...]:
     """Fields of a topic's message, the time first."""
     message: Any = topic.message
     return layout_of(message).fields
@@ -171,7 +171,7 @@ def _finite(values: Array) -> Mask:
     return np.asarray(mask if mask.ndim == 1 else mask.all(axis=1), bool)
 
 
-def _completed(topic: Topic, columns: Columns, rows: int) -> Columns:
+def _completed(topic: Topic[Any], columns: Columns, rows: int) -> Columns:
     """Every field of the message: as given, as it follows from the others, or not known."""
     if topic is t.ATTITUDE:
         columns = _whole_attitude(columns)

@@ -35,7 +35,7 @@ WHITESPACE = "whitespace"
 """as a delimiter: any run of blanks and tabs"""
 _FORTRAN = re.compile(r"[+-]?[0-9]*\.?[0-9]*[dD][+-]?[0-9]+")
 _ENTRY = ("column", "value", "unit", "scale", "offset")
-KNOWN_TOPICS: Mapping[str, Topic] = {
+KNOWN_TOPICS: Mapping[str, Topic[Any]] = {
     topic.name: topic for topic in topics.TOPICS if topic.message not in (Event, Text)
 }
 

@@ -51,7 +51,7 @@ class Dropped(NamedTuple):
 class Own(NamedTuple):
     """One of the project's topics, made and checked."""
 
-    topic: Topic
+    topic: Topic[Any]
     source: str
     """name of the series it was made of"""
     series: Series

@@ -34,7 +34,7 @@ Progress = Callable[[float, float], None]
 class Stream(NamedTuple):
     """A topic with all its messages, as columns of their fields."""
 
-    topic: Topic
+    topic: Topic[Any]
     series: Series
 
 
@@ -76,7 +76,7 @@ def rate_of(series: Series) -> float:
     return float(f"{1e6 / median:.3g}") if median > 0.0 else 0.0
 
 
-def _source_topic(format_name: str, channel: int, series: Series) -> Topic:
+def _source_topic(format_name: str, channel: int, series: Series) -> Topic[Any]:
     text = any(values.dtype == object for values in series.columns.values())
     message: Any = Document if text else _message(format_name, series)
     return Topic(topic_name(format_name, series.name), message, channel, rate_of(series), deterministic=True)

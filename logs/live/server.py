@@ -66,7 +66,7 @@ def parse_address(text: str) -> Address:
 class LiveServer:
     """Shows recordings while they grow; as a context manager it gives the rest out and closes at the end."""
 
-    def __init__(self, address: Address, paths: Sequence[Path], topics: Iterable[Topic] | None = None) -> None:
+    def __init__(self, address: Address, paths: Sequence[Path], topics: Iterable[Topic[Any]] | None = None) -> None:
         """Listen at once, and follow ``paths`` as soon as they are there.
 
         The ``topics`` (default: `KNOWN`) are offered from the start, others when they come: foxglove-sdk tells a

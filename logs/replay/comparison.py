@@ -92,7 +92,7 @@ class _Field:
 class TopicComparison:
     """Takes the messages of one topic of fixed layout in their order."""
 
-    def __init__(self, topic: Topic, columns: Columns, start: float, end: float) -> None:
+    def __init__(self, topic: Topic[Any], columns: Columns, start: float, end: float) -> None:
         """Compare from the first message after ``start`` (s) to the last at ``end`` at the latest."""
         self._topic, self._columns = topic, columns
         low, high = np.searchsorted(columns.time, (start, end), side="right")
@@ -150,7 +150,7 @@ class TopicComparison:
 class TextComparison:
     """Takes events or documents, which have no fields of fixed width."""
 
-    def __init__(self, topic: Topic, recorded: list[Any], start: float, end: float) -> None:
+    def __init__(self, topic: Topic[Any], recorded: list[Any], start: float, end: float) -> None:
         """As `TopicComparison`, of messages with a ``time_us``."""
         self._topic = topic
         self._recorded = [message for message in recorded if start < message.time_us * 1e-6 <= end]
@@ -169,7 +169,7 @@ class TextComparison:
         return TopicDifference(self._topic.name, len(self._recorded), self._replayed, self._differing, self._at, ())
 
 
-def comparison(log: Log, topic: Topic, start: float, end: float) -> TopicComparison | TextComparison:
+def comparison(log: Log, topic: Topic[Any], start: float, end: float) -> TopicComparison | TextComparison:
     """What compares a topic of ``log`` with a replay, from after ``start`` to ``end`` (s since boot).
 
     Raises:

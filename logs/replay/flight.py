@@ -102,9 +102,9 @@ class _Publish:
     """Hands messages on to whoever is set."""
 
     def __init__(self) -> None:
-        self.to: Callable[[Topic, Any], None] = lambda topic, message: None
+        self.to: Callable[[Topic[Any], Any], None] = lambda topic, message: None
 
-    def __call__(self, topic: Topic, message: Any) -> None:
+    def __call__(self, topic: Topic[Any], message: Any) -> None:
         self.to(topic, message)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
+from typing import Any
 
 from avionics.messages import Command
 from avionics.view import FlightView
@@ -90,5 +91,5 @@ class Player:
         self._next += 1
 
 
-def _nobody(topic: Topic, message: object) -> None:
+def _nobody(topic: Topic[Any], message: object) -> None:
     pass

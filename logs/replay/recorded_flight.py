@@ -137,7 +137,7 @@ def _tick(samples: dict[str, Any], inputs: tuple[Input, ...]) -> Tick:
     return Tick(SensorFrame(imu.time_us, imu, *(samples.get(topic.name) for topic in SENSORS[1:])), inputs)
 
 
-def _messages(log: Log, topic: Topic) -> list[Any]:
+def _messages(log: Log, topic: Topic[Any]) -> list[Any]:
     """Messages of a topic as the flight computer takes them; None for sticks that follow from logged channels."""
     if topic is topics.INPUTS:
         return [decode_command(text.text) for text in log.texts(topic)]

@@ -29,7 +29,7 @@ class Line(NamedTuple):
     name: str
     style: str
     """``estimate``, ``setpoint``, ``truth``, ``left`` or ``right``: what gives it colour and stroke"""
-    topic: Topic
+    topic: Topic[Any]
     field: str
     """of the topic, or ``roll``, ``pitch``, ``yaw``, ``altitude`` of the truth"""
     averaged: bool = False

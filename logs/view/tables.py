@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ SLICE = 600.0
 """s; read at a time"""
 
 QUATERNION = ("quaternion_w", "quaternion_x", "quaternion_y", "quaternion_z")
-WANTED: Mapping[Topic, tuple[str, ...]] = {
+WANTED: Mapping[Topic[Any], tuple[str, ...]] = {
     topics.ATTITUDE: ("roll", "pitch", "yaw", *QUATERNION),
     topics.WING: (
         "angle_left", "angle_right", "phase", "frequency", "amplitude_left", "amplitude_right", "mean_angle",
@@ -43,7 +43,7 @@ WANTED: Mapping[Topic, tuple[str, ...]] = {
     ),
 }  # fmt: skip
 """Topics and fields that are shown."""
-INSTEAD: Mapping[Topic, str] = {topics.GPS: truth_topics.STATE.name, topics.ACTUATORS: truth_topics.WING.name}
+INSTEAD: Mapping[Topic[Any], str] = {topics.GPS: truth_topics.STATE.name, topics.ACTUATORS: truth_topics.WING.name}
 """Topics that are not read where another one is there, which tells the same better."""
 
 

@@ -124,7 +124,7 @@ class StepClock(NamedTuple):
         return StepClock(self.since + (self.done + 1) * self.length, 0, length)
 
 
-def publish_nothing(topic: Topic, message: Any) -> None:
+def publish_nothing(topic: Topic[Any], message: Any) -> None:
     """Forget a message."""
 
 

@@ -274,8 +274,11 @@ class MissionService:
         if message.seq >= len(items):
             return [_ack(sender, mavlink.MAV_MISSION_INVALID_SEQUENCE, message.mission_type)]
         navigation = self._vehicle.latest(topics.NAVIGATION)
-        mission = message.mission_type == _MISSION and navigation is not None
-        flown = mission and navigation.item + self._first == message.seq
+        flown = (
+            message.mission_type == _MISSION
+            and navigation is not None
+            and navigation.item + self._first == message.seq
+        )
         slot = Slot(message.seq, flown, message.mission_type)
         to = Addressee(sender.system, sender.component)
         return [Reply(write_message(items[message.seq], slot, to, as_int), sender)]

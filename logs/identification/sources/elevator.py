@@ -30,7 +30,7 @@ class MadeElevator(NamedTuple):
         """What the report says of it."""
         return f"elevator: {self.topic}.{self.field} at {self.scale:g} rad per unit"
 
-    def columns(self, topic: Topic) -> Mapping[str, Any]:
+    def columns(self, topic: Topic[Any]) -> Mapping[str, Any]:
         """Arrays by field name.
 
         Raises:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.signal import savgol_filter
@@ -121,7 +121,7 @@ def _bank_and_slip(source: ColumnSource, time: Array, calibration: inertial.Gain
     return np.array((roll, p - bias_x, r - bias_z, (a_y - calibration.accel_offset[1]) * calibration.accel_scale[1]))
 
 
-def _where_told(source: ColumnSource, topic: Topic, field: str, time: Array) -> Array:
+def _where_told(source: ColumnSource, topic: Topic[Any], field: str, time: Array) -> Array:
     """The field at ``time`` (N,); NaN beyond its samples, in its gaps, and where the log has not the field."""
     try:
         table = TopicTable(source, topic, field)

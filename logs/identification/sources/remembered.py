@@ -22,7 +22,7 @@ class Remembered:
         told: Container[str] = getattr(self._source, "topics", ())
         return told
 
-    def columns(self, topic: Topic) -> Mapping[str, Any]:
+    def columns(self, topic: Topic[Any]) -> Mapping[str, Any]:
         """Arrays by field name.
 
         Raises:

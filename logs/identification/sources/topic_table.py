@@ -17,14 +17,14 @@ LEAST_SAMPLES = 20
 class ColumnSource(Protocol):
     """A log, or anything else that gives a topic's fields as arrays."""
 
-    def columns(self, topic: Topic) -> Mapping[str, Any]:
+    def columns(self, topic: Topic[Any]) -> Mapping[str, Any]:
         """Arrays by field name; a topic that was not recorded is refused or empty."""
 
 
 class TopicTable:
     """One topic's columns with its time in seconds, cleared of samples that are not finite."""
 
-    def __init__(self, source: ColumnSource, topic: Topic, *fields: str) -> None:
+    def __init__(self, source: ColumnSource, topic: Topic[Any], *fields: str) -> None:
         try:
             columns = source.columns(topic)
             arrays = [np.asarray(columns[field], dtype=float) for field in ("time_us", *fields)]

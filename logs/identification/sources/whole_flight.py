@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -25,7 +25,7 @@ LEAST_SAMPLES = 20
 class Wanted(NamedTuple):
     """A field and the signal that it becomes."""
 
-    topic: Topic
+    topic: Topic[Any]
     field: str
     signal: str
     unit: str
@@ -89,7 +89,7 @@ def whole_flight(source: ColumnSource, name: str, calibration: inertial.Gains = 
     return Experiment(name, time, {**signals, **_strokes(source, time)}, {**units, "strokes": "-"})
 
 
-def _read(source: ColumnSource, topic: Topic, field: str) -> tuple[Array, Array] | None:
+def _read(source: ColumnSource, topic: Topic[Any], field: str) -> tuple[Array, Array] | None:
     """Time (s) and finite values of a field in order of time; None where it was not recorded."""
     try:
         columns: Mapping[str, Array] = source.columns(topic)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from enum import Enum
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from avionics import topics
 from avionics.isolation import Isolation, fault_events
@@ -26,7 +26,7 @@ LONGEST_STEP = 0.005
 RECORD_PERIOD_US = 4000
 """us; commands are recorded no more often, however short the steps"""
 
-_SENSORS: tuple[tuple[str, Topic], ...] = (
+_SENSORS: tuple[tuple[str, Topic[Any]], ...] = (
     ("imu", topics.IMU),
     ("encoder", topics.ENCODER),
     ("pressures", topics.PRESSURES),

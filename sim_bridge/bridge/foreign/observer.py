@@ -52,6 +52,6 @@ class Observer:
         for task in TASKS:
             task(state, self._record)
 
-    def _record(self, topic: Topic, message: Any) -> None:
+    def _record(self, topic: Topic[Any], message: Any) -> None:
         if topic.name in RECORDED:
             self._publish(topic, message)

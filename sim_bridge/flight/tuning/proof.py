@@ -117,13 +117,13 @@ class _Memory:
         self._rows: dict[str, list[Any]] = defaultdict(list)
         self.over = False
 
-    def publish(self, topic: Topic, message: Any) -> None:
+    def publish(self, topic: Topic[Any], message: Any) -> None:
         if topic.name in _KEPT:
             self._rows[topic.name].append(message)
         if topic is topics.NAVIGATION and message.item >= len(MISSION):
             self.over = True
 
-    def column(self, topic: Topic, name: str) -> Array:
+    def column(self, topic: Topic[Any], name: str) -> Array:
         """(n,) of a field; in s for the time."""
         values = np.array([getattr(row, name) for row in self._rows[topic.name]], dtype=np.float64)
         return values * 1e-6 if name == "time_us" else values
@@ -195,7 +195,7 @@ def _windows(memory: _Memory) -> list[tuple[float, float]]:
     return found
 
 
-def _chosen(memory: _Memory, topic: Topic, spans: list[tuple[float, float]]) -> Callable[[str], Array]:
+def _chosen(memory: _Memory, topic: Topic[Any], spans: list[tuple[float, float]]) -> Callable[[str], Array]:
     """Gives a topic's fields (n,), samples of the spans alone."""
     time = memory.column(topic, "time_us")
     inside = np.any([(time >= begin) & (time <= end) for begin, end in spans], axis=0)
