@@ -11,7 +11,7 @@ from avionics.inputs import receive
 from avionics.messages import ActuatorCommand, Input, SensorFrame
 from avionics.missions import check_mission
 from avionics.processors import SCHEDULE, Due, run
-from avionics.sensing.plausibility import LONGEST_GAP_US, shifted
+from avionics.sensing.plausibility import LONGEST_GAP_US
 from avionics.state import AutopilotState, decode_state, initial_state
 from avionics.tasks.intake import accept, refuse_time
 from avionics.vehicles import FlightVehicle
@@ -57,7 +57,7 @@ class Autopilot:
         s, publish = self._state, self._publish
         offset_us = s.plausibility.time_offset_us
         if offset_us:
-            frame = shifted(frame, offset_us)
+            frame = frame.shifted(offset_us)
         if not (0 < frame.time_us - s.clock.time_us <= LONGEST_GAP_US or s.clock.time_us < 0):
             receive(s, publish, commands)
             return refuse_time(s, publish, frame)._replace(time_us=frame.time_us - offset_us)

@@ -8,151 +8,37 @@ from __future__ import annotations
 from enum import IntEnum, IntFlag
 from typing import Annotated, Any, NamedTuple
 
-from wingbeat.message import Counts, Number, Time, Wire
-
-BURST_LENGTH = 60
-Burst = Annotated[tuple[int, ...], Wire("fixed32", BURST_LENGTH)]
-
-
-# --- what the sensors say -------------------------------------------------------------------------------
-
-
-class ImuSample(NamedTuple):
-    """One sample of accelerometer, gyroscope and magnetometer in body axes."""
-
-    time_us: Time
-    """us; since boot"""
-    accel_x: float
-    """m/s^2; specific force along FRD x (forward)"""
-    accel_y: float
-    """m/s^2; specific force along FRD y (right)"""
-    accel_z: float
-    """m/s^2; specific force along FRD z (down), -9.81 at rest"""
-    gyro_x: float
-    """rad/s; roll rate"""
-    gyro_y: float
-    """rad/s; pitch rate"""
-    gyro_z: float
-    """rad/s; yaw rate"""
-    mag_x: float
-    """gauss; magnetic field along FRD x"""
-    mag_y: float
-    """gauss; magnetic field along FRD y"""
-    mag_z: float
-    """gauss; magnetic field along FRD z"""
-
-
-class EncoderSample(NamedTuple):
-    """Quadrature counts of the wing encoders, accumulated since power-on, and what their index pulses latched."""
-
-    time_us: Time
-    """us; since boot"""
-    left_counts: Counts
-    """counts; left wing, positive with the wing up"""
-    right_counts: Counts
-    """counts; right wing, positive with the wing up"""
-    left_index_counts: Counts = 0
-    """counts; of the left counter at its encoder's last index pulse"""
-    right_index_counts: Counts = 0
-    """counts; of the right counter at its encoder's last index pulse"""
-    left_index_pulses: Number = 0
-    """-; of the left encoder's index since power-on; 0 where there is none"""
-    right_index_pulses: Number = 0
-    """-; of the right encoder's index since power-on; 0 where there is none"""
-
-
-class PressureSample(NamedTuple):
-    """Raw readings of the barometer and of the pitot's differential pressure sensor."""
-
-    time_us: Time
-    """us; since boot"""
-    static_counts: Counts
-    """counts; static pressure"""
-    differential_counts: Counts
-    """counts; pitot minus static"""
-    temperature_counts: Counts
-    """counts; air temperature"""
-
-
-class AdcBurst(NamedTuple):
-    """Sixty samples of supply voltage and current at 6 kHz: three periods of the servos' 300 Hz PWM."""
-
-    time_us: Time
-    """us; since boot, at the last sample"""
-    voltage_counts: Burst
-    """counts; supply voltage behind the divider"""
-    current_counts: Burst
-    """counts; current sensor shared by the wing drive"""
-
-
-class TorqueSample(NamedTuple):
-    """Raw readings of the strain gauges on the wing drives (instrumented vehicles only)."""
-
-    time_us: Time
-    """us; since boot"""
-    left_counts: Counts
-    """counts; left drive, positive when it drives the wing up"""
-    right_counts: Counts
-    """counts; right drive, positive when it drives the wing up"""
-
-
-class GpsFix(NamedTuple):
-    """One fix of the GPS receiver."""
-
-    time_us: Time
-    """us; since boot, when the fix arrived"""
-    latitude: float
-    """rad; WGS-84"""
-    longitude: float
-    """rad; WGS-84"""
-    altitude: float
-    """m; above mean sea level"""
-    v_north: float
-    """m/s; ground velocity"""
-    v_east: float
-    """m/s; ground velocity"""
-    v_down: float
-    """m/s; ground velocity"""
-    horizontal_accuracy: float
-    """m; one sigma as told by the receiver"""
-    vertical_accuracy: float
-    """m; one sigma as told by the receiver"""
-    fix_type: Number
-    """-; 0 none, 2 two-, 3 three-dimensional"""
-    satellites: Number
-    """-; used in the fix"""
-
-
-CHANNELS = 8
-"""of the radio-control receiver"""
-
-
-class ReceiverSample(NamedTuple):
-    """One frame of the radio-control receiver."""
-
-    time_us: Time
-    """us; since boot"""
-    pulses: Annotated[tuple[int, ...], Wire("fixed32", CHANNELS)]
-    """us; pulse widths of the channels, counted in whole microseconds"""
-    lost: Number
-    """-; 1 while the receiver itself says that it does not hear its transmitter"""
-    rssi: Number
-    """-; signal strength, 0 to 254, 255 for unknown"""
-
-
-class SensorFrame(NamedTuple):
-    """All that the board delivers in one tick; what was not sampled in this tick is None."""
-
-    time_us: int
-    """us; since boot, of the IMU sample"""
-    imu: ImuSample
-    encoder: EncoderSample | None = None
-    pressures: PressureSample | None = None
-    adc: AdcBurst | None = None
-    torque: TorqueSample | None = None
-    gps: GpsFix | None = None
-    receiver: ReceiverSample | None = None
-
+from wingbeat.message import Number, Time, Wire
+from wingbeat.samples import (
+    BURST_LENGTH as BURST_LENGTH,
+)
+from wingbeat.samples import (
+    CHANNELS as CHANNELS,
+)
+from wingbeat.samples import (
+    AdcBurst as AdcBurst,
+)
+from wingbeat.samples import (
+    EncoderSample as EncoderSample,
+)
+from wingbeat.samples import (
+    GpsFix as GpsFix,
+)
+from wingbeat.samples import (
+    ImuSample as ImuSample,
+)
+from wingbeat.samples import (
+    PressureSample as PressureSample,
+)
+from wingbeat.samples import (
+    ReceiverSample as ReceiverSample,
+)
+from wingbeat.samples import (
+    SensorFrame as SensorFrame,
+)
+from wingbeat.samples import (
+    TorqueSample as TorqueSample,
+)
 
 # --- what enters from the ground ------------------------------------------------------------------------
 

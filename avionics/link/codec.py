@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 from avionics import messages as m
 from avionics.link.dialect import mavlink
 from avionics.link.framing import CRC_EXTRA, SIGNED, Frame, build_frame, build_frame_v1, checksum
+from avionics.link.sensor_codec import BY_MESSAGE, HIL_SENSOR, decode_imu, layout_of, padded, payloads
 from wingbeat.records import constructor
 
 FULL_DEFLECTION = math.pi / 2
@@ -24,28 +25,14 @@ FULL_DEFLECTION = math.pi / 2
 CONTROL_WING_LEFT, CONTROL_WING_RIGHT, CONTROL_ELEVATOR, CONTROL_RUDDER, CONTROL_THROTTLE = range(5)
 """Places in ``HIL_ACTUATOR_CONTROLS.controls``."""
 
-ACCELEROMETER, GYROSCOPE, MAGNETOMETER = 0x7, 0x38, 0x1C0
-IMU_FIELDS = ACCELEROMETER | GYROSCOPE | MAGNETOMETER
-"""``HIL_SENSOR.fields_updated`` of an IMU sample; pressures cross as raw counts in a message of their own."""
-
 ARMED = 128
 """MAV_MODE_FLAG_SAFETY_ARMED."""
 _CUSTOM_MODE = 1
 LOCKSTEP = 1
 """HIL_ACTUATOR_CONTROLS flag: this command answers one sensor frame, whose time it carries."""
 
-UNKNOWN_U16 = 0xFFFF
-_DEGE7 = 1e7 * 180.0 / math.pi
-
-HIL_SENSOR: int = mavlink.MAVLINK_MSG_ID_HIL_SENSOR
-HIL_GPS: int = mavlink.MAVLINK_MSG_ID_HIL_GPS
 HIL_ACTUATOR_CONTROLS: int = mavlink.MAVLINK_MSG_ID_HIL_ACTUATOR_CONTROLS
-ENCODER: int = mavlink.MAVLINK_MSG_ID_WINGBEAT_ENCODER
-PRESSURES: int = mavlink.MAVLINK_MSG_ID_WINGBEAT_PRESSURES
-ADC_BURST: int = mavlink.MAVLINK_MSG_ID_WINGBEAT_ADC_BURST
-TORQUE: int = mavlink.MAVLINK_MSG_ID_WINGBEAT_TORQUE
 END: int = mavlink.MAVLINK_MSG_ID_WINGBEAT_END
-HIL_RC: int = mavlink.MAVLINK_MSG_ID_HIL_RC_INPUTS_RAW
 HEARTBEAT: int = mavlink.MAVLINK_MSG_ID_HEARTBEAT
 
 
@@ -57,165 +44,9 @@ class ActuatorReply(NamedTuple):
     """the command's time is the time of the sensor frame that it answers"""
 
 
-def _layout(message_id: int) -> struct.Struct:
-    unpacker: struct.Struct = mavlink.mavlink_map[message_id].unpacker
-    return unpacker
-
-
-_SENSOR = _layout(HIL_SENSOR)
-_GPS = _layout(HIL_GPS)
-_ACTUATORS = _layout(HIL_ACTUATOR_CONTROLS)
-_ENCODER = _layout(ENCODER)
-_PRESSURES = _layout(PRESSURES)
-_ADC = _layout(ADC_BURST)
-_TORQUE = _layout(TORQUE)
-_RC = _layout(HIL_RC)
-_SPARE_CHANNELS = (0,) * 4
-_NO_PRESSURE = (0.0, 0.0, 0.0, 0.0, IMU_FIELDS, 0)
+_ACTUATORS = layout_of(HIL_ACTUATOR_CONTROLS)
 _SPARE_CONTROLS = (0.0,) * 11
-_IMU32 = struct.Struct("<9f")
 _CONTROLS32 = struct.Struct("<5f")
-
-
-def _padded(layout: struct.Struct, payload: bytes) -> tuple[Any, ...]:
-    # MAVLink 2 cuts trailing zeros off; a newer sender may append fields.
-    size = layout.size
-    return layout.unpack(payload.ljust(size, b"\0")[:size] if len(payload) != size else payload)
-
-
-# --- sensors ---------------------------------------------------------------------------------------------
-
-
-def encode_imu(imu: m.ImuSample) -> bytes:
-    """Payload of HIL_SENSOR."""
-    return _SENSOR.pack(*imu, *_NO_PRESSURE)
-
-
-def decode_imu(payload: bytes) -> m.ImuSample:
-    """From a payload of HIL_SENSOR."""
-    return m.ImuSample._make(_padded(_SENSOR, payload)[:10])
-
-
-def encode_gps(fix: m.GpsFix) -> bytes:
-    """Payload of HIL_GPS: degE7, mm, cm and cm/s, as PX4 reads it (eph and epv are accuracies in cm)."""
-    speed = math.hypot(fix.v_north, fix.v_east)
-    course = math.degrees(math.atan2(fix.v_east, fix.v_north)) % 360.0
-    return _GPS.pack(
-        fix.time_us,
-        round(fix.latitude * _DEGE7),
-        round(fix.longitude * _DEGE7),
-        round(fix.altitude * 1e3),
-        _u16(fix.horizontal_accuracy * 1e2),
-        _u16(fix.vertical_accuracy * 1e2),
-        _u16(speed * 1e2),
-        _i16(fix.v_north * 1e2),
-        _i16(fix.v_east * 1e2),
-        _i16(fix.v_down * 1e2),
-        round(course * 1e2) % 36000,
-        min(fix.fix_type, 255),
-        min(fix.satellites, 254),
-        0,
-        0,
-    )
-
-
-def decode_gps(payload: bytes) -> m.GpsFix:
-    """From a payload of HIL_GPS; an unknown accuracy becomes 655.35 m, the largest the wire can say."""
-    time_us, lat, lon, alt, eph, epv, _, vn, ve, vd, _, fix_type, satellites, _, _ = _padded(_GPS, payload)
-    return m.GpsFix(
-        time_us,
-        lat / _DEGE7,
-        lon / _DEGE7,
-        alt * 1e-3,
-        vn * 1e-2,
-        ve * 1e-2,
-        vd * 1e-2,
-        eph * 1e-2,
-        epv * 1e-2,
-        fix_type,
-        satellites,
-    )
-
-
-def _u16(value: float) -> int:
-    return int(min(max(round(value), 0), UNKNOWN_U16 - 1))
-
-
-def _i16(value: float) -> int:
-    return int(min(max(round(value), -32768), 32767))
-
-
-def encode_encoder(sample: m.EncoderSample) -> bytes:
-    """Payload of WINGBEAT_ENCODER."""
-    return _ENCODER.pack(*sample)
-
-
-def decode_encoder(payload: bytes) -> m.EncoderSample:
-    """From a payload of WINGBEAT_ENCODER."""
-    return m.EncoderSample._make(_padded(_ENCODER, payload))
-
-
-def encode_pressures(sample: m.PressureSample) -> bytes:
-    """Payload of WINGBEAT_PRESSURES."""
-    return _PRESSURES.pack(*sample)
-
-
-def decode_pressures(payload: bytes) -> m.PressureSample:
-    """From a payload of WINGBEAT_PRESSURES."""
-    return m.PressureSample._make(_padded(_PRESSURES, payload))
-
-
-def encode_adc(burst: m.AdcBurst) -> bytes:
-    """Payload of WINGBEAT_ADC_BURST; the counts are unsigned 16-bit."""
-    return _ADC.pack(burst.time_us, *burst.voltage_counts, *burst.current_counts)
-
-
-def decode_adc(payload: bytes) -> m.AdcBurst:
-    """From a payload of WINGBEAT_ADC_BURST."""
-    values = _padded(_ADC, payload)
-    return m.AdcBurst(values[0], values[1 : 1 + m.BURST_LENGTH], values[1 + m.BURST_LENGTH :])
-
-
-def encode_torque(sample: m.TorqueSample) -> bytes:
-    """Payload of WINGBEAT_TORQUE."""
-    return _TORQUE.pack(*sample)
-
-
-def decode_torque(payload: bytes) -> m.TorqueSample:
-    """From a payload of WINGBEAT_TORQUE."""
-    return m.TorqueSample._make(_padded(_TORQUE, payload))
-
-
-def encode_receiver(sample: m.ReceiverSample) -> bytes:
-    """Payload of HIL_RC_INPUTS_RAW; it has no field for a lost signal: that is a strength of 0."""
-    rssi = 0 if sample.lost else max(sample.rssi, 1)
-    return _RC.pack(sample.time_us, *sample.pulses, *_SPARE_CHANNELS, rssi)
-
-
-def decode_receiver(payload: bytes) -> m.ReceiverSample:
-    """From a payload of HIL_RC_INPUTS_RAW; channels beyond the eighth are passed over."""
-    time_us, *pulses, rssi = _padded(_RC, payload)
-    return m.ReceiverSample(time_us, tuple(pulses[: m.CHANNELS]), int(rssi == 0), rssi)
-
-
-SENSOR_DECODERS: dict[int, tuple[str, Callable[[bytes], Any]]] = {
-    ENCODER: ("encoder", decode_encoder),
-    PRESSURES: ("pressures", decode_pressures),
-    ADC_BURST: ("adc", decode_adc),
-    TORQUE: ("torque", decode_torque),
-    HIL_GPS: ("gps", decode_gps),
-    HIL_RC: ("receiver", decode_receiver),
-}
-"""What may come before HIL_SENSOR in a tick: field of `SensorFrame` and decoder by message id."""
-
-_SENSOR_ENCODERS: tuple[tuple[int, str, Callable[[Any], bytes]], ...] = (
-    (ENCODER, "encoder", encode_encoder),
-    (PRESSURES, "pressures", encode_pressures),
-    (ADC_BURST, "adc", encode_adc),
-    (TORQUE, "torque", encode_torque),
-    (HIL_GPS, "gps", encode_gps),
-    (HIL_RC, "receiver", encode_receiver),
-)
 
 
 class FrameWriter:
@@ -249,13 +80,7 @@ class FrameWriter:
 
     def sensors(self, frame: m.SensorFrame) -> bytes:
         """All messages of one tick, HIL_SENSOR last."""
-        parts = [
-            self.frame(message_id, encode(sample))
-            for message_id, field, encode in _SENSOR_ENCODERS
-            if (sample := getattr(frame, field)) is not None
-        ]
-        parts.append(self.frame(HIL_SENSOR, encode_imu(frame.imu)))
-        return b"".join(parts)
+        return b"".join(self.frame(message_id, payload) for message_id, payload in payloads(frame))
 
     def actuators(self, command: m.ActuatorCommand) -> bytes:
         """The reply to one tick."""
@@ -283,9 +108,10 @@ class FrameAssembler:
             imu = decode_imu(frame.payload)
             parts, self._parts = self._parts, {}
             return m.SensorFrame(imu.time_us, imu, **parts)
-        known = SENSOR_DECODERS.get(frame.message_id)
+        known = BY_MESSAGE.get(frame.message_id)
         if known is not None:
-            self._parts[known[0]] = known[1](frame.payload)
+            field, decode = known
+            self._parts[field] = decode(frame.payload)
         return None
 
 
@@ -339,7 +165,7 @@ def encode_actuators(command: m.ActuatorCommand) -> bytes:
 
 def decode_actuators(payload: bytes) -> ActuatorReply | None:
     """From a payload of HIL_ACTUATOR_CONTROLS; None when a control is not a finite number."""
-    values = _padded(_ACTUATORS, payload)
+    values = padded(_ACTUATORS, payload)
     command = _commanded(values[0], values[2:7], values[-1] & ARMED)
     return None if command is None else ActuatorReply(command, bool(values[1] & LOCKSTEP))
 
@@ -347,25 +173,7 @@ def decode_actuators(payload: bytes) -> ActuatorReply | None:
 # --- the same numbers in one process and over the wire -----------------------------------------------------
 
 
-def quantised_imu(imu: m.ImuSample) -> m.ImuSample:
-    """``imu`` as HIL_SENSOR delivers it: float32."""
-    return m.ImuSample(imu.time_us, *_IMU32.unpack(_IMU32.pack(*imu[1:])))
-
-
-def quantised_gps(fix: m.GpsFix) -> m.GpsFix:
-    """``fix`` as HIL_GPS delivers it: degE7, mm, cm and cm/s."""
-    return decode_gps(encode_gps(fix))
-
-
-def quantised(frame: m.SensorFrame) -> m.SensorFrame:
-    """``frame`` as the wire delivers it; counts cross unchanged."""
-    gps = frame.gps if frame.gps is None else quantised_gps(frame.gps)
-    heard = frame.receiver
-    receiver = heard if heard is None else decode_receiver(encode_receiver(heard))
-    return frame._replace(imu=quantised_imu(frame.imu), gps=gps, receiver=receiver)
-
-
-def quantised_command(command: m.ActuatorCommand) -> m.ActuatorCommand:
+def quantized_command(command: m.ActuatorCommand) -> m.ActuatorCommand:
     """``command`` as the wire delivers it; a command that is not finite is returned as it is."""
     controls = _CONTROLS32.unpack(_CONTROLS32.pack(*_controls(command)))
     return _commanded(command.time_us, controls, command.armed) or command

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import math
 import struct
+from collections.abc import Callable, Sequence
 from functools import lru_cache
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, NamedTuple, Protocol
 
 from avionics.messages import AdcBurst, EncoderSample, GpsFix, ImuSample, PressureSample, SensorFrame, TorqueSample
 from wingbeat.records import constructor
@@ -47,7 +48,7 @@ class State(NamedTuple):
     rejected: int = 0
     """-; samples refused since boot"""
     bad: int = 0
-    """-; flags of the sensors (see `SENSORS`) whose last sample was refused"""
+    """-; flags of the sensors (see `step`) whose last sample was refused"""
     imu_time_us: int = -1
     """us; of the last good IMU sample, -1 before the first"""
     encoder: tuple[int, int] | None = None
@@ -72,7 +73,6 @@ class State(NamedTuple):
     """us; when it last was another, -1 before the first"""
 
 
-SENSORS = ("IMU", "encoder", "pressures", "ADC", "torque", "GPS")
 SATURATED = 3
 """samples in a row at the end of the range after which the accelerometer says nothing"""
 TIME_PATIENCE = 20
@@ -81,6 +81,30 @@ LONGEST_GAP_US = 1_000_000
 """us; from one frame to the next: a frame further ahead is refused as an earlier one is"""
 ENCODER_PATIENCE = 20
 """refused samples in a row after which a jump of the counts is believed: the counter was reset"""
+
+
+IMU, ENCODER = "IMU", "encoder"
+
+
+class Check(Protocol):
+    """What is known of a sensor here; satisfied by `avionics.sensors.Sensor`."""
+
+    @property
+    def field(self) -> str:
+        """Field of `SensorFrame`."""
+
+    @property
+    def name(self) -> str:
+        """Name in events."""
+
+    @property
+    def is_plausible(self) -> Callable[[Gains, State, Any], bool]:
+        """Whether a sample is finite and in range."""
+
+
+def always_plausible(gains: Gains, state: State, sample: object) -> bool:
+    """Accept every sample: another module judges it."""
+    return True
 
 
 def imu_plausible(gains: Gains, imu: ImuSample) -> bool:
@@ -94,18 +118,22 @@ def imu_plausible(gains: Gains, imu: ImuSample) -> bool:
     )  # fmt: skip
 
 
-def pressures_plausible(gains: Gains, sample: PressureSample) -> bool:
+def pressures_plausible(gains: Gains, state: State, sample: PressureSample) -> bool:
     """Whether the counts are in range."""
     high = gains.counts_max
-    return all(-high <= counts <= high for counts in sample[1:])
+    return (
+        -high <= sample.static_counts <= high
+        and -high <= sample.differential_counts <= high
+        and -high <= sample.temperature_counts <= high
+    )
 
 
-def adc_plausible(burst: AdcBurst) -> bool:
+def adc_plausible(gains: Gains, state: State, burst: AdcBurst) -> bool:
     """Whether the burst has samples and all counts are whole numbers of 16 bits, as the wire carries them.
 
     Packing them finds one that is not five times faster than comparing each.
     """
-    _, voltage, current = burst
+    voltage, current = burst.voltage_counts, burst.current_counts
     samples = len(voltage)
     if not samples or samples != len(current):
         return False
@@ -124,13 +152,13 @@ def _whole(samples: int) -> struct.Struct:
     return struct.Struct(f"{samples}H")
 
 
-def torque_plausible(gains: Gains, sample: TorqueSample) -> bool:
+def torque_plausible(gains: Gains, state: State, sample: TorqueSample) -> bool:
     """Whether the counts are in range."""
     high = gains.counts_max
     return -high <= sample.left_counts <= high and -high <= sample.right_counts <= high
 
 
-def gps_plausible(gains: Gains, fix: GpsFix) -> bool:
+def gps_plausible(gains: Gains, state: State, fix: GpsFix) -> bool:
     """Whether place, velocity and accuracy are finite and possible."""
     v = gains.gps_speed_max
     return (
@@ -154,11 +182,20 @@ def encoder_plausible(gains: Gains, state: State, sample: EncoderSample) -> bool
     return abs(sample.left_counts - left) <= jump and abs(sample.right_counts - right) <= jump
 
 
-def step(gains: Gains, state: State, frame: SensorFrame) -> tuple[State, SensorFrame, tuple[str, ...]]:
+def step(
+    gains: Gains, state: State, frame: SensorFrame, checks: Sequence[Check]
+) -> tuple[State, SensorFrame, tuple[str, ...]]:
     """Check one frame.
 
-    Returns the new state, the frame with refused samples taken out (a refused IMU sample stays in it, bit 0 of
-    `State.bad` tells), and the names of the sensors that have just gone bad.
+    Args:
+        gains: ranges of the sensors.
+        state: memory.
+        frame: as the board delivered it.
+        checks: of the sensors beside the IMU, in the order of their bits in `State.bad`.
+
+    Returns:
+        The new state; the frame without the rejected samples, but for the IMU sample, whose rejection is bit 0 of
+        `State.bad`; names of the sensors whose samples were accepted before and are rejected now.
     """
     imu, full = frame.imu, gains.accel_full
     inertial = imu[1:7]
@@ -167,33 +204,31 @@ def step(gains: Gains, state: State, frame: SensorFrame) -> tuple[State, SensorF
     x, y, z, _, _, _ = inertial
     within = -full < x < full and -full < y < full and -full < z < full
     saturated = 0 if within or bad else state.saturated + 1
-    _, _, encoder, pressures, adc, torque, gps, _ = frame
-    if encoder is not None:
-        bad |= 0 if encoder_plausible(gains, state, encoder) else 2
-    if pressures is not None:
-        bad |= 0 if pressures_plausible(gains, pressures) else 4
-    if adc is not None:
-        bad |= 0 if adc_plausible(adc) else 8
-    if torque is not None:
-        bad |= 0 if torque_plausible(gains, torque) else 16
-    if gps is not None:
-        bad |= 0 if gps_plausible(gains, gps) else 32
-    health = (state.time_offset_us, inertial, repeated, saturated)
+    sampled, bit = 1, 1
+    for check in checks:
+        bit <<= 1
+        sample = getattr(frame, check.field)
+        if sample is not None:
+            sampled |= bit
+            if not check.is_plausible(gains, state, sample):
+                bad |= bit
+    names: tuple[str, ...] = ()
     if bad:
-        return _refuse(state, frame, bad, health)
-    return _accept(state, frame, 0, health), frame, ()
+        fresh = bad & ~state.bad
+        names = tuple(name for i, name in enumerate((IMU, *(check.name for check in checks))) if fresh >> i & 1)
+        rejected: dict[str, Any] = {check.field: None for i, check in enumerate(checks, 1) if bad >> i & 1}
+        jumped = ENCODER in rejected
+        frame = frame._replace(**rejected)
+        state = state._replace(
+            rejected=state.rejected + bad.bit_count(), encoder_refused=state.encoder_refused + jumped
+        )
+    health = (state.time_offset_us, inertial, repeated, saturated)
+    return _accept(state, frame, state.bad & ~sampled | bad, health), frame, names
 
 
 def refuse_time(state: State) -> State:
     """A whole frame whose time does not rise, or rises too far, was refused."""
     return state._replace(rejected=state.rejected + 1, time_refused=state.time_refused + 1)
-
-
-def shifted(frame: SensorFrame, offset_us: int) -> SensorFrame:
-    """The frame with ``offset_us`` added to every time in it."""
-    _, imu, *others = frame
-    samples: list[Any] = [sample and sample._replace(time_us=sample.time_us + offset_us) for sample in others]
-    return SensorFrame(frame.time_us + offset_us, imu._replace(time_us=imu.time_us + offset_us), *samples)
 
 
 def imu_age(state: State, time_us: int) -> float:
@@ -218,41 +253,16 @@ _new_state = constructor(State)
 
 
 def _accept(state: State, frame: SensorFrame, bad: int, health: Health) -> State:
-    """Remember the good samples of a frame, and which sensors are bad (those without a sample keep their flag)."""
-    rejected, was_bad, imu_time_us, counts, encoder_refused, gps_time_us, _, _, _, _, _, static, static_us = state
-    time_us, _, encoder, pressures, adc, torque, gps, _ = frame
-    if pressures and not bad & 4 and (pressures.static_counts != static or static_us < 0):
-        static, static_us = pressures.static_counts, time_us
-    if was_bad:
-        sampled = 1 | (2 if encoder else 0) | (4 if pressures else 0)
-        sampled |= (8 if adc else 0) | (16 if torque else 0) | (32 if gps else 0)
-        was_bad &= ~sampled
-    if not bad & 1:
-        imu_time_us = time_us
-    if encoder and not bad & 2:
-        counts, encoder_refused = encoder[1:3], 0
-    if gps and not bad & 32 and gps.fix_type >= 2:
-        gps_time_us = time_us
+    """Remember the accepted samples of a frame and which sensors are bad."""
+    encoder, pressures, gps = frame.encoder, frame.pressures, frame.gps
+    static, static_us = state.static, state.static_us
+    if pressures is not None and (pressures.static_counts != static or static_us < 0):
+        static, static_us = pressures.static_counts, frame.time_us
+    counts, encoder_refused = state.encoder, state.encoder_refused
+    if encoder is not None:
+        counts, encoder_refused = (encoder.left_counts, encoder.right_counts), 0
+    gps_time_us = frame.time_us if gps is not None and gps.fix_type >= 2 else state.gps_time_us
+    imu_time_us = state.imu_time_us if bad & 1 else frame.time_us
     return _new_state(
-        rejected, was_bad | bad, imu_time_us, counts, encoder_refused, gps_time_us, 0, *health, static, static_us
-    )  # fmt: skip
-
-
-def _refuse(state: State, frame: SensorFrame, bad: int, health: Health) -> tuple[State, SensorFrame, tuple[str, ...]]:
-    """Take the refused samples out of a frame; its IMU sample stays, `State.bad` says that it is bad."""
-    fresh = bad & ~state.bad
-    names = tuple(name for i, name in enumerate(SENSORS) if fresh >> i & 1)
-    after = _accept(state, frame, bad, health)._replace(rejected=state.rejected + bad.bit_count())
-    if bad & 2:
-        after = after._replace(encoder_refused=state.encoder_refused + 1)
-    kept = SensorFrame(
-        frame.time_us,
-        frame.imu,
-        None if bad & 2 else frame.encoder,
-        None if bad & 4 else frame.pressures,
-        None if bad & 8 else frame.adc,
-        None if bad & 16 else frame.torque,
-        None if bad & 32 else frame.gps,
-        frame.receiver,
+        state.rejected, bad, imu_time_us, counts, encoder_refused, gps_time_us, 0, *health, static, static_us
     )
-    return after, kept, names

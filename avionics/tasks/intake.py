@@ -2,44 +2,26 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-from avionics import topics
 from avionics.calibration.procedure import RAW_IMU
 from avionics.inputs import publish_event
 from avionics.messages import ActuatorCommand, Attitude, ImuSample, SensorFrame
 from avionics.sensing import inertial, plausibility
+from avionics.sensors import OTHERS, publish_samples
 from avionics.state import AutopilotState
 from avionics.timebase import BASE_RATE
 from wingbeat.constants import STANDARD_GRAVITY
 from wingbeat.message import Severity
-from wingbeat.topic import Publish, Topic
+from wingbeat.topic import Publish
 
 TICK = 1.0 / BASE_RATE
 """s"""
-RECORDED: tuple[Topic[Any], ...] = (
-    topics.IMU,
-    topics.ENCODER,
-    topics.PRESSURES,
-    topics.ADC,
-    topics.TORQUE_RAW,
-    topics.GPS,
-    topics.RECEIVER,
-)
-"""topics of a frame's samples, in the order of its fields"""
-
-
-def record_frame(publish: Publish, frame: SensorFrame) -> None:
-    """The sensors as they came, refused samples too: a replay needs what the flight was given."""
-    for topic, sample in zip(RECORDED, frame[1:], strict=True):
-        if sample is not None:
-            publish(topic, sample)
+RECEIVED = tuple(sensor for sensor in OTHERS if sensor.receive is not None)
 
 
 def accept(s: AutopilotState, publish: Publish, frame: SensorFrame) -> None:
     """Take the frame, without the samples that cannot be."""
-    record_frame(publish, frame)
-    s.plausibility, frame, gone_bad = plausibility.step(s.gains.plausibility, s.plausibility, frame)
+    publish_samples(publish, frame)
+    s.plausibility, frame, gone_bad = plausibility.step(s.gains.plausibility, s.plausibility, frame, OTHERS)
     if s.plausibility.bad & 1:
         frame = frame._replace(imu=s.frame.imu)
     elif s.plausibility.saturated >= plausibility.SATURATED:
@@ -48,6 +30,10 @@ def accept(s: AutopilotState, publish: Publish, frame: SensorFrame) -> None:
         imu = inertial.correct(s.gains.imu, frame.imu)
         frame = frame if imu is frame.imu else frame._replace(imu=imu)
     s.frame = frame
+    for sensor in RECEIVED:
+        sample = getattr(frame, sensor.field)
+        if sample is not None and sensor.receive is not None:
+            sensor.receive(s, sample)
     for name in gone_bad:
         publish_event(
             s, publish, Severity.WARNING, "sensing", f"{name} sample refused: not finite, out of range or repeated"
@@ -56,7 +42,7 @@ def accept(s: AutopilotState, publish: Publish, frame: SensorFrame) -> None:
 
 def refuse_time(s: AutopilotState, publish: Publish, frame: SensorFrame) -> ActuatorCommand:
     """A frame not later than the last, or too much later: count it, say so once, repeat the last actuators."""
-    record_frame(publish, frame)
+    publish_samples(publish, frame)
     s.plausibility = plausibility.refuse_time(s.plausibility)
     if s.plausibility.time_refused == 1:
         text = f"sensor time went from {s.clock.time_us} to {frame.time_us} us: frames refused"

@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 
 from avionics import parameters, snapshot, topics
 from avionics.autopilot import Autopilot
-from avionics.sensing.plausibility import shifted
 from avionics.state import decode_state
 from avionics.vehicles.gains import FlightGains
 from logs.reader import Log
@@ -94,7 +93,7 @@ def _nothing(flight: RecordedFlight, start: float, end: float) -> str:
 def step(autopilot: Autopilot, tick: Tick) -> None:
     """One recorded tick; a clock that was set right in flight is given as it was before, to be set right again."""
     offset_us = autopilot.memory.plausibility.time_offset_us
-    frame = shifted(tick.frame, -offset_us) if offset_us else tick.frame
+    frame = tick.frame.shifted(-offset_us) if offset_us else tick.frame
     autopilot.step(frame, tick.inputs)
 
 

@@ -9,7 +9,7 @@ from avionics import snapshot, topics
 from avionics.guidance.mission import ItemKind, Mission, MissionItem
 from avionics.inputs import decode_command
 from avionics.messages import Input, PilotInput, PilotSource, SensorFrame
-from avionics.tasks.intake import RECORDED
+from avionics.sensors import SENSORS
 from avionics.vehicles import FlightVehicle
 from logs.attached import flight_vehicle
 from logs.names import AUTOPILOT, MISSION
@@ -19,8 +19,6 @@ from wingbeat.errors import InputError
 from wingbeat.message import Text
 from wingbeat.topic import Topic
 
-SENSORS = RECORDED
-"""topics of a frame's samples, in the order of its fields; the first one is in every frame"""
 INPUTS = (topics.INPUTS, topics.PILOT, topics.OVERRIDE)
 
 
@@ -111,7 +109,7 @@ def _ticks(log: Log) -> Iterator[Tick]:
 
     Where a file begins within a tick, what it has of that is left out.
     """
-    present = [topic for topic in (*SENSORS, *INPUTS) if topic.name in log.topics]
+    present = [topic for topic in (*(sensor.topic for sensor in SENSORS), *INPUTS) if topic.name in log.topics]
     kinds, rows = log.order(present)
     messages = [_messages(log, topic) for topic in present]
     inputs: list[Input] = []
@@ -133,8 +131,8 @@ def _ticks(log: Log) -> Iterator[Tick]:
 
 
 def _tick(samples: dict[str, Any], inputs: tuple[Input, ...]) -> Tick:
-    imu = samples[topics.IMU.name]
-    return Tick(SensorFrame(imu.time_us, imu, *(samples.get(topic.name) for topic in SENSORS[1:])), inputs)
+    read: dict[str, Any] = {sensor.field: samples.get(sensor.topic.name) for sensor in SENSORS}
+    return Tick(SensorFrame(samples[topics.IMU.name].time_us, **read), inputs)
 
 
 def _messages(log: Log, topic: Topic[Any]) -> list[Any]:

@@ -18,7 +18,7 @@ class SimulationSilent(RuntimeError):
 class World(Protocol):
     """A vehicle in its environment that advances one sensor tick at a time.
 
-    The numbers that it hands out should be those of the wire (`avionics.link.codec.quantised`), so that a
+    The numbers that it hands out should be those of the wire (`avionics.link.sensor_codec.quantized`), so that a
     flight in one process and a flight over the bridge see the same.
     """
 

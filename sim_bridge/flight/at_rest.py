@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from avionics.messages import ActuatorCommand, SensorFrame
-from sim_bridge.flight.world import TICK, Scenario, sensor_frame
+from sim_bridge.flight.world import TICK, Scenario
 from sim_bridge.messages import TruthState
 from sim_bridge.observation import Observation
 from sim_bridge.sensors.suite import SensorSuite, sensor_spec
@@ -53,8 +53,8 @@ class AtRest:
     def step(self, command: ActuatorCommand) -> SensorFrame:
         """The next tick's readings."""
         self._ticks += 1
-        seen = self._at_rest._replace(time_us=self.time_us)
-        return sensor_frame(self.suite.sample(seen, self._ticks - 1))
+        observation = self._at_rest._replace(time_us=self.time_us)
+        return self.suite.sample(observation, self._ticks - 1)
 
     def record(self) -> None:
         """Nothing happens that were worth it."""

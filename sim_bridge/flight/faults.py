@@ -10,15 +10,16 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from enum import Enum
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from avionics.messages import Command, CommandKind
 from avionics.missions.reader import find
 from sim_bridge.bridge.world import SimulationSilent
-from sim_bridge.sensors.frame import TICK_RATE, RawFrame, RawPressures, RawReceiver, imu_on_the_wire
+from sim_bridge.sensors.frame import TICK_RATE, imu_on_the_wire
 from sim_bridge.sensors.receiver import ReceiverSpec
 from wingbeat.documents import parse_toml
 from wingbeat.errors import DocumentError, InputError
+from wingbeat.samples import PressureSample, ReceiverSample, SensorFrame
 from wingbeat.text import read_error_text
 
 if TYPE_CHECKING:
@@ -54,17 +55,17 @@ class Place(Enum):
 class Before(NamedTuple):
     """What was true before the fault."""
 
-    pressures: RawPressures | None
+    pressures: PressureSample | None
     """the first sample since boot: no airspeed"""
-    frame: RawFrame
+    frame: SensorFrame
     """the last frame before the fault"""
-    receiver: RawReceiver | None = None
+    receiver: ReceiverSample | None = None
     """the last frame of the radio-control receiver"""
     static_counts: int | None = None
     """the last static pressure"""
 
 
-Sense = Callable[[RawFrame, Before, int], RawFrame]
+Sense = Callable[[SensorFrame, Before, int], SensorFrame]
 """a raw frame, what was before, ticks since the fault began -> the frame that is read"""
 
 
@@ -96,11 +97,11 @@ class Fault(NamedTuple):
 # --- what the sensors read ------------------------------------------------------------------------------
 
 
-def _no_fix(frame: RawFrame, before: Before, ticks: int) -> RawFrame:
+def _no_fix(frame: SensorFrame, before: Before, ticks: int) -> SensorFrame:
     return frame._replace(gps=None)
 
 
-def _blocked_pitot(frame: RawFrame, before: Before, ticks: int) -> RawFrame:
+def _blocked_pitot(frame: SensorFrame, before: Before, ticks: int) -> SensorFrame:
     """The tube is blocked and its drain is open: the pressure in it is the static one, whatever the airspeed."""
     if frame.pressures is None or before.pressures is None:
         return frame
@@ -109,40 +110,40 @@ def _blocked_pitot(frame: RawFrame, before: Before, ticks: int) -> RawFrame:
     )
 
 
-def _disturbed_field(frame: RawFrame, before: Before, ticks: int) -> RawFrame:
+def _disturbed_field(frame: SensorFrame, before: Before, ticks: int) -> SensorFrame:
     imu, (x, y, z) = frame.imu, DISTURBANCE
     return frame._replace(imu=imu._replace(mag_x=imu.mag_x + x, mag_y=imu.mag_y + y, mag_z=imu.mag_z + z))
 
 
-def _left_encoder_dead(frame: RawFrame, before: Before, ticks: int) -> RawFrame:
+def _left_encoder_dead(frame: SensorFrame, before: Before, ticks: int) -> SensorFrame:
     if frame.encoder is None or before.frame.encoder is None:
         return frame
     return frame._replace(encoder=frame.encoder._replace(left_counts=before.frame.encoder.left_counts))
 
 
-def _right_encoder_dead(frame: RawFrame, before: Before, ticks: int) -> RawFrame:
+def _right_encoder_dead(frame: SensorFrame, before: Before, ticks: int) -> SensorFrame:
     if frame.encoder is None or before.frame.encoder is None:
         return frame
     return frame._replace(encoder=frame.encoder._replace(right_counts=before.frame.encoder.right_counts))
 
 
-def _frozen_imu(frame: RawFrame, before: Before, ticks: int) -> RawFrame:
+def _frozen_imu(frame: SensorFrame, before: Before, ticks: int) -> SensorFrame:
     return frame._replace(imu=before.frame.imu._replace(time_us=frame.imu.time_us))
 
 
-def _saturated_imu(frame: RawFrame, before: Before, ticks: int) -> RawFrame:
+def _saturated_imu(frame: SensorFrame, before: Before, ticks: int) -> SensorFrame:
     """The accelerometer stands at the end of its range on every axis; rates and field are still read."""
     x, y, z = (math.copysign(FULL_SCALE, value) for value in before.frame.imu[1:4])
     return frame._replace(imu=frame.imu._replace(accel_x=x, accel_y=y, accel_z=z))
 
 
-def _saturated_gyro(frame: RawFrame, before: Before, ticks: int) -> RawFrame:
+def _saturated_gyro(frame: SensorFrame, before: Before, ticks: int) -> SensorFrame:
     """The gyro stands at the end of its range on every axis; force and field are still read."""
     x, y, z = (math.copysign(FULL_RATE, value) for value in before.frame.imu[4:7])
     return frame._replace(imu=frame.imu._replace(gyro_x=x, gyro_y=y, gyro_z=z))
 
 
-def _without_packets(frame: RawFrame, before: Before, ticks: int) -> RawFrame:
+def _without_packets(frame: SensorFrame, before: Before, ticks: int) -> SensorFrame:
     """The transmitter is off: no frame at first, then the last one again and again, marked as lost."""
     if frame.receiver is None:
         return frame
@@ -151,7 +152,7 @@ def _without_packets(frame: RawFrame, before: Before, ticks: int) -> RawFrame:
     return frame._replace(receiver=before.receiver._replace(time_us=frame.time_us, lost=1, rssi=0))
 
 
-def _baro_spikes(frame: RawFrame, before: Before, ticks: int) -> RawFrame:
+def _baro_spikes(frame: SensorFrame, before: Before, ticks: int) -> SensorFrame:
     """Every tenth pressure sample is that of 50 m higher, the one at the beginning first."""
     if frame.pressures is None or ticks // 4 % SPIKE_SAMPLES:
         return frame
@@ -159,21 +160,20 @@ def _baro_spikes(frame: RawFrame, before: Before, ticks: int) -> RawFrame:
     return frame._replace(pressures=frame.pressures._replace(static_counts=static))
 
 
-def _frozen_baro(frame: RawFrame, before: Before, ticks: int) -> RawFrame:
+def _frozen_baro(frame: SensorFrame, before: Before, ticks: int) -> SensorFrame:
     """The static pressure is the last one, whatever the altitude; the pitot is read."""
     if frame.pressures is None or before.static_counts is None:
         return frame
     return frame._replace(pressures=frame.pressures._replace(static_counts=before.static_counts))
 
 
-def _no_pressures(frame: RawFrame, before: Before, ticks: int) -> RawFrame:
+def _no_pressures(frame: SensorFrame, before: Before, ticks: int) -> SensorFrame:
     return frame._replace(pressures=None)
 
 
-def _earlier(frame: RawFrame, before: Before, ticks: int) -> RawFrame:
+def _earlier(frame: SensorFrame, before: Before, ticks: int) -> SensorFrame:
     """The clock of all sensors has jumped back, and runs on from there."""
-    samples: list[Any] = [sample and sample._replace(time_us=sample.time_us - CLOCK_STEP_US) for sample in frame[1:]]
-    return RawFrame(frame.time_us - CLOCK_STEP_US, *samples)
+    return frame.shifted(-CLOCK_STEP_US)
 
 
 # --- what the plant does --------------------------------------------------------------------------------
@@ -315,9 +315,9 @@ class FaultInjector:
         self._faults, _ = divided(faults)
         self._active: dict[Fault, int] = {}
         self._before: dict[Fault, Before] = {}
-        self._boot: RawPressures | None = None
-        self._last: RawFrame | None = None
-        self._received: RawReceiver | None = None
+        self._boot: PressureSample | None = None
+        self._last: SensorFrame | None = None
+        self._received: ReceiverSample | None = None
         self._static: int | None = None
 
     def inject(self, fault: Fault) -> None:
@@ -360,7 +360,7 @@ class FaultInjector:
             end(plant)
         return f"fault {fault.name} is over"
 
-    def sense(self, frame: RawFrame, tick: int) -> RawFrame:
+    def sense(self, frame: SensorFrame, tick: int) -> SensorFrame:
         """What is read instead of ``frame``."""
         if self._boot is None:
             self._boot = frame.pressures

@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Sequence
 
 from avionics.autopilot import Autopilot
-from avionics.link.codec import quantised_command
+from avionics.link.codec import quantized_command
 from avionics.messages import Command
 from sim_bridge.bridge.world import NEUTRAL, SimulationSilent
 from sim_bridge.flight.faults import fault_commands
@@ -31,4 +31,4 @@ def fly(world: SimulatedWorld, autopilot: Autopilot, script: Sequence[Command] =
         due = []
         while waiting and waiting[0].time_us <= frame.time_us:
             due.append(waiting.popleft())
-        command = quantised_command(autopilot.step(frame, due))
+        command = quantized_command(autopilot.step(frame, due))

@@ -5,17 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from avionics.messages import (
-    ActuatorCommand,
-    AdcBurst,
-    EncoderSample,
-    GpsFix,
-    ImuSample,
-    PressureSample,
-    ReceiverSample,
-    SensorFrame,
-    TorqueSample,
-)
+from avionics.messages import ActuatorCommand
 from sim_bridge import plant_kernel as k
 from sim_bridge import topics
 from sim_bridge.environment import dryden
@@ -26,7 +16,7 @@ from sim_bridge.flight.instant import Instant, Look
 from sim_bridge.messages import TruthLoads, TruthState, TruthWing
 from sim_bridge.observation import Observation, Vector
 from sim_bridge.plant import Means, Plant
-from sim_bridge.sensors.frame import TICK_RATE, RawFrame
+from sim_bridge.sensors.frame import TICK_RATE
 from sim_bridge.sensors.power_sensor import mean_square
 from sim_bridge.sensors.receiver import Pilot, standing_by
 from sim_bridge.sensors.suite import SensorSuite, SimulationDiverged, sensor_spec
@@ -35,6 +25,7 @@ from wingbeat.atmosphere import Air, isa
 from wingbeat.errors import InputError
 from wingbeat.message import Event, Severity
 from wingbeat.rotations import quaternion_from_euler
+from wingbeat.samples import SensorFrame
 from wingbeat.topic import Publish, Topic
 
 TICK = 1.0 / TICK_RATE
@@ -264,9 +255,9 @@ class SimulatedWorld:
 
     def sample(self, observation: Observation) -> SensorFrame:
         """Read the sensors, one tick of theirs after the last time."""
-        raw = self.faults.sense(self.suite.sample(observation, self._tick), self._tick)
+        frame = self.faults.sense(self.suite.sample(observation, self._tick), self._tick)
         self._tick += 1
-        return sensor_frame(raw)
+        return frame
 
     def truth(self) -> TruthState:
         """The vehicle's state at the end of the last step."""
@@ -429,21 +420,6 @@ class SimulatedWorld:
             *air, y[left], y[right], torque_left, torque_right, 0.5 * (current + self._current_before),
             self._open_circuit(y), *self._supplied,
         ))  # fmt: skip
-
-
-def sensor_frame(raw: RawFrame) -> SensorFrame:
-    """The raw numbers as the board delivers them."""
-    time_us, imu, encoder, pressures, adc, torque, gps, receiver = raw
-    return SensorFrame(
-        time_us,
-        ImuSample._make(imu),
-        EncoderSample._make(encoder) if encoder else None,
-        PressureSample._make(pressures) if pressures else None,
-        AdcBurst._make(adc) if adc else None,
-        TorqueSample._make(torque) if torque else None,
-        GpsFix._make(gps) if gps else None,
-        ReceiverSample._make(receiver) if receiver else None,
-    )  # fmt: skip
 
 
 def _clip(value: float, limit: float) -> float:

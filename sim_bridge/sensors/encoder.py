@@ -75,7 +75,7 @@ class Encoder:
         self.right = Counter(spec.counts_per_turn, spec.zero_right, spec.index_right)
 
     def read(self, flap_left: float, flap_right: float) -> tuple[int, int, int, int, int, int]:
-        """What follows the time in a `RawEncoder`, at these flap angles in rad, positive with the wing up."""
+        """What follows the time in a `EncoderSample`, at these flap angles in rad, positive with the wing up."""
         left, left_index, left_pulses = self.left.read(flap_left)
         right, right_index, right_pulses = self.right.read(flap_right)
         return left, right, left_index, right_index, left_pulses, right_pulses

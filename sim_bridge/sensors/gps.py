@@ -9,8 +9,8 @@ from typing import Annotated, NamedTuple
 from sim_bridge.environment.geodesy import geodetic_from_ned
 from sim_bridge.environment.home import Home
 from sim_bridge.observation import Observation, Vector
-from sim_bridge.sensors.frame import RawGps
 from sim_bridge.sensors.noise import SensorSeed, gauss_markov_step, normal_rows, split
+from wingbeat.samples import GpsFix
 from wingbeat.units import Quantity
 
 THREE_DIMENSIONAL = 3
@@ -57,7 +57,7 @@ class Gps:
         self._normals = normal_rows(flight, 9)
         self._accuracy = _centi(math.sqrt(2.0) * spec.horizontal_sigma), _centi(spec.vertical_sigma)
         self._latency_us = round(spec.latency * 1e6)
-        self._pending: deque[RawGps] = deque()
+        self._pending: deque[GpsFix] = deque()
 
     def measure(self, observation: Observation) -> None:
         """Take a fix now; its time stamp is the moment of its arrival."""
@@ -66,7 +66,7 @@ class Gps:
         latitude, longitude, altitude = geodetic_from_ned(self._home, self._position(observation, normals))
         v_north, v_east, v_down = observation.v_ned
         sigma = self._spec.velocity_sigma
-        fix = RawGps(
+        fix = GpsFix(
             observation.time_us + self._latency_us,
             _degrees_e7(latitude),
             _degrees_e7(longitude),
@@ -80,7 +80,7 @@ class Gps:
         )
         self._pending.append(fix)
 
-    def arrived(self, time_us: int) -> RawGps | None:
+    def arrived(self, time_us: int) -> GpsFix | None:
         """The oldest fix that has arrived by now and was not told before; its stamp becomes ``time_us``."""
         if not self._pending or self._pending[0].time_us > time_us:
             return None

@@ -18,9 +18,9 @@ import numpy as np
 
 from sim_bridge.bound import Bound, bound_values
 from sim_bridge.observation import Observation
-from sim_bridge.sensors.frame import BURST_LENGTH
 from sim_bridge.sensors.noise import BLOCK, SensorSeed, split
 from sim_bridge.vectors import Floats, Integers, njit
+from wingbeat.samples import BURST_LENGTH
 from wingbeat.units import Quantity
 
 SAMPLE_RATE = 6000.0

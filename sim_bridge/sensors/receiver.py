@@ -7,8 +7,8 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from sim_bridge.observation import Observation
-from sim_bridge.sensors.frame import CHANNELS, RawReceiver
 from sim_bridge.sensors.noise import SensorSeed, split
+from wingbeat.samples import CHANNELS, ReceiverSample
 
 FULL_RSSI = 254
 """-; the strongest signal that the wire can say"""
@@ -75,7 +75,7 @@ class Receiver:
         self._last_sample: tuple[int, ...] | None = None
         self._received_us = 0
 
-    def read(self, observation: Observation) -> RawReceiver | None:
+    def read(self, observation: Observation) -> ReceiverSample | None:
         """One frame; None where it was lost on the way, or before the first was heard.
 
         Once nothing was heard for `ReceiverSpec.timeout`, frames come again, the last ones, marked as lost.
@@ -91,10 +91,10 @@ class Receiver:
             self._received_us = time_us
             sent = zip(pulses(sticks), draws.tolist(), strict=True)
             self._last_sample = tuple(round(pulse + self._spec.jitter * draw) for pulse, draw in sent)
-            return RawReceiver(time_us, self._last_sample, 0, self.strength(distance))
+            return ReceiverSample(time_us, self._last_sample, 0, self.strength(distance))
         if self._last_sample is None or time_us - self._received_us < self._spec.timeout * 1e6:
             return None
-        return RawReceiver(time_us, self._last_sample, 1, 0)
+        return ReceiverSample(time_us, self._last_sample, 1, 0)
 
     def lost_share(self, distance: float) -> float:
         """Share of the frames that are lost ``distance`` m from the transmitter."""

@@ -1,4 +1,4 @@
-"""The vehicle's whole instrumentation: an Observation in, a RawFrame out, at a base tick of 200 Hz or as asked."""
+"""The vehicle's whole instrumentation: an Observation in, a SensorFrame out, at a base tick of 200 Hz or as asked."""
 
 from __future__ import annotations
 
@@ -11,17 +11,7 @@ from sim_bridge.observation import Observation, Vector
 from sim_bridge.sensors.accelerometer import Accelerometer, AccelerometerSpec
 from sim_bridge.sensors.barometer import Barometer, BarometerSpec
 from sim_bridge.sensors.encoder import Encoder, EncoderSpec
-from sim_bridge.sensors.frame import (
-    TICK_RATE,
-    RawAdc,
-    RawEncoder,
-    RawFrame,
-    RawGps,
-    RawImu,
-    RawPressures,
-    RawTorque,
-    imu_on_the_wire,
-)
+from sim_bridge.sensors.frame import TICK_RATE, imu_on_the_wire
 from sim_bridge.sensors.gps import Gps, GpsSpec
 from sim_bridge.sensors.gyroscope import Gyroscope, GyroscopeSpec
 from sim_bridge.sensors.magnetometer import Magnetometer, MagnetometerSpec
@@ -31,6 +21,7 @@ from sim_bridge.sensors.power_sensor import PowerSensor, PowerSensorSpec
 from sim_bridge.sensors.receiver import Pilot, Receiver, ReceiverSpec
 from sim_bridge.sensors.torque_cell import TorqueCell, TorqueCellSpec
 from wingbeat.errors import InputError
+from wingbeat.samples import AdcBurst, EncoderSample, GpsFix, ImuSample, PressureSample, SensorFrame, TorqueSample
 
 MAGNETOMETER_RATE = 75.0
 """Hz; the most the HMC5883L gives; its last reading is repeated in between"""
@@ -151,7 +142,7 @@ class SensorSuite:
         }
         return {f"{name}.{key}": value for name, e in errors.items() for key, value in e._asdict().items()}
 
-    def sample(self, observation: Observation, tick: int) -> RawFrame:
+    def sample(self, observation: Observation, tick: int) -> SensorFrame:
         """What the sensors deliver at the ``tick``-th tick (from 0, one after the other).
 
         Raises:
@@ -161,18 +152,18 @@ class SensorSuite:
         time_us, ticks = observation.time_us, self._ticks
         self._pitot.sense(observation.v_air_frd, observation.density)
         powered = tick % ticks.power == 0
-        return RawFrame(
+        return SensorFrame(
             time_us,
             self._imu(observation, tick),
-            RawEncoder._make((time_us, *self.encoder.read(observation.flap_left, observation.flap_right))),
+            EncoderSample._make((time_us, *self.encoder.read(observation.flap_left, observation.flap_right))),
             self._pressures(observation) if tick % ticks.pressures == 0 else None,
-            RawAdc._make((time_us, *self._power_sensor.read(observation))) if powered else None,
+            AdcBurst._make((time_us, *self._power_sensor.read(observation))) if powered else None,
             self._torque(observation) if powered and self._torque_installed else None,
             self._fix(observation, tick),
             self._receiver.read(observation) if tick % ticks.receiver == 0 else None,
         )  # fmt: skip
 
-    def _imu(self, observation: Observation, tick: int) -> RawImu:
+    def _imu(self, observation: Observation, tick: int) -> ImuSample:
         if self._field_frd is None or tick % self._ticks.magnetometer == 0:
             self._field_frd = self._magnetometer.read(observation.quaternion)
         force = self._accelerometer.read(observation.specific_force_frd)
@@ -180,15 +171,15 @@ class SensorSuite:
             observation.time_us, *force, *self._gyroscope.read(observation.omega_frd), *self._field_frd
         )
 
-    def _pressures(self, observation: Observation) -> RawPressures:
+    def _pressures(self, observation: Observation) -> PressureSample:
         static, temperature = self._barometer.read(observation.static_pressure, observation.temperature)
-        return RawPressures(observation.time_us, static, self._pitot.read(), temperature)
+        return PressureSample(observation.time_us, static, self._pitot.read(), temperature)
 
-    def _torque(self, observation: Observation) -> RawTorque:
+    def _torque(self, observation: Observation) -> TorqueSample:
         counts = self._torque_cell.read(observation.torque_left, observation.torque_right)
-        return RawTorque._make((observation.time_us, *counts))
+        return TorqueSample._make((observation.time_us, *counts))
 
-    def _fix(self, observation: Observation, tick: int) -> RawGps | None:
+    def _fix(self, observation: Observation, tick: int) -> GpsFix | None:
         if tick % self._ticks.gps == 0:
             self._gps.measure(observation)
         return self._gps.arrived(observation.time_us)

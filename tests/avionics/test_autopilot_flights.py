@@ -15,7 +15,6 @@ from avionics.autopilot import Autopilot
 from avionics.guidance.mission import Channel, Excitation, ItemKind, MissionItem, Shape
 from avionics.messages import Command, CommandKind, Failsafe, Mode, PilotInput, SensorFrame, Stage
 from avionics.missions import load_mission
-from avionics.sensing.plausibility import shifted
 from avionics.state import FORMER_NAMES, decode_state
 from avionics.tasks import guide, sense, stabilize
 from wingbeat.errors import InputError
@@ -377,7 +376,7 @@ def test_one_frame_far_ahead_is_refused_and_the_flight_goes_on_by_the_old_clock(
     before, said = flight.autopilot.state, len(flight.events())
     frame = flight.bird.frame()
     ahead = 40_000_000
-    command = flight.autopilot.step(shifted(frame, ahead))
+    command = flight.autopilot.step(frame.shifted(ahead))
     assert command == before.actuators._replace(time_us=frame.time_us + ahead)
     assert flight.autopilot.state.attitude == before.attitude
     flight.fly(2.0)
@@ -390,7 +389,7 @@ def test_a_clock_that_stays_ahead_is_followed() -> None:
     flight = ten_seconds()
     for _ in range(100):
         frame = flight.bird.frame()
-        flight.bird.advance(flight.autopilot.step(shifted(frame, 40_000_000)))
+        flight.bird.advance(flight.autopilot.step(frame.shifted(40_000_000)))
     state = flight.autopilot.state
     assert state.clock.time_us == pytest.approx(frame.time_us, abs=200_000)
     assert [text for text in flight.events() if "sensor clock" in text] == [

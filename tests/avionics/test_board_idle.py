@@ -11,8 +11,8 @@ from avionics.board import razor
 from avionics.board.board import IDLE_EVERY, Board, BoardSilent, Surroundings
 from avionics.board.hil import HilBoard
 from avionics.board.razor import FrameClock, RazorBoard
-from avionics.link import codec
 from avionics.link.codec import FrameWriter
+from avionics.link.sensor_codec import CODECS
 from avionics.messages import EncoderSample
 
 LOOK = 0.001
@@ -51,7 +51,8 @@ class Babble:
 
 
 def encoder_frame() -> bytes:
-    return FrameWriter(1, 200).frame(codec.ENCODER, codec.encode_encoder(EncoderSample(1, 2, 3)))
+    encoder = CODECS["encoder"]
+    return FrameWriter(1, 200).frame(encoder.message_id, encoder.encode(EncoderSample(1, 2, 3)))
 
 
 @pytest.mark.parametrize("said", [b"", encoder_frame()], ids=["noise", "messages that close no tick"])

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega, common, development
 
 from avionics import messages as m
-from avionics.link import codec
+from avionics.link import codec, sensor_codec
 from avionics.link.dialect import mavlink
 from avionics.link.framing import FrameReader
 
@@ -52,22 +52,22 @@ frames = st.builds(
 def test_a_sensor_frame_arrives_as_its_quantised_self(frame: m.SensorFrame) -> None:
     reader, assembler = FrameReader(version_1=False), codec.FrameAssembler()
     arrived = [assembler.add(each) for each in reader.feed(codec.FrameWriter(1, 200).sensors(frame))]
-    assert arrived[-1] == codec.quantised(frame)
+    assert arrived[-1] == sensor_codec.quantized(frame)
     assert arrived[:-1] == [None] * (len(arrived) - 1)
     assert reader.bad_bytes == 0
 
 
 @given(frames)
 def test_quantising_twice_is_quantising_once(frame: m.SensorFrame) -> None:
-    once = codec.quantised(frame)
-    assert codec.quantised(once) == once
+    once = sensor_codec.quantized(frame)
+    assert sensor_codec.quantized(once) == once
 
 
 @given(commands)
 def test_a_command_arrives_within_float32(command: m.ActuatorCommand) -> None:
     reply = codec.decode_actuators(codec.encode_actuators(command))
     assert reply is not None and reply.lockstep
-    assert reply.command == codec.quantised_command(command)
+    assert reply.command == codec.quantized_command(command)
     assert (reply.command.time_us, reply.command.armed) == (command.time_us, command.armed)
     for sent, got in zip(command[1:6], reply.command[1:6], strict=True):
         assert got == pytest.approx(sent, abs=1e-7)
@@ -75,13 +75,13 @@ def test_a_command_arrives_within_float32(command: m.ActuatorCommand) -> None:
 
 def test_a_command_beyond_the_servos_travel_is_limited_and_a_nan_is_refused() -> None:
     wild = m.ActuatorCommand(1, 9.0, -9.0, 7.0, 0.0, 0.0, 1)
-    assert codec.quantised_command(wild)[1:4] == (codec.FULL_DEFLECTION, -codec.FULL_DEFLECTION, 1.0)
+    assert codec.quantized_command(wild)[1:4] == (codec.FULL_DEFLECTION, -codec.FULL_DEFLECTION, 1.0)
     assert codec.decode_actuators(codec.encode_actuators(wild._replace(elevator=math.nan))) is None
 
 
 @given(fixes)
 def test_a_gps_fix_keeps_a_centimetre(fix: m.GpsFix) -> None:
-    got = codec.decode_gps(codec.encode_gps(fix))
+    got = sensor_codec.decode_gps(sensor_codec.encode_gps(fix))
     assert got.latitude == pytest.approx(fix.latitude, abs=1e-9)
     assert got.longitude == pytest.approx(fix.longitude, abs=1e-9)
     assert got.altitude == pytest.approx(fix.altitude, abs=5.1e-4)
@@ -124,7 +124,7 @@ def test_every_standard_message_has_the_standards_id_length_and_crc_extra() -> N
 def test_the_private_ids_are_within_their_range_and_each_payload_fits_a_frame() -> None:
     private = {number for number, kind in mavlink.mavlink_map.items() if kind.msgname.startswith("WINGBEAT")}
     assert private and all(53000 <= number <= 53099 for number in private)
-    assert mavlink.mavlink_map[codec.ADC_BURST].unpacker.size == 8 + 240
+    assert mavlink.mavlink_map[sensor_codec.CODECS["adc"].message_id].unpacker.size == 8 + 240
     assert all(kind.unpacker.size <= 255 for kind in mavlink.mavlink_map.values())
 
 

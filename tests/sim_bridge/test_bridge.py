@@ -21,7 +21,7 @@ from avionics.board.board import BoardSilent
 from avionics.board.cores import idle_pair, pin_to_core, run_before_others
 from avionics.board.hil import HilBoard
 from avionics.board.hil import Timeouts as BoardTimeouts
-from avionics.link import codec
+from avionics.link import codec, sensor_codec
 from avionics.link.codec import FrameWriter
 from avionics.link.dialect import mavlink
 from avionics.link.framing import FrameReader, decode
@@ -82,7 +82,7 @@ class ToyWorld:
             TorqueSample(time_us, 5, -5) if tick % 2 == 0 else None,
             GpsFix(time_us, 0.8, 0.2, 520.0, self.v, 0.0, 0.0, 2.5, 4.0, 3, 9) if tick % 40 == 0 else None,
         )
-        self.frames.append(codec.quantised(frame))
+        self.frames.append(sensor_codec.quantized(frame))
         return self.frames[-1]
 
     def truth(self) -> TruthState:
@@ -132,7 +132,7 @@ def test_a_flight_over_the_bridge_sees_the_numbers_of_a_flight_in_one_process() 
     alone = ToyWorld(800)
     command = NEUTRAL
     while not alone.finished:
-        command = codec.quantised_command(control(alone.step(command)))
+        command = codec.quantized_command(control(alone.step(command)))
     bridged = ToyWorld(800)
     serving = Serving(bridged)
     board = HilBoard(serving.url)
@@ -218,7 +218,12 @@ def test_a_world_that_talks_without_end_and_never_closes_a_tick_is_still_bounded
             writer = FrameWriter(1, 200)
             try:
                 while not stop.is_set():
-                    connected.sendall(writer.frame(codec.ENCODER, codec.encode_encoder(EncoderSample(1, 2, 3))))
+                    connected.sendall(
+                        writer.frame(
+                            sensor_codec.CODECS["encoder"].message_id,
+                            sensor_codec.CODECS["encoder"].encode(EncoderSample(1, 2, 3)),
+                        )
+                    )
             except OSError:
                 stop.set()
 
@@ -292,7 +297,7 @@ def test_answers_of_another_time_or_not_finite_are_dropped_and_counted() -> None
     _hear_until(hear, "WINGBEAT_END")
     tally = serving.result()
     assert (tally.stale, tally.rejected) == (2, 2)
-    assert world.commands[1] == codec.quantised_command(control(world.frames[0]))
+    assert world.commands[1] == codec.quantized_command(control(world.frames[0]))
     stream.close()
 
 

@@ -8,20 +8,20 @@ import pytest
 from sim_bridge.bridge.world import SimulationSilent
 from sim_bridge.flight import faults
 from sim_bridge.flight.faults import Fault, FaultInjector, mission_faults, parse_fault
-from sim_bridge.sensors.frame import RawEncoder, RawFrame, RawImu, RawPressures, RawReceiver
 from wingbeat.errors import InputError
+from wingbeat.samples import EncoderSample, ImuSample, PressureSample, ReceiverSample, SensorFrame
 
 
-def frame(tick: int) -> RawFrame:
+def frame(tick: int) -> SensorFrame:
     """A frame whose every value tells its tick; as a 32-bit float exactly, where a sensor's is one."""
     time_us = 5_000 * (tick + 1)
-    imu = RawImu(time_us, *(tick + 0.125 * i for i in range(9)))
-    pressures = RawPressures(time_us, 10_000_000 + tick, 8192 + tick, 29_000) if tick % 4 == 0 else None
-    receiver = RawReceiver(time_us, (1500, 1000 + tick), 0, 200) if tick % 4 == 0 else None
-    return RawFrame(time_us, imu, RawEncoder(time_us, tick, -tick), pressures, receiver=receiver)
+    imu = ImuSample(time_us, *(tick + 0.125 * i for i in range(9)))
+    pressures = PressureSample(time_us, 10_000_000 + tick, 8192 + tick, 29_000) if tick % 4 == 0 else None
+    receiver = ReceiverSample(time_us, (1500, 1000 + tick), 0, 200) if tick % 4 == 0 else None
+    return SensorFrame(time_us, imu, EncoderSample(time_us, tick, -tick), pressures, receiver=receiver)
 
 
-def sensed(*some: Fault, ticks: int = 40) -> list[RawFrame]:
+def sensed(*some: Fault, ticks: int = 40) -> list[SensorFrame]:
     injector = FaultInjector(some)
     read = []
     for tick in range(ticks):

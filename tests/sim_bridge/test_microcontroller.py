@@ -15,7 +15,7 @@ from avionics import topics
 from avionics.autopilot import Autopilot
 from avionics.board.board import BoardSilent, Surroundings
 from avionics.board.hil import HilBoard, Timeouts
-from avionics.link import codec
+from avionics.link import codec, sensor_codec
 from avionics.link.serial_line import SerialLine
 from avionics.messages import ActuatorCommand, SensorFrame
 from avionics.missions import load_mission
@@ -72,7 +72,7 @@ class Hardware:
         for _ in range(self.burst):
             self.now += TICK if self.controller is not None else 0.1
             if self.controller is not None:
-                self.sent.append(codec.quantised(self.controller.tick()))
+                self.sent.append(sensor_codec.quantized(self.controller.tick()))
 
     def listen(self, count: int) -> None:
         """Tick until the microcontroller has dealt with ``count`` actuator frames: a line takes its time."""
@@ -103,7 +103,7 @@ def test_what_the_microcontroller_measures_arrives_and_what_it_is_told_is_done()
     assert [frame.time_us for frame in frames] == [5000 * n for n in range(1, 101)]
     hardware.listen(100)
     assert hardware.controller is not None
-    assert hardware.controller.command == codec.quantised_command(
+    assert hardware.controller.command == codec.quantized_command(
         ActuatorCommand(frames[-1].time_us, 0.3, -0.3, 0.5, 0.1, 0.0, 1)
     )
     tally = hardware.controller.statistics

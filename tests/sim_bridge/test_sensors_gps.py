@@ -8,10 +8,10 @@ from sensors_bench import SPEC, cruise, perfect, quiet, variance_bounds
 
 from sim_bridge.environment.geodesy import ned_from_geodetic
 from sim_bridge.environment.home import COLLEGE_PARK
-from sim_bridge.sensors.frame import RawGps
 from sim_bridge.sensors.gps import Gps, GpsSpec
 from sim_bridge.sensors.noise import sensor_seed
 from sim_bridge.sensors.suite import SensorSuite
+from wingbeat.samples import GpsFix
 
 PERIOD = 0.2
 
@@ -20,7 +20,7 @@ def receiver(spec: GpsSpec, seed: int = 1) -> Gps:
     return Gps(spec._replace(latency=0.0), sensor_seed(seed, 7), COLLEGE_PARK, PERIOD)
 
 
-def fix_of(gps: Gps, tick: int = 0, **changes: object) -> RawGps:
+def fix_of(gps: Gps, tick: int = 0, **changes: object) -> GpsFix:
     observation = cruise(tick, **changes)
     gps.measure(observation)
     fix = gps.arrived(observation.time_us)
@@ -28,7 +28,7 @@ def fix_of(gps: Gps, tick: int = 0, **changes: object) -> RawGps:
     return fix
 
 
-def ned(fix: RawGps) -> tuple[float, float, float]:
+def ned(fix: GpsFix) -> tuple[float, float, float]:
     return ned_from_geodetic(COLLEGE_PARK, fix.latitude, fix.longitude, fix.altitude)
 
 

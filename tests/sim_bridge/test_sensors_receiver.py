@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from sensors_bench import cruise
 
-from sim_bridge.sensors.frame import RawReceiver
 from sim_bridge.sensors.noise import sensor_seed
 from sim_bridge.sensors.receiver import FULL_RSSI, Pilot, Receiver, ReceiverSpec, Sticks, pulses
+from wingbeat.samples import ReceiverSample
 
 SPEC = ReceiverSpec()
 
 
-def heard(pilot: Pilot | None, seconds: float, north: float = 20.0, seed: int = 3) -> list[RawReceiver | None]:
+def heard(pilot: Pilot | None, seconds: float, north: float = 20.0, seed: int = 3) -> list[ReceiverSample | None]:
     receiver = Receiver(SPEC, sensor_seed(seed, 8), pilot)
     return [
         receiver.read(cruise(4 * frame, position_ned=(north, 0.0, -10.0))) for frame in range(round(seconds * 50))

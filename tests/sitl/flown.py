@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from avionics import topics
 from avionics.autopilot import Autopilot
 from avionics.guidance.mission import ItemKind, Mission
-from avionics.link.codec import quantised_command
+from avionics.link.codec import quantized_command
 from avionics.messages import ActuatorCommand, Command, SensorFrame, Stage
 from avionics.missions import load_mission
 from avionics.missions.script import scripted_start
@@ -187,7 +187,7 @@ class Underway:
             frame = self.world.step(self._command)
             due = [command for command in self._script if command.time_us <= self.world.time_us]
             self._script = [command for command in self._script if command not in due]
-            self._command = quantised_command(self._autopilot.step(frame, due))
+            self._command = quantized_command(self._autopilot.step(frame, due))
 
     def branch(self, fault: Fault | None, commands: Sequence[Command] = ()) -> Underway:
         """The same flight, on which something may fail, with more commands."""

@@ -12,7 +12,7 @@ from memory_log import MemoryLog
 
 from avionics import topics
 from avionics.autopilot import Autopilot
-from avionics.link.codec import quantised_command
+from avionics.link.codec import quantized_command
 from avionics.messages import Command, CommandKind, Mode, PilotInput
 from avionics.missions import load_mission
 from avionics.missions.script import scripted_start
@@ -77,7 +77,7 @@ def turns(vehicle: str, scenario: Scenario) -> Flight:
         frame = world.step(command)
         due = [entry for entry in waiting if entry.time_us <= frame.time_us]
         waiting = waiting[len(due) :]
-        command = quantised_command(autopilot.step(frame, due))
+        command = quantized_command(autopilot.step(frame, due))
     return Flight(log, mission)
 
 

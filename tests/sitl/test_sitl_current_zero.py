@@ -8,7 +8,7 @@ from memory_log import MemoryLog
 
 from avionics import topics
 from avionics.autopilot import Autopilot
-from avionics.link.codec import quantised_command
+from avionics.link.codec import quantized_command
 from avionics.vehicles import load_vehicle as load_flight_vehicle
 from sim_bridge.bridge.world import NEUTRAL
 from sim_bridge.flight.world import Scenario, SimulatedWorld
@@ -25,7 +25,7 @@ def zero_error(vehicle: str, seed: int) -> float:
     world, log, command = SimulatedWorld(load_vehicle(vehicle), gusts), MemoryLog(), NEUTRAL
     autopilot = Autopilot(load_flight_vehicle(vehicle), (), log.publish)
     for _ in range(TICKS):
-        command = quantised_command(autopilot.step(world.step(command)))
+        command = quantized_command(autopilot.step(world.step(command)))
     learned = log.messages[topics.POWER.name][-1].current_zero
     assert learned != 0.0
     return float(learned - world.suite.unit_errors()["power_sensor.current_zero"])

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from enum import Enum
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from avionics import topics
 from avionics.isolation import Isolation, fault_events
 from avionics.messages import FlapCommand, SensorFrame
+from avionics.sensors import publish_samples
 from avionics.vehicles.loader import FlightVehicle
 from sim_bridge import topics as truth_topics
 from sim_bridge.bridge.foreign import launch, mixer
@@ -19,22 +20,11 @@ from sim_bridge.bridge.foreign.world import ForeignWorld, Stage, Tell
 from sim_bridge.bridge.world import NEUTRAL
 from sim_bridge.observation import Observation
 from wingbeat.message import Event, Severity
-from wingbeat.topic import Topic
 
 LONGEST_STEP = 0.005
 """s; a stroke of 4 Hz is cut into 50 of them"""
 RECORD_PERIOD_US = 4000
 """us; commands are recorded no more often, however short the steps"""
-
-_SENSORS: tuple[tuple[str, Topic[Any]], ...] = (
-    ("imu", topics.IMU),
-    ("encoder", topics.ENCODER),
-    ("pressures", topics.PRESSURES),
-    ("adc", topics.ADC),
-    ("torque", topics.TORQUE_RAW),
-    ("gps", topics.GPS),
-    ("receiver", topics.RECEIVER),
-)
 
 
 class Reported(Enum):
@@ -88,10 +78,7 @@ class ForeignFlight:
     def sample(self, observation: Observation) -> SensorFrame:
         """Read the sensors and record what they read."""
         frame = self.world.sample(observation)
-        for field, topic in _SENSORS:
-            reading = getattr(frame, field)
-            if reading is not None:
-                self._publish(topic, reading)
+        publish_samples(self._publish, frame)
         self._observe(frame)
         return frame
 

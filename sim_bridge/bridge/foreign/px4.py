@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 from avionics.link import codec
 from avionics.link.dialect import mavlink
 from avionics.link.framing import Frame, FrameReader, decode
+from avionics.link.sensor_codec import CODECS
 from avionics.link.transport import Listener, Stream
 from avionics.messages import SensorFrame
 from sim_bridge.bridge.foreign import px4_wire as wire
@@ -220,7 +221,8 @@ class Px4Session:
             truth = encode_truth(flight.world.truth(), flight.world.origin)
             parts.append(self._writer.frame(HIL_STATE_QUATERNION, truth))
         if frame.gps is not None:
-            parts.append(self._writer.frame(codec.HIL_GPS, codec.encode_gps(frame.gps)))
+            gps = CODECS["gps"]
+            parts.append(self._writer.frame(gps.message_id, gps.encode(frame.gps)))
         if frame.receiver is not None and not frame.receiver.lost:
             parts.append(self._writer.pack(wire.rc_channels(frame.receiver)))
         sensors = wire.encode_sensors(

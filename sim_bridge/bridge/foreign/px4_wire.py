@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from avionics.link import codec
+from avionics.link import codec, sensor_codec
 from avionics.link.dialect import mavlink
 from avionics.messages import ImuSample, PressureSample, ReceiverSample, SensorFrame
 from avionics.sensing import air_data
@@ -24,7 +24,7 @@ GYRO_LIMIT = math.radians(2000.0) * (1.0 - 2.0**-15)
 KELVIN = 273.15
 PASCAL_PER_HECTOPASCAL = 100.0
 
-HIL_SENSOR: int = codec.HIL_SENSOR
+HIL_SENSOR: int = sensor_codec.HIL_SENSOR
 HIL_ACTUATOR_CONTROLS: int = codec.HIL_ACTUATOR_CONTROLS
 RC_CHANNELS: int = mavlink.MAVLINK_MSG_ID_RC_CHANNELS
 _SENSOR = mavlink.mavlink_map[HIL_SENSOR].unpacker
@@ -59,7 +59,7 @@ def encode_sensors(frame: SensorFrame, field_is_new: bool, gains: air_data.Gains
         gains: transfer functions of the pressure sensors.
     """
     pressures, fields = _pressures(frame.pressures, gains)
-    fields |= codec.ACCELEROMETER | codec.GYROSCOPE | (codec.MAGNETOMETER if field_is_new else 0)
+    fields |= sensor_codec.ACCELEROMETER | sensor_codec.GYROSCOPE | (sensor_codec.MAGNETOMETER if field_is_new else 0)
     payload: bytes = _SENSOR.pack(*_within_range(frame.imu), *pressures, fields, 0)
     return payload
 
@@ -83,7 +83,7 @@ def _pressures(sample: PressureSample | None, gains: air_data.Gains) -> tuple[tu
 
 def rc_channels(sample: ReceiverSample) -> object:
     """RC_CHANNELS of what the receiver hears; channels that it has not are unknown."""
-    pulses = [*sample.pulses, *([codec.UNKNOWN_U16] * (18 - len(sample.pulses)))]
+    pulses = [*sample.pulses, *([sensor_codec.UNKNOWN_U16] * (18 - len(sample.pulses)))]
     return mavlink.MAVLink_rc_channels_message(
         sample.time_us // 1000, len(sample.pulses), *pulses, min(sample.rssi, 254)
     )
