@@ -57,7 +57,7 @@ lint: $(VENV)/.installed-dev
 	$(BIN)/lint-imports
 
 bench: $(VENV)/.installed-bench
-	$(BIN)/python -m pytest -q -s -m bench --bench-table tests/benchmarks/README.md tests
+	$(BIN)/python -m pytest -q -s -m bench --bench-table docs/validation/benchmarks.md tests
 
 validate: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest -q -s -m validate tests

@@ -23,7 +23,7 @@ class Kind(NamedTuple):
 KINDS = (
     Kind("hil:tcp:HOST:PORT", "a simulated world, wingbeat sim"),
     Kind("hil:tcpin:HOST:PORT", "a simulated world that connects to here"),
-    Kind("hil:serial:DEVICE,BAUD", "a microcontroller with sensors and servos, see avionics/board/README.md"),
+    Kind("hil:serial:DEVICE,BAUD", "a microcontroller with sensors and servos, see docs/reference/serial_board.md"),
     Kind("razor:DEVICE[,BAUD[,OUTPUT]]", "a Razor 9DOF on a bench: 57600 baud, output oscb, osct, osrb, osrt or ox"),
 )
 

@@ -1,8 +1,8 @@
-"""A board behind a MAVLink bridge: a simulated world, or a microcontroller with the sensors and servos.
+"""A board behind a MAVLink bridge: a simulator, or a microcontroller with sensors and servos.
 
-The other side sends a tick's messages and closes it with HIL_SENSOR; HIL_ACTUATOR_CONTROLS, carrying the time of
-that HIL_SENSOR, releases the next tick of a simulated world. A microcontroller on a serial line waits for nobody:
-README.md has its side. Its device may be pulled out and plugged in again; what its line loses is counted and said.
+The other side sends the messages of a tick and closes it with HIL_SENSOR. HIL_ACTUATOR_CONTROLS with the time of
+that HIL_SENSOR releases the next tick of a simulator. A microcontroller on a serial line does not wait, see
+docs/reference/serial_board.md. Its device may disconnect and reconnect; losses on the line are counted and reported.
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ the error between compass and heading go through a proportional and an integral 
 constants are for counts (256 to 1 g) and for a loop at 50 Hz; those here are per g and per second.
 
 An airframe that is shaken periodically passes through 1 g at moments when its acceleration does not point down, so
-that the weight picks the wrong samples: see the table in README.md.
+that the weight picks the wrong samples: see docs/validation/estimation.md.
 """
 
 from __future__ import annotations

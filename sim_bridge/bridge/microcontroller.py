@@ -1,8 +1,7 @@
-"""The reference peer of a serial board: a microcontroller that carries sensors and servos, played by a world.
+"""The reference peer of a serial board: a simulated microcontroller with sensors and servos.
 
-It keeps its own clock and waits for nobody: every tick it sends what its sensors read, takes the newest actuator
-frame that has come, and goes to the rest position when none has come for a time. avionics/board/README.md is its
-specification.
+It keeps its own clock and does not wait: every tick it sends its sensor samples, applies the newest actuator frame,
+and goes to the rest position after a time without one. Specification: docs/reference/serial_board.md.
 """
 
 from __future__ import annotations

@@ -21,7 +21,7 @@ from sim_bridge.vehicles import vehicle_names as world_names
 
 Capture = pytest.CaptureFixture[str]
 MODELS = Path(__file__).parents[1] / "data" / "models"
-README = Path(__file__).parents[2] / "README.md"
+COMMANDS = Path(__file__).parents[2] / "docs" / "commands.md"
 RAVEN, ARIZONA = str(MODELS / "robo_raven_ii_d.toml"), str(MODELS / "arizona_100cm.toml")
 
 SHARP = (
@@ -173,9 +173,9 @@ def kept(model: LinearModel) -> Design:
     return Design(model, load_vehicle("robo_raven_ii_d").gains, (), ())
 
 
-def test_the_vehicles_of_the_readme_are_written_before_they_are_flown_and_once() -> None:
+def test_documented_vehicles_are_written_before_they_fly() -> None:
     """What ``--out`` and ``--model`` name in its first list of commands is new there, and what is flown is known."""
-    known, blocks = {*vehicle_names(), *world_names()}, README.read_text(encoding="utf-8").split("```\n")
+    known, blocks = {*vehicle_names(), *world_names()}, COMMANDS.read_text(encoding="utf-8").split("```\n")
     lines = next(block for block in blocks if block.startswith("wingbeat fly --speed 1 --vehicle")).splitlines()
     for words in (shlex.split(line, comments=True) for line in lines):
         given = dict(pairwise(words))
@@ -185,7 +185,7 @@ def test_the_vehicles_of_the_readme_are_written_before_they_are_flown_and_once()
             if out is not None:
                 assert out.removesuffix(".toml") not in known, " ".join(words)
                 known.add(out.removesuffix(".toml"))
-    assert {"my_bird", "my_tuned_bird"} < known
+    assert {"my_aircraft", "my_tuned_aircraft"} < known
 
 
 @pytest.mark.validate

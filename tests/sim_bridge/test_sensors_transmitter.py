@@ -91,9 +91,9 @@ def test_a_table_that_nobody_can_fly_is_refused_in_one_line(tmp_path: Path, text
     assert "sticks.csv" in str(refusal.value)
 
 
-def test_the_table_of_the_readme_arms_with_the_throttle_closed_and_ends_in_auto(tmp_path: Path) -> None:
-    readme = (Path(__file__).parents[2] / "groundstation" / "README.md").read_text(encoding="utf-8")
-    table = next(block for block in readme.split("```\n") if block.startswith("time,arm,throttle"))
+def test_documented_stick_table_arms_with_the_throttle_closed_and_ends_in_auto(tmp_path: Path) -> None:
+    page = (Path(__file__).parents[2] / "docs" / "reference" / "groundstation.md").read_text(encoding="utf-8")
+    table = next(block for block in page.split("```\n") if block.startswith("time,arm,throttle"))
     script = load_script(written(tmp_path, table))
     armed = next(sticks for sticks in script.sticks if sticks.arm)
     assert armed.throttle == 0.0 and armed.mode == 0 and script.sticks[-1].mode == 2

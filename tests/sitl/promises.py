@@ -1,4 +1,4 @@
-"""What is promised for each failure, and on which flight it is held: the table that the README shows.
+"""What is promised for each failure, and on which flight it is held: the table of docs/reference/avionics.md.
 
 Measured on the Robo Raven in still air, level at 15 m, the failure after 16 s of flight; a row may hold in other
 phases of that flight too. To add a failure: its row in
@@ -38,7 +38,7 @@ class Promise(NamedTuple):
 
     @property
     def words(self) -> str:
-        """What the README says."""
+        """Text of the promise in the table."""
         parts = []
         if self.altitude is not None:
             low, high = self.altitude
@@ -144,7 +144,7 @@ PROMISES: dict[str, Promise] = {
 
 
 def table() -> list[str]:
-    """The rows of the README."""
+    """Rows of the table in docs/reference/avionics.md."""
     rows = [
         f"| `{name}` | {p.detection} | {p.action} | {', '.join(p.phases)} | {p.words} |"
         for name, p in PROMISES.items()

@@ -12,7 +12,7 @@ import avionics
 
 pytestmark = pytest.mark.validate
 
-PAGE = Path(avionics.__file__).parents[1] / "docs" / "validation-faults.md"
+PAGE = Path(avionics.__file__).parents[1] / "docs" / "validation" / "faults.md"
 
 
 @cache
