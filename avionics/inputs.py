@@ -15,6 +15,7 @@ from typing import Any
 
 from avionics import parameters, piloting, snapshot, topics
 from avionics.calibration import procedure as calibration
+from avionics.guidance import altitude as altitude_loop
 from avionics.guidance import arming, excitation, failsafes, fence, modes, navigation, offboard, throttle_descent
 from avionics.guidance.mission import Channel, Excitation, Fence, ItemKind, Mission, MissionItem, Rally
 from avionics.guidance.setpoint import Path, Received, Setpoint
@@ -315,6 +316,24 @@ def _change_altitude(s: AutopilotState, publish: Publish, command: Command) -> N
     publish_event(s, publish, Severity.INFO, "navigation", f"altitude {command.value:.0f} m")
 
 
+def _change_speed(s: AutopilotState, publish: Publish, command: Command) -> None:
+    """Change the airspeed (m/s; 0 for the vehicle's own) until the mode changes or the mission does it."""
+    speed, refusal = command.value, ""
+    if not s.gains.altitude.speed_max:
+        refusal = "the vehicle has no range of airspeed"
+    elif not 0.0 <= speed < math.inf:
+        refusal = "the airspeed must be a positive number"
+    elif s.modes.stage not in modes.AIRBORNE:
+        refusal = "not in flight"
+    elif s.modes.mode not in (Mode.AUTO, Mode.LOITER, Mode.OFFBOARD):
+        refusal = "the mode is none of AUTO, LOITER, OFFBOARD"
+    if refusal:
+        raise Refused("navigation", f"airspeed change refused: {refusal}")
+    s.navigation = navigation.change_airspeed(s.gains.navigation, s.navigation, speed, surroundings(s))
+    text = altitude_loop.airspeed_text(s.gains.altitude, speed)
+    publish_event(s, publish, Severity.INFO, "navigation", text)
+
+
 def _set_current_item(s: AutopilotState, publish: Publish, command: Command) -> None:
     number = command.value
     if number != number or not 0 <= number < len(s.mission):
@@ -394,4 +413,5 @@ APPLY: dict[CommandKind, Callable[[AutopilotState, Publish, Command], None]] = {
     CommandKind.LOITER_AT: _loiter_at,
     CommandKind.SET_SETPOINT: _set_setpoint,
     CommandKind.CHANGE_ALTITUDE: _change_altitude,
+    CommandKind.CHANGE_SPEED: _change_speed,
 }

@@ -100,6 +100,7 @@ class CommandKind(IntEnum):
     LOITER_AT = 13
     SET_SETPOINT = 14
     CHANGE_ALTITUDE = 15
+    CHANGE_SPEED = 16
     CALIBRATE = 20
 
 

@@ -55,9 +55,9 @@ def destination(s: AutopilotState) -> tuple[float, float] | None:
     navigated = s.navigation
     if s.modes.stage not in modes.AIRBORNE or navigated.mode != s.modes.mode or s.modes.mode not in modes.GUIDED:
         return None
-    if s.modes.mode == Mode.RETURN:
+    if s.modes.mode == Mode.RETURN and not navigated.landing_sequence:
         return navigated.goal_north, navigated.goal_east
-    if s.modes.mode == Mode.AUTO and navigated.item < len(s.mission):
+    if s.modes.mode in (Mode.AUTO, Mode.RETURN) and navigated.item < len(s.mission):
         item = s.mission[navigated.item]
         if item.here:
             return navigated.from_north, navigated.from_east

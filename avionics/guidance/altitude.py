@@ -69,6 +69,12 @@ class Gains(NamedTuple):
     """rad; most that is taken off so"""
     trim_time: Annotated[float, Quantity("s", 0.05, 60.0)]
     """s; time constant of the mean throttle that a frozen loop holds"""
+    speed_min: Annotated[float, Quantity("m/s", 0.0, 50.0)] = 0.0
+    """m/s; least airspeed setpoint"""
+    speed_max: Annotated[float, Quantity("m/s", 0.0, 50.0)] = 0.0
+    """m/s; greatest airspeed setpoint; 0 if no airspeed setpoint is accepted"""
+    speed_time: Annotated[float, Quantity("s", 0.5, 60.0)] = 4.0
+    """s; time constant with which the airspeed follows its setpoint"""
 
 
 class State(NamedTuple):
@@ -84,6 +90,8 @@ class State(NamedTuple):
     """rad; last"""
     throttle_mean: float = 0.0
     """-; low-passed throttle"""
+    speed_integral: float = 0.0
+    """m; integral of the airspeed error, 0 without a setpoint"""
 
 
 class Measured(NamedTuple):
@@ -116,7 +124,7 @@ def step(
     status = AltitudeStatus(
         time_us, altitude_error, climb_setpoint, climb_error, integral, throttle, pitch_setpoint, saturated
     )  # fmt: skip
-    return State(climb_setpoint, integral, throttle, pitch_setpoint, mean), status
+    return State(climb_setpoint, integral, throttle, pitch_setpoint, mean, state.speed_integral), status
 
 
 def _throttle(
@@ -180,6 +188,37 @@ def penetrating(gains: Gains, headwind: float) -> Gains:
     """Gains with which the loops fly faster against a ``headwind`` (m/s): at its cruise a slow bird comes nowhere."""
     taken = clip(gains.headwind_pitch * (headwind - gains.headwind), 0.0, gains.headwind_pitch_max)
     return gains._replace(pitch_trim=gains.pitch_trim - taken) if taken else gains
+
+
+def with_airspeed_setpoint(
+    gains: Gains, state: State, dt: float, setpoint: float, airspeed: float
+) -> tuple[Gains, State]:
+    """Gains and state with which the loops fly at an airspeed ``setpoint`` (m/s; 0: that of the trim pitch).
+
+    The throttle holds the altitude, so that the pitch of level flight sets the airspeed. A PI controller on the
+    airspeed error moves the trim pitch; it cancels a first-order lag of ``speed_time`` and the slope
+    ``headwind_pitch`` (internal model control, Rivera et al. 1986, table I). The integral stops while the throttle
+    is at the limit that the airspeed requires.
+    """
+    if setpoint == 0.0 or gains.speed_max == 0.0:
+        return gains, state._replace(speed_integral=0.0) if state.speed_integral else state
+    error = clip(setpoint, gains.speed_min, gains.speed_max) - airspeed
+    limited = state.throttle >= gains.throttle_max if error > 0.0 else state.throttle <= gains.throttle_min
+    integral = state.speed_integral if limited else state.speed_integral + error * dt
+    most = (gains.pitch_max - gains.pitch_min) * gains.speed_time / max(gains.headwind_pitch, 1e-3)
+    integral = clip(integral, -most, most)
+    trim = gains.pitch_trim - gains.headwind_pitch * (error + integral / gains.speed_time)
+    return gains._replace(pitch_trim=trim), state._replace(speed_integral=integral)
+
+
+def airspeed_text(gains: Gains, setpoint: float) -> str:
+    """Event text of a change of the airspeed ``setpoint`` (m/s)."""
+    if setpoint == 0.0:
+        return "airspeed: the vehicle's own"
+    if gains.speed_max == 0.0:
+        return f"airspeed: {setpoint:g} m/s ignored, ALT_SPD_MAX is 0"
+    flown = clip(setpoint, gains.speed_min, gains.speed_max)
+    return f"airspeed: {flown:g} m/s" + ("" if flown == setpoint else f", {setpoint:g} m/s is outside its range")
 
 
 def righting(gains: Gains, bank: float) -> Gains:

@@ -23,6 +23,10 @@ class ItemKind(IntEnum):
     """hold altitude and heading for a duration"""
     EXCITE = 53000
     """identification input, see `Excitation`"""
+    SPEED = 178
+    """change the airspeed from here on"""
+    LAND_START = 189
+    """mark of the place where the landing sequence begins"""
     SKIP = 53002
     """a command that is kept in its place and passed over, see `MissionItem.skipped`"""
 
@@ -111,12 +115,30 @@ class MissionItem(NamedTuple):
     repeats: int = 0
     """-; how often it is jumped, -1 for ever (JUMP)"""
     skipped: tuple[float, ...] = ()
-    """-; MAV_FRAME, MAV_CMD, four parameters, x, y and z as they were sent (SKIP)"""
+    """-; MAV_FRAME, MAV_CMD, four parameters, x, y and z as they were sent (SKIP, SPEED, LAND_START)"""
     here: int = 0
     """-; 1 where the place is that of the aircraft when the item begins (WAYPOINT, LOITER, CIRCLE, LAND)"""
+    airspeed: float = 0.0
+    """m/s; setpoint, 0 for the vehicle's own (SPEED)"""
 
 
 Mission = tuple[MissionItem, ...]
+
+INSTANT = (ItemKind.SPEED, ItemKind.LAND_START, ItemKind.SKIP)
+"""kinds that take no time"""
+
+
+_APPROACH = (ItemKind.WAYPOINT, ItemKind.CIRCLE, *INSTANT)
+
+
+def landing_sequence(mission: Mission) -> int | None:
+    """Number of the first LAND_START that waypoints and circles lead on to a landing; None if there is none."""
+    for start, marked in enumerate(mission):
+        if marked.kind == ItemKind.LAND_START:
+            onward = next((item for item in mission[start:] if item.kind not in _APPROACH), None)
+            if onward is not None and onward.kind == ItemKind.LAND:
+                return start
+    return None
 
 
 class RallyPoint(NamedTuple):

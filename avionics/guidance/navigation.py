@@ -8,7 +8,7 @@ the other parts in `items`, `circle`, `homing`, `approach`; a survey is laid out
 from __future__ import annotations
 
 from avionics.guidance import approach, circle, homing, items, offboard
-from avionics.guidance.mission import Excitation, ItemKind, Mission, MissionItem
+from avionics.guidance.mission import INSTANT, Excitation, ItemKind, Mission, MissionItem, landing_sequence
 from avionics.guidance.path import leg
 from avionics.guidance.route import (
     WIND_TIME,
@@ -29,6 +29,7 @@ __all__ = [
     "State",
     "Target",
     "begin_item",
+    "change_airspeed",
     "change_altitude",
     "choose_item",
     "excite",
@@ -48,6 +49,8 @@ ITEMS: dict[ItemKind, items.ItemFunction] = {
 }
 CHOOSING = (ItemKind.RETURN, ItemKind.LAND)
 """items whose altitudes are the vehicle's choice"""
+AT_ONCE = 2
+"""of `Gains.return_type`: a RETURN goes to the landing sequence and not home"""
 GO_HOME = MissionItem(ItemKind.RETURN)
 
 
@@ -62,7 +65,7 @@ def step(gains: Gains, state: State, dt: float, mission: Mission, situation: Sit
     if situation.mode == Mode.AUTO:
         return _automatic(gains, state, dt, mission, situation)
     if situation.mode == Mode.RETURN:
-        return _return_to_launch(gains, state, dt, situation)
+        return _return(gains, state, dt, mission, situation)
     if situation.mode == Mode.LAND:
         state, target = approach.down_the_line(gains, state, state.heading, situation)
         return state, below_ceiling(target, situation)
@@ -104,7 +107,7 @@ def begin_item(gains: Gains, state: State, item: int, situation: Situation) -> S
 
 def choose_item(state: State, item: int) -> State:
     """Make ``item`` the next one to be begun, from wherever it is then; jumps are counted anew."""
-    return state._replace(item=item, started=0, via=0, jumps=())
+    return state._replace(item=item, started=0, via=0, jumps=(), landing_sequence=0)
 
 
 def excite(state: State, excitation: Excitation | None, situation: Situation) -> State:
@@ -134,8 +137,16 @@ def change_altitude(gains: Gains, state: State, altitude: float, situation: Situ
     return state._replace(altitude=altitude)
 
 
+def change_airspeed(gains: Gains, state: State, airspeed: float, situation: Situation) -> State:
+    """Fly at ``airspeed`` (m/s; 0 for the vehicle's own) until the mode changes."""
+    if situation.mode != state.mode:
+        state = _enter_mode(gains, state, situation)
+    return state._replace(airspeed=airspeed)
+
+
 def _enter_mode(gains: Gains, state: State, situation: Situation) -> State:
-    state = begin_item(gains, state._replace(via=0), state.item, situation)._replace(mode=situation.mode, extra=None)
+    state = begin_item(gains, state._replace(via=0), state.item, situation)
+    state = state._replace(mode=situation.mode, extra=None, airspeed=0.0, landing_sequence=0)
     if situation.mode == Mode.LAND:
         return approach.land_ahead(gains, state, situation)
     if situation.mode == Mode.LOITER and not (
@@ -164,7 +175,7 @@ def _automatic(gains: Gains, state: State, dt: float, mission: Mission, situatio
         return _extra_excitation(gains, state, dt, situation)
     state = _jump(state, mission)
     if state.item >= len(mission):
-        return _return_to_launch(gains, state, dt, situation)
+        return _return_to_launch(gains, state._replace(airspeed=0.0), dt, situation)
     if not state.started or situation.stage == Stage.WAIT_LAUNCH:
         state = _begin_keeping_setpoints(gains, state, mission, situation)
     item = mission[state.item]
@@ -191,13 +202,16 @@ def _finish(state: State, item: MissionItem, target: Target) -> State:
 
 
 def _jump(state: State, mission: Mission) -> State:
-    """Follow jump items until there is one to fly; a mission of nothing but jumps is at its end."""
+    """Follow jump and speed items until there is one to fly; a mission of nothing but jumps is at its end."""
     for _ in mission:
         item = state.item
-        while item < len(mission) and mission[item].kind == ItemKind.SKIP:
+        airspeed = state.airspeed
+        while item < len(mission) and mission[item].kind in INSTANT:
+            if mission[item].kind == ItemKind.SPEED:
+                airspeed = mission[item].airspeed
             item += 1
         if item != state.item:
-            state = state._replace(item=item, started=0)
+            state = state._replace(item=item, started=0, airspeed=airspeed)
         if state.item >= len(mission) or mission[state.item].kind != ItemKind.JUMP:
             return state
         jump, counts = mission[state.item], dict(state.jumps)
@@ -220,7 +234,7 @@ def _begin_keeping_setpoints(gains: Gains, state: State, mission: Mission, situa
 def _with_corner(state: State, mission: Mission) -> State:
     """Look ahead to the leg after this one, if there is one."""
     item = mission[state.item]
-    following = next((each for each in mission[state.item + 1 :] if each.kind != ItemKind.SKIP), None)
+    following = next((each for each in mission[state.item + 1 :] if each.kind not in INSTANT), None)
     legs = following is not None and item.kind == following.kind == ItemKind.WAYPOINT
     if following is None or not legs or item.here or following.here:
         return state._replace(corner=0.0)
@@ -235,6 +249,19 @@ def _extra_excitation(gains: Gains, state: State, dt: float, situation: Situatio
     state, target, done = items.excite(gains, state, dt, item, situation)
     if done:
         state = begin_item(gains, state, state.item, situation)._replace(extra=None)
+    return state, target
+
+
+def _return(gains: Gains, state: State, dt: float, mission: Mission, situation: Situation) -> tuple[State, Target]:
+    """RETURN: home and down there, or down by the landing sequence of the mission (`Gains.return_type`)."""
+    if state.landing_sequence:
+        return _automatic(gains, state, dt, mission, situation)
+    was_landing = state.landing
+    state, target = _return_to_launch(gains, state, dt, situation)
+    start = landing_sequence(mission) if gains.return_type and situation.valid and not was_landing else None
+    at_once = gains.return_type == AT_ONCE and situation.altitude >= least_altitude(gains, situation.ceiling)
+    if start is not None and (at_once or state.landing):
+        state = choose_item(state, start)._replace(landing=0, landing_sequence=1)
     return state, target
 
 

@@ -70,6 +70,9 @@ class Gains(NamedTuple):
     """m; from the end of that line, where it meets the ground, to the touchdown in still air"""
     offboard_timeout: Annotated[float, Quantity("s", 0.1, 60.0)] = 1.0
     """s; greatest age of a setpoint of OFFBOARD, after which the mode changes to LOITER (PX4: COM_OF_LOSS_T)"""
+    return_type: Annotated[int, Quantity("-", 0, 2)] = 0
+    """-; landing of a RETURN if the mission has a DO_LAND_START: 0 at home or the rally point, 1 by the mission's
+    landing sequence after the circle there, 2 by the landing sequence at once"""
 
 
 class State(NamedTuple):
@@ -139,6 +142,10 @@ class State(NamedTuple):
     """m/s; mean wind over `WIND_TIME`"""
     wind_east: float = 0.0
     """m/s; mean wind over `WIND_TIME`"""
+    landing_sequence: int = 0
+    """-; 1 while a RETURN flies the landing sequence of the mission"""
+    airspeed: float = 0.0
+    """m/s; setpoint until the mode changes, 0 for the vehicle's own"""
 
 
 class Situation(NamedTuple):

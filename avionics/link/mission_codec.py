@@ -40,8 +40,6 @@ SKIPPED = frozenset(
         mavlink.MAV_CMD_DO_REPEAT_SERVO,
         mavlink.MAV_CMD_DO_GRIPPER,
         mavlink.MAV_CMD_DO_AUX_FUNCTION,
-        mavlink.MAV_CMD_DO_CHANGE_SPEED,
-        mavlink.MAV_CMD_DO_LAND_START,
         mavlink.MAV_CMD_DO_SET_ROI_LOCATION,
         mavlink.MAV_CMD_DO_SET_ROI_WPNEXT_OFFSET,
         mavlink.MAV_CMD_DO_SET_ROI_NONE,
@@ -80,6 +78,8 @@ _CIRCLES = {
     mavlink.MAV_CMD_NAV_LOITER_TO_ALT: ItemKind.CIRCLE,
     mavlink.MAV_CMD_NAV_LOITER_UNLIM: ItemKind.LOITER,
 }
+_AIRSPEED, GROUND_SPEED = 0, 1
+"""SPEED_TYPE of DO_CHANGE_SPEED"""
 _PLACED = (ItemKind.WAYPOINT, ItemKind.LAND)
 _WITH_ALTITUDE = (ItemKind.WAYPOINT, ItemKind.TAKEOFF, ItemKind.HOLD)
 _KEEP_IN = mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION
@@ -137,6 +137,12 @@ def decode_item(item: WireItem, home: Home | None, earlier: Sequence[WireItem] =
     """
     if item.command in SKIPPED:
         return skipped_item(item)
+    if item.command == ItemKind.LAND_START:
+        return skipped_item(item)._replace(kind=ItemKind.LAND_START)
+    if item.command == ItemKind.SPEED:
+        speed = read_speed(item.params)
+        marked = skipped_item(item)
+        return marked if speed is None else marked._replace(kind=ItemKind.SPEED, airspeed=speed)
     if item.command in EXCITE_COMMANDS:
         return MissionItem(ItemKind.EXCITE, excitation=decode_excitation(item))
     if item.command in _CIRCLES:
@@ -192,16 +198,33 @@ def skipped_item(item: WireItem) -> MissionItem:
     )
 
 
+def read_speed(params: Sequence[float]) -> float | None:
+    """Airspeed setpoint (m/s; 0: the vehicle's own) of a DO_CHANGE_SPEED; None if it changes something else.
+
+    A ground speed is taken as an airspeed, as in PX4. -1 is "no change", -2 and 0 are "default".
+    """
+    speed_type, speed = params[:2]
+    if speed_type not in (_AIRSPEED, GROUND_SPEED):
+        return None
+    if not math.isfinite(speed) or speed == -1.0:
+        return None
+    return max(speed, 0.0)
+
+
 def notes(items: Sequence[WireItem], first_item: int = 0) -> tuple[str, ...]:
     """Describe what of a mission is flown differently from what was sent, one line for each kind.
 
     The list begins with home if ``first_item`` is 1.
     """
-    skipped = [item.command for item in items if item.command in SKIPPED - {mavlink.MAV_CMD_DO_LAND_START}]
+    speeds = [item for item in items if item.command == ItemKind.SPEED]
+    skipped = [item.command for item in items if item.command in SKIPPED]
+    skipped += [item.command for item in speeds if read_speed(item.params) is None]
     names = dict.fromkeys(map(command_name, skipped))
     lines = [f"passed over in flight: {', '.join(names)}"] if names else []
     if first_item and items[0].command != mavlink.MAV_CMD_NAV_WAYPOINT:
         lines.append(f"item 0 is home and not flown: it was {command_name(items[0].command)}")
+    if any(item.params[0] == GROUND_SPEED for item in speeds):
+        lines.append("ground speeds of DO_CHANGE_SPEED are taken as airspeeds")
     if any(item.frame in _TERRAIN for item in items):
         lines.append("altitudes above terrain are taken as above home")
     return tuple(lines)
@@ -343,12 +366,15 @@ def encode_item(item: MissionItem, home: Home | None) -> WireItem:
     """The item as MAVLink writes it: places on the globe, or in the local frame while home is not known."""
     frame = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT
     nan = math.nan
-    if item.kind is ItemKind.SKIP:
+    if item.skipped:
         sent_frame, command, p1, p2, p3, p4, x, y, z = item.skipped
         return WireItem(int(sent_frame), int(command), (p1, p2, p3, p4), x, y, z)
     if item.kind is ItemKind.EXCITE and item.excitation is not None:
         return encode_excitation(item.excitation)
-    if item.kind is ItemKind.RETURN:
+    if item.kind is ItemKind.SPEED:
+        params = (float(_AIRSPEED), item.airspeed or -2.0, -1.0, 0.0)
+        return WireItem(mavlink.MAV_FRAME_MISSION, item.kind, params, 0.0, 0.0, 0.0)
+    if item.kind in (ItemKind.RETURN, ItemKind.LAND_START):
         return WireItem(mavlink.MAV_FRAME_MISSION, item.kind, (0.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0)
     if item.kind is ItemKind.JUMP:
         params = (float(item.jump_to), float(item.repeats), 0.0, 0.0)

@@ -6,7 +6,7 @@ import itertools
 import math
 
 from avionics.guidance.fence import contains
-from avionics.guidance.mission import Fence, ItemKind, Mission, MissionItem, Rally, Zone
+from avionics.guidance.mission import INSTANT, Fence, ItemKind, Mission, MissionItem, Rally, Zone
 from avionics.missions.keys import Key
 
 LONGEST_MISSION = 500
@@ -32,6 +32,8 @@ KEYS: dict[ItemKind, dict[str, Key]] = {
         "duration": Key("s", 0.0, 36000.0, default=0.0),
     },
     ItemKind.RETURN: {},
+    ItemKind.LAND_START: {},
+    ItemKind.SPEED: {"airspeed": Key("m/s", 0.0, 50.0, default=0.0)},
     ItemKind.LAND: {**PLACE, **HEADING},
 }
 """keys of each kind of item; a JUMP's are checked against the mission"""
@@ -68,7 +70,7 @@ def _outside(values: dict[str, float], keys: dict[str, Key]) -> str:
 def check_item(item: MissionItem) -> str:
     """Why an item cannot be flown by its numbers; empty when it can."""
     values = {"north": item.north, "east": item.east, "altitude": item.altitude, "heading": item.heading}
-    values |= {"duration": item.duration, "radius": item.radius, "turns": item.turns}
+    values |= {"duration": item.duration, "radius": item.radius, "turns": item.turns, "airspeed": item.airspeed}
     if not all(math.isfinite(value) for value in values.values()):
         return "a value is not a number"
     refusal = _outside(values, KEYS.get(item.kind, {}))
@@ -104,7 +106,7 @@ def check_jumps(mission: Mission) -> str:
 def _leads_back(mission: Mission, jump: int) -> bool:
     """Whether a jump is followed by itself without an item that takes time; jumps on the way are followed as well."""
     at, passed = mission[jump].jump_to, set[int]()
-    while at < len(mission) and at not in passed and mission[at].kind in (ItemKind.SKIP, ItemKind.JUMP):
+    while at < len(mission) and at not in passed and mission[at].kind in (*INSTANT, ItemKind.JUMP):
         if at == jump:
             return True
         passed.add(at)

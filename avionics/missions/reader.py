@@ -11,6 +11,7 @@ from typing import Any
 
 from avionics.guidance import survey
 from avionics.guidance.mission import (
+    INSTANT,
     NO_FENCE,
     Fence,
     FlightPlan,
@@ -103,7 +104,7 @@ def check_mission(mission: Mission) -> str:
         refusal = check_item(item) or (check_excitation(item.excitation) if item.kind == ItemKind.EXCITE else "")
         if refusal:
             return f"item {number}: {item.kind.name}: {refusal}"
-    if mission and all(item.kind == ItemKind.SKIP for item in mission):
+    if mission and all(item.kind in INSTANT for item in mission):
         return "no item is flown, all are passed over"
     return check_jumps(mission)
 

@@ -51,12 +51,15 @@ def note_breach(s: AutopilotState) -> None:
 def navigation(s: AutopilotState, publish: Publish) -> None:
     """Mission items and modes -> altitude and heading to fly."""
     if s.modes.stage == WAIT_LAUNCH or s.modes.stage in AIRBORNE:
-        item = s.navigation.item
+        item, airspeed = s.navigation.item, s.navigation.airspeed
         s.navigation, s.target = navigator.step(
             s.gains.navigation, s.navigation, s.clock.dt_20, s.mission, surroundings(s)
         )
         if s.navigation.item != item:
             publish_event(s, publish, Severity.INFO, "navigation", f"item {item} done")
+        if s.navigation.airspeed != airspeed:
+            text = altitude_loop.airspeed_text(s.gains.altitude, s.navigation.airspeed)
+            publish_event(s, publish, Severity.INFO, "navigation", text)
         if s.fence.zones:
             s.fence_clearance = fence.clearance(s.fence, s.position.north, s.position.east)
     publish(topics.NAVIGATION, navigation_status(s))
@@ -122,11 +125,20 @@ def vertical(s: AutopilotState, publish: Publish) -> None:
             gains, state, time_us, dt, s.target.altitude, measured
         )
     else:
-        gains = altitude_loop.righting(altitude_loop.penetrating(gains, headwind(s)), s.attitude.roll)
+        setpoint = airspeed_setpoint(s)
+        gains, state = altitude_loop.with_airspeed_setpoint(gains, state, dt, setpoint, s.air.airspeed)
+        gains = gains if setpoint else altitude_loop.penetrating(gains, headwind(s))
+        gains = altitude_loop.righting(gains, s.attitude.roll)
         s.altitude_loop, s.altitude_loop_status = altitude_loop.step(
             gains, state, time_us, dt, s.target.altitude, measured
         )
     publish(topics.ALTITUDE_LOOP, s.altitude_loop_status)
+
+
+def airspeed_setpoint(s: AutopilotState) -> float:
+    """m/s; commanded by a mission or the ground, 0 if the vehicle chooses: on an approach, or without a pitot."""
+    chosen = s.modes.stage != EN_ROUTE or s.modes.mode not in GUIDED or s.airspeed_check.blocked
+    return 0.0 if chosen else s.navigation.airspeed
 
 
 def headwind(s: AutopilotState) -> float:

@@ -12,7 +12,7 @@ from surrogate import Bird
 from surrogate_gains import VEHICLE
 
 from avionics import topics
-from avionics.guidance.mission import MissionItem
+from avionics.guidance.mission import ItemKind, MissionItem
 from avionics.guidance.setpoint import Path, Setpoint
 from avionics.link.dialect import mavlink
 from avionics.link.ground import GroundLink
@@ -244,6 +244,45 @@ def test_change_altitude_uses_its_frame() -> None:
     for altitude, frame in ((55.0, 77.0), (math.nan, 3.0), (55.0, math.nan)):
         result, said = exchange.command(186, altitude, frame)
         assert result == mavlink.MAV_RESULT_DENIED and said
+
+
+@pytest.mark.parametrize("number", [mavlink.MAV_CMD_DO_CHANGE_SPEED, mavlink.MAV_CMD_GUIDED_CHANGE_SPEED])
+@pytest.mark.parametrize(
+    ("params", "speed", "note"),
+    [
+        ((0.0, 8.0, -1.0), 8.0, []),
+        ((1.0, 7.5, -1.0), 7.5, ["change speed: ground speed taken as airspeed"]),
+        ((0.0, -2.0, -1.0), 0.0, []),
+    ],
+)
+def test_change_speed_sets_the_airspeed(
+    number: int, params: tuple[float, ...], speed: float, note: list[str]
+) -> None:
+    exchange = Exchange(FakeVehicle(), "ardupilot")
+    assert exchange.command(number, *params) == (mavlink.MAV_RESULT_ACCEPTED, note)
+    (command,) = exchange.inputs(CommandKind.CHANGE_SPEED)
+    assert command.value == speed
+
+
+@pytest.mark.parametrize("params", [(2.0, 1.0), (0.0, -1.0), (0.0, math.nan)])
+def test_change_of_another_speed_is_denied(params: tuple[float, ...]) -> None:
+    exchange = Exchange(FakeVehicle(), "ardupilot")
+    assert exchange.command(mavlink.MAV_CMD_DO_CHANGE_SPEED, *params)[0] == mavlink.MAV_RESULT_DENIED
+    assert not exchange.inputs(CommandKind.CHANGE_SPEED)
+
+
+def test_land_start_continues_the_mission_at_its_landing() -> None:
+    exchange = Exchange(FakeVehicle(), "ardupilot")
+    before = exchange.command(mavlink.MAV_CMD_DO_LAND_START)
+    assert before[0] == mavlink.MAV_RESULT_DENIED and "no DO_LAND_START" in before[1][0]
+    exchange.vehicle.mission = (
+        MissionItem(ItemKind.TAKEOFF, altitude=20.0),
+        MissionItem(ItemKind.LAND_START),
+        MissionItem(ItemKind.LAND, 50.0, 0.0),
+    )
+    assert exchange.command(mavlink.MAV_CMD_DO_LAND_START)[0] == mavlink.MAV_RESULT_ACCEPTED
+    assert [each.value for each in exchange.inputs(CommandKind.SET_CURRENT_ITEM)] == [1.0]
+    assert exchange.inputs(CommandKind.SET_MODE)[0].name == Mode.AUTO.name
 
 
 def test_orbit_has_radius_direction_and_center() -> None:

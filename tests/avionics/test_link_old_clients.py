@@ -16,7 +16,7 @@ from pymavlink.dialects.v10 import ardupilotmega as version_1
 
 from avionics import messages as m
 from avionics import topics
-from avionics.guidance.mission import ItemKind, MissionItem
+from avionics.guidance.mission import ItemKind, MissionItem, landing_sequence
 from avionics.link.channel import VERSION_MEMORY
 from avionics.link.dialect import mavlink
 from avionics.link.framing import MARKER_V1, MARKER_V2
@@ -383,11 +383,22 @@ def test_a_survey_is_accepted_with_what_is_passed_over_in_one_text() -> None:
     assert text.count("passed over in flight") == 1 and text.endswith(
         "altitudes above terrain are taken as above home"
     )
-    for name in ("DO_CHANGE_SPEED (178)", "DO_SET_CAM_TRIGG_DIST (206)", "DO_SET_ROI_LOCATION (195)"):
+    for name in ("DO_SET_CAM_TRIGG_DIST (206)", "DO_SET_ROI_LOCATION (195)"):
         assert name in text
     skip, way = ItemKind.SKIP, ItemKind.WAYPOINT
-    kinds = [ItemKind.TAKEOFF, skip, way, skip, way, ItemKind.JUMP, skip, skip, ItemKind.LAND]
+    kinds = [
+        ItemKind.TAKEOFF,
+        ItemKind.SPEED,
+        way,
+        skip,
+        way,
+        ItemKind.JUMP,
+        skip,
+        ItemKind.LAND_START,
+        ItemKind.LAND,
+    ]
     mission = station.vehicle.mission
+    assert mission[1].airspeed == 8.0 and landing_sequence(mission) == 7
     assert [item.kind for item in mission] == kinds
     assert (mission[2].altitude, mission[4].duration, mission[5].jump_to) == (30.0, 12.0, 2)
     for number in (1, 3, 6, 7):

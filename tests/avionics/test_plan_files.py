@@ -99,7 +99,7 @@ def test_a_plan_is_flown_from_its_own_home(tmp_path: Path) -> None:
     kinds = [item.kind for item in plan.mission]
     assert kinds == [
         ItemKind.TAKEOFF, ItemKind.CIRCLE, ItemKind.WAYPOINT, ItemKind.SKIP, ItemKind.WAYPOINT, ItemKind.SKIP,
-        ItemKind.JUMP, ItemKind.WAYPOINT, ItemKind.SKIP, ItemKind.CIRCLE, ItemKind.LAND,
+        ItemKind.JUMP, ItemKind.WAYPOINT, ItemKind.LAND_START, ItemKind.CIRCLE, ItemKind.LAND,
     ]  # fmt: skip
     circle = plan.mission[1]
     assert (circle.north, circle.east) == (pytest.approx(100.0, abs=1e-3), pytest.approx(50.0, abs=1e-3))
@@ -118,7 +118,7 @@ def test_landing_pattern_is_flown_down_the_tangent_of_its_circle(
     pattern = {**LANDING, "useLoiterToAlt": circling, "loiterClockwise": clockwise}
     plan = load_flight_plan(written(tmp_path, changed([*ITEMS, 5], pattern)))
     start, approach, landing = plan.mission[8:]
-    assert start.kind is ItemKind.SKIP and (approach.altitude, landing.kind) == (40.0, ItemKind.LAND)
+    assert start.kind is ItemKind.LAND_START and (approach.altitude, landing.kind) == (40.0, ItemKind.LAND)
     assert approach.radius == (25.0 if clockwise else -25.0) * circling
     assert landing.heading == pytest.approx(course, abs=1e-6)
 

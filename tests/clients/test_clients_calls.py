@@ -38,7 +38,6 @@ UNSUPPORTED = {
     "telemetry.distance_sensor": "the vehicle carries none",
     "info.get_speed_factor": "MAVSDK measures it between two messages that this connection is too short for",
     "ftp.upload": "files of the vehicle are read alone",
-    "action.set_current_speed": "the airspeed follows from the trim: there is no airspeed loop",
     "action.set_relay": "there is none",
     "action.transition_to_multicopter": "it is none",
     "follow_me.start": "not offered",

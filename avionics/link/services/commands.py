@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from avionics.guidance.mission import ItemKind, MissionItem
+from avionics.guidance.mission import ItemKind, MissionItem, landing_sequence
 from avionics.link.dialect import mavlink
 from avionics.link.excitation_codec import DECODERS as EXCITE_COMMANDS
 from avionics.link.excitation_codec import decode_excitation
@@ -71,6 +71,7 @@ class CommandService:
             mavlink.MAV_CMD_NAV_LAND: lambda request: self._mode(request, Mode.LAND),
             mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: lambda request: self._mode(request, Mode.RETURN),
             mavlink.MAV_CMD_MISSION_START: self._start_mission,
+            mavlink.MAV_CMD_DO_LAND_START: self._start_landing,
             mavlink.MAV_CMD_DO_SET_MISSION_CURRENT: self._set_current,
             **RepositionRequests(self._vehicle, self._shown).answers(),
             mavlink.MAV_CMD_DO_FLIGHTTERMINATION: self._terminate,
@@ -232,6 +233,13 @@ class CommandService:
             if reason
             else self._auto_from(request, self._missions.item(int(first)))
         )
+
+    def _start_landing(self, request: Request) -> CommandResult:
+        """AUTO from the DO_LAND_START of the mission on, as in ArduPlane."""
+        start = landing_sequence(self._vehicle.mission)
+        if start is None:
+            return CommandResult(_DENIED, (), "the mission has no DO_LAND_START that leads to a landing")
+        return self._auto_from(request, start)
 
     def _set_current(self, request: Request) -> CommandResult:
         number = _whole(request.params[0])

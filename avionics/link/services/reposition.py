@@ -1,4 +1,4 @@
-"""Commands that circle or change the altitude: NAV_LOITER_UNLIM, DO_REPOSITION, DO_ORBIT, DO_CHANGE_ALTITUDE."""
+"""Commands that circle, or change altitude or airspeed: NAV_LOITER_UNLIM, DO_REPOSITION, DO_ORBIT, DO_CHANGE_..."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from avionics import topics
 from avionics.link.dialect import mavlink
-from avionics.link.mission_codec import decode_altitude, decode_item, wire_scale
+from avionics.link.mission_codec import GROUND_SPEED, decode_altitude, decode_item, read_speed, wire_scale
 from avionics.link.services.command_result import CommandResult, Request, refused
 from avionics.link.services.modes import ShownMode, mode_command
 from avionics.link.vehicle import VehicleView
@@ -37,6 +37,8 @@ class RepositionRequests:
             _REPOSITION: self._reposition,
             mavlink.MAV_CMD_DO_ORBIT: self._orbit,
             mavlink.MAV_CMD_DO_CHANGE_ALTITUDE: self._change_altitude,
+            mavlink.MAV_CMD_DO_CHANGE_SPEED: self._change_speed,
+            mavlink.MAV_CMD_GUIDED_CHANGE_SPEED: self._change_speed,
         }
 
     def _submit(self, request: Request, command: Command, note: str = "") -> CommandResult:
@@ -104,6 +106,17 @@ class RepositionRequests:
         if not 0.0 <= frame < 256.0:
             return CommandResult(_DENIED, (), "change altitude: no such frame")
         return self._to_altitude(request, altitude, int(frame), "", "")
+
+    def _change_speed(self, request: Request) -> CommandResult:
+        """DO_CHANGE_SPEED: airspeed until the mode changes; throttle and acceleration are ignored."""
+        speed = read_speed(request.params)
+        if speed is None:
+            return CommandResult(_DENIED, (), "change speed: only an airspeed or ground speed in m/s can be set")
+        command = self._command(CommandKind.CHANGE_SPEED, request, "", speed)
+        reason = self._vehicle.refusal(command)
+        ground = request.params[0] == GROUND_SPEED and speed > 0.0
+        note = "change speed: ground speed taken as airspeed" if ground else ""
+        return refused(reason) if reason else CommandResult(_ACCEPTED, (command,), note)
 
     def _to_altitude(self, request: Request, altitude: float, frame: int, mode: str, note: str) -> CommandResult:
         try:

@@ -1,0 +1,63 @@
+"""RETURN with a landing sequence in the mission."""
+
+import math
+from functools import cache
+
+import numpy as np
+import pytest
+from flown import RAVEN, Flight, flown
+
+from avionics import topics
+from avionics.guidance.mission import ItemKind, MissionItem
+from avionics.messages import Command, CommandKind, Mode, Stage
+from sim_bridge.flight.world import Scenario
+
+PLACE = (-40.0, 150.0)
+"""m; north and east of the landing place"""
+MISSION = (
+    MissionItem(ItemKind.TAKEOFF, altitude=40.0),
+    MissionItem(ItemKind.LOITER, 0.0, 60.0, 40.0),
+    MissionItem(ItemKind.LAND_START),
+    MissionItem(ItemKind.WAYPOINT, 180.0, 150.0, 40.0),
+    MissionItem(ItemKind.LAND, *PLACE, heading=math.pi),
+)
+
+
+def command(time: float, kind: CommandKind, name: str, value: float = 0.0) -> Command:
+    return Command(round(time * 1e6), kind, name, value, None, "test")
+
+
+@cache
+def returned(return_type: int) -> Flight:
+    commands = [
+        command(1.0, CommandKind.SET_PARAMETER, "NAV_RETURN_TYPE", float(return_type)),
+        command(1.1, CommandKind.SET_PARAMETER, "NAV_LOITER_TIME", 8.0),
+        command(30.0, CommandKind.SET_MODE, Mode.RETURN.name),
+    ]
+    return flown(RAVEN, Scenario(seed=2, duration=150.0), MISSION, commands)
+
+
+def landed_at(flight: Flight) -> tuple[float, float]:
+    return float(flight.truth["north"][-1]), float(flight.truth["east"][-1])
+
+
+def nearest_home(flight: Flight) -> float:
+    """Least true distance (m) to home after RETURN."""
+    truth = flight.truth
+    return float(np.hypot(truth["north"], truth["east"])[truth["time_us"] > 30e6].min())
+
+
+@pytest.mark.parametrize(
+    ("return_type", "place", "over_home"),
+    [
+        pytest.param(0, (0.0, 0.0), True, marks=pytest.mark.validate),
+        pytest.param(1, PLACE, True, marks=pytest.mark.validate),
+        (2, PLACE, False),
+    ],
+)
+def test_return_lands_as_its_type_says(return_type: int, place: tuple[float, float], over_home: bool) -> None:
+    flight = returned(return_type)
+    navigation = flight.columns(topics.NAVIGATION)
+    assert navigation["stage"][-1] == Stage.LANDED and navigation["mode"][-1] == Mode.RETURN
+    assert math.dist(landed_at(flight), place) < 40.0
+    assert (nearest_home(flight) < 30.0) == over_home
