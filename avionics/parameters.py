@@ -13,6 +13,7 @@ from functools import lru_cache
 from typing import Any, NamedTuple, get_args, get_origin, get_type_hints
 
 from avionics.limits import clip
+from avionics.messages import Mode
 from avionics.mixing import flapping
 from avionics.vehicles.gains import FlightGains
 from wingbeat.docstrings import field_texts, split_unit
@@ -109,6 +110,26 @@ GROUNDED = {
     "receiver": ("mode_channel", "arm_channel", "kill_channel"),
 }
 """keys by section, all of them where none is named, whose change would kill in flight: refused while armed"""
+
+
+_CHANNELS = ((0, "none"), *((number, f"channel {number}") for number in range(1, 19)))
+_MODES = tuple((int(mode), mode.name) for mode in Mode if mode != Mode.OFFBOARD)
+CHOICES: dict[str, tuple[tuple[int, str], ...]] = {
+    "ahrs.method": ((0, "block averages and GPS"), (1, "Razor")),
+    "navigation.return_type": (
+        (0, "home or rally point"),
+        (1, "landing sequence after the circle at home"),
+        (2, "landing sequence at once"),
+    ),
+    "receiver.mode_channel": _CHANNELS,
+    "receiver.arm_channel": _CHANNELS,
+    "receiver.kill_channel": _CHANNELS,
+    "receiver.mode_low": _MODES,
+    "receiver.mode_middle": _MODES,
+    "receiver.mode_high": _MODES,
+    "receiver.reverse": ((-1, "reversed"), (1, "normal")),
+}
+"""meaning of each value of the keys that are a choice"""
 
 
 class Parameter(NamedTuple):
@@ -246,6 +267,11 @@ def grounded(parameter: Parameter) -> bool:
     """Whether the parameter may be set only while disarmed."""
     keys = GROUNDED.get(parameter.section)
     return keys is not None and (not keys or parameter.key in keys)
+
+
+def choices(parameter: Parameter) -> tuple[tuple[int, str], ...]:
+    """Meaning of each value; empty for a measure."""
+    return CHOICES.get(f"{parameter.section}.{parameter.key}", ())
 
 
 def get(gains: FlightGains, parameter: Parameter) -> float:

@@ -33,6 +33,7 @@ def shown_parameter(gains: FlightGains, entry: parameters.Parameter) -> Paramete
         entry.text,
         entry.whole,
         parameters.grounded(entry),
+        parameters.choices(entry),
     )
 
 

@@ -29,6 +29,7 @@ _NAMES = """
     MISSION_REQUEST_PARTIAL_LIST MISSION_WRITE_PARTIAL_LIST
     COMMAND_LONG COMMAND_INT COMMAND_ACK MESSAGE_INTERVAL REQUEST_DATA_STREAM DATA_STREAM
     AVAILABLE_MODES CURRENT_MODE AVAILABLE_MODES_MONITOR COMPONENT_INFORMATION COMPONENT_METADATA
+    COMPONENT_INFORMATION_BASIC
     ATTITUDE ATTITUDE_QUATERNION ATTITUDE_TARGET VFR_HUD GLOBAL_POSITION_INT LOCAL_POSITION_NED GPS_RAW_INT
     GPS_GLOBAL_ORIGIN HOME_POSITION SET_HOME_POSITION EXTENDED_SYS_STATE BATTERY_STATUS WIND_COV
     SERVO_OUTPUT_RAW NAV_CONTROLLER_OUTPUT ALTITUDE VIBRATION ESTIMATOR_STATUS POWER_STATUS RC_CHANNELS
@@ -63,6 +64,16 @@ _RETIRED = """
     <field type="char[100]" name="general_metadata_uri"/>
     <field type="uint32_t" name="peripherals_metadata_file_crc"/>
     <field type="char[100]" name="peripherals_metadata_uri"/>
+  </message>
+  <message id="396" name="COMPONENT_INFORMATION_BASIC">
+    <field type="uint32_t" name="time_boot_ms"/>
+    <field type="uint64_t" name="capabilities"/>
+    <field type="uint32_t" name="time_manufacture_s"/>
+    <field type="char[32]" name="vendor_name"/>
+    <field type="char[32]" name="model_name"/>
+    <field type="char[24]" name="software_version"/>
+    <field type="char[24]" name="hardware_version"/>
+    <field type="char[32]" name="serial_number"/>
   </message>
   <message id="397" name="COMPONENT_METADATA">
     <field type="uint32_t" name="time_boot_ms"/>

@@ -16,6 +16,8 @@ from typing import Any
 from avionics.link.vehicle import Parameter, Storage
 from wingbeat.errors import InputError
 
+VENDOR = "Wingbeat"
+"""vendor and model"""
 GENERAL = "metadata/general.json.xz"
 PARAMETERS = "metadata/parameter.json.xz"
 _TYPE_PARAMETER = 1
@@ -63,8 +65,8 @@ def _files(
     general = _compress(
         {
             "version": 1,
-            "vendorName": "Wingbeat",
-            "modelName": "Wingbeat",
+            "vendorName": VENDOR,
+            "modelName": VENDOR,
             "firmwareVersion": ".".join(map(str, version)),
             "metadataTypes": [{"type": _TYPE_PARAMETER, "uri": uri(PARAMETERS), "fileCrc": crc32(table)}],
         }
@@ -90,6 +92,8 @@ def _describe(parameter: Parameter, default: float | None) -> dict[str, Any]:
         "category": "Standard",
         "decimalPlaces": 0 if parameter.is_integer else _decimals(parameter),
     }
+    if parameter.choices:
+        entry["values"] = [{"value": value, "description": text} for value, text in parameter.choices]
     if parameter.unit:
         entry["units"] = parameter.unit
     # JSON has no infinity: an unbounded side is left out.

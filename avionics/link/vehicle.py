@@ -41,6 +41,8 @@ class Parameter(NamedTuple):
     """-; whether only whole numbers are accepted"""
     is_locked_armed: bool = False
     """-; whether the parameter can be set only while disarmed"""
+    choices: tuple[tuple[int, str], ...] = ()
+    """-; meaning of each value, empty for a measure"""
 
 
 class Home(NamedTuple):

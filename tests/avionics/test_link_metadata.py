@@ -27,6 +27,7 @@ from avionics.view import shown_parameter
 VEHICLES = ("robo_raven_ii_d", "arizona_100cm")
 KEYS = {
     "name", "type", "shortDesc", "longDesc", "units", "default", "decimalPlaces", "min", "max", "group", "category",
+    "values",
 }  # fmt: skip
 """of the parameter schema, those in use"""
 GENERAL_KEYS = {"version", "vendorName", "modelName", "firmwareVersion", "metadataTypes"}
@@ -112,6 +113,31 @@ def test_metadata_describes_every_parameter(name: str) -> None:
         assert entry["shortDesc"] != each.key and len(entry["shortDesc"]) > 5, each.name
         assert entry["default"] == each.value
         assert entry.get("min", -math.inf) == each.minimum and entry.get("max", math.inf) == each.maximum
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+def test_metadata_lists_the_values_of_choices(name: str) -> None:
+    """GIVEN parameters with whole numbers WHEN the metadata is built THEN each allowed value of a choice is named."""
+    vehicle = fake_vehicle(name)
+    files = component_metadata(vehicle.parameters, None, (1, 2, 3))
+    described = {each["name"]: each for each in json.loads(lzma.decompress(files[PARAMETERS]))["parameters"]}
+    chosen = {each.name: each for each in vehicle.parameters if "values" in described[each.name]}
+    whole = {each.name for each in vehicle.parameters if each.is_integer}
+    assert whole - set(chosen) == {"PRE_WINDOWS"}  # the only count
+    for each in chosen.values():
+        values = [entry["value"] for entry in described[each.name]["values"]]
+        assert values[0] == each.minimum and values[-1] == each.maximum and each.value in values
+        assert all(entry["description"] for entry in described[each.name]["values"])
+
+
+def test_component_information_basic_names_the_vehicle() -> None:
+    """GIVEN a client WHEN 396 is requested THEN vendor, version and capabilities are those of AUTOPILOT_VERSION."""
+    basic = request(fake_vehicle(VEHICLES[0]), mavlink.MAVLINK_MSG_ID_COMPONENT_INFORMATION_BASIC)
+    version = request(fake_vehicle(VEHICLES[0]), mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
+    assert (basic.vendor_name, basic.software_version) == ("Wingbeat", "0.1.0")
+    assert basic.capabilities == version.capabilities and basic.serial_number == f"{version.uid:x}"
+    # Size and seed of the checksum in MAVLink's common dialect.
+    assert (basic.crc_extra, basic.unpacker.size) == (50, 160)
 
 
 def test_component_information_names_the_same_file() -> None:

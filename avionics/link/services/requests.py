@@ -31,6 +31,15 @@ def autopilot_version(identity: Identity) -> Any:
     )
 
 
+def basic_information(identity: Identity, time_ms: int) -> Any:
+    """COMPONENT_INFORMATION_BASIC."""
+    version = ".".join(map(str, identity.version)).encode()
+    vendor = metadata_files.VENDOR.encode()
+    return mavlink.MAVLink_component_information_basic_message(
+        time_ms, identity.capabilities, 0, vendor, vendor, version, b"", f"{identity.uid:x}".encode()
+    )
+
+
 def protocol_version() -> Any:
     """PROTOCOL_VERSION: MAVLink 1 and 2, each peer in its own."""
     return mavlink.MAVLink_protocol_version_message(_MAVLINK_2, 100, _MAVLINK_2, [0] * 8, [0] * 8)
@@ -80,6 +89,8 @@ class Requests:
             return [self._flights.build()]
         if number == mavlink.MAVLINK_MSG_ID_MESSAGE_INTERVAL:
             return self.interval(link, argument)
+        if number == mavlink.MAVLINK_MSG_ID_COMPONENT_INFORMATION_BASIC:
+            return [basic_information(self._identity, self._time_ms())]
         if number == mavlink.MAVLINK_MSG_ID_COMPONENT_METADATA:
             return [mavlink.MAVLink_component_metadata_message(self._time_ms(), self._metadata_crc, _METADATA_URI)]
         if number == mavlink.MAVLINK_MSG_ID_COMPONENT_INFORMATION:
