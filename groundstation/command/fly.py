@@ -261,6 +261,8 @@ def _fly(plan: Plan, chosen: argparse.Namespace, console: Console, faults: dict[
         NoAnswer: one of them failed.
     """
     connection = listen_locally()
+    identity = load_identity(_identity(chosen))
+    connection.know_modes({entry.custom_mode: entry.name for entry in identity.modes})
     try:
         with Children() as children:
             _start(children, plan, chosen, connection.url)
@@ -300,9 +302,7 @@ def _start(children: Children, plan: Plan, chosen: argparse.Namespace, observer:
     world += [] if chosen.sticks is None else ["--sticks", chosen.sticks]
     in_world, in_flight = (options.fault_words(some) for some in divided(plan.faults))
     children.start("the world", ["sim", *world, *own[0], *in_world])
-    # Without a station the items are counted as the flight computer's events count them.
-    identity = chosen.identity if chosen.gcs else "generic"
-    links = ["--identity", identity, *(word for url in chosen.gcs for word in ("--gcs", url))]
+    links = ["--identity", _identity(chosen), *(word for url in chosen.gcs for word in ("--gcs", url))]
     ours = ["--gcs", observer.replace("udpin", "udpout")]
     flight = ["--board", f"hil:{bridge}", "--mission", chosen.mission, "--log", str(plan.parts[1])]
     flight += ["--start"] if chosen.sticks is None else []
@@ -312,6 +312,11 @@ def _start(children: Children, plan: Plan, chosen: argparse.Namespace, observer:
     children.start(
         "the flight computer", ["avionics", "--vehicle", flown, *epoch, *own[1], *flight, *ours, *links, *in_flight]
     )
+
+
+def _identity(chosen: argparse.Namespace) -> str:
+    """Profile of the flight; without a station that which counts items as the flight computer's events do."""
+    return str(chosen.identity) if chosen.gcs else "generic"
 
 
 def _free_port() -> int:

@@ -42,7 +42,8 @@ EXAMPLES = (
     "wingbeat gcs udpin:0.0.0.0:14550 excite multisine --elevator 3 --rudder 5 --period 10 --low 0.3 --high 2.5"
     " --loops active",
     "wingbeat gcs udpin:0.0.0.0:14550 calibrate battery --voltage 7.82",
-    "wingbeat gcs udpin:0.0.0.0:14550 joystick --calibrate",
+    "wingbeat gcs joystick --list",
+    "wingbeat gcs joystick --calibrate",
     "wingbeat gcs udpin:0.0.0.0:14550 joystick",
 )
 URL_HELP = (
@@ -92,7 +93,7 @@ def run(arguments: Sequence[str]) -> int:
         InputError: bad address, unknown mode, malformed or existing file.
         NoAnswer: no vehicle, a refusal, or silence.
     """
-    chosen = build_parser().parse_args(arguments)
+    chosen = build_parser().parse_args(gcs_joystick.with_url(arguments))
     for prepare in PREPARATIONS:
         prepare(chosen)
     if gcs_joystick.is_offline(chosen):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -22,10 +23,11 @@ from groundstation.views.json_document import print_document
 from groundstation.views.terminal import open_console
 from wingbeat.errors import InputError
 
+VERB = "joystick"
 MAX_RATE = 100.0
 """Hz; of MANUAL_CONTROL: the link and the screen are polled as often"""
 JSON_KEYS = {
-    "joystick": "one object a line: time, device, state, sticks {roll, pitch, yaw, throttle} (-1 to 1, 0 to 1; null"
+    VERB: "one object a line: time, device, state, sticks {roll, pitch, yaw, throttle} (-1 to 1, 0 to 1; null"
     " while none are sent), sent, mode, armed, silence (s); --list: devices, list of {number, name, guid, axes,"
     " buttons, settings (whether it has some)}",
 }
@@ -41,7 +43,7 @@ class Setup(NamedTuple):
 
 def add_verbs(verbs: Any) -> None:
     """The verb."""
-    parser = verbs.add_parser("joystick", help="fly with a joystick, gamepad or RC transmitter on USB")
+    parser = verbs.add_parser(VERB, help="fly with a joystick, gamepad or RC transmitter on USB")
     parser.add_argument("--list", action="store_true", help="list the connected devices; no vehicle is needed")
     parser.add_argument(
         "--calibrate", action="store_true", help="calibrate a device, assign sticks and buttons; no vehicle is needed"
@@ -69,6 +71,15 @@ def _rate(text: str) -> float:
     return value
 
 
+def with_url(arguments: Sequence[str]) -> list[str]:
+    """``arguments`` with an empty URL where ``joystick`` stands without one."""
+    if VERB not in arguments:
+        return list(arguments)
+    place = arguments.index(VERB)
+    has_url = any(":" in each for each in arguments[:place])
+    return list(arguments) if has_url else [*arguments[:place], "", *arguments[place:]]
+
+
 def is_offline(chosen: argparse.Namespace) -> bool:
     """Return whether the verb needs no vehicle."""
     return chosen.verb in VERBS and (chosen.list or chosen.calibrate)
@@ -92,13 +103,15 @@ def prepare(chosen: argparse.Namespace) -> None:
     chosen.entries = load_settings(chosen.config, must_exist=not creates)
     if is_offline(chosen):
         return
+    if not chosen.url:
+        raise BadInput("wingbeat gcs URL joystick needs the URL of a vehicle; without one: --list or --calibrate")
     backend = open_backend()
     number, info = _choose(chosen, backend.devices())
     settings = find_settings(chosen.entries, info)
     if settings is None:
         raise InputError(
             f"joystick {info.name} has no settings in {chosen.config}: calibrate it with"
-            f" wingbeat gcs {chosen.url} joystick --calibrate"
+            " wingbeat gcs joystick --calibrate"
         )
     check_capabilities(settings, info)
     chosen.setup = Setup(backend, _open(backend, number, info), settings)
@@ -216,4 +229,4 @@ def _print_lines(session: Session, control: ManualControl) -> None:
         lines.show(control.status, connection.now())
 
 
-VERBS: dict[str, Verb] = {"joystick": fly}
+VERBS: dict[str, Verb] = {VERB: fly}

@@ -30,8 +30,16 @@ NO_PARAMETERS = "none"
 NO_KEY = "none"
 
 
+NEGATIVE_NUMBER = re.compile(r"-(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$|-inf$|-nan$", re.IGNORECASE)
+
+
 class Parser(argparse.ArgumentParser):
     """An argument parser whose complaint is one line, raised as `InputError`."""
+
+    def __init__(self, *arguments: Any, **keywords: Any) -> None:
+        super().__init__(*arguments, **keywords)
+        # Until Python 3.14 argparse takes -1e9 for an option.
+        self._negative_number_matcher = NEGATIVE_NUMBER
 
     def error(self, message: str) -> NoReturn:
         """Refuse the command line."""

@@ -145,7 +145,7 @@ def _device(number: int, table: Mapping[str, Any]) -> Settings:
     _check_keys(where, table, KEYS)
     name, guid = (_text(where, key, table.get(key, "")) for key in ("name", "guid"))
     if not name and not guid:
-        raise _InvalidValue(f"{where} needs a name or a guid, see wingbeat gcs URL joystick --list")
+        raise _InvalidValue(f"{where} needs a name or a guid, see wingbeat gcs joystick --list")
     where = f"device {name or guid}"
     axes = {key: _axis(f"{where}: {key}", table[key], key) for key in STICKS if key in table}
     for key in STICKS:

@@ -56,8 +56,9 @@ def _table(state: VehicleState) -> dict[str, int]:
 
 
 def mode_name(state: VehicleState) -> str:
-    """Name of the present mode for people, or its number; empty before the first heartbeat."""
-    return mode_key(state).replace("_", " ")
+    """Name of the present mode for people, as events and `known_modes` have it; empty before the first heartbeat."""
+    key = mode_key(state)
+    return key if key in known_modes(state) else key.replace("_", " ")
 
 
 def mode_key(state: VehicleState) -> str:

@@ -14,7 +14,7 @@ from avionics.guidance.excitation import SWEEPS
 from avionics.guidance.mission import Channel, Excitation, ItemKind, Shape
 from avionics.link.dialect import mavlink
 from avionics.link.excitation_codec import DECODERS, decode_excitation
-from avionics.link.mission_codec import LOCAL_FRAMES, wire_scale
+from avionics.link.mission_codec import LOCAL_FRAMES, SKIPPED, read_speed, wire_scale
 from avionics.link.wire_item import ItemRefused
 from groundstation.link.commands import command_name
 from groundstation.link.missions import Item
@@ -27,6 +27,8 @@ MISSION_FRAME = mavlink.MAV_FRAME_MISSION
 SEA_FRAMES = frozenset((mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_FRAME_GLOBAL_INT))
 TERRAIN_FRAMES = frozenset((mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT, mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT))
 ENU = mavlink.MAV_FRAME_LOCAL_ENU
+AIMED = frozenset((mavlink.MAV_CMD_DO_SET_ROI_LOCATION, mavlink.MAV_CMD_DO_SET_ROI, mavlink.MAV_CMD_NAV_ROI))
+"""commands of `SKIPPED` whose last three parameters are a position"""
 
 
 class MissionItemView(NamedTuple):
@@ -62,6 +64,8 @@ class MissionItemView(NamedTuple):
     """-; how often it is jumped, -1 for ever"""
     excitation: Excitation | None = None
     """-; the identification input"""
+    airspeed: float | None = None
+    """m/s; setpoint from here on"""
 
 
 def item_view(item: Item) -> MissionItemView:
@@ -90,7 +94,7 @@ def _radians(degrees: float) -> float | None:
 
 def _placed(item: Item, does: str) -> MissionItemView:
     """With the place and the altitude that an item of most commands has."""
-    if item.frame == MISSION_FRAME:
+    if _has_no_place(item):
         return MissionItemView(does)
     scale, above = wire_scale(item.frame), _above(item.frame)
     down = item.frame in LOCAL_FRAMES and item.frame != ENU
@@ -102,6 +106,11 @@ def _placed(item: Item, does: str) -> MissionItemView:
         north, east = (y, x) if item.frame == ENU else (x, y)
         return one._replace(north=north, east=east)
     return one._replace(latitude=math.radians(x), longitude=math.radians(y))
+
+
+def _has_no_place(item: Item) -> bool:
+    """Whether the last three parameters are not a position; cameras send such commands in any frame."""
+    return item.frame == MISSION_FRAME or (item.command in SKIPPED and item.command not in AIMED)
 
 
 def _above(frame: int) -> str:
@@ -127,6 +136,13 @@ def _level_text(item: Item) -> MissionItemView:
 def _jump(item: Item) -> MissionItemView:
     target, repeats = (int(value) if math.isfinite(value) else None for value in item.parameters[:2])
     return MissionItemView(f"go on with item {target}", jump_to=target, repeats=repeats)
+
+
+def _speed(item: Item) -> MissionItemView:
+    speed = read_speed(item.parameters)
+    if speed is None:
+        return MissionItemView(f"change speed: {_raw(item) or 'nothing'}")
+    return MissionItemView("change airspeed" if speed else "the vehicle's own airspeed", airspeed=speed or None)
 
 
 def _circle(does: str, radius_at: int, **amounts: int) -> Callable[[Item], MissionItemView]:
@@ -157,6 +173,8 @@ KINDS: dict[int, Callable[[Item], MissionItemView]] = {
     ItemKind.LAND: _land,
     ItemKind.TAKEOFF: lambda item: _placed(item, "take off to"),
     ItemKind.JUMP: _jump,
+    ItemKind.SPEED: _speed,
+    ItemKind.LAND_START: lambda item: _placed(item, "landing sequence"),
     ItemKind.HOLD: _level_text,
     **dict.fromkeys(DECODERS, _excite),
 }
@@ -233,6 +251,7 @@ def _how(text: MissionItemView, item: Item) -> str:
         "" if text.turns is None else pluralize(text.turns, "turn"),
         "" if text.duration is None else f"for {text.duration:g} s",
         "" if text.heading is None else f"heading {wording.bearing(text.heading)}",
+        "" if text.airspeed is None else f"{text.airspeed:g} m/s",
         _radius(text.radius),
         "" if text.acceptance is None else f"reached within {text.acceptance:g} m",
         _repeats(text.repeats),
@@ -254,7 +273,8 @@ def _repeats(repeats: int | None) -> str:
 
 def _raw(item: Item) -> str:
     """The parameters as they came, of a command that is not known here."""
-    places = (item.x, item.y, item.z) if item.frame == MISSION_FRAME else ()
+    scale = wire_scale(item.frame)
+    places = (item.x / scale, item.y / scale, item.z) if _has_no_place(item) else ()
     values = enumerate((*item.parameters, *places), 1)
     return "  ".join(f"parameter {n} {value:g}" for n, value in values if math.isfinite(value) and value)
 

@@ -11,6 +11,8 @@ from lossy_vehicle import LossyVehicle, on_the_air
 
 from avionics.link.dialect import mavlink
 from avionics.missions.reader import FOLDER as MISSIONS
+from avionics.quantities import BadInput
+from groundstation.command.gcs import build_parser
 from groundstation.command.main import main
 from groundstation.link.missions import Item
 from groundstation.link.waypoints import convention_of, read_upload
@@ -59,6 +61,15 @@ def test_mode_by_name_in_any_case(capsys: Capture) -> None:
     assert capsys.readouterr().err.startswith(
         "wingbeat: the vehicle has no mode 'hover'; it has ALTITUDE_HOLD, AUTO,"
     )
+
+
+def test_negative_numbers_with_an_exponent_are_values(capsys: Capture) -> None:
+    """GIVEN -1e9 and -.5e-2 as a value THEN they are numbers, and an unknown option stays one."""
+    parser = build_parser()
+    for text in ("-1e9", "-.5E-2", "-2.", "-7"):
+        assert parser.parse_args(["udpin:0.0.0.0:1", "param", "set", "PITCH_P", text]).value == float(text)
+    with pytest.raises(BadInput, match="VALUE"):
+        parser.parse_args(["udpin:0.0.0.0:1", "param", "set", "PITCH_P", "-e9"])
 
 
 def test_parameters_list_get_and_set(capsys: Capture) -> None:
@@ -124,7 +135,7 @@ def test_the_present_mode_is_spelled_as_in_the_list_of_modes(capsys: Capture) ->
         document = json.loads(capsys.readouterr().out)
         assert document["mode"] in document["modes"] and document["mode"] == "ALTITUDE_HOLD"
         assert gcs(url, "status") == 0
-    assert "ALTITUDE HOLD" in capsys.readouterr().out
+    assert "ALTITUDE_HOLD" in capsys.readouterr().out
 
 
 def test_status_has_the_documented_keys(capsys: Capture) -> None:

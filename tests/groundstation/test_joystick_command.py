@@ -105,6 +105,14 @@ def test_list_shows_every_device(backend: FakeBackend, config: str, capsys: Capt
     assert backend.closed
 
 
+def test_list_and_calibrate_need_no_url(backend: FakeBackend, config: str, capsys: Capture) -> None:
+    """GIVEN no URL WHEN devices are listed THEN they are; flying without one is refused in one line."""
+    assert main(["gcs", "--timeout", "3", "joystick", "--config", config, "--list", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["devices"]
+    assert main(["gcs", "joystick", "--config", config]) == 2
+    assert "needs the URL of a vehicle" in capsys.readouterr().err
+
+
 def test_list_without_a_device(backend: FakeBackend, config: str, capsys: Capture) -> None:
     backend.connected.clear()
     assert joystick("udpout:127.0.0.1:9", "--list", "--config", config) == 0

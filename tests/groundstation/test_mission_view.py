@@ -87,6 +87,25 @@ def test_a_foreign_waypoint_waits_and_an_unknown_command_shows_what_came(capsys:
     assert "do set cam trigg dist" in camera and "parameter 1 25  parameter 3 1" in camera
 
 
+def test_parameters_of_a_camera_are_no_position(capsys: pytest.CaptureFixture[str]) -> None:
+    """GIVEN camera commands in a frame of the globe THEN only what a camera is aimed at is a position."""
+    values = (0.0, 2.0, 0.0, 0.0)
+    camera = Item(3, mavlink.MAV_CMD_IMAGE_START_CAPTURE, values, 10_000_000, 20_000_000, 5.0)
+    aimed = Item(3, mavlink.MAV_CMD_DO_SET_ROI_LOCATION, values, 481_000_000, 116_000_000, 5.0)
+    print_mission([camera, aimed])
+    rows = capsys.readouterr().out.splitlines()[1:]
+    assert "parameter 2 2  parameter 5 1  parameter 6 2  parameter 7 5" in rows[0] and "°" not in rows[0]
+    assert "48.100000°  11.600000°" in rows[1] and "5 m" in rows[1]
+    assert mission_record(0, camera)["latitude"] is None
+
+
+def test_speed_and_landing_sequence_are_one_row_each(capsys: pytest.CaptureFixture[str]) -> None:
+    speed, own, start = (MissionItem(ItemKind.SPEED, airspeed=value) for value in (8.5, 0.0, 0.0))
+    print_mission([sent(speed), sent(own), sent(start._replace(kind=ItemKind.LAND_START))])
+    rows = [" ".join(row.split()) for row in capsys.readouterr().out.splitlines()[1:]]
+    assert rows == ["0 change airspeed 8.5 m/s", "1 the vehicle's own airspeed", "2 landing sequence"]
+
+
 def test_numbers_for_programs_are_si_and_radians() -> None:
     record = mission_record(4, sent(MissionItem(ItemKind.EXCITE, excitation=MULTISINE)))
     assert (record["number"], record["command"], record["frame"]) == (4, mavlink.MAV_CMD_WINGBEAT_EXCITE_MULTISINE, 2)
