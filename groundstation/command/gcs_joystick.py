@@ -104,7 +104,7 @@ def prepare(chosen: argparse.Namespace) -> None:
     if is_offline(chosen):
         return
     if not chosen.url:
-        raise BadInput("wingbeat gcs URL joystick needs the URL of a vehicle; without one: --list or --calibrate")
+        raise InputError("wingbeat gcs URL joystick needs the URL of a vehicle; without one: --list or --calibrate")
     backend = open_backend()
     number, info = _choose(chosen, backend.devices())
     settings = find_settings(chosen.entries, info)

@@ -11,11 +11,11 @@ from lossy_vehicle import LossyVehicle, on_the_air
 
 from avionics.link.dialect import mavlink
 from avionics.missions.reader import FOLDER as MISSIONS
-from avionics.quantities import BadInput
 from groundstation.command.gcs import build_parser
 from groundstation.command.main import main
 from groundstation.link.missions import Item
 from groundstation.link.waypoints import convention_of, read_upload
+from wingbeat.errors import InputError
 
 Capture = pytest.CaptureFixture[str]
 
@@ -68,7 +68,7 @@ def test_negative_numbers_with_an_exponent_are_values(capsys: Capture) -> None:
     parser = build_parser()
     for text in ("-1e9", "-.5E-2", "-2.", "-7"):
         assert parser.parse_args(["udpin:0.0.0.0:1", "param", "set", "PITCH_P", text]).value == float(text)
-    with pytest.raises(BadInput, match="VALUE"):
+    with pytest.raises(InputError, match="VALUE"):
         parser.parse_args(["udpin:0.0.0.0:1", "param", "set", "PITCH_P", "-e9"])
 
 
