@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from logs.columns import LATEST_NS, Array, Columns, moment
+from logs.log_file import LogFile
 from wingbeat.errors import InputError
 from wingbeat.topic import Topic
-
-if TYPE_CHECKING:
-    from logs.reader import Log
 
 ALIGNED = "aligned"
 """Name of the table that is made."""
@@ -48,7 +46,7 @@ class _Places(NamedTuple):
 
 
 def aligned(
-    log: Log,
+    log: LogFile,
     topics: Iterable[str | Topic[Any]],
     rate: float | None = None,
     start: float | None = None,
@@ -61,7 +59,7 @@ def aligned(
             raise InputError(f"the {what} of a table must be above 0, not {value:g}")
     if rate is not None and rate < SLOWEST:
         raise InputError(f"the rate of a table must be at least {SLOWEST:g} Hz, not {rate:g}")
-    wanted = _wanted(log, [topic if isinstance(topic, str) else topic.name for topic in topics])
+    wanted = _selected_fields(log, [topic if isinstance(topic, str) else topic.name for topic in topics])
     tables = {name: _ordered(columns) for name, columns in log.tables(wanted).items()}
     boot = log.boot_ns
     base = _time_base([times for _, times in tables.values()], rate, start, end)
@@ -99,7 +97,7 @@ def quaternions(columns: Columns) -> list[tuple[str, str, str, str]]:
 # --- what is asked --------------------------------------------------------------------------------------
 
 
-def _wanted(log: Log, names: list[str]) -> dict[str, list[str] | None]:
+def _selected_fields(log: LogFile, names: list[str]) -> dict[str, list[str] | None]:
     """Fields by topic in the order asked, None for all of them."""
     wanted: dict[str, list[str] | None] = {}
     for name in names:
@@ -114,7 +112,7 @@ def _wanted(log: Log, names: list[str]) -> dict[str, list[str] | None]:
     return wanted
 
 
-def _split(log: Log, name: str) -> tuple[str, str | None]:
+def _split(log: LogFile, name: str) -> tuple[str, str | None]:
     """Topic and field of ``topic`` or ``topic.field``: either may have dots in its name."""
     if name in log.topics:
         return name, None
@@ -125,7 +123,7 @@ def _split(log: Log, name: str) -> tuple[str, str | None]:
     return topic, name[len(topic) + 1 :]
 
 
-def _fields(log: Log, topic: str, columns: Columns, fields: list[str] | None) -> list[str]:
+def _fields(log: LogFile, topic: str, columns: Columns, fields: list[str] | None) -> list[str]:
     chosen = [name for name in columns if name != TIME] if fields is None else fields
     unknown = next((name for name in chosen if name not in columns), None)
     if unknown is not None:

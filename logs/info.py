@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from avionics import topics
+from logs.log_file import TopicInfo
 from logs.names import JOINED
-from logs.reader import Log, TopicInfo
+from logs.reader import Log
 from logs.summary import FlightSummary, summarize
 from sim_bridge import topics as truth_topics
 

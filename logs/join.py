@@ -12,9 +12,9 @@ from mcap.records import Metadata
 from logs.container import Container, encode
 from logs.copying import Part, copy
 from logs.index import read_index
+from logs.log_file import map_file
 from logs.names import FAULTS, JOINED
 from logs.placing import claim, draft, settle
-from logs.reader import map_file
 from logs.recorder import RECORDING
 from logs.records import Damage, parse
 from wingbeat.errors import InputError

@@ -18,9 +18,10 @@ from logs.container import Container
 from logs.copying import Part, copy
 from logs.index import Index, scan
 from logs.join import join
+from logs.log_file import map_file
 from logs.names import parts_of
 from logs.placing import claim, draft, held, numbered, settle
-from logs.reader import map_file, open_log
+from logs.reader import open_log
 from wingbeat.errors import InputError
 
 LEFT = 8

@@ -5,19 +5,17 @@ from __future__ import annotations
 import json
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from avionics import parameters, snapshot, topics
 from avionics.guidance.mission import Mission
 from avionics.messages import Command, CommandKind
 from avionics.vehicles.gains import FlightGains
+from logs.log_file import LogFile
 from logs.names import MISSION, PARAMETERS
 from wingbeat.documents import parse_json
 from wingbeat.errors import InputError
 from wingbeat.message import Event, Severity
-
-if TYPE_CHECKING:
-    from logs.reader import Log
 
 CALIBRATION = "calibration"
 """Source of a change that a calibration made."""
@@ -69,7 +67,7 @@ def mission_document(mission: Mission) -> list[Item]:
     return plain
 
 
-def initial_parameters(log: Log) -> Values:
+def initial_parameters(log: LogFile) -> Values:
     """Every parameter at boot by its name; empty where the log does not say.
 
     Raises:
@@ -78,7 +76,7 @@ def initial_parameters(log: Log) -> Values:
     return {name: _number(name, text) for name, text in log.metadata.get(PARAMETERS, {}).items()}
 
 
-def parameters_of(log: Log) -> Parameters:
+def parameters_of(log: LogFile) -> Parameters:
     """The parameters of a flight and how they changed; see `logs.reader.Log.parameters`."""
     initial = initial_parameters(log)
     events, commands = _events(log), _commands(log)
@@ -87,7 +85,7 @@ def parameters_of(log: Log) -> Parameters:
     return Parameters(initial, tuple(sorted(asked + found, key=lambda change: change.time)))
 
 
-def missions_of(log: Log) -> tuple[FlownMission, ...]:
+def missions_of(log: LogFile) -> tuple[FlownMission, ...]:
     """The missions of a flight; see `logs.reader.Log.missions`."""
     loaded = [item.data for item in log.attachments if item.name == MISSION]
     first = [FlownMission(0.0, tuple(_items(log, loaded[0])))] if loaded else []
@@ -103,14 +101,14 @@ def missions_of(log: Log) -> tuple[FlownMission, ...]:
 # --- commands -------------------------------------------------------------------------------------------
 
 
-def _commands(log: Log) -> list[Command]:
+def _commands(log: LogFile) -> list[Command]:
     """What entered the flight, payloads as they stand in the log."""
     if topics.INPUTS.name not in log.topics:
         return []
     return list(_decoded(text.text for text in log.texts(topics.INPUTS)))
 
 
-def _events(log: Log) -> list[Event]:
+def _events(log: LogFile) -> list[Event]:
     """What the flight computer said."""
     return log.events(topics.EVENTS) if topics.EVENTS.name in log.topics else []
 
@@ -154,7 +152,7 @@ def _held(text: str, asked: float) -> float:
 # --- calibrations ---------------------------------------------------------------------------------------
 
 
-def _calibrated(log: Log, known: Parameters, events: Iterable[Event]) -> list[Change]:
+def _calibrated(log: LogFile, known: Parameters, events: Iterable[Event]) -> list[Change]:
     """What calibrations changed, as the first snapshot behind each of them shows it."""
     times = [event.time_us for event in events if event.source == CALIBRATION and " calibrated: " in event.text]
     if not times or topics.SNAPSHOTS.name not in log.topics:
@@ -199,7 +197,7 @@ def _number(name: str, text: str) -> float:
         raise InputError(f"the log's parameter {name} is not a number: {text!r}") from None
 
 
-def _items(log: Log, data: bytes) -> list[Item]:
+def _items(log: LogFile, data: bytes) -> list[Item]:
     try:
         items = parse_json(data.decode())
     except ValueError:
@@ -209,7 +207,7 @@ def _items(log: Log, data: bytes) -> list[Item]:
     return items
 
 
-def _mission(log: Log, payload: Any) -> Mission:
+def _mission(log: LogFile, payload: Any) -> Mission:
     try:
         mission: Mission = snapshot.builder(Mission)(payload)
     except (ValueError, KeyError, TypeError, IndexError):

@@ -7,16 +7,14 @@ stroke, so the mean over exactly one removes it and all its harmonics.
 from __future__ import annotations
 
 import itertools
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from avionics import topics
+from logs.log_file import LogFile
 from wingbeat.errors import InputError
-
-if TYPE_CHECKING:
-    from logs.reader import Log
 
 Array = NDArray[np.float64]
 GAP_PERIODS = 5.0
@@ -81,7 +79,7 @@ class Strokes(NamedTuple):
         return inside
 
 
-def strokes(log: Log, start: float | None = None, end: float | None = None) -> Strokes:
+def strokes(log: LogFile, start: float | None = None, end: float | None = None) -> Strokes:
     """The whole strokes in a log (s since boot, from ``start`` to ``end``) by the phase of ``/main/wing``.
 
     Raises:

@@ -15,6 +15,7 @@ kept for those before it. The order, first served first:
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from enum import Enum
 
 DEPTH = 0.25
@@ -36,6 +37,8 @@ SLOWEST = 0.1
 """share of the rate that no radio can take from us"""
 TELEMETRY_FRAMES = 32
 """-; telemetry frames between two ticks over all links and peers, however many there are and whatever they ask for"""
+Capacity = Callable[[float], float]
+"""bytes that a link accepts now, as a function of the fraction of its depth that must be left"""
 
 
 class Rank(Enum):

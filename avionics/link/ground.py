@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from avionics.isolation import Guard, Isolation, fault_events
-from avionics.link.budget import TELEMETRY_FRAMES
+from avionics.link.budget import TELEMETRY_FRAMES, Capacity
 from avionics.link.channel import PORTION, SMALLEST_PORTION, Channel, LinkCounts
 from avionics.link.dialect import mavlink
 from avionics.link.framing import Frame, decode
@@ -32,7 +32,7 @@ from avionics.link.services.modes import ModeService, ShownMode
 from avionics.link.services.parameters import ParameterService
 from avionics.link.services.radio import RadioService
 from avionics.link.services.requests import Requests
-from avionics.link.services.service import Output, Reply, Room, Sender, Service
+from avionics.link.services.service import Output, Reply, Sender, Service
 from avionics.link.services.setpoints import SetpointService
 from avionics.link.services.signing import SigningService
 from avionics.link.services.silence import SilenceService
@@ -130,7 +130,7 @@ class GroundLink:
         self.announced: list[Event] = []
         """what the links have said to the ground of their own troubles, each once; on UDP perhaps to nobody"""
 
-    def _capacities(self) -> list[Room]:
+    def _capacities(self) -> list[Capacity]:
         return [link.budget.available_bytes for link in self._links]
 
     def _table(self, gains: LinkGains, files: Files) -> tuple[ServiceRow, ...]:

@@ -8,9 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from avionics.isolation import Guard, Isolation
-from avionics.link.budget import TELEMETRY_FRAMES, Rank
+from avionics.link.budget import TELEMETRY_FRAMES, Capacity, Rank
 from avionics.link.dialect import mavlink
-from avionics.link.services.service import Room
 from avionics.link.stream_table import STREAMS, StreamEntry
 from avionics.link.telemetry import boot_ms, mission_current
 from avionics.link.vehicle import VehicleView
@@ -46,7 +45,7 @@ class Streams:
     def __init__(
         self,
         vehicle: VehicleView,
-        capacities: Sequence[Room],
+        capacities: Sequence[Capacity],
         unix_time: Callable[[], float],
         isolation: Isolation,
         first_item: int = 0,

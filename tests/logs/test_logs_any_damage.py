@@ -23,7 +23,8 @@ from logs.checksums import OPCODE as CHECKSUMS
 from logs.columns import Columns
 from logs.index import read_index
 from logs.info import summary
-from logs.reader import TEXT_SCHEMA, Log, open_log
+from logs.log_file import TEXT_SCHEMA
+from logs.reader import Log, open_log
 from logs.records import Span, records
 from logs.recover import recover
 from logs.strokes import strokes

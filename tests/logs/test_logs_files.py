@@ -25,9 +25,10 @@ from avionics import topics
 from logs.export import csv_header, export_csv, export_npz
 from logs.info import flown_in, summary, topic_row
 from logs.join import join
+from logs.log_file import TopicInfo
 from logs.names import JOINED, PARTS, reserved
 from logs.placing import claim, draft, held
-from logs.reader import TopicInfo, open_log
+from logs.reader import open_log
 from sim_bridge import topics as truth_topics
 from wingbeat.errors import InputError
 from wingbeat.topic import Topic

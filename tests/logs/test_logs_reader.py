@@ -22,7 +22,8 @@ from avionics import messages as m
 from avionics import topics
 from logs.index import read_index
 from logs.layout import Field, Layout, layout_of
-from logs.reader import TEXT_SCHEMA, open_log
+from logs.log_file import TEXT_SCHEMA
+from logs.reader import open_log
 from logs.schema import descriptor_set, layout_from_schema
 from sim_bridge import topics as truth_topics
 from wingbeat.errors import InputError

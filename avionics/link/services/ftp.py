@@ -14,10 +14,10 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any, NamedTuple
 
-from avionics.link.budget import BULK
+from avionics.link.budget import BULK, Capacity
 from avionics.link.dialect import mavlink
 from avionics.link.ftp_files import Content, FtpFileSystem
-from avionics.link.services.service import Output, Reply, Room, Sender
+from avionics.link.services.service import Output, Reply, Sender
 
 _HEADER = struct.Struct("<HBBBBBBI")
 """sequence, session, opcode, size, requested opcode, burst complete, padding, offset"""
@@ -118,7 +118,7 @@ class FtpService:
 
     takes = frozenset({"FILE_TRANSFER_PROTOCOL"})
 
-    def __init__(self, files: FtpFileSystem, capacities: Sequence[Room]) -> None:
+    def __init__(self, files: FtpFileSystem, capacities: Sequence[Capacity]) -> None:
         """``capacities`` says how much each link takes now."""
         self._files = files
         self._capacities = capacities

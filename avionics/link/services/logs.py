@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from avionics.link.budget import BULK
+from avionics.link.budget import BULK, Capacity
 from avionics.link.dialect import mavlink
 from avionics.link.ftp_files import FtpFileSystem, LogFile
-from avionics.link.services.service import Output, Reply, Room, Sender
+from avionics.link.services.service import Output, Reply, Sender
 from avionics.link.services.statustext import refusal_text
 
 PART = 90
@@ -43,7 +43,7 @@ class LogService:
 
     takes = frozenset({"LOG_REQUEST_LIST", "LOG_REQUEST_DATA", "LOG_REQUEST_END", "LOG_ERASE"})
 
-    def __init__(self, files: FtpFileSystem, capacities: Sequence[Room]) -> None:
+    def __init__(self, files: FtpFileSystem, capacities: Sequence[Capacity]) -> None:
         """``capacities`` return how many bytes each link takes now."""
         self._files = files
         self._capacities = capacities

@@ -13,9 +13,9 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from avionics.link.budget import PARAMETERS
+from avionics.link.budget import PARAMETERS, Capacity
 from avionics.link.dialect import mavlink
-from avionics.link.services.service import Output, Reply, Room, Sender
+from avionics.link.services.service import Output, Reply, Sender
 from avionics.link.services.statustext import refusal_text
 from avionics.link.vehicle import LinkGains, Parameter, VehicleView
 from avionics.messages import Command, CommandKind
@@ -40,7 +40,7 @@ class ParameterService:
 
     takes = frozenset({"PARAM_REQUEST_LIST", "PARAM_REQUEST_READ", "PARAM_SET"})
 
-    def __init__(self, vehicle: VehicleView, gains: LinkGains, capacities: Sequence[Room]) -> None:
+    def __init__(self, vehicle: VehicleView, gains: LinkGains, capacities: Sequence[Capacity]) -> None:
         """``capacities`` says how much each link takes now."""
         self._vehicle = vehicle
         self._gains = gains

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, NamedTuple, Protocol
 
 from avionics.link.transport import Peer
@@ -30,9 +29,6 @@ class Reply(NamedTuple):
 
 
 Output = Reply | Input
-
-Room = Callable[[float], float]
-"""Bytes that a link takes now while a share of its depth is left (`avionics.link.budget`)."""
 
 
 class Service(Protocol):
