@@ -11,7 +11,8 @@ import math
 import numpy as np
 from numpy.polynomial import Chebyshev, Polynomial
 
-from sim_bridge.vectors import Floats, inlined
+from sim_bridge.compiled import inlined
+from sim_bridge.vectors import Floats
 
 STEEP = math.sqrt(2.0) - 1.0
 """-; tangent of 22.5 deg, above which an angle is taken from 45 deg on"""

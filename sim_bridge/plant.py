@@ -13,12 +13,12 @@ from sim_bridge.actuators.drives import drive_current
 from sim_bridge.actuators.linkage import FourBar, Motor
 from sim_bridge.aerodynamics.models import air_of
 from sim_bridge.aerodynamics.protocol import strip_loads
-from sim_bridge.bound import Bound
+from sim_bridge.compiled import Bound, is_compiled
 from sim_bridge.mechanism import Mechanism, build_mechanism, total_mass, wing_work
 from sim_bridge.multibody.plates import no_plates
 from sim_bridge.multibody.tree import BASE, blank_kinematics
 from sim_bridge.multibody.wings import wing_places
-from sim_bridge.vectors import Floats, is_compiled
+from sim_bridge.vectors import Floats
 from sim_bridge.vehicles import SimulatedVehicle
 from wingbeat.constants import STANDARD_GRAVITY
 from wingbeat.rotations import quaternion_from_euler

@@ -16,12 +16,12 @@ from sim_bridge.actuators.linkage import FourBar, Motor, flap_motion
 from sim_bridge.actuators.linkage import drive as motor_drive
 from sim_bridge.aerodynamics import models
 from sim_bridge.aerodynamics.surfaces import body_drag
-from sim_bridge.bound import Bound, bound_values
+from sim_bridge.compiled import Bound, bound_values, clear, inlined, inlined_internal, internal, kernel, noalias
 from sim_bridge.multibody.contact import ground_force
 from sim_bridge.multibody.plates import Plates, add_plates
 from sim_bridge.multibody.tree import BASE, Equations, Kinematics, Tree, add_wrench, assemble, hold, move, solve
 from sim_bridge.multibody.wings import Wings, WingWork, add_wings, wing_motion, wing_places
-from sim_bridge.vectors import Floats, Integers, add_scaled, apart, clear, inlined, inner, kernel, laid_in, rotation
+from sim_bridge.vectors import Floats, Integers, add_scaled, rotation
 from wingbeat.constants import STANDARD_GRAVITY
 
 VOLTAGE_ROUNDS = 3
@@ -347,13 +347,13 @@ def _add_loads(density: float, p: PlantParameters, s: Scratch) -> None:
     load_fuselage(density, p.drag_areas, s)
 
 
-@laid_in
+@inlined_internal
 def load_fuselage(density: float, drag_areas: Floats, s: Scratch) -> None:
     """Let its drag, and what the aerodynamic model tells of the body, act on the base."""
     load_base(density, drag_areas, s.wings.motion.body, s.wings.loads.body, s.body_load, s.tree.force[0])
 
 
-@apart
+@noalias
 def load_base(
     density: float, drag_areas: Floats, body: Floats, told: Floats, body_load: Floats, force: Floats
 ) -> None:
@@ -508,19 +508,19 @@ def derivatives(y: Floats, t: float, c: Controls, around: Surroundings, bound: B
 # of addresses would be moved to and fro all the time.
 
 
-@inner
+@internal
 def _set_motion(y: Floats, around: Surroundings, bound: Bound) -> None:
     p, s = bound_values(bound)
     set_motion(y, around, p, s)
 
 
-@inner
+@internal
 def _set_loads(y: Floats, density: float, bound: Bound) -> None:
     p, s = bound_values(bound)
     _load_sections(y, density, p, s)
 
 
-@inner
+@internal
 def _act(density: float, bound: Bound) -> None:
     """Begin the equations of motion with what the air does."""
     p, s = bound_values(bound)
@@ -529,7 +529,7 @@ def _act(density: float, bound: Bound) -> None:
     _add_loads(density, p, s)
 
 
-@inner
+@internal
 def _accelerate(y: Floats, t: float, c: Controls, around: Surroundings, bound: Bound) -> bool:
     """Finish the equations of motion and solve them; returns whether the ground is touched."""
     p, s = bound_values(bound)

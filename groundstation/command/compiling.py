@@ -7,10 +7,9 @@ from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import Any
 
-from numba.core.event import Listener, install_listener
-
 from groundstation.views.terminal import open_console
-from sim_bridge.aerodynamics.models import compiled_apart
+from sim_bridge.aerodynamics.models import is_compiled_separately
+from sim_bridge.compiled import on_compilation
 from sim_bridge.plant import Plant, physics_compiled
 from sim_bridge.vehicles import SimulatedVehicle
 
@@ -37,7 +36,7 @@ def load_physics(vehicle: SimulatedVehicle, quiet: bool = False) -> None:
 
 def announced_air(vehicle: SimulatedVehicle, quiet: bool = False) -> AbstractContextManager[None]:
     """`announced`, where the vehicle's aerodynamic model is compiled apart from the plant; said once a run."""
-    if COMPILING_AIR in _told or not compiled_apart(vehicle.aerodynamics.model):
+    if COMPILING_AIR in _told or not is_compiled_separately(vehicle.aerodynamics.model):
         return nullcontext()
     return announced(quiet, COMPILING_AIR)
 
@@ -48,25 +47,22 @@ def announced(quiet: bool = False, words: str = COMPILING_METHODS) -> Iterator[N
     if quiet:
         yield
         return
-    with install_listener("numba:compile", _Teller(words)):
+    announcement = _Announcement(words)
+    with on_compilation(announcement.print_once):
         yield
 
 
-class _Teller(Listener):
-    """What numba tells of each compilation."""
+class _Announcement:
+    """A line on stderr that is printed at the first of several events."""
 
     def __init__(self, words: str) -> None:
-        self._words, self._announced = words, False
+        self._words, self._printed = words, False
 
-    def on_start(self, event: Any) -> None:
-        """One begins."""
-        if not self._announced:
-            self._announced = True
+    def print_once(self) -> None:
+        if not self._printed:
+            self._printed = True
             _told.add(self._words)
             print(self._words, file=sys.stderr, flush=True)
-
-    def on_end(self, event: Any) -> None:
-        """One is over."""
 
 
 def _reporting(words: str, quiet: bool) -> AbstractContextManager[Any]:

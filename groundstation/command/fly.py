@@ -44,7 +44,7 @@ from logs.names import files_of, reserved
 from logs.placing import check_new, held
 from logs.reader import Log, open_log
 from logs.summary import FlightSummary, summarize
-from sim_bridge.aerodynamics.models import compiled_apart
+from sim_bridge.aerodynamics.models import is_compiled_separately
 from sim_bridge.environment import dryden
 from sim_bridge.environment.levels import LEVELS_TOLD
 from sim_bridge.environment.wind import steady_wind
@@ -249,7 +249,7 @@ def _check_flyable(name: str) -> None:
 def _prepare(plan: Plan, quiet: bool) -> None:
     """Compile the physics before the clocks of the flight's waits begin to run."""
     vehicle = simulated(options.vehicle_files(plan.vehicle)[0], plan.aerodynamics)
-    if not physics_compiled() or compiled_apart(vehicle.aerodynamics.model):
+    if not physics_compiled() or is_compiled_separately(vehicle.aerodynamics.model):
         load_physics(vehicle, quiet)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sim_bridge.vectors import kernel
+from sim_bridge.compiled import kernel
 
 
 @kernel

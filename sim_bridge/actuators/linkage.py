@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from typing import Annotated, NamedTuple
 
-from sim_bridge.vectors import kernel
+from sim_bridge.compiled import kernel
 from wingbeat.errors import InputError
 from wingbeat.units import Quantity
 

@@ -19,8 +19,9 @@ import numpy as np
 from sim_bridge.aerodynamics.protocol import FORWARD, NOSE_UP, UPWARD, AerodynamicModel, Motion, SectionLoads, Strips
 from sim_bridge.aerodynamics.strip_theory import KINEMATIC_VISCOSITY
 from sim_bridge.aerodynamics.surfaces import SEPARATED_NORMAL_FORCE
+from sim_bridge.compiled import inlined, kernel
 from sim_bridge.elementary import arctangent
-from sim_bridge.vectors import Floats, inlined, kernel
+from sim_bridge.vectors import Floats
 from wingbeat.units import Quantity
 
 STALL_BLEND = 0.1

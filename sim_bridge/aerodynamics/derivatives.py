@@ -28,7 +28,8 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from sim_bridge.aerodynamics.protocol import AerodynamicModel, Motion, SectionLoads, Strips
-from sim_bridge.vectors import Floats, inlined, kernel
+from sim_bridge.compiled import inlined, kernel
+from sim_bridge.vectors import Floats
 from wingbeat.errors import InputError
 from wingbeat.units import Quantity
 

@@ -21,11 +21,11 @@ from sim_bridge.aerodynamics.strip_theory import StripParameters
 from sim_bridge.aerodynamics.vortex_lattice import coupled as vortex_lattice
 from sim_bridge.aerodynamics.vortex_lattice.coupled import FarLattice, far_lattice
 from sim_bridge.aerodynamics.vortex_lattice.settings import VortexLatticeParameters
-from sim_bridge.bound import call_far
-from sim_bridge.vectors import Floats, inlined
+from sim_bridge.compiled import call_far, inlined
+from sim_bridge.vectors import Floats
 from wingbeat.errors import InputError
 
-__all__ = ["MODELS", "Air", "advance", "air_of", "compiled_apart", "find_model", "loads"]
+__all__ = ["MODELS", "Air", "advance", "air_of", "find_model", "is_compiled_separately", "loads"]
 
 for _module in (strip_theory, quasi_steady, blade_element, regression, derivatives, vortex_lattice):
     MODELS[_module.MODEL.name] = _module.MODEL
@@ -57,7 +57,7 @@ def find_model(name: str) -> AerodynamicModel:
     return MODELS[name]
 
 
-def compiled_apart(name: str) -> bool:
+def is_compiled_separately(name: str) -> bool:
     """Whether the model of this name is compiled at its first flight, and not with the plant.
 
     Raises:

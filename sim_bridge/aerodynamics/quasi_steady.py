@@ -41,7 +41,8 @@ from sim_bridge.aerodynamics.protocol import (
     SectionLoads,
     Strips,
 )
-from sim_bridge.vectors import Floats, inlined, kernel
+from sim_bridge.compiled import inlined, kernel
+from sim_bridge.vectors import Floats
 from wingbeat.errors import InputError
 from wingbeat.units import Quantity
 

@@ -38,8 +38,9 @@ from sim_bridge.aerodynamics.protocol import (
     Strips,
     aspect_ratio,
 )
+from sim_bridge.compiled import inlined, kernel, noalias
 from sim_bridge.elementary import arctangent
-from sim_bridge.vectors import Floats, apart, inlined, kernel
+from sim_bridge.vectors import Floats
 from wingbeat.errors import InputError
 from wingbeat.units import Quantity
 
@@ -305,7 +306,7 @@ def loads(
         fill_lag_rates(p, strips.chord, m.along, m.down, m.pitch_rate, lags, out.rates)
 
 
-@apart
+@noalias
 def fill_stalled(
     p: StripParameters,
     chord: Floats,
@@ -329,7 +330,7 @@ def fill_stalled(
             stalled[i] = _share_beyond(at.across, m, at.speed, p)
 
 
-@apart
+@noalias
 def fill_loads(
     p: StripParameters,
     density: float,
@@ -368,7 +369,7 @@ def fill_loads(
         inertia[i] = apparent * chord[i] * chord[i] / 32.0
 
 
-@apart
+@noalias
 def fill_lag_rates(
     p: StripParameters, chord: Floats, along: Floats, down: Floats, pitch_rate: Floats, lag: Floats, rates: Floats
 ) -> None:

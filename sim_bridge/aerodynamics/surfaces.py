@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 
+from sim_bridge.compiled import inlined
 from sim_bridge.elementary import arctangent, sine_and_cosine
-from sim_bridge.vectors import Floats, inlined
+from sim_bridge.vectors import Floats
 
 SEPARATED_NORMAL_FORCE = 1.98
 """-; normal-force coefficient of a plate across the flow (Hoerner), as DeLaurier uses it for stalled sections"""

@@ -27,9 +27,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sim_bridge.compiled import kernel
 from sim_bridge.environment.levels import INTENSITIES, LEVELS, LEVELS_TOLD, SMALL_UAV, WIND_AT_20_FT
 from sim_bridge.observation import Vector
-from sim_bridge.vectors import kernel
 from wingbeat.errors import InputError
 
 FOOT = 0.3048

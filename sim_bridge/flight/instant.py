@@ -6,10 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim_bridge.bound import Bound, bound_values
+from sim_bridge.compiled import Bound, bound_values, njit
 from sim_bridge.observation import Vector
 from sim_bridge.plant import Plant
-from sim_bridge.vectors import njit
 
 
 class Instant(NamedTuple):

@@ -214,7 +214,7 @@ class StrokeMap:
 
 
 def paired_coordinates(plant: Plant) -> list[tuple[int, ...]]:
-    """Places in the state vector of what moves in symmetric flight: a coordinate of both sides, or of the middle.
+    """Indices in the state vector of what moves in symmetric flight: a coordinate of both sides, or of the middle.
 
     What follows a servo is an input, not a state.
     """

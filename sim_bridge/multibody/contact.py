@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 
-from sim_bridge.vectors import Floats, kernel
+from sim_bridge.compiled import kernel
+from sim_bridge.vectors import Floats
 from wingbeat.constants import STANDARD_GRAVITY
 
 PENETRATION = 0.01

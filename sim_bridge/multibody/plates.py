@@ -7,8 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from sim_bridge.aerodynamics.surfaces import plate_pressure
+from sim_bridge.compiled import inlined, inlined_internal, noalias
 from sim_bridge.multibody.tree import Kinematics
-from sim_bridge.vectors import Floats, Integers, apart, inlined, laid_in
+from sim_bridge.vectors import Floats, Integers
 
 
 class Plates(NamedTuple):
@@ -34,7 +35,7 @@ def no_plates() -> Plates:
     return Plates(np.zeros(0, dtype=np.int64), nowhere, nowhere, nowhere, np.zeros(0), np.zeros(0))
 
 
-@laid_in
+@inlined_internal
 def add_plates(k: Kinematics, plates: Plates, air: Floats, density: float, total: Floats) -> None:
     """Let the air act on the plates.
 
@@ -52,7 +53,7 @@ def add_plates(k: Kinematics, plates: Plates, air: Floats, density: float, total
         )  # fmt: skip
 
 
-@apart
+@noalias
 def _add_plate(
     place: Floats,
     chord: Floats,

@@ -14,8 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sim_bridge.compiled import inlined, inlined_internal, noalias
 from sim_bridge.elementary import sine_and_cosine
-from sim_bridge.vectors import Floats, Integers, apart, inlined, laid_in
+from sim_bridge.vectors import Floats, Integers
 from wingbeat.errors import InputError
 
 Vector = tuple[float, float, float]
@@ -230,7 +231,7 @@ def _place_body(tree: Tree, b: int, angle: float, k: Kinematics) -> None:
     )  # fmt: skip
 
 
-@apart
+@noalias
 def _place(
     angle: float,
     place: Floats,
@@ -266,7 +267,7 @@ def _move_body(up: int, b: int, rate: float, k: Kinematics) -> None:
     _add_joint(rate, k.s[b], k.velocity[up], k.bias[up], k.velocity[b], k.bias[b])
 
 
-@apart
+@noalias
 def _add_joint(rate: float, s: Floats, up: Floats, up_bias: Floats, velocity: Floats, bias: Floats) -> None:
     """Fill ``velocity`` and ``bias`` of a body that turns on one moving at ``up`` (6,): its own is v x s rate."""
     v0, v1, v2, v3, v4, v5 = up[0], up[1], up[2], up[3], up[4], up[5]
@@ -290,7 +291,7 @@ def _load_body(tree: Tree, b: int, gravity: Floats, k: Kinematics) -> None:
     )  # fmt: skip
 
 
-@apart
+@noalias
 def _load(
     m: float,
     center: Floats,
@@ -376,7 +377,7 @@ def move(tree: Tree, q: Floats, rates: Floats, base: Floats, gravity: Floats, k:
         _load_body(tree, b, gravity, k)
 
 
-@laid_in
+@inlined_internal
 def add_wrench(k: Kinematics, b: int, point: Floats, force: Floats) -> None:
     """Let a force (3,) in N act on body ``b`` at ``point`` (3,) in m; both in the base's axes, from its origin."""
     k.force[b, 0] -= point[1] * force[2] - point[2] * force[1]
@@ -400,7 +401,7 @@ def assemble(tree: Tree, k: Kinematics, mass: Floats, load: Floats) -> None:
     _add_base(k.inertia[0], k.force[0], mass, load)
 
 
-@apart
+@noalias
 def _times(inertia: Floats, s: Floats, out: Floats) -> None:
     """``out`` (6,) = ``inertia`` (6, 6) of an upper triangle times ``s`` (6,)."""
     for i in range(6):
@@ -410,7 +411,7 @@ def _times(inertia: Floats, s: Floats, out: Floats) -> None:
         out[i] = total
 
 
-@apart
+@noalias
 def _fold(inertia: Floats, force: Floats, onto: Floats, force_onto: Floats) -> None:
     """Add a subtree's inertia, upper triangle, and force to those of the body that it hangs on."""
     for i in range(6):
@@ -420,7 +421,7 @@ def _fold(inertia: Floats, force: Floats, onto: Floats, force_onto: Floats) -> N
                 onto[i, j] += inertia[i, j]
 
 
-@apart
+@noalias
 def _add_base(inertia: Floats, force: Floats, mass: Floats, load: Floats) -> None:
     """Add the whole tree to the equations of the base, and fill its ``inertia`` below the diagonal."""
     for i in range(6):
@@ -437,7 +438,7 @@ def _add_base(inertia: Floats, force: Floats, mass: Floats, load: Floats) -> Non
                 mass[3 + i, 3 + j] += inertia[i, j]
 
 
-@laid_in
+@inlined_internal
 def column(tree: Tree, k: Kinematics, start: int, force: Floats, mass: Floats, at: int) -> None:
     """Fill column ``at`` of ``mass`` with what a unit rate's ``force`` (6,) makes on the base and on the joints of
     body ``start`` and those that it hangs on.
@@ -452,7 +453,7 @@ def column(tree: Tree, k: Kinematics, start: int, force: Floats, mass: Floats, a
         b = tree.parent[b]
 
 
-@apart
+@noalias
 def _add_to_base(force: Floats, mass: Floats, at: int) -> None:
     for i in range(3):
         mass[i, at] += force[3 + i]
@@ -522,7 +523,7 @@ def _eliminate(mass: Floats, load: Floats, i: int) -> None:
                 mass[k, j] -= factor * row[k]
 
 
-@apart
+@noalias
 def _take_off_base(row: Floats, pivot: float, own: float, mass: Floats, load: Floats) -> None:
     """What eliminating a speed takes off the base's equations."""
     for i in range(BASE):
@@ -533,7 +534,7 @@ def _take_off_base(row: Floats, pivot: float, own: float, mass: Floats, load: Fl
                 mass[i, j] -= factor * row[j]
 
 
-@apart
+@noalias
 def _solve_base(mass: Floats, load: Floats) -> None:
     """Solve for the base's six speeds, its turning taken out of the equations of its moving.
 

@@ -24,9 +24,10 @@ from sim_bridge.aerodynamics.protocol import (
     SectionLoads,
     Strips,
 )
+from sim_bridge.compiled import inlined, kernel, noalias
 from sim_bridge.elementary import QUARTER, sine_and_cosine, small_sine_and_cosine
 from sim_bridge.multibody.tree import BASE, Equations, Kinematics, Tree, column
-from sim_bridge.vectors import Floats, Integers, Places, apart, inlined, kernel
+from sim_bridge.vectors import Floats, Indices, Integers
 
 Vector = tuple[float, float, float]
 
@@ -41,7 +42,7 @@ class Wings(NamedTuple):
     """(w,); the coordinate of the tip twist, -1 for a wing that does not twist"""
     flap: Integers
     """(w,); the coordinate that is called the flap angle"""
-    first: Places
+    first: Indices
     """(w + 1,); the first strip of each wing, and the number of all"""
     side: Floats
     """(w,); +1 for a right wing, -1 for a left one"""
@@ -107,7 +108,7 @@ def _root(k: Kinematics, b: int, outside: Floats, frame: Floats) -> None:
     _fill_frame(k.r[b], k.p[b], k.velocity[b], k.velocity[0], k.bias[b], outside, frame)
 
 
-@apart
+@noalias
 def _fill_frame(r: Floats, p: Floats, v: Floats, base: Floats, a: Floats, outside: Floats, frame: Floats) -> None:
     """`_root` of a wing whose body is turned by ``r``, placed at ``p``, with motion ``v`` and bias ``a`` (6,)."""
     g, air, turn = outside[0:3], outside[3:6], outside[6:9]
@@ -154,7 +155,7 @@ def _strip_motion(w: Wings, j: int, theta: float, work: WingWork) -> None:
     )  # fmt: skip
 
 
-@apart
+@noalias
 def _turn_strips(first: int, last: int, theta: float, eta: Floats, sine: Floats, cosine: Floats) -> None:
     """Sine and cosine of every section's twist; ``eta`` is at most 1."""
     if abs(theta) <= QUARTER:
@@ -165,7 +166,7 @@ def _turn_strips(first: int, last: int, theta: float, eta: Floats, sine: Floats,
             sine[i], cosine[i] = sine_and_cosine(theta * eta[i])
 
 
-@apart
+@noalias
 def _move_strips(
     first: int,
     last: int,
@@ -242,7 +243,7 @@ def add_wings(tree: Tree, k: Kinematics, w: Wings, work: WingWork, equations: Eq
             column(tree, k, w.body[j], work.column, equations.mass, at)
 
 
-@apart
+@noalias
 def _sum_parts(parts: Floats, total: Floats) -> None:
     for c in range(4):
         one = total[c]
@@ -397,7 +398,7 @@ def _carry(k: Kinematics, b: int, work: WingWork) -> None:
     _add_wrench(k.r[b], k.p[b], work.wrench[1], k.force[b])
 
 
-@apart
+@noalias
 def _carry_inertia(r: Floats, p: Floats, own: Floats, out: Floats) -> None:
     """Add a spatial inertia ``own`` (6, 6), told at ``p`` in axes turned by ``r``, to ``out``; upper triangles.
 
@@ -450,7 +451,7 @@ def _row(r: Floats, i: int, a: tuple[Vector, Vector, Vector]) -> Vector:
     )
 
 
-@apart
+@noalias
 def _add_wrench(r: Floats, p: Floats, wrench: Floats, out: Floats) -> None:
     """Add ``wrench`` (6,), told at the root in wing axes, to ``out`` about the base's origin."""
     f0 = r[0, 0] * wrench[3] + r[0, 1] * wrench[4] + r[0, 2] * wrench[5]

@@ -16,10 +16,10 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from sim_bridge.bound import Bound, bound_values
+from sim_bridge.compiled import Bound, bound_values, njit
 from sim_bridge.observation import Observation
 from sim_bridge.sensors.noise import BLOCK, SensorSeed, split
-from sim_bridge.vectors import Floats, Integers, njit
+from sim_bridge.vectors import Floats, Integers
 from wingbeat.samples import BURST_LENGTH
 from wingbeat.units import Quantity
 

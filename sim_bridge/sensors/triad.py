@@ -6,11 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim_bridge.bound import Bound, bound_values
+from sim_bridge.compiled import Bound, bound_values, njit
 from sim_bridge.observation import Vector
 from sim_bridge.sensors.low_pass import LowPass
 from sim_bridge.sensors.noise import BLOCK, UnitErrors, normal_vector
-from sim_bridge.vectors import Floats, njit
+from sim_bridge.vectors import Floats
 
 ZERO: Vector = (0.0, 0.0, 0.0)
 

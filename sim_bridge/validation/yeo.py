@@ -28,8 +28,9 @@ from sim_bridge.aerodynamics.protocol import (
     blank_motion,
 )
 from sim_bridge.aerodynamics.strip_theory import StripParameters, StripTheory, loads
+from sim_bridge.compiled import kernel
 from sim_bridge.validation.row import Check, Row, compare, compare_share, figure
-from sim_bridge.vectors import Floats, kernel
+from sim_bridge.vectors import Floats
 
 WHERE = "measured pressures"
 MODEL = find_model("strip_theory")

@@ -7,7 +7,7 @@ import pytest
 
 from groundstation.command import compiling
 from groundstation.command.compiling import COMPILING, COMPILING_AIR, COMPILING_METHODS, announced, load_physics
-from sim_bridge.aerodynamics.models import MODELS, compiled_apart
+from sim_bridge.aerodynamics.models import MODELS, is_compiled_separately
 from sim_bridge.plant import Plant
 from sim_bridge.vehicles import load_vehicle
 
@@ -28,7 +28,7 @@ def test_a_compilation_is_announced_once_when_it_begins(capsys: Capture) -> None
     assert capsys.readouterr() == ("", "")
 
 
-def test_air_that_is_compiled_apart_is_announced_in_words_of_its_own(
+def test_air_that_is_is_compiled_separately_is_announced_in_words_of_its_own(
     capsys: Capture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A plant that compiles a kernel when it is built stands for the lattice, which takes half a minute."""
@@ -47,8 +47,8 @@ def test_air_that_is_compiled_apart_is_announced_in_words_of_its_own(
     assert capsys.readouterr().err == ""
 
 
-def test_the_lattice_alone_is_compiled_apart() -> None:
-    assert [name for name in MODELS if compiled_apart(name)] == ["vortex_lattice"]
+def test_the_lattice_alone_is_is_compiled_separately() -> None:
+    assert [name for name in MODELS if is_compiled_separately(name)] == ["vortex_lattice"]
 
 
 def test_the_physics_is_announced_where_it_is_not_compiled(capsys: Capture, monkeypatch: pytest.MonkeyPatch) -> None:

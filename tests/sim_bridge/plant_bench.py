@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from sim_bridge import plant_kernel as k
-from sim_bridge.bound import Bound
+from sim_bridge.compiled import Bound
 from sim_bridge.mechanism import all_parts, wing_strips
 from sim_bridge.multibody.tree import assemble, inertia_matrix
 from sim_bridge.plant import Plant, scratch

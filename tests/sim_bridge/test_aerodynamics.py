@@ -40,7 +40,7 @@ from sim_bridge.aerodynamics import protocol
 from sim_bridge.aerodynamics.models import MODELS, Air, advance, find_model, loads
 from sim_bridge.aerodynamics.protocol import MASS, Motion, Strips
 from sim_bridge.aerodynamics.surfaces import body_drag
-from sim_bridge.bound import Bound
+from sim_bridge.compiled import Bound
 from sim_bridge.flight.world import Scenario, SimulatedWorld
 from sim_bridge.plant import Plant, plant_parameters
 from sim_bridge.vectors import Floats

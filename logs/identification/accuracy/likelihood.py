@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 
 from logs.identification.results import Array
-from sim_bridge.vectors import njit
+from sim_bridge.compiled import njit
 
 LARGEST = 1 - 1e-7
 """-; size of a reflection"""

@@ -13,13 +13,13 @@ import numpy as np
 
 from sim_bridge import plant_kernel as k
 from sim_bridge.aerodynamics.regression import dynamic_pressure
-from sim_bridge.bound import Bound, bound_values
+from sim_bridge.compiled import Bound, bound_values, kernel
 from sim_bridge.mechanism import build_mechanism
 from sim_bridge.multibody.plates import add_plates
 from sim_bridge.multibody.tree import BASE, Equations, assemble
 from sim_bridge.multibody.wings import add_wings
 from sim_bridge.plant import plant_parameters, scratch
-from sim_bridge.vectors import Floats, kernel
+from sim_bridge.vectors import Floats
 from sim_bridge.vehicles import SimulatedVehicle
 from wingbeat.errors import InputError
 

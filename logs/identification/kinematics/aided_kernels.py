@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from logs.identification.results import Array
-from sim_bridge.vectors import njit
+from sim_bridge.compiled import njit
 
 MOTION, OFFSETS, MATRICES, LAG = 6, 6, 12, 30
 """-; how many move, and where the others begin"""

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from logs.identification.results import Array
-from sim_bridge.vectors import njit
+from sim_bridge.compiled import njit
 
 STATES = ("u", "v", "w", "phi", "theta", "psi", "altitude", "north", "east")
 STATE_UNITS = ("m/s", "m/s", "m/s", "rad", "rad", "rad", "m", "m", "m")

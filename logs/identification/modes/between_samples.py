@@ -13,7 +13,7 @@ import numpy as np
 from scipy.linalg import expm
 
 from logs.identification.results import Array
-from sim_bridge.vectors import njit
+from sim_bridge.compiled import njit
 
 SAME = 1e-9
 """-; of a step: what lies closer to a sample is at it"""

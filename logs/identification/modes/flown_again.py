@@ -14,7 +14,8 @@ from logs.identification.data import Aircraft
 from logs.identification.modes.longitudinal import TAIL, Discrete, Matrices, discretise, matrices, propagate
 from logs.identification.preparing.manoeuvre import Manoeuvre, Reference
 from logs.identification.results import Array
-from sim_bridge.vectors import Integers, njit
+from sim_bridge.compiled import njit
+from sim_bridge.vectors import Integers
 
 OUTPUTS = ("q", "a_x", "a_z", "theta")
 DIFFERENCE = 1e-5

@@ -11,14 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from sim_bridge.vectors import inner, unlocked
+from sim_bridge.compiled import internal, nogil_kernel
 
 DOUBLINGS = 7
 TERMS, STEP_TERMS = 5, 5
 """-; of Taylor's series over a stroke's 128th part, and over a step of the inputs"""
 
 
-@inner
+@internal
 def _times(left: Any, right: Any, begins: Any, ones: float, out: Any) -> None:
     """``left right`` of transitions; ``ones`` is what integrals are multiplied by: 0 where ``left`` is a rate."""
     n = left.shape[1]
@@ -31,7 +31,7 @@ def _times(left: Any, right: Any, begins: Any, ones: float, out: Any) -> None:
                 out[i, j] += factor * right[k, j]
 
 
-@inner
+@internal
 def _carried(over: Any, begins: Any, before: Any, half: Any, out: Any) -> None:
     """The covariance (n + m, n + m) that the transition ``over`` makes of the one ``before``."""
     size, n = over.shape[0], over.shape[1]
@@ -50,7 +50,7 @@ def _carried(over: Any, begins: Any, before: Any, half: Any, out: Any) -> None:
             out[i, j] = out[j, i] = total
 
 
-@inner
+@internal
 def _series(rates: Any, step: float, begins: Any, small: Any, term: Any, spare: Any, total: Any) -> None:
     """Taylor's series of the transition over a short ``step`` in s."""
     size, n = rates.shape[0], rates.shape[1]
@@ -66,7 +66,7 @@ def _series(rates: Any, step: float, begins: Any, small: Any, term: Any, spare: 
                 total[i, j] += term[i, j]
 
 
-@inner
+@internal
 def _add(factor: float, more: Any, kept: float, out: Any) -> None:
     """``kept`` times ``out`` and ``factor`` times ``more`` in ``out``."""
     for i in range(out.shape[0]):
@@ -74,7 +74,7 @@ def _add(factor: float, more: Any, kept: float, out: Any) -> None:
             out[i, j] = kept * out[i, j] + factor * more[i, j]
 
 
-@inner
+@internal
 def _at_airspeed(airspeed: float, growing: Any, usual: Any, out: Any) -> None:
     """What is ``usual`` at an ``airspeed`` of 1, at another; ``growing`` is the part that is proportional to it."""
     for i in range(usual.shape[0]):
@@ -82,7 +82,7 @@ def _at_airspeed(airspeed: float, growing: Any, usual: Any, out: Any) -> None:
             out[i, j] = usual[i, j] + (airspeed - 1.0) * growing[i, j]
 
 
-@inner
+@internal
 def _between(ends: Any, which: Any, shares: Any, out: Any) -> None:
     """The mean of those of the ``ends`` (l, ...) that are at the places ``which``, each by its share."""
     for i in range(out.shape[0]):
@@ -95,7 +95,7 @@ def _between(ends: Any, which: Any, shares: Any, out: Any) -> None:
                 out[i, j] += share * ends[kind, i, j]
 
 
-@inner
+@internal
 def _over_a_stroke(rates: Any, density: Any, length: float, begins: Any, spare: Any, over: Any, spread: Any) -> None:
     """Transition and noise covariance over a stroke of ``length`` s.
 
@@ -117,7 +117,7 @@ def _over_a_stroke(rates: Any, density: Any, length: float, begins: Any, spare: 
         _add(1.0, over, 0.0, one)
 
 
-@inner
+@internal
 def _input_step(rates: Any, b: Any, step: float, term: Any, spare: Any, out: Any) -> None:
     """What a ``step`` of the inputs in s does, (r, r + 2 p).
 
@@ -147,7 +147,7 @@ def _input_step(rates: Any, b: Any, step: float, term: Any, spare: Any, out: Any
             out[i, r + j] -= out[i, r + p + j]
 
 
-@inner
+@internal
 def _driven(over: Any, inputs: Any, forced: Any, state: Any, ahead: Any, mean: Any) -> None:
     """``state`` after a stroke that begins at rest, driven by ``inputs`` (p, steps + 1), and its ``mean`` in it.
 
@@ -173,7 +173,7 @@ def _driven(over: Any, inputs: Any, forced: Any, state: Any, ahead: Any, mean: A
             state[i] = ahead[i]
 
 
-@inner
+@internal
 def _surprised(measured: Any, system: Any, driven: Any, stroke: Any, state: Any, surprise: Any) -> None:
     """What was ``measured`` less what the inputs alone make of it and what the ``state`` foretells, biases with it.
 
@@ -193,7 +193,7 @@ def _surprised(measured: Any, system: Any, driven: Any, stroke: Any, state: Any,
         surprise[i] = total
 
 
-@inner
+@internal
 def _seen(over: Any, length: float, known: Any, spread: Any, noise: Any, sight: Any, root: Any) -> None:
     """How averages and state vary together, ``sight`` (m, n + m), and the averages' covariance in ``root``."""
     n, m = over.shape[1], sight.shape[0]
@@ -211,7 +211,7 @@ def _seen(over: Any, length: float, known: Any, spread: Any, noise: Any, sight: 
         root[i, i] += noise[i]
 
 
-@inner
+@internal
 def _crossed(over: Any, length: float, begins: Any, spread: Any, sight: Any, cross: Any) -> None:
     """How the state after a stroke varies with its averages: ``cross`` (n + m, m)."""
     n, m = over.shape[1], sight.shape[0]
@@ -223,7 +223,7 @@ def _crossed(over: Any, length: float, begins: Any, spread: Any, sight: Any, cro
             cross[i, j] = total
 
 
-@inner
+@internal
 def _divided(root: Any, i: int, row: Any) -> None:
     """Element i of ``row`` divided by ``root``; those before it are."""
     total = row[i]
@@ -232,7 +232,7 @@ def _divided(root: Any, i: int, row: Any) -> None:
     row[i] = total / root[i, i]
 
 
-@inner
+@internal
 def _divide(root: Any, cross: Any, surprise: Any, white: Any) -> None:
     """Cholesky's factor in place of the covariance in ``root``, and what it divides: ``cross`` and ``surprise``."""
     for i in range(root.shape[0]):
@@ -247,7 +247,7 @@ def _divide(root: Any, cross: Any, surprise: Any, white: Any) -> None:
             _divided(root, i, cross[row])
 
 
-@inner
+@internal
 def _settle(carried: Any, spread: Any, cross: Any, known: Any) -> None:
     """Covariance ``known`` of the state after a stroke: carried on, widened by the noise, less what was seen."""
     size, m = cross.shape[0], cross.shape[1]
@@ -259,7 +259,7 @@ def _settle(carried: Any, spread: Any, cross: Any, known: Any) -> None:
             known[i, j] = known[j, i] = total
 
 
-@inner
+@internal
 def _move(over: Any, begins: Any, reached: Any, cross: Any, white: Any, state: Any, ahead: Any) -> None:
     """The ``state`` after a stroke: carried on, moved by the inputs as far as ``reached``, and by what was seen."""
     n, size = over.shape[1], state.shape[0]
@@ -276,14 +276,14 @@ def _move(over: Any, begins: Any, reached: Any, cross: Any, white: Any, state: A
         state[i] = ahead[i]
 
 
-@inner
+@internal
 def _follow(state: Any, followed: Any) -> None:
     """Add half of the ``state``: at both ends of a stroke, that is its mean."""
     for i in range(followed.shape[0]):
         followed[i] += state[i] / 2.0
 
 
-@inner
+@internal
 def _begin(begin: Any, state: Any, known: Any) -> None:
     """The first ``state`` of a stretch and its covariance ``known``."""
     for i in range(state.shape[0]):
@@ -292,7 +292,7 @@ def _begin(begin: Any, state: Any, known: Any) -> None:
             known[i, j] = begin[i, j]
 
 
-@unlocked
+@nogil_kernel
 def filter_strokes(systems: Any, averaged: Any, columns: Any, kept: Any, spare: Any, found: Any) -> None:
     """Fill ``found``, what `gust_filter.Innovations` holds, for each of the ``systems`` (s, ...).
 

@@ -15,7 +15,7 @@ import numpy as np
 from logs.identification.data import Aircraft
 from logs.identification.preparing.manoeuvre import Reference
 from logs.identification.results import Array
-from sim_bridge.vectors import njit
+from sim_bridge.compiled import njit
 from wingbeat.constants import STANDARD_GRAVITY
 
 REGRESSORS = ("u", "w", "q", "delta")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from logs.identification.results import Array
-from sim_bridge.vectors import njit
+from sim_bridge.compiled import njit
 
 
 @njit(cache=True)

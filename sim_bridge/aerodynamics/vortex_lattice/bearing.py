@@ -15,10 +15,11 @@ from sim_bridge.aerodynamics.vortex_lattice.legs import set_bound_filaments
 from sim_bridge.aerodynamics.vortex_lattice.placing import strip_of, surface_normal
 from sim_bridge.aerodynamics.vortex_lattice.settings import FIN, HELD, TAILPLANE, VortexLatticeParameters
 from sim_bridge.aerodynamics.vortex_lattice.wake import Core, Wake, set_wake_filaments
-from sim_bridge.vectors import Floats, inner
+from sim_bridge.compiled import internal
+from sim_bridge.vectors import Floats
 
 
-@inner
+@internal
 def set_all_filaments(p: VortexLatticeParameters, wake: Wake, core: Core) -> int:
     """Put rings of the strengths found, the newest row of the wake with them, and the wake into the room's table."""
     room = p.room
@@ -32,7 +33,7 @@ def set_all_filaments(p: VortexLatticeParameters, wake: Wake, core: Core) -> int
     return int(set_wake_filaments(p.layout, wake, core, p.dt, room.table, count))
 
 
-@inner
+@internal
 def sharer(edge: int, share: int, columns: int) -> int:
     """The column of the strip that has the first or second ``share`` in a leg along the wing's ``edge``."""
     if edge == 0:
@@ -40,7 +41,7 @@ def sharer(edge: int, share: int, columns: int) -> int:
     return columns - 1 - share if edge == columns else edge - 1 + share
 
 
-@inner
+@internal
 def weight(edge: int, share: int, columns: int) -> float:
     """How much of a leg along is that strip's: where loads are linear from strip to strip it acts in its place."""
     if 0 < edge < columns:
@@ -48,20 +49,20 @@ def weight(edge: int, share: int, columns: int) -> float:
     return 1.5 if share == 0 else -0.5
 
 
-@inner
+@internal
 def held_across(p: VortexLatticeParameters, row: int, column: int) -> int:
     """Where in the state what is held of one of the wing's legs across begins; `HELD` numbers."""
     return int(p.memory.held + HELD * (row * 2 * p.half + column))
 
 
-@inner
+@internal
 def held_along(p: VortexLatticeParameters, row: int, edge: int, share: int) -> int:
     """The same of a share in one of the wing's legs along."""
     columns = 2 * p.half
     return int(p.memory.held + HELD * (p.rows * columns + 2 * (row * (columns + 1) + edge) + share))
 
 
-@inner
+@internal
 def held_tail(p: VortexLatticeParameters, leg: int) -> int:
     """The same of a leg of tailplane or fin, by its place among all legs; three numbers."""
     columns = 2 * p.half
@@ -69,7 +70,7 @@ def held_tail(p: VortexLatticeParameters, leg: int) -> int:
     return int(p.memory.held + wing + 3 * (leg - p.first_leg[TAILPLANE]))
 
 
-@inner
+@internal
 def _set_middles(p: VortexLatticeParameters) -> None:
     rings, out = p.room.rings, p.room.leg_points
     for s in range(p.layout.rows.shape[0]):
@@ -85,7 +86,7 @@ def _set_middles(p: VortexLatticeParameters) -> None:
                     out[c, along + i * width + j] = 0.5 * (rings[c, at + j] + rings[c, at + width + j])
 
 
-@inner
+@internal
 def hold_legs(
     p: VortexLatticeParameters,
     strips: Strips,
@@ -110,7 +111,7 @@ def hold_legs(
     _hold_tail(p, motion, FIN, state)
 
 
-@inner
+@internal
 def hold_still(p: VortexLatticeParameters, strips: Strips, motion: Motion, state: Floats) -> None:
     """Hold the wing's legs in air where nothing is induced but the strips' downwash."""
     p.room.leg_air[:] = 0.0
@@ -118,7 +119,7 @@ def hold_still(p: VortexLatticeParameters, strips: Strips, motion: Motion, state
     _hold_wing(p, strips, motion, state)
 
 
-@inner
+@internal
 def _hold_wing(p: VortexLatticeParameters, strips: Strips, motion: Motion, state: Floats) -> None:
     columns = 2 * p.half
     for row in range(p.rows):
@@ -133,7 +134,7 @@ def _hold_wing(p: VortexLatticeParameters, strips: Strips, motion: Motion, state
                 _turn(p, strips, motion, column, (leg, at, at + columns + 1), state, to)
 
 
-@inner
+@internal
 def _turn(
     p: VortexLatticeParameters,
     strips: Strips,
@@ -163,7 +164,7 @@ def _turn(
     state[to + 6] = ahead
 
 
-@inner
+@internal
 def _hold_tail(p: VortexLatticeParameters, motion: Motion, surface: int, state: Floats) -> None:
     """In body axes; the strips' downwash is taken off legs across, which are told by it between steps."""
     rows, columns, first = p.layout.rows[surface], p.layout.columns[surface], p.first_leg[surface]

@@ -52,8 +52,8 @@ from sim_bridge.aerodynamics.vortex_lattice.settings import (
 )
 from sim_bridge.aerodynamics.vortex_lattice.shedding import lattice_step, move_pose, set_level, start
 from sim_bridge.aerodynamics.vortex_lattice.tail import load_tail
-from sim_bridge.bound import FAR, Bound, bound_values, far_kernel
-from sim_bridge.vectors import Floats, inner, kernel
+from sim_bridge.compiled import Bound, bound_values, far_kernel, internal, kernel, run_far
+from sim_bridge.vectors import Floats
 
 PARTS = ("circulatory", "suction", "separated", "friction", "tail")
 STARTS = -1.0
@@ -124,7 +124,7 @@ def initial(parameters: VortexLatticeParameters, strips: Strips) -> Floats:
     motion = blank_motion(strips, 2)
     set_level(strips, motion)
     bound, values = bound_parameters(p), Bound((strips, motion, state))
-    FAR(far_kernel(_advance_far, bound, values))(bound.address, values.address, STARTS)
+    run_far(far_kernel(_advance_far, bound, values), bound, values, STARTS)
     return state
 
 
@@ -160,7 +160,7 @@ def _load_wing(
         _load_edge(p, strips, motion, edge, density, state, out)
 
 
-@inner
+@internal
 def _downwash(p: VortexLatticeParameters, column: int, state: Floats, strengths: Floats) -> float:
     """m/s; along the normal at a strip's quarter chord by all legs but those across of its surface."""
     n, total = p.panel_at.shape[0], 0.0
@@ -170,7 +170,7 @@ def _downwash(p: VortexLatticeParameters, column: int, state: Floats, strengths:
     return float(total)
 
 
-@inner
+@internal
 def _load_strip(
     p: VortexLatticeParameters,
     strips: Strips,
@@ -199,7 +199,7 @@ def _load_strip(
     out.apparent[INERTIA, s] = apparent * chord * chord / 32.0
 
 
-@inner
+@internal
 def _load_edge(
     p: VortexLatticeParameters,
     strips: Strips,
@@ -222,7 +222,7 @@ def _load_edge(
             _bear(p, motion, column, state[held_along(p, row, edge, share) :], push, stalled, out)
 
 
-@inner
+@internal
 def _bear(
     p: VortexLatticeParameters,
     motion: Motion,
@@ -245,13 +245,13 @@ def _bear(
     out.parts[SUCTION, OUTWARD, s] += efficiency * side * (forward * held[5] - up * held[4])
 
 
-@inner
+@internal
 def apparent_area(p: VortexLatticeParameters, chord: float) -> float:
     """m^2; the apparent mass of a section a unit span over the density, of wings of a finite span."""
     return 0.25 * math.pi * chord * chord * p.thickness
 
 
-@inner
+@internal
 def stall_of(p: VortexLatticeParameters, chord: float, motion: Motion, s: int) -> float:
     """Share 0 to 1 of a section that is stalled, by the strip theory's incidence (quasi-steady) and limits."""
     along, turn = motion.along[s], motion.pitch_rate[s]
@@ -260,7 +260,7 @@ def stall_of(p: VortexLatticeParameters, chord: float, motion: Motion, s: int) -
     return stalled_share(across, section, max(abs(along), SLOWEST), p.strip)
 
 
-@inner
+@internal
 def _separate(
     p: VortexLatticeParameters,
     strips: Strips,

@@ -16,7 +16,8 @@ import numpy as np
 from sim_bridge.aerodynamics.vortex_lattice.geometry import Layout
 from sim_bridge.aerodynamics.vortex_lattice.legs import NONE, Legs, leg_strength
 from sim_bridge.aerodynamics.vortex_lattice.panels import Panels
-from sim_bridge.vectors import Floats, kernel
+from sim_bridge.compiled import kernel
+from sim_bridge.vectors import Floats
 
 
 class Loads(NamedTuple):

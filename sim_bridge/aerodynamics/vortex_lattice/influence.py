@@ -16,7 +16,8 @@ import math
 
 import numpy as np
 
-from sim_bridge.vectors import Floats, kernel
+from sim_bridge.compiled import kernel
+from sim_bridge.vectors import Floats
 from wingbeat.errors import InputError
 
 FILAMENT = 8

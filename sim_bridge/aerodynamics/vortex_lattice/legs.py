@@ -8,7 +8,8 @@ import numpy as np
 
 from sim_bridge.aerodynamics.vortex_lattice.geometry import Layout
 from sim_bridge.aerodynamics.vortex_lattice.influence import set_filament
-from sim_bridge.vectors import Floats, Integers, kernel
+from sim_bridge.compiled import kernel
+from sim_bridge.vectors import Floats, Integers
 
 NONE = -1
 """in the place of a panel: there is none"""

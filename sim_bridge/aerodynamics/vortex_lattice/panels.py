@@ -14,7 +14,8 @@ import numpy as np
 
 from sim_bridge.aerodynamics.vortex_lattice.geometry import Layout
 from sim_bridge.aerodynamics.vortex_lattice.influence import row_influence
-from sim_bridge.vectors import Floats, kernel
+from sim_bridge.compiled import kernel
+from sim_bridge.vectors import Floats
 
 
 class Panels(NamedTuple):

@@ -16,19 +16,20 @@ from sim_bridge.aerodynamics.vortex_lattice.settings import (
     TAILPLANE,
     VortexLatticeParameters,
 )
-from sim_bridge.vectors import Floats, inner
+from sim_bridge.compiled import internal
+from sim_bridge.vectors import Floats
 
 TAIL_ROWS, TAIL_COLUMNS = TAIL_SHAPE
 FIN_ROWS, FIN_COLUMNS = FIN_SHAPE
 
 
-@inner
+@internal
 def strip_of(column: int, half: int) -> int:
     """The protocol's strip in a column from the left tip to the right."""
     return half - 1 - column if column < half else column
 
 
-@inner
+@internal
 def set_nodes(p: VortexLatticeParameters, strips: Strips, motion: Motion, nodes: Floats) -> None:
     """Fill ``nodes`` (3, nodes) m with the corners of all panels."""
     width = 2 * p.half + 1
@@ -48,7 +49,7 @@ def set_nodes(p: VortexLatticeParameters, strips: Strips, motion: Motion, nodes:
     _set_tail_nodes(p, motion, nodes)
 
 
-@inner
+@internal
 def _set_tail_nodes(p: VortexLatticeParameters, motion: Motion, nodes: Floats) -> None:
     t, first = p.tail, p.layout.first_node[TAILPLANE]
     for row in range(TAIL_ROWS + 1):
@@ -62,7 +63,7 @@ def _set_tail_nodes(p: VortexLatticeParameters, motion: Motion, nodes: Floats) -
             fin_point(p, motion, row / FIN_ROWS, j / FIN_COLUMNS * t.height, nodes[:, k])
 
 
-@inner
+@internal
 def tail_point(p: VortexLatticeParameters, motion: Motion, back: float, right: float, out: Floats) -> None:
     """A point of the tailplane, ``back`` chords behind its leading edge and ``right`` m of its middle."""
     t, angle = p.tail, p.tail.incidence - motion.tail[0]
@@ -70,7 +71,7 @@ def tail_point(p: VortexLatticeParameters, motion: Motion, back: float, right: f
     out[0], out[1], out[2] = t.x + ahead * math.cos(angle), t.y + right, t.z - ahead * math.sin(angle)
 
 
-@inner
+@internal
 def fin_point(p: VortexLatticeParameters, motion: Motion, back: float, above: float, out: Floats) -> None:
     """A point of the fin, ``back`` chords behind its leading edge and ``above`` m its foot."""
     t, angle = p.tail, motion.tail[1]
@@ -78,20 +79,20 @@ def fin_point(p: VortexLatticeParameters, motion: Motion, back: float, above: fl
     out[0], out[1], out[2] = t.fin_x + ahead * math.cos(angle), t.fin_y - ahead * math.sin(angle), t.fin_z - above
 
 
-@inner
+@internal
 def tail_normal(p: VortexLatticeParameters, motion: Motion, out: Floats) -> None:
     """Of the tailplane, up."""
     angle = p.tail.incidence - motion.tail[0]
     out[0], out[1], out[2] = -math.sin(angle), 0.0, -math.cos(angle)
 
 
-@inner
+@internal
 def fin_normal(p: VortexLatticeParameters, motion: Motion, out: Floats) -> None:
     """Of the fin, to the left."""
     out[0], out[1], out[2] = -math.sin(motion.tail[1]), -math.cos(motion.tail[1]), 0.0
 
 
-@inner
+@internal
 def surface_point(
     p: VortexLatticeParameters, motion: Motion, surface: int, back: float, along: float, out: Floats
 ) -> None:
@@ -102,7 +103,7 @@ def surface_point(
         fin_point(p, motion, back, along * p.tail.height, out)
 
 
-@inner
+@internal
 def surface_normal(p: VortexLatticeParameters, motion: Motion, surface: int, out: Floats) -> None:
     """Of tailplane or fin."""
     if surface == TAILPLANE:
@@ -111,7 +112,7 @@ def surface_normal(p: VortexLatticeParameters, motion: Motion, surface: int, out
         fin_normal(p, motion, out)
 
 
-@inner
+@internal
 def swing(p: VortexLatticeParameters, motion: Motion, surface: int, back: float) -> float:
     """m/s; along the normal, of a point ``back`` chords behind the leading edge, by elevator's or rudder's rate."""
     if surface == TAILPLANE:
@@ -119,7 +120,7 @@ def swing(p: VortexLatticeParameters, motion: Motion, surface: int, back: float)
     return float(motion.tail_rate[1] * p.tail.fin_chord * (0.25 - back))
 
 
-@inner
+@internal
 def _through(motion: Motion, point: Floats, normal: Floats) -> float:
     """m/s; of the air along ``normal`` at a ``point`` that moves with the fuselage."""
     b, total = motion.body, 0.0
@@ -129,7 +130,7 @@ def _through(motion: Motion, point: Floats, normal: Floats) -> float:
     return float(total)
 
 
-@inner
+@internal
 def hold_normals(p: VortexLatticeParameters, motion: Motion, state: Floats) -> None:
     """Hold the normals of the wing's panels in their strips' axes, with which they turn until the next step.
 
@@ -146,7 +147,7 @@ def hold_normals(p: VortexLatticeParameters, motion: Motion, state: Floats) -> N
             state[to + i] = -total if i == 0 and column < p.half else total
 
 
-@inner
+@internal
 def set_flow(p: VortexLatticeParameters, strips: Strips, motion: Motion, state: Floats, flow: Floats) -> None:
     """Fill ``flow`` (N,) m/s with what blows through each panel along its normal for its motion alone."""
     columns, work = 2 * p.half, p.room.scratch
@@ -176,7 +177,7 @@ def set_flow(p: VortexLatticeParameters, strips: Strips, motion: Motion, state: 
             )
 
 
-@inner
+@internal
 def set_strips(p: VortexLatticeParameters, strips: Strips, motion: Motion) -> None:
     """Fill the room's points and normals (3, S): a quarter of the chord of each strip of the lattice."""
     points, normals, columns, work = p.room.points, p.room.normals, 2 * p.half, p.room.scratch

@@ -20,10 +20,11 @@ from sim_bridge.aerodynamics.vortex_lattice.panels import (
 )
 from sim_bridge.aerodynamics.vortex_lattice.placing import set_flow, set_nodes, set_strips
 from sim_bridge.aerodynamics.vortex_lattice.settings import FIN, TAILPLANE, VortexLatticeParameters
-from sim_bridge.vectors import Floats, inner, kernel
+from sim_bridge.compiled import internal, kernel
+from sim_bridge.vectors import Floats
 
 
-@inner
+@internal
 def set_edges(p: VortexLatticeParameters, nodes: Floats, edges: Floats) -> None:
     """Fill ``edges`` (3, E) with the trailing edges of ``nodes`` (3, nodes)."""
     layout = p.layout
@@ -34,7 +35,7 @@ def set_edges(p: VortexLatticeParameters, nodes: Floats, edges: Floats) -> None:
                 edges[c, layout.first_edge[s] + j] = nodes[c, last + j]
 
 
-@inner
+@internal
 def place(p: VortexLatticeParameters, strips: Strips, motion: Motion) -> None:
     """Put the lattice of the instant into the room, but for the wake's row."""
     room = p.room
@@ -44,7 +45,7 @@ def place(p: VortexLatticeParameters, strips: Strips, motion: Motion) -> None:
     set_edges(p, room.nodes, room.edges)
 
 
-@inner
+@internal
 def set_wide_rings(p: VortexLatticeParameters, ends: Floats) -> None:
     """Put the rings into the room, the last row between the trailing edges and ``ends`` (3, E)."""
     nodes, out = p.room.nodes, p.room.rings
@@ -60,7 +61,7 @@ def set_wide_rings(p: VortexLatticeParameters, ends: Floats) -> None:
                 out[c, to + (rows + 1) * width + j] = ends[c, edge + j]
 
 
-@inner
+@internal
 def respond(p: VortexLatticeParameters, images: Floats, state: Floats) -> None:
     """Put response and downwash of the rings in the room into ``state``; in the downwash ``images`` have no part."""
     room, m, n = p.room, p.memory, p.panel_at.shape[0]
@@ -83,14 +84,14 @@ def respond(p: VortexLatticeParameters, images: Floats, state: Floats) -> None:
         _fold(p, room.full[0], state[m.downwash + s * n : m.downwash + (s + 1) * n])
 
 
-@inner
+@internal
 def _surface(p: VortexLatticeParameters, strip: int) -> int:
     if strip >= p.layout.first_strip[FIN]:
         return FIN
     return TAILPLANE if strip >= p.layout.first_strip[TAILPLANE] else 0
 
 
-@inner
+@internal
 def _fold(p: VortexLatticeParameters, wide: Floats, out: Floats) -> None:
     """The wake's newest row has the strength of the trailing edge."""
     for i in range(out.shape[0]):
@@ -99,7 +100,7 @@ def _fold(p: VortexLatticeParameters, wide: Floats, out: Floats) -> None:
         out[p.trailing[s]] += wide[p.wake_at[s]]
 
 
-@inner
+@internal
 def feel_wake(p: VortexLatticeParameters, count: int, images: Floats, state: Floats) -> None:
     """Put what the first ``count`` filaments of the room's table induce on the panels into ``state``."""
     points, normals, velocity, to = p.room.panels.collocation, p.room.panels.normal, p.room.velocity, p.memory.by_wake
@@ -114,7 +115,7 @@ def feel_wake(p: VortexLatticeParameters, count: int, images: Floats, state: Flo
         )
 
 
-@inner
+@internal
 def near_ground(p: VortexLatticeParameters, motion: Motion) -> int:
     """Put the ground's reflection into the room, for the lattice there; returns how many images there are then.
 

@@ -18,7 +18,8 @@ from sim_bridge.aerodynamics.vortex_lattice.response import (
 )
 from sim_bridge.aerodynamics.vortex_lattice.settings import VortexLatticeParameters
 from sim_bridge.aerodynamics.vortex_lattice.wake import Core, Wake, carry, set_wake_filaments, shed
-from sim_bridge.vectors import Floats, inner, kernel, rotation
+from sim_bridge.compiled import internal, kernel
+from sim_bridge.vectors import Floats, rotation
 
 START_CHORDS = 10.0
 """-; length of the straight wake that the response begins with, in root chords"""
@@ -34,7 +35,7 @@ def set_level(strips: Strips, motion: Motion) -> None:
     motion.axes[0, 1], motion.axes[1, 0], motion.axes[2, 2] = side, 1.0, -1.0
 
 
-@inner
+@internal
 def start(p: VortexLatticeParameters, strips: Strips, motion: Motion, state: Floats) -> None:
     """Fill ``state`` with the memory of a lattice at rest, its wake straight and of no strength."""
     state[:] = 0.0
@@ -66,7 +67,7 @@ def move_pose(body: Floats, pose: Floats, dt: float) -> None:
     pose[3], pose[4], pose[5], pose[6] = w, x, y, z
 
 
-@inner
+@internal
 def _go(body: Floats, pose: Floats, dt: float, w: float, x: float, y: float, z: float) -> None:
     vx, vy, vz = body[0], body[1], body[2]
     tx, ty, tz = 2.0 * (y * vz - z * vy), 2.0 * (z * vx - x * vz), 2.0 * (x * vy - y * vx)
@@ -75,7 +76,7 @@ def _go(body: Floats, pose: Floats, dt: float, w: float, x: float, y: float, z: 
     pose[2] += dt * (vz + w * tz + x * ty - y * tx)
 
 
-@inner
+@internal
 def wake_of(p: VortexLatticeParameters, state: Floats) -> Wake:
     """The wake that is kept in ``state``."""
     m, rows, strips = p.memory, p.wake_rows, p.trailing.shape[0]
@@ -85,7 +86,7 @@ def wake_of(p: VortexLatticeParameters, state: Floats) -> Wake:
     return Wake(nodes, strengths, state[m.far : m.far + strips], state[m.clock + ROWS : m.clock + ROWS + 1])
 
 
-@inner
+@internal
 def _turn_into_body(p: VortexLatticeParameters, wake: Wake, pose: Floats) -> None:
     """Tell the wake's nodes in the body axes of now, and begin the pose anew."""
     r, nodes = p.room.scratch[4], wake.nodes
@@ -99,7 +100,7 @@ def _turn_into_body(p: VortexLatticeParameters, wake: Wake, pose: Floats) -> Non
         pose[i] = 1.0 if i == 3 else 0.0
 
 
-@inner
+@internal
 def lattice_step(p: VortexLatticeParameters, strips: Strips, motion: Motion, state: Floats) -> None:
     """Carry the wake, shed a row, find the new shape's response and the rates of the strengths."""
     m, room, n = p.memory, p.room, p.panel_at.shape[0]
@@ -131,7 +132,7 @@ def lattice_step(p: VortexLatticeParameters, strips: Strips, motion: Motion, sta
     state[m.clock + STEPPED] = 1.0
 
 
-@inner
+@internal
 def _begin(p: VortexLatticeParameters, motion: Motion, wake: Wake, dt: float) -> None:
     """Trailing edges a step ago, as if the body had gone on as now."""
     b, edges = motion.body, p.room.edges
@@ -141,7 +142,7 @@ def _begin(p: VortexLatticeParameters, motion: Motion, wake: Wake, dt: float) ->
             wake.nodes[c, 0, j] = edges[c, j] - dt * (b[c] + b[3 + d] * edges[e, j] - b[3 + e] * edges[d, j])
 
 
-@inner
+@internal
 def _shed(p: VortexLatticeParameters, wake: Wake) -> None:
     """Begin another row, whose strength is the trailing edge's of any moment: it is no part of the wake's own."""
     shed(wake, p.room.edges, p.room.unit[: p.trailing.shape[0]])
@@ -149,7 +150,7 @@ def _shed(p: VortexLatticeParameters, wake: Wake) -> None:
         wake.strengths[0, s] = 0.0
 
 
-@inner
+@internal
 def _free(p: VortexLatticeParameters, wake: Wake, core: Core, images: Floats, dt: float) -> None:
     """Carry the wake with what wake and bound vortices induce; the rings are those of the step before."""
     room, edges = p.room, wake.nodes.shape[2]
@@ -164,7 +165,7 @@ def _free(p: VortexLatticeParameters, wake: Wake, core: Core, images: Floats, dt
     carry(wake, room.velocity, dt)
 
 
-@inner
+@internal
 def _set_residual(
     p: VortexLatticeParameters, strips: Strips, motion: Motion, state: Floats, per_second: float
 ) -> None:

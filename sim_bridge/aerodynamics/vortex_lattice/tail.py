@@ -6,7 +6,8 @@ from sim_bridge.aerodynamics.protocol import Motion
 from sim_bridge.aerodynamics.vortex_lattice.bearing import held_tail
 from sim_bridge.aerodynamics.vortex_lattice.placing import surface_normal, surface_point, swing
 from sim_bridge.aerodynamics.vortex_lattice.settings import FIN, TAILPLANE, VortexLatticeParameters
-from sim_bridge.vectors import Floats, inner, kernel
+from sim_bridge.compiled import internal, kernel
+from sim_bridge.vectors import Floats
 
 
 @kernel
@@ -22,7 +23,7 @@ def load_tail(
         _load_along(p, motion, surface, density, state, strengths, out)
 
 
-@inner
+@internal
 def _load_strip(
     p: VortexLatticeParameters,
     motion: Motion,
@@ -51,7 +52,7 @@ def _load_strip(
         before = strength
 
 
-@inner
+@internal
 def _load_along(
     p: VortexLatticeParameters,
     motion: Motion,
@@ -76,7 +77,7 @@ def _load_along(
             _add(p, density * (left - right), through, held, motion, out)
 
 
-@inner
+@internal
 def _add(p: VortexLatticeParameters, push: float, through: float, held: Floats, motion: Motion, out: Floats) -> None:
     """Add the force of the leg between the room's two points, and its moment.
 

@@ -13,7 +13,8 @@ import numpy as np
 
 from sim_bridge.aerodynamics.vortex_lattice.geometry import Layout
 from sim_bridge.aerodynamics.vortex_lattice.influence import FILAMENT, set_filament
-from sim_bridge.vectors import Floats, kernel
+from sim_bridge.compiled import kernel
+from sim_bridge.vectors import Floats
 
 LAMB = 1.25643
 FAR = 10.0

@@ -18,7 +18,7 @@ from logs.identification.modes.short_period import FILTER_ERROR, FITTED_OUTPUTS,
 from logs.identification.preparing.manoeuvre import Reference, find_manoeuvres, reference_of
 from logs.identification.preparing.stretches import stretches
 from logs.identification.results import Array
-from sim_bridge.vectors import njit
+from sim_bridge.compiled import njit
 from wingbeat.constants import STANDARD_GRAVITY
 
 REFERENCE = Reference(7.5, 1.6, 0.25, 7.67, elevator=0.05)

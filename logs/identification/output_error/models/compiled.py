@@ -16,7 +16,7 @@ from numba import types
 
 from logs.identification.output_error.problem import Held, Named
 from logs.identification.results import Array
-from sim_bridge.vectors import njit
+from sim_bridge.compiled import njit
 
 LONGEST_STEP = 0.05
 """s; of the integration: a mode of 3 rad/s is then 1e-6 true in amplitude after a cycle"""

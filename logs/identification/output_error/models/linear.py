@@ -14,7 +14,7 @@ import numpy as np
 
 from logs.identification.output_error.problem import Held, Named
 from logs.identification.results import Array
-from sim_bridge.vectors import njit
+from sim_bridge.compiled import njit
 from wingbeat.errors import InputError
 
 ONE = "1"

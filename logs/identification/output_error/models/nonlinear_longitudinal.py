@@ -21,7 +21,7 @@ import numpy as np
 from logs.identification.output_error.models.compiled import LONGEST_STEP, CompiledModel
 from logs.identification.output_error.problem import Named
 from logs.identification.results import Array
-from sim_bridge.vectors import njit
+from sim_bridge.compiled import njit
 from wingbeat.constants import STANDARD_GRAVITY
 from wingbeat.errors import InputError
 

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sim_bridge.bound import Bound, bound_values
-from sim_bridge.vectors import kernel
+from sim_bridge.compiled import Bound, bound_values, kernel
 
 
 @kernel

@@ -11,7 +11,7 @@ import pytest
 from llvmlite.binding import Linkage
 from plant_bench import air, hold, rates, vehicle
 
-import sim_bridge.vectors  # noqa: F401  (by it numba keeps a module's copies its own)
+import sim_bridge.compiled  # noqa: F401  (it makes numba link internally)
 from sim_bridge.plant import Plant
 
 

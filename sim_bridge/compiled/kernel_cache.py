@@ -1,0 +1,51 @@
+"""numba's cache of compiled functions with the folders and keys of `cache`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
+
+from sim_bridge.compiled.cache import create_folder, file_folder, source_digest
+
+
+class _Locator(_CacheLocator):
+    """Says numba where a kernel is stored, and which state of the sources it belongs to."""
+
+    def __init__(self, function: Callable[..., object], path: Path) -> None:
+        self._path, self._line = path, function.__code__.co_firstlineno
+
+    def ensure_cache_path(self) -> None:
+        create_folder(self._path)
+
+    def get_cache_path(self) -> str:
+        return str(file_folder(self._path) / source_digest(self._path))
+
+    def get_source_stamp(self) -> str:
+        return source_digest(self._path)
+
+    def get_disambiguator(self) -> str:
+        return str(self._line)
+
+    @classmethod
+    def from_function(cls, function: Callable[..., object], path: str) -> _Locator | None:
+        file = Path(path)
+        return cls(function, file.resolve()) if file.is_file() else None
+
+
+class _Implementation(CompileResultCacheImpl):
+    _locator_classes = [_Locator]
+
+
+class KernelCache(FunctionCache):
+    """numba's cache of one function with our folder and key."""
+
+    _impl_class = _Implementation
+
+    def _save_overload(self, signature: Any, data: Any) -> None:
+        # A full disk, or another process that removed the folder: the kernel is compiled again next time.
+        with suppress(OSError):
+            super()._save_overload(signature, data)
