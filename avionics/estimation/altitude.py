@@ -35,9 +35,10 @@ class Gains(NamedTuple):
     """Noise of the sensors and the gate."""
 
     baro_noise: Annotated[float, Quantity("m", 0.01, 50.0)] = 0.25
-    """m; one sigma of a pressure altitude"""
+    """m; one sigma of a pressure altitude. Default: 3 Pa of the barometer and the flow past its port"""
     accel_noise: Annotated[float, Quantity("m/s^2", 0.001, 50.0)] = 0.8
-    """m/s^2; one sigma of the averaged vertical acceleration, errors of the attitude included"""
+    """m/s^2; one sigma of the averaged vertical acceleration, errors of the attitude included. Default: gusts and
+    what the attitude is off in them, fitted to tests/sitl/test_sitl_consistency.py"""
     bias_walk: Annotated[float, Quantity("m/s^2.5", 0.0, 10.0)] = 0.03
     """m/s^2 in the root of a second; random walk of the acceleration's bias"""
     gate: Annotated[float, Quantity("-", 1.0, 100.0)] = 5.0
@@ -49,9 +50,10 @@ class Gains(NamedTuple):
     gps_climb_noise: Annotated[float, Quantity("m/s", 0.01, 20.0)] = 0.3
     """m/s; one sigma of a receiver's Doppler climb rate, without a barometer"""
     baro_drift: Annotated[float, Quantity("m", 0.0, 100.0)] = 0.42
-    """m; one sigma of the barometer's drift once it has settled: weather and warming"""
+    """m; one sigma of the barometer's drift once it has settled: weather and warming. Default: 5 Pa, weather and
+    warming"""
     baro_drift_time: Annotated[float, Quantity("s", 1.0, 1e5)] = 300.0
-    """s; time constant of the drift"""
+    """s; time constant of the drift. Default: weather and warming"""
 
 
 class Climb(NamedTuple):

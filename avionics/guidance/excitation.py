@@ -38,22 +38,23 @@ class Gains(NamedTuple):
 
     recovery: Annotated[float, Quantity("s", 0.0, 60.0)]
     """s; the loops fly before each manoeuvre"""
-    spread: Annotated[float, Quantity("s", 0.0, 5.0)]
-    """s; the start is delayed by up to this, a different share each time"""
-    fade: Annotated[float, Quantity("s", 0.0, 30.0)]
-    """s; over which a sweep fades in and out, at most half of it"""
-    pitch_max: Annotated[float, Quantity("rad", 0.02, 1.5)]
-    """rad; a greater change of pitch since the start aborts"""
-    roll_max: Annotated[float, Quantity("rad", 0.05, 1.5)]
-    """rad; a greater bank aborts"""
-    airspeed_min: Annotated[float, Quantity("m/s", 0.0, 20.0)]
-    """m/s; less airspeed aborts"""
-    airspeed_max: Annotated[float, Quantity("m/s", 1.0, 40.0)]
-    """m/s; more airspeed aborts"""
-    altitude_max: Annotated[float, Quantity("m", 0.5, 100.0)]
-    """m; a greater change of altitude since the start aborts"""
-    altitude_floor: Annotated[float, Quantity("m", 0.0, 500.0)]
-    """m; no manoeuvre starts or goes on below it"""
+    spread: Annotated[float, Quantity("s", 0.0, 5.0)] = 0.25
+    """s; the start is delayed by up to this, a different share each time. Default: one stroke at 4 Hz"""
+    fade: Annotated[float, Quantity("s", 0.0, 30.0)] = 1.0
+    """s; over which a sweep fades in and out, at most half of it. Default: a sweep begins and ends within a stroke
+    or four, without a step"""
+    pitch_max: Annotated[float, Quantity("rad", 0.02, 1.5)] = 0.5
+    """rad; a greater change of pitch since the start aborts. Default: stays short of the stall"""
+    roll_max: Annotated[float, Quantity("rad", 0.05, 1.5)] = 0.8
+    """rad; a greater bank aborts. Default: stays out of a spiral"""
+    airspeed_min: Annotated[float, Quantity("m/s", 0.0, 20.0)] = 4.0
+    """m/s; less airspeed aborts. Default: above the stall"""
+    airspeed_max: Annotated[float, Quantity("m/s", 1.0, 40.0)] = 13.0
+    """m/s; more airspeed aborts. Default: well above the cruise"""
+    altitude_max: Annotated[float, Quantity("m", 0.5, 100.0)] = 8.0
+    """m; a greater change of altitude since the start aborts. Default: a fifth of the altitude flown"""
+    altitude_floor: Annotated[float, Quantity("m", 0.0, 500.0)] = 12.0
+    """m; no manoeuvre starts or goes on below it. Default: room to recover"""
 
 
 class Phase(IntEnum):

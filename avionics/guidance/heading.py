@@ -15,16 +15,17 @@ class Gains(NamedTuple):
 
     proportional: Annotated[float, Quantity("-", 0.0, 5.0)]
     """-; roll setpoint per heading error"""
-    integral: Annotated[float, Quantity("1/s", 0.0, 2.0)]
-    """1/s; roll setpoint per second and heading error"""
-    integral_max: Annotated[float, Quantity("rad", 0.0, 0.5)]
-    """rad; greatest share of the integral"""
-    roll_max: Annotated[float, Quantity("rad", 0.05, 1.2)]
-    """rad; greatest bank asked for"""
-    roll_rate: Annotated[float, Quantity("rad/s", 0.05, 10.0)]
-    """rad/s; how fast the roll setpoint may change"""
-    course_speed: Annotated[float, Quantity("m/s", 0.0, 20.0)]
-    """m/s; ground speed from which the course over ground is steered instead of the yaw"""
+    integral: Annotated[float, Quantity("1/s", 0.0, 2.0)] = 0.0
+    """1/s; roll setpoint per second and heading error. Default: the course is steered, and the wind is in it"""
+    integral_max: Annotated[float, Quantity("rad", 0.0, 0.5)] = 0.1
+    """rad; greatest share of the integral. Default: leaves the loop its authority"""
+    roll_max: Annotated[float, Quantity("rad", 0.05, 1.2)] = 0.5
+    """rad; greatest bank asked for. Default: a load factor of 1.14"""
+    roll_rate: Annotated[float, Quantity("rad/s", 0.05, 10.0)] = 0.8
+    """rad/s; how fast the roll setpoint may change. Default: slower than the roll loop"""
+    course_speed: Annotated[float, Quantity("m/s", 0.0, 20.0)] = 2.5
+    """m/s; ground speed from which the course over ground is steered instead of the yaw. Default: the course is
+    known to 0.2 rad from there"""
 
 
 class State(NamedTuple):

@@ -35,54 +35,61 @@ class Notice(NamedTuple):
 class Gains(NamedTuple):
     """Thresholds of launch, touchdown, arming and failsafes."""
 
-    launch_force: Annotated[float, Quantity("m/s^2", 1.0, 150.0)]
-    """m/s^2; forward specific force that tells a throw"""
-    launch_time: Annotated[float, Quantity("s", 0.0, 2.0)]
-    """s; for which it must last"""
-    launch_push: Annotated[float, Quantity("m/s", 0.1, 30.0)]
-    """m/s; speed along the body that it gives"""
-    launch_airspeed: Annotated[float, Quantity("m/s", 0.5, 30.0)]
-    """m/s; airspeed that goes with it"""
-    launch_reach: Annotated[float, Quantity("m", 0.1, 10.0)]
-    """m; way at that speed that no arm has; a fifth as far again it is a throw also without an airspeed"""
-    launch_tilt: Annotated[float, Quantity("rad", 0.1, 3.2)]
-    """rad; greatest pitch or roll at which a push is a throw"""
-    wait_throttle: Annotated[float, Quantity("-", 0.0, 1.0)]
-    """-; flapping while armed on the hand, 0 for still wings"""
-    touchdown_airspeed: Annotated[float, Quantity("m/s", 0.1, 20.0)]
-    """m/s; less airspeed (on an approach: or ground speed) than this"""
-    touchdown_climb: Annotated[float, Quantity("m/s", 0.05, 5.0)]
-    """m/s; and less climb or sink than this"""
-    touchdown_time: Annotated[float, Quantity("s", 0.1, 20.0)]
-    """s; for this long means landed, on an approach"""
-    crash_time: Annotated[float, Quantity("s", 0.5, 60.0)]
-    """s; the same outside an approach"""
-    arm_tilt: Annotated[float, Quantity("rad", 0.1, 3.2)]
-    """rad; greatest pitch or roll to arm at"""
-    arm_battery: Annotated[float, Quantity("-", 0.0, 1.0)]
-    """-; least share of the battery to arm with"""
-    battery_return: Annotated[float, Quantity("-", 0.0, 1.0)]
-    """-; share of the battery at which to return"""
-    battery_land: Annotated[float, Quantity("-", 0.0, 1.0)]
-    """-; share of the battery at which to land at once"""
-    link_loss_delay: Annotated[float, Quantity("s", 0.0, 3600.0)]
-    """s; without the ground link before returning"""
-    gps_loss_delay: Annotated[float, Quantity("s", 0.0, 3600.0)]
-    """s; without a fix before the position is no longer steered by"""
-    gps_land_delay: Annotated[float, Quantity("s", 0.0, 3600.0)]
-    """s; without a position, in a guided mode, before landing along the present heading"""
-    fence_radius: Annotated[float, Quantity("m", 10.0, 100000.0)]
-    """m; from home, beyond which to return"""
-    fence_altitude: Annotated[float, Quantity("m", 5.0, 5000.0)]
-    """m; above which to return"""
-    fence_floor: Annotated[float, Quantity("m", 0.0, 1000.0)]
-    """m; below which to return once it was passed on the way up, until an approach; 0 for none"""
-    fence_margin: Annotated[float, Quantity("m", 0.0, 500.0)]
-    """m; from the fence at which it is warned of"""
-    glide_pitch: Annotated[float, Quantity("rad", -1.0, 1.0)]
-    """rad; pitch of a glide after the flapping was stopped"""
-    arm_turn: Annotated[float, Quantity("rad/s", 0.01, 20.0)]
-    """rad/s; greatest rate of turn to arm at"""
+    launch_force: Annotated[float, Quantity("m/s^2", 1.0, 150.0)] = 12.0
+    """m/s^2; forward specific force that tells a throw. Default: above gravity's share at any pitch, below a
+    throw"""
+    launch_time: Annotated[float, Quantity("s", 0.0, 2.0)] = 0.1
+    """s; for which it must last. Default: a third of a throw, longer than a step jolts"""
+    launch_push: Annotated[float, Quantity("m/s", 0.1, 30.0)] = 2.2
+    """m/s; speed along the body that it gives. Default: under half of a firm throw; running does not give it"""
+    launch_airspeed: Annotated[float, Quantity("m/s", 0.5, 30.0)] = 2.5
+    """m/s; airspeed that goes with it. Default: more than half of the weakest throw, as the filtered pitot follows
+    it"""
+    launch_reach: Annotated[float, Quantity("m", 0.1, 10.0)] = 1.25
+    """m; way at that speed that no arm has; a fifth as far again it is a throw also without an airspeed. Default: an
+    arm from behind the shoulder to its full length, and the body's turn"""
+    launch_tilt: Annotated[float, Quantity("rad", 0.1, 3.2)] = 1.0
+    """rad; greatest pitch or roll at which a push is a throw. Default: a bad throw, not a bird hanging from the
+    hand"""
+    wait_throttle: Annotated[float, Quantity("-", 0.0, 1.0)] = 0.0
+    """-; flapping while armed on the hand, 0 for still wings. Default: still wings are safe on the hand"""
+    touchdown_airspeed: Annotated[float, Quantity("m/s", 0.1, 20.0)] = 2.0
+    """m/s; less airspeed (on an approach: or ground speed) than this. Default: a quarter of the cruise"""
+    touchdown_climb: Annotated[float, Quantity("m/s", 0.05, 5.0)] = 0.3
+    """m/s; and less climb or sink than this. Default: less than the sink of the flare, three times what lying still
+    reads"""
+    touchdown_time: Annotated[float, Quantity("s", 0.1, 20.0)] = 2.2
+    """s; for this long means landed, on an approach. Default: a float sinks by half a metre meanwhile"""
+    crash_time: Annotated[float, Quantity("s", 0.5, 60.0)] = 3.0
+    """s; the same outside an approach. Default: no flight at this speed lasts so long"""
+    arm_tilt: Annotated[float, Quantity("rad", 0.1, 3.2)] = 0.9
+    """rad; greatest pitch or roll to arm at. Default: held ready to throw, not hanging"""
+    arm_battery: Annotated[float, Quantity("-", 0.0, 1.0)] = 0.3
+    """-; least share of the battery to arm with. Default: enough for a circuit and the way home"""
+    battery_return: Annotated[float, Quantity("-", 0.0, 1.0)] = 0.2
+    """-; share of the battery at which to return. Default: two minutes of flight"""
+    battery_land: Annotated[float, Quantity("-", 0.0, 1.0)] = 0.08
+    """-; share of the battery at which to land at once. Default: one minute of flight"""
+    link_loss_delay: Annotated[float, Quantity("s", 0.0, 3600.0)] = 5.0
+    """s; without the ground link before returning. Default: longer than a turn with the antenna shadowed"""
+    gps_loss_delay: Annotated[float, Quantity("s", 0.0, 3600.0)] = 2.0
+    """s; without a fix before the position is no longer steered by. Default: ten fixes at 5 Hz"""
+    gps_land_delay: Annotated[float, Quantity("s", 0.0, 3600.0)] = 30.0
+    """s; without a position, in a guided mode, before landing along the present heading. Default: half a kilometre
+    of flight in the blind"""
+    fence_radius: Annotated[float, Quantity("m", 10.0, 100000.0)] = 600.0
+    """m; from home, beyond which to return. Default: still seen from the ground"""
+    fence_altitude: Annotated[float, Quantity("m", 5.0, 5000.0)] = 120.0
+    """m; above which to return. Default: the usual ceiling for models"""
+    fence_floor: Annotated[float, Quantity("m", 0.0, 1000.0)] = 0.0
+    """m; below which to return once it was passed on the way up, until an approach; 0 for none. Default: none; a
+    plan may set one"""
+    fence_margin: Annotated[float, Quantity("m", 0.0, 500.0)] = 15.0
+    """m; from the fence at which it is warned of. Default: two seconds of flight"""
+    glide_pitch: Annotated[float, Quantity("rad", -1.0, 1.0)] = -0.05
+    """rad; pitch of a glide after the flapping was stopped. Default: tuned on the simulated vehicle"""
+    arm_turn: Annotated[float, Quantity("rad/s", 0.01, 20.0)] = 0.7
+    """rad/s; greatest rate of turn to arm at. Default: a hand is steadier"""
 
 
 class State(NamedTuple):

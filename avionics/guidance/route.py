@@ -69,10 +69,12 @@ class Gains(NamedTuple):
     flare_reach: Annotated[float, Quantity("m", 0.0, 1000.0)] = 0.0
     """m; from the end of that line, where it meets the ground, to the touchdown in still air"""
     offboard_timeout: Annotated[float, Quantity("s", 0.1, 60.0)] = 1.0
-    """s; greatest age of a setpoint of OFFBOARD, after which the mode changes to LOITER (PX4: COM_OF_LOSS_T)"""
+    """s; greatest age of a setpoint of OFFBOARD, after which the mode changes to LOITER (PX4: COM_OF_LOSS_T).
+    Default: as COM_OF_LOSS_T of PX4"""
     return_type: Annotated[int, Quantity("-", 0, 2)] = 0
     """-; landing of a RETURN if the mission has a DO_LAND_START: 0 at home or the rally point, 1 by the mission's
-    landing sequence after the circle there, 2 by the landing sequence at once"""
+    landing sequence after the circle there, 2 by the landing sequence at once.
+    Default: home is known to be clear of obstacles"""
 
 
 class State(NamedTuple):

@@ -18,17 +18,18 @@ class Gains(NamedTuple):
     """How throttle replaces the elevator."""
 
     sink: Annotated[float, Quantity("m/s", 0.1, 10.0)] = 0.8
-    """m/s; sink rate to fly, positive down: there is no flare"""
+    """m/s; sink rate to fly, positive down: there is no flare. Default: less than half of what a belly landing is
+    promised"""
     integral: Annotated[float, Quantity("1/m", 0.0, 1.0)] = 0.03
     """1/m; throttle per second and climb-rate error"""
     throttle_rate: Annotated[float, Quantity("1/s", 0.0, 5.0)] = 0.06
-    """1/s; how fast the mean throttle may change"""
+    """1/s; how fast the mean throttle may change. Default: from full throttle to none in 17 s, four phugoids"""
     throttle_min: Annotated[float, Quantity("-", 0.0, 1.0)] = 0.0
     """-; least throttle"""
     pitch: Annotated[float, Quantity("1/rad", 0.0, 10.0)] = 1.0
     """1/rad; throttle per pitch above its mean"""
     pitch_time: Annotated[float, Quantity("s", 0.1, 60.0)] = 4.0
-    """s; time constant of the mean pitch"""
+    """s; time constant of the mean pitch. Default: a phugoid"""
 
 
 class State(NamedTuple):

@@ -60,9 +60,10 @@ class Gains(NamedTuple):
     differential_range: Annotated[float, Quantity("Pa", 1.0, 1e5)] = 248.84
     """Pa; either way"""
     differential_zero: Annotated[float, Quantity("Pa", -100.0, 100.0)] = 0.0
-    """Pa; reading of the pitot at rest, from a calibration"""
+    """Pa; reading of the pitot at rest, from a calibration. Default: neutral until it is calibrated"""
     differential_scale: Annotated[float, Quantity("-", 0.3, 3.0)] = 1.0
-    """-; of the pressure, from a calibration: the square of the airspeed's"""
+    """-; of the pressure, from a calibration: the square of the airspeed's. Default: neutral until it is
+    calibrated"""
     zero_limit: Annotated[float, Quantity("Pa", 0.0, 50.0)] = 3.0
     """Pa; largest zero of the pitot that is learned on the ground"""
     reference_time: Annotated[float, Quantity("s", 0.02, 60.0)] = 1.0
@@ -74,19 +75,24 @@ class Gains(NamedTuple):
     rate_time: Annotated[float, Quantity("s", 0.01, 5.0)] = 0.5
     """s; time constant of the airspeed's rate"""
     pressure_noise: Annotated[float, Quantity("Pa", 0.01, 50.0)] = 1.9
-    """Pa; one sigma of a reading of the pitot"""
+    """Pa; one sigma of a reading of the pitot. Default, published: Gerdes Table 1, 0.2 m/s of airspeed, at 7.75
+    m/s"""
     zero_error: Annotated[float, Quantity("Pa", 0.0, 50.0)] = 1.0
-    """Pa; one sigma of the zero, `zero_limit` where a breeze on the ground has brought it there"""
+    """Pa; one sigma of the zero, `zero_limit` where a breeze on the ground has brought it there. Default: a breeze
+    of 1.3 m/s along the tube before the launch, fitted to tests/sitl/test_sitl_consistency.py"""
     scale_error: Annotated[float, Quantity("-", 0.0, 0.5)] = 0.01
-    """-; one sigma of the scale of the pressure, flow across the tube included"""
+    """-; one sigma of the scale of the pressure, flow across the tube included. Default: flow at 0.1 rad across the
+    tube; the sensor's own is 0.25 %"""
     spread_time: Annotated[float, Quantity("s", 0.1, 600.0)] = 5.0
-    """s; over which the innovations' mean square is taken"""
+    """s; over which the innovations' mean square is taken. Default: 250 samples; gusts grow and die in that time"""
     gate: Annotated[float, Quantity("-", 1.0, 100.0)] = 5.0
     """-; innovations of the pitot beyond this many sigma are refused in the air"""
     gate_timeout: Annotated[float, Quantity("s", 0.0, 60.0, formerly="gate_patience")] = 1.5
-    """s; of refused readings after which the pitot is believed again"""
+    """s; of refused readings after which the pitot is believed again. Default: longer than a standstill takes to be
+    found"""
     gate_reset_time: Annotated[float, Quantity("s", 0.0, 60.0, formerly="doubt_patience")] = 4.5
-    """s; the same while its airspeed is not the expected one"""
+    """s; the same while its airspeed is not the expected one. Default: longer than airspeed_check.difference_time
+    and the low-pass"""
 
 
 class State(NamedTuple):

@@ -33,15 +33,19 @@ class Gains(NamedTuple):
     index_right: Annotated[float, Quantity("counts", -1e6, 1e6)] = 0.0
     """counts; of the right counter at its index, as powered up for `wing_angle.Gains.zero_right`"""
     index_tolerance: Annotated[float, Quantity("counts", 0.5, 100.0)] = 1.5
-    """counts; by which an index may be off without an edge missed"""
+    """counts; by which an index may be off without an edge missed. Default: a count either way for the play of the
+    disc"""
     index_trust: Annotated[float, Quantity("counts", 0.5, 1000.0)] = 20.0
-    """counts; an index that is further off must be off again by as much before it is believed"""
+    """counts; an index that is further off must be off again by as much before it is believed. Default: 3.6 degrees;
+    a spike on the index line lies anywhere in the stroke"""
     rezero_rate: Annotated[float, Quantity("counts/s", 1.0, 1e6)] = 600.0
-    """counts/s; with which missed counts are taken back"""
+    """counts/s; with which missed counts are taken back. Default: 2 rad/s, a fifth of the flap rate"""
     fastest: Annotated[float, Quantity("counts/s", 100.0, 1e7)] = 40000.0
-    """counts/s; a counter that moves faster has jumped"""
+    """counts/s; a counter that moves faster has jumped. Default: 36 degrees in 5 ms, four times the fastest
+    stroke"""
     stuck_detection_travel: Annotated[float, Quantity("counts", 4.0, 10000.0, formerly="still_travel")] = 64.0
-    """counts; travel of one wing within which the other must move, and in the same direction"""
+    """counts; travel of one wing within which the other must move, and in the same direction. Default: 0.2 rad, a
+    quarter of the smallest stroke flown; less than a stroke later the fault is known"""
 
 
 class Fault(IntEnum):

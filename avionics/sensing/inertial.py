@@ -12,15 +12,15 @@ class Gains(NamedTuple):
     """What a calibration found; neutral before one."""
 
     accel_offset: Annotated[tuple[float, float, float], Quantity("m/s^2", -20.0, 20.0)] = (0.0, 0.0, 0.0)
-    """m/s^2; taken off the specific force along FRD x, y, z"""
+    """m/s^2; taken off the specific force along FRD x, y, z. Default: neutral until it is calibrated"""
     accel_scale: Annotated[tuple[float, float, float], Quantity("-", 0.5, 2.0)] = (1.0, 1.0, 1.0)
-    """-; then multiplied"""
+    """-; then multiplied. Default: neutral until it is calibrated"""
     mag_offset: Annotated[tuple[float, float, float], Quantity("gauss", -10.0, 10.0)] = (0.0, 0.0, 0.0)
-    """gauss; hard iron, taken off the field along FRD x, y, z"""
+    """gauss; hard iron, taken off the field along FRD x, y, z. Default: neutral until it is calibrated"""
     mag_scale: Annotated[tuple[float, float, float], Quantity("-", 0.2, 5.0)] = (1.0, 1.0, 1.0)
-    """-; diagonal of the matrix that takes out the soft iron"""
+    """-; diagonal of the matrix that takes out the soft iron. Default: neutral until it is calibrated"""
     mag_cross: Annotated[tuple[float, float, float], Quantity("-", -1.0, 1.0)] = (0.0, 0.0, 0.0)
-    """-; its elements xy, xz and yz; it is symmetric"""
+    """-; its elements xy, xz and yz; it is symmetric. Default: neutral until it is calibrated"""
 
 
 NEUTRAL = Gains()

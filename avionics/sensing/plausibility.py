@@ -20,26 +20,31 @@ from wingbeat.units import Quantity
 class Gains(NamedTuple):
     """Ranges of the sensors, a little beyond what they can say; a gyro at the end of its range says nothing."""
 
-    accel_max: Annotated[float, Quantity("m/s^2", 10.0, 2000.0)]
-    """m/s^2; per axis"""
-    gyro_max: Annotated[float, Quantity("rad/s", 1.0, 100.0)]
-    """rad/s; per axis, from which it is at the end of its range: such a sample is refused"""
-    mag_max: Annotated[float, Quantity("gauss", 0.1, 100.0)]
-    """gauss; per axis"""
-    counts_max: Annotated[float, Quantity("counts", 255.0, 16777216.0)]
-    """counts; of pressures and strain gauges"""
-    encoder_jump: Annotated[float, Quantity("counts", 1.0, 1000000.0)]
-    """counts; greatest change of an encoder between samples"""
-    gps_speed_max: Annotated[float, Quantity("m/s", 5.0, 1000.0)]
-    """m/s; per axis"""
-    accel_full: Annotated[float, Quantity("m/s^2", 5.0, 2000.0)]
-    """m/s^2; from which an axis of the accelerometer is at the end of its range"""
-    imu_repeats: Annotated[float, Quantity("-", 2.0, 1e9)]
-    """-; equal samples in a row after which the IMU has frozen: its noise does not repeat"""
-    fault_time: Annotated[float, Quantity("s", 0.01, 10.0)]
-    """s; without a good IMU sample before it is a fault"""
+    accel_max: Annotated[float, Quantity("m/s^2", 10.0, 2000.0)] = 200.0
+    """m/s^2; per axis. Default: the ADXL345's 16 g and its tolerance"""
+    gyro_max: Annotated[float, Quantity("rad/s", 1.0, 100.0)] = 34.9
+    """rad/s; per axis, from which it is at the end of its range: such a sample is refused. Default: the ITG-3200's
+    2000 deg/s, six counts short of it"""
+    mag_max: Annotated[float, Quantity("gauss", 0.1, 100.0)] = 10.0
+    """gauss; per axis. Default: the HMC5883L's 8 G and its tolerance"""
+    counts_max: Annotated[float, Quantity("counts", 255.0, 16777216.0)] = 16777216.0
+    """counts; of pressures and strain gauges. Default: 24-bit pressure counts are the widest"""
+    encoder_jump: Annotated[float, Quantity("counts", 1.0, 1000000.0)] = 200.0
+    """counts; greatest change of an encoder between samples. Default: 36 degrees in 5 ms, four times the fastest
+    stroke"""
+    gps_speed_max: Annotated[float, Quantity("m/s", 5.0, 1000.0)] = 100.0
+    """m/s; per axis. Default: far above any ornithopter in any wind it flies in"""
+    accel_full: Annotated[float, Quantity("m/s^2", 5.0, 2000.0)] = 156.0
+    """m/s^2; from which an axis of the accelerometer is at the end of its range. Default: the ADXL345's 16 g, a
+    count short of it"""
+    imu_repeats: Annotated[float, Quantity("-", 2.0, 1e9)] = 10.0
+    """-; equal samples in a row after which the IMU has frozen: its noise does not repeat. Default: 50 ms; the noise
+    of six axes never repeats twice"""
+    fault_time: Annotated[float, Quantity("s", 0.01, 10.0)] = 0.2
+    """s; without a good IMU sample before it is a fault. Default: a stroke without attitude is too much"""
     baro_time: Annotated[float, Quantity("s", 0.1, 1e9)] = 0.5
-    """s; without a new static pressure before the barometer is lost: its noise does not repeat for so long"""
+    """s; without a new static pressure before the barometer is lost: its noise does not repeat for so long. Default:
+    25 samples; the noise of 0.01 Pa counts never repeats so often"""
 
 
 class State(NamedTuple):

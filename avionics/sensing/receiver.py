@@ -28,36 +28,42 @@ PULSE = Quantity("us", 500.0, 2500.0)
 class Gains(NamedTuple):
     """Calibration of the channels, the switches, and how long a silence is borne."""
 
-    low: Annotated[Four, PULSE]
-    """us; pulse of roll, pitch, throttle and yaw at the low end"""
-    trim: Annotated[Four, PULSE]
-    """us; the same, centred; the throttle's is not used"""
-    high: Annotated[Four, PULSE]
-    """us; the same at the high end: right, nose up, full flapping, right"""
-    reverse: Annotated[Four, Quantity("-", -1.0, 1.0)]
-    """-; -1 where the transmitter moves a channel the other way, else 1"""
-    dead_zone: Annotated[float, Quantity("us", 0.0, 200.0)]
-    """us; about the trim, that counts as centred"""
-    pulse_min: Annotated[float, PULSE]
-    """us; shorter pulses are no signal"""
-    pulse_max: Annotated[float, PULSE]
-    """us; longer pulses are no signal"""
-    frame_time: Annotated[float, Quantity("s", 0.05, 10.0)]
-    """s; without a good frame before the receiver is lost"""
-    stick_time: Annotated[float, Quantity("s", 0.05, 60.0)]
-    """s; without MANUAL_CONTROL or RC_CHANNELS_OVERRIDE before their sticks are lost"""
-    mode_channel: Annotated[int, Quantity("-", 0, 18)]
-    """-; of the mode switch, 0 for none"""
-    arm_channel: Annotated[int, Quantity("-", 0, 18)]
-    """-; of the arm switch, armed by moving it to high, 0 for none"""
-    kill_channel: Annotated[int, Quantity("-", 0, 18)]
-    """-; of the kill switch, high kills, 0 for none"""
-    mode_low: Annotated[int, Quantity("-", 1, 7)]
-    """-; number of the mode of the switch's low position"""
-    mode_middle: Annotated[int, Quantity("-", 1, 7)]
-    """-; number of the mode of its middle position"""
-    mode_high: Annotated[int, Quantity("-", 1, 7)]
-    """-; number of the mode of its high position"""
+    low: Annotated[Four, PULSE] = (1000.0, 1000.0, 1000.0, 1000.0)
+    """us; pulse of roll, pitch, throttle and yaw at the low end. Default: the usual pulse of a stick at its low
+    end"""
+    trim: Annotated[Four, PULSE] = (1500.0, 1500.0, 1500.0, 1500.0)
+    """us; the same, centred; the throttle's is not used. Default: the usual pulse of a centred stick"""
+    high: Annotated[Four, PULSE] = (2000.0, 2000.0, 2000.0, 2000.0)
+    """us; the same at the high end: right, nose up, full flapping, right. Default: the usual pulse of a stick at its
+    high end"""
+    reverse: Annotated[Four, Quantity("-", -1.0, 1.0)] = (1.0, 1.0, 1.0, 1.0)
+    """-; -1 where the transmitter moves a channel the other way, else 1. Default: right, stick back, full flapping
+    and right are long pulses"""
+    dead_zone: Annotated[float, Quantity("us", 0.0, 200.0)] = 10.0
+    """us; about the trim, that counts as centred. Default: a stick's play, ten times the receiver's jitter"""
+    pulse_min: Annotated[float, PULSE] = 850.0
+    """us; shorter pulses are no signal. Default: below every calibrated stick; a receiver in failsafe may say
+    less"""
+    pulse_max: Annotated[float, PULSE] = 2150.0
+    """us; longer pulses are no signal. Default: above every calibrated stick"""
+    frame_time: Annotated[float, Quantity("s", 0.05, 10.0)] = 0.5
+    """s; without a good frame before the receiver is lost. Default: 25 frames"""
+    stick_time: Annotated[float, Quantity("s", 0.05, 60.0)] = 1.0
+    """s; without MANUAL_CONTROL or RC_CHANNELS_OVERRIDE before their sticks are lost. Default: ten messages of a
+    ground station"""
+    mode_channel: Annotated[int, Quantity("-", 0, 18)] = 5
+    """-; of the mode switch, 0 for none. Default: the first behind the sticks"""
+    arm_channel: Annotated[int, Quantity("-", 0, 18)] = 6
+    """-; of the arm switch, armed by moving it to high, 0 for none. Default: the next"""
+    kill_channel: Annotated[int, Quantity("-", 0, 18)] = 7
+    """-; of the kill switch, high kills, 0 for none. Default: the next"""
+    mode_low: Annotated[int, Quantity("-", 1, 7)] = 2
+    """-; number of the mode of the switch's low position. Default: STABILIZED, where a pilot in need reaches for the
+    switch"""
+    mode_middle: Annotated[int, Quantity("-", 1, 7)] = 7
+    """-; number of the mode of its middle position. Default: LOITER, to think"""
+    mode_high: Annotated[int, Quantity("-", 1, 7)] = 4
+    """-; number of the mode of its high position. Default: AUTO"""
 
 
 class Sticks(NamedTuple):

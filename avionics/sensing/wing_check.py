@@ -23,24 +23,27 @@ WITHOUT_ENCODER = 2.0
 class Gains(NamedTuple):
     """When a wing stands still, and when its drive is stalled."""
 
-    activity_time: Annotated[float, Quantity("s", 0.01, 5.0)]
-    """s; time constant of a wing's mean speed"""
-    least_rate: Annotated[float, Quantity("rad/s", 0.01, 20.0)]
-    """rad/s; mean speed of a wing that is told to flap, below which it stands still"""
-    jam_confirmation_time: Annotated[float, Quantity("s", 0.05, 10.0, formerly="still_time")]
-    """s; for which it must stand still"""
-    current_time: Annotated[float, Quantity("s", 0.01, 10.0)]
-    """s; time constant of the present current"""
-    usual_time: Annotated[float, Quantity("s", 0.1, 600.0)]
-    """s; time constant of the usual current"""
-    stall_ratio: Annotated[float, Quantity("-", 1.0, 20.0)]
+    activity_time: Annotated[float, Quantity("s", 0.01, 5.0)] = 0.15
+    """s; time constant of a wing's mean speed. Default: half a stroke"""
+    least_rate: Annotated[float, Quantity("rad/s", 0.01, 20.0)] = 0.4
+    """rad/s; mean speed of a wing that is told to flap, below which it stands still. Default: a quarter of the mean
+    speed of the smallest stroke"""
+    jam_confirmation_time: Annotated[float, Quantity("s", 0.05, 10.0, formerly="still_time")] = 0.25
+    """s; for which it must stand still. Default: a stroke"""
+    current_time: Annotated[float, Quantity("s", 0.01, 10.0)] = 0.5
+    """s; time constant of the present current. Default: two strokes"""
+    usual_time: Annotated[float, Quantity("s", 0.1, 600.0)] = 1.0
+    """s; time constant of the usual current. Default: follows the throttle, not the strokes"""
+    stall_ratio: Annotated[float, Quantity("-", 1.0, 20.0)] = 1.5
     """-; present over usual current from which a drive is stalled"""
-    stall_current: Annotated[float, Quantity("A", 0.1, 100.0)]
-    """A; less current than this is never that of a stalled drive"""
-    rocking: Annotated[float, Quantity("rad/s", 0.05, 20.0)]
-    """rad/s; mean size of the roll rate that one beating wing alone makes"""
-    fault_confirmation_time: Annotated[float, Quantity("s", 0.05, 10.0, formerly="verdict_time")]
-    """s; for which an encoder is not believed, and its wing not jammed, after which it is told lost"""
+    stall_current: Annotated[float, Quantity("A", 0.1, 100.0)] = 0.5
+    """A; less current than this is never that of a stalled drive. Default: less is electronics alone"""
+    rocking: Annotated[float, Quantity("rad/s", 0.05, 20.0)] = 1.0
+    """rad/s; mean size of the roll rate that one beating wing alone makes. Default: a third of what one wing alone
+    makes, beyond turns and gusts"""
+    fault_confirmation_time: Annotated[float, Quantity("s", 0.05, 10.0, formerly="verdict_time")] = 1.2
+    """s; for which an encoder is not believed, and its wing not jammed, after which it is told lost. Default: time
+    for the current and the bank to tell"""
 
 
 class State(NamedTuple):

@@ -33,17 +33,19 @@ class Gains(NamedTuple):
     """rad; most nose-down elevator the loop asks for"""
     elevator_max: Annotated[float, Quantity("rad", 0.0, 1.5)]
     """rad; most nose-up elevator the loop asks for"""
-    notch_width: Annotated[float, Quantity("-", 0.0, 2.0)]
-    """-; damping ratio of the notch at the wing frequency, 0 for none"""
-    rate_lag: Annotated[float, Quantity("s", 0.0, 1.0)]
-    """s; time constant of a low-pass on the pitch rate, 0 for none"""
-    trim_time: Annotated[float, Quantity("s", 0.05, 60.0)]
-    """s; time constant of the mean elevator that a frozen loop holds"""
-    stick_pitch: Annotated[float, Quantity("rad", 0.0, 1.2)]
-    """rad; change of the pitch setpoint at full stick (stabilized)"""
-    release_time: Annotated[float, Quantity("s", 0.0, 10.0)]
-    """s; time constant with which the elevator of a frozen loop gives way to the loop's"""
-    airspeed: Annotated[float, Quantity("m/s", 0.0, 50.0)]
+    notch_width: Annotated[float, Quantity("-", 0.0, 2.0)] = 0.3
+    """-; damping ratio of the notch at the wing frequency, 0 for none. Default: a quarter of the lag of a mean over
+    the stroke at the short period"""
+    rate_lag: Annotated[float, Quantity("s", 0.0, 1.0)] = 0.0
+    """s; time constant of a low-pass on the pitch rate, 0 for none. Default: the notch suffices"""
+    trim_time: Annotated[float, Quantity("s", 0.05, 60.0)] = 1.0
+    """s; time constant of the mean elevator that a frozen loop holds. Default: four strokes"""
+    stick_pitch: Annotated[float, Quantity("rad", 0.0, 1.2)] = 0.3
+    """rad; change of the pitch setpoint at full stick (stabilized). Default: a third of a rad at full stick"""
+    release_time: Annotated[float, Quantity("s", 0.0, 10.0)] = 0.15
+    """s; time constant with which the elevator of a frozen loop gives way to the loop's. Default: no step of the
+    tail, and the loop back before the attitude has moved on"""
+    airspeed: Annotated[float, Quantity("m/s", 0.0, 50.0)] = 0.0
     """m/s; at which the gains hold; they go with the dynamic pressure, 0 for the same gains at any airspeed"""
 
 

@@ -20,13 +20,14 @@ class Gains(NamedTuple):
     """1/(rad s); roll command per second and roll error"""
     damping: Annotated[float, Quantity("s/rad", 0.0, 5.0)]
     """s/rad; roll command taken off per roll rate"""
-    integral_max: Annotated[float, Quantity("-", 0.0, 1.0)]
-    """-; greatest share of the integral in the roll command"""
-    stick_roll: Annotated[float, Quantity("rad", 0.0, 1.2)]
-    """rad; roll setpoint at full stick (stabilized, altitude hold)"""
-    release_time: Annotated[float, Quantity("s", 0.0, 10.0)]
-    """s; time constant with which the command of a frozen loop gives way to the loop's"""
-    airspeed: Annotated[float, Quantity("m/s", 0.0, 50.0)]
+    integral_max: Annotated[float, Quantity("-", 0.0, 1.0)] = 0.3
+    """-; greatest share of the integral in the roll command. Default: leaves the loop its authority"""
+    stick_roll: Annotated[float, Quantity("rad", 0.0, 1.2)] = 0.6
+    """rad; roll setpoint at full stick (stabilized, altitude hold). Default: the greatest bank and a little more"""
+    release_time: Annotated[float, Quantity("s", 0.0, 10.0)] = 0.15
+    """s; time constant with which the command of a frozen loop gives way to the loop's. Default: no step of the
+    tail, and the loop back before the attitude has moved on"""
+    airspeed: Annotated[float, Quantity("m/s", 0.0, 50.0)] = 0.0
     """m/s; at which the gains hold; they go with the dynamic pressure, 0 for the same gains at any airspeed"""
 
 

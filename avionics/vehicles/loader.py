@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import NamedTuple, get_type_hints
+from types import MappingProxyType
+from typing import Any, NamedTuple, get_type_hints
 
 from avionics.mixing import flapping
 from avionics.vehicles.airframe import Airframe
@@ -13,9 +15,10 @@ from wingbeat.text import did_you_mean
 from wingbeat.vehicle_file import Schema, VehicleFile, read_vehicle_file
 
 FOLDER = Path(__file__).parent
-_SECTIONS = get_type_hints(FlightGains)
-_OPTIONAL = {name: _SECTIONS[name] for name in FlightGains._field_defaults}
-_REQUIRED = {name: record for name, record in _SECTIONS.items() if name not in _OPTIONAL}
+SECTIONS: Mapping[str, type[Any]] = MappingProxyType(get_type_hints(FlightGains))
+"""`Gains` of each module, by section"""
+_OPTIONAL = {name: record for name, record in SECTIONS.items() if len(record._field_defaults) == len(record._fields)}
+_REQUIRED = {name: record for name, record in SECTIONS.items() if name not in _OPTIONAL}
 SCHEMA = Schema(_REQUIRED | {"airframe": Airframe}, _OPTIONAL)
 
 
@@ -32,6 +35,8 @@ class FlightVehicle(NamedTuple):
     """what is known from the bench"""
     file: VehicleFile
     """the file with its sources, to be attached to the log"""
+    defaults: tuple[str, ...] = ()
+    """section.key of the values that the file does not have: those of `Gains`"""
 
 
 def vehicle_names() -> tuple[str, ...]:
@@ -47,12 +52,14 @@ def load_vehicle(name_or_path: str | Path) -> FlightVehicle:
     """
     file = read_vehicle_file(_find(name_or_path), SCHEMA, FOLDER)
     airframe = file.sections["airframe"]
-    gains = FlightGains(**{name: file.sections[name] for name in FlightGains._fields if name in file.sections})
+    gains = FlightGains(**{name: file.sections.get(name) or record() for name, record in SECTIONS.items()})
+    keys = [f"{name}.{key}" for name, record in SECTIONS.items() for key in record._fields]
+    defaults = tuple(key for key in keys if key not in file.sources)
     try:
         flapping.check(gains.flapping)
     except InputError as error:
         raise InputError(f"{file.path}: {error}") from None
-    return FlightVehicle(file.name, file.title, gains, airframe, file)
+    return FlightVehicle(file.name, file.title, gains, airframe, file, defaults)
 
 
 def _find(name_or_path: str | Path) -> Path:

@@ -147,7 +147,11 @@ def _show(vehicle: SimulatedVehicle, avionics: str, as_json: bool) -> None:
     if flies:
         flight = load_flight_vehicle(avionics)
         counts = ", ".join(f"{count} {kind}" for kind, count in count_kinds(flight.file.sources.values()).items())
-        console.print(f"\nthe flight computer's file has {counts} values", style="dim")
+        console.print(
+            f"\nthe flight computer's file has {counts} values; {len(flight.defaults)} are the flight code's defaults"
+            " (docs/parameters.md)",
+            style="dim",
+        )
 
 
 def _models(vehicle: SimulatedVehicle) -> str:

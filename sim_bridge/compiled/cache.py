@@ -154,5 +154,5 @@ def is_compiled(function: Callable[..., object]) -> bool:
     stats = getattr(function, "stats", None)
     if stats is None:
         return True  # not compiled at all, see `mode.WITHOUT_JIT`
-    stem = Path(inspect.getfile(function)).stem
+    stem = Path(inspect.getfile(function.py_func)).stem  # type: ignore[attr-defined]
     return any(Path(stats.cache_path).glob(f"{stem}.{function.__name__}-*.nbi"))

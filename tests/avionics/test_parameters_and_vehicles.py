@@ -2,6 +2,7 @@
 
 import math
 import struct
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,8 @@ from hypothesis import strategies as st
 
 from avionics import parameters
 from avionics.vehicles import load_vehicle, vehicle_names
+from avionics.vehicles.loader import SECTIONS
+from wingbeat.documents import toml_text
 from wingbeat.errors import InputError
 
 VEHICLES = {name: load_vehicle(name) for name in vehicle_names()}
@@ -24,11 +27,49 @@ def test_both_vehicles_come_along() -> None:
 
 
 @pytest.mark.parametrize("name", vehicle_names())
-def test_every_number_has_a_source_in_its_file(name: str) -> None:
+def test_every_number_has_a_source_or_is_a_default(name: str) -> None:
     vehicle = VEHICLES[name]
-    for section in vehicle.gains._fields:
-        for key in getattr(vehicle.gains, section)._fields:
-            assert f"{section}.{key}" in vehicle.file.sources
+    for section, gains in vehicle.gains._asdict().items():
+        for key, value in gains._asdict().items():
+            if f"{section}.{key}" in vehicle.defaults:
+                assert value == gains._field_defaults[key]
+            else:
+                assert f"{section}.{key}" in vehicle.file.sources
+
+
+def test_vehicle_files_list_only_what_differs_or_belongs_to_the_vehicle() -> None:
+    """No value of an estimator or a detector is repeated in every file with the same reason."""
+    texts = [vehicle.file.sources for vehicle in VEHICLES.values()]
+    for key in set.intersection(*map(set, texts)):
+        if key.partition(".")[0] in SECTIONS:
+            assert not all("default of the" in each[key].text for each in texts), key
+
+
+@pytest.mark.parametrize("section", SECTIONS)
+def test_a_missing_key_takes_the_default_of_its_gains(section: str, tmp_path: Path) -> None:
+    """GIVEN a file without the keys of a section that have a default WHEN it is read THEN they have it."""
+    record = SECTIONS[section]
+    document = tomllib.loads(RAVEN.file.text)
+    kept = {key: entry for key, entry in document.pop(section, {}).items() if key not in record._field_defaults}
+    path = tmp_path / "mine.toml"
+    path.write_text(toml_text(document | ({section: kept} if kept else {})), encoding="utf-8")
+    vehicle = load_vehicle(path)
+    gains = getattr(vehicle.gains, section)
+    assert {key: getattr(gains, key) for key in record._field_defaults} == record._field_defaults
+    assert {f"{section}.{key}" for key in record._field_defaults} <= set(vehicle.defaults)
+    assert vehicle.gains._replace(**{section: None}) == RAVEN.gains._replace(**{section: None})
+
+
+def test_a_new_gain_needs_a_default() -> None:
+    """The keys that a user's file must have: one more would refuse files that were good."""
+    required = {
+        f"{section}.{key}"
+        for section, record in SECTIONS.items()
+        for key in record._fields
+        if key not in record._field_defaults
+    }
+    earlier = (Path(__file__).parents[1] / "data" / "required_keys.txt").read_text(encoding="utf-8").split()
+    assert required <= set(earlier)
 
 
 @pytest.mark.parametrize("name", vehicle_names())
@@ -147,11 +188,12 @@ def test_mavlink_parameter_names_stay() -> None:
 def test_vehicle_file_with_an_earlier_key_is_read(tmp_path: Path) -> None:
     """GIVEN a vehicle file with a key's earlier name WHEN it is read THEN its value counts, over its base too."""
     text = RAVEN.file.text
-    old = text.replace("\njam_confirmation_time = ", "\nstill_time = ")
+    old = text.replace(
+        "[wing_check]\n", '[wing_check]\nstill_time = { value = 0.31, unit = "s", source = "chosen: old" }\n'
+    )
     assert old != text
     (tmp_path / "copied.toml").write_text(old)
-    before = RAVEN.gains.wing_check.jam_confirmation_time
-    assert load_vehicle(tmp_path / "copied.toml").gains.wing_check.jam_confirmation_time == before
+    assert load_vehicle(tmp_path / "copied.toml").gains.wing_check.jam_confirmation_time == 0.31
     derived = tmp_path / "derived.toml"
     derived.write_text(
         'base = "robo_raven_ii_d"\n[wing_check]\n'
