@@ -173,12 +173,13 @@ class Change(NamedTuple):
 def short_name(section: str, key: str, index: int = -1) -> str:
     """The parameter's name: prefix, the key's words shortened until it fits, the place in a list from 1."""
     tail = "" if index < 0 else f"_{index + 1}"
-    room = LONGEST_NAME - len(PREFIXES[section]) - 1 - len(tail)
+    prefix = PREFIXES.get(section, section.upper())
+    room = LONGEST_NAME - len(prefix) - 1 - len(tail)
     words = [WORDS.get(word, word.upper()) for word in key.split("_")]
     while len("_".join(words)) > room:
         longest = max(range(len(words)), key=lambda i: len(words[i]))
         words[longest] = words[longest][:-1]
-    return f"{PREFIXES[section]}_{'_'.join(words)}{tail}"
+    return f"{prefix}_{'_'.join(words)}{tail}"
 
 
 def parameter_table(gains: FlightGains) -> dict[str, Parameter]:

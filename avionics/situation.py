@@ -84,7 +84,7 @@ def conditions(s: AutopilotState) -> modes.Conditions:
         items=len(s.mission),
         throttle_stick=s.pilot.throttle,
         requested_stage=s.target.stage,
-        above_flare=int(s.altitude.altitude > s.gains.navigation.flare_altitude),
+        above_flare=int(s.height > s.gains.navigation.flare_altitude),
         fence_clearance=s.fence_clearance if s.fence.zones and position_usable(s) else math.inf,
         fence_floor=s.fence.floor,
         fence_ceiling=s.fence.ceiling,
@@ -206,4 +206,5 @@ def surroundings(s: AutopilotState) -> navigation.Situation:
         ceiling=ceiling(s),
         rescued=s.modes.rescued,
         setpoint=s.offboard.setpoint,
+        terrain=s.terrain,
     )

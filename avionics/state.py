@@ -125,6 +125,16 @@ class AutopilotState:
     roll_loop_status: m.RollStatus = zero(m.RollStatus)
     actuators: m.ActuatorCommand = zero(m.ActuatorCommand)
 
+    @property
+    def terrain(self) -> float:
+        """m; altitude of the ground below the vehicle: that of home, for no sensor measures it"""
+        return 0.0
+
+    @property
+    def height(self) -> float:
+        """m; above the ground, by which the flare goes"""
+        return self.altitude.altitude - self.terrain
+
 
 FORMER_NAMES = {
     "ways_in": "stick_inputs",

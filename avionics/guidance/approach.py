@@ -121,7 +121,7 @@ def _circle_at_head(gains: Gains, head: Place, heading: float, situation: Situat
 
 def down_the_line(gains: Gains, state: State, heading: float, situation: Situation) -> tuple[State, Target]:
     """Altitude falls with the way to go; without a position straight down at the loop's greatest sink."""
-    if state.flare or situation.altitude <= gains.flare_altitude:
+    if state.flare or situation.altitude - situation.terrain <= gains.flare_altitude:
         return state._replace(flare=1), Target(Stage.FLARE, 0.0, heading)
     if not situation.valid:
         return state, Target(Stage.APPROACH, -gains.approach_altitude, heading)

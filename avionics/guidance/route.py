@@ -187,6 +187,8 @@ class Situation(NamedTuple):
     """-; 1 while the mode is one that a failsafe took"""
     setpoint: Setpoint | None = None
     """-; of OFFBOARD, from `offboard.resolve`"""
+    terrain: float = 0.0
+    """m; altitude of the ground below the vehicle"""
 
 
 class Target(NamedTuple):

@@ -202,9 +202,9 @@ def flared(s: AutopilotState) -> altitude_loop.Gains:
     Lifted above the flare altitude by a gust it descends as on the line, or it would float on from there.
     """
     of, gains = s.gains.navigation, s.gains.altitude
-    if s.altitude.altitude <= of.flare_altitude:
+    if s.height <= of.flare_altitude:
         flare = altitude_loop.Flare(of.flare_sink, of.flare_time, of.flare_throttle, of.flare_pitch)
-        gains = altitude_loop.flaring(gains, flare, s.altitude.altitude)
+        gains = altitude_loop.flaring(gains, flare, s.height)
     resting = s.modes.cut or s.air.airspeed < s.gains.modes.touchdown_airspeed
     return gains._replace(throttle_max=0.0, throttle_min=0.0) if resting else gains
 

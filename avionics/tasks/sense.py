@@ -121,7 +121,7 @@ def _aloft(s: AutopilotState) -> airspeed_check.Aloft:
     """How far the vehicle is from standing on the ground."""
     if s.modes.stage not in AIRBORNE or s.modes.armed == 0:
         return GROUND
-    high = s.altitude.altitude > s.gains.navigation.flare_altitude
+    high = s.height > s.gains.navigation.flare_altitude
     return HIGH if high and s.flapping.frequency > 0.0 else LOW
 
 

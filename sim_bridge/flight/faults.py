@@ -7,16 +7,17 @@ the plant, and enter it in ``FAULTS``; the tests and the table of promises then 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from enum import Enum
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from avionics.messages import Command, CommandKind
 from avionics.missions.reader import find
 from sim_bridge.bridge.world import SimulationSilent
 from sim_bridge.sensors.frame import TICK_RATE, imu_on_the_wire
 from sim_bridge.sensors.receiver import ReceiverSpec
+from sim_bridge.sensors.suite import OPTIONAL
 from wingbeat.documents import parse_toml
 from wingbeat.errors import DocumentError, InputError
 from wingbeat.samples import PressureSample, ReceiverSample, SensorFrame
@@ -81,6 +82,8 @@ class Kind(NamedTuple):
     """for `Place.PLANT`"""
     end: Callable[[Plant], None] | None = None
     """for `Place.PLANT`; None when it cannot be undone"""
+    needs: str = ""
+    """section of the vehicle file without which there is nothing to fail"""
 
 
 class Fault(NamedTuple):
@@ -222,6 +225,21 @@ FAULTS: dict[str, Kind] = {
 }  # fmt: skip
 
 
+def _without(field: str) -> Sense:
+    """Return what takes the sample ``field`` out of a frame."""
+    removed: dict[str, Any] = {field: None}
+    return lambda frame, before, ticks: frame._replace(**removed)
+
+
+FAULTS |= {
+    row.fault: Kind(
+        f"the {row.section.replace('_', ' ')} gives no sample", Place.SENSORS, _without(row.field), needs=row.section
+    )
+    for row in OPTIONAL
+    if row.fault
+}
+
+
 # --- reading them ---------------------------------------------------------------------------------------
 
 
@@ -291,6 +309,22 @@ def _of_table(where: str, table: object) -> Fault:
     if any(isinstance(value, bool) or not isinstance(value, int | float) for value in (at, until)):
         raise InputError(f"{where}: at and until must be numbers of seconds")
     return checked(Fault(str(name), float(at), float(until)))
+
+
+def check_carried(faults: Iterable[Fault], sections: Collection[str]) -> None:
+    """Check that the vehicle has what the faults let fail.
+
+    Args:
+        faults: of one flight.
+        sections: of the vehicle's file.
+
+    Raises:
+        InputError: names the fault and the missing section.
+    """
+    for fault in faults:
+        needed = FAULTS[fault.name].needs
+        if needed and needed not in sections:
+            raise InputError(f"fault {fault.name}: the vehicle file has no section [{needed}]")
 
 
 def divided(faults: Iterable[Fault]) -> tuple[tuple[Fault, ...], tuple[Fault, ...]]:
@@ -364,14 +398,14 @@ class FaultInjector:
         """What is read instead of ``frame``."""
         if self._boot is None:
             self._boot = frame.pressures
-        _, _, _, pressures, _, _, _, receiver = healthy = frame
+        healthy, pressures = frame, frame.pressures
         for fault, since in self._active.items():
             sense = FAULTS[fault.name].sense
             if sense is not None:
                 frame = sense(frame, self._before.get(fault, Before(self._boot, healthy)), tick - since)
         if self._active and frame.imu is not healthy.imu:
             frame = frame._replace(imu=imu_on_the_wire(*frame.imu))
-        self._last, self._received = healthy, receiver or self._received
+        self._last, self._received = healthy, healthy.receiver or self._received
         if pressures is not None:
             self._static = pressures.static_counts
         return frame

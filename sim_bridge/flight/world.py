@@ -11,7 +11,7 @@ from sim_bridge import topics
 from sim_bridge.environment import dryden
 from sim_bridge.environment.home import COLLEGE_PARK, Home
 from sim_bridge.environment.wind import steady_wind
-from sim_bridge.flight.faults import Fault, FaultInjector
+from sim_bridge.flight.faults import Fault, FaultInjector, check_carried
 from sim_bridge.flight.instant import Instant, Look
 from sim_bridge.messages import TruthLoads, TruthState, TruthWing
 from sim_bridge.observation import Observation, Vector
@@ -186,6 +186,7 @@ class SimulatedWorld:
         self._rest_since: float | None = None
         self._armed_since = math.inf if scenario.waits_for_arming else -math.inf
         self._launched_at = math.inf
+        check_carried(scenario.faults, vehicle.sections)
         self.faults = FaultInjector(scenario.faults)
         """takes more of them in flight"""
 

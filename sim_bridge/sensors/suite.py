@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Any, NamedTuple, get_type_hints
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import Any, NamedTuple, Protocol, get_type_hints
 
 from sim_bridge.environment.home import Home
 from sim_bridge.observation import Observation, Vector
@@ -15,20 +16,20 @@ from sim_bridge.sensors.frame import TICK_RATE, imu_on_the_wire
 from sim_bridge.sensors.gps import Gps, GpsSpec
 from sim_bridge.sensors.gyroscope import Gyroscope, GyroscopeSpec
 from sim_bridge.sensors.magnetometer import Magnetometer, MagnetometerSpec
-from sim_bridge.sensors.noise import sensor_seed
+from sim_bridge.sensors.noise import SensorSeed, sensor_seed
 from sim_bridge.sensors.pitot import Pitot, PitotSpec
 from sim_bridge.sensors.power_sensor import PowerSensor, PowerSensorSpec
 from sim_bridge.sensors.receiver import Pilot, Receiver, ReceiverSpec
 from sim_bridge.sensors.torque_cell import TorqueCell, TorqueCellSpec
 from wingbeat.errors import InputError
-from wingbeat.samples import AdcBurst, EncoderSample, GpsFix, ImuSample, PressureSample, SensorFrame, TorqueSample
+from wingbeat.samples import AdcBurst, EncoderSample, GpsFix, ImuSample, PressureSample, SensorFrame
 
 MAGNETOMETER_RATE = 75.0
 """Hz; the most the HMC5883L gives; its last reading is repeated in between"""
 PRESSURE_RATE = 50.0
 """Hz"""
 POWER_RATE = 100.0
-"""Hz; torque cells too"""
+"""Hz; torque cells also"""
 GPS_RATE = 5.0
 """Hz"""
 RECEIVER_RATE = 50.0
@@ -48,10 +49,15 @@ class Ticks(NamedTuple):
     receiver: int
 
 
+def ticks_between(rate: float, sensor_rate: float) -> int:
+    """Return the ticks at ``rate`` (Hz) from one sample to the next of a sensor with at most ``sensor_rate`` (Hz)."""
+    return max(1, math.ceil(rate / sensor_rate - 1e-9))
+
+
 def ticks_of(rate: float) -> Ticks:
-    """What a tick rate in Hz allows each sensor: whole ticks, and no more samples than the sensor gives."""
+    """Return the ticks between samples of each required sensor at a tick rate in Hz."""
     sensors = (MAGNETOMETER_RATE, PRESSURE_RATE, POWER_RATE, GPS_RATE, RECEIVER_RATE)
-    return Ticks(*(max(1, math.ceil(rate / sensor - 1e-9)) for sensor in sensors))
+    return Ticks(*(ticks_between(rate, sensor) for sensor in sensors))
 
 
 class SensorSpec(NamedTuple):
@@ -64,11 +70,45 @@ class SensorSpec(NamedTuple):
     pitot: PitotSpec
     barometer: BarometerSpec
     power_sensor: PowerSensorSpec
-    torque_cell: TorqueCellSpec
     gps: GpsSpec
+    optional: Mapping[str, Any] = MappingProxyType({})
+    """specifications of the optional sensors that the vehicle carries, by section"""
 
 
-SECTIONS: dict[str, type[Any]] = get_type_hints(SensorSpec)
+class OptionalSensor(Protocol):
+    """A sensor that a vehicle may lack."""
+
+    @property
+    def errors(self) -> Any:
+        """Errors of this unit for the whole flight, a NamedTuple in SI."""
+
+    def read(self, observation: Observation) -> Any:
+        """Return the sample of this tick, a field of `SensorFrame`, or None."""
+
+
+class OptionalRow(NamedTuple):
+    """One row of the table of optional sensors."""
+
+    section: str
+    """of the vehicle file"""
+    spec: type[Any]
+    """keys of the section"""
+    build: Callable[[Any, SensorSeed], OptionalSensor]
+    rate: float
+    """Hz"""
+    stream: int
+    """number of its random stream: a new sensor takes the next free one, so that the noise of the others stays"""
+    field: str
+    """of `SensorFrame`"""
+    fault: str = ""
+    """name of the fault that silences it; empty for none"""
+
+
+OPTIONAL: tuple[OptionalRow, ...] = (
+    OptionalRow("torque_cell", TorqueCellSpec, TorqueCell, POWER_RATE, 6, "torque"),
+)  # fmt: skip
+_REQUIRED = {name: hint for name, hint in get_type_hints(SensorSpec).items() if name != "optional"}
+SECTIONS: dict[str, type[Any]] = _REQUIRED | {row.section: row.spec for row in OPTIONAL}
 """Sections of a vehicle file that describe sensors, for `wingbeat.vehicle_file.read_vehicle_file`."""
 
 
@@ -82,10 +122,11 @@ def sensor_spec(sections: Mapping[str, Any]) -> SensorSpec:
     Raises:
         InputError: the vehicle has no section of one of them.
     """
-    for name in SensorSpec._fields:
+    for name in _REQUIRED:
         if name not in sections:
             raise InputError(f"the vehicle file has no section [{name}]: without its sensors it cannot be flown")
-    return SensorSpec(**{name: sections[name] for name in SensorSpec._fields})
+    optional = {row.section: sections[row.section] for row in OPTIONAL if row.section in sections}
+    return SensorSpec(**{name: sections[name] for name in _REQUIRED}, optional=optional)
 
 
 class SensorSuite:
@@ -117,8 +158,15 @@ class SensorSuite:
         self._pitot = Pitot(spec.pitot, sensor_seed(seed, 3, corner), tick)
         self._barometer = Barometer(spec.barometer, sensor_seed(seed, 4, corner), self._ticks.pressures * tick)
         self._power_sensor = PowerSensor(spec.power_sensor, sensor_seed(seed, 5, corner))
-        self._torque_cell = TorqueCell(spec.torque_cell, sensor_seed(seed, 6, corner))
-        self._torque_installed = spec.torque_cell.installed
+        carried = [row for row in OPTIONAL if row.section in spec.optional]
+        self._optional = [
+            (
+                row,
+                row.build(spec.optional[row.section], sensor_seed(seed, row.stream, corner)),
+                ticks_between(rate, row.rate),
+            )
+            for row in carried
+        ]
         self._gps = Gps(spec.gps, sensor_seed(seed, 7, corner), home, self._ticks.gps * tick)
         self.encoder = Encoder(spec.encoder)
         self._receiver = Receiver(ReceiverSpec(), sensor_seed(seed, 8), pilot)
@@ -138,8 +186,8 @@ class SensorSuite:
             "pitot": self._pitot.errors,
             "barometer": self._barometer.errors,
             "power_sensor": self._power_sensor.errors,
-            "torque_cell": self._torque_cell.errors,
         }
+        errors |= {row.section: sensor.errors for row, sensor, _ in self._optional}
         return {f"{name}.{key}": value for name, e in errors.items() for key, value in e._asdict().items()}
 
     def sample(self, observation: Observation, tick: int) -> SensorFrame:
@@ -152,16 +200,17 @@ class SensorSuite:
         time_us, ticks = observation.time_us, self._ticks
         self._pitot.sense(observation.v_air_frd, observation.density)
         powered = tick % ticks.power == 0
-        return SensorFrame(
+        frame = SensorFrame(
             time_us,
             self._imu(observation, tick),
-            EncoderSample._make((time_us, *self.encoder.read(observation.flap_left, observation.flap_right))),
-            self._pressures(observation) if tick % ticks.pressures == 0 else None,
-            AdcBurst._make((time_us, *self._power_sensor.read(observation))) if powered else None,
-            self._torque(observation) if powered and self._torque_installed else None,
-            self._fix(observation, tick),
-            self._receiver.read(observation) if tick % ticks.receiver == 0 else None,
-        )  # fmt: skip
+            encoder=EncoderSample._make((time_us, *self.encoder.read(observation.flap_left, observation.flap_right))),
+            pressures=self._pressures(observation) if tick % ticks.pressures == 0 else None,
+            adc=AdcBurst._make((time_us, *self._power_sensor.read(observation))) if powered else None,
+            gps=self._fix(observation, tick),
+            receiver=self._receiver.read(observation) if tick % ticks.receiver == 0 else None,
+        )
+        optional = {row.field: sensor.read(observation) for row, sensor, every in self._optional if tick % every == 0}
+        return frame._replace(**optional) if optional else frame
 
     def _imu(self, observation: Observation, tick: int) -> ImuSample:
         if self._field_frd is None or tick % self._ticks.magnetometer == 0:
@@ -174,10 +223,6 @@ class SensorSuite:
     def _pressures(self, observation: Observation) -> PressureSample:
         static, temperature = self._barometer.read(observation.static_pressure, observation.temperature)
         return PressureSample(observation.time_us, static, self._pitot.read(), temperature)
-
-    def _torque(self, observation: Observation) -> TorqueSample:
-        counts = self._torque_cell.read(observation.torque_left, observation.torque_right)
-        return TorqueSample._make((observation.time_us, *counts))
 
     def _fix(self, observation: Observation, tick: int) -> GpsFix | None:
         if tick % self._ticks.gps == 0:

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
+from sim_bridge.observation import Observation
 from sim_bridge.sensors.noise import SensorSeed, normal_rows, split
+from wingbeat.samples import TorqueSample
 from wingbeat.units import Quantity
 
 
@@ -50,13 +52,16 @@ class TorqueCell:
         self._spec = spec
         self._normals = normal_rows(flight, 2)
 
-    def read(self, torque_left: float, torque_right: float) -> tuple[int, int]:
-        """Counts of the drives' torques in N m, positive when they move the wings up."""
+    def read(self, observation: Observation) -> TorqueSample | None:
+        """Return the torques of both drives in counts; None if the vehicle flies without cells."""
+        if not self._spec.installed:
+            return None
         left, right = next(self._normals)
         zero, scale = self.errors
-        return (
-            self._counts(torque_left * (1.0 + scale[0]) + zero[0] + self._spec.noise * left),
-            self._counts(torque_right * (1.0 + scale[1]) + zero[1] + self._spec.noise * right),
+        return TorqueSample(
+            observation.time_us,
+            self._counts(observation.torque_left * (1.0 + scale[0]) + zero[0] + self._spec.noise * left),
+            self._counts(observation.torque_right * (1.0 + scale[1]) + zero[1] + self._spec.noise * right),
         )
 
     def _counts(self, torque: float) -> int:

@@ -124,7 +124,7 @@ def test_streams_of_different_sensors_are_uncorrelated() -> None:
 
 
 def test_torque_only_where_installed() -> None:
-    without = SPEC._replace(torque_cell=SPEC.torque_cell._replace(installed=False))
+    without = SPEC._replace(optional={"torque_cell": SPEC.optional["torque_cell"]._replace(installed=False)})
     assert all(f.torque is None for f in fly(without))
 
 

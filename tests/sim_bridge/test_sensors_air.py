@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from sensors_bench import SPEC, quiet, variance_bounds
+from sensors_bench import SPEC, cruise, quiet, variance_bounds
 
 from sim_bridge.sensors.barometer import Barometer
 from sim_bridge.sensors.encoder import Counter, Encoder, EncoderSpec
@@ -146,13 +146,19 @@ def test_index_pulses_once_for_every_passage_of_its_place(angles: list[float]) -
     assert [counter.read(angle) for angle in angles][-1][2] == passed
 
 
+def torques(cell: TorqueCell, left: float, right: float) -> tuple[int, int]:
+    sample = cell.read(cruise(torque_left=left, torque_right=right))
+    assert sample is not None
+    return sample.left_counts, sample.right_counts
+
+
 def test_torque_cell_reads_counts_noise_and_saturates() -> None:
-    spec = quiet(SPEC.torque_cell)
-    assert TorqueCell(spec, SEED).read(1.0011, -0.5009) == (501, -250)
-    assert TorqueCell(spec, SEED).read(50.0, -50.0) == (2500, -2500)
+    spec = quiet(SPEC.optional["torque_cell"])
+    assert torques(TorqueCell(spec, SEED), 1.0011, -0.5009) == (501, -250)
+    assert torques(TorqueCell(spec, SEED), 50.0, -50.0) == (2500, -2500)
     samples = 20000
-    cell = TorqueCell(SPEC.torque_cell, SEED)
-    readings = np.array([cell.read(0.8, -0.3) for _ in range(samples)])
+    cell = TorqueCell(SPEC.optional["torque_cell"], SEED)
+    readings = np.array([torques(cell, 0.8, -0.3) for _ in range(samples)])
     low, high = variance_bounds(samples, 2.5**2 + 1.0 / 12.0)
     for side in (0, 1):
         assert low < np.var(readings[:, side], ddof=1) < high
