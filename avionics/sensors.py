@@ -10,7 +10,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 
 from avionics import topics
-from avionics.sensing import plausibility
+from avionics.sensing import plausibility, rangefinder
 from avionics.sensing.plausibility import Gains, State
 from wingbeat.samples import SensorFrame
 from wingbeat.topic import Publish, Topic
@@ -47,6 +47,9 @@ OTHERS: tuple[Sensor[Any], ...] = (
     Sensor("torque", "torque", topics.TORQUE_RAW, "WINGBEAT_TORQUE", plausibility.torque_plausible),
     Sensor("gps", "GPS", topics.GPS, "HIL_GPS", plausibility.gps_plausible),
     Sensor("receiver", "receiver", topics.RECEIVER, "HIL_RC_INPUTS_RAW"),
+    Sensor(
+        "rangefinder", "rangefinder", topics.RANGE, "DISTANCE_SENSOR", rangefinder.is_plausible, rangefinder.receive
+    ),
 )
 SENSORS: tuple[Sensor[Any], ...] = (IMU, *OTHERS)
 """all sensors, in the order in which a frame is recorded"""

@@ -31,6 +31,7 @@ from avionics.sensing import (
     plausibility,
     power,
     preflight,
+    rangefinder,
     tail_check,
     vibration,
     wing_angle,
@@ -72,6 +73,7 @@ class AutopilotState:
     wing_angle: wing_angle.State = wing_angle.State()
     vibration: vibration.State = vibration.State()
     power: power.State = power.State()
+    rangefinder: rangefinder.State = rangefinder.State()
     air_data: air_data.State = air_data.State()
     altitude_filter: altitude_filter.State = altitude_filter.State()
     gps_altitude: gps_altitude.State = gps_altitude.State()
@@ -127,8 +129,8 @@ class AutopilotState:
 
     @property
     def terrain(self) -> float:
-        """m; altitude of the ground below the vehicle: that of home, for no sensor measures it"""
-        return 0.0
+        """m; altitude of the ground below the vehicle, that of home while no rangefinder measures it"""
+        return rangefinder.terrain(self.rangefinder, self.clock.time_us)
 
     @property
     def height(self) -> float:

@@ -6,6 +6,7 @@ from typing import Any
 
 from avionics import messages as m
 from wingbeat.message import Event, RecorderStatus, Text
+from wingbeat.samples import RangeSample
 from wingbeat.topic import Topic
 
 IMU = Topic("/sensors/imu", m.ImuSample, 1, 200.0)
@@ -18,6 +19,7 @@ PILOT = Topic("/inputs/pilot", m.PilotInput, 7, 0.0)
 RECEIVER = Topic("/sensors/receiver", m.ReceiverSample, 8, 50.0)
 OVERRIDE = Topic("/inputs/override", m.ChannelOverride, 9, 0.0)
 VIBRATION = Topic("/sensors/vibration", m.VibrationStatus, 10, 1.0)
+RANGE = Topic("/sensors/range", RangeSample, 11, 50.0, 5.0)
 
 ATTITUDE = Topic("/attitude/ahrs", m.Attitude, 20, 200.0, 10.0)
 POWER = Topic("/power/state", m.PowerState, 21, 100.0, 2.0)
@@ -52,7 +54,7 @@ RECORDER = Topic("/system/recorder", RecorderStatus, 68, 0.0, deterministic=Fals
 """each time the recorder had to leave out more"""
 
 TOPICS: tuple[Topic[Any], ...] = (
-    IMU, ENCODER, PRESSURES, ADC, TORQUE_RAW, GPS, PILOT, RECEIVER, OVERRIDE, VIBRATION,
+    IMU, ENCODER, PRESSURES, ADC, TORQUE_RAW, GPS, PILOT, RECEIVER, OVERRIDE, VIBRATION, RANGE,
     ATTITUDE, POWER, WING, DRIVE_TORQUE, AIR_DATA, ALTITUDE, POSITION,
     NAVIGATION, ALTITUDE_LOOP, HEADING_LOOP, EXCITATION, PITCH_LOOP, ROLL_LOOP, FLAP, ACTUATORS,
     HEALTH, TIMING, EVENTS, INPUTS, SNAPSHOTS, LINK_EVENTS, CALIBRATION, FENCE, RECORDER,

@@ -137,6 +137,21 @@ class ReceiverSample(NamedTuple):
     """-; signal strength, 0 to 254, 255 for unknown"""
 
 
+class RangeSample(NamedTuple):
+    """One reading of the downward rangefinder."""
+
+    time_us: Time
+    """us; since boot"""
+    distance: float
+    """m; along the beam, 0 without an echo"""
+    min_distance: float
+    """m; least distance that the sensor can measure"""
+    max_distance: float
+    """m; greatest distance that the sensor can measure"""
+    quality: Number
+    """%; of the signal, 0 without an echo"""
+
+
 class SensorFrame(NamedTuple):
     """All samples that the board delivers in one tick; a sensor without a sample in this tick is None."""
 
@@ -149,6 +164,7 @@ class SensorFrame(NamedTuple):
     torque: TorqueSample | None = None
     gps: GpsFix | None = None
     receiver: ReceiverSample | None = None
+    rangefinder: RangeSample | None = None
 
     def shifted(self, offset_us: int) -> SensorFrame:
         """Return the frame with ``offset_us`` added to the time of every sample."""

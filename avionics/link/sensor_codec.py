@@ -13,16 +13,17 @@ from itertools import chain
 from typing import Any, Generic, NamedTuple, TypeVar, get_args, get_type_hints
 
 from avionics.link.dialect import mavlink
+from avionics.link.framing import build_frame
 from avionics.sensors import IMU, OTHERS, SENSORS, Sensor
 from wingbeat.message import Wire
 from wingbeat.records import constructor
-from wingbeat.samples import CHANNELS, GpsFix, ImuSample, ReceiverSample, SensorFrame
+from wingbeat.samples import CHANNELS, GpsFix, ImuSample, RangeSample, ReceiverSample, SensorFrame
 
 T = TypeVar("T")
 ACCELEROMETER, GYROSCOPE, MAGNETOMETER = 0x7, 0x38, 0x1C0
 IMU_FIELDS = ACCELEROMETER | GYROSCOPE | MAGNETOMETER
 """``HIL_SENSOR.fields_updated`` of an IMU sample; pressures cross as raw counts in a message of their own."""
-UNKNOWN_U16 = 0xFFFF
+UNKNOWN_U8, UNKNOWN_U16 = 0xFF, 0xFFFF
 _DEGE7 = 1e7 * 180.0 / math.pi
 _NO_PRESSURE = (0.0, 0.0, 0.0, 0.0, IMU_FIELDS, 0)
 _SPARE_CHANNELS = (0,) * 4
@@ -53,6 +54,7 @@ def padded(layout: struct.Struct, payload: bytes) -> tuple[Any, ...]:
 _SENSOR = layout_of(mavlink.MAVLINK_MSG_ID_HIL_SENSOR)
 _GPS = layout_of(mavlink.MAVLINK_MSG_ID_HIL_GPS)
 _RC = layout_of(mavlink.MAVLINK_MSG_ID_HIL_RC_INPUTS_RAW)
+_RANGE = layout_of(mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR)
 _new_imu_sample = constructor(ImuSample)
 
 
@@ -127,10 +129,33 @@ def decode_receiver(payload: bytes) -> ReceiverSample:
     return ReceiverSample(time_us, tuple(pulses[:CHANNELS]), int(rssi == 0), rssi)
 
 
+def encode_range(sample: RangeSample) -> bytes:
+    """Payload of DISTANCE_SENSOR: ms and cm; a quality of 1 is an invalid reading."""
+    return _RANGE.pack(
+        sample.time_us // 1000,
+        *(_u16(distance * 1e2) for distance in (sample.min_distance, sample.max_distance, sample.distance)),
+        mavlink.MAV_DISTANCE_SENSOR_LASER,
+        0,
+        mavlink.MAV_SENSOR_ROTATION_PITCH_270,
+        UNKNOWN_U8,
+        0.0,
+        0.0,
+        *(0.0,) * 4,
+        max(sample.quality, 1),
+    )
+
+
+def decode_range(payload: bytes) -> RangeSample:
+    """From a payload of DISTANCE_SENSOR."""
+    time_ms, low, high, distance, *_, quality = padded(_RANGE, payload)
+    return RangeSample(time_ms * 1000, distance / 1e2, low / 1e2, high / 1e2, quality if quality > 1 else 0)
+
+
 CONVERSIONS: dict[str, tuple[Callable[[Any], bytes], Callable[[bytes], Any]]] = {
     "HIL_SENSOR": (encode_imu, decode_imu),
     "HIL_GPS": (encode_gps, decode_gps),
     "HIL_RC_INPUTS_RAW": (encode_receiver, decode_receiver),
+    "DISTANCE_SENSOR": (encode_range, decode_range),
 }
 """encoder and decoder of the payload, by the name of a standard message"""
 
@@ -176,6 +201,17 @@ BY_MESSAGE = {CODECS[sensor.field].message_id: (sensor.field, CODECS[sensor.fiel
 """field and decoder of what may come before HIL_SENSOR in a tick, by message id"""
 HIL_SENSOR: int = CODECS[IMU.field].message_id
 _BEFORE_IMU = tuple((sensor.field, CODECS[sensor.field]) for sensor in OTHERS)
+
+
+TELEMETRY = tuple(sensor for sensor in OTHERS if not sensor.wire.startswith(("HIL_", "WINGBEAT_")))
+"""sensors whose wire message is telemetry for ground stations as well"""
+_DECODER = mavlink.MAVLink(None)
+
+
+def message(sensor: Sensor[T], sample: T) -> Any:
+    """Return the MAVLink message object of a sample."""
+    codec = CODECS[sensor.field]
+    return _DECODER.decode(bytearray(build_frame(codec.message_id, codec.encode(sample), 0, 1, 1)))
 
 
 def payloads(frame: SensorFrame) -> list[tuple[int, bytes]]:

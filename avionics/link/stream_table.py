@@ -9,6 +9,7 @@ from avionics.link import telemetry
 from avionics.link import telemetry_on_request as on_request
 from avionics.link.budget import Rank
 from avionics.link.dialect import mavlink
+from avionics.link.sensor_codec import TELEMETRY
 from avionics.link.vehicle import VehicleView
 
 
@@ -80,5 +81,9 @@ STREAMS = (
     _entry("POSITION_TARGET_LOCAL_NED", on_request.position_target_local, 0.0, _THIRD),
     _entry("GPS_GLOBAL_ORIGIN", on_request.gps_global_origin, 0.0, _SECOND),
     _entry("ACTUATOR_OUTPUT_STATUS", on_request.actuator_outputs, 0.0, _LAST),
+    *(
+        _entry(each.wire, on_request.sensor_message(each), each.topic.telemetry_rate, _LAST, _MORE)
+        for each in TELEMETRY
+    ),
 )
 """All telemetry, with the rates of a fresh link."""

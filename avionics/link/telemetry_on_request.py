@@ -6,17 +6,21 @@ Every builder takes the vehicle and gives a message, or None while there is noth
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections.abc import Callable
+from typing import Any, TypeVar
 
 from avionics import messages as m
 from avionics import topics as t
+from avionics.link import sensor_codec
 from avionics.link.dialect import mavlink
 from avionics.link.mission_codec import to_degrees
 from avionics.link.telemetry import boot_ms, home_place, int16
 from avionics.link.vehicle import VehicleView
+from avionics.sensors import Sensor
 from wingbeat.constants import STANDARD_GRAVITY
 from wingbeat.rotations import frd_from_ned
 
+T = TypeVar("T")
 INNOVATION_GATE = 5.0
 """standard deviations; PX4's and ArduPilot's gate, by which their test ratios are normalized"""
 _UNKNOWN_TILT = math.pi
@@ -243,3 +247,13 @@ def position_target_local(vehicle: VehicleView) -> Any:
     return mavlink.MAVLink_position_target_local_ned_message(
         boot_ms(now.time_us), mavlink.MAV_FRAME_LOCAL_NED, mask, *place, *(0.0,) * 6, now.heading_setpoint, 0.0
     )
+
+
+def sensor_message(sensor: Sensor[T]) -> Callable[[VehicleView], Any]:
+    """Return the builder of a sensor's standard message."""
+
+    def build(vehicle: VehicleView) -> Any:
+        sample = vehicle.latest(sensor.topic)
+        return None if sample is None else sensor_codec.message(sensor, sample)
+
+    return build

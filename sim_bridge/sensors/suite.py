@@ -19,6 +19,7 @@ from sim_bridge.sensors.magnetometer import Magnetometer, MagnetometerSpec
 from sim_bridge.sensors.noise import SensorSeed, sensor_seed
 from sim_bridge.sensors.pitot import Pitot, PitotSpec
 from sim_bridge.sensors.power_sensor import PowerSensor, PowerSensorSpec
+from sim_bridge.sensors.rangefinder import Rangefinder, RangefinderSpec
 from sim_bridge.sensors.receiver import Pilot, Receiver, ReceiverSpec
 from sim_bridge.sensors.torque_cell import TorqueCell, TorqueCellSpec
 from wingbeat.errors import InputError
@@ -33,6 +34,8 @@ POWER_RATE = 100.0
 GPS_RATE = 5.0
 """Hz"""
 RECEIVER_RATE = 50.0
+"""Hz"""
+RANGE_RATE = 50.0
 """Hz"""
 
 LARGEST = 1e6
@@ -106,6 +109,7 @@ class OptionalRow(NamedTuple):
 
 OPTIONAL: tuple[OptionalRow, ...] = (
     OptionalRow("torque_cell", TorqueCellSpec, TorqueCell, POWER_RATE, 6, "torque"),
+    OptionalRow("rangefinder", RangefinderSpec, Rangefinder, RANGE_RATE, 9, "rangefinder", "rangefinder_lost"),
 )  # fmt: skip
 _REQUIRED = {name: hint for name, hint in get_type_hints(SensorSpec).items() if name != "optional"}
 SECTIONS: dict[str, type[Any]] = _REQUIRED | {row.section: row.spec for row in OPTIONAL}

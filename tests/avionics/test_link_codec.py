@@ -14,6 +14,7 @@ from avionics import messages as m
 from avionics.link import codec, sensor_codec
 from avionics.link.dialect import mavlink
 from avionics.link.framing import FrameReader
+from wingbeat.samples import RangeSample
 
 times = st.integers(0, 2**63)
 singles = st.floats(-1e6, 1e6, width=32)
@@ -45,6 +46,7 @@ frames = st.builds(
     st.none() | st.builds(m.TorqueSample, times, counts, counts),
     st.none() | fixes,
     st.none() | st.builds(m.ReceiverSample, times, pulses, st.integers(0, 1), st.integers(0, 255)),
+    st.none() | st.builds(RangeSample, st.integers(0, 2**32 - 1), *[st.floats(0, 200)] * 3, st.integers(0, 100)),
 ).map(lambda frame: frame._replace(time_us=frame.imu.time_us))
 
 

@@ -43,6 +43,7 @@ def test_rates() -> None:
         "torque": 100.0,
         "gps": 5.0,
         "receiver": 50.0,
+        "rangefinder": 50.0,
     }
     fields = [f.imu[7:] for f in frames]
     changes = sum(a != b for a, b in pairwise(fields)) / seconds
@@ -136,8 +137,12 @@ def test_unit_errors_are_named_for_the_log() -> None:
 
 
 def test_sections_are_the_spec() -> None:
-    assert tuple(SECTIONS) == SensorSpec._fields
-    assert sensor_spec({**SPEC._asdict(), "wing": object()}) == SPEC
+    required = SPEC._asdict()
+    optional = required.pop("optional")
+    assert set(SECTIONS) == {*required, *optional}
+    assert sensor_spec({**required, **optional, "wing": object()}) == SPEC
+    assert sensor_spec(required) == SPEC._replace(optional={})
+    assert all(f.torque is f.rangefinder is None for f in fly(sensor_spec(required)))
 
 
 def test_negative_seed_is_refused() -> None:

@@ -217,15 +217,16 @@ def flown(
     commands: Sequence[Command] = (),
     alter: Alter = unaltered,
     script: Sequence[Command] | None = None,
+    avionics: str = "",
 ) -> Flight:
     """Fly in one process, as `wingbeat fly` does, with more commands and with sensors that fail.
 
-    ``script`` stands for its scripted start.
+    ``script`` stands for its scripted start, ``avionics`` for the flight computer's vehicle file.
     """
     log = MemoryLog()
     items = load_mission(mission) if isinstance(mission, str) else mission
     world = SimulatedWorld(load_vehicle(vehicle), scenario, log.publish)
-    autopilot = Autopilot(load_flight_vehicle(vehicle), items, log.publish)
+    autopilot = Autopilot(load_flight_vehicle(avionics or vehicle), items, log.publish)
     fly(AlteredWorld(world, alter), autopilot, [*(scripted_start() if script is None else script), *commands])
     return Flight(log, items)
 
