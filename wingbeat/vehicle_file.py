@@ -6,15 +6,24 @@ Avionics and simulator declare their own schema and share this reader.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import cache, lru_cache
+from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
-from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, NamedTuple, get_args, get_origin
 
 from wingbeat.documents import parse_toml, toml_text
 from wingbeat.errors import DocumentError, InputError
-from wingbeat.text import read_error_text
-from wingbeat.units import INFINITY, Quantity
+from wingbeat.schema import (
+    check_keys,
+    check_table,
+    error_context,
+    expected_text,
+    field_hints,
+    join,
+    quantity_of,
+    read_value,
+)
+from wingbeat.text import did_you_mean, read_error_text
 
 
 class Label(NamedTuple):
@@ -44,6 +53,7 @@ class VehicleFile(NamedTuple):
 VEHICLE_FOLDER_FILES = ("world.toml", "avionics.toml")
 """files of a vehicle that is a folder: what is, and what the flight computer assumes"""
 SOURCE_KINDS = ("published", "identified", "chosen")
+ENTRY_KEYS = ("value", "unit", "source", "fitted")
 
 
 class Schema(NamedTuple):
@@ -74,33 +84,29 @@ def read_vehicle_file(path: Path, schema: Schema, folder: Path | None = None) ->
             of range, source missing.
     """
     document, text = _document(path, folder, ())
-    sources: dict[str, Source] = {}
-    fitted: dict[str, str] = {}
-    sections: dict[str, Any] = {}
+    name = name_by_path(path)
+    vehicle = VehicleFile(str(document.get("name", name)), str(document.get("title", name)), path, text, {}, {}, {})
+    with error_context(path):
+        _read_sections(vehicle, document, schema)
+    return vehicle
+
+
+def _read_sections(vehicle: VehicleFile, document: Mapping[str, Any], schema: Schema) -> None:
     known = [*schema.required, *schema.optional, *schema.repeated]
     for key in document:
         if key not in known and key not in ("name", "title"):
-            raise InputError(f"{path}: unknown section [{key}]; known: {', '.join(known)}")
+            raise InputError(f"unknown section [{key}]{did_you_mean(key, known)}; known: {', '.join(known)}")
     for section in schema.required:
         if section not in document:
-            raise InputError(f"{path}: section [{section}] is missing")
+            raise InputError(f"section [{section}] is missing")
     for section, record in (*schema.required.items(), *schema.optional.items()):
         if section in document:
-            sections[section] = _section(path, section, document[section], record, sources, fitted)
+            vehicle.sections[section] = _section(vehicle, section, document[section], record)
     for family, record in schema.repeated.items():
-        sections[family] = {}
-        for name, table in _table(path, family, document.get(family, {})).items():
-            sections[family][name] = _section(path, f"{family}.{name}", table, record, sources, fitted)
-    name = name_by_path(path)
-    return VehicleFile(
-        str(document.get("name", name)),
-        str(document.get("title", name)),
-        path,
-        text,
-        sections,
-        sources,
-        fitted,
-    )
+        entries = check_table(document.get(family, {}), family)
+        vehicle.sections[family] = {
+            name: _section(vehicle, join(family, name), table, record) for name, table in entries.items()
+        }
 
 
 def _document(path: Path, folder: Path | None, above: tuple[Path, ...]) -> tuple[dict[str, Any], str]:
@@ -153,46 +159,46 @@ def _laid_over(base: Mapping[str, Any], overrides: Mapping[str, Any]) -> dict[st
     return merged
 
 
-def _section(
-    path: Path,
-    section: str,
-    table: Mapping[str, Any],
-    record: Any,
-    sources: dict[str, Source],
-    fitted: dict[str, str],
-) -> Any:
-    hints = _hints(record)
-    table = _renamed(_table(path, section, table), hints)
+def _section(vehicle: VehicleFile, section: str, table: Any, record: Any) -> Any:
+    hints = field_hints(record)
+    table = _renamed(check_table(table, section), hints)
     defaults: dict[str, Any] = getattr(record, "_field_defaults", {})
-    for key in table:
-        if key not in hints:
-            raise InputError(f"{path}: unknown key {section}.{key}; known: {', '.join(hints)}")
+    check_keys(table, hints, section)
     values: dict[str, Any] = {}
-    for key, hint in hints.items():
-        name = f"{section}.{key}"
-        if key not in table:
-            if key in defaults:
-                continue
-            raise InputError(f"{path}: key {name} is missing ({_expectation(hint)})")
-        entry = table[key]
-        if _is_label(hint):
-            values[key] = _label(path, name, entry)
-            continue
-        if not isinstance(entry, dict) or "value" not in entry:
-            raise InputError(f"{path}: {name} must be a table with value, unit and source")
-        unknown = set(entry) - {"value", "unit", "source", "fitted"}
-        if unknown:
-            raise InputError(f"{path}: {name} has unknown parts: {', '.join(sorted(unknown))}")
-        values[key] = _value(path, name, entry, hint)
-        sources[name] = _source(path, name, entry)
-        if "fitted" in entry:
-            fitted[name] = str(entry["fitted"])
+    for name, hint in hints.items():
+        key = join(section, name)
+        if name not in table:
+            if name not in defaults:
+                raise InputError(f"{key} is missing{expected_text(hint)}")
+        elif _is_label(hint):
+            values[name] = read_value(str, table[name], key)
+        else:
+            values[name] = _value(vehicle, key, table[name], hint)
     return record(**values)
+
+
+def _value(vehicle: VehicleFile, key: str, entry: Any, hint: Any) -> Any:
+    """Read a value with its unit and its source."""
+    if not isinstance(entry, dict) or "value" not in entry:
+        raise InputError(f"{key} must be a table with value, unit and source")
+    check_keys(entry, ENTRY_KEYS, key)
+    quantity = quantity_of(hint)
+    unit = entry.get("unit", "")
+    if quantity is not None and unit != quantity.unit:
+        raise InputError(f'{key} must be in "{quantity.unit}", not "{unit}"')
+    value = read_value(hint, entry["value"], key)
+    kind, _, text = str(entry.get("source", "")).partition(":")
+    if kind not in SOURCE_KINDS or not text.strip():
+        raise InputError(f'{key} needs source = "published|identified|chosen: which or why"')
+    vehicle.sources[key] = Source(kind, text.strip())
+    if "fitted" in entry:
+        vehicle.fitted[key] = str(entry["fitted"])
+    return value
 
 
 def _renamed(table: Mapping[str, Any], hints: Mapping[str, Any]) -> Mapping[str, Any]:
     """The table with earlier keys replaced; a file that changes one of its base by the earlier key prevails."""
-    quantities = ((key, _unwrap(hint)[1]) for key, hint in hints.items())
+    quantities = ((key, quantity_of(hint)) for key, hint in hints.items())
     former = {key: quantity.formerly for key, quantity in quantities if quantity and quantity.formerly in table}
     return {
         **{key: entry for key, entry in table.items() if key not in former.values()},
@@ -200,83 +206,6 @@ def _renamed(table: Mapping[str, Any], hints: Mapping[str, Any]) -> Mapping[str,
     }
 
 
-@cache
-def _hints(record: Any) -> Mapping[str, Any]:
-    return MappingProxyType(get_type_hints(record, include_extras=True))
-
-
-def _table(path: Path, section: str, table: Any) -> Mapping[str, Any]:
-    if not isinstance(table, dict):
-        raise InputError(f"{path}: {section} must be a section of keys")
-    return table
-
-
 def _is_label(hint: Any) -> bool:
+    """Whether a field is a plain name, see `Label`."""
     return get_origin(hint) is Annotated and any(isinstance(extra, Label) for extra in get_args(hint))
-
-
-def _label(path: Path, name: str, entry: Any) -> str:
-    if not isinstance(entry, str):
-        raise InputError(f"{path}: {name} must be a name in quotes")
-    return entry
-
-
-def _expectation(hint: Any) -> str:
-    base, quantity = _unwrap(hint)
-    if quantity is None:
-        return getattr(base, "__name__", str(base))
-    return f"{quantity.low:g} to {quantity.high:g} {quantity.unit}"
-
-
-def _unwrap(hint: Any) -> tuple[Any, Quantity | None]:
-    if get_origin(hint) is Annotated:
-        base, *extras = get_args(hint)
-        return base, next((extra for extra in extras if isinstance(extra, Quantity)), None)
-    return hint, None
-
-
-def _source(path: Path, name: str, entry: Mapping[str, Any]) -> Source:
-    kind, _, text = str(entry.get("source", "")).partition(":")
-    if kind not in SOURCE_KINDS or not text.strip():
-        raise InputError(f'{path}: {name} needs source = "published|identified|chosen: which or why"')
-    return Source(kind, text.strip())
-
-
-def _value(path: Path, name: str, entry: Mapping[str, Any], hint: Any) -> Any:
-    base, quantity = _unwrap(hint)
-    value = entry["value"]
-    unit = entry.get("unit", "")
-    if quantity is not None and unit != quantity.unit:
-        raise InputError(f'{path}: {name} must be in "{quantity.unit}", not "{unit}"')
-    if get_origin(base) is tuple:
-        length = len(get_args(base))
-        variable = get_args(base)[-1] is Ellipsis
-        if not isinstance(value, list):
-            raise InputError(f"{path}: {name} must be a list of {'' if variable else f'{length} '}numbers")
-        if not variable and len(value) != length:
-            raise InputError(f"{path}: {name} must have {length} numbers, not {len(value)}")
-        return tuple(_number(path, name, item, float, quantity) for item in value)
-    if base is str:
-        if not isinstance(value, str):
-            raise InputError(f"{path}: {name} must be text")
-        return value
-    if base is bool:
-        if not isinstance(value, bool):
-            raise InputError(f"{path}: {name} must be true or false")
-        return value
-    return _number(path, name, value, base, quantity)
-
-
-def _number(path: Path, name: str, value: Any, base: Any, quantity: Quantity | None) -> float | int:
-    if (
-        isinstance(value, bool)
-        or not isinstance(value, int | float)
-        or (base is int and not float(value).is_integer())
-    ):
-        kind = "a whole number" if base is int else "a number"
-        raise InputError(f"{path}: {name} must be {kind}, not {value!r}")
-    low, high = (quantity.low, quantity.high) if quantity else (-INFINITY, INFINITY)
-    if not low <= value <= high:
-        unit = quantity.unit if quantity else ""
-        raise InputError(f"{path}: {name} = {value:g} is outside {low:g} to {high:g} {unit}".rstrip())
-    return int(value) if base is int else float(value)

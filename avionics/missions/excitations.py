@@ -39,43 +39,41 @@ MOST_HARMONICS = 60
 """of a multisine on all channels: each costs the tick a sine"""
 
 
-def read_excitation(where: str, table: Mapping[str, Any]) -> Excitation:
+def read_excitation(table: Mapping[str, Any]) -> Excitation:
     """The input that the keys of an ``[[item]]`` describe.
 
     Raises:
-        InputError: the text begins with ``where`` and names the key and its range.
+        InputError: the text names the key and its range.
     """
-    shape = choice(where, table, "shape", SHAPES)
-    loops = choice(where, {"loops": "frozen", **table}, "loops", LOOPS)
+    shape = choice(table, "shape", SHAPES)
+    loops = choice({"loops": "frozen", **table}, "loops", LOOPS)
     read = _multisine if shape == Shape.MULTISINE else _single
-    requested = read(where, table, shape)._replace(loops=loops)
+    requested = read(table, shape)._replace(loops=loops)
     refusal = check_excitation(requested)
     if refusal:
-        raise InputError(f"{where}: {refusal}")
+        raise InputError(refusal)
     return requested
 
 
-def _single(where: str, table: Mapping[str, Any], shape: Shape) -> Excitation:
-    channel = choice(where, table, "channel", {channel.name.lower(): channel for channel in Channel})
+def _single(table: Mapping[str, Any], shape: Shape) -> Excitation:
+    channel = choice(table, "channel", {channel.name.lower(): channel for channel in Channel})
     name, key = AMPLITUDES[channel]
     keys = SWEEP if shape in excitation_input.SWEEPS else PULSE
-    entries = numbers(where, table, {name: key, **keys}, ("kind", "channel", "shape", "loops"))
+    entries = numbers(table, {name: key, **keys}, ("kind", "channel", "shape", "loops"))
     width = entries["duration"] if "duration" in entries else entries["width"]
     band = (entries.get("start", 0.0), entries.get("end", 0.0))
-    return Excitation(channel, shape, entries[name], width, entries["settle"], _repeats(where, entries), *band)
+    return Excitation(channel, shape, entries[name], width, entries["settle"], _repeats(entries), *band)
 
 
-def _multisine(where: str, table: Mapping[str, Any], shape: Shape) -> Excitation:
-    entries = numbers(where, table, MULTISINE, ("kind", "shape", "loops", *BESIDE))
+def _multisine(table: Mapping[str, Any], shape: Shape) -> Excitation:
+    entries = numbers(table, MULTISINE, ("kind", "shape", "loops", *BESIDE))
     amplitudes = {
-        channel: number(where, table, name, AMPLITUDES[channel][1])
-        for name, channel in BESIDE.items()
-        if name in table
+        channel: number(table, name, AMPLITUDES[channel][1]) for name, channel in BESIDE.items() if name in table
     }
     if not amplitudes:
-        raise InputError(f"{where}: a multisine needs {', '.join(BESIDE)}, one or more of them")
+        raise InputError(f"a multisine needs {', '.join(BESIDE)}, one or more of them")
     requested = Excitation(
-        Channel.ELEVATOR, shape, 0.0, entries["period"], entries["settle"], _repeats(where, entries),
+        Channel.ELEVATOR, shape, 0.0, entries["period"], entries["settle"], _repeats(entries),
         entries["low"], entries["high"],
     )  # fmt: skip
     return on_channels(requested, amplitudes)
@@ -88,9 +86,9 @@ def on_channels(requested: Excitation, amplitudes: Mapping[Channel, float]) -> E
     return requested._replace(channel=own, amplitude=amplitudes.get(own, 0.0), beside=(elevator, throttle, rudder))
 
 
-def _repeats(where: str, entries: Mapping[str, float]) -> int:
+def _repeats(entries: Mapping[str, float]) -> int:
     if entries["repeats"] != int(entries["repeats"]):
-        raise InputError(f"{where}: repeats must be a whole number, not {entries['repeats']:g}")
+        raise InputError(f"repeats must be a whole number, not {entries['repeats']:g}")
     return int(entries["repeats"])
 
 

@@ -1,4 +1,4 @@
-"""What the readers of mission items share: numbers with a unit and a range, and words out of a list."""
+"""Numbers of mission items with unit, range and conversion to SI, and words from a list."""
 
 from __future__ import annotations
 
@@ -6,60 +6,57 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 from wingbeat.errors import InputError
+from wingbeat.schema import check_keys, read_number
+from wingbeat.units import Quantity
 
 
 class Key(NamedTuple):
-    """A number in an item: its unit, its range, and what it is in SI."""
+    """A number in an item: its unit, its range, and the conversion to SI."""
 
     unit: str
     low: float
     high: float
     si: Callable[[float], float] = float
     default: float | None = None
-    """in SI, where the key may be left out"""
+    """in SI, if the key may be left out"""
+
+    @property
+    def quantity(self) -> Quantity:
+        """Unit and range."""
+        return Quantity(self.unit, self.low, self.high)
 
 
-def choice(where: str, table: Mapping[str, Any], key: str, choices: Mapping[str, Any]) -> Any:
-    """What the word at ``key`` stands for.
+def choice(table: Mapping[str, Any], key: str, choices: Mapping[str, Any]) -> Any:
+    """Return what the word at ``key`` stands for.
 
     Raises:
         InputError: missing, or none of the ``choices``.
     """
     word = str(table.get(key, "")).lower()
     if word not in choices:
-        said = f'"{word}"' if key in table else "missing"
-        raise InputError(f"{where}: {key} is {said}; it must be one of {', '.join(choices)}")
+        shown = f'"{word}"' if key in table else "missing"
+        raise InputError(f"{key} is {shown}; it must be one of {', '.join(choices)}")
     return choices[word]
 
 
-def numbers(
-    where: str, table: Mapping[str, Any], keys: Mapping[str, Key], others: tuple[str, ...]
-) -> dict[str, float]:
-    """The numbers at ``keys`` in SI; ``others`` are the keys that are read elsewhere.
+def numbers(table: Mapping[str, Any], keys: Mapping[str, Key], others: tuple[str, ...]) -> dict[str, float]:
+    """Read the numbers at ``keys`` in SI; ``others`` are the keys that are read elsewhere.
 
     Raises:
-        InputError: a key that is not known, or a number that is missing or outside its range.
+        InputError: unknown key, or a number that is missing or outside its range.
     """
-    for name in table:
-        if name not in keys and name not in others:
-            raise InputError(f"{where}: unknown key {name}; known: {', '.join((*others, *keys))}")
-    return {name: number(where, table, name, key) for name, key in keys.items()}
+    check_keys(table, (*others, *keys))
+    return {name: number(table, name, key) for name, key in keys.items()}
 
 
-def number(where: str, table: Mapping[str, Any], name: str, key: Key) -> float:
-    """One number in SI.
+def number(table: Mapping[str, Any], name: str, key: Key) -> float:
+    """Read one number in SI.
 
     Raises:
         InputError: missing, or outside its range.
     """
-    expected = f"a number from {key.low:g} to {key.high:g} {key.unit}"
-    value = table.get(name)
-    if value is None and key.default is not None:
-        return key.default
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise InputError(
-            f"{where}: {name} {'is missing' if value is None else f'= {value!r}'}; it must be {expected}"
-        )
-    if not key.low <= value <= key.high:
-        raise InputError(f"{where}: {name} = {value:g} is outside its range; it must be {expected}")
-    return key.si(value)
+    if name in table:
+        return key.si(read_number(table[name], name, key.quantity))
+    if key.default is None:
+        raise InputError(f"{name} is missing ({key.quantity.range_text()})")
+    return key.default

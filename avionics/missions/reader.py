@@ -37,9 +37,8 @@ from avionics.missions.limits import (
     check_jumps,
     check_rally,
 )
-from wingbeat.documents import parse_toml
-from wingbeat.errors import DocumentError, InputError
-from wingbeat.text import read_error_text
+from wingbeat.errors import InputError
+from wingbeat.schema import check_keys, check_table, error_context, read_document
 
 FOLDER = Path(__file__).parent
 SURVEYED = "survey"
@@ -68,26 +67,21 @@ def load_plan(name_or_path: str | Path) -> FlightPlan:
             number, the key and the allowed range.
     """
     path = find(name_or_path)
-    try:
-        document = parse_toml(path.read_text(encoding="utf-8-sig"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"cannot read mission file {path}: {read_error_text(error)}") from None
-    except DocumentError as error:
-        raise InputError(f"{path}: {error}") from None
-    unknown = set(document) - {"name", "title", "item", "fence", "rally", "fault"}
-    if unknown:
-        raise InputError(
-            f"{path}: unknown key {sorted(unknown)[0]}; known: name, title, [[item]], [fence], [[rally]], [[fault]]"
-        )
+    document = read_document(path, "mission file")
+    with error_context(path):
+        plan = _plan(document)
+        refusal = check_plan(plan)
+        if refusal:
+            raise InputError(refusal)
+    return plan
+
+
+def _plan(document: Mapping[str, Any]) -> FlightPlan:
+    check_keys(document, ("name", "title", "item", "fence", "rally", "fault"))
     tables = document.get("item", [])
     if not isinstance(tables, list) or not 1 <= len(tables) <= LONGEST_MISSION:
-        raise InputError(f"{path}: a mission has 1 to {LONGEST_MISSION} [[item]] tables")
-    mission = _mission(path, tables)
-    plan = FlightPlan(mission, _fence(path, document.get("fence", {})), _rally(path, document.get("rally", [])))
-    refusal = check_plan(plan)
-    if refusal:
-        raise InputError(f"{path}: {refusal}")
-    return plan
+        raise InputError(f"a mission has 1 to {LONGEST_MISSION} [[item]] tables")
+    return FlightPlan(_mission(tables), _fence(document.get("fence", {})), _rally(document.get("rally", [])))
 
 
 def check_plan(plan: FlightPlan) -> str:
@@ -124,9 +118,12 @@ def find(name_or_path: str | Path) -> Path:
     raise InputError(f"no mission {name_or_path}: neither a file nor one of {', '.join(mission_names())}")
 
 
-def _mission(path: Path, tables: list[Any]) -> Mission:
+def _mission(tables: list[Any]) -> Mission:
     """The items, surveys laid out; a jump names the number of a table, and leads to the first item made of it."""
-    made = [_items(f"{path}: item {number}", table, len(tables)) for number, table in enumerate(tables, 1)]
+    made = []
+    for number, table in enumerate(tables, 1):
+        with error_context(f"item {number}"):
+            made.append(_items(check_table(table, "[[item]]"), len(tables)))
     first = [sum(map(len, made[:number])) for number in range(len(made))]
     return tuple(
         item._replace(jump_to=first[item.jump_to]) if item.kind == ItemKind.JUMP else item
@@ -135,87 +132,85 @@ def _mission(path: Path, tables: list[Any]) -> Mission:
     )
 
 
-def _items(where: str, table: Any, count: int) -> list[MissionItem]:
-    if not isinstance(table, dict):
-        raise InputError(f"{where} must be a table")
+def _items(table: Mapping[str, Any], count: int) -> list[MissionItem]:
     kinds = {kind.name.lower(): kind for kind in ItemKind}
-    kind = choice(where, table, "kind", {**kinds, SURVEYED: SURVEYED})
+    kind = choice(table, "kind", {**kinds, SURVEYED: SURVEYED})
     if kind == SURVEYED:
-        return _survey(where, table)
+        return _survey(table)
     if kind == ItemKind.EXCITE:
-        return [MissionItem(kind, excitation=read_excitation(where, table))]
+        return [MissionItem(kind, excitation=read_excitation(table))]
     if kind == ItemKind.JUMP:
-        return [_jump(where, table, count)]
-    found = numbers(where, table, KEYS[kind], ("kind",))
+        return [_jump(table, count)]
+    found = numbers(table, KEYS[kind], ("kind",))
     fields: dict[str, Any] = {key.removesuffix("_deg"): value for key, value in found.items()}
     item = MissionItem(kind, **fields)
     refusal = check_item(item)
     if refusal:
-        raise InputError(f"{where}: {refusal}")
+        raise InputError(refusal)
     return [item]
 
 
-def _jump(where: str, table: Mapping[str, Any], count: int) -> MissionItem:
+def _jump(table: Mapping[str, Any], count: int) -> MissionItem:
     keys = {"item": Key("-", 1, count), "repeats": Key("-", -1, 1000)}
-    found = numbers(where, table, keys, ("kind",))
+    found = numbers(table, keys, ("kind",))
     for name, value in found.items():
         if value != int(value):
-            raise InputError(f"{where}: {name} must be a whole number, not {value:g}")
+            raise InputError(f"{name} must be a whole number, not {value:g}")
     return MissionItem(ItemKind.JUMP, jump_to=int(found["item"]) - 1, repeats=int(found["repeats"]))
 
 
-def _survey(where: str, table: Mapping[str, Any]) -> list[MissionItem]:
-    found = numbers(where, table, SURVEY, ("kind", "polygon"))
-    corners = _polygon(where, table.get("polygon"))
+def _survey(table: Mapping[str, Any]) -> list[MissionItem]:
+    found = numbers(table, SURVEY, ("kind", "polygon"))
+    corners = _polygon(table.get("polygon"))
     flown = survey.legs(corners, found["spacing"], found["heading_deg"], found["overshoot"])
     if not flown or 2 * len(flown) > LONGEST_MISSION:
-        raise InputError(
-            f"{where}: a survey has 1 to {LONGEST_MISSION // 2} legs, not {len(flown)}: change its spacing"
-        )
+        raise InputError(f"a survey has 1 to {LONGEST_MISSION // 2} legs, not {len(flown)}: change its spacing")
     return [MissionItem(ItemKind.WAYPOINT, north, east, found["altitude"]) for leg in flown for north, east in leg]
 
 
-def _polygon(where: str, corners: Any) -> tuple[tuple[float, float], ...]:
+def _polygon(corners: Any) -> tuple[tuple[float, float], ...]:
     """Corners as ``[[north, east], ...]`` in m."""
     expected = f"polygon must be a list of 3 to {MOST_CORNERS} corners, [north, east] in m within 100 km of home"
     if not isinstance(corners, list) or not 3 <= len(corners) <= MOST_CORNERS:
-        raise InputError(f"{where}: {expected}")
+        raise InputError(expected)
     for corner in corners:
         sound = isinstance(corner, list) and len(corner) == 2
         if not sound or not all(isinstance(m, int | float) and not isinstance(m, bool) for m in corner):
-            raise InputError(f"{where}: {expected}, not {corner!r}")
+            raise InputError(f"{expected}, not {corner!r}")
         if not all(abs(metres) <= 1e5 for metres in corner):
-            raise InputError(f"{where}: {expected}, not {corner!r}")
+            raise InputError(f"{expected}, not {corner!r}")
     return tuple((float(north), float(east)) for north, east in corners)
 
 
-def _fence(path: Path, table: Any) -> Fence:
-    if not isinstance(table, dict):
-        raise InputError(f"{path}: fence must be a table")
-    if not table:
+def _fence(table: Any) -> Fence:
+    if not check_table(table, "fence"):
         return NO_FENCE
-    where = f"{path}: fence"
-    found = numbers(where, table, FENCE_ALTITUDES, ("zone",))
-    zones = table.get("zone", [])
-    if not isinstance(zones, list):
-        raise InputError(f"{where}: zones are [[fence.zone]] tables")
-    made = tuple(_zone(f"{where}, zone {number}", zone) for number, zone in enumerate(zones, 1))
-    return Fence(made, found["min_altitude"], found["max_altitude"])
+    with error_context("fence"):
+        altitudes = numbers(table, FENCE_ALTITUDES, ("zone",))
+        zones = table.get("zone", [])
+        if not isinstance(zones, list):
+            raise InputError("zones are [[fence.zone]] tables")
+    made = []
+    for number, zone in enumerate(zones, 1):
+        with error_context(f"fence, zone {number}"):
+            made.append(_zone(check_table(zone, "[[fence.zone]]")))
+    return Fence(tuple(made), altitudes["min_altitude"], altitudes["max_altitude"])
 
 
-def _zone(where: str, table: Any) -> Zone:
-    if not isinstance(table, dict):
-        raise InputError(f"{where} must be a table")
-    keep_in = choice(where, {"keep": "in", **table}, "keep", {"in": 1, "out": 0})
+def _zone(table: Mapping[str, Any]) -> Zone:
+    keep_in = choice({"keep": "in", **table}, "keep", {"in": 1, "out": 0})
     if "polygon" in table:
-        numbers(where, table, {}, ("keep", "polygon"))
-        return Zone(keep_in, _polygon(where, table["polygon"]))
-    found = numbers(where, table, FENCE_CIRCLE, ("keep",))
+        numbers(table, {}, ("keep", "polygon"))
+        return Zone(keep_in, _polygon(table["polygon"]))
+    found = numbers(table, FENCE_CIRCLE, ("keep",))
     return Zone(keep_in, ((found["north"], found["east"]),), found["radius"])
 
 
-def _rally(path: Path, tables: Any) -> Rally:
-    if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
-        raise InputError(f"{path}: rally points are [[rally]] tables")
-    named = enumerate(tables, 1)
-    return tuple(RallyPoint(**numbers(f"{path}: rally {number}", table, RALLY, ())) for number, table in named)
+def _rally(tables: Any) -> Rally:
+    if not isinstance(tables, list):
+        raise InputError("rally points are [[rally]] tables")
+    points = []
+    for number, table in enumerate(tables, 1):
+        with error_context(f"rally {number}"):
+            points.append(RallyPoint(**numbers(check_table(table, "[[rally]]"), RALLY, ())))
+    return tuple(points)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-import tomllib
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -20,6 +19,7 @@ from groundstation.views.json_document import print_document
 from groundstation.views.terminal import open_console
 from sim_bridge.mechanism import total_mass
 from sim_bridge.vehicles import SimulatedVehicle, load_vehicle, models_of, vehicle_names
+from wingbeat.documents import parse_toml
 from wingbeat.vehicle_file import SOURCE_KINDS, Source
 
 WIDEST = 100
@@ -179,7 +179,7 @@ def file_units(text: str) -> dict[str, str]:
             elif isinstance(entry, dict) and isinstance(entry.get("unit"), str):
                 found[key] = entry["unit"]
 
-    look("", tomllib.loads(text))
+    look("", parse_toml(text))
     return found
 
 

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from enum import StrEnum
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from groundstation.joystick.axes import switch_position
 from groundstation.joystick.device import Reading
 from groundstation.link.modes import canonical
+from wingbeat.errors import InputError
+from wingbeat.schema import error_context, read_value
 from wingbeat.text import did_you_mean
 
 KILL_TIME = 1.0
@@ -42,6 +44,17 @@ class Action(NamedTuple):
         """Name in the settings file: ``arm``, ``mode LOITER``."""
         return f"{_MODE}{self.mode}" if self.kind is ActionKind.MODE else str(self.kind)
 
+    @classmethod
+    def from_entry(cls, entry: Any, key: str) -> Action:
+        """Parse an action in the settings file; `wingbeat.schema.read_record` calls this.
+
+        Raises:
+            InputError: unknown name.
+        """
+        text = read_value(str, entry, key)
+        with error_context(key):
+            return parse_action(text)
+
 
 NAMES = (*(str(kind) for kind in ActionKind if kind is not ActionKind.MODE), "mode NAME")
 
@@ -50,12 +63,12 @@ def parse_action(text: str) -> Action:
     """Parse the name of an action.
 
     Raises:
-        ValueError: unknown name; the message is one line.
+        InputError: unknown name.
     """
     if text.startswith(_MODE) and text.removeprefix(_MODE).strip():
         return Action(ActionKind.MODE, canonical(text.removeprefix(_MODE).strip()))
     if text not in NAMES[:-1]:
-        raise ValueError(f"unknown action {text!r}{did_you_mean(text, NAMES)}; known: {', '.join(NAMES)}")
+        raise InputError(f"unknown action {text!r}{did_you_mean(text, NAMES)}; known: {', '.join(NAMES)}")
     return Action(ActionKind(text))
 
 

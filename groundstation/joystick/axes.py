@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
+from wingbeat.units import Quantity
+
+MAX_NUMBER = 255
+"""-; largest number of an axis or button"""
 MIN_TRAVEL = 0.1
 """-; least distance of the raw values at center and end of an axis"""
 
@@ -11,19 +15,19 @@ MIN_TRAVEL = 0.1
 class Axis(NamedTuple):
     """Assignment, calibration and curve of one axis."""
 
-    axis: int
+    axis: Annotated[int, Quantity("-", 0, MAX_NUMBER)]
     """-; number of the axis on the device, from 0"""
-    min: float = -1.0
+    min: Annotated[float, Quantity("-", -1.0, 1.0)] = -1.0
     """-; raw value at the lower end"""
-    center: float = 0.0
+    center: Annotated[float, Quantity("-", -1.0, 1.0)] = 0.0
     """-; raw value of the centered axis"""
-    max: float = 1.0
+    max: Annotated[float, Quantity("-", -1.0, 1.0)] = 1.0
     """-; raw value at the upper end"""
     reversed: bool = False
     """whether the deflection has the opposite sign of the raw value"""
-    deadzone: float = 0.0
+    deadzone: Annotated[float, Quantity("-", 0.0, 0.5)] = 0.0
     """-; deflection around the center (throttle: above the bottom) that counts as 0, as a fraction of full travel"""
-    expo: float = 0.0
+    expo: Annotated[float, Quantity("-", 0.0, 1.0)] = 0.0
     """-; 0 for a linear curve to 1 for a cubic one"""
 
 

@@ -2,36 +2,30 @@
 
 from __future__ import annotations
 
-import math
 import os
 import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
-from groundstation.joystick.actions import Action, ActionKind, Assignments, parse_action
-from groundstation.joystick.axes import MIN_TRAVEL, Axis, deflection, throttle_full_travel, throttle_upper_half
+from groundstation.joystick.actions import Action, ActionKind, Assignments
+from groundstation.joystick.axes import (
+    MAX_NUMBER,
+    MIN_TRAVEL,
+    Axis,
+    deflection,
+    throttle_full_travel,
+    throttle_upper_half,
+)
 from groundstation.joystick.device import DeviceInfo, Reading
 from groundstation.joystick.sticks import Sticks
-from wingbeat.documents import parse_toml
-from wingbeat.errors import DocumentError, InputError
-from wingbeat.text import did_you_mean, read_error_text
+from wingbeat.errors import InputError
+from wingbeat.schema import check_keys, check_table, error_context, join, read_document, read_record, read_value
 
-STICKS = ("roll", "pitch", "yaw", "throttle")
 OPTIONAL_STICKS = ("yaw",)
-KEYS = ("name", "guid", *STICKS, "buttons", "switches")
 FULL, UPPER_HALF = "full", "upper_half"
-MAX_NUMBER = 255
-"""-; largest number of an axis or button"""
 POSITIONS = (2, 6)
 """-; least and largest number of positions of a switch"""
-LIMITS: Mapping[str, tuple[float, float]] = {
-    "min": (-1.0, 1.0),
-    "center": (-1.0, 1.0),
-    "max": (-1.0, 1.0),
-    "deadzone": (0.0, 0.5),
-    "expo": (0.0, 1.0),
-}
 
 
 class Settings(NamedTuple):
@@ -86,12 +80,9 @@ def load_settings(path: Path, must_exist: bool = True) -> tuple[Settings, ...]:
     """
     if not must_exist and not path.exists():
         return ()
-    try:
-        return parse_settings(path.read_text(encoding="utf-8-sig"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"cannot read joystick settings {path}: {read_error_text(error)}") from None
-    except (DocumentError, _InvalidValue) as error:
-        raise InputError(f"{path}: {error}") from None
+    document = read_document(path, "joystick settings")
+    with error_context(path):
+        return read_settings(document)
 
 
 def find_settings(entries: Iterable[Settings], info: DeviceInfo) -> Settings | None:
@@ -116,132 +107,91 @@ def check_capabilities(settings: Settings, info: DeviceInfo) -> None:
         raise InputError(f"joystick {info.name}: its settings use button {button}, it has {info.buttons} buttons")
 
 
-class _InvalidValue(ValueError):
-    """A value that cannot be used; the message is one line without the name of the file."""
-
-
-def parse_settings(text: str) -> tuple[Settings, ...]:
-    """Parse the text of a settings file.
+def read_settings(document: Mapping[str, Any]) -> tuple[Settings, ...]:
+    """Read the document of a settings file.
 
     Raises:
-        DocumentError: syntax error.
-        ValueError: a value that cannot be used.
+        InputError: unknown key or action, value out of range.
     """
-    document = parse_toml(text)
-    _check_keys("", document, ("device",))
+    check_keys(document, ("device",))
     tables = document.get("device", [])
     if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
-        raise _InvalidValue("device must be written as [[device]], one table for each device")
-    entries = tuple(_device(number, table) for number, table in enumerate(tables, 1))
+        raise InputError("device must be written as [[device]], one table for each device")
+    entries = []
+    for number, table in enumerate(tables, 1):
+        with error_context(f"device {table.get('name') or table.get('guid') or number}"):
+            entries.append(_settings(read_record(_Device, table)))
     keys = [(one.guid or one.name) for one in entries]
     for key in keys:
         if keys.count(key) > 1:
-            raise _InvalidValue(f"{key!r} has {keys.count(key)} tables [[device]]; keep one")
-    return entries
+            raise InputError(f"{key!r} has {keys.count(key)} tables [[device]]; keep one")
+    return tuple(entries)
 
 
-def _device(number: int, table: Mapping[str, Any]) -> Settings:
-    where = f"device {number}"
-    _check_keys(where, table, KEYS)
-    name, guid = (_text(where, key, table.get(key, "")) for key in ("name", "guid"))
-    if not name and not guid:
-        raise _InvalidValue(f"{where} needs a name or a guid, see wingbeat gcs joystick --list")
-    where = f"device {name or guid}"
-    axes = {key: _axis(f"{where}: {key}", table[key], key) for key in STICKS if key in table}
-    for key in STICKS:
-        if key not in axes and key not in OPTIONAL_STICKS:
-            raise _InvalidValue(f"{where}: table [device.{key}] is missing")
-    assignments = Assignments(_buttons(where, table.get("buttons", {})), _switches(where, table.get("switches", {})))
-    _check_unique(where, axes, assignments.switches)
-    half = table["throttle"].get("range", FULL) == UPPER_HALF
-    return Settings(name, guid, axes["roll"], axes["pitch"], axes.get("yaw"), axes["throttle"], half, assignments)
+class _Throttle(NamedTuple):
+    """An axis with one more key."""
+
+    axis: Axis
+    range: str
+
+    @classmethod
+    def from_entry(cls, entry: Any, key: str) -> _Throttle:
+        """Read the table; `wingbeat.schema.read_record` calls this."""
+        check_keys(check_table(entry, key), (*Axis._fields, "range"), key)
+        axis = {name: value for name, value in entry.items() if name != "range"}
+        span = read_value(Annotated[str, FULL, UPPER_HALF], entry.get("range", FULL), join(key, "range"))
+        return cls(read_record(Axis, axis, key), span)
 
 
-def _check_unique(where: str, axes: Mapping[str, Axis], switches: Iterable[int]) -> None:
+class _Device(NamedTuple):
+    """The table of a device."""
+
+    roll: Axis
+    pitch: Axis
+    throttle: _Throttle
+    yaw: Axis | None = None
+    name: str = ""
+    guid: str = ""
+    buttons: dict[str, Action] = {}
+    switches: dict[str, tuple[Action, ...]] = {}
+
+
+def _settings(device: _Device) -> Settings:
+    if not device.name and not device.guid:
+        raise InputError("a name or a guid is missing, see wingbeat gcs joystick --list")
+    buttons = {_number(key, "buttons"): action for key, action in device.buttons.items()}
+    switches = {_number(key, "switches"): _positions(key, actions) for key, actions in device.switches.items()}
+    settings = Settings(
+        device.name, device.guid, device.roll, device.pitch, device.yaw, device.throttle.axis,
+        device.throttle.range == UPPER_HALF, Assignments(buttons, switches),
+    )  # fmt: skip
+    _check_axes(settings)
+    return settings
+
+
+def _check_axes(settings: Settings) -> None:
     users: dict[int, str] = {}
-    uses = [*((axis.axis, stick) for stick, axis in axes.items()), *((axis, "a switch") for axis in switches)]
-    for axis, user in uses:
-        if axis in users:
-            raise _InvalidValue(f"{where}: axis {axis} is assigned to {users[axis]} and to {user}")
-        users[axis] = user
+    uses = [(axis.axis, stick) for stick, axis in settings.axes().items()]
+    for number, user in (*uses, *((axis, "a switch") for axis in settings.assignments.switches)):
+        if number in users:
+            raise InputError(f"axis {number} is assigned to {users[number]} and to {user}")
+        users[number] = user
+    for stick, axis in settings.axes().items():
+        if min(axis.max - axis.center, axis.center - axis.min) < MIN_TRAVEL:
+            order = f"{axis.min:g}, {axis.center:g}, {axis.max:g}"
+            raise InputError(f"{stick}: min, center, max are {order}; they must ascend by {MIN_TRAVEL:g} each")
 
 
-def _axis(where: str, table: Any, stick: str) -> Axis:
-    if not isinstance(table, dict):
-        raise _InvalidValue(f"{where} must be a table of keys")
-    _check_keys(where, table, (*Axis._fields, *(("range",) if stick == "throttle" else ())))
-    if "axis" not in table:
-        raise _InvalidValue(f"{where}: key axis is missing")
-    if table.get("range", FULL) not in (FULL, UPPER_HALF):
-        raise _InvalidValue(f'{where}: range must be "{FULL}" or "{UPPER_HALF}", not {table["range"]!r}')
-    backward = table.get("reversed", False)
-    if not isinstance(backward, bool):
-        raise _InvalidValue(f"{where}: reversed must be true or false, not {backward!r}")
-    values = {key: _number(f"{where}: {key}", table[key], *limits) for key, limits in LIMITS.items() if key in table}
-    axis = Axis(_index(f"{where}: axis", table["axis"]), reversed=backward, **values)
-    if min(axis.max - axis.center, axis.center - axis.min) < MIN_TRAVEL:
-        order = f"{axis.min:g}, {axis.center:g}, {axis.max:g}"
-        raise _InvalidValue(f"{where}: min, center, max are {order}; they must ascend by {MIN_TRAVEL:g} each")
-    return axis
+def _positions(key: str, actions: tuple[Action, ...]) -> tuple[Action, ...]:
+    low, high = POSITIONS
+    if not low <= len(actions) <= high:
+        raise InputError(f"switches.{key} must be a list of {low} to {high} actions, one a position")
+    if Action(ActionKind.ARM_SWITCH) in actions:
+        raise InputError(f'switches.{key}: "arm/disarm" is for buttons; use "arm", "disarm"')
+    return actions
 
 
-def _buttons(where: str, table: Any) -> dict[int, Action]:
-    if not isinstance(table, dict):
-        raise _InvalidValue(f"{where}: buttons must be a table of button number and action")
-    return {_key(f"{where}: buttons", key): _action(f"{where}: buttons.{key}", text) for key, text in table.items()}
-
-
-def _switches(where: str, table: Any) -> dict[int, tuple[Action, ...]]:
-    if not isinstance(table, dict):
-        raise _InvalidValue(f"{where}: switches must be a table of axis number and list of actions")
-    switches: dict[int, tuple[Action, ...]] = {}
-    for key, actions in table.items():
-        if not isinstance(actions, list) or not POSITIONS[0] <= len(actions) <= POSITIONS[1]:
-            low, high = POSITIONS
-            raise _InvalidValue(f"{where}: switches.{key} must be a list of {low} to {high} actions, one a position")
-        number = _key(f"{where}: switches", key)
-        switches[number] = tuple(_action(f"{where}: switches.{key}", text) for text in actions)
-        if Action(ActionKind.ARM_SWITCH) in switches[number]:
-            raise _InvalidValue(f'{where}: switches.{key}: "arm/disarm" is for buttons; use "arm", "disarm"')
-    return switches
-
-
-def _action(where: str, text: Any) -> Action:
-    try:
-        return parse_action(_text(where, "action", text))
-    except ValueError as error:
-        raise _InvalidValue(str(error) if isinstance(error, _InvalidValue) else f"{where}: {error}") from None
-
-
-def _key(where: str, key: str) -> int:
+def _number(key: str, table: str) -> int:
     if not (key.isascii() and key.isdigit() and len(key) <= 3 and int(key) <= MAX_NUMBER):
-        raise _InvalidValue(f"{where}: {key!r} is not a number from 0 to {MAX_NUMBER}")
+        raise InputError(f"{table}: {key!r} is not a number from 0 to {MAX_NUMBER}")
     return int(key)
-
-
-def _index(where: str, value: Any) -> int:
-    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= MAX_NUMBER:
-        raise _InvalidValue(f"{where} must be a whole number from 0 to {MAX_NUMBER}, not {value!r}")
-    return value
-
-
-def _number(where: str, value: Any, low: float, high: float) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise _InvalidValue(f"{where} must be a number, not {value!r}")
-    if not low <= value <= high:
-        raise _InvalidValue(f"{where} = {value:g} is outside {low:g} to {high:g}")
-    return float(value)
-
-
-def _text(where: str, key: str, value: Any) -> str:
-    if not isinstance(value, str):
-        raise _InvalidValue(f"{where}: {key} must be text in quotes, not {value!r}")
-    return value
-
-
-def _check_keys(where: str, table: Mapping[str, Any], known: Iterable[str]) -> None:
-    known = tuple(known)
-    for key in table:
-        if key not in known:
-            start = f"{where}: " if where else ""
-            raise _InvalidValue(f"{start}unknown key {key!r}{did_you_mean(key, known)}; known: {', '.join(known)}")

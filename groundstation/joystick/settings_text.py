@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import shutil
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
-from groundstation.joystick.axes import Axis
+import tomlkit
+
 from groundstation.joystick.settings import FULL, UPPER_HALF, Settings
 from wingbeat.errors import InputError
 from wingbeat.files import write_atomically
@@ -44,30 +45,17 @@ def merge(entries: Iterable[Settings], changed: Settings) -> tuple[Settings, ...
 
 def settings_text(entries: Iterable[Settings]) -> str:
     """Return the text of a settings file."""
-    return "\n".join([HEADING, *(line for one in entries for line in _device_lines(one))]) + "\n"
+    return f"{HEADING}\n\n" + tomlkit.dumps({"device": [_device(one) for one in entries]})
 
 
-def _device_lines(settings: Settings) -> Iterator[str]:
-    yield from ("", "[[device]]", f"name = {_quoted(settings.name)}")
-    if settings.guid:
-        yield f"guid = {_quoted(settings.guid)}"
-    for stick, axis in settings.axes().items():
-        yield from ("", f"[device.{stick}]", *_axis_lines(axis))
-        if stick == "throttle":
-            yield f'range = "{UPPER_HALF if settings.throttle_upper_half else FULL}"'
+def _device(settings: Settings) -> dict[str, Any]:
+    axes: dict[str, dict[str, Any]] = {stick: axis._asdict() for stick, axis in settings.axes().items()}
+    axes["throttle"]["range"] = UPPER_HALF if settings.throttle_upper_half else FULL
     buttons, switches = settings.assignments
-    yield from ("", "[device.buttons]")
-    yield from (f"{number} = {_quoted(action.text())}" for number, action in buttons.items())
-    yield from ("", "[device.switches]")
-    for number, actions in switches.items():
-        yield f"{number} = [{', '.join(_quoted(action.text()) for action in actions)}]"
-
-
-def _axis_lines(axis: Axis) -> Iterator[str]:
-    for key, value in axis._asdict().items():
-        yield f"{key} = {str(value).lower() if isinstance(value, bool) else repr(value)}"
-
-
-def _quoted(text: str) -> str:
-    # A JSON string is a TOML basic string, but for DEL.
-    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+    return {
+        "name": settings.name,
+        **({"guid": settings.guid} if settings.guid else {}),
+        **axes,
+        "buttons": {str(number): action.text() for number, action in buttons.items()},
+        "switches": {str(number): [action.text() for action in actions] for number, actions in switches.items()},
+    }

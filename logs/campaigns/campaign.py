@@ -10,16 +10,16 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from logs.campaigns.distributions import Distribution, drawn, read_distribution
 from logs.campaigns.keys import Values, check_key, check_value
 from logs.campaigns.outcome import Landing
 from logs.campaigns.prepared import prepare
 from logs.campaigns.stock import DEFAULT_MISSION, DEFAULT_VEHICLE, Stock, load_stock
-from wingbeat.documents import parse_toml
-from wingbeat.errors import DocumentError, InputError
-from wingbeat.text import read_error_text
+from wingbeat.errors import InputError
+from wingbeat.schema import check_keys, check_table, error_context, read_document, read_integer, read_record
+from wingbeat.units import ABOVE_ZERO, Quantity
 
 SECTIONS = ("flight", "grid", "draw", "landing")
 PLAIN = ("name", "title", "seed", "flights")
@@ -89,17 +89,10 @@ def load_campaign(path: Path) -> Campaign:
     Raises:
         InputError: the file cannot be read, a key is unknown, a grid empty, a value impossible; one line.
     """
-    try:
-        document = parse_toml(path.read_text(encoding="utf-8-sig"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"cannot read the campaign {path}: {read_error_text(error)}") from None
-    except DocumentError as error:
-        raise InputError(f"{path}: {error}") from None
-    try:
+    document = read_document(path, "campaign")
+    with error_context(path):
         campaign = _campaign(path, document)
         _try_values(campaign)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
     return campaign
 
 
@@ -108,19 +101,17 @@ def _campaign(path: Path, document: Mapping[str, Any]) -> Campaign:
         raise InputError(
             "the file is empty: [grid] or [draw] says what varies from flight to flight, flights how many"
         )
-    for key, entry in document.items():
-        if key not in (*PLAIN, *SECTIONS):
-            raise InputError(f"unknown key {key}; known: {', '.join((*PLAIN, *(f'[{name}]' for name in SECTIONS)))}")
-        if key in SECTIONS and not isinstance(entry, dict):
-            raise InputError(f"{key} must be a section of keys")
+    check_keys(document, (*PLAIN, *SECTIONS))
+    for section in SECTIONS:
+        check_table(document.get(section, {}), section)
     fixed = dict(_flat(document.get("flight", {}), _is_value))
     grid = dict(_flat(document.get("grid", {}), _is_value))
     draw = dict(_flat(document.get("draw", {}), _is_distribution))
     _check_keys(fixed, grid, draw)
     found = {key: read_distribution(f"draw.{key}", table) for key, table in draw.items()}
     stock = load_stock(path.parent, *(_names(key, fixed, grid, found) for key in ("vehicle", "mission", "sticks")))
-    seed = _whole(document, "seed", 1, 0)
-    draws = _whole(document, "flights", 1, 1)
+    seed = read_integer(document.get("seed", 1), "seed", Quantity("-", 0))
+    draws = read_integer(document.get("flights", 1), "flights", Quantity("-", 1))
     campaign = Campaign(
         _name(path, document), str(document.get("title", "")), path, seed, draws, fixed, grid, found,
         _landing(document.get("landing", {})), stock,
@@ -139,23 +130,14 @@ def _name(path: Path, document: Mapping[str, Any]) -> str:
     return name
 
 
-def _whole(document: Mapping[str, Any], key: str, default: int, least: int) -> int:
-    value = document.get(key, default)
-    if not isinstance(value, int) or isinstance(value, bool) or value < least:
-        raise InputError(f"{key} must be a whole number from {least}, not {value!r}")
-    return value
+class _Landing(NamedTuple):
+    sink: Annotated[float, Quantity("m/s", ABOVE_ZERO)] = Landing().sink
+    bank_deg: Annotated[float, Quantity("deg", ABOVE_ZERO)] = math.degrees(Landing().bank)
 
 
 def _landing(table: Mapping[str, Any]) -> Landing:
-    known = {"sink": 1.0, "bank_deg": math.radians(1.0)}
-    found = {}
-    for key, value in table.items():
-        if key not in known:
-            raise InputError(f"unknown key landing.{key}; known: {', '.join(known)}")
-        if isinstance(value, bool) or not isinstance(value, int | float) or not value > 0:
-            raise InputError(f"landing.{key} must be a number above 0, not {value!r}")
-        found[key.removesuffix("_deg")] = value * known[key]
-    return Landing(**found)
+    limits = read_record(_Landing, table, "landing")
+    return Landing(limits.sink, math.radians(limits.bank_deg) if "bank_deg" in table else Landing().bank)
 
 
 def _is_value(entry: Any) -> bool:
@@ -181,7 +163,7 @@ def _check_keys(fixed: Values, grid: Values, draw: Values) -> None:
         check_key(key)
     for key, times in Counter(map(_bare, (*fixed, *grid, *draw))).items():
         if times > 1:
-            raise InputError(f"{key} is told {times} times in [flight], [grid] and [draw]; only one of them can hold")
+            raise InputError(f"{key} is set {times} times in [flight], [grid] and [draw]; set it once")
     for key, values in grid.items():
         if not isinstance(values, list) or not values:
             raise InputError(f"grid.{key} must be a list of one value or more")

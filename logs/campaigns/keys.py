@@ -5,13 +5,14 @@ An angle's key may end in ``_deg``; everything else is SI and radians.
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from sim_bridge.environment.levels import LEVELS_TOLD
 from wingbeat.errors import InputError
+from wingbeat.schema import check_known, read_integer, read_number
+from wingbeat.units import ABOVE_ZERO, Quantity
 
 Values = Mapping[str, Any]
 """what enters one flight, by key"""
@@ -42,7 +43,7 @@ KEYS: dict[str, Key] = {
     "faults": Key(str, "-", "what fails: NAME@T or NAME@T-T2, several with spaces between, empty for nothing"),
     "turbulence": Key(str, "-", f"Dryden gusts: {LEVELS_TOLD}"),
     "seed": Key(int, "-", "of sensor noise and gusts", 0, 2**63 - 1),
-    "duration": Key(float, "s", "the flight ends then at the latest", math.ulp(0.0)),
+    "duration": Key(float, "s", "the flight ends then at the latest", ABOVE_ZERO),
     "wind.speed": Key(float, "m/s", "steady wind", 0.0),
     "wind.from": Key(float, "rad", "where it comes from, clockwise from north", -2 * math.pi, 2 * math.pi),
     "throw.speed": Key(float, "-", "times the launch speed", 0.0, 10.0),
@@ -71,10 +72,8 @@ def check_key(key: str) -> None:
     scaled = family != "scale" or place.partition(".")[0] in ("vehicle", "gains")
     if (family in FAMILIES and "." in place and scaled) or (family == "gains" and place):
         return
-    near = difflib.get_close_matches(key, KEYS, 1)
-    meant = f"; did you mean {near[0]}?" if near else ""
     forms = (family.form for family in FAMILIES.values())
-    raise InputError(f"unknown key {key}{meant} (known: {', '.join((*KEYS, *forms))})")
+    check_known(key, (*KEYS, *forms), key)
 
 
 def plain_name(key: str) -> str | None:
@@ -112,25 +111,13 @@ def check_value(key: str, value: Any) -> None:
         return
     if key.startswith("vehicle.") and isinstance(value, str | bool):
         return  # a word or a switch of the file, which its reader knows
-    whole = isinstance(value, int) and not isinstance(value, bool)
-    if not (whole or (row.kind is float and isinstance(value, float) and math.isfinite(value))):
-        raise InputError(f"{key} must be {'a whole' if row.kind is int else 'a finite'} number, not {value!r}")
-    _check_range(key, row, value)
-
-
-def _check_range(key: str, row: Key, value: float) -> None:
-    shown = math.radians(value) if key.endswith(DEGREES) else value
-    if row.low <= shown <= row.high:
-        return
-    ends = [math.degrees(end) if key.endswith(DEGREES) else end for end in (row.low, row.high)]
-    if row.low == math.ulp(0.0):
-        bounds = "above 0"
-    elif math.isinf(row.high):
-        bounds = f"{ends[0]:g} or more"
-    else:
-        bounds = f"{ends[0]:g} to {ends[1]:g}"
-    angle = f"; {key}{DEGREES} is in degrees" if unit_of(key) == "rad" else ""
-    raise InputError(f"{key} = {value:g} must be {bounds}{'' if row.unit == '-' else ' ' + unit_of(key)}{angle}")
+    read = read_integer if row.kind is int else read_number
+    factor = math.degrees(1.0) if key.endswith(DEGREES) else 1.0
+    try:
+        read(value, key, Quantity(unit_of(key), factor * row.low, factor * row.high))
+    except InputError as error:
+        hint = f"; {key}{DEGREES} is in degrees" if unit_of(key) == "rad" else ""
+        raise InputError(f"{error}{hint}") from None
 
 
 def plain(values: Values, name: str, default: Any) -> Any:

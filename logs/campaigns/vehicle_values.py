@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import re
 import tempfile
-import tomllib
 from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 from sim_bridge.vehicles import SimulatedVehicle, load_vehicle
-from wingbeat.documents import toml_text
+from wingbeat.documents import parse_toml, toml_text
 from wingbeat.errors import InputError
 
 SOURCE = "chosen: by a campaign"
@@ -27,7 +26,7 @@ def altered(vehicle: SimulatedVehicle, values: Mapping[str, Any], factors: Mappi
     """
     if not values and not factors:
         return vehicle
-    document = tomllib.loads(vehicle.text)
+    document = parse_toml(vehicle.text)
     for place, value in values.items():
         _put(vehicle, document, place, value)
     for place, factor in factors.items():

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from avionics.topics import IMU
-from wingbeat.documents import parse_toml
-from wingbeat.errors import DocumentError, InputError
+from wingbeat.errors import InputError
+from wingbeat.schema import check_keys, check_table, error_context, read_document
 
 EXAMPLE = """\
 [time]
@@ -44,29 +45,17 @@ def load_mapping(path: Path) -> dict[str, Any]:
     Raises:
         InputError: it cannot be read, or has a section or key that is not known.
     """
-    try:
-        document = parse_toml(path.read_text(encoding="utf-8-sig"))
-    except OSError as error:
-        raise InputError(f"cannot read mapping {path}: {error.strerror or error}") from None
-    except UnicodeDecodeError as error:
-        raise InputError(f"mapping {path}: not valid TOML: {error}") from None
-    except DocumentError as error:
-        raise InputError(f"mapping {path}: {error}") from None
-    for section, keys in _SECTIONS.items():
-        _check_keys(path, section, document.get(section, {}), keys)
-    unknown = [name for name in document if name not in (*_SECTIONS, "topics")]
-    if unknown:
-        raise InputError(f"mapping {path}: unknown section [{unknown[0]}]; known: time, table, topics")
-    if not document.get("topics") or not isinstance(document["topics"], dict):
-        raise InputError(f'mapping {path}: no topic in it; write a section such as [topics."{IMU.name}"]')
-    if ("column" in document.get("time", {})) == ("rate" in document.get("time", {})):
-        raise InputError(f"mapping {path}: [time] must have either a column or a rate")
+    document = read_document(path, "mapping")
+    with error_context(f"mapping {path}"):
+        _check(document)
     return document
 
 
-def _check_keys(path: Path, section: str, table: Any, known: tuple[str, ...]) -> None:
-    if not isinstance(table, dict):
-        raise InputError(f"mapping {path}: {section} must be a section of keys")
-    for key in table:
-        if key not in known:
-            raise InputError(f"mapping {path}: unknown key {section}.{key}; known: {', '.join(known)}")
+def _check(document: Mapping[str, Any]) -> None:
+    check_keys(document, (*_SECTIONS, "topics"))
+    for section, keys in _SECTIONS.items():
+        check_keys(check_table(document.get(section, {}), section), keys, section)
+    if not document.get("topics") or not isinstance(document["topics"], dict):
+        raise InputError(f'no topic in it; write a section such as [topics."{IMU.name}"]')
+    if ("column" in document.get("time", {})) == ("rate" in document.get("time", {})):
+        raise InputError("[time] must have either a column or a rate")

@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Collection, Iterable, Sequence
 from enum import Enum
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 from avionics.messages import Command, CommandKind
 from avionics.missions.reader import find
@@ -18,10 +18,10 @@ from sim_bridge.bridge.world import SimulationSilent
 from sim_bridge.sensors.frame import TICK_RATE, imu_on_the_wire
 from sim_bridge.sensors.receiver import ReceiverSpec
 from sim_bridge.sensors.suite import OPTIONAL
-from wingbeat.documents import parse_toml
-from wingbeat.errors import DocumentError, InputError
+from wingbeat.errors import InputError
 from wingbeat.samples import PressureSample, ReceiverSample, SensorFrame
-from wingbeat.text import read_error_text
+from wingbeat.schema import error_context, read_document, read_record
+from wingbeat.units import Quantity
 
 if TYPE_CHECKING:
     from sim_bridge.plant import Plant
@@ -91,9 +91,9 @@ class Fault(NamedTuple):
 
     name: str
     """of a row of `FAULTS`"""
-    at: float
+    at: Annotated[float, Quantity("s", 0.0)]
     """s; since boot"""
-    until: float = math.inf
+    until: Annotated[float, Quantity("s", 0.0)] = math.inf
     """s; since boot"""
 
 
@@ -293,22 +293,12 @@ def mission_faults(name_or_path: str | Path) -> tuple[Fault, ...]:
     path = find(name_or_path)
     if path.suffix != ".toml":
         return ()
-    try:
-        tables = parse_toml(path.read_text(encoding="utf-8-sig")).get("fault", [])
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"cannot read mission file {path}: {read_error_text(error)}") from None
-    except DocumentError as error:
-        raise InputError(f"{path}: {error}") from None
-    return tuple(_of_table(f"{path}: fault {number}", table) for number, table in enumerate(tables, 1))
-
-
-def _of_table(where: str, table: object) -> Fault:
-    if not isinstance(table, dict) or not {"name", "at"} <= set(table) <= {"name", "at", "until"}:
-        raise InputError(f"{where} must be a [[fault]] table with name, at (s) and, if it ends, until (s)")
-    name, at, until = table["name"], table["at"], table.get("until", math.inf)
-    if any(isinstance(value, bool) or not isinstance(value, int | float) for value in (at, until)):
-        raise InputError(f"{where}: at and until must be numbers of seconds")
-    return checked(Fault(str(name), float(at), float(until)))
+    tables = read_document(path, "mission file").get("fault", [])
+    faults = []
+    for number, table in enumerate(tables, 1):
+        with error_context(f"{path}: fault {number}"):
+            faults.append(checked(read_record(Fault, table)))
+    return tuple(faults)
 
 
 def check_carried(faults: Iterable[Fault], sections: Collection[str]) -> None:

@@ -48,9 +48,8 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -59,22 +58,12 @@ from sim_bridge.flight_mechanics.orbit import Orbit
 from sim_bridge.flight_mechanics.stroke_map import throttle_for
 from sim_bridge.vectors import Floats
 from sim_bridge.vehicles import SimulatedVehicle
-from wingbeat.documents import parse_json, parse_toml
-from wingbeat.errors import DocumentError, InputError
-from wingbeat.text import read_error_text
+from wingbeat.errors import InputError
+from wingbeat.schema import error_context, read_document, read_record
+from wingbeat.units import ABOVE_ZERO, Quantity
 
 THROTTLE, HALF_STROKE = "throttle", "half_stroke"
 """what the drive's B is per"""
-SECTIONS = {
-    "trim": ("airspeed", "pitch", "frequency"),
-    "longitudinal": ("a", "elevator"),
-    "drive": ("input", "b", "lag", "at"),
-    "lateral": ("a", "rudder"),
-    "identified": ("log", "sha256", "method", "elevator", "angle_of_attack"),
-}
-OPTIONAL = {"identified": ("density", "estimates")}
-"""keys that may be left out"""
-ESTIMATE = ("value", "standard_error", "low", "high")
 DIGITS = 7
 
 
@@ -191,11 +180,68 @@ def model_of(vehicle: SimulatedVehicle, orbit: Orbit, axes: AxesModel) -> Linear
     )
 
 
+Row = tuple[float, float, float, float]
+Matrix = tuple[Row, Row, Row, Row]
+
+
+class _Trim(NamedTuple):
+    airspeed: Annotated[float, Quantity("m/s", ABOVE_ZERO)]
+    pitch: float
+    frequency: Annotated[float, Quantity("Hz", ABOVE_ZERO)]
+
+
+class _Longitudinal(NamedTuple):
+    a: Matrix
+    elevator: Row
+
+
+class _Drive(NamedTuple):
+    input: Annotated[str, THROTTLE, HALF_STROKE]
+    b: Row
+    lag: Annotated[float, Quantity("s", 0.0)]
+    at: float
+
+
+class _Lateral(NamedTuple):
+    a: Matrix
+    rudder: Row
+
+
+class _Estimate(NamedTuple):
+    value: float
+    standard_error: Annotated[float, Quantity("-", 0.0)]
+    low: float
+    high: float
+    unit: str
+
+
+class _Identified(NamedTuple):
+    log: str
+    sha256: str
+    method: str
+    elevator: float
+    angle_of_attack: float
+    density: Annotated[float, Quantity("kg/m^3", ABOVE_ZERO)] | None = None
+    estimates: dict[str, _Estimate] = {}
+
+
+class _ModelFile(NamedTuple):
+    """The sections of a model file."""
+
+    trim: _Trim
+    longitudinal: _Longitudinal
+    drive: _Drive | None = None
+    lateral: _Lateral | None = None
+    identified: _Identified | None = None
+    vehicle: str = ""
+    origin: str = ""
+
+
 def is_model_file(path: Path) -> bool:
     """Whether a file is one of a linear model rather than of a vehicle."""
     if not path.is_file():
         return False
-    return path.suffix == ".json" or "longitudinal" in _document(path)
+    return path.suffix == ".json" or "longitudinal" in read_document(path, "model")
 
 
 def load_model(path: Path) -> LinearModel:
@@ -204,30 +250,22 @@ def load_model(path: Path) -> LinearModel:
     Raises:
         InputError: not such a file, or a number that is missing, not finite or of the wrong shape.
     """
-    document = _document(path)
-    unknown = set(document) - {*SECTIONS, "vehicle", "origin"}
-    if unknown:
-        raise InputError(
-            f"{path}: unknown {', '.join(sorted(unknown))}; known: vehicle, origin, {', '.join(SECTIONS)}"
-        )
-    trim, along = _section(path, document, "trim"), _section(path, document, "longitudinal")
-    drive = _drive(path, _section(path, document, "drive")) if "drive" in document else None
-    across = _section(path, document, "lateral") if "lateral" in document else None
+    document = read_document(path, "model")
+    with error_context(path):
+        file = read_record(_ModelFile, document)
+        identified = None if file.identified is None else _identified(file.identified)
+    drive, lateral = file.drive, file.lateral
     return LinearModel(
-        _vehicle(path, str(document.get("vehicle", ""))),
-        str(document.get("origin", path.name)),
-        _positive(path, "trim.airspeed", trim["airspeed"]),
-        float(_numbers(path, "trim.pitch", trim["pitch"], ())),
-        _positive(path, "trim.frequency", trim["frequency"]),
-        _numbers(path, "longitudinal.a", along["a"], (4, 4)),
-        _numbers(path, "longitudinal.elevator", along["elevator"], (4,)),
-        drive,
-        None
-        if across is None
-        else LateralModel(
-            _numbers(path, "lateral.a", across["a"], (4, 4)), _numbers(path, "lateral.rudder", across["rudder"], (4,))
-        ),
-        _identified(path, _section(path, document, "identified")) if "identified" in document else None,
+        _vehicle(path, file.vehicle),
+        file.origin or path.name,
+        file.trim.airspeed,
+        file.trim.pitch,
+        file.trim.frequency,
+        np.array(file.longitudinal.a),
+        np.array(file.longitudinal.elevator),
+        None if drive is None else DriveModel(drive.input, np.array(drive.b), drive.lag, drive.at),
+        None if lateral is None else LateralModel(np.array(lateral.a), np.array(lateral.rudder)),
+        identified,
     )
 
 
@@ -252,7 +290,7 @@ def model_text(model: LinearModel) -> str:
         f"origin = {json.dumps(model.origin)}",
         "",
         "[trim]  # m/s, rad, Hz",
-        *(f"{key} = {getattr(model, key):.{DIGITS}g}" for key in SECTIONS["trim"]),
+        *(f"{key} = {getattr(model, key):.{DIGITS}g}" for key in _Trim._fields),
         "",
         "[longitudinal]  # of u m/s, w m/s, q rad/s, theta rad; elevator rad, nose up positive",
         f"a = {_matrix(model.a)}",
@@ -281,7 +319,7 @@ def _identified_lines(identified: Identified) -> list[str]:
     lines += [f"{key} = {value:.{DIGITS}g}" for key, value in numbers.items() if value is not None]
     for one in identified.values:
         lines += ["", f"[identified.estimates.{json.dumps(one.name)}]"]
-        lines += [f"{key} = {getattr(one, key):.{DIGITS}g}" for key in ESTIMATE]
+        lines += [f"{key} = {getattr(one, key):.{DIGITS}g}" for key in ("value", "standard_error", "low", "high")]
         lines.append(f"unit = {json.dumps(one.unit)}")
     return lines
 
@@ -294,91 +332,20 @@ def _matrix(values: Floats) -> str:
     return "[\n" + "".join(f"    {_row(row)},\n" for row in values) + "]"
 
 
-def _document(path: Path) -> dict[str, Any]:
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-        identified = parse_json(text) if path.suffix == ".json" else parse_toml(text)
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"cannot read {path}: {read_error_text(error)}") from None
-    except DocumentError as error:
-        raise InputError(f"{path}: {error}") from None
-    if not isinstance(identified, dict):
-        raise InputError(f"{path}: not a model: no [longitudinal]")
-    return identified
-
-
-def _section(path: Path, document: Mapping[str, Any], name: str) -> Mapping[str, Any]:
-    table = document.get(name)
-    if not isinstance(table, dict):
-        raise InputError(f"{path}: section [{name}] is missing")
-    for key in SECTIONS[name]:
-        if key not in table:
-            raise InputError(f"{path}: key {name}.{key} is missing")
-    known = (*SECTIONS[name], *OPTIONAL.get(name, ()))
-    unknown = set(table) - set(known)
-    if unknown:
-        raise InputError(f"{path}: unknown key {name}.{min(unknown)}; known: {', '.join(known)}")
-    return table
-
-
-def _drive(path: Path, table: Mapping[str, Any]) -> DriveModel:
-    if table["input"] not in (THROTTLE, HALF_STROKE):
-        raise InputError(f'{path}: drive.input must be "{THROTTLE}" or "{HALF_STROKE}", not "{table["input"]}"')
-    lag = float(_numbers(path, "drive.lag", table["lag"], ()))
-    if lag < 0.0:
-        raise InputError(f"{path}: drive.lag = {lag:g} is below 0 s")
-    at = float(_numbers(path, "drive.at", table["at"], ()))
-    return DriveModel(str(table["input"]), _numbers(path, "drive.b", table["b"], (4,)), lag, at)
-
-
 def _vehicle(path: Path, name: str) -> str:
     """The folder of that name beside the file where there is one, else the name itself."""
     beside = path.parent / name
     return str(beside) if name and beside.is_dir() else name
 
 
-def _identified(path: Path, table: Mapping[str, Any]) -> Identified:
-    words = [_words(path, f"identified.{key}", table[key]) for key in ("log", "sha256", "method")]
-    trim = [float(_numbers(path, f"identified.{key}", table[key], ())) for key in ("elevator", "angle_of_attack")]
-    density = _positive(path, "identified.density", table["density"]) if "density" in table else None
-    estimates = table.get("estimates", {})
-    if not isinstance(estimates, dict):
-        raise InputError(f"{path}: identified.estimates must be a section of estimates")
-    values = tuple(_estimate(path, name, entry) for name, entry in estimates.items())
-    return Identified(words[0], words[1], words[2], trim[0], trim[1], density, values)
-
-
-def _estimate(path: Path, name: str, entry: Any) -> IdentifiedValue:
-    where = f"identified.estimates.{name}"
-    if not isinstance(entry, dict) or set(entry) != {*ESTIMATE, "unit"}:
-        raise InputError(f"{path}: {where} must have {', '.join(ESTIMATE)} and unit, and nothing else")
-    value, error, low, high = (float(_numbers(path, f"{where}.{key}", entry[key], ())) for key in ESTIMATE)
-    if error < 0.0 or not low <= value <= high:
-        raise InputError(
-            f"{path}: {where} is no estimate: its value must be inside its interval, its error not below 0"
-        )
-    return IdentifiedValue(name, _words(path, f"{where}.unit", entry["unit"]), value, error, low, high)
-
-
-def _words(path: Path, name: str, value: Any) -> str:
-    if not isinstance(value, str):
-        raise InputError(f"{path}: {name} must be text")
-    return value
-
-
-def _positive(path: Path, name: str, value: Any) -> float:
-    number = float(_numbers(path, name, value, ()))
-    if number <= 0.0:
-        raise InputError(f"{path}: {name} = {number:g} is not above 0")
-    return number
-
-
-def _numbers(path: Path, name: str, value: Any, shape: tuple[int, ...]) -> Floats:
-    words = {(): "a number", (4,): "a list of 4 numbers", (4, 4): "4 lists of 4 numbers"}[shape]
-    try:
-        identified = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        identified = np.array(math.nan)
-    if identified.shape != shape or not np.all(np.isfinite(identified)) or isinstance(value, bool | str):
-        raise InputError(f"{path}: {name} must be {words}")
-    return identified
+def _identified(file: _Identified) -> Identified:
+    for name, one in file.estimates.items():
+        if not one.low <= one.value <= one.high:
+            interval = f"{one.low:g} to {one.high:g} {one.unit}"
+            raise InputError(f"identified.estimates.{name}.value = {one.value:g} is outside its interval, {interval}")
+    values = tuple(
+        IdentifiedValue(name, one.unit, one.value, one.standard_error, one.low, one.high)
+        for name, one in file.estimates.items()
+    )
+    trim = (file.elevator, file.angle_of_attack)
+    return Identified(file.log, file.sha256, file.method, *trim, file.density, values)

@@ -18,13 +18,13 @@ from avionics.snapshot import decode
 from avionics.state import AutopilotState
 from avionics.vehicles.loader import load_vehicle as load_flight_vehicle
 from logs.campaigns.campaign import load_campaign
-from logs.identification.tables.keys import read_document
 from logs.importing.mapping import load_mapping
 from sim_bridge.flight.faults import mission_faults
 from sim_bridge.tuning.model import load_model
 from sim_bridge.vehicles import load_vehicle
 from wingbeat.documents import parse_json, parse_toml
 from wingbeat.errors import DocumentError, InputError
+from wingbeat.schema import read_document
 
 DEEP, LONG = "[" * 5000 + "]" * 5000, "9" * 5000
 HOSTILE_TOML = [f"x = {DEEP}\n", f"x = {LONG}\n", f"x = {'9' * 25}\n", "x = \n", "x = [[[[\n"]
@@ -57,7 +57,7 @@ TOML_READERS: dict[str, Callable[[Path], Any]] = {
     "flight vehicle": load_flight_vehicle,
     "vehicle": lambda path: load_vehicle(str(path)),
     "campaign": load_campaign,
-    "map": read_document,
+    "map": lambda path: read_document(path, "map"),
     "mapping": load_mapping,
     "model": load_model,
 }

@@ -161,7 +161,7 @@ def test_the_overview_imports_nothing_heavy() -> None:
         (["fly", "--vehicle", "no.toml"], "cannot read vehicle file no.toml: there is no such file\n"),
         (["tune", "no.toml"], "cannot read vehicle file no.toml: there is no such file\n"),
         (["tune", "no.json"], "unknown vehicle 'no.json'"),
-        (["campaign", "no.toml"], "cannot read the campaign no.toml: there is no such file\n"),
+        (["campaign", "no.toml"], "cannot read campaign no.toml: there is no such file\n"),
         (["design", "robo_raven_ii_d", "--out", "no/x.toml"], "cannot write no/x.toml: there is no folder no\n"),
     ],
 )

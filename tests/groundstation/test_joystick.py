@@ -24,11 +24,12 @@ from groundstation.joystick.axes import (
 from groundstation.joystick.calibration import Assignment, build_settings, identify_stick, start_ranges
 from groundstation.joystick.device import DeviceInfo, Reading
 from groundstation.joystick.dialog import calibrate
-from groundstation.joystick.settings import Settings, check_capabilities, find_settings, load_settings, parse_settings
+from groundstation.joystick.settings import Settings, check_capabilities, find_settings, load_settings, read_settings
 from groundstation.joystick.settings_text import merge, save_settings, settings_text
 from groundstation.joystick.sticks import Sticks, manual_control
 from groundstation.link import modes
 from groundstation.link.vehicle_state import VehicleState
+from wingbeat.documents import parse_toml
 from wingbeat.errors import InputError
 
 fraction = st.floats(0.0, 1.0)
@@ -236,7 +237,7 @@ def test_calibration_measures_and_assigns() -> None:
     assert not settings.throttle_upper_half
     assert settings.sticks(Reading((0.9, -1.0, 0.9, -0.8, 0.0))) == pytest.approx((1.0, 1.0, -1.0, 1.0))
     assert settings.sticks(Reading(rest)) == (0.0, 0.0, 0.0, 0.0)
-    assert parse_settings(settings_text([settings])) == (settings,)
+    assert read_settings(parse_toml(settings_text([settings]))) == (settings,)
 
 
 def test_calibration_of_a_centered_throttle() -> None:
@@ -305,7 +306,7 @@ def test_settings_are_found_by_guid_then_by_name() -> None:
 
 
 def test_settings_have_defaults() -> None:
-    (settings,) = parse_settings(MINIMAL)
+    (settings,) = read_settings(parse_toml(MINIMAL))
     assert settings.roll == Axis(0) and settings.yaw is None and not settings.throttle_upper_half
     assert settings.assignments == Assignments({}, {})
 
@@ -314,30 +315,30 @@ def test_settings_have_defaults() -> None:
     ("text", "problem"),
     [
         ("[[device", "not valid TOML"),
-        ("devices = 1", "unknown key 'devices' (meant 'device'?); known: device"),
+        ("devices = 1", "unknown key devices (meant 'device'?); known: device"),
         ("[device]", "device must be written as [[device]]"),
-        ("[[device]]", "device 1 needs a name or a guid"),
-        ('[[device]]\nname = "Pad"', "device Pad: table [device.roll] is missing"),
-        ('[[device]]\nname = 3', "device 1: name must be text in quotes, not 3"),
-        (MINIMAL + "yaww = 1", "device 1: unknown key 'yaww' (meant 'yaw'?)"),
-        (MINIMAL + "yaw = 3", "device Pad: yaw must be a table of keys"),
-        (MINIMAL + "yaw = {}", "device Pad: yaw: key axis is missing"),
+        ("[[device]]", "device 1: roll is missing"),
+        ('[[device]]\nname = "Pad"', "device Pad: roll is missing"),
+        ('[[device]]\nname = 3', "device 3: name must be text in quotes, not 3"),
+        (MINIMAL + "yaww = 1", "device Pad: unknown key yaww (meant 'yaw'?)"),
+        (MINIMAL + "yaw = 3", "device Pad: yaw must be a section of keys, not 3"),
+        (MINIMAL + "yaw = {}", "device Pad: yaw.axis is missing (0 to 255)"),
         (MINIMAL + "yaw = { axis = 1 }", "device Pad: axis 1 is assigned to pitch and to yaw"),
-        (MINIMAL + "yaw = { axis = 1.5 }", "device Pad: yaw: axis must be a whole number from 0 to 255, not 1.5"),
-        (MINIMAL + "yaw = { axis = true }", "device Pad: yaw: axis must be a whole number"),
-        (MINIMAL + "yaw = { axis = 3, exp = 1 }", "yaw: unknown key 'exp' (meant 'expo'?)"),
-        (MINIMAL + "yaw = { axis = 3, expo = 1.5 }", "device Pad: yaw: expo = 1.5 is outside 0 to 1"),
-        (MINIMAL + "yaw = { axis = 3, deadzone = nan }", "device Pad: yaw: deadzone must be a number, not nan"),
-        (MINIMAL + 'yaw = { axis = 3, min = "a" }', "device Pad: yaw: min must be a number, not 'a'"),
+        (MINIMAL + "yaw = { axis = 1.5 }", "device Pad: yaw.axis must be a whole number (0 to 255), not 1.5"),
+        (MINIMAL + "yaw = { axis = true }", "device Pad: yaw.axis must be a whole number"),
+        (MINIMAL + "yaw = { axis = 3, exp = 1 }", "unknown key yaw.exp (meant 'expo'?)"),
+        (MINIMAL + "yaw = { axis = 3, expo = 1.5 }", "device Pad: yaw.expo = 1.5 is outside 0 to 1"),
+        (MINIMAL + "yaw = { axis = 3, deadzone = nan }", "yaw.deadzone must be a finite number (0 to 0.5), not nan"),
+        (MINIMAL + 'yaw = { axis = 3, min = "a" }', "device Pad: yaw.min must be a number (-1 to 1), not 'a'"),
         (MINIMAL + "yaw = { axis = 3, center = 0.95 }", "min, center, max are -1, 0.95, 1; they must ascend by 0.1"),
-        (MINIMAL + "yaw = { axis = 3, reversed = 1 }", "device Pad: yaw: reversed must be true or false, not 1"),
-        (MINIMAL + 'yaw = { axis = 3, range = "full" }', "device Pad: yaw: unknown key 'range'"),
-        (MINIMAL.replace("axis = 2", 'axis = 2, range = "half"'), 'range must be "full" or "upper_half"'),
-        (MINIMAL + "buttons = 1", "device Pad: buttons must be a table"),
+        (MINIMAL + "yaw = { axis = 3, reversed = 1 }", "device Pad: yaw.reversed must be true or false, not 1"),
+        (MINIMAL + 'yaw = { axis = 3, range = "full" }', "device Pad: unknown key yaw.range"),
+        (MINIMAL.replace("axis = 2", 'axis = 2, range = "half"'), "'half' is not known; known: full, upper_half"),
+        (MINIMAL + "buttons = 1", "device Pad: buttons must be a section of keys"),
         (MINIMAL + 'buttons = { a = "arm" }', "device Pad: buttons: 'a' is not a number from 0 to 255"),
         (MINIMAL + 'buttons = { 1 = "amr" }', "buttons.1: unknown action 'amr' (meant 'arm'?); known: arm, disarm"),
-        (MINIMAL + "buttons = { 1 = 2 }", "device Pad: buttons.1: action must be text in quotes, not 2"),
-        (MINIMAL + "switches = 1", "device Pad: switches must be a table"),
+        (MINIMAL + "buttons = { 1 = 2 }", "device Pad: buttons.1 must be text in quotes, not 2"),
+        (MINIMAL + "switches = 1", "device Pad: switches must be a section of keys"),
         (MINIMAL + 'switches = { 3 = ["arm"] }', "device Pad: switches.3 must be a list of 2 to 6 actions"),
         (MINIMAL + 'switches = { 3 = ["arm/disarm", "arm"] }', 'switches.3: "arm/disarm" is for buttons'),
         (MINIMAL + 'switches = { 2 = ["none", "kill"] }', "axis 2 is assigned to throttle and to a switch"),

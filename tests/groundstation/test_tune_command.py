@@ -204,4 +204,4 @@ def test_a_file_that_is_no_model_is_told_apart(capsys: Capture, tmp_path: Path) 
     path = tmp_path / "model.json"
     path.write_text("[1, 2]")
     assert main(["tune", str(path)]) == 2
-    assert "not a model: no [longitudinal]" in capsys.readouterr().err
+    assert "the model must be a section of keys, not [1, 2]" in capsys.readouterr().err

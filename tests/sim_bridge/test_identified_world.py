@@ -68,13 +68,21 @@ def test_the_vehicle_of_a_model_is_the_folder_beside_it_where_there_is_one(tmp_p
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [
-        ('log = "flight.mcap"\n', "", "key identified.log is missing"),
-        ("elevator = -0.03", "elevator = nan", "identified.elevator must be a number"),
-        ("density = 1.225", "density = 0.0", "identified.density = 0 is not above 0"),
-        ("low = -0.58\n", "", "identified.estimates.X_u must have value, standard_error, low, high and unit"),
-        ("low = -0.58\n", "low = -0.4\n", "identified.estimates.X_u is no estimate"),
+        ('log = "flight.mcap"\n', "", "identified.log is missing"),
+        ("elevator = -0.03", "elevator = nan", "identified.elevator must be a finite number, not nan"),
+        ("density = 1.225", "density = 0.0", "identified.density = 0 must be above 0 kg/m^3"),
+        ("low = -0.58\n", "", "identified.estimates.X_u.low is missing"),
+        (
+            "low = -0.58\n",
+            "low = -0.4\n",
+            "identified.estimates.X_u.value = -0.48 is outside its interval, -0.4 to -0.38 1/s",
+        ),
         ('method = "output error"', "method = 3", "identified.method must be text"),
-        ("angle_of_attack", "attack", "key identified.angle_of_attack is missing"),
+        (
+            "angle_of_attack",
+            "attack",
+            "unknown key identified.attack; known: log, sha256, method, elevator, angle_of_attack",
+        ),
     ],
 )
 def test_a_section_that_cannot_be_used_is_refused_in_a_line(tmp_path: Path, old: str, new: str, told: str) -> None:

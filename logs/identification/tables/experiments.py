@@ -11,12 +11,12 @@ from logs.identification.experiment import Experiment
 from logs.identification.preparing.resampling import down_sampled
 from logs.identification.preparing.split import split
 from logs.identification.results import Array, Estimate
-from logs.identification.tables.keys import read_section
 from logs.identification.tables.prepare import PrepareSection, prepared
 from logs.identification.tables.quantities import SIGNALS
 from logs.identification.tables.signals import LEAST_SAMPLES, Place, Record, SignalEntry, TimeSection, records_of
 from logs.identification.tables.table import Columns
 from wingbeat.errors import InputError
+from wingbeat.schema import read_record
 from wingbeat.text import did_you_mean, pluralize
 
 UNEVEN = 0.01
@@ -47,7 +47,7 @@ class Window(NamedTuple):
             entry = {"start": entry[0], "end": entry[1]}
         if not isinstance(entry, dict):
             raise InputError(f"{key} must be [start, end] in s or {{ file = ..., start = ..., end = ... }}")
-        span = read_section(_Span, entry, key)
+        span = read_record(_Span, entry, key)
         if not span.end > span.start:
             raise InputError(f"{key} ends at {span.end:g}, before it begins at {span.start:g}")
         return cls(span, key)

@@ -17,11 +17,11 @@ from logs.identification.preparing.resampling import whole_records
 from logs.identification.results import Array, Information
 from logs.identification.tables.experiments import Cut
 from logs.identification.tables.goodness import output_fits
-from logs.identification.tables.keys import check_known
 from logs.identification.tables.results import TableFit
 from logs.identification.tables.signals import LONGEST_FILL
 from wingbeat.constants import STANDARD_GRAVITY
 from wingbeat.errors import InputError
+from wingbeat.schema import check_known
 from wingbeat.text import pluralize
 
 EXAMPLE = """\

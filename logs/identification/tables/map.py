@@ -9,13 +9,13 @@ from logs.identification.tables.benches import TorqueSpeedSection, TwistSection
 from logs.identification.tables.constants import ConstantsSection
 from logs.identification.tables.experiments import Manoeuvres
 from logs.identification.tables.flight_paths import PathSection
-from logs.identification.tables.keys import check_known, number, read_document, read_section
 from logs.identification.tables.prepare import PrepareSection
 from logs.identification.tables.signals import SignalEntry, TimeSection
 from logs.identification.tables.stands import StandSection
 from logs.identification.tables.strokes import StrokeSection
 from logs.identification.tables.table import Layout
 from wingbeat.errors import InputError
+from wingbeat.schema import check_known, read_document, read_number, read_record
 
 EXAMPLE = """\
 # What the columns of a table are and what is to be fitted: wingbeat identify TABLE.csv --map THIS.toml
@@ -84,10 +84,10 @@ class Parameter(NamedTuple):
         if entry == "free":
             return cls()
         if not isinstance(entry, dict):
-            return cls(fixed=number(entry, key))
+            return cls(fixed=read_number(entry, key))
         for name in entry:
             check_known(name, ("fixed", "start"), f"{key}.{name}")
-        told = {name: number(value, f"{key}.{name}") for name, value in entry.items()}
+        told = {name: read_number(value, f"{key}.{name}") for name, value in entry.items()}
         if len(told) > 1:
             raise InputError(f"{key} is either fixed or has a start")
         return cls(**told)
@@ -175,11 +175,11 @@ def load_map(path: Path) -> Map:
     Raises:
         InputError: it cannot be read, is no TOML, or has a key or value that is not known; the text names the key.
     """
-    document = read_document(path)
+    document = read_document(path, "map")
     if "markers" in document:
         raise InputError(f"map {path}: [markers] is read by wingbeat identify FILE --map MAP.toml markers")
     try:
-        found: Map = read_section(Map, document, "")
+        found: Map = read_record(Map, document, "")
         found.time.check()
     except InputError as error:
         raise InputError(f"map {path}: {error}") from None

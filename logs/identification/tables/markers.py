@@ -14,12 +14,12 @@ from logs.identification.kinematics.marker_motion import Cloud, MarkerMotion, ma
 from logs.identification.kinematics.markers import Places
 from logs.identification.kinematics.speeds import CUTOFF
 from logs.identification.results import Array
-from logs.identification.tables.keys import read_document, read_section
 from logs.identification.tables.signals import SignalEntry, TimeSection, records_of
 from logs.identification.tables.table import Layout, read_columns
 from logs.reader import Log
 from sim_bridge.vehicles import SimulatedVehicle
 from wingbeat.errors import InputError
+from wingbeat.schema import read_document, read_record
 
 EXAMPLE = """\
 # A vehicle's motion from markers: wingbeat identify CAPTURE.mcap markers --map THIS.toml
@@ -112,9 +112,9 @@ def load_markers_map(path: Path) -> MarkersMap:
     Raises:
         InputError: it cannot be read, or a key of it is wrong; the text names the key.
     """
-    document = read_document(path)
+    document = read_document(path, "map")
     try:
-        found: MarkersMap = read_section(MarkersMap, document, "")
+        found: MarkersMap = read_record(MarkersMap, document, "")
         _check(found.markers)
     except InputError as error:
         raise InputError(f"map {path}: {error}") from None

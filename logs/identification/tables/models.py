@@ -15,9 +15,9 @@ from logs.identification.output_error.models.stability import Steady, lateral, l
 from logs.identification.output_error.problem import Model
 from logs.identification.results import Array
 from logs.identification.tables.constants import need
-from logs.identification.tables.keys import check_known
 from logs.identification.tables.map import DELAY, OutputError, Parameter
 from wingbeat.errors import InputError
+from wingbeat.schema import check_known
 
 FIRST_SAMPLES = 3
 LONGEST_DELAY = 1.0

@@ -13,10 +13,10 @@ from logs.identification.preparing.skew import LEAST, shifted, skew_between
 from logs.identification.preparing.smoothing import RATE_SUFFIX, smoothed
 from logs.identification.results import Array, Estimate, estimate
 from logs.identification.tables.derived import slope
-from logs.identification.tables.keys import check_known, number, read_section
 from logs.identification.tables.quantities import SIGNALS
 from logs.identification.tables.signals import LONGEST_FILL, Record
 from wingbeat.errors import InputError
+from wingbeat.schema import check_known, read_number, read_record
 from wingbeat.text import pluralize
 
 LONGEST = 0.5
@@ -50,11 +50,11 @@ class Late(NamedTuple):
             InputError: it is neither, or a time that cannot be.
         """
         if isinstance(entry, dict):
-            told = read_section(_Like, entry, key)
+            told = read_record(_Like, entry, key)
             if not 0 < told.longest <= LONGEST_GIVEN:
                 raise InputError(f"{key}.longest must be above 0 and at most {LONGEST_GIVEN:g} s")
             return cls(None, told.like, told.by == "slope", told.longest)
-        seconds = number(entry, key)
+        seconds = read_number(entry, key)
         if abs(seconds) > LONGEST_GIVEN:
             raise InputError(f"{key} = {seconds:g} s is more than {LONGEST_GIVEN:g} s")
         return cls(seconds)

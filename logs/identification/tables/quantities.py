@@ -6,9 +6,9 @@ import math
 import reprlib
 from typing import Any, NamedTuple
 
-from logs.identification.tables.keys import check_known, number
 from logs.importing.units import CONVERSIONS, Conversion
 from wingbeat.errors import InputError
+from wingbeat.schema import check_known, read_number
 
 SIGNALS = {
     "V": "m/s", "alpha": "rad", "beta": "rad", "p": "rad/s", "q": "rad/s", "r": "rad/s", "phi": "rad",
@@ -41,12 +41,12 @@ class Measure(NamedTuple):
             InputError: it is neither.
         """
         if not isinstance(entry, dict):
-            return cls(number(entry, key), None, key)
+            return cls(read_number(entry, key), None, key)
         for name in entry:
             check_known(name, ("value", "unit"), f"{key}.{name}")
         if "value" not in entry or "unit" not in entry:
             raise InputError(f'{key} must be a number in SI or {{ value = ..., unit = "..." }}')
-        return cls(number(entry["value"], f"{key}.value"), entry["unit"], key)
+        return cls(read_number(entry["value"], f"{key}.value"), entry["unit"], key)
 
     def si(self, unit: str, low: float = -math.inf, high: float = math.inf) -> float:
         """The number in SI ``unit``.

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from logs.identification.results import Array
-from logs.identification.tables.keys import read_section
 from logs.identification.tables.quantities import ANGLES, SIGNALS, WIDEST_ANGLE, converted, in_unit
 from logs.identification.tables.table import Columns
 from wingbeat.errors import InputError
+from wingbeat.schema import read_record
 from wingbeat.text import pluralize
 
 LEAST_RATE, HIGHEST_RATE = 1e-3, 1e5
@@ -86,7 +86,7 @@ class SignalEntry(NamedTuple):
         Raises:
             InputError: neither column nor value, or a unit that cannot be that of the signal.
         """
-        told = read_section(_Entry, entry, key)
+        told = read_record(_Entry, entry, key)
         if (told.column is None) == (told.value is None):
             raise InputError(f'{key} must be {{ column = "...", unit = "..." }} or {{ value = ..., unit = "..." }}')
         converted(told.unit, SIGNALS.get(key.rpartition(".")[2]), key)

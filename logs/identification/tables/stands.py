@@ -19,11 +19,11 @@ from logs.identification.results import FitSeries, Fitted, Information
 from logs.identification.tables.derived import Source
 from logs.identification.tables.experiments import Cut
 from logs.identification.tables.goodness import output_fits
-from logs.identification.tables.keys import check_known
 from logs.identification.tables.named import signal
 from logs.identification.tables.results import TableFit
 from sim_bridge.vehicles import SimulatedVehicle, load_vehicle
 from wingbeat.errors import InputError
+from wingbeat.schema import check_known
 
 EXAMPLE = """\
 # The wings' coefficients from a six-axis load cell: wingbeat identify RUN.csv TARE.csv --map THIS.toml stand

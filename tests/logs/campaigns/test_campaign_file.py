@@ -105,20 +105,20 @@ def test_the_example_means_what_its_comments_say() -> None:
 REFUSED = {
     "nothing": ("# later\n", "the file is empty"),
     "no section": ("[grids]\nx = [1]", "unknown key grids"),
-    "a typing error": ('[grid]\n"wind.sped" = [1]', "unknown key wind.sped; did you mean wind.speed?"),
+    "a typing error": ('[grid]\n"wind.sped" = [1]', "unknown key wind.sped (meant 'wind.speed'?)"),
     "no distribution": ('flights = 2\n[draw]\n"wind.speed" = { unifrom = [0, 1] }', "must be one of uniform"),
     "an empty grid": ('[grid]\n"wind.speed" = []', "grid.wind.speed must be a list of one value or more"),
     "no list": ('[grid]\n"wind.speed" = 3', "grid.wind.speed must be a list"),
     "a draw without a number": ('[draw]\n"wind.speed" = { uniform = [0, 1] }', "[draw] needs flights = N"),
-    "no flights": ("flights = 0", "flights must be a whole number from 1"),
-    "twice": ('[flight]\n"wind.from" = 1\n[grid]\n"wind.from_deg" = [2]', "wind.from is told 2 times"),
+    "no flights": ("flights = 0", "flights = 0 must be 1 or more"),
+    "twice": ('[flight]\n"wind.from" = 1\n[grid]\n"wind.from_deg" = [2]', "wind.from is set 2 times"),
     "ends the wrong way": ('flights = 2\n[draw]\n"wind.speed" = { uniform = [3, 1] }', "the first must be below"),
     "nothing within": (
         'flights = 2\n[draw]\n"wind.speed" = { normal = [2, 0.01], within = [8, 9] }', "nothing of the distribution",
     ),
-    "a wind of no sense": ('[grid]\n"wind.speed" = [1, -2]', "wind.speed = -2 must be 0 or more m/s"),
+    "a wind of no sense": ('[grid]\n"wind.speed" = [1, -2]', "wind.speed = -2 must be 0 m/s or more"),
     "degrees for an angle": ('[grid]\n"wind.from" = [90]', "rad; wind.from_deg is in degrees"),
-    "text for a number": ('[grid]\n"wind.speed" = ["strong"]', "must be a finite number, not 'strong'"),
+    "text for a number": ('[grid]\n"wind.speed" = ["strong"]', "must be a number (0 m/s or more), not 'strong'"),
     "no gain": ('[grid]\n"gains.pitch.kp" = [1]', "gains.pitch.kp: the flight computer has no such gain; pitch has"),
     "a gain beyond its range": ('[grid]\n"gains.pitch.damping" = [1e9]', "gains.pitch.damping"),
     "no vehicle's value": ('[grid]\n"vehicle.body.mass" = [1]', "has no value body.mass"),
@@ -166,5 +166,5 @@ def test_what_all_flights_have_is_not_blamed_on_a_grid(tmp_path: Path) -> None:
 def test_a_flight_that_is_not_there_and_a_file_that_is_not_there(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="flights 1 to 2, not 3"):
         flight_values(campaign_of(tmp_path, "flights = 2"), 3)
-    with pytest.raises(InputError, match="cannot read the campaign"):
+    with pytest.raises(InputError, match="cannot read campaign"):
         load_campaign(tmp_path / "none.toml")

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from logs.identification.tables.experiments import Cut, cut
-from logs.identification.tables.keys import read_section
 from logs.identification.tables.map import Map, load_map
 from logs.identification.tables.table import Columns, Layout, read_columns
 from wingbeat.errors import InputError
+from wingbeat.schema import read_record
 
 WAVE = '[signals]\na = { column = "a", unit = "-" }\n'
 TIMED = '[time]\ncolumn = "t"\n' + WAVE
@@ -26,7 +26,7 @@ def read(folder: Path, text: str | bytes, **layout: Any) -> Columns:
 
 
 def cut_of(folder: Path, text: str, mapping: str) -> Cut:
-    chosen: Map = read_section(Map, tomllib.loads(mapping), "")
+    chosen: Map = read_record(Map, tomllib.loads(mapping), "")
     chosen.time.check()
     return cut([read(folder, text)], chosen.signals, chosen.time, chosen.manoeuvres)
 
