@@ -180,9 +180,13 @@ def expected_text(hint: Any) -> str:
     return f" ({quantity.range_text()})" if quantity is not None and quantity.is_bounded else ""
 
 
-@cache
 def field_hints(record: Any) -> Mapping[str, Any]:
     """Type hints of a record's fields, with the extras of `typing.Annotated`."""
+    return _field_hints(record)
+
+
+@cache
+def _field_hints(record: Any) -> Mapping[str, Any]:
     return types.MappingProxyType(get_type_hints(record, include_extras=True))
 
 

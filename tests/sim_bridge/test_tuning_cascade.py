@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import re
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -208,14 +210,22 @@ def test_every_other_line_and_comment_is_kept() -> None:
     assert all(a.split(" = ")[0] == b.split(" = ")[0] and "wingbeat tune" in b for a, b in changed)
 
 
-def test_a_file_laid_out_otherwise_is_refused_and_nothing_is_written(tmp_path: Path) -> None:
+def test_tuned_gain_in_another_layout_or_missing_is_written() -> None:
+    """GIVEN a quoted key, a gain as a section and a gain that the file leaves out THEN all are in the tuned file."""
     name = VEHICLES[0]
-    text = vehicle(name).file.text.replace("[roll]\nproportional", "[roll]\n'proportional'")
+    head, _, rest = vehicle(name).file.text.partition("[pitch]\nproportional")
+    integral, damping = (re.search(rf"(?m)^{gain} = (.*)\n", rest) for gain in ("integral", "damping"))
+    assert integral is not None and damping is not None
+    rest = rest.replace(integral[0], "", 1).replace(damping[0], "", 1)
+    own_section = "\n[pitch.integral]  # a remark\n" + integral[1].strip("{ }").replace(", ", "\n", 2) + "\n"
+    text = head + "[pitch]\n'proportional'" + rest + own_section
     odd = vehicle(name)._replace(file=vehicle(name).file._replace(text=text))
-    where = places(tmp_path / "my_bird")
-    with pytest.raises(InputError, match=r"roll\.proportional must be written on one line"):
-        write(where, odd, designed(name), "# the world\n")
-    assert list(tmp_path.iterdir()) == []
+    tuned = tuned_text(odd, designed(name))
+    assert "[pitch.integral]  # a remark\n" in tuned and "'proportional' = " in tuned
+    for key, value in designed(name).values.items():
+        loop, gain = key.split(".")
+        assert tomllib.loads(tuned)[loop][gain]["value"] == value
+    assert tomllib.loads(tuned)["pitch"]["damping"]["unit"] == "s"
 
 
 def test_existing_files_are_never_touched(tmp_path: Path) -> None:

@@ -1,22 +1,25 @@
-"""Writes a user's vehicle: the flight computer's file with tuned gains and their sources, beside the world's file.
+"""Write a tuned vehicle: the flight computer's file with tuned gains and their sources, and the world's file.
 
-Only the numbers and sources of what was tuned change; every other line and comment stays as it was. The new text is
-read back before anything is written.
+Only the values and sources of tuned gains change; all other lines and comments are kept. The new text is read back
+before anything is written.
 """
 
 from __future__ import annotations
 
-import json
 import math
-import re
 import tempfile
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+import tomlkit
+from tomlkit.items import Table
 
 from avionics.vehicles import FlightVehicle, load_vehicle
 from sim_bridge.flight.tuning.cascade import Design, value_of
 from sim_bridge.tuning.margins import Margins
 from wingbeat.errors import InputError
+from wingbeat.schema import field_hints, quantity_of
+from wingbeat.units import Quantity
 from wingbeat.vehicle_file import name_by_path
 
 WORLD, AVIONICS = "world.toml", "avionics.toml"
@@ -51,7 +54,7 @@ def write(where: Places, vehicle: FlightVehicle, design: Design, world: str | No
     """Write the tuned file, and the world's text beside it where there is one; existing files are never touched.
 
     Raises:
-        InputError: a file exists, or the vehicle's own file is laid out in a way that a value cannot be replaced in.
+        InputError: a file exists, or the new text does not give the designed gains.
     """
     text = _renamed(tuned_text(vehicle, design), name_by_path(where.avionics))
     where.avionics.parent.mkdir(parents=True, exist_ok=True)
@@ -61,23 +64,30 @@ def write(where: Places, vehicle: FlightVehicle, design: Design, world: str | No
 
 
 def _renamed(text: str, name: str) -> str:
-    """The text of a vehicle file with another name, which stands before the first section."""
-    head, section, rest = text.partition("\n[")
-    head = re.sub(r"(?m)^name\s*=.*$", lambda _: f"name = {json.dumps(name)}", head, count=1)
-    return head + section + rest
+    """The text of a vehicle file with another name, if it has one."""
+    document = tomlkit.parse(text)
+    if "name" in document:
+        document["name"] = name
+    return tomlkit.dumps(document)
 
 
 def tuned_text(vehicle: FlightVehicle, design: Design) -> str:
     """The flight computer's file with the designed gains in it.
 
+    A gain that the file does not list is added to its section.
+
     Raises:
-        InputError: a value is not written as ``key = { value = ..., source = "..." }`` on a line of its own.
+        InputError: the new text does not give the designed gains.
     """
-    text = vehicle.file.text
+    document = tomlkit.parse(vehicle.file.text)
     for loop in design.after:
         source = source_of(design.model.origin, loop.margins)
         for key, value in loop.gains.items():
-            text = _replaced(text, vehicle.file.path, key, value, source)
+            section, name = key.split(".")
+            table = document.setdefault(section, tomlkit.table())
+            gains = type(getattr(vehicle.gains, section))
+            _set(table, name, value, quantity_of(field_hints(gains)[name]), source)
+    text = tomlkit.dumps(document)
     _check(text, vehicle, design)
     return text
 
@@ -88,22 +98,30 @@ def source_of(origin: str, margins: Margins) -> str:
     return f"identified: tuned by wingbeat tune on {origin}, {gain}, {phase}"
 
 
-def _replaced(text: str, path: Path, key: str, value: float, source: str) -> str:
-    """The text with one value and its source replaced."""
-    section, name = key.split(".")
-    line = re.compile(
-        rf"(?ms)(^\[{section}\][^\n]*\n(?:(?!^\[).)*?^\s*{name}\s*=\s*\{{[^\n]*?\bvalue\s*=\s*)[^,}}\n]+"
-        r'([^\n]*?\bsource\s*=\s*)"(?:[^"\\\n]|\\.)*"'
-    )
-    found, count = line.subn(lambda match: f"{match[1]}{value:g}{match[2]}{json.dumps(source)}", text, count=1)
-    if count != 1:
-        layout = f'{name} = {{ value = ..., unit = "...", source = "..." }}'
-        raise InputError(f"{path}: {key} must be written on one line, {layout}")
-    return found
+def _set(table: Any, name: str, value: float, quantity: Quantity | None, source: str) -> None:
+    """Set a value and its source; an entry with the earlier key of a renamed field keeps that key."""
+    if quantity is not None and quantity.formerly in table:
+        name = quantity.formerly
+    if name not in table:
+        _append(table, name, tomlkit.value('{ value = 0.0, unit = "-", source = "" }'))
+        table[name]["unit"] = "-" if quantity is None else quantity.unit
+    table[name]["value"] = float(f"{value:g}")
+    table[name]["source"] = source
+
+
+def _append(table: Any, name: str, item: Any) -> None:
+    """Add an entry behind the last one, in front of blank lines and comments at the end of the section."""
+    # A section in several parts is a proxy without a body of its own.
+    body = table.value.body if isinstance(table, Table) else []
+    count = next((i for i in range(len(body), 0, -1) if body[i - 1][0] is not None), 0)
+    trailing = body[count:]
+    del body[count:]
+    table[name] = item
+    body.extend(trailing)
 
 
 def _check(text: str, vehicle: FlightVehicle, design: Design) -> None:
-    """Read the text back: it must give the designed gains and leave every other as it was.
+    """Read the text back: it must give the designed gains, and all others unchanged.
 
     Raises:
         InputError: it does not.
@@ -117,7 +135,7 @@ def _check(text: str, vehicle: FlightVehicle, design: Design) -> None:
         section, name = key.split(".")
         wanted = wanted._replace(**{section: getattr(wanted, section)._replace(**{name: design.values[key]})})
         if value_of(gains, key) != design.values[key]:
-            raise InputError(f"{vehicle.file.path}: {key} cannot be replaced in a file laid out like this")
+            raise InputError(f"{vehicle.file.path}: {key} is not {design.values[key]:g} after tuning")
     if gains != wanted:
         raise InputError(f"{vehicle.file.path}: cannot be tuned without changing other values")
 
