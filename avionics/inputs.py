@@ -1,8 +1,8 @@
-"""What enters a flight from outside: its JSON for the log, and what each command does to the state.
+"""Inputs of a flight: their JSON for the log, and the effect of each command on the state.
 
-Within a tick sticks of MANUAL_CONTROL are taken first, then overridden channels, then the commands in their order;
-a replay that merges the three logged topics by time therefore repeats the flight exactly. On the topic of the sticks
-those of the other sources stand too: they follow from frames and channels, and are no inputs.
+Within a tick MANUAL_CONTROL is processed first, then channel overrides, then commands in their order. A replay that
+merges the three logged topics by time therefore repeats the flight exactly. The topic of the sticks also has those of
+the other sources: they follow from frames and channels, and are no inputs.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from avionics import parameters, piloting, snapshot, topics
 from avionics.calibration import procedure as calibration
 from avionics.guidance import altitude as altitude_loop
 from avionics.guidance import arming, excitation, failsafes, fence, modes, navigation, offboard, throttle_descent
-from avionics.guidance.mission import Channel, Excitation, Fence, ItemKind, Mission, MissionItem, Rally
+from avionics.guidance.mission import Excitation, Fence, ItemKind, Mission, MissionItem, Rally, channel_names
 from avionics.guidance.setpoint import Path, Received, Setpoint
 from avionics.messages import Calibration, ChannelOverride, Command, CommandKind, Input, Mode, PilotInput, Stage
 from avionics.missions import check_mission
@@ -136,6 +136,12 @@ def publish_event(s: AutopilotState, publish: Publish, severity: Severity, sourc
     publish(topics.EVENTS, Event(max(s.clock.time_us, 0), severity, source, text))
 
 
+def publish_parameter(s: AutopilotState, publish: Publish, name: str, value: float, source: str) -> None:
+    """Publish the new value of a parameter, for programs that read the log."""
+    document = {"parameter": name, "value": value, "source": source}
+    publish(topics.CHANGES, Text(max(s.clock.time_us, 0), json.dumps(document)))
+
+
 def publish_notices(s: AutopilotState, publish: Publish, notices: tuple[modes.Notice, ...]) -> None:
     """Publish what the modes have to say."""
     for notice in notices:
@@ -166,7 +172,7 @@ def _taken(outcome: modes.Outcome, before: modes.State) -> modes.Outcome:
 
 def _arm(s: AutopilotState, publish: Publish, command: Command) -> None:
     if s.calibration.kind:
-        text = f"arming refused: {s.calibration.kind.name} is being calibrated"
+        text = f"arming denied: calibration {s.calibration.kind.name} active"
         raise Refused("calibration", text)
     landed = s.modes.stage == Stage.LANDED or s.navigation.item >= len(s.mission)
     was_armed = s.modes.armed
@@ -209,11 +215,12 @@ def _set_mode(s: AutopilotState, publish: Publish, command: Command) -> None:
 def _set_parameter(s: AutopilotState, publish: Publish, command: Command) -> None:
     table = parameters.parameter_table(s.gains)
     if s.modes.armed and command.name in table and parameters.grounded(table[command.name]):
-        raise Refused("parameters", f"{command.name} refused: armed")
+        raise Refused("parameters", f"{command.name} denied: armed, disarm first")
     change = parameters.set_value(s.gains, table, command.name, command.value)
     if not change.accepted:
         raise Refused("parameters", change.text)
     s.gains = change.gains
+    publish_parameter(s, publish, command.name, change.value, command.source)
     publish_event(s, publish, Severity.INFO, "parameters", change.text)
 
 
@@ -223,28 +230,29 @@ def _set_mission(s: AutopilotState, publish: Publish, command: Command) -> None:
     if mission and s.modes.stage not in modes.AIRBORNE:
         refusal = refusal or check_climb(mission)
     if refusal:
-        raise Refused("mission", f"mission refused: {refusal}")
+        raise Refused("mission", f"mission rejected: {refusal}")
     s.mission = mission
     s.navigation = navigation.choose_item(s.navigation, 0)
-    publish_event(s, publish, Severity.INFO, "mission", f"mission of {pluralize(len(mission), 'item')}")
+    publish(topics.CHANGES, Text(max(s.clock.time_us, 0), json.dumps({"mission": len(mission)})))
+    publish_event(s, publish, Severity.INFO, "mission", f"mission accepted ({pluralize(len(mission), 'item')})")
 
 
 def _set_fence(s: AutopilotState, publish: Publish, command: Command) -> None:
     fence: Fence = command.payload or Fence()
     refusal = check_fence(fence)
     if refusal:
-        raise Refused("mission", f"fence refused: {refusal}")
+        raise Refused("mission", f"fence rejected: {refusal}")
     s.fence, s.fence_clearance = fence, math.inf
-    publish_event(s, publish, Severity.INFO, "mission", f"fence of {pluralize(len(fence.zones), 'zone')}")
+    publish_event(s, publish, Severity.INFO, "mission", f"fence accepted ({pluralize(len(fence.zones), 'zone')})")
 
 
 def _set_rally(s: AutopilotState, publish: Publish, command: Command) -> None:
     rally: Rally = command.payload
     refusal = check_rally(rally)
     if refusal:
-        raise Refused("mission", f"rally points refused: {refusal}")
+        raise Refused("mission", f"rally points rejected: {refusal}")
     s.rally = rally
-    publish_event(s, publish, Severity.INFO, "mission", pluralize(len(rally), "rally point"))
+    publish_event(s, publish, Severity.INFO, "mission", f"rally accepted ({pluralize(len(rally), 'point')})")
 
 
 def _loiter_at(s: AutopilotState, publish: Publish, command: Command) -> None:
@@ -252,11 +260,11 @@ def _loiter_at(s: AutopilotState, publish: Publish, command: Command) -> None:
     refusal = check_item(item) or modes.mode_refusal(s.gains.modes, s.modes, Mode.LOITER, conditions(s))
     refusal = refusal or _place_refusal(s, item)
     if refusal:
-        raise Refused("navigation", f"circling there refused: {refusal}")
+        raise Refused("navigation", f"loiter denied: {refusal}")
     s.modes, notices = modes.set_mode(s.gains.modes, s.modes, Mode.LOITER, conditions(s))
     s.navigation = navigation.loiter_at(s.gains.navigation, s.navigation, item, surroundings(s))
     publish_notices(s, publish, notices)
-    text = f"circling {item.north:.0f} m north, {item.east:.0f} m east at {item.altitude:.0f} m"
+    text = f"loiter at {item.north:.0f} m N, {item.east:.0f} m E, {item.altitude:.0f} m"
     publish_event(s, publish, Severity.INFO, "navigation", text)
 
 
@@ -272,7 +280,7 @@ def _set_setpoint(s: AutopilotState, publish: Publish, command: Command) -> None
     new: Setpoint = command.payload
     refusal = _setpoint_refusal(s, new)
     if refusal:
-        raise Refused("offboard", f"setpoint refused: {refusal}")
+        raise Refused("offboard", f"setpoint rejected: {refusal}")
     flown = s.modes.mode == Mode.OFFBOARD
     last = s.offboard.setpoint if flown else None
     resolved = offboard.resolve(s.gains.navigation, last, new, surroundings(s))
@@ -306,14 +314,14 @@ def _change_altitude(s: AutopilotState, publish: Publish, command: Command) -> N
     elif not refusal and not (circling and s.modes.stage in modes.AIRBORNE):
         refusal = "the mode is neither LOITER nor OFFBOARD" if not circling else "not in flight"
     if refusal:
-        raise Refused("navigation", f"altitude change refused: {refusal}")
+        raise Refused("navigation", f"altitude change denied: {refusal}")
     if not circling:
         s.modes, notices = modes.set_mode(s.gains.modes, s.modes, Mode.LOITER, conditions(s))
         publish_notices(s, publish, notices)
     if s.modes.mode == Mode.OFFBOARD and s.offboard.setpoint is not None:
         s.offboard = s.offboard._replace(setpoint=s.offboard.setpoint._replace(altitude=command.value))
     s.navigation = navigation.change_altitude(s.gains.navigation, s.navigation, command.value, surroundings(s))
-    publish_event(s, publish, Severity.INFO, "navigation", f"altitude {command.value:.0f} m")
+    publish_event(s, publish, Severity.INFO, "navigation", f"altitude setpoint {command.value:.0f} m")
 
 
 def _change_speed(s: AutopilotState, publish: Publish, command: Command) -> None:
@@ -337,23 +345,18 @@ def _change_speed(s: AutopilotState, publish: Publish, command: Command) -> None
 def _set_current_item(s: AutopilotState, publish: Publish, command: Command) -> None:
     number = command.value
     if number != number or not 0 <= number < len(s.mission):
-        text = f"item {number:g} refused: the mission has items 0 to {len(s.mission) - 1}"
+        text = f"item {number:g} denied: the mission has items 0 to {len(s.mission) - 1}"
         raise Refused("mission", text)
     s.navigation = navigation.choose_item(s.navigation, int(number))
-    publish_event(s, publish, Severity.INFO, "mission", f"item {int(number)}")
+    publish_event(s, publish, Severity.INFO, "mission", f"item {int(number)} selected")
 
 
 def _excite(s: AutopilotState, publish: Publish, command: Command) -> None:
     refusal = _excitation_refusal(s, command.payload)
     if refusal:
-        raise Refused("excitation", f"excitation refused: {refusal}")
+        raise Refused("excitation", f"excitation denied: {refusal}")
     s.navigation = navigation.excite(s.navigation, command.payload, surroundings(s))
-    publish_event(s, publish, Severity.INFO, "excitation", f"excitation of {_channels(command.payload)}")
-
-
-def _channels(requested: Excitation) -> str:
-    used = zip(Channel, requested.amplitudes(), strict=True)
-    return " and ".join(channel.name.lower() for channel, amplitude in used if amplitude)
+    publish_event(s, publish, Severity.INFO, "excitation", f"excitation requested ({channel_names(command.payload)})")
 
 
 def _excitation_refusal(s: AutopilotState, requested: Any) -> str:
@@ -362,7 +365,7 @@ def _excitation_refusal(s: AutopilotState, requested: Any) -> str:
     if s.modes.stage != Stage.EN_ROUTE:
         return "not en route"
     if s.excitation.phase != excitation.Phase.IDLE or s.navigation.extra is not None:
-        return "one is being flown"
+        return "another excitation is active"
     return check_excitation(requested if isinstance(requested, Excitation) else None)
 
 
@@ -370,7 +373,9 @@ def _calibrate(s: AutopilotState, publish: Publish, command: Command) -> None:
     """Begin a calibration; without a name end the one that runs."""
     if not command.name:
         if s.calibration.kind:
-            publish_event(s, publish, Severity.NOTICE, "calibration", f"{s.calibration.kind.name} cancelled as asked")
+            publish_event(
+                s, publish, Severity.NOTICE, "calibration", f"calibration {s.calibration.kind.name} canceled"
+            )
         s.calibration = calibration.stop(s.calibration)
         publish(topics.CALIBRATION, calibration.status(s.calibration, command.time_us))
         return
@@ -378,9 +383,9 @@ def _calibrate(s: AutopilotState, publish: Publish, command: Command) -> None:
     flying = s.modes.stage in modes.AIRBORNE
     reason = calibration.refusal(s.calibration, kind, command.value, bool(s.modes.armed), flying)
     if not kind:
-        reason = f"unknown kind {command.name}"
+        reason = f"unknown calibration {command.name}"
     if reason:
-        raise Refused("calibration", f"calibration refused: {reason}")
+        raise Refused("calibration", f"calibration denied: {reason}")
     s.calibration = calibration.start(s.calibration, kind, command.value)
     publish_event(s, publish, Severity.INFO, "calibration", calibration.WORDS[kind])
     publish(topics.CALIBRATION, calibration.status(s.calibration, command.time_us))

@@ -297,7 +297,7 @@ def set_value(gains: FlightGains, table: dict[str, Parameter], name: str, value:
     if parameter is None:
         return Change(gains, 0.0, False, f"unknown parameter {name}")
     if math.isnan(value):
-        return Change(gains, get(gains, parameter), False, f"{name} refused: not a number")
+        return Change(gains, get(gains, parameter), False, f"{name} rejected: not a number")
     held = single(clip(single(value), single(parameter.low), single(parameter.high)))
     if parameter.whole:
         held = float(round(held))
@@ -305,12 +305,19 @@ def set_value(gains: FlightGains, table: dict[str, Parameter], name: str, value:
     try:
         flapping.check(changed.flapping)
     except InputError as error:
-        return Change(gains, get(gains, parameter), False, f"{name} refused: {error}")
+        return Change(gains, get(gains, parameter), False, f"{name} rejected: {error}")
     unit = f" {parameter.unit}" if parameter.unit != "-" else ""
     if held == single(value):
-        return Change(changed, held, True, f"{name} = {held:g}{unit}")
+        return Change(changed, held, True, f"{name} set to {held:g}{unit}")
     bounds = "a whole number" if parameter.whole else f"{parameter.low:g} to {parameter.high:g}{unit}"
-    return Change(changed, held, True, f"{name} = {held:g}{unit}: {value:g} is not in its range, {bounds}")
+    return Change(changed, held, True, f"{name} set to {held:g}{unit}: {value:g} is out of range, {bounds}")
+
+
+def changed(before: FlightGains, after: FlightGains) -> dict[str, float]:
+    """Values of the parameters that differ between two sets of gains, by name."""
+    now = {name: get(after, entry) for name, entry in parameter_table(after).items()}
+    was = {name: get(before, entry) for name, entry in parameter_table(before).items()}
+    return {name: value for name, value in now.items() if value != was.get(name)}
 
 
 def _replaced(gains: FlightGains, parameter: Parameter, value: float) -> FlightGains:

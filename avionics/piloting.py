@@ -22,7 +22,7 @@ NOTHING: tuple[Act, ...] = ()
 IN_COMMAND = {
     PilotSource.MANUAL_CONTROL: "MANUAL_CONTROL",
     PilotSource.OVERRIDE: "RC_CHANNELS_OVERRIDE",
-    PilotSource.RECEIVER: "the receiver",
+    PilotSource.RECEIVER: "receiver",
 }
 
 
@@ -93,5 +93,5 @@ def _fly(s: AutopilotState) -> None:
 def _announce(s: AutopilotState, publish: Publish, source: PilotSource) -> None:
     lost = source == PilotSource.NONE
     severity = Severity.WARNING if lost else Severity.INFO
-    text = "sticks lost: neutral" if lost else f"sticks of {IN_COMMAND[source]}"
+    text = "manual control lost: sticks neutral" if lost else f"manual control by {IN_COMMAND[source]}"
     publish(topics.EVENTS, Event(s.clock.time_us, severity, "pilot", text))

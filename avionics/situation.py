@@ -144,12 +144,12 @@ def unready(s: AutopilotState) -> tuple[str, ...]:
     checks = (
         (s.wing.time_us == 0, "no encoder samples"),
         (s.air.time_us == 0, "no pressure samples"),
-        (s.power_state.time_us == 0, "no samples of the supply"),
-        (max(left, right) > flap.travel_max + TRAVEL_MARGIN, "a wing's angle is above its travel: check its zero"),
-        (min(left, right) < flap.travel_min - TRAVEL_MARGIN, "a wing's angle is below its travel: check its zero"),
+        (s.power_state.time_us == 0, "no power samples"),
+        (max(left, right) > flap.travel_max + TRAVEL_MARGIN, "wing angle above its travel: calibrate WINGS"),
+        (min(left, right) < flap.travel_min - TRAVEL_MARGIN, "wing angle below its travel: calibrate WINGS"),
         (
             abs(force - STANDARD_GRAVITY) > FORCE_MARGIN,
-            "accelerometer does not read 1 g: hold still, or calibrate it",
+            "accelerometer: not 1 g; hold still, or calibrate it",
         ),
         (ahrs_limited(s), "gyro bias at its limit"),
     )
@@ -176,10 +176,10 @@ def finding_text(s: AutopilotState, finding: preflight.Finding) -> str:
         return f"accelerometer: {math.hypot(*means.force) / STANDARD_GRAVITY:.2f} g at rest; calibrate it"
     if finding == preflight.Finding.FIELD_STRENGTH:
         measured, expected = math.hypot(*means.field), reference.field_strength
-        return f"magnetometer: field of {measured:.2f} gauss, expected {expected:.2f}; keep off iron, or calibrate it"
+        return f"magnetometer: field of {measured:.2f} gauss, expected {expected:.2f}; remove iron, or calibrate it"
     if finding == preflight.Finding.FIELD_DIP:
         measured, expected = math.degrees(preflight.dip(means)), math.degrees(reference.field_dip)
-        text = f"field dips {measured:.0f} deg, expected {expected:.0f}; keep off iron, or calibrate both"
+        text = f"field dips {measured:.0f} deg, expected {expected:.0f}; remove iron, or calibrate both"
         return f"magnetometer or accelerometer: {text}"
     return f"pitot: {means.pressure:.0f} Pa at rest; cover it and calibrate its zero"
 

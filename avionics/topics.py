@@ -47,6 +47,8 @@ CALIBRATION = Topic("/system/calibration", m.CalibrationStatus, 66, 0.0)
 """at every change and twice a second while one runs"""
 SNAPSHOTS = Topic("/system/snapshots", Text, 64, 0.1)
 """the whole State of the autopilot every ten seconds"""
+CHANGES = Topic("/system/changes", Text, 69, 0.0)
+"""JSON of every parameter and mission that took effect in flight, see `avionics.inputs.publish_parameter`"""
 FENCE = Topic("/system/fence", m.FenceState, 67, 1.0, 1.0)
 LINK_EVENTS = Topic("/system/link_events", Event, 65, 0.0, deterministic=False)
 """what the ground links did, on the wall clock"""
@@ -57,5 +59,5 @@ TOPICS: tuple[Topic[Any], ...] = (
     IMU, ENCODER, PRESSURES, ADC, TORQUE_RAW, GPS, PILOT, RECEIVER, OVERRIDE, VIBRATION, RANGE,
     ATTITUDE, POWER, WING, DRIVE_TORQUE, AIR_DATA, ALTITUDE, POSITION,
     NAVIGATION, ALTITUDE_LOOP, HEADING_LOOP, EXCITATION, PITCH_LOOP, ROLL_LOOP, FLAP, ACTUATORS,
-    HEALTH, TIMING, EVENTS, INPUTS, SNAPSHOTS, LINK_EVENTS, CALIBRATION, FENCE, RECORDER,
+    HEALTH, TIMING, EVENTS, INPUTS, SNAPSHOTS, LINK_EVENTS, CALIBRATION, CHANGES, FENCE, RECORDER,
 )  # fmt: skip

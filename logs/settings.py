@@ -1,9 +1,9 @@
-"""What a flight was flown with: parameters and mission, as it began and as they changed."""
+"""Parameters and missions of a recorded flight, at boot and as they changed."""
 
 from __future__ import annotations
 
 import json
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, NamedTuple
 
@@ -19,9 +19,6 @@ from wingbeat.message import Event, Severity
 
 CALIBRATION = "calibration"
 """Source of a change that a calibration made."""
-CLIPPED = " is not in its range, "
-"""what the flight computer says of a value that it took only in part"""
-
 Values = dict[str, float]
 Item = dict[str, Any]
 
@@ -78,39 +75,49 @@ def initial_parameters(log: LogFile) -> Values:
 
 def parameters_of(log: LogFile) -> Parameters:
     """The parameters of a flight and how they changed; see `logs.reader.Log.parameters`."""
-    initial = initial_parameters(log)
-    events, commands = _events(log), _commands(log)
-    asked = list(_taken(commands, events))
-    found = _calibrated(log, Parameters(initial, tuple(asked)), events)
-    return Parameters(initial, tuple(sorted(asked + found, key=lambda change: change.time)))
+    initial, documents = initial_parameters(log), list(_changes(log))
+    if not documents:
+        return _from_events(log, initial)
+    changes = (
+        Change(time_us * 1e-6, str(each["parameter"]), float(each["value"]), str(each["source"]))
+        for time_us, each in documents
+        if "parameter" in each
+    )
+    return Parameters(initial, tuple(sorted(changes, key=lambda change: change.time)))
 
 
 def missions_of(log: LogFile) -> tuple[FlownMission, ...]:
     """The missions of a flight; see `logs.reader.Log.missions`."""
     loaded = [item.data for item in log.attachments if item.name == MISSION]
     first = [FlownMission(0.0, tuple(_items(log, loaded[0])))] if loaded else []
-    answers = _answers(_events(log), "mission")
-    sent = [command for command in _commands(log) if command.kind == CommandKind.SET_MISSION]
-    return (*first, *(
-        FlownMission(command.time_us * 1e-6, tuple(mission_document(_mission(log, command.payload))))
-        for command in sent
-        if any(text.startswith("mission of ") for text in answers[command.time_us])
-    ))  # fmt: skip
+    documents = list(_changes(log))
+    if documents:
+        accepted = Counter((time_us, each["mission"]) for time_us, each in documents if "mission" in each)
+    else:
+        accepted = _missions_from_events(log)
+    flown = []
+    for command in _commands(log):
+        if command.kind == CommandKind.SET_MISSION:
+            key = (command.time_us, len(command.payload or ()))
+            if accepted[key] > 0:
+                accepted[key] -= 1
+                items = tuple(mission_document(_mission(log, command.payload)))
+                flown.append(FlownMission(command.time_us * 1e-6, items))
+    return (*first, *flown)
 
 
-# --- commands -------------------------------------------------------------------------------------------
+def _changes(log: LogFile) -> Iterator[tuple[int, dict[str, Any]]]:
+    """Time in us and content of `avionics.topics.CHANGES`; empty for recordings before that topic."""
+    if topics.CHANGES.name in log.topics:
+        for text in log.texts(topics.CHANGES):
+            yield text.time_us, parse_json(text.text)
 
 
 def _commands(log: LogFile) -> list[Command]:
-    """What entered the flight, payloads as they stand in the log."""
+    """Commands that entered the flight, with their payloads as logged."""
     if topics.INPUTS.name not in log.topics:
         return []
     return list(_decoded(text.text for text in log.texts(topics.INPUTS)))
-
-
-def _events(log: LogFile) -> list[Event]:
-    """What the flight computer said."""
-    return log.events(topics.EVENTS) if topics.EVENTS.name in log.topics else []
 
 
 def _decoded(texts: Iterable[str]) -> Iterator[Command]:
@@ -122,38 +129,63 @@ def _decoded(texts: Iterable[str]) -> Iterator[Command]:
             continue  # a command that this version does not know changes no parameter and no mission of it
 
 
+# --- recordings before the topic of changes: from the texts of events --------------------------------------
+
+_CLIPPED = " is not in its range, "
+"""in the text of a value that was limited to its range"""
+
+
+def _from_events(log: LogFile, initial: Values) -> Parameters:
+    events = _events(log)
+    requested = list(_accepted(_commands(log), events))
+    calibrated = _calibrated(log, Parameters(initial, tuple(requested)), events)
+    return Parameters(initial, tuple(sorted(requested + calibrated, key=lambda change: change.time)))
+
+
+def _missions_from_events(log: LogFile) -> Counter[tuple[int, int]]:
+    """Time in us and number of items of every accepted mission."""
+    texts = _answers(_events(log), "mission")
+    return Counter(
+        (time_us, int(text.split()[2]))
+        for time_us, answers in texts.items()
+        for text in answers
+        if text.startswith("mission of ")
+    )
+
+
+def _events(log: LogFile) -> list[Event]:
+    return log.events(topics.EVENTS) if topics.EVENTS.name in log.topics else []
+
+
 def _answers(events: Iterable[Event], source: str) -> Mapping[int, list[str]]:
-    """What one module said of commands that it took, by time in us."""
-    said: dict[int, list[str]] = defaultdict(list)
+    """INFO texts of one module by time in us."""
+    texts: dict[int, list[str]] = defaultdict(list)
     for event in events:
         if event.source == source and event.severity == Severity.INFO:
-            said[event.time_us].append(event.text)
-    return said
+            texts[event.time_us].append(event.text)
+    return texts
 
 
-def _taken(commands: Iterable[Command], events: Iterable[Event]) -> Iterator[Change]:
-    """The settings that the flight computer took: it answered each in the same tick."""
+def _accepted(commands: Iterable[Command], events: Iterable[Event]) -> Iterator[Change]:
+    """Accepted settings: the flight computer answered each in the same tick."""
     answers = _answers(events, "parameters")
     for command in commands:
-        said = answers[command.time_us]
-        text = next((text for text in said if text.startswith(f"{command.name} = ")), None)
+        texts = answers[command.time_us]
+        text = next((text for text in texts if text.startswith(f"{command.name} = ")), None)
         if command.kind == CommandKind.SET_PARAMETER and text is not None:
-            said.remove(text)
-            yield Change(command.time_us * 1e-6, command.name, _held(text, command.value), command.source)
+            texts.remove(text)
+            yield Change(command.time_us * 1e-6, command.name, _limited(text, command.value), command.source)
 
 
-def _held(text: str, asked: float) -> float:
-    """The value that was taken, as the answer tells it where that is not the one asked for."""
-    if CLIPPED not in text:
-        return parameters.single(asked)
+def _limited(text: str, requested: float) -> float:
+    """The accepted value: that of the answer if it was limited to its range."""
+    if _CLIPPED not in text:
+        return parameters.single(requested)
     return float(text.partition(" = ")[2].split()[0].rstrip(":"))
 
 
-# --- calibrations ---------------------------------------------------------------------------------------
-
-
 def _calibrated(log: LogFile, known: Parameters, events: Iterable[Event]) -> list[Change]:
-    """What calibrations changed, as the first snapshot behind each of them shows it."""
+    """Changes by calibrations, from the first snapshot after each of them."""
     times = [event.time_us for event in events if event.source == CALIBRATION and " calibrated: " in event.text]
     if not times or topics.SNAPSHOTS.name not in log.topics:
         return []
@@ -164,8 +196,8 @@ def _calibrated(log: LogFile, known: Parameters, events: Iterable[Event]) -> lis
         values = _values(after.text) if after is not None else {}
         if after is None or values.keys() != known.initial.keys():
             continue  # a snapshot of another version: its numbers may have changed their places
-        # What was found before counts below what was asked since.
-        before = known.initial | {change.name: change.value for change in found} | _asked(known, after.time_us)
+        # Earlier calibrations rank below settings since then.
+        before = known.initial | {change.name: change.value for change in found} | _until(known, after.time_us)
         found += [
             Change(time_us * 1e-6, name, value, CALIBRATION)
             for name, value in values.items()
@@ -174,12 +206,12 @@ def _calibrated(log: LogFile, known: Parameters, events: Iterable[Event]) -> lis
     return found
 
 
-def _asked(known: Parameters, until_us: int) -> Values:
-    return {change.name: change.value for change in known.changes if change.time <= until_us * 1e-6}
+def _until(known: Parameters, time_us: int) -> Values:
+    return {change.name: change.value for change in known.changes if change.time <= time_us * 1e-6}
 
 
 def _values(text: str) -> Values:
-    """All parameters in a snapshot, none where this version cannot read it."""
+    """All parameters in a snapshot, none if this version cannot read it."""
     try:
         gains = snapshot.builder(FlightGains)(parse_json(text)["gains"])
         return {name: parameters.get(gains, each) for name, each in parameters.parameter_table(gains).items()}

@@ -22,7 +22,7 @@ class FrameCounters(NamedTuple):
     late: int = 0
     """-; sensor frames more than `LATE` behind the promptest"""
     restarts: int = 0
-    """-; times that the sensor time went back: the board began anew"""
+    """-; times that the sensor time went back: the board restarted"""
 
 
 class Arrivals:

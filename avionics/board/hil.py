@@ -24,11 +24,11 @@ from avionics.link.urls import LinkUrl, parse_url
 from avionics.messages import ActuatorCommand, SensorFrame
 
 ENDINGS: dict[int, str] = {
-    mavlink.WINGBEAT_END_REASON_FINISHED: "the simulation is over",
-    mavlink.WINGBEAT_END_REASON_STALLED: "the world says that an answer came too late",
-    mavlink.WINGBEAT_END_REASON_STOPPED: "the world was stopped",
+    mavlink.WINGBEAT_END_REASON_FINISHED: "simulation ended",
+    mavlink.WINGBEAT_END_REASON_STALLED: "simulator timed out waiting for a command",
+    mavlink.WINGBEAT_END_REASON_STOPPED: "simulator stopped",
 }
-"""what the other side said when it ended, in words"""
+"""reason that the other side sent when it ended"""
 
 Connect = Callable[[LinkUrl, float], Stream | None]
 
@@ -82,10 +82,10 @@ class HilBoard:
         self._timeouts = timeouts or (SERIAL_PATIENCE if serial else Timeouts())
         self._clock = clock
         self._around = around
-        self._name = f"the {'board' if serial else 'world'} at {parsed}"
+        self._name = f"{'board' if serial else 'simulator'} at {parsed}"
         stream = connect(parsed, self._timeouts.connect)
         if stream is None:
-            raise BoardSilent(f"{self._name} did not answer for {self._timeouts.connect:g} s")
+            raise BoardSilent(f"{self._name} did not respond for {self._timeouts.connect:g} s")
         self._stream = stream
         self._line = stream if isinstance(stream, SerialLine) else None
         self._replugged = 0
@@ -157,7 +157,7 @@ class HilBoard:
     def _take(self, frame: Frame) -> SensorFrame | None:
         if frame.message_id == codec.END:
             self._over = True
-            self.ended = ENDINGS.get(decode(frame).reason, "the world ended")
+            self.ended = ENDINGS.get(decode(frame).reason, "simulation ended")
             self._waiting.clear()
             return None
         self._arrivals.message(frame)
@@ -179,7 +179,7 @@ class HilBoard:
         data = self._stream.read(self._timeouts.noise)
         if data is None:
             self._over = True
-            self.ended = self.ended or "the world hung up"
+            self.ended = self.ended or "simulator disconnected"
         elif data:
             self._waiting.extend(self._reader.feed(data))
         else:
@@ -191,7 +191,7 @@ class HilBoard:
         self._idled_at = self._clock()
 
     def _look_after(self, started: float) -> None:
-        """Report a serial device without frames since ``started`` (s); restart when it is plugged in again."""
+        """Report a serial device without frames since ``started`` (s); restart when it reconnected."""
         line = self._line
         if line is None:
             return
@@ -204,9 +204,9 @@ class HilBoard:
             self._send_heartbeat()
 
     def _silent(self, limit: float) -> BoardSilent:
-        since = ": it never sent one"
+        since = ", none received before"
         if self._last_time_us is not None:
-            since = f" after the one of t = {self._last_time_us / 1e6:.3f} s"
+            since = f", last at t = {self._last_time_us / 1e6:.3f} s"
         return BoardSilent(f"{self._name} sent no sensor frame for {limit:g} s{since}")
 
     def write(self, command: ActuatorCommand) -> None:

@@ -43,23 +43,23 @@ class LineWatch:
     def waiting(self, plugged: bool, silence: float) -> None:
         """No frame for ``silence`` s."""
         if self._plugged and not plugged:
-            self._publish(Severity.ERROR, f"{self._name} is gone: unplugged?")
+            self._publish(Severity.ERROR, f"{self._name} disconnected: check the cable")
         elif plugged and not self._plugged:
-            self._publish(Severity.NOTICE, f"{self._name} is plugged in again")
+            self._publish(Severity.NOTICE, f"{self._name} reconnected")
         elif plugged and silence >= SILENCE and not self._silent:
             self._silent = True
-            self._publish(Severity.ERROR, f"{self._name} sends no sensor frame for {silence:.0f} s")
+            self._publish(Severity.ERROR, f"{self._name}: no sensor frame for {silence:.0f} s")
         self._plugged = plugged
 
     def received(self, after: float) -> None:
         """A frame came ``after`` s without one."""
         if self._silent:
             self._silent = False
-            self._publish(Severity.NOTICE, f"{self._name} sends sensor frames again, after {after:.1f} s")
+            self._publish(Severity.NOTICE, f"{self._name}: sensor frames resumed after {after:.1f} s")
 
     def restarted(self) -> None:
         """The board restarted."""
-        self._publish(Severity.WARNING, f"{self._name} began anew")
+        self._publish(Severity.WARNING, f"{self._name} restarted")
 
     def report(self, now: float, losses: Losses) -> None:
         """Say what was lost since the last report, at most every `REPORT` seconds."""
@@ -69,8 +69,8 @@ class LineWatch:
         parts = (
             (lost, "message", "lost"),
             (late, "frame", "late"),
-            (bad, "byte", "of noise"),
-            (dropped, "write", "refused"),
+            (bad, "byte", "rejected"),
+            (dropped, "write", "failed"),
         )
         told = ", ".join(f"{pluralize(number, what)} {how}" for number, what, how in parts if number)
         self._publish(Severity.WARNING, f"{self._name}: {told}")

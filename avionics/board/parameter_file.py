@@ -75,7 +75,7 @@ def unused_files(vehicle: FlightVehicle) -> list[str]:
     for path, folder in ((default_path(vehicle), "parameters"), (key_path(vehicle), "signing")):
         earlier = _state_folder() / folder / f"{_file_name(vehicle.name)}{path.suffix}"
         if earlier != path and earlier.exists() and not path.exists():
-            lines.append(f"{earlier} is not used for this vehicle; if it is its own, copy it to {path}")
+            lines.append(f"{earlier} is not used for this vehicle; to use it, copy it to {path}")
     return lines
 
 
@@ -140,7 +140,7 @@ class ParameterFile:
         names = {self.owner, self._vehicle.name} - (set(vehicle_names()) - {self.owner})
         if checked.vehicle not in names:
             raise AnotherVehicles(
-                f"parameter file {self.path} is of another vehicle, {checked.vehicle}, and is left as it is;"
+                f"parameter file {self.path} belongs to vehicle {checked.vehicle} and is not changed;"
                 f" choose another file for {self.owner} with --parameters"
             )
         return checked.values
@@ -174,12 +174,12 @@ class ParameterFile:
         except InputError as refused:
             aside = self._move_aside()
             self._kept = self._vehicle.gains
-            return Loaded(self._vehicle, f"{refused}: kept as {aside.name}, defaults are flown", True)
+            return Loaded(self._vehicle, f"{refused}: renamed to {aside.name}, defaults apply", True)
         gains, strange = self._applied(values)
         self._kept = gains
         text = f"{pluralize(len(values) - len(strange), 'parameter')} from {self.path}" if values else ""
         if strange:
-            text += f"; passed over: {', '.join(strange)}"
+            text += f"; ignored: {', '.join(strange)}"
         return Loaded(self._vehicle._replace(gains=gains), text, False)
 
     def _applied(self, values: Mapping[str, float]) -> tuple[FlightGains, list[str]]:
@@ -247,9 +247,9 @@ def _checked(text: str) -> _Content | str:
         checksum = document.pop("sha256")
         values = {str(name): float(value) for name, value in document["values"].items()}
     except (ValueError, KeyError, TypeError, AttributeError):
-        return "is no file of parameters"
+        return "is not a parameter file"
     if document.get("format") != FORMAT:
-        return "is of another format"
+        return "has another format"
     if checksum != _checksum(document):
-        return "is damaged: its checksum is wrong"
+        return "is damaged: wrong checksum"
     return _Content(str(document.get("vehicle")), values)

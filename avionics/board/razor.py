@@ -127,7 +127,7 @@ class RazorBoard:
         """
         device, baud, output = parse_address(address)
         self._timeouts, self._clock, self._around = timeouts, clock, around
-        self._name = f"the Razor at {device}"
+        self._name = f"Razor at {device}"
         self._line = SerialLine(device, baud)
         self._watch = LineWatch(self._name, around.report, "frame")
         self._reader = Reader(OUTPUTS[output])
@@ -222,7 +222,7 @@ class RazorBoard:
     def _look_after(self, silence: float) -> None:
         timeouts = self._timeouts
         if not self._line.plugged and silence >= timeouts.loss:
-            raise BoardSilent(f"{self._name} is gone: unplugged?")
+            raise BoardSilent(f"{self._name} disconnected: check the cable")
         self._watch.waiting(self._line.plugged, silence)
         limit = timeouts.first if self._last_time_us is None else timeouts.frame
         if silence >= max(limit, timeouts.loss):
@@ -231,12 +231,12 @@ class RazorBoard:
     def _why(self) -> str:
         """What may be the matter when no frame comes."""
         if self._last_time_us is not None:
-            return f"the last was of t = {self._last_time_us * 1e-6:.3f} s"
+            return f"last at t = {self._last_time_us * 1e-6:.3f} s"
         if self.count.tokens:
-            return "it answers, but does not know this output, or streams nothing"
+            return "it responds, but does not support this output"
         if self._reader.received:
-            return "something comes, but no answer to #s: is its receive line connected, the baud rate right?"
-        return "it never said anything: is it a Razor, the baud rate right?"
+            return "data received, but no response to #s: check its receive line and the baud rate"
+        return "no data received: check the device and the baud rate"
 
     def _sensor_frame(self, reading: Reading, time_us: int) -> SensorFrame:
         self._last_time_us = time_us

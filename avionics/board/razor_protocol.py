@@ -142,7 +142,7 @@ class Count(NamedTuple):
     tokens: int = 0
     """-; synch tokens"""
     strange: int = 0
-    """-; frames of another output than was asked for: the Razor began anew"""
+    """-; frames of another output than was asked for: the Razor restarted"""
 
 
 class Reader:

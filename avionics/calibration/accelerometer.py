@@ -71,7 +71,7 @@ def step(state: State, force: Vector) -> tuple[State, Took]:
     state = state._replace(sides=(*state.sides, side), means=state.means + state.pose, pose=())
     missing = [name for number, name in enumerate(SIDES) if number not in state.sides]
     note = f"pose {len(state.sides)} of {len(SIDES)}: {SIDES[side]}"
-    left = f"; left: {', '.join(missing)}" if missing else ""
+    left = f"; remaining: {', '.join(missing)}" if missing else ""
     return state, Took(note + left, complete=not missing)
 
 
@@ -81,7 +81,7 @@ def step_level(state: State, force: Vector) -> tuple[State, Took]:
     if mean is None:
         return state, NOTHING_NEW
     if moving:
-        return state, Took(cancelled="the vehicle moved")
+        return state, Took(cancelled="vehicle moved")
     state = state._replace(means=(*state.means, mean))
     return state, Took(complete=len(state.means) == BLOCKS)
 
@@ -147,7 +147,7 @@ def finish_level(state: State, gains: Gains) -> tuple[Result, str]:
     means = np.array(state.means)
     mean = means.mean(axis=0)
     if math.hypot(mean[0], mean[1]) > TILT * STANDARD_GRAVITY or mean[2] > 0.0:
-        return Result((), 0.0, "m/s^2", len(means)), "the vehicle is not level"
+        return Result((), 0.0, "m/s^2", len(means)), "vehicle is not level"
     scale = np.array(gains.accel_scale)
     offset = mean - np.array((0.0, 0.0, -STANDARD_GRAVITY)) / scale
     left = np.linalg.norm(means - mean, axis=1)
@@ -159,5 +159,5 @@ def _result(offset: Array, scale: Array, left: Array) -> tuple[Result, str]:
     residual = math.sqrt(float(np.mean(np.square(left))))
     refusal = ""
     if np.max(np.abs(offset)) > GREATEST_OFFSET or not np.all((scale >= SCALES[0]) & (scale <= SCALES[1])):
-        refusal = "offset or scale is beyond what a sound accelerometer has"
+        refusal = "offset or scale out of range: check the accelerometer"
     return Result(settings, residual, "m/s^2", len(left)), refusal

@@ -87,7 +87,7 @@ def finish_zero(state: State) -> tuple[Result, str]:
     result = Result((Setting("air_data", "differential_zero", -1, zero),), scatter, "Pa", len(pressures))
     if scatter > MOST_SCATTER:
         return result, "wind in the pitot: cover it"
-    return result, "" if abs(zero) <= GREATEST_ZERO else "the zero is beyond what a sound sensor has"
+    return result, "" if abs(zero) <= GREATEST_ZERO else "zero out of range: check the sensor"
 
 
 def finish_scale(state: State, gains: Gains) -> tuple[Result, str]:
@@ -95,7 +95,7 @@ def finish_scale(state: State, gains: Gains) -> tuple[Result, str]:
     count = len(state.samples)
     nothing = Result((), 0.0, "m/s", count)
     if count < LEAST or spread(state) > SPREAD:
-        return nothing, "too few headings: fly a circle, or both ways"
+        return nothing, "too few headings: fly a circle, or both directions"
     heading, airspeed, north, east = np.array(state.samples).T
     c, s = airspeed * np.cos(heading), airspeed * np.sin(heading)
     one, none = np.ones(count), np.zeros(count)
@@ -110,5 +110,8 @@ def finish_scale(state: State, gains: Gains) -> tuple[Result, str]:
     value = gains.differential_scale * scale * scale
     result = Result((Setting("air_data", "differential_scale", -1, value),), residual, "m/s", count)
     if not SCALES[0] <= scale <= SCALES[1]:
-        return result, f"a scale of {scale:.2f} is beyond what a sound pitot has"
-    return result, "" if error <= GREATEST_ERROR else f"too gusty: the scale is known to {100.0 * error:.0f} % only"
+        return result, f"scale {scale:.2f} out of range: check the pitot"
+    return (
+        result,
+        "" if error <= GREATEST_ERROR else f"scale uncertain by {100.0 * error:.0f} %: repeat in calm air",
+    )

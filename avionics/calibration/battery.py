@@ -58,11 +58,11 @@ def finish(state: State, gains: Gains, given: float) -> tuple[Result, str]:
     settings: tuple[Setting, ...] = (Setting("power", "current_zero", -1, zero),)
     result = Result(settings, scatter, "A", state.samples)
     if scatter > MOST_SCATTER or abs(current) > GREATEST_CURRENT:
-        return result, "current flows: the drives must rest"
+        return result, "current not zero: keep the drives at rest"
     if given == 0.0:
         return result, ""
     ratio = (voltage - gains.voltage_offset) / (given - gains.voltage_offset)
     if not RATIOS[0] <= ratio <= RATIOS[1]:
-        return result, f"{given:.2f} V were given, {voltage:.2f} V are measured"
+        return result, f"given {given:.2f} V differs from measured {voltage:.2f} V"
     divider = Setting("power", "divider", -1, gains.divider * ratio)
     return result._replace(settings=(*settings, divider)), ""

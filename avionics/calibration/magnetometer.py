@@ -58,7 +58,7 @@ def step(state: State, field: Vector) -> tuple[State, Took]:
     points = (*state.points, field)[:MOST]
     covered = coverage(np.array(points))
     tenths = int(10.0 * covered)
-    note = f"{100.0 * covered:.0f} % of all directions seen" if tenths > state.reported else ""
+    note = f"{100.0 * covered:.0f} % of all directions covered" if tenths > state.reported else ""
     complete = covered >= COMPLETE and len(points) >= ENOUGH
     return State(points, covered, max(tenths, state.reported)), Took(note, complete or len(points) >= MOST)
 
@@ -91,7 +91,7 @@ def finish(state: State) -> tuple[Result, str]:
     points = np.array(state.points).reshape(-1, 3)
     if state.coverage < SPHERE or len(points) < FEWEST:
         return Result((), 0.0, "gauss", len(points)), (
-            f"only {100.0 * state.coverage:.0f} % of all directions were seen, {100.0 * SPHERE:.0f} % are needed"
+            f"only {100.0 * state.coverage:.0f} % of all directions covered, {100.0 * SPHERE:.0f} % required"
         )
     fitted = _ellipsoid(points) if state.coverage >= ELLIPSOID else None
     centre, matrix = fitted if fitted is not None else (_sphere_centre(points), np.eye(3))
@@ -99,7 +99,7 @@ def finish(state: State) -> tuple[Result, str]:
     residual = float(np.std(size))
     low, high = np.linalg.eigvalsh(matrix)[[0, -1]]
     settings = _settings(centre, matrix)
-    refusal = "" if SCALES[0] <= low and high <= SCALES[1] else "the readings lie on no ellipsoid of one field"
+    refusal = "" if SCALES[0] <= low and high <= SCALES[1] else "samples do not fit an ellipsoid: move away from iron"
     return Result(settings, residual, "gauss", len(points)), refusal
 
 

@@ -36,12 +36,12 @@ TOLERANCE = 1e-6
 ARGUMENTS = {Calibration.WINGS: (-math.pi / 2.0, math.pi / 2.0), Calibration.BATTERY: (0.0, 100.0)}
 """rad or V; range of what is given, 0 where nothing is"""
 WORDS = {
-    Calibration.ACCELEROMETER: "accelerometer: put it still on each of its six sides",
-    Calibration.LEVEL: "accelerometer: keep it level and still",
+    Calibration.ACCELEROMETER: "accelerometer: rest it on each of its six sides",
+    Calibration.LEVEL: "accelerometer: keep it level and at rest",
     Calibration.MAGNETOMETER: "magnetometer: turn it about all axes",
-    Calibration.AIRSPEED_ZERO: "airspeed: cover the pitot, keep it still",
-    Calibration.AIRSPEED: "airspeed: fly a circle, or both ways",
-    Calibration.WINGS: "wings: keep both still at the angle given",
+    Calibration.AIRSPEED_ZERO: "airspeed zero: cover the pitot, keep it at rest",
+    Calibration.AIRSPEED: "airspeed: fly a circle, or both directions",
+    Calibration.WINGS: "wings: keep both at rest at the given angle",
     Calibration.BATTERY: "battery: keep the drives at rest",
 }
 
@@ -85,7 +85,7 @@ def stop(state: State, succeeded: bool = False, residual: float = 0.0) -> State:
 def refusal(state: State, kind: Calibration, argument: float, armed: bool, flying: bool) -> str:
     """Why ``kind`` cannot be calibrated now, one line; empty when it can."""
     if state.kind:
-        return f"{state.kind.name} is being calibrated"
+        return f"calibration {state.kind.name} active"
     if kind == Calibration.AIRSPEED:
         return "" if flying else "not in flight"
     if armed:
@@ -98,7 +98,7 @@ def _outside(kind: Calibration, argument: float, low: float, high: float) -> str
     """What is wrong with what was given, in the unit in which people give it."""
     unit = {Calibration.WINGS: " degrees", Calibration.BATTERY: " V"}.get(kind, "")
     scale = math.degrees(1.0) if kind == Calibration.WINGS else 1.0
-    return f"{scale * argument:.6g} is outside its range, {scale * low:g} to {scale * high:g}{unit}"
+    return f"{scale * argument:.6g} is out of range {scale * low:g} to {scale * high:g}{unit}"
 
 
 def progress(state: State) -> float:
@@ -141,7 +141,7 @@ def finish(state: State, gains: FlightGains) -> Result:
 def _solved(state: State, gains: FlightGains) -> tuple[Result, str]:
     kind = state.kind
     if progress(state) < 1.0 and kind not in (Calibration.MAGNETOMETER, Calibration.AIRSPEED):
-        return Result((), 0.0, "", 0), f"not finished after {PATIENCE[kind]:g} s"
+        return Result((), 0.0, "", 0), f"timed out after {PATIENCE[kind]:g} s"
     if kind == Calibration.ACCELEROMETER:
         return accelerometer.finish(state.accelerometer)
     if kind == Calibration.LEVEL:

@@ -32,7 +32,7 @@ def step(state: State, sample: EncoderSample) -> tuple[State, Took]:
     right = _add(state.right, sample.right_counts, state.samples)
     state = State(state.samples + 1, left, right)
     if max(left[1] - left[0], right[1] - right[0]) > PLAY:
-        return state, Took(cancelled="a wing moved")
+        return state, Took(cancelled="wing moved")
     return state, Took(complete=state.samples >= AT_REST)
 
 

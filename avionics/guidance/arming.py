@@ -8,22 +8,27 @@ from avionics.guidance.stages import without_push
 from avionics.messages import Mode, Stage
 from wingbeat.message import Severity
 
+NOT_ARMED = (Mode.RETURN, Mode.LAND, Mode.LOITER, Mode.OFFBOARD)
+"""modes in which arming is denied"""
+
 
 def refusals(gains: Gains, state: State, conditions: Conditions) -> tuple[str, ...]:
     """Why the vehicle must not be armed now; empty when it may."""
     automatic = state.mode in GUIDED
     checks = (
-        (not conditions.settled, "attitude is not known yet"),
-        (conditions.imu_fault, "the IMU's samples are refused"),
-        (conditions.turn_rate > gains.arm_turn, "the vehicle is being turned"),
-        (max(abs(conditions.roll), abs(conditions.pitch)) > gains.arm_tilt, "tilted too far"),
-        (conditions.battery < gains.arm_battery, f"battery at {100.0 * conditions.battery:.0f} %"),
-        (conditions.kill_switch, "the kill switch is on"),
-        (state.mode in (Mode.RETURN, Mode.LAND, Mode.LOITER), "mode is RETURN or LAND or LOITER"),
-        (state.mode == Mode.OFFBOARD, "mode is OFFBOARD"),
-        (automatic and conditions.items == 0, "no mission"),
+        (not conditions.settled, "attitude not aligned: hold still"),
+        (conditions.imu_fault, "IMU samples rejected"),
+        (conditions.turn_rate > gains.arm_turn, "vehicle is turning: hold it still"),
+        (max(abs(conditions.roll), abs(conditions.pitch)) > gains.arm_tilt, "tilt too large: hold it level"),
+        (
+            conditions.battery < gains.arm_battery,
+            f"battery {100.0 * conditions.battery:.0f} %, minimum {100.0 * gains.arm_battery:.0f} %",
+        ),
+        (conditions.kill_switch, "kill switch on"),
+        (state.mode in NOT_ARMED, f"mode {Mode(state.mode).name}: select another mode"),
+        (automatic and conditions.items == 0, "no mission: upload one"),
         (automatic and conditions.fix_age > gains.gps_loss_delay, "no GPS position"),
-        (state.mode in PILOTED and conditions.throttle_stick > 0.05, "throttle stick is not at zero"),
+        (state.mode in PILOTED and conditions.throttle_stick > 0.05, "throttle stick not at zero"),
     )
     hindering = conditions.sensed | state.failsafe & ANSWERED
     sensed = tuple(failure.text for failure in FAILURES if failure.flag & hindering)
@@ -36,7 +41,7 @@ def arm(gains: Gains, state: State, conditions: Conditions) -> Outcome:
         return state, (Notice(Severity.INFO, "already armed"),)
     reasons = refusals(gains, state, conditions)
     if reasons:
-        return state, (Notice(Severity.WARNING, f"arming refused: {'; '.join(reasons)}"),)
+        return state, (Notice(Severity.WARNING, f"arming denied: {'; '.join(reasons)}"),)
     armed = state._replace(
         armed=1,
         stage=int(Stage.WAIT_LAUNCH),
@@ -60,8 +65,8 @@ def disarm(state: State, forced: bool) -> Outcome:
     if state.stage not in AIRBORNE:
         return state._replace(armed=0, stage=int(Stage.ON_GROUND)), (Notice(Severity.NOTICE, "disarmed"),)
     if not forced:
-        return state, (Notice(Severity.WARNING, "disarming refused: in flight"),)
-    return kill(state, "disarmed by force")
+        return state, (Notice(Severity.WARNING, "disarm denied: in flight"),)
+    return kill(state, "forced disarm")
 
 
 def kill(state: State, reason: str) -> Outcome:

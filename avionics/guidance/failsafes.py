@@ -56,24 +56,24 @@ class Failure(NamedTuple):
 
 FAILURES = (
     Failure(Failsafe.WING_JAMMED, "wing jammed", Action.CUT, Severity.CRITICAL, 2.0),
-    Failure(Failsafe.IMU_FAULT, "IMU samples refused", Action.CUT, Severity.CRITICAL, 0.5),
-    Failure(Failsafe.TAIL_JAMMED, "tail does not answer", Action.LAND, Severity.CRITICAL, 2.0),
+    Failure(Failsafe.IMU_FAULT, "IMU samples rejected", Action.CUT, Severity.CRITICAL, 0.5),
+    Failure(Failsafe.TAIL_JAMMED, "tail servo not responding", Action.LAND, Severity.CRITICAL, 2.0),
     Failure(Failsafe.ACCEL_SATURATED, "accelerometer saturated", Action.LAND, Severity.ERROR, 2.0),
-    Failure(Failsafe.BATTERY_CRITICAL, "battery nearly empty", Action.LAND, Severity.CRITICAL, 2.0),
+    Failure(Failsafe.BATTERY_CRITICAL, "battery critical", Action.LAND, Severity.CRITICAL, 2.0),
     Failure(Failsafe.BARO_LOST, "barometer lost", Action.LAND, Severity.ERROR, 3.0),
     Failure(Failsafe.POSITION_LOST, "no position", Action.LAND, Severity.ERROR),
     Failure(Failsafe.LINK_LOST, "ground link lost", Action.RETURN),
     Failure(Failsafe.BATTERY_LOW, "battery low", Action.RETURN),
     Failure(Failsafe.FENCE, "outside the fence", Action.RETURN, clear=2.0),
-    Failure(Failsafe.PILOT_LOST, "pilot's sticks lost", Action.CARRY_ON),
+    Failure(Failsafe.PILOT_LOST, "manual control lost", Action.CARRY_ON),
     Failure(Failsafe.RECEIVER_LOST, "receiver lost", Action.CARRY_ON, clear=1.0),
-    Failure(Failsafe.FENCE_NEAR, "close to the fence", Action.CARRY_ON, clear=2.0),
+    Failure(Failsafe.FENCE_NEAR, "near the fence", Action.CARRY_ON, clear=2.0),
     Failure(Failsafe.GPS_LOST, "GPS position lost", Action.CARRY_ON),
-    Failure(Failsafe.PITOT_BLOCKED, "airspeed not believed", Action.CARRY_ON),
+    Failure(Failsafe.PITOT_BLOCKED, "airspeed invalid", Action.CARRY_ON),
     Failure(Failsafe.MAG_DISTURBED, "magnetic field disturbed", Action.CARRY_ON, clear=2.0),
     Failure(Failsafe.ENCODER_LEFT, "left wing encoder lost", Action.CARRY_ON),
     Failure(Failsafe.ENCODER_RIGHT, "right wing encoder lost", Action.CARRY_ON),
-    Failure(Failsafe.BARO_REFUSED, "barometer refused", Action.CARRY_ON, clear=3.0),
+    Failure(Failsafe.BARO_REFUSED, "barometer rejected", Action.CARRY_ON, clear=3.0),
 )
 """in the order in which they are answered"""
 
@@ -88,7 +88,7 @@ def set_link(state: State, lost: bool) -> Outcome:
     """The ground side says that its link was lost or is back."""
     if lost == bool(state.link_lost):
         return state, ()
-    notice = Notice(Severity.WARNING, "ground link lost") if lost else Notice(Severity.INFO, "ground link is back")
+    notice = Notice(Severity.WARNING, "ground link lost") if lost else Notice(Severity.INFO, "ground link resumed")
     # On the ground it is not back but no more missed.
     notices = (notice,) if lost or state.armed else ()
     return state._replace(link_lost=int(lost), link_time=0.0), notices
@@ -190,7 +190,7 @@ def _rescue(state: State, mode: Mode) -> Outcome:
     """Enter ``mode``, or LAND, without sticks."""
     mode = Mode.LAND if _doomed(state) else mode
     doing = {Mode.RETURN: "returning", Mode.LAND: "landing"}.get(mode, mode.name)
-    return enter(state._replace(rescued=1), mode, Severity.CRITICAL, f"failsafe: {doing}, pilot's sticks lost")
+    return enter(state._replace(rescued=1), mode, Severity.CRITICAL, f"failsafe: {doing}, manual control lost")
 
 
 def _watch_stranded(gains: Gains, state: State, dt: float, conditions: Conditions) -> Outcome:
@@ -203,7 +203,7 @@ def _watch_stranded(gains: Gains, state: State, dt: float, conditions: Condition
     wanted = sum(failure.flag for failure in FAILURES if failure.action == Action.RETURN)
     answered = state.answered | state.failsafe & (wanted | Failsafe.PILOT_LOST)
     state = state._replace(critical=1, rescued=1, stranded_time=0.0, answered=int(answered))
-    return enter(state, Mode.LAND, Severity.CRITICAL, "failsafe: landing, no position to return by")
+    return enter(state, Mode.LAND, Severity.CRITICAL, "failsafe: landing, no position for the return")
 
 
 def _stranded(gains: Gains, state: State, conditions: Conditions) -> bool:
@@ -238,7 +238,7 @@ def _announce(before: int, after: int) -> tuple[Notice, ...]:
         return ()
     came = tuple(Notice(f.severity, f"failsafe: {f.text}") for f in FAILURES if f.flag & after & ~before)
     return came + tuple(
-        Notice(Severity.INFO, f"failsafe over: {f.text}") for f in FAILURES if f.flag & before & ~after
+        Notice(Severity.INFO, f"failsafe cleared: {f.text}") for f in FAILURES if f.flag & before & ~after
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from enum import IntEnum
 from typing import NamedTuple
 
@@ -139,6 +140,36 @@ def landing_sequence(mission: Mission) -> int | None:
             if onward is not None and onward.kind == ItemKind.LAND:
                 return start
     return None
+
+
+def channel_names(excitation: Excitation) -> str:
+    """Names of the channels that an excitation uses, for events."""
+    used = zip(Channel, excitation.amplitudes(), strict=True)
+    return " and ".join(channel.name.lower() for channel, amplitude in used if amplitude)
+
+
+def describe(item: MissionItem) -> str:
+    """Short description of an item for events: position in m from home, heading in deg, altitude in m."""
+    position = "" if item.here else f"{item.north:.0f} m N, {item.east:.0f} m E, "
+    altitude = f"{item.altitude:.0f} m"
+    descriptions = {
+        ItemKind.WAYPOINT: f"{position}{altitude}",
+        ItemKind.LOITER: f"loiter {position}{altitude}",
+        ItemKind.CIRCLE: f"circle {position}{altitude}",
+        ItemKind.TAKEOFF: f"takeoff {altitude}",
+        ItemKind.HOLD: f"hold {math.degrees(item.heading) % 360.0:.0f} deg, {altitude}",
+        ItemKind.EXCITE: "excitation" if item.excitation is None else f"{channel_names(item.excitation)} input",
+        ItemKind.SKIP: f"command {item.skipped[1]:.0f}" if item.skipped else "command",
+    }
+    return descriptions.get(item.kind, item.kind.name.lower())
+
+
+_COMPLETED = {ItemKind.CIRCLE: "completed", ItemKind.EXCITE: "completed", ItemKind.SKIP: "skipped"}
+
+
+def completion_text(number: int, item: MissionItem) -> str:
+    """Event text of a completed item; ``number`` counts from 0."""
+    return f"waypoint {number} {_COMPLETED.get(item.kind, 'reached')} ({describe(item)})"
 
 
 class RallyPoint(NamedTuple):

@@ -169,7 +169,7 @@ class Conditions(NamedTuple):
     settled: int
     """-; 1 once the attitude is known"""
     imu_fault: int
-    """-; 1 while the IMU's samples are refused"""
+    """-; 1 while IMU samples are rejected"""
     items: int
     """-; length of the mission"""
     throttle_stick: float
@@ -228,7 +228,7 @@ def set_mode(gains: Gains, state: State, mode: Mode, conditions: Conditions) -> 
     """Change the mode, or say why not."""
     reason = mode_refusal(gains, state, mode, conditions)
     if reason:
-        return state, (Notice(Severity.WARNING, f"mode {mode.name} refused: {reason}"),)
+        return state, (Notice(Severity.WARNING, f"mode {mode.name} denied: {reason}"),)
     if state.pilot_time > 0.0:
         state = state._replace(answered=state.answered | Failsafe.PILOT_LOST)
     return enter(state._replace(rescued=0), mode, Severity.INFO, f"mode {mode.name}")

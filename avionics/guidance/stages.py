@@ -118,4 +118,5 @@ def _follow_navigation(state: State, conditions: Conditions) -> Outcome:
     wanted = conditions.requested_stage if state.mode in GUIDED else EN_ROUTE
     if wanted == state.stage or wanted not in AIRBORNE:
         return state, ()
-    return state._replace(stage=int(wanted)), (Notice(Severity.INFO, f"stage {Stage(wanted).name}"),)
+    name = Stage(wanted).name.lower().replace("_", " ")
+    return state._replace(stage=int(wanted)), (Notice(Severity.INFO, f"stage {name}"),)

@@ -296,8 +296,8 @@ class Channel:
 
     def _words(self, kind: str, number: int) -> str:
         if kind == "noise":
-            return f"{number} bytes on {self.name} were no MAVLink"
-        return f"{number} frames on {self.name} refused: {kind}"
+            return f"{number} bytes received on {self.name} are not MAVLink"
+        return f"{number} frames rejected on {self.name}: {kind}"
 
     def _bad_bytes(self) -> int:
         return self._shared.bad_bytes + sum(reader.bad_bytes for reader in self._readers.values())

@@ -258,9 +258,9 @@ class GroundLink:
         for complaint in link.faults(now):
             self._journal.append(self._event(Severity.WARNING, complaint.text))
             if complaint.kind != "noise":
-                self._announce(Severity.WARNING, f"{complaint.kind} frames are refused on {link.name}")
+                self._announce(Severity.WARNING, f"{complaint.kind} frames rejected on {link.name}")
         if self._signing.failure:
-            self._announce(Severity.WARNING, f"signing: time stamps are not kept: {self._signing.failure}")
+            self._announce(Severity.WARNING, f"signing: time stamps not stored: {self._signing.failure}")
 
     def _announce(self, severity: Severity, text: str) -> None:
         """Say something to the ground and to the log, but never twice."""
@@ -299,10 +299,10 @@ class GroundLink:
     def _stream(self, now: float) -> None:
         self._streams.send_due(now, self._send)
         for number in self._streams.take_thinned():
-            text = f"{self._links[number].name} is too slow for all that is asked: its streams are thinned"
+            text = f"{self._links[number].name} bandwidth exceeded, stream rates reduced"
             self._announce(Severity.NOTICE, text)
         if self._streams.take_limited():
-            text = f"telemetry exceeds {TELEMETRY_FRAMES} frames per tick: low-priority streams are thinned"
+            text = f"telemetry exceeds {TELEMETRY_FRAMES} frames per tick: low-priority streams reduced"
             self._announce(Severity.NOTICE, text)
 
     def _send(self, link: int, message: Any) -> int:

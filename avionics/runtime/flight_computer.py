@@ -166,13 +166,13 @@ class FlightComputer:
                 self._waiting.add(now, self.view.stops(entry))
         forgotten = list(dict.fromkeys(entry.kind.name for entry in dropped if isinstance(entry, Command)))
         if forgotten:
-            self.view.send_statustext(Severity.WARNING, "link", f"{NO_FRAMES}: {', '.join(forgotten)} not obeyed")
+            self.view.send_statustext(Severity.WARNING, "link", f"{NO_FRAMES}: {', '.join(forgotten)} dropped")
 
     def _keep(self, file: ParameterFile, armed: bool) -> None:
         try:
             file.keep(self.view.autopilot.memory.gains, armed)
         except OSError as error:
-            text = f"parameters are not kept: {file.path}: {error.strerror}"
+            text = f"parameters not stored: {file.path}: {error.strerror}"
             self.view.send_statustext(Severity.ERROR, "parameters", text)
 
     def _due(self, time_us: int) -> list[Command]:

@@ -313,9 +313,9 @@ def changes(before: WingState, now: WingState) -> list[tuple[Severity, str]]:
         ("right", before.valid_right, now.valid_right),
     ):
         if was and not is_now:
-            said.append((Severity.ERROR, f"{side} encoder not believed: it stands still or counts the wrong way"))
+            said.append((Severity.ERROR, f"{side} encoder rejected: stuck or reversed"))
         elif is_now and not was:
-            said.append((Severity.NOTICE, f"{side} encoder believed again"))
+            said.append((Severity.NOTICE, f"{side} encoder resumed"))
     if now.missed_counts > before.missed_counts:
         text = f"encoder re-zeroed at its index: {now.missed_counts - before.missed_counts} counts missed"
         said.append((Severity.WARNING, f"{text}, {now.missed_counts} since boot"))

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 
-from avionics import topics
+from avionics import parameters, topics
 from avionics.calibration import accelerometer, airspeed, battery, magnetometer, procedure, wings
 from avionics.calibration.result import NOTHING_NEW, Took
 from avionics.guidance.modes import AIRBORNE
-from avionics.inputs import publish_event
+from avionics.inputs import publish_event, publish_parameter
 from avionics.messages import Calibration
 from avionics.sensing import air_data, encoders, inertial, preflight
 from avionics.state import AutopilotState
@@ -32,7 +32,7 @@ def calibrate(s: AutopilotState, publish: Publish) -> None:
         publish_event(s, publish, Severity.INFO, "calibration", took.note)
         s.calibration = _recorded(s.calibration)
     if took.cancelled:
-        give_up(s, publish, f"cancelled: {took.cancelled}")
+        give_up(s, publish, f"canceled: {took.cancelled}")
     elif took.complete or state.elapsed >= procedure.PATIENCE[state.kind]:
         _solve(s, publish)
     elif took.note or s.calibration.reported >= TELL_EVERY:
@@ -53,7 +53,7 @@ def reason_to_stop(s: AutopilotState) -> str:
     if s.modes.armed:
         return "armed"
     turning = math.hypot(s.attitude.roll_rate, s.attitude.pitch_rate, s.attitude.yaw_rate)
-    return "the vehicle moved" if kind in procedure.AT_REST and turning > procedure.MOVING else ""
+    return "vehicle moved" if kind in procedure.AT_REST and turning > procedure.MOVING else ""
 
 
 def gather(s: AutopilotState) -> Took:
@@ -104,7 +104,7 @@ def give_up(s: AutopilotState, publish: Publish, reason: str) -> None:
     """End the calibration without a result, and say why."""
     name = s.calibration.kind.name
     s.calibration = procedure.stop(s.calibration)
-    publish_event(s, publish, Severity.WARNING, "calibration", f"{name} not calibrated: {reason}")
+    publish_event(s, publish, Severity.WARNING, "calibration", f"{name} calibration failed: {reason}")
     publish(topics.CALIBRATION, procedure.status(s.calibration, s.clock.time_us))
 
 
@@ -112,13 +112,16 @@ def _solve(s: AutopilotState, publish: Publish) -> None:
     kind = s.calibration.kind
     try:
         result = procedure.finish(s.calibration, s.gains)
-        s.gains = procedure.applied(s.gains, result.settings)
+        before = s.gains
+        s.gains = procedure.applied(before, result.settings)
     except InputError as refused:
         give_up(s, publish, str(refused))
         return
     s.calibration = procedure.stop(s.calibration, succeeded=True, residual=result.residual)
     _restart(s, kind)
-    text = f"{kind.name} calibrated: {result.residual:.3g} {result.unit} RMS left in {result.samples} samples"
+    for name, value in parameters.changed(before, s.gains).items():
+        publish_parameter(s, publish, name, value, "calibration")
+    text = f"{kind.name} calibrated: residual {result.residual:.3g} {result.unit} RMS, {result.samples} samples"
     publish_event(s, publish, Severity.NOTICE, "calibration", text)
     publish(topics.CALIBRATION, procedure.status(s.calibration, s.clock.time_us))
 

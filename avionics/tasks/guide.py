@@ -10,6 +10,7 @@ from avionics.guidance import excitation as excitation_input
 from avionics.guidance import fence, supervisor, throttle_descent
 from avionics.guidance import heading as heading_loop
 from avionics.guidance import navigation as navigator
+from avionics.guidance.mission import completion_text
 from avionics.guidance.modes import AIRBORNE, GUIDED
 from avionics.guidance.setpoint import Path, Setpoint
 from avionics.guidance.stages import FAST
@@ -26,7 +27,7 @@ EN_ROUTE, WAIT_LAUNCH, CLIMB_OUT, FLARE = Stage.EN_ROUTE, Stage.WAIT_LAUNCH, Sta
 MANUAL, STABILIZED, OFFBOARD = Mode.MANUAL, Mode.STABILIZED, Mode.OFFBOARD
 EXCITED = (Mode.AUTO, Mode.ALTITUDE_HOLD)
 """modes in which an excitation may be flown"""
-FOLDS = "multisine folds on the {:.2f} Hz of the wings: a period of {:.3f} s would not"
+FOLDS = "multisine aliases at {:.2f} Hz flapping; set period = {:.3f} s"
 OUTSIDE = int(Failsafe.FENCE)
 UNDERGROUND = 100.0
 """m; below home: down, wherever it is"""
@@ -56,7 +57,7 @@ def navigation(s: AutopilotState, publish: Publish) -> None:
             s.gains.navigation, s.navigation, s.clock.dt_20, s.mission, surroundings(s)
         )
         if s.navigation.item != item:
-            publish_event(s, publish, Severity.INFO, "navigation", f"item {item} done")
+            publish_event(s, publish, Severity.INFO, "navigation", completion_text(item, s.mission[item]))
         if s.navigation.airspeed != airspeed:
             text = altitude_loop.airspeed_text(s.gains.altitude, s.navigation.airspeed)
             publish_event(s, publish, Severity.INFO, "navigation", text)
@@ -101,7 +102,7 @@ def excitation(s: AutopilotState, publish: Publish) -> None:
         s.gains.excitation, s.excitation, s.clock.time_us, s.clock.dt_100, asked is not None, flown
     )
     if s.excitation.aborted and not aborted:
-        publish_event(s, publish, Severity.WARNING, "excitation", "manoeuvre aborted: outside its envelope")
+        publish_event(s, publish, Severity.WARNING, "excitation", "excitation aborted: outside the envelope")
 
 
 def vertical(s: AutopilotState, publish: Publish) -> None:

@@ -36,7 +36,7 @@ def accept(s: AutopilotState, publish: Publish, frame: SensorFrame) -> None:
             sensor.receive(s, sample)
     for name in gone_bad:
         publish_event(
-            s, publish, Severity.WARNING, "sensing", f"{name} sample refused: not finite, out of range or repeated"
+            s, publish, Severity.WARNING, "sensing", f"{name} sample rejected: not finite, out of range or repeated"
         )
 
 
@@ -45,14 +45,14 @@ def refuse_time(s: AutopilotState, publish: Publish, frame: SensorFrame) -> Actu
     publish_samples(publish, frame)
     s.plausibility = plausibility.refuse_time(s.plausibility)
     if s.plausibility.time_refused == 1:
-        text = f"sensor time went from {s.clock.time_us} to {frame.time_us} us: frames refused"
+        text = f"sensor time went from {s.clock.time_us} to {frame.time_us} us: frames rejected"
         publish_event(s, publish, Severity.ERROR, "sensing", text)
     if s.plausibility.time_refused >= plausibility.TIME_PATIENCE:
         step_us = s.clock.time_us + round(TICK * 1e6) - frame.time_us
         offset = s.plausibility.time_offset_us + step_us
         s.plausibility = s.plausibility._replace(time_offset_us=offset)
         way = "back" if offset > 0 else "ahead"
-        text = f"sensor clock {abs(offset) * 1e-6:.3f} s {way}: followed from there"
+        text = f"sensor clock {abs(offset) * 1e-6:.3f} s {way}: new time base accepted"
         publish_event(s, publish, Severity.WARNING, "sensing", text)
     return s.actuators._replace(time_us=frame.time_us)
 

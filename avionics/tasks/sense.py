@@ -48,7 +48,7 @@ def power(s: AutopilotState, publish: Publish) -> None:
         s.power, s.power_state = power_meter.step(s.gains.power, s.power, s.frame.adc, beat, resting)
         publish(topics.POWER, s.power_state)
         if s.power.clipped and not clipped:
-            text = "current beyond its sensor's range: power, energy and charge read too low"
+            text = "current above sensor range: power, energy and charge underestimated"
             publish_event(s, publish, Severity.WARNING, "power", text)
 
 

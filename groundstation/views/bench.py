@@ -41,7 +41,7 @@ class Bench(NamedTuple):
     losses: Losses
     """of the line"""
     restarts: int
-    """-; times that the board began anew"""
+    """-; times that the board restarted"""
 
 
 def render(bench: Bench) -> Group:

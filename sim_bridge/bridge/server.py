@@ -166,7 +166,7 @@ class Session:
             self._world.record()
             command = self._await_answer(frame.time_us, command)
             if self._hung_up:
-                ended = "the flight computer hung up"
+                ended = "flight computer disconnected"
                 break
         self._send_end(EndReason.FINISHED)
         return self._statistics._replace(bad_bytes=self._reader.bad_bytes, ended=ended)
@@ -188,8 +188,8 @@ class Session:
                 )
         if self._autopilot is None:
             raise FlightComputerSilent(
-                f"whoever connected from {self._stream.name} left without a HEARTBEAT"
-                f" ({self._reader.bad_bytes} bytes were no MAVLink)"
+                f"peer {self._stream.name} disconnected without a HEARTBEAT"
+                f" ({self._reader.bad_bytes} bytes were not MAVLink)"
             )
         if self._autopilot == mavlink.MAV_AUTOPILOT_PX4:
             raise InputError(f"PX4 connected from {self._stream.name}: it is served by wingbeat sim --px4")
@@ -214,7 +214,7 @@ class Session:
             if self._clock() >= deadline:
                 self._send_end(EndReason.STALLED)
                 raise FlightComputerSilent(
-                    f"the flight computer at {self._stream.name} did not answer the sensor frame"
+                    f"the flight computer at {self._stream.name} did not respond to the sensor frame"
                     f" of t = {time_us / 1e6:.3f} s for {limit:g} s"
                 )
         return last

@@ -191,36 +191,36 @@ def _drain(share: float) -> Callable[[Plant], None]:
 
 
 FAULTS: dict[str, Kind] = {
-    "gps_lost": Kind("the GPS gives no fix", Place.SENSORS, _no_fix),
-    "pitot_blocked": Kind("the pitot is blocked, its drain open: no airspeed", Place.SENSORS, _blocked_pitot),
-    "mag_disturbed": Kind("a magnet as strong as the earth's field is near", Place.SENSORS, _disturbed_field),
-    "encoder_left_lost": Kind("the left wing's encoder stands still", Place.SENSORS, _left_encoder_dead),
-    "encoder_right_lost": Kind("the right wing's encoder stands still", Place.SENSORS, _right_encoder_dead),
-    "imu_frozen": Kind("the IMU repeats its last sample", Place.SENSORS, _frozen_imu),
-    "imu_saturated": Kind("the accelerometer stands at the end of its range", Place.SENSORS, _saturated_imu),
-    "gyro_saturated": Kind("the gyro stands at the end of its range", Place.SENSORS, _saturated_gyro),
-    "receiver_lost": Kind("the transmitter is not heard any more", Place.SENSORS, _without_packets),
-    "baro_spike": Kind("every tenth pressure is that of 50 m higher", Place.SENSORS, _baro_spikes),
-    "baro_frozen": Kind("the barometer repeats its last static pressure", Place.SENSORS, _frozen_baro),
-    "baro_lost": Kind("no pressure sample comes, of barometer and pitot", Place.SENSORS, _no_pressures),
-    "time_backwards": Kind("the sensors' clock jumps back by 3 s", Place.SENSORS, _earlier),
-    "battery_low": Kind(f"{100 * LOW_SHARE:.0f} % of the charge is left", Place.PLANT, begin=_drain(LOW_SHARE)),
+    "gps_lost": Kind("no GPS fix", Place.SENSORS, _no_fix),
+    "pitot_blocked": Kind("pitot blocked, drain open: no airspeed", Place.SENSORS, _blocked_pitot),
+    "mag_disturbed": Kind("magnetic disturbance as strong as the earth field", Place.SENSORS, _disturbed_field),
+    "encoder_left_lost": Kind("left wing encoder stuck", Place.SENSORS, _left_encoder_dead),
+    "encoder_right_lost": Kind("right wing encoder stuck", Place.SENSORS, _right_encoder_dead),
+    "imu_frozen": Kind("IMU repeats its last sample", Place.SENSORS, _frozen_imu),
+    "imu_saturated": Kind("accelerometer saturated", Place.SENSORS, _saturated_imu),
+    "gyro_saturated": Kind("gyro saturated", Place.SENSORS, _saturated_gyro),
+    "receiver_lost": Kind("no radio packets received", Place.SENSORS, _without_packets),
+    "baro_spike": Kind("every tenth pressure is that of 50 m more altitude", Place.SENSORS, _baro_spikes),
+    "baro_frozen": Kind("barometer repeats its last static pressure", Place.SENSORS, _frozen_baro),
+    "baro_lost": Kind("no samples of barometer and pitot", Place.SENSORS, _no_pressures),
+    "time_backwards": Kind("sensor clock jumps back by 3 s", Place.SENSORS, _earlier),
+    "battery_low": Kind(f"{100 * LOW_SHARE:.0f} % of the charge remaining", Place.PLANT, begin=_drain(LOW_SHARE)),
     "battery_critical": Kind(
-        f"{100 * CRITICAL_SHARE:.0f} % of the charge is left", Place.PLANT, begin=_drain(CRITICAL_SHARE)
+        f"{100 * CRITICAL_SHARE:.0f} % of the charge remaining", Place.PLANT, begin=_drain(CRITICAL_SHARE)
     ),
     "tail_jammed": Kind(
-        "elevator and rudder stay where they are", Place.PLANT, None,
+        "elevator and rudder jammed", Place.PLANT, None,
         lambda plant: plant.jam_tail(), lambda plant: plant.free_tail(),
     ),
     "wing_left_jammed": Kind(
-        "the left wing stays where it is, its drive pulling (a crank stops with both)", Place.PLANT, None,
+        "left wing jammed, drive active (a crank stops both)", Place.PLANT, None,
         lambda plant: plant.jam_wing(0), lambda plant: plant.free_wing(0),
     ),
     "wing_right_jammed": Kind(
-        "the right wing stays where it is, its drive pulling (a crank stops with both)", Place.PLANT, None,
+        "right wing jammed, drive active (a crank stops both)", Place.PLANT, None,
         lambda plant: plant.jam_wing(1), lambda plant: plant.free_wing(1),
     ),
-    "sim_silent": Kind("the simulator stops sending sensor frames", Place.BOARD),
+    "sim_silent": Kind("simulator stops sending sensor frames", Place.BOARD),
     "link_lost": Kind("the ground station is not heard any more", Place.FLIGHT),
 }  # fmt: skip
 
@@ -261,7 +261,7 @@ def _seconds(text: str, number: str) -> float:
     try:
         return float(number)
     except ValueError:
-        raise InputError(f"fault {text}: {number or 'nothing'} is no time in seconds") from None
+        raise InputError(f"fault {text}: {number or 'nothing'} is not a time in seconds") from None
 
 
 def checked(fault: Fault) -> Fault:
@@ -276,11 +276,11 @@ def checked(fault: Fault) -> Fault:
         raise InputError(f"fault {fault.name}: its time must be 0 s or more since boot, not {fault.at:g}")
     if not fault.until > fault.at:
         raise InputError(
-            f"fault {fault.name}: from {fault.at:g} s to {fault.until:g} s; it must end after its beginning"
+            f"fault {fault.name}: from {fault.at:g} s to {fault.until:g} s; the end must be after the start"
         )
     kind = FAULTS[fault.name]
     if math.isfinite(fault.until) and (kind.place is Place.BOARD or (kind.begin and not kind.end)):
-        raise InputError(f"fault {fault.name} does not end: give its beginning alone")
+        raise InputError(f"fault {fault.name} has no end: specify its start only")
     return fault
 
 
@@ -382,7 +382,7 @@ class FaultInjector:
         end = FAULTS[fault.name].end
         if end is not None:
             end(plant)
-        return f"fault {fault.name} is over"
+        return f"fault {fault.name} ended"
 
     def sense(self, frame: SensorFrame, tick: int) -> SensorFrame:
         """What is read instead of ``frame``."""

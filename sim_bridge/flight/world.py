@@ -328,7 +328,7 @@ class SimulatedWorld:
             return
         self._armed_since = now if armed else math.inf
         left = max(self._launch_from - now, ARMED_TIME)
-        text = f"armed: the launcher throws in {left:.0f} s" if armed else "disarmed: the launcher waits"
+        text = f"armed: launch in {left:.0f} s" if armed else "disarmed: launcher waiting"
         self._publish_event(Severity.NOTICE, text)
 
     def _watch_launcher(self, armed: bool) -> None:

@@ -56,7 +56,7 @@ def test_parameters_keep_their_order_and_show_new_values() -> None:
 @pytest.mark.parametrize(
     ("command", "word"),
     [
-        (ARM, "attitude is not known yet"),
+        (ARM, "attitude not aligned: hold still"),
         (Command(0, CommandKind.SET_PARAMETER, "ROLL_P", math.nan), "not a number"),
         (Command(0, CommandKind.SET_MODE, "RETURN"), "no GPS position"),
     ],

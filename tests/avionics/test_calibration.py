@@ -1,5 +1,6 @@
 """Calibration: modelled sensors with errors of their own, posed, turned and flown, come out right."""
 
+import json
 import math
 from collections.abc import Iterable
 from functools import cache
@@ -9,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from surrogate_gains import VEHICLE
 
-from avionics import topics
+from avionics import parameters, topics
 from avionics.autopilot import Autopilot
 from avionics.calibration import accelerometer, airspeed, battery, magnetometer, wings
 from avionics.messages import AdcBurst, Command, CommandKind, EncoderSample, ImuSample, PressureSample, SensorFrame
@@ -140,10 +141,22 @@ def test_every_calibration_on_the_bench_ends_well_and_says_what_it_left() -> Non
     said = [text for text in bench.events() if "calibrated" in text]
     kinds = ("ACCELEROMETER", "MAGNETOMETER", "AIRSPEED_ZERO", "WINGS", "BATTERY")
     assert [text.split(" ")[0] for text in said] == list(kinds)
-    assert all("RMS left" in text for text in said)
+    assert all("calibrated: residual" in text for text in said)
     ended = [status for status in bench.statuses() if not status.running]  # type: ignore[attr-defined]
     assert [(status.begun, status.succeeded) for status in ended] == [(n, 1) for n in range(1, 6)]  # type: ignore[attr-defined]
     assert "pose 6 of 6: left side up" in bench.events()
+
+
+def test_calibration_publishes_changed_parameters() -> None:
+    """GIVEN calibrated sensors THEN `/system/changes` has each parameter with the value that took effect."""
+    bench = calibrated()
+    gains = bench.autopilot.memory.gains
+    texts = [message.text for topic, message in bench.published if topic is topics.CHANGES]  # type: ignore[attr-defined]
+    values = {each["parameter"]: each["value"] for each in map(json.loads, texts)}
+    table = parameters.parameter_table(gains)
+    assert values == {name: parameters.get(gains, table[name]) for name in values}
+    assert {"IMU_ACCEL_OFS_1", "IMU_MAG_OFS_1", "WING_ZERO_LEFT"} < set(values)
+    assert {json.loads(text)["source"] for text in texts} == {"calibration"}
 
 
 def test_the_accelerometer_comes_out_with_its_offset_and_scale() -> None:
@@ -207,7 +220,7 @@ def test_a_movement_cancels_what_needs_rest(name: str) -> None:
     before = bench.autopilot.state.gains
     bench.rest(0.5, LEVEL, ask(name))
     bench.rest(0.1, LEVEL, turn=1.0)
-    assert f"{name} not calibrated: cancelled: the vehicle moved" in bench.events()
+    assert f"{name} calibration failed: canceled: vehicle moved" in bench.events()
     bench.rest(5.0, LEVEL)
     assert bench.autopilot.state.gains == before
     assert bench.autopilot.state.calibration.kind == 0
@@ -219,31 +232,31 @@ def test_armed_nothing_is_calibrated_and_while_calibrating_nothing_is_armed() ->
     bench.rest(4.0, LEVEL)
     bench.rest(0.1, LEVEL, ask("WINGS"))
     bench.rest(0.1, LEVEL, (Command(0, CommandKind.ARM),))
-    assert "arming refused: WINGS is being calibrated" in bench.events()
+    assert "arming denied: calibration WINGS active" in bench.events()
     bench.rest(0.1, LEVEL, ask("BATTERY", 7.8))
-    assert "calibration refused: WINGS is being calibrated" in bench.events()
+    assert "calibration denied: calibration WINGS active" in bench.events()
     bench.rest(0.1, LEVEL, ask(""))
-    assert "WINGS cancelled as asked" in bench.events()
+    assert "calibration WINGS canceled" in bench.events()
     bench.rest(0.1, LEVEL, (Command(0, CommandKind.ARM),))
     assert bench.autopilot.state.modes.armed
     bench.rest(0.1, LEVEL, ask("MAGNETOMETER"))
-    assert bench.events()[-1] == "calibration refused: armed"
+    assert bench.events()[-1] == "calibration denied: armed"
 
 
 @pytest.mark.parametrize(
     ("name", "value", "said"),
     [
-        ("ROTOR", 0.0, "unknown kind ROTOR"),
+        ("ROTOR", 0.0, "unknown calibration ROTOR"),
         ("AIRSPEED", 0.0, "not in flight"),
-        ("WINGS", 3.0, "171.887 is outside its range, -90 to 90 degrees"),
-        ("BATTERY", -1.0, "-1 is outside its range, 0 to 100 V"),
-        ("BATTERY", math.nan, "nan is outside its range"),
+        ("WINGS", 3.0, "171.887 is out of range -90 to 90 degrees"),
+        ("BATTERY", -1.0, "-1 is out of range 0 to 100 V"),
+        ("BATTERY", math.nan, "nan is out of range"),
     ],
 )
 def test_what_cannot_be_calibrated_is_refused_with_the_reason(name: str, value: float, said: str) -> None:
     bench = Bench()
     bench.rest(0.1, LEVEL, ask(name, value))
-    assert bench.events()[-1].startswith(f"calibration refused: {said}")
+    assert bench.events()[-1].startswith(f"calibration denied: {said}")
 
 
 def test_a_magnetometer_turned_too_little_is_refused() -> None:
@@ -252,14 +265,14 @@ def test_a_magnetometer_turned_too_little_is_refused() -> None:
     for yaw in np.linspace(0.0, 2 * math.pi, 300):
         bench.rest(0.2, Rotation.from_euler("z", yaw), every=20)
     bench.rest(0.4, LEVEL, every=20)
-    assert "% of all directions were seen, 50 % are needed" in bench.events()[-1]
+    assert "% of all directions covered, 50 % required" in bench.events()[-1]
     assert bench.autopilot.state.gains.imu == VEHICLE.gains.imu
 
 
 def test_a_pose_that_is_missing_ends_in_a_refusal() -> None:
     bench = Bench()
     bench.rest(130.0, LEVEL, ask("ACCELEROMETER"), every=20)
-    assert bench.events()[-1] == "ACCELEROMETER not calibrated: not finished after 60 s"
+    assert bench.events()[-1] == "ACCELEROMETER calibration failed: timed out after 60 s"
 
 
 # --- the arithmetic -------------------------------------------------------------------------------------
@@ -338,7 +351,7 @@ def test_one_heading_or_a_storm_gives_no_scale() -> None:
     _, refusal = airspeed.finish_scale(flights(np.full(400, 0.4), 1.0, 0.0), air_data.Gains())
     assert "fly a circle" in refusal
     _, refusal = airspeed.finish_scale(flights(np.linspace(0, 6.3, 80), 1.0, 0.0, noise=5.0), air_data.Gains())
-    assert "too gusty" in refusal
+    assert "scale uncertain" in refusal
 
 
 def test_a_scale_stacks_on_the_one_that_was_there() -> None:
@@ -356,10 +369,12 @@ def test_wings_at_a_known_angle_and_a_reversed_encoder() -> None:
     result, _ = wings.finish(state, gains, math.radians(18.0))
     assert [setting.value for setting in result.settings] == pytest.approx([30.0, 10.0])
     _, moved = wings.step(state, EncoderSample(0, 134, -90))
-    assert moved.cancelled == "a wing moved"
+    assert moved.cancelled == "wing moved"
 
 
-@pytest.mark.parametrize(("counts", "said"), [((820, 700), "current flows"), ((400, 512), "V were given")])
+@pytest.mark.parametrize(
+    ("counts", "said"), [((820, 700), "current not zero"), ((400, 512), "differs from measured")]
+)
 def test_a_running_drive_or_a_wrong_voltage_is_refused(counts: tuple[int, int], said: str) -> None:
     gains, state = power.Gains(), battery.State()
     for number in range(battery.AT_REST):
@@ -394,7 +409,7 @@ def test_a_level_pose_sets_the_offsets_and_a_tilted_one_is_refused() -> None:
     assert refusal == ""
     values = [setting.value for setting in result.settings]  # type: ignore[attr-defined]
     assert values[:3] == pytest.approx([0.3, -0.1, 0.2])
-    assert posed((5.0, 0.0, -8.4))[1] == "the vehicle is not level"
+    assert posed((5.0, 0.0, -8.4))[1] == "vehicle is not level"
 
 
 def test_a_neutral_calibration_costs_nothing_and_passes_the_sample_as_it_is() -> None:

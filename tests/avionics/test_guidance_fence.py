@@ -66,7 +66,7 @@ def test_close_to_the_fence_is_said_and_outside_returns() -> None:
     near = CRUISE._replace(fence_clearance=GAINS.fence_margin - 1.0)
     state, said = run(FLYING, near, 0.1)
     assert (state.mode, state.failsafe) == (Mode.AUTO, Failsafe.FENCE_NEAR)
-    assert [notice.text for notice in said] == ["failsafe: close to the fence"]
+    assert [notice.text for notice in said] == ["failsafe: near the fence"]
     state, said = run(state, CRUISE._replace(fence_clearance=-1.0), 0.1)
     # What was close stays told for its time to clear.
     assert (state.mode, state.failsafe) == (Mode.RETURN, Failsafe.FENCE | Failsafe.FENCE_NEAR)

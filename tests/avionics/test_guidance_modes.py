@@ -45,12 +45,12 @@ def run(state: modes.State, seen: modes.Conditions, seconds: float):
     [
         (READY._replace(settled=0), Mode.AUTO, "attitude"),
         (READY._replace(imu_fault=1), Mode.MANUAL, "IMU"),
-        (READY._replace(pitch=1.4), Mode.AUTO, "tilted"),
-        (READY._replace(battery=0.1), Mode.MANUAL, "battery at 10 %"),
+        (READY._replace(pitch=1.4), Mode.AUTO, "tilt too large"),
+        (READY._replace(battery=0.1), Mode.MANUAL, "battery 10 %"),
         (READY._replace(items=0), Mode.AUTO, "no mission"),
         (READY._replace(fix_age=math.inf), Mode.AUTO, "no GPS"),
         (READY._replace(throttle_stick=0.5), Mode.MANUAL, "throttle stick"),
-        (READY, Mode.LAND, "mode is RETURN or LAND or LOITER"),
+        (READY, Mode.LAND, "mode LAND: select another mode"),
     ],
 )
 def test_arming_is_refused_with_its_reason(seen: modes.Conditions, mode: Mode, reason: str) -> None:
@@ -63,7 +63,7 @@ def test_arming_is_refused_with_its_reason(seen: modes.Conditions, mode: Mode, r
 def test_several_reasons_are_all_said() -> None:
     _, notices = arming.arm(GAINS, modes.State(), READY._replace(settled=0, pitch=2.0))
     assert "attitude" in notices[0].text
-    assert "tilted" in notices[0].text
+    assert "tilt too large" in notices[0].text
 
 
 def test_armed_waits_for_the_launch() -> None:
@@ -141,7 +141,7 @@ def test_a_pilot_can_break_off_a_landing() -> None:
 
 def test_the_stage_follows_the_navigation() -> None:
     state, said = run(FLYING, CRUISE._replace(requested_stage=Stage.APPROACH), 0.1)
-    assert (state.stage, [notice.text for notice in said]) == (Stage.APPROACH, ["stage APPROACH"])
+    assert (state.stage, [notice.text for notice in said]) == (Stage.APPROACH, ["stage approach"])
 
 
 def test_link_loss_returns_after_its_delay_once() -> None:
@@ -208,7 +208,7 @@ NO_STICKS = CRUISE._replace(pilot_lost=1, sensed=int(Failsafe.RECEIVER_LOST))
 def test_a_link_lost_on_the_hand_hinders_arming_and_is_answered_above_the_floor() -> None:
     grounded, _ = run(LINKLESS._replace(armed=0, stage=Stage.ON_GROUND), READY, 1.0)
     _, notices = arming.arm(GAINS, grounded, READY)
-    assert notices[0].text == "arming refused: ground link lost"
+    assert notices[0].text == "arming denied: ground link lost"
     low = CRUISE._replace(altitude=2.0, return_floor=15.0, requested_stage=Stage.CLIMB_OUT)
     state, _ = run(LINKLESS._replace(stage=Stage.CLIMB_OUT), low, 5.0)
     assert (state.mode, state.stage) == (Mode.AUTO, Stage.CLIMB_OUT)
@@ -223,7 +223,7 @@ def test_a_second_stop_of_the_flapping_lands_again() -> None:
     state, _ = modes.set_mode(GAINS, state, Mode.STABILIZED, CRUISE)
     state, said = run(state, CRUISE._replace(sensed=int(Failsafe.WING_JAMMED), imu_fault=1), 0.1)
     assert (state.mode, state.cut) == (Mode.LAND, 1)
-    assert "failsafe: flapping stopped, IMU samples refused" in [notice.text for notice in said]
+    assert "failsafe: flapping stopped, IMU samples rejected" in [notice.text for notice in said]
 
 
 @pytest.mark.parametrize(
@@ -279,7 +279,7 @@ def test_a_battery_about_its_threshold_takes_the_mission_away_once() -> None:
         state, said = run(state, seen, 0.5)
         assert (state.mode, said) == (Mode.AUTO, [])
     state, said = run(state, CRUISE._replace(battery=GAINS.battery_return + 0.051), 0.1)
-    assert [notice.text for notice in said] == ["failsafe over: battery low"]
+    assert [notice.text for notice in said] == ["failsafe cleared: battery low"]
 
 
 def test_a_pilot_on_the_receiver_does_not_miss_the_ground_link() -> None:
@@ -319,7 +319,7 @@ def test_each_failure_is_said_once_answered_once_and_said_to_be_over(failure: fa
     assert (state.mode, state.cut) == (mode, int(failure.action == failsafes.Action.CUT))
     assert sum(notice.severity == Severity.CRITICAL and "failsafe: " in notice.text for notice in said) <= 2
     state, said = run(state, CRUISE, failure.clear + 0.1)
-    assert [notice.text for notice in said] == [f"failsafe over: {failure.text}"]
+    assert [notice.text for notice in said] == [f"failsafe cleared: {failure.text}"]
     assert (state.failsafe, state.pending) == (0, ())
 
 
@@ -353,4 +353,4 @@ def test_on_the_ground_a_failure_is_said_and_hinders_arming() -> None:
 
 def test_turning_the_vehicle_hinders_arming() -> None:
     state, notices = arming.arm(GAINS, modes.State(), READY._replace(turn_rate=GAINS.arm_turn + 0.1))
-    assert (state.armed, "being turned" in notices[0].text) == (0, True)
+    assert (state.armed, "vehicle is turning" in notices[0].text) == (0, True)

@@ -158,7 +158,7 @@ def test_denied_mode_keeps_the_last_setpoint() -> None:
     before = flight.autopilot.state.offboard
     flight.fly(0.1, OFFBOARD._replace(payload=CIRCLE._replace(north=9000.0)))
     assert flight.autopilot.state.offboard == before and flight.mode is Mode.AUTO
-    assert flight.events[-1] == "setpoint refused: outside the fence"
+    assert flight.events[-1] == "setpoint rejected: outside the fence"
 
 
 def test_offboard_set_again_keeps_its_setpoint() -> None:

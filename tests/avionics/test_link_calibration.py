@@ -108,11 +108,11 @@ def test_the_success_of_an_earlier_one_is_not_taken_for_this_ones() -> None:
 
 def test_refusals_are_denied_with_the_cores_reason_and_gyroscopes_are_not_supported() -> None:
     vehicle = FakeVehicle()
-    vehicle.refusals[CommandKind.CALIBRATE] = "calibration refused: armed"
+    vehicle.refusals[CommandKind.CALIBRATE] = "calibration denied: armed"
     command_result = CalibrationRequests(vehicle).answer(asked(0, 1))
     assert (command_result.result, command_result.reason, command_result.outputs) == (
         DENIED,
-        "calibration refused: armed",
+        "calibration denied: armed",
         (),
     )
     for params in ((1.0,), (0.0, 0.0, 1.0)):

@@ -657,5 +657,5 @@ def test_noise_on_a_port_is_logged_once_a_second() -> None:
             later = [event.text for event in link.take_events()]
     finally:
         link.close()
-    assert said == [f"200 bytes on udpin:127.0.0.1:{port} were no MAVLink"]
-    assert later == [f"100 bytes on udpin:127.0.0.1:{port} were no MAVLink"]
+    assert said == [f"200 bytes received on udpin:127.0.0.1:{port} are not MAVLink"]
+    assert later == [f"100 bytes received on udpin:127.0.0.1:{port} are not MAVLink"]

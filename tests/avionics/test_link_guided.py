@@ -163,10 +163,10 @@ def test_unsupported_setpoint_is_reported_once(message: Any, part: str) -> None:
 
 def test_setpoint_denied_by_the_core_is_reported_once() -> None:
     vehicle = FakeVehicle()
-    vehicle.refusals[CommandKind.SET_SETPOINT] = "setpoint refused: outside the fence"
+    vehicle.refusals[CommandKind.SET_SETPOINT] = "setpoint rejected: outside the fence"
     exchange = Exchange(vehicle)
     said = [text for _ in range(40) for text in texts(exchange.send(local(POSITION, x=900.0, z=-30.0)))]
-    assert said == ["setpoint refused: outside the fence"]
+    assert said == ["setpoint rejected: outside the fence"]
     assert not exchange.inputs(CommandKind.SET_SETPOINT)
 
 
@@ -429,4 +429,4 @@ def test_offboard_on_the_ground_is_denied() -> None:
         bird.advance(
             view.autopilot.step(bird.frame(), [Command(0, CommandKind.SET_SETPOINT, payload=Setpoint(Path.KEEP))])
         )
-    assert view.refusal(Command(0, CommandKind.SET_MODE, "OFFBOARD")) == "mode OFFBOARD refused: not in flight"
+    assert view.refusal(Command(0, CommandKind.SET_MODE, "OFFBOARD")) == "mode OFFBOARD denied: not in flight"

@@ -77,7 +77,7 @@ def test_streams_stay_within_the_rate_and_it_is_said_once(url: str) -> None:
     assert 0.9 * USED * rate < total <= USED * rate * (1.0 + DEPTH / 12.0)
     assert radio.counted()["HEARTBEAT"] == 12
     texts = [each for _, each in read(radio.settling + radio.sent) if each.get_type() == "STATUSTEXT"]
-    told = [event.text for event in radio.link.take_events() if "thinned" in event.text]
+    told = [event.text for event in radio.link.take_events() if "reduced" in event.text]
     assert len(told) == 1 and "".join(each.text for each in texts) == told[0]
 
 
@@ -101,7 +101,7 @@ def test_a_fast_link_is_not_thinned() -> None:
     radio = Radio("udpout:127.0.0.1:9", 20.0)
     radio.fly(5.0)
     assert radio.counted()["SERVO_OUTPUT_RAW"] == pytest.approx(100, abs=8)
-    assert not [event for event in radio.link.take_events() if "thinned" in event.text]
+    assert not [event for event in radio.link.take_events() if "reduced" in event.text]
 
 
 def test_commands_parameters_and_missions_come_through_a_full_link_at_once() -> None:
@@ -274,7 +274,7 @@ def test_telemetry_has_a_budget_per_tick_over_all_peers_and_links(peers: tuple[i
         assert all(rate >= least for ranked in by_rank for rate in ranked), "a stream is never sent"
     assert crowd.received[0]["HEARTBEAT", 0] >= duration - 1.0
     limited = [text for text in crowd.texts if "frames per tick" in text]
-    assert limited == [f"telemetry exceeds {TELEMETRY_FRAMES} frames per tick: low-priority streams are thinned"]
+    assert limited == [f"telemetry exceeds {TELEMETRY_FRAMES} frames per tick: low-priority streams reduced"]
 
 
 def test_a_link_with_usual_rates_is_not_thinned_by_another() -> None:
@@ -287,11 +287,11 @@ def test_a_link_with_usual_rates_is_not_thinned_by_another() -> None:
         each.fly(5.0)
     expected, rates = alone.rates(0, 0, 5.0), crowd.rates(1, 0, 5.0)
     assert all(rates[name] == pytest.approx(expected[name], abs=0.41) for name in NAMES), rates
-    assert [text for text in alone.texts if "thinned" in text] == []
+    assert [text for text in alone.texts if "reduced" in text] == []
 
 
 def test_sixteen_peers_with_usual_rates_are_not_thinned() -> None:
     crowd = Crowd(PEERS, tick=0.005)
     crowd.fly(5.0)
     assert crowd.received[0]["ATTITUDE", 0] == pytest.approx(50, abs=2)
-    assert [text for text in crowd.texts if "thinned" in text] == []
+    assert [text for text in crowd.texts if "reduced" in text] == []

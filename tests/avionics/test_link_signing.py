@@ -139,11 +139,11 @@ def test_what_is_not_signed_with_the_key_is_refused_counted_and_told_once(key: b
         assert stranger.heard == [] and not ground.vehicle.armed
         kind = "unsigned" if key is None else "wrong signature"
         logged = [event.text for event in ground.link.take_events()]
-        assert f"1 frames on {counts.url} refused: {kind}" in logged
+        assert f"1 frames rejected on {counts.url}: {kind}" in logged
         owner.say(arm())
         ground.take(owner)
         assert ground.vehicle.armed
-        said = f"{kind} frames are refused on {counts.url}"
+        said = f"{kind} frames rejected on {counts.url}"
         assert logged.count(said) == 1 and said not in texts(owner), "told before the owner was heard"
 
 
@@ -155,7 +155,7 @@ def test_a_first_refusal_is_told_with_the_tick_that_meets_it() -> None:
         before = ground.link.counts[0].frames
         while ground.link.counts[0].frames == before:
             ground.link.poll(ground.now)
-        assert f"1 frames on {ground.link.counts[0].url} refused: unsigned" in [
+        assert f"1 frames rejected on {ground.link.counts[0].url}: unsigned" in [
             event.text for event in ground.link.take_events()
         ]
 
@@ -168,7 +168,7 @@ def test_a_station_that_listens_is_told_of_forgeries_once() -> None:
         for _ in range(3):
             forger.say(arm())
             ground.take(owner)
-        assert texts(owner).replace(" | ", "").count("wrong signature frames are refused") == 1
+        assert texts(owner).replace(" | ", "").count("wrong signature frames rejected") == 1
 
 
 def test_the_counters_travel_while_there_is_a_key() -> None:
@@ -554,7 +554,7 @@ def test_a_folder_that_cannot_be_written_stops_no_flight_and_is_told(tmp_path: P
         station = Station(port, KEY)
         station.say(arm())
         assert kinds(ground.take(station)) == [CommandKind.ARM]
-        assert "time stamps are not kept" in texts(station).replace(" | ", "")
+        assert "time stamps not stored" in texts(station).replace(" | ", "")
 
 
 def test_the_key_shows_nowhere(tmp_path: Path) -> None:

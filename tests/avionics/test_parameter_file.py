@@ -60,11 +60,11 @@ def test_nothing_is_written_while_armed_or_without_a_change(tmp_path: Path) -> N
     ("spoil", "said"),
     [
         (lambda text: text.replace("0.7", "0.8"), "checksum"),
-        (lambda text: text[: len(text) // 2], "no file of parameters"),
-        (lambda text: "[1, 2]", "no file of parameters"),
-        (lambda text: "", "no file of parameters"),
+        (lambda text: text[: len(text) // 2], "is not a parameter file"),
+        (lambda text: "[1, 2]", "is not a parameter file"),
+        (lambda text: "", "is not a parameter file"),
         (lambda text: text.replace("parameters 1", "parameters 9"), "another format"),
-        (lambda text: "\ufeff" + text, "no file of parameters"),
+        (lambda text: "\ufeff" + text, "is not a parameter file"),
     ],
 )
 def test_a_damaged_file_falls_back_and_is_kept_beside(tmp_path: Path, spoil, said: str) -> None:
@@ -86,7 +86,7 @@ def test_another_vehicles_file_is_refused_and_left_alone(tmp_path: Path) -> None
     other = file(tmp_path, load_vehicle("arizona_100cm"))
     before = other.path.read_bytes()
     for look in (other.load, other.check_owner):
-        with pytest.raises(AnotherVehicles, match="is of another vehicle, robo_raven_ii_d, and is left as it is"):
+        with pytest.raises(AnotherVehicles, match="belongs to vehicle robo_raven_ii_d and is not changed"):
             look()
     assert [path.name for path in other.path.parent.iterdir()] == ["raven.json"]
     assert other.path.read_bytes() == before
@@ -110,7 +110,7 @@ def test_a_name_that_is_gone_or_a_value_out_of_range_is_passed_over_and_said(tmp
     loaded = file(tmp_path).load()
     assert loaded.vehicle.gains.pitch.proportional == 0.75
     assert loaded.vehicle.gains.roll == RAVEN.gains.roll
-    assert loaded.text.endswith("passed over: OLD_GAIN, ROLL_P")
+    assert loaded.text.endswith("ignored: OLD_GAIN, ROLL_P")
 
 
 def test_a_write_that_fails_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -171,7 +171,7 @@ def test_copied_vehicles_store_by_their_folders(monkeypatch: pytest.MonkeyPatch,
     earlier.touch()
     assert unused_files(vehicles[0]) == []
     assert unused_files(vehicles[1]) == [
-        f"{earlier} is not used for this vehicle; if it is its own, copy it to {earlier.with_stem('my_bird')}"
+        f"{earlier} is not used for this vehicle; to use it, copy it to {earlier.with_stem('my_bird')}"
     ]
     with pytest.raises(AnotherVehicles):
         ParameterFile(default_path(vehicles[1]), vehicles[0]).stored()

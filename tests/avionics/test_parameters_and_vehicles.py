@@ -122,7 +122,7 @@ def test_a_value_set_over_the_wire_reads_back_the_same_single(name: str, share: 
 def test_a_value_out_of_range_is_clipped_and_said(value: float, held: float) -> None:
     change = parameters.set_value(RAVEN.gains, TABLE, "PITCH_P", value)
     assert (change.gains.pitch.proportional, change.accepted) == (held, True)
-    assert "not in its range" in change.text
+    assert "out of range" in change.text
 
 
 @pytest.mark.parametrize(

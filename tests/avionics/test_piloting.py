@@ -152,7 +152,7 @@ def test_the_receiver_is_flown_before_the_joystick_and_the_joystick_after_it() -
     flight.fly(0.1, held=sticks(roll=-1.0, throttle=0.7))
     assert flight.autopilot.state.pilot.source == PilotSource.RECEIVER
     said = [event.text for event in flight.of(topics.EVENTS) if event.source == "pilot"]
-    assert said == ["sticks of the receiver", "sticks of MANUAL_CONTROL", "sticks of the receiver"]
+    assert said == ["manual control by receiver", "manual control by MANUAL_CONTROL", "manual control by receiver"]
 
 
 def test_overridden_channels_are_logged_and_flown() -> None:
@@ -213,7 +213,7 @@ def test_after_a_kill_it_needs_the_switch_off_and_arming_anew() -> None:
     bird.set(ch7=2000)
     flight.fly(20.0, until=None)
     refused = flight.fly(0.1, (ARM,)).events()[-1]
-    assert refused.startswith("arming refused") and "kill switch" in refused
+    assert refused.startswith("arming denied") and "kill switch" in refused
     bird.set(ch7=1000, ch3=1000)
     flight.fly(0.2)
     assert flight.autopilot.state.modes.armed == 0
@@ -261,7 +261,7 @@ def test_without_sticks_a_piloted_flight_circles_and_then_comes_home() -> None:
     assert state.modes.failsafe & Failsafe.PILOT_LOST
     flight.fly(RAVEN.gains.modes.link_loss_delay + 0.1)
     assert flight.autopilot.state.modes.mode == Mode.RETURN
-    assert "failsafe: returning, pilot's sticks lost" in flight.events()
+    assert "failsafe: returning, manual control lost" in flight.events()
     bird.on = True
     flight.fly(0.3)
     assert not flight.autopilot.state.modes.failsafe & Failsafe.PILOT_LOST
@@ -317,7 +317,7 @@ def test_a_mission_goes_on_without_the_receiver_and_says_so() -> None:
     bird.on = True
     flight.fly(2.0)
     assert flight.autopilot.state.modes.failsafe == 0
-    assert flight.events()[-1] == "failsafe over: receiver lost"
+    assert flight.events()[-1] == "failsafe cleared: receiver lost"
 
 
 def test_a_receiver_that_was_never_heard_is_not_lost_and_one_that_was_hinders_arming() -> None:
@@ -331,7 +331,7 @@ def test_a_receiver_that_was_never_heard_is_not_lost_and_one_that_was_hinders_ar
     flight.fly(1.0)
     flight.fly(0.1, (ARM,))
     assert flight.autopilot.state.modes.armed == 0
-    assert flight.events()[-1] == "arming refused: receiver lost"
+    assert flight.events()[-1] == "arming denied: receiver lost"
 
 
 def test_a_mission_does_not_miss_the_sticks() -> None:

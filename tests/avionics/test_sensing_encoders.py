@@ -293,7 +293,7 @@ def test_what_changed_is_said_once() -> None:
     rig.run(1.0)
     said = [said for before, now in pairwise(rig.rows) for said in encoders.changes(before.wing, now.wing)]
     assert [severity for severity, _ in said] == [Severity.ERROR, Severity.NOTICE, Severity.WARNING]
-    assert said[0][1].startswith("left encoder not believed")
+    assert said[0][1].startswith("left encoder rejected")
     assert "10 counts missed" in said[2][1]
 
 

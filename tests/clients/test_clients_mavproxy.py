@@ -71,7 +71,7 @@ def exchange_a_mission(mavproxy: Console, profile: Profile, folder: Path) -> Non
     write_plan(wanted, folder / "wanted.txt")
     mavproxy.say(f"wp load {folder / 'wanted.txt'}")
     mavproxy.see(f"Loaded {len(wanted)} waypoints in")
-    mavproxy.see(f"mission of {len(wanted) - profile.first_item} items")
+    mavproxy.see(f"mission accepted ({len(wanted) - profile.first_item} items)")
     mavproxy.say(f"wp save {there}")
     mavproxy.see(f"Requesting {len(wanted)} waypoints")
     mavproxy.see(f"Saved {len(wanted)} waypoints to")
@@ -99,7 +99,7 @@ def change_modes(mavproxy: Console, profile: Profile) -> None:
         mavproxy.say(f"mode {profile.names[mode]}")
         mavproxy.see(f"{profile.names[mode]}> ")
     mavproxy.say("disarm")
-    mavproxy.see("disarming refused: in flight")
+    mavproxy.see("disarm denied: in flight")
 
 
 def land(mavproxy: Console, profile: Profile) -> None:

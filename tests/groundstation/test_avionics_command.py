@@ -57,7 +57,7 @@ def test_it_says_who_flies_what_it_waits_for_what_happens_and_why_it_ended(
         "first sensor frame at 0.005 s",
         "   2.0 s  armed",
         "   2.0 s  mode AUTO",
-        f"over after 2.5 s: the simulation is over; recorded in {tmp_path / 'flight.mcap'}",
+        f"over after 2.5 s: simulation ended; recorded in {tmp_path / 'flight.mcap'}",
     ]
 
 
@@ -85,7 +85,7 @@ def test_with_json_it_says_one_document_at_the_end(
     document = json.loads(said.out)
     assert (code, said.err, set(document)) == (0, "", set(avionics.JSON_KEYS))
     assert (document["board"], document["frames"], document["time"]) == (board, 500, 2.5)
-    assert document["ended"] == "the simulation is over"
+    assert document["ended"] == "simulation ended"
     assert [event["text"] for event in document["events"]] == ["armed", "mode AUTO"]
     with open_log(tmp_path / "flight.mcap") as log:
         # Nobody beside it records the world: what it believes is what viewers can be shown.
@@ -133,4 +133,4 @@ def test_who_is_refused_for_want_of_a_key_is_told_once_though_nobody_is_answered
         port = int(probe.getsockname()[1])
     with unsigned_station(port):
         flown(tmp_path, monkeypatch, "--gcs", f"udpin:127.0.0.1:{port}", "--signing-key", str(key))
-    assert capsys.readouterr().err.count(f"unsigned frames are refused on udpin:127.0.0.1:{port}") == 1
+    assert capsys.readouterr().err.count(f"unsigned frames rejected on udpin:127.0.0.1:{port}") == 1

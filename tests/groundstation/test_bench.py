@@ -73,8 +73,8 @@ def test_a_pulled_plug_is_one_clear_line(
     monkeypatch.setattr(razor, "pump", lambda: razor.line.close() if next(turns) == 60 else pump())
     assert run(tmp_path, razor, *(["--json"] if as_json else [])) == 2
     said = capsys.readouterr()
-    complaint = f"wingbeat: the Razor at {razor.line.device} is gone: unplugged?"
-    assert said.err.splitlines()[-1] == complaint and said.err.count("unplugged") == 1
+    complaint = f"wingbeat: Razor at {razor.line.device} disconnected: check the cable"
+    assert said.err.splitlines()[-1] == complaint and said.err.count("disconnected") == 1
     if as_json:
         assert said.err.count("\n") == 1 and json.loads(said.out)["ended"] == complaint.removeprefix("wingbeat: ")
 

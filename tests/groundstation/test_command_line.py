@@ -252,7 +252,7 @@ def test_the_parameters_of_another_vehicle_are_refused_and_left_alone(
     ParameterFile(path, load_vehicle("robo_raven_ii_d")).save({"PITCH_P": 0.7})
     before = path.read_bytes()
     assert main([*command, "--vehicle", "arizona_100cm", "--parameters", "raven.json"]) == 2
-    assert "raven.json is of another vehicle, robo_raven_ii_d, and is left as it is" in complaint(capsys)
+    assert "raven.json belongs to vehicle robo_raven_ii_d and is not changed" in complaint(capsys)
     assert list(tmp_path.iterdir()) == [path] and path.read_bytes() == before
 
 

@@ -232,7 +232,7 @@ def test_a_transmitter_moved_by_a_table_arms_flies_hands_over_and_is_lost(tmp_pa
     assert said["failsafe: receiver lost"] == pytest.approx(22.5, abs=0.2)
     assert mode[-1] == Mode.AUTO
     assert truth["down"][0] - truth["down"][-1] > 5.0
-    assert not [text for text in said if "arming refused" in text]
+    assert not [text for text in said if "arming denied" in text]
 
 
 def test_a_table_of_sticks_that_cannot_be_flown_starts_nothing(

@@ -55,20 +55,20 @@ def test_a_refusal_is_one_line(tmp_path: Path, capsys: Capture) -> None:
     with aboard(tmp_path / "raven.json") as url:
         assert gcs(url, "calibrate", "airspeed", "--in-flight") == 1
         said = capsys.readouterr()
-        assert said.err.endswith("calibration refused: not in flight\n") and said.out == ""
+        assert said.err.endswith("calibration denied: not in flight\n") and said.out == ""
         assert gcs(url, "calibrate", "battery", "--voltage", "20") == 1
         said = capsys.readouterr()
         assert said.err.count("\n") == 1
-        assert said.err.endswith("BATTERY not calibrated: 20.00 V were given, 8.00 V are measured\n")
-        assert said.out.startswith("battery: keep the drives at rest") and "not calibrated" not in said.out
+        assert said.err.endswith("BATTERY calibration failed: given 20.00 V differs from measured 8.00 V\n")
+        assert said.out.startswith("battery: keep the drives at rest") and "failed" not in said.out
 
 
 def test_what_is_out_of_range_is_told_in_the_unit_in_which_it_was_given(tmp_path: Path, capsys: Capture) -> None:
     with aboard(tmp_path / "raven.json") as url:
         assert gcs(url, "calibrate", "wings", "--angle", "500") == 1
-        assert capsys.readouterr().err.endswith("calibration refused: 500 is outside its range, -90 to 90 degrees\n")
+        assert capsys.readouterr().err.endswith("calibration denied: 500 is out of range -90 to 90 degrees\n")
         assert gcs(url, "calibrate", "battery", "--voltage", "800") == 1
-        assert capsys.readouterr().err.endswith("calibration refused: 800 is outside its range, 0 to 100 V\n")
+        assert capsys.readouterr().err.endswith("calibration denied: 800 is out of range 0 to 100 V\n")
     assert gcs("udpout:127.0.0.1:9", "excite", "doublet", "throttle", "--amplitude", "5", "--width", "0.2") == 2
     assert capsys.readouterr().err.endswith("is outside 0.005 to 0.5\n")
 
@@ -77,7 +77,7 @@ def test_an_excitation_on_the_ground_is_refused_and_a_bad_one_never_sent(tmp_pat
     with aboard(tmp_path / "raven.json") as url:
         sweep = ("sweep", "elevator", "--amplitude", "3", "--start", "0.5", "--end", "3", "--duration", "10")
         assert gcs(url, "excite", *sweep, "--loops", "active") == 1
-        assert "excitation refused: mode must be" in capsys.readouterr().err
+        assert "excitation denied: mode must be" in capsys.readouterr().err
     band = ("--period", "10", "--low", "0.3")
     assert gcs("udpout:127.0.0.1:9", "excite", "multisine", "--rudder", "5", *band, "--high", "0.3") == 2
     assert "holds 1 harmonics" in capsys.readouterr().err

@@ -159,7 +159,7 @@ def test_a_command_that_was_accepted_just_before_is_forgotten_and_that_is_said_o
     board = bench(meanwhile)
     assert board.obeyed() == []
     said = [each.text for topic, each in board.memory.kept if isinstance(each, Event) and "no sensor" in each.text]
-    assert said == ["no sensor frames: SET_MODE not obeyed"]
+    assert said == ["no sensor frames: SET_MODE dropped"]
     assert board.texts() == said
 
 
@@ -172,7 +172,7 @@ def test_a_frame_that_is_a_little_late_costs_no_command() -> None:
 
 
 def test_a_flight_computer_that_stood_still_forgets_too() -> None:
-    """GIVEN a command that waits WHEN the whole computer is suspended THEN it is not obeyed at the next tick."""
+    """GIVEN a command that waits WHEN the whole computer is suspended THEN it is dropped at the next tick."""
 
     def meanwhile(board: Bench) -> Iterator[float]:
         stabilize(board)

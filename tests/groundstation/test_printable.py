@@ -1,4 +1,4 @@
-"""Text of files and links on the terminal: control characters, undecodable bytes and markup are shown, not obeyed."""
+"""Text of files and links on the terminal: control characters, undecodable bytes and markup are shown, dropped."""
 
 from __future__ import annotations
 

@@ -110,6 +110,22 @@ def noted(path: Path, messages: Sequence[tuple[Topic, Any]]) -> Log:
     return open_log(path)
 
 
+def test_settings_of_recordings_without_changes_topic(tmp_path: Path) -> None:
+    """GIVEN a recording before `/system/changes` THEN settings and missions come from the texts of its events."""
+    mission = Command(3_000_000, CommandKind.SET_MISSION, payload=CLIMB[:1])
+    commands = [setting(1_000_000, "PITCH_P", 99.0), setting(2_000_000, "ROLL_P", 0.25), mission]
+    texts = [
+        (1_000_000, "parameters", Severity.INFO, "PITCH_P = 10 rad/s: 99 is not in its range, 0 to 10 rad/s"),
+        (2_000_000, "parameters", Severity.WARNING, "ROLL_P refused: armed"),
+        (3_000_000, "mission", Severity.INFO, "mission of 1 item"),
+    ]
+    messages: list[tuple[Topic, Any]] = [(INPUTS, Text(each.time_us, encode_command(each))) for each in commands]
+    messages += [(EVENTS, Event(time_us, severity, source, text)) for time_us, source, severity, text in texts]
+    log = noted(tmp_path / "a.mcap", messages)
+    assert log.parameters.changes == (Change(pytest.approx(1.0), "PITCH_P", 10.0, "udpin"),)
+    assert [mission.time for mission in log.missions] == [0.0, pytest.approx(3.0)]
+
+
 def test_missions_are_the_one_at_boot_and_those_that_were_taken(tmp_path: Path) -> None:
     asked = (CLIMB[0], MissionItem(ItemKind.EXCITE, excitation=INPUT), MissionItem(ItemKind.RETURN))
     empty = (MissionItem(ItemKind.JUMP, jump_to=7),)

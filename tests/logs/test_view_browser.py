@@ -18,7 +18,7 @@ from wingbeat.topic import Topic
 
 PROGRAM = find_browser()
 pytestmark = pytest.mark.skipif(PROGRAM is None, reason="no Chromium on the PATH, and WINGBEAT_CHROMIUM names none")
-EVENTS = ((1.0, "armed"), (2.0, "launched"), (15.0, "item 0 done"))
+EVENTS = ((1.0, "armed"), (2.0, "launched"), (15.0, "waypoint 0 reached (takeoff 14 m)"))
 # Pixels of a canvas in how many colours, and a number that changes with them.
 PAINTED = """(canvas => {
     const data = new Uint32Array(canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data.buffer);
@@ -142,7 +142,7 @@ def test_playing_goes_as_fast_as_chosen_and_ends_with_the_flight(browser: Browse
 def test_events_are_listed_and_can_be_gone_to(browser: Browser, whole: Path) -> None:
     shown(browser, whole)
     listed = browser.value("[...document.querySelectorAll('#events li')].map(entry => entry.textContent)")
-    assert listed == ["00:01.0armed", "00:02.0launched", "00:15.0item 0 done"]
+    assert listed == ["00:01.0armed", "00:02.0launched", "00:15.0waypoint 0 reached (takeoff 14 m)"]
     browser.value("document.querySelectorAll('#events button')[2].click()")
     assert browser.value("page.time") == pytest.approx(15.0)
     assert browser.value("document.querySelector('#events .now').textContent") == listed[2]
@@ -152,7 +152,10 @@ def test_a_mark_of_an_event_says_what_it_is(browser: Browser, whole: Path) -> No
     shown(browser, whole)
     left, top, *_ = place_of(browser, "#bands")
     mouse(browser, "mouseMoved", left + browser.value("page.plots.x(15.0)"), top + 46.0)
-    assert "item 0 done" in browser.value("tip.textContent") and browser.value("tip.hidden") is False
+    assert (
+        "waypoint 0 reached (takeoff 14 m)" in browser.value("tip.textContent")
+        and browser.value("tip.hidden") is False
+    )
 
 
 def test_a_drag_zooms_a_wheel_zooms_and_a_double_click_shows_all(browser: Browser, whole: Path) -> None:

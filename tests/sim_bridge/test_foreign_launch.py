@@ -88,7 +88,7 @@ class Flight:
         flap = log[topics.FLAP.name]
         self.flapping_from = next((one.time_us * 1e-6 for one in flap if one.amplitude > 0.0), math.inf)
         launches = [
-            one.time_us * 1e-6 for one in log.get(truth_topics.EVENTS.name, []) if one.text.startswith("thrown")
+            one.time_us * 1e-6 for one in log.get(truth_topics.EVENTS.name, []) if one.text.startswith("launched")
         ]
         self.launched_at = launches[0] if launches else math.inf
 

@@ -185,7 +185,7 @@ def test_a_long_step_is_cut_so_that_the_stroke_is_followed_and_the_throw_is_told
         flight.advance(Outputs(throttle=1.0, armed=1), 0.02)
     assert world.time_us == 600_000
     assert {duration for _, duration in world.asked} == {LONGEST_STEP}
-    assert told == ["    0.5 s  thrown, with a throttle of 100 %"]
-    assert [event.text for event in log.messages[truth_topics.EVENTS.name]] == ["thrown, with a throttle of 100 %"]
+    assert told == ["    0.5 s  launched, throttle 100 %"]
+    assert [event.text for event in log.messages[truth_topics.EVENTS.name]] == ["launched, throttle 100 %"]
     flapped = log.messages[topics.ACTUATORS.name]
     assert len(flapped) == 120 and len({command.wing_left for command in flapped}) > 40

@@ -116,7 +116,7 @@ def test_who_waits_for_arming_throws_an_armed_vehicle_alone_and_says_so() -> Non
         world.step(glide(0) if any(begin <= now < end for begin, end in armed) else NEUTRAL)
     assert [text for _, text in said] == [
         "armed: the launcher throws in 5 s",
-        "disarmed: the launcher waits",
+        "disarmed: launcher waiting",
         "armed: the launcher throws in 5 s",
         "thrown",
     ]

@@ -92,10 +92,10 @@ class Flight:
         return [event.text for event in self.of(topics.EVENTS)]
 
     def event_time(self, text: str) -> float:
-        """Time (s) of the first event with this text; an error lists what was said instead."""
-        times = {event.text: event.time_us * 1e-6 for event in reversed(self.of(topics.EVENTS))}
-        assert text in times, f"{text!r} not among {self.events()}"
-        return float(times[text])
+        """Time (s) of the first event that starts with this text."""
+        times = [event.time_us * 1e-6 for event in self.of(topics.EVENTS) if event.text.startswith(text)]
+        assert times, f"{text!r} not among {self.events()}"
+        return float(times[0])
 
     @property
     def truth(self) -> Mapping[str, Any]:

@@ -52,9 +52,9 @@ class Promise(NamedTuple):
         return "; ".join(parts)
 
 
-_ENCODER = "its counts stand still while told to flap, current and roll as before"
-_JAM = "as above, but the drive draws a stalled motor's current or one wing rocks the body"
-_GLIDE = "stop flapping, wings level, LAND; the free wing goes beside the jammed one"
+_ENCODER = "counts constant while flapping is commanded, current and roll unchanged"
+_JAM = "as above, but the drive current is that of a stalled motor, or one wing rolls the body"
+_GLIDE = "stop flapping, wings level, LAND; the free wing moves to the angle of the jammed one"
 
 PROMISES: dict[str, Promise] = {
     "gps_lost": Promise(
@@ -62,25 +62,25 @@ PROMISES: dict[str, Promise] = {
         2.5, 10.0, (-2.0, 2.0),
     ),
     "pitot_blocked": Promise(
-        "standstill in motion, or apart from ground velocity and remembered wind; without fixes standstill above the"
-        " flare on beating wings",
-        "carry on by that airspeed", "failsafe: airspeed not believed", 2.0, 10.0, (-4.0, 3.0),
+        "zero airspeed in motion, or in contradiction to ground velocity and stored wind; without fixes zero airspeed"
+        " above the flare with flapping wings",
+        "continue with that airspeed", "failsafe: airspeed invalid", 2.0, 10.0, (-4.0, 3.0),
     ),
     "mag_disturbed": Promise(
-        "strength or dip of the field off its reference for 1 s", "carry on by gyro",
+        "strength or dip of the field differs from its reference for 1 s", "continue with the gyro heading",
         "failsafe: magnetic field disturbed", 3.0, 10.0, (-2.0, 2.0),
     ),
     "encoder_left_lost": Promise(
-        _ENCODER, "carry on, the other wing stands for both", "failsafe: left wing encoder lost", 2.5, 10.0,
+        _ENCODER, "continue, the other wing represents both", "failsafe: left wing encoder lost", 2.5, 10.0,
         (-2.0, 2.0),
     ),
     "encoder_right_lost": Promise(
-        _ENCODER, "carry on, the other wing stands for both", "failsafe: right wing encoder lost", 2.5, 10.0,
+        _ENCODER, "continue, the other wing represents both", "failsafe: right wing encoder lost", 2.5, 10.0,
         (-2.0, 2.0),
     ),
     "imu_frozen": Promise(
-        "10 equal samples in a row, or none that can be for 0.2 s", "stop flapping, tail to its trim",
-        "failsafe: flapping stopped, IMU samples refused", 0.4, 180.0, None, stops=True, flown=5.0,
+        "10 equal samples in a row, or no plausible one for 0.2 s", "stop flapping, tail to its trim",
+        "failsafe: flapping stopped, IMU samples rejected", 0.4, 180.0, None, stops=True, flown=5.0,
     ),
     "imu_saturated": Promise(
         "an axis of the accelerometer at the end of its range, 3 samples in a row",
@@ -89,31 +89,32 @@ PROMISES: dict[str, Promise] = {
     ),
     "gyro_saturated": Promise(
         "an axis of the gyro at the end of its range for 0.2 s", "stop flapping, tail to its trim",
-        "failsafe: flapping stopped, IMU samples refused", 0.4, 180.0, None, stops=True, flown=5.0,
+        "failsafe: flapping stopped, IMU samples rejected", 0.4, 180.0, None, stops=True, flown=5.0,
     ),
     "baro_spike": Promise(
-        "gate of the altitude filter", "refuse the sample", "failsafe: barometer refused", 0.2, 10.0, (-2.0, 2.0)
+        "gate of the altitude filter", "reject the sample", "failsafe: barometer rejected", 0.2, 10.0, (-2.0, 2.0)
     ),
     "baro_frozen": Promise(
         "static pressure the same for 0.5 s", "altitude by IMU and GPS; LAND",
         "failsafe: landing, barometer lost", 0.7, 30.0, None, touchdown=True, flown=45.0,
     ),
     "baro_lost": Promise(
-        "no pressure sample for 0.5 s", "altitude by IMU and GPS, airspeed by GPS and remembered wind; LAND",
+        "no pressure sample for 0.5 s", "altitude by IMU and GPS, airspeed by GPS and stored wind; LAND",
         "failsafe: landing, barometer lost", 0.7, 30.0, None, touchdown=True, flown=45.0,
     ),
     "battery_low": Promise(
-        "charge counted, or open-circuit voltage: under 20 %", "RETURN", "failsafe: returning, battery low", 8.0,
+        "charge or open-circuit voltage: under 20 %", "RETURN", "failsafe: returning, battery low", 8.0,
         45.0, (-3.0, 27.0),
     ),
     "battery_critical": Promise(
-        "the same: under 8 %", "LAND", "failsafe: landing, battery nearly empty", 8.0, 45.0, None, touchdown=True,
+        "the same: under 8 %", "LAND", "failsafe: landing, battery critical", 8.0, 45.0, None, touchdown=True,
         flown=45.0,
     ),
     "tail_jammed": Promise(
         "CUSUM test: no pitch acceleration by the elevator; in steady flight once the elevator has to move",
         "LAND by throttle alone, slowly, sinking at 0.8 m/s or less",
-        "failsafe: landing, tail does not answer", 8.0, 30.0, None, touchdown=True, flown=100.0, phases=tuple(PHASES),
+        "failsafe: landing, tail servo not responding", 8.0, 30.0, None, touchdown=True, flown=100.0,
+        phases=tuple(PHASES),
     ),
     "wing_left_jammed": Promise(
         _JAM, _GLIDE, "failsafe: flapping stopped, wing jammed", 1.5, 30.0, None, touchdown=True, stops=True,
@@ -124,20 +125,21 @@ PROMISES: dict[str, Promise] = {
         flown=45.0,
     ),
     "time_backwards": Promise(
-        "a frame not later than the last, or over 1 s later",
-        "refuse, actuators held; after 20 frames follow the new clock", "sensor clock", 0.2, 10.0, (-2.0, 2.0),
+        "frame not later than the last, or over 1 s later",
+        "reject, keep actuators; after 20 frames accept the new clock", "sensor clock", 0.2, 10.0, (-2.0, 2.0),
     ),
     "receiver_lost": Promise(
         "its own flag, a stick's pulse out of range, no frame for 0.5 s",
-        "flown by autopilot: carry on; by stick: neutral, LOITER, after 5 s RETURN; LAND where that was asked before",
+        "autopilot modes: continue; stick modes: neutral, LOITER, after 5 s RETURN; LAND if commanded before",
         "failsafe: receiver lost", 0.7, 10.0, (-2.0, 2.0),
     ),
     "sim_silent": Promise(
-        "no sensor frame for 5 s of wall-clock time", "say who did not answer, close the log, exit 2",
+        "no sensor frame for 5 s of wall-clock time", "report the timeout, close the log, exit 2",
         "sent no sensor frame", 6.0, 0.0, None,
     ),
     "link_lost": Promise(
-        "no word from a station heard for 3 s or more, for 5 s; 5 s more on board", "RETURN; by receiver: carry on",
+        "no message for 5 s from a station that was connected for 3 s or more; 5 s more on board",
+        "RETURN; with receiver: continue",
         "failsafe: returning, ground link lost", 5.5, 45.0, (-3.0, 27.0),
     ),
 }  # fmt: skip

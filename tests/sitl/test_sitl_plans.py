@@ -65,7 +65,7 @@ def test_a_plan_whose_leg_leads_out_of_its_fence_ends_at_its_rally_point(tmp_pat
     time, north, east = truth["time_us"] * 1e-6, truth["north"], truth["east"]
     breached = flight.event_time("failsafe: returning, outside the fence")
     assert np.interp(breached, time, np.hypot(north, east)) == pytest.approx(BORDER, abs=5.0)
-    assert flight.event_time("item 0 done") < breached
+    assert flight.event_time("waypoint 0 reached (takeoff 15 m)") < breached
     assert [(told.kind, told.breaches) for told in flight.of(topics.FENCE)[-1:]] == [(Breach.BORDER, 1)]
     from_rally = np.hypot(north - RALLY[0], east - RALLY[1])
     late = time > time[-1] - 4.0
@@ -115,7 +115,7 @@ def test_circle_without_a_place_is_flown_about_where_the_item_before_ended(tmp_p
     assert [(each.here, each.altitude) for each in loaded.mission[2:]] == [(0, 15.0), (1, 15.0)]
     flight = flown(RAVEN, Scenario(seed=1, duration=52.0), loaded.mission)
     time, truth = flight.truth["time_us"] * 1e-6, flight.truth
-    begun, done = flight.event_time("item 2 done"), flight.event_time("item 3 done")
+    begun, done = flight.event_time("waypoint 2 "), flight.event_time("waypoint 3 completed (circle")
     assert begun < done
     circling = (time > 0.5 * (begun + done)) & (time < done)
     assert np.hypot(truth["north"][circling] - 90.0, truth["east"][circling]) == pytest.approx(25.0, abs=6.0)
@@ -135,7 +135,7 @@ def test_the_command_flies_a_file_from_the_hand_to_the_ground(name: str, tmp_pat
     with open_log(log) as flight:
         said = [event.text for event in flight.events()]
         navigation, truth = flight.columns(topics.NAVIGATION), flight.columns("/truth/state")
-    assert [f"item {number} done" in said for number in range(3)] == [True] * 3
+    assert [any(text.startswith(f"waypoint {number} ") for text in said) for number in range(3)] == [True] * 3
     assert "touchdown, disarmed" in said
     assert not [text for text in said if "failsafe" in text]
     assert navigation["stage"][-1] == Stage.LANDED

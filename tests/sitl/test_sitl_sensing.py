@@ -268,7 +268,7 @@ def test_a_dead_encoder_costs_neither_phase_nor_attitude(raven: Flown) -> None:
 
     Strokes differ from one to the next here, on the way down: the measure is what two good encoders would have told.
     """
-    when = raven.flight.event_time("left encoder not believed: it stands still or counts the wrong way")
+    when = raven.flight.event_time("left encoder rejected: stuck or reversed")
     assert DEAD_FROM <= when < DEAD_FROM + 0.5
     flight = raven.flight
     one, two = stroke_errors(flight), stroke_errors(flight, told_by_good_encoders(flight))

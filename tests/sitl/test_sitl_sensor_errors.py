@@ -74,7 +74,7 @@ def errors(flight: Flight) -> tuple[Any, Any]:
 
 def refusal(flight: Flight) -> str:
     """The reason of a refused arming; empty if the vehicle was armed at `ARMED`."""
-    reasons = [text for text in flight.events() if text.startswith("arming refused")]
+    reasons = [text for text in flight.events() if text.startswith("arming denied")]
     if not reasons:
         assert flight.event_time("armed") == pytest.approx(ARMED, abs=0.01)
     return "; ".join(reasons)

@@ -46,7 +46,7 @@ def test_a_silent_simulator_is_named_the_log_is_whole_and_the_command_ends_with_
     last = SILENT_AT - 0.005
     assert code == 2
     assert said[-1] == (
-        f"wingbeat: the world at {board[4:]} sent no sensor frame for 0.3 s after the one of t = {last:.3f} s"
+        f"wingbeat: simulator at {board[4:]} sent no sensor frame for 0.3 s, last at t = {last:.3f} s"
     )
     assert not [line for line in said[:-1] if line.startswith("wingbeat: ")]
     assert told[0].ended == f"no sensor frame from {SILENT_AT:g} s on: fault sim_silent"

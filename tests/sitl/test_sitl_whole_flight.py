@@ -13,6 +13,7 @@ from flown import ARIZONA, RAVEN, Flight, flown
 from identified import INPUTS_OVER, Result, identified
 
 from avionics import topics
+from avionics.guidance.mission import completion_text
 from avionics.messages import Stage
 from groundstation.command import identify
 from logs.reader import open_log
@@ -128,8 +129,8 @@ def test_the_loops_are_frozen_while_an_input_lasts(raven: Flight) -> None:
 
 
 def test_every_item_is_flown_in_its_order(raven: Flight) -> None:
-    done = [event for event in raven.events() if event.startswith("item ")]
-    assert done == [f"item {number} done" for number in range(len(raven.mission) - 1)]
+    done = [event for event in raven.events() if event.startswith("waypoint ")]
+    assert done == [completion_text(number, item) for number, item in enumerate(raven.mission[:-1])]
 
 
 def test_the_wings_are_still_in_the_hand(raven: Flight) -> None:

@@ -59,7 +59,7 @@ class CalibrationRequests:
         command = Command(
             self._vehicle.time_us, CommandKind.CALIBRATE, kind.name, argument, None, request.sender.name
         )
-        reason = "calibration refused: one has just begun" if self._fresh else self._vehicle.refusal(command)
+        reason = "calibration denied: one has just begun" if self._fresh else self._vehicle.refusal(command)
         if reason:
             return refused(reason)
         self._fresh = request

@@ -165,19 +165,19 @@ class ArduPilotServer:
         try:
             servos = wire.decode_servos(data)
         except wire.Malformed as reason:
-            self._refuse("malformed", f"a datagram from {_named(address)} is no servo packet: {reason}")
+            self._refuse("malformed", f"a datagram from {_named(address)} rejected: {reason}")
             return None
         same = address == self._peer
         order = order_of(self._last if same or servos.frame_count else None, servos.frame_count)
         if not same and order is not Order.START:
-            self._refuse("strangers", f"a second autopilot at {_named(address)} is refused")
+            self._refuse("strangers", f"second autopilot at {_named(address)} rejected")
             return None
         self._peer = address
         return servos, order
 
     def _refuse(self, what: str, text: str) -> None:
         if getattr(self.statistics, what) == 0:
-            self._report(f"{text} (told once, counted on)")
+            self._report(f"{text} (further ones are counted)")
         self._count(**{what: 1})
 
     def _begin(self, next_stage: NextStage, servos: wire.Servos) -> ArduPilotFlight:
@@ -193,7 +193,7 @@ class ArduPilotServer:
     def _respond(self, flight: ArduPilotFlight, servos: wire.Servos, order: Order) -> None:
         if self._stalled:
             self._stalled = False
-            flight.flight.report_stage("ArduPilot is back")
+            flight.flight.report_stage("ArduPilot resumed")
         if order is Order.STALE:
             self._count(stale=1)
             return
@@ -214,16 +214,16 @@ class ArduPilotServer:
         if self._stalled or flight is None:
             return
         self._stalled = True
-        text = f"ArduPilot at {_named(self._peer)} is silent after frame {self._last}; waiting for it"
+        text = f"ArduPilot at {_named(self._peer)} timed out after frame {self._last}; waiting"
         flight.flight.report_stage(text, Severity.WARNING)
 
     def _abandoned(self) -> BridgeStatistics:
         text = f"{self._socket_name} for {self._timeouts.connect:g} s"
         if self.statistics.flights == 0:
             refused = self.statistics.malformed
-            seen = f" ({refused} datagrams were no servo packets)" if refused else ""
-            raise AutopilotSilent(f"no ArduPilot spoke to {text}{seen}")
-        return self.statistics._replace(ended=f"ArduPilot said nothing to {text}")
+            seen = f" ({refused} datagrams rejected)" if refused else ""
+            raise AutopilotSilent(f"no packet of ArduPilot received on {text}{seen}")
+        return self.statistics._replace(ended=f"ArduPilot timed out on {text}")
 
     @property
     def _socket_name(self) -> str:

@@ -47,13 +47,13 @@ def decode_servos(data: bytes) -> Servos:
         Malformed: another magic number or length, or a frame rate of 0.
     """
     if len(data) < _MAGIC.size:
-        raise Malformed(f"{len(data)} bytes are too few")
+        raise Malformed(f"{len(data)} bytes, too short")
     magic = _MAGIC.unpack_from(data)[0]
     packet = _PACKETS.get(magic)
     if packet is None:
-        raise Malformed(f"it begins with {magic}, not with {MAGIC_16} or {MAGIC_32}")
+        raise Malformed(f"magic number {magic}, expected {MAGIC_16} or {MAGIC_32}")
     if len(data) != packet.size:
-        raise Malformed(f"it has {len(data)} bytes, not the {packet.size} of magic number {magic}")
+        raise Malformed(f"{len(data)} bytes, expected {packet.size} for magic number {magic}")
     _, frame_rate, frame_count, *widths = packet.unpack(data)
     if frame_rate == 0:
         raise Malformed("its frame rate is 0")

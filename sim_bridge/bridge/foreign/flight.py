@@ -116,7 +116,7 @@ class ForeignFlight:
     def _watch_flight(self, outputs: Outputs) -> None:
         if self._reported is Reported.IN_HAND and self.world.thrown:
             self._reported = Reported.LAUNCHED
-            self.report_stage(f"thrown, with a throttle of {100.0 * outputs.throttle:.0f} %")
+            self.report_stage(f"launched, throttle {100.0 * outputs.throttle:.0f} %")
         elif self._reported is Reported.LAUNCHED and not self.world.truth().on_ground:
             self._reported = Reported.FLYING
         elif self._reported is Reported.FLYING and self.world.truth().on_ground:

@@ -131,9 +131,9 @@ class Px4Server:
     def _abandoned(self, total: BridgeStatistics) -> BridgeStatistics:
         text = f"{self._listener.url} for {self._timeouts.connect:g} s"
         if total.flights == 0:
-            others = f" ({total.strangers} connections were no PX4)" if total.strangers else ""
+            others = f" ({total.strangers} connections rejected: not PX4)" if total.strangers else ""
             raise AutopilotSilent(f"no PX4 connected to {text}{others}")
-        return total._replace(ended=f"no PX4 came back to {text}")
+        return total._replace(ended=f"PX4 did not reconnect to {text}")
 
     def close(self) -> None:
         """Release the port."""
@@ -170,10 +170,10 @@ class Px4Session:
         while self._autopilot is None and not self.hung_up and self._clock() < deadline:
             self._listen(0.05)
         if self._autopilot == mavlink.MAV_AUTOPILOT_PX4:
-            self._report(f"PX4 connected from {self._stream.name}: the vehicle is in the launcher's hand")
+            self._report(f"PX4 connected from {self._stream.name}: vehicle on the launcher")
             return True
         said = "sent no HEARTBEAT" if self._autopilot is None else f"is MAV_AUTOPILOT {self._autopilot}, not PX4 (12)"
-        self._report(f"whoever connected from {self._stream.name} {said}: hung up")
+        self._report(f"peer {self._stream.name} {said}: disconnected")
         self._count(strangers=1, bad_bytes=self._reader.bad_bytes)
         self.hung_up = True
         return False
@@ -203,8 +203,10 @@ class Px4Session:
             self._await_hanging_up()
             self.hung_up, ended = False, str(silence)
         if self.hung_up:
-            ended = "PX4 hung up"
-            flight.report_stage(f"PX4 at {self._stream.name} hung up; when it is back it starts from the hand again")
+            ended = "PX4 disconnected"
+            flight.report_stage(
+                f"PX4 at {self._stream.name} disconnected; it restarts on the launcher when it reconnects"
+            )
         self._count(bad_bytes=self._reader.bad_bytes)
         self.statistics = self.statistics._replace(ended=ended)
 
@@ -289,15 +291,15 @@ class Px4Session:
         silent = self._clock() - self._received_at
         if self._stalled and silent < self._timeouts.stall:
             self._stalled = False
-            flight.report_stage("PX4 answers again")
+            flight.report_stage("PX4 resumed")
         if silent < self._timeouts.stall or not self._echo.has_started:
             return
-        last = f"it answered last at t = {self._echo.at_us * 1e-6:.3f} s"
+        last = f"last response at t = {self._echo.at_us * 1e-6:.3f} s"
         if not self._stalled:
             self._stalled = True
-            flight.report_stage(f"PX4 at {self._stream.name} is silent; {last}", Severity.WARNING)
+            flight.report_stage(f"PX4 at {self._stream.name} timed out; {last}", Severity.WARNING)
         if silent >= self._timeouts.silence:
-            raise AutopilotSilent(f"PX4 at {self._stream.name} has been silent for {silent:.0f} s; {last}")
+            raise AutopilotSilent(f"PX4 at {self._stream.name} timed out after {silent:.0f} s; {last}")
 
     def _await_hanging_up(self) -> None:
         deadline = self._clock() + self._timeouts.hello
