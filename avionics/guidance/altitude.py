@@ -11,6 +11,7 @@ from typing import Annotated, NamedTuple
 from avionics.limits import clip, low_pass, slew
 from avionics.messages import AltitudeStatus
 from wingbeat.units import Quantity
+from wingbeat.vehicle_file import Label
 
 STEEP, STEEPEST = 0.7, 1.0
 """rad; bank from which thrust is given up, and at which nothing is left of it; beyond any bank asked for"""
@@ -75,6 +76,8 @@ class Gains(NamedTuple):
     """m/s; greatest airspeed setpoint; 0 if no airspeed setpoint is accepted"""
     speed_time: Annotated[float, Quantity("s", 0.5, 60.0)] = 4.0
     """s; time constant with which the airspeed follows its setpoint"""
+    law: Annotated[str, Label()] = "cascade"
+    """-; control law of the loop, a name of the table in `avionics.control_laws`"""
 
 
 class State(NamedTuple):

@@ -8,6 +8,7 @@ from typing import Annotated, NamedTuple
 from avionics.limits import clip, slew, wrap
 from avionics.messages import HeadingStatus
 from wingbeat.units import Quantity
+from wingbeat.vehicle_file import Label
 
 
 class Gains(NamedTuple):
@@ -26,6 +27,8 @@ class Gains(NamedTuple):
     course_speed: Annotated[float, Quantity("m/s", 0.0, 20.0)] = 2.5
     """m/s; ground speed from which the course over ground is steered instead of the yaw. Default: the course is
     known to 0.2 rad from there"""
+    law: Annotated[str, Label()] = "pi"
+    """-; control law of the loop, a name of the table in `avionics.control_laws`"""
 
 
 class State(NamedTuple):

@@ -14,6 +14,7 @@ from avionics.stabilization import stroke_filter
 from avionics.stabilization.dynamic_pressure import share
 from wingbeat.records import constructor
 from wingbeat.units import Quantity
+from wingbeat.vehicle_file import Label
 
 
 class Gains(NamedTuple):
@@ -47,6 +48,8 @@ class Gains(NamedTuple):
     tail, and the loop back before the attitude has moved on"""
     airspeed: Annotated[float, Quantity("m/s", 0.0, 50.0)] = 0.0
     """m/s; at which the gains hold; they go with the dynamic pressure, 0 for the same gains at any airspeed"""
+    law: Annotated[str, Label()] = "pid"
+    """-; control law of the loop, a name of the table in `avionics.control_laws`"""
 
 
 class State(NamedTuple):
@@ -64,6 +67,8 @@ class State(NamedTuple):
     rate_notch: stroke_filter.State = stroke_filter.State()
     bridge: float = 0.0
     """rad; of elevator: what a frozen loop held beyond what the loop asks, fading out"""
+    setpoint: float = 0.0
+    """rad; filtered setpoint of the law `i_pd`"""
 
 
 class Measured(NamedTuple):
@@ -111,8 +116,8 @@ def step(
     status = _new_pitch_status(
         time_us, setpoint, error, proportional, grown, damping, elevator, 1 if saturated else 0
     )
-    _, _, rate, pitch, pitch_notch, rate_notch, _ = state
-    return _new_state(grown, mean, rate, pitch, pitch_notch, rate_notch, bridge), status
+    _, _, rate, pitch, pitch_notch, rate_notch, _, filtered = state
+    return _new_state(grown, mean, rate, pitch, pitch_notch, rate_notch, bridge, filtered), status
 
 
 def hold_trim(
@@ -127,8 +132,7 @@ def hold_trim(
     elevator = clip(state.elevator_mean, gains.elevator_min, gains.elevator_max)
     strength = share(gains.airspeed, measured.airspeed)
     turning = strength * (gains.proportional * error - gains.damping * state.rate)
-    asked = gains.elevator_trim + turning + state.integral
-    bridge = elevator - clip(asked, gains.elevator_min, gains.elevator_max)
+    bridge = elevator - (gains.elevator_trim + turning + state.integral)
     status = PitchStatus(time_us, setpoint, error, 0.0, state.integral, 0.0, elevator, 0)
     return state._replace(bridge=bridge), status
 
@@ -144,9 +148,9 @@ def follow(
 
 def _observe(gains: Gains, state: State, dt: float, measured: Measured) -> State:
     notch = stroke_filter.notch(measured.wing_frequency, gains.notch_width, dt)
-    integral, elevator_mean, last_rate, _, pitch_notch, rate_notch, bridge = state
+    integral, elevator_mean, last_rate, _, pitch_notch, rate_notch, bridge, filtered = state
     pitch_notch, pitch = stroke_filter.step(pitch_notch, measured.pitch, notch)
     rate_notch, rate = stroke_filter.step(rate_notch, measured.pitch_rate, notch)
     if gains.rate_lag > 0.0:
         rate = low_pass(last_rate, rate, gains.rate_lag, dt)
-    return _new_state(integral, elevator_mean, rate, pitch, pitch_notch, rate_notch, bridge)
+    return _new_state(integral, elevator_mean, rate, pitch, pitch_notch, rate_notch, bridge, filtered)

@@ -9,6 +9,7 @@ from avionics.messages import RollStatus
 from avionics.stabilization.dynamic_pressure import share
 from wingbeat.records import constructor
 from wingbeat.units import Quantity
+from wingbeat.vehicle_file import Label
 
 
 class Gains(NamedTuple):
@@ -29,6 +30,8 @@ class Gains(NamedTuple):
     tail, and the loop back before the attitude has moved on"""
     airspeed: Annotated[float, Quantity("m/s", 0.0, 50.0)] = 0.0
     """m/s; at which the gains hold; they go with the dynamic pressure, 0 for the same gains at any airspeed"""
+    law: Annotated[str, Label()] = "pid"
+    """-; control law of the loop, a name of the table in `avionics.control_laws`"""
 
 
 class State(NamedTuple):
@@ -82,7 +85,7 @@ def hold_trim(
     """
     roll, roll_rate, airspeed = measured
     error, strength = setpoint - roll, share(gains.airspeed, airspeed)
-    asked = clip(strength * (gains.proportional * error - gains.damping * roll_rate) + state.integral, -1.0, 1.0)
+    asked = strength * (gains.proportional * error - gains.damping * roll_rate) + state.integral
     status = RollStatus(time_us, setpoint, error, 0.0, state.integral, 0.0, state.integral, 0)
     return state._replace(bridge=state.integral - asked), status
 

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from math import cos, sin
 
-from avionics import topics
+from avionics import control_laws, topics
 from avionics.guidance import altitude as altitude_loop
 from avionics.guidance import excitation as excitation_input
 from avionics.guidance import fence, supervisor, throttle_descent
-from avionics.guidance import heading as heading_loop
 from avionics.guidance import navigation as navigator
 from avionics.guidance.mission import completion_text
 from avionics.guidance.modes import AIRBORNE, GUIDED
@@ -108,31 +107,25 @@ def excitation(s: AutopilotState, publish: Publish) -> None:
 def vertical(s: AutopilotState, publish: Publish) -> None:
     """Altitude -> climb -> throttle and pitch setpoint, or what the stick or the ground asks."""
     gains, state, time_us, dt = s.gains.altitude, s.altitude_loop, s.clock.time_us, s.clock.dt_50
-    asked = vertical_command(s)
+    law, asked = control_laws.ALTITUDE[gains.law], vertical_command(s)
     measured = altitude_loop.Measured(s.altitude.altitude, s.altitude.climb_rate, s.air.airspeed)
     if asked is not None:
-        s.altitude_loop, s.altitude_loop_status = altitude_loop.follow(gains, state, time_us, dt, asked)
+        s.altitude_loop, s.altitude_loop_status = law.follow(gains, state, time_us, dt, asked)
     elif excitation_input.frozen(s.excitation):
-        s.altitude_loop, s.altitude_loop_status = altitude_loop.hold_trim(state, time_us, s.target.altitude, measured)
+        s.altitude_loop, s.altitude_loop_status = law.hold_trim(state, time_us, s.target.altitude, measured)
     elif s.tail_check.jammed:
         s.altitude_loop, s.altitude_loop_status = by_throttle_alone(s, measured)
     elif s.modes.stage == FLARE:
-        s.altitude_loop, s.altitude_loop_status = altitude_loop.step(
-            flared(s), state, time_us, dt, -UNDERGROUND, measured
-        )
+        s.altitude_loop, s.altitude_loop_status = law.step(flared(s), state, time_us, dt, -UNDERGROUND, measured)
     elif excitation_input.recovering(s.excitation):
         gains = altitude_loop.calm(gains)
-        s.altitude_loop, s.altitude_loop_status = altitude_loop.step(
-            gains, state, time_us, dt, s.target.altitude, measured
-        )
+        s.altitude_loop, s.altitude_loop_status = law.step(gains, state, time_us, dt, s.target.altitude, measured)
     else:
         setpoint = airspeed_setpoint(s)
         gains, state = altitude_loop.with_airspeed_setpoint(gains, state, dt, setpoint, s.air.airspeed)
         gains = gains if setpoint else altitude_loop.penetrating(gains, headwind(s))
         gains = altitude_loop.righting(gains, s.attitude.roll)
-        s.altitude_loop, s.altitude_loop_status = altitude_loop.step(
-            gains, state, time_us, dt, s.target.altitude, measured
-        )
+        s.altitude_loop, s.altitude_loop_status = law.step(gains, state, time_us, dt, s.target.altitude, measured)
     publish(topics.ALTITUDE_LOOP, s.altitude_loop_status)
 
 
@@ -160,7 +153,8 @@ def by_throttle_alone(
         s.gains.throttle_descent, s.throttle_descent, dt, s.altitude_loop.throttle, seen
     )
     asked = altitude_loop.DirectCommand(throttle, gains.pitch_trim)
-    state, status = altitude_loop.follow(gains, s.altitude_loop, s.clock.time_us, dt, asked)
+    law = control_laws.ALTITUDE[gains.law]
+    state, status = law.follow(gains, s.altitude_loop, s.clock.time_us, dt, asked)
     sink = s.gains.throttle_descent.sink
     return state, status._replace(climb_setpoint=-sink, climb_error=-sink - measured.climb_rate)
 
@@ -213,12 +207,12 @@ def flared(s: AutopilotState) -> altitude_loop.Gains:
 def lateral(s: AutopilotState, publish: Publish) -> None:
     """Heading -> roll setpoint, or the stick's, or wings level near the ground."""
     gains, state, time_us, dt = s.gains.heading, s.heading_loop, s.clock.time_us, s.clock.dt_50
-    asked = roll_command(s)
+    law, asked = control_laws.HEADING[gains.law], roll_command(s)
     motion = ground_motion(s)
     if asked is None:
-        s.heading_loop, s.heading_loop_status = heading_loop.step(gains, state, time_us, dt, s.target.heading, motion)
+        s.heading_loop, s.heading_loop_status = law.step(gains, state, time_us, dt, s.target.heading, motion)
     else:
-        s.heading_loop, s.heading_loop_status = heading_loop.follow(gains, state, time_us, dt, asked, motion)
+        s.heading_loop, s.heading_loop_status = law.follow(gains, state, time_us, dt, asked, motion)
     publish(topics.HEADING_LOOP, s.heading_loop_status)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from avionics import topics
+from avionics import control_laws, topics
 from avionics.guidance import excitation as excitation_input
 from avionics.guidance.modes import AIRBORNE
 from avionics.messages import (
@@ -31,7 +31,7 @@ _new_roll_measured = constructor(roll_loop.Measured)
 def pitch(s: AutopilotState, publish: Publish) -> None:
     """Pitch setpoint -> elevator."""
     gains, state, time_us, dt = s.gains.pitch, s.pitch_loop, s.clock.time_us, s.clock.dt_100
-    attitude = s.attitude
+    law, attitude = control_laws.PITCH[gains.law], s.attitude
     measured = _new_pitch_measured(
         attitude.pitch, attitude.pitch_rate, s.wing.frequency, attitude.roll, s.air.airspeed
     )
@@ -39,23 +39,24 @@ def pitch(s: AutopilotState, publish: Publish) -> None:
     if not loops_closed(s):
         stick = s.pilot.pitch if s.modes.armed and s.modes.mode == MANUAL else 0.0
         elevator = gains.elevator_trim + gains.elevator_max * stick
-        s.pitch_loop, s.pitch_loop_status = pitch_loop.follow(gains, state, time_us, dt, elevator, measured)
+        s.pitch_loop, s.pitch_loop_status = law.follow(gains, state, time_us, dt, elevator, measured)
     elif excitation_input.frozen(s.excitation):
-        s.pitch_loop, s.pitch_loop_status = pitch_loop.hold_trim(gains, state, time_us, dt, setpoint, measured)
+        s.pitch_loop, s.pitch_loop_status = law.hold_trim(gains, state, time_us, dt, setpoint, measured)
     else:
-        s.pitch_loop, s.pitch_loop_status = pitch_loop.step(gains, state, time_us, dt, setpoint, measured)
+        s.pitch_loop, s.pitch_loop_status = law.step(gains, state, time_us, dt, setpoint, measured)
     publish(topics.PITCH_LOOP, s.pitch_loop_status)
 
 
 def roll(s: AutopilotState, publish: Publish) -> None:
     """Roll setpoint -> roll command."""
     gains, state, time_us, setpoint = s.gains.roll, s.roll_loop, s.clock.time_us, s.heading_loop_status.roll_setpoint
+    law = control_laws.ROLL[gains.law]
     measured = _new_roll_measured(s.attitude.roll, s.attitude.roll_rate, s.air.airspeed)
     if not loops_closed(s):
         stick = s.pilot.roll if s.modes.armed and s.modes.mode == MANUAL else 0.0
-        s.roll_loop, s.roll_loop_status = roll_loop.follow(s.clock.time_us, stick)
+        s.roll_loop, s.roll_loop_status = law.follow(s.clock.time_us, stick)
     elif excitation_input.roll_frozen(s.excitation):
-        s.roll_loop, s.roll_loop_status = roll_loop.hold_trim(gains, state, time_us, setpoint, measured)
+        s.roll_loop, s.roll_loop_status = law.hold_trim(gains, state, time_us, setpoint, measured)
     else:
-        s.roll_loop, s.roll_loop_status = roll_loop.step(gains, state, time_us, s.clock.dt_100, setpoint, measured)
+        s.roll_loop, s.roll_loop_status = law.step(gains, state, time_us, s.clock.dt_100, setpoint, measured)
     publish(topics.ROLL_LOOP, s.roll_loop_status)

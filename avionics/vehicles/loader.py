@@ -7,6 +7,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple, get_type_hints
 
+from avionics import control_laws
 from avionics.mixing import flapping
 from avionics.vehicles.airframe import Airframe
 from avionics.vehicles.gains import FlightGains
@@ -36,7 +37,7 @@ class FlightVehicle(NamedTuple):
     file: VehicleFile
     """the file with its sources, to be attached to the log"""
     defaults: tuple[str, ...] = ()
-    """section.key of the values that the file does not have: those of `Gains`"""
+    """section.key of the numbers that the file does not have: those of `Gains`"""
 
 
 def vehicle_names() -> tuple[str, ...]:
@@ -53,10 +54,15 @@ def load_vehicle(name_or_path: str | Path) -> FlightVehicle:
     file = read_vehicle_file(_find(name_or_path), SCHEMA, FOLDER)
     airframe = file.sections["airframe"]
     gains = FlightGains(**{name: file.sections.get(name) or record() for name, record in SECTIONS.items()})
-    keys = [f"{name}.{key}" for name, record in SECTIONS.items() for key in record._fields]
-    defaults = tuple(key for key in keys if key not in file.sources)
+    defaults = tuple(
+        f"{name}.{key}"
+        for name, record in SECTIONS.items()
+        for key, default in record._field_defaults.items()
+        if f"{name}.{key}" not in file.sources and not isinstance(default, str)
+    )
     try:
         flapping.check(gains.flapping)
+        control_laws.check(gains)
     except InputError as error:
         raise InputError(f"{file.path}: {error}") from None
     return FlightVehicle(file.name, file.title, gains, airframe, file, defaults)

@@ -48,12 +48,15 @@ def gain(value: float, source: str, target: str) -> Any:
     return _named(control.tf([value], [1.0]), source, target)
 
 
-def controller(terms: tuple[float, float, float], signals: tuple[str, str, str, str]) -> Any:
+def controller(
+    terms: tuple[float, float, float], signals: tuple[str, str, str, str], setpoint_weight: float = 1.0
+) -> Any:
     """Proportional and integral on the error, damping on a measured rate.
 
     Args:
         terms: proportional, integral, damping.
         signals: names of setpoint, measured value, measured rate, command.
+        setpoint_weight: fraction of the proportional term that acts on the setpoint.
     """
     import control
 
@@ -63,7 +66,7 @@ def controller(terms: tuple[float, float, float], signals: tuple[str, str, str, 
         [[0.0]],
         [[1.0, -1.0, 0.0]],
         [[integral]],
-        [[proportional, -proportional, -damping]],
+        [[setpoint_weight * proportional, -proportional, -damping]],
         inputs=[setpoint, measured, rate],
         outputs=[command],
         name=f"controller of {measured}",

@@ -52,6 +52,8 @@ class Process(NamedTuple):
     """to two outputs: what is compared with the setpoint, and the rate that the damping acts on"""
     forward: Any | None = None
     """from the setpoint, past the controller, to what should follow it"""
+    setpoint_weight: float = 1.0
+    """-; fraction of the proportional term that acts on the setpoint, see `avionics.control_laws`"""
 
 
 class LoopSpec(NamedTuple):
@@ -80,6 +82,7 @@ class _Sampled(NamedTuple):
     measured: Complex
     rate: Complex
     forward: Complex
+    setpoint_weight: float
 
 
 class _Candidate(NamedTuple):
@@ -206,9 +209,10 @@ def _speed(sampled: _Sampled, terms: Terms, spec: LoopSpec) -> float:
 
 def _closed(sampled: _Sampled, terms: Terms) -> tuple[Complex, Complex]:
     """Responses (n,) of the open loop and of the closed one."""
-    correction = terms.proportional + terms.integral / (1j * sampled.omega)
-    loop = correction * sampled.measured + terms.damping * sampled.rate
-    return loop, (correction * sampled.followed + sampled.forward) / (1.0 + loop)
+    integral = terms.integral / (1j * sampled.omega)
+    loop = (terms.proportional + integral) * sampled.measured + terms.damping * sampled.rate
+    command = sampled.setpoint_weight * terms.proportional + integral
+    return loop, (command * sampled.followed + sampled.forward) / (1.0 + loop)
 
 
 def _sample(process: Process) -> _Sampled:
@@ -217,7 +221,7 @@ def _sample(process: Process) -> _Sampled:
     forward = np.zeros(len(omega), dtype=np.complex128)
     if process.forward is not None:
         forward = response(process.forward, omega)
-    return _Sampled(omega, response(process.followed, omega), measured, rate, forward)
+    return _Sampled(omega, response(process.followed, omega), measured, rate, forward, process.setpoint_weight)
 
 
 def pick(system: Any, source: str, *targets: str) -> Any:

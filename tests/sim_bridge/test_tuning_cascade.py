@@ -14,8 +14,12 @@ from tuning_bench import OMEGA, VEHICLES, Sampled, designed, grows, loops, model
 from avionics.stabilization import pitch, roll
 from avionics.vehicles import load_vehicle as load_flight_vehicle
 from avionics.vehicles.gains import FlightGains
+from sim_bridge.flight.tuning import pitch as pitch_part
+from sim_bridge.flight.tuning import tail_check
+from sim_bridge.flight.tuning.aircraft import Aircraft
 from sim_bridge.flight.tuning.cascade import PARTS, design
 from sim_bridge.flight.tuning.vehicle_file import places, tuned_text, write
+from sim_bridge.tuning.loop import _closed, _sample, loop_bandwidth
 from sim_bridge.tuning.margins import LIMITS
 from wingbeat.errors import InputError
 
@@ -70,10 +74,52 @@ def test_nothing_but_the_cascade_is_changed(name: str) -> None:
         for key in getattr(file, section)._fields
         if getattr(getattr(file, section), key) != getattr(getattr(found.gains, section), key)
     }
-    assert changed <= {key for part in PARTS for key in part.keys}
+    keys = {key for part in PARTS for key in part.keys} | set(tail_check.KEYS)
+    assert changed <= keys
     values = designed(name).values
-    assert set(values) == {key for part in PARTS for key in part.keys}
+    assert set(values) == keys
     assert all(getattr(getattr(found.gains, key.split(".")[0]), key.split(".")[1]) == values[key] for key in values)
+
+
+@BOTH
+def test_the_tail_check_expects_a_part_of_the_elevator_of_the_model(name: str) -> None:
+    check, m = designed(name).gains.tail_check, model(name)
+    assert 0.0 < check.effect * m.airspeed**2 < 0.25 * abs(m.elevator[2])
+    assert check.damping == pytest.approx(-m.a[2, 2], rel=0.01)
+    assert check.threshold == vehicle(name).gains.tail_check.threshold
+
+
+def test_tune_designs_for_the_control_law_that_flies() -> None:
+    """GIVEN a vehicle with I-PD WHEN it is tuned THEN its own gains follow the setpoint faster than those for PID.
+
+    The closed loop of I-PD is that of PID behind the filter 1 / (1 + s P/I).
+    """
+    name = VEHICLES[0]
+    gains, m = vehicle(name).gains, model(name)._replace(drive=None, lateral=None)
+    i_pd = vehicle(name)._replace(gains=gains._replace(pitch=gains.pitch._replace(law="i_pd")))
+    found, other = design(m, i_pd), designed(name).gains.pitch._replace(law="i_pd")
+    assert found.gains.pitch.law == "i_pd" and found.after[0].margins.keeps(LIMITS)
+    with_pid_gains = Aircraft(m, vehicle(name).airframe, gains._replace(pitch=other))
+    process = pitch_part.process(with_pid_gains)
+    assert found.after[0].bandwidth > 1.1 * loop_bandwidth(process, pitch_part.terms(with_pid_gains))
+    terms = pitch_part.terms(with_pid_gains)
+    pid = _closed(_sample(process._replace(setpoint_weight=1.0)), terms)[1]
+    weighted = _closed(_sample(process), terms)[1]
+    filtered = pid / (1.0 + 1j * _sample(process).omega * terms.proportional / terms.integral)
+    np.testing.assert_allclose(weighted, filtered, rtol=1e-9)
+
+
+def test_a_key_that_the_file_leaves_to_its_default_is_added(tmp_path: Path) -> None:
+    name = VEHICLES[0]
+    lines = vehicle(name).file.text.splitlines(keepends=True)
+    at = lines.index("[pitch]\n")
+    at += next(i for i, line in enumerate(lines[at:]) if line.startswith("airspeed = "))
+    bare = lines[:at] + lines[at + 1 :]
+    path = tmp_path / "avionics.toml"
+    path.write_text("".join(bare), encoding="utf-8")
+    text = tuned_text(load_flight_vehicle(path), designed(name))
+    path.write_text(text, encoding="utf-8")
+    assert load_flight_vehicle(path).gains == designed(name).gains
 
 
 @BOTH

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from avionics.vehicles import FlightVehicle
 from avionics.vehicles.gains import FlightGains
-from sim_bridge.flight.tuning import altitude, climb, heading, pitch, roll
+from sim_bridge.flight.tuning import altitude, climb, heading, pitch, roll, tail_check
 from sim_bridge.flight.tuning.aircraft import Aircraft
 from sim_bridge.tuning.loop import Process, Terms, loop_bandwidth, loop_margins
 from sim_bridge.tuning.margins import Margins
@@ -69,8 +69,9 @@ class Design(NamedTuple):
 
     @property
     def values(self) -> dict[str, float]:
-        """The designed gains by section.key."""
-        return {key: value for loop in self.after for key, value in loop.gains.items()}
+        """The designed gains and the parameters of the tail check by section.key."""
+        loops = {key: value for loop in self.after for key, value in loop.gains.items()}
+        return loops | {key: value_of(self.gains, key) for key in tail_check.KEYS}
 
 
 def design(
@@ -91,7 +92,7 @@ def design(
             raise InputError(f"{part.name}: {error}") from None
         on_progress(i + 1, len(parts))
     before, after = (tuple(examined(part, one) for part in parts) for one in (start, aircraft))
-    return Design(model, aircraft.gains, before, after)
+    return Design(model, tail_check.tuned(model, aircraft.gains), before, after)
 
 
 def parts_of(model: LinearModel) -> tuple[Part, ...]:

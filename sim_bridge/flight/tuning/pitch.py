@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from avionics import control_laws
 from sim_bridge.flight.tuning import attitude
 from sim_bridge.flight.tuning.aircraft import Aircraft, longitudinal, loop_delay
 from sim_bridge.tuning import blocks
@@ -29,14 +30,20 @@ def process(aircraft: Aircraft) -> Process:
     """What the pitch loop acts on."""
     whole = system(aircraft)
     command = "elevator_command"
-    return Process(pick(whole, command, "pitch"), pick(whole, command, "pitch_seen", "rate_seen"))
+    measured = pick(whole, command, "pitch_seen", "rate_seen")
+    return Process(pick(whole, command, "pitch"), measured, setpoint_weight=setpoint_weight(aircraft))
 
 
 def closed(aircraft: Aircraft) -> Any:
     """The aircraft with its pitch loop closed: pitch_setpoint and throttle to pitch and climb."""
     signals = ("pitch_setpoint", "pitch_seen", "rate_seen", "elevator_command")
-    loop = blocks.controller(terms(aircraft), signals)
+    loop = blocks.controller(terms(aircraft), signals, setpoint_weight(aircraft))
     return blocks.joined([system(aircraft), loop], ["pitch_setpoint", "throttle"], ["pitch", "climb"])
+
+
+def setpoint_weight(aircraft: Aircraft) -> float:
+    """Setpoint weight of the control law that the vehicle flies."""
+    return control_laws.PITCH[aircraft.gains.pitch.law].setpoint_weight
 
 
 def terms(aircraft: Aircraft) -> Terms:

@@ -1,10 +1,16 @@
-"""The ranges that the flight computer allows its gains."""
+"""Units of the flight computer's gains and the ranges that it allows."""
 
 from __future__ import annotations
 
 from typing import Any, get_args, get_type_hints
 
 from wingbeat.units import Quantity
+
+
+def unit_of(gains: type[Any], key: str) -> str:
+    """Unit of a gain."""
+    hint = get_type_hints(gains, include_extras=True)[key]
+    return next(extra.unit for extra in get_args(hint) if isinstance(extra, Quantity))
 
 
 def greatest(gains: type[Any], *keys: str) -> tuple[float, float, float]:

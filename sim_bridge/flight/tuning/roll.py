@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from avionics import control_laws
 from sim_bridge.flight.tuning import attitude
 from sim_bridge.flight.tuning.aircraft import Aircraft, lateral, loop_delay
 from sim_bridge.tuning import blocks
@@ -19,13 +20,20 @@ def system(aircraft: Aircraft) -> Any:
 def process(aircraft: Aircraft) -> Process:
     """What the roll loop acts on."""
     whole = system(aircraft)
-    return Process(pick(whole, "roll_asked", "roll"), pick(whole, "roll_asked", "roll", "roll_rate"))
+    measured = pick(whole, "roll_asked", "roll", "roll_rate")
+    return Process(pick(whole, "roll_asked", "roll"), measured, setpoint_weight=setpoint_weight(aircraft))
 
 
 def closed(aircraft: Aircraft) -> Any:
     """The aircraft with its roll loop closed: roll_setpoint to roll and yaw_rate."""
-    loop = blocks.controller(terms(aircraft), ("roll_setpoint", "roll", "roll_rate", "roll_asked"))
+    signals = ("roll_setpoint", "roll", "roll_rate", "roll_asked")
+    loop = blocks.controller(terms(aircraft), signals, setpoint_weight(aircraft))
     return blocks.joined([system(aircraft), loop], ["roll_setpoint"], ["roll", "yaw_rate"])
+
+
+def setpoint_weight(aircraft: Aircraft) -> float:
+    """Setpoint weight of the control law that the vehicle flies."""
+    return control_laws.ROLL[aircraft.gains.roll.law].setpoint_weight
 
 
 def terms(aircraft: Aircraft) -> Terms:

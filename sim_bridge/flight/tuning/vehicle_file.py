@@ -15,6 +15,7 @@ import tomlkit
 from tomlkit.items import Table
 
 from avionics.vehicles import FlightVehicle, load_vehicle
+from sim_bridge.flight.tuning import tail_check
 from sim_bridge.flight.tuning.cascade import Design, value_of
 from sim_bridge.tuning.margins import Margins
 from wingbeat.errors import InputError
@@ -83,10 +84,10 @@ def tuned_text(vehicle: FlightVehicle, design: Design) -> str:
     for loop in design.after:
         source = source_of(design.model.origin, loop.margins)
         for key, value in loop.gains.items():
-            section, name = key.split(".")
-            table = document.setdefault(section, tomlkit.table())
-            gains = type(getattr(vehicle.gains, section))
-            _set(table, name, value, quantity_of(field_hints(gains)[name]), source)
+            _put(document, vehicle, key, value, source)
+    source = f"identified: by wingbeat tune from {design.model.origin}"
+    for key in tail_check.KEYS:
+        _put(document, vehicle, key, value_of(design.gains, key), source)
     text = tomlkit.dumps(document)
     _check(text, vehicle, design)
     return text
@@ -96,6 +97,14 @@ def source_of(origin: str, margins: Margins) -> str:
     """The source of a tuned gain."""
     gain, phase = f"GM {margins.gain_db:.1f} dB", f"PM {math.degrees(margins.phase):.0f} deg"
     return f"identified: tuned by wingbeat tune on {origin}, {gain}, {phase}"
+
+
+def _put(document: Any, vehicle: FlightVehicle, key: str, value: float, source: str) -> None:
+    """Set ``section.name`` of the document."""
+    section, name = key.split(".")
+    table = document.setdefault(section, tomlkit.table())
+    gains = type(getattr(vehicle.gains, section))
+    _set(table, name, value, quantity_of(field_hints(gains)[name]), source)
 
 
 def _set(table: Any, name: str, value: float, quantity: Quantity | None, source: str) -> None:
