@@ -16,7 +16,8 @@ from typing import Any
 from avionics import parameters, piloting, snapshot, topics
 from avionics.calibration import procedure as calibration
 from avionics.guidance import altitude as altitude_loop
-from avionics.guidance import arming, excitation, failsafes, fence, modes, navigation, offboard, throttle_descent
+from avionics.guidance import arming, excitation, failsafes, modes, navigation, offboard, throttle_descent
+from avionics.guidance import fence as fence_border
 from avionics.guidance.mission import Excitation, Fence, ItemKind, Mission, MissionItem, Rally, channel_names
 from avionics.guidance.setpoint import Path, Received, Setpoint
 from avionics.messages import Calibration, ChannelOverride, Command, CommandKind, Input, Mode, PilotInput, Stage
@@ -176,7 +177,9 @@ def _arm(s: AutopilotState, publish: Publish, command: Command) -> None:
         raise Refused("calibration", text)
     landed = s.modes.stage == Stage.LANDED or s.navigation.item >= len(s.mission)
     was_armed = s.modes.armed
-    s.modes, notices = _taken(arming.arm(s.gains.modes, s.modes, conditions(s)._replace(unready=unready(s))), s.modes)
+    breach = fence_border.mission_breach(s.fence, s.mission) if s.modes.mode == Mode.AUTO else ""
+    reasons = (*unready(s), *([breach] if breach else []))
+    s.modes, notices = _taken(arming.arm(s.gains.modes, s.modes, conditions(s)._replace(unready=reasons)), s.modes)
     if s.modes.armed and not was_armed:
         s.wing_check = s.wing_check._replace(jammed=0)
         s.tail_check = s.tail_check._replace(jammed=0)
@@ -201,6 +204,9 @@ def _set_mode(s: AutopilotState, publish: Publish, command: Command) -> None:
     name = command.name.upper()
     if name not in Mode.__members__:
         raise Refused("modes", f"unknown mode {command.name}; known: {', '.join(Mode.__members__)}")
+    breach = fence_border.mission_breach(s.fence, s.mission) if name == Mode.AUTO.name else ""
+    if breach and s.modes.mode != Mode.AUTO:
+        raise Refused("modes", f"mode AUTO refused: {breach}")
     before = s.offboard
     if command.payload is not None and s.modes.mode != Mode.OFFBOARD:
         _set_setpoint(s, publish, command)
@@ -235,6 +241,7 @@ def _set_mission(s: AutopilotState, publish: Publish, command: Command) -> None:
     s.navigation = navigation.choose_item(s.navigation, 0)
     publish(topics.CHANGES, Text(max(s.clock.time_us, 0), json.dumps({"mission": len(mission)})))
     publish_event(s, publish, Severity.INFO, "mission", f"mission accepted ({pluralize(len(mission), 'item')})")
+    _warn_of_breach(s, publish)
 
 
 def _set_fence(s: AutopilotState, publish: Publish, command: Command) -> None:
@@ -244,6 +251,18 @@ def _set_fence(s: AutopilotState, publish: Publish, command: Command) -> None:
         raise Refused("mission", f"fence rejected: {refusal}")
     s.fence, s.fence_clearance = fence, math.inf
     publish_event(s, publish, Severity.INFO, "mission", f"fence accepted ({pluralize(len(fence.zones), 'zone')})")
+    _warn_of_breach(s, publish)
+
+
+def _warn_of_breach(s: AutopilotState, publish: Publish) -> None:
+    """Report a mission that leaves the plan's fence, which denies AUTO, or the vehicle's, which does not."""
+    breach = fence_border.mission_breach(s.fence, s.mission)
+    if breach:
+        breach = f"{breach}: AUTO will be denied"
+    else:
+        breach = fence_border.mission_breach(fence_border.vehicle_fence(s.gains.modes), s.mission)
+    if breach:
+        publish_event(s, publish, Severity.WARNING, "mission", breach)
 
 
 def _set_rally(s: AutopilotState, publish: Publish, command: Command) -> None:
@@ -272,7 +291,7 @@ def _place_refusal(s: AutopilotState, item: MissionItem) -> str:
     """Why a place cannot be flown to now; empty if it can."""
     if not position_usable(s):
         return "no GPS position"
-    return fence.target_refusal(s.gains.modes, s.fence, (item.north, item.east), item.altitude)
+    return fence_border.target_refusal(s.gains.modes, s.fence, (item.north, item.east), item.altitude)
 
 
 def _set_setpoint(s: AutopilotState, publish: Publish, command: Command) -> None:
@@ -302,7 +321,7 @@ def _setpoint_refusal(s: AutopilotState, new: Setpoint) -> str:
 
 def _altitude_refusal(s: AutopilotState, altitude: float) -> str:
     item = MissionItem(ItemKind.LOITER, altitude=altitude)
-    return check_item(item) or fence.altitude_refusal(s.gains.modes, s.fence, altitude)
+    return check_item(item) or fence_border.altitude_refusal(s.gains.modes, s.fence, altitude)
 
 
 def _change_altitude(s: AutopilotState, publish: Publish, command: Command) -> None:

@@ -4,10 +4,38 @@ from __future__ import annotations
 
 import math
 
-from avionics.guidance.mission import Fence, Zone
+from avionics.guidance.mission import Fence, ItemKind, Mission, MissionItem, Zone
 from avionics.guidance.modes import AIRBORNE, LANDING, Conditions, Gains, State
 from avionics.guidance.path import Place
 from avionics.messages import Breach
+
+CLIMBING = (ItemKind.WAYPOINT, ItemKind.LOITER, ItemKind.CIRCLE)
+"""kinds of item with a position and an altitude"""
+
+
+def vehicle_fence(gains: Gains) -> Fence:
+    """The vehicle's own limits as a fence."""
+    circle = Zone(1, ((0.0, 0.0),), gains.fence_radius)
+    return Fence((circle,), gains.fence_floor, gains.fence_altitude)
+
+
+def mission_breach(fence: Fence, mission: Mission) -> str:
+    """Why a mission leaves ``fence``: its first item outside, counted from 1; empty if there is none."""
+    for number, item in enumerate(mission, 1):
+        reason = _item_breach(fence, item)
+        if reason:
+            return f"mission item {number} is {reason}"
+    return ""
+
+
+def _item_breach(fence: Fence, item: MissionItem) -> str:
+    placed = item.kind in (*CLIMBING, ItemKind.LAND) and not item.here
+    if placed and clearance(fence, item.north, item.east) < 0.0:
+        return "outside the fence"
+    if fence.ceiling and item.kind in (*CLIMBING, ItemKind.TAKEOFF, ItemKind.HOLD) and item.altitude > fence.ceiling:
+        return f"above the fence's ceiling of {fence.ceiling:g} m"
+    below = fence.floor and item.kind in CLIMBING and item.altitude < fence.floor
+    return f"below the fence's floor of {fence.floor:g} m" if below else ""
 
 
 def clearance(fence: Fence, north: float, east: float) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
+from avionics.guidance.fence import mission_breach
 from avionics.guidance.mission import FlightPlan, Mission, MissionItem
 from avionics.link.mission_codec import GLOBES, SKIPPED, decode_fence, decode_item, decode_rally, notes, with_altitude
 from avionics.link.vehicle import Home
@@ -30,7 +31,7 @@ def load_flight_plan(name_or_path: str | Path) -> FlightPlan:
         plan = _from_list(path)
     else:
         plan = reader.load_plan(name_or_path)
-    refusal = reader.check_plan(plan) or check_climb(plan.mission)
+    refusal = reader.check_plan(plan) or check_climb(plan.mission) or mission_breach(plan.fence, plan.mission)
     if refusal:
         raise InputError(f"{path}: {refusal}")
     return plan

@@ -14,18 +14,22 @@ from avionics.missions.files import LISTS
 from groundstation.command.gcs_session import Session, Verb, VerbParser, check_new
 from groundstation.link import missions, waypoints
 from groundstation.link.answers import NoAnswer
+from groundstation.link.vehicle_state import new_events
 from groundstation.views.json_document import print_document
 from groundstation.views.mission import difference_lines, mission_record, print_mission
+from wingbeat.message import Severity
 from wingbeat.text import pluralize
 
 JSON_KEYS = {
     "mission": "items: list of {number, does, north, east, latitude, longitude, altitude, altitude_above, duration,"
-    " heading, radius, turns, acceptance, jump_to, repeats, excitation}, SI and radians, null for none, beside"
-    " {frame, command, parameters, x, y, z, autocontinue} of MISSION_ITEM_INT; file where one was written",
+    " heading, radius, turns, acceptance, jump_to, repeats, excitation, airspeed}, SI and radians, null for none,"
+    " beside {frame, command, parameters, x, y, z, autocontinue} of MISSION_ITEM_INT; file where one was written",
     "excitation": "of an item: {shape, elevator (rad), throttle, rudder (rad), width (s), settle (s), repeats,"
     " low (Hz), high (Hz), loops}; width: of a step, of a sweep, or the period of a multisine",
     "mission diff": "file; same; differences: list of {part, number, file, vehicle}, items as above or null",
 }
+REMARKS = 0.5
+"""s; for which the vehicle's remarks about an upload are awaited"""
 WRITTEN = (*LISTS, ".plan")
 """endings of the files that are written: lists as `QGC WPL 110`, and QGroundControl's plan"""
 PARTS = (
@@ -88,9 +92,12 @@ def _upload(session: Session) -> None:
     """The mission; fence and rally points where the file has them."""
     content = _content(session)
     sent: list[str] = []
+    said = session.state.said
     for part, mission_type, name, noun in PARTS:
         items = getattr(content, part)
         if items:
+            # The fence is checked against the mission that it replaces too: only the last part's remarks count.
+            said = session.state.said
             try:
                 session.run_exchange(
                     missions.MissionUpload(session.target, items, mission_type=mission_type), f"sending {name}"
@@ -99,6 +106,10 @@ def _upload(session: Session) -> None:
                 aboard = f"; on board from this file: {' and '.join(sent)}" if sent else ""
                 raise NoAnswer(f"{failure}{aboard}") from None
             sent.append(pluralize(len(items), noun))
+    session.connection.listen(REMARKS)
+    for event in new_events(session.state, said):
+        if event.severity <= Severity.WARNING:
+            print(event.text, file=sys.stderr)
     _report(session, content.mission, f"sent {' and '.join(reversed(sent)) or 'nothing'}", None)
 
 

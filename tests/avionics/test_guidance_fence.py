@@ -5,12 +5,16 @@ import math
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from surrogate import Bird
 from surrogate_gains import VEHICLE
 from test_guidance_modes import CRUISE, FLYING, run
 
+from avionics import topics
+from avionics.autopilot import Autopilot
 from avionics.guidance import fence, modes
-from avionics.guidance.mission import Fence, Zone
-from avionics.messages import Breach, Failsafe, Mode, Stage
+from avionics.guidance.mission import Fence, ItemKind, MissionItem, Zone
+from avionics.messages import Breach, Command, CommandKind, Failsafe, Mode, Stage
+from avionics.missions import load_mission
 
 GAINS = VEHICLE.gains.modes
 SQUARE = Zone(1, ((-100.0, -100.0), (-100.0, 100.0), (100.0, 100.0), (100.0, -100.0)))
@@ -48,6 +52,48 @@ def test_a_fence_that_moves_and_turns_with_the_place_is_as_far_away(place, shift
     here = fence.depth(BITTEN, place)
     assert abs(there) == pytest.approx(abs(here), abs=1e-6)
     assert there == pytest.approx(here, abs=1e-6) or abs(here) < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("item", "reason"),
+    [
+        (MissionItem(ItemKind.WAYPOINT, 90.0, 90.0, 20.0), ""),
+        (MissionItem(ItemKind.WAYPOINT, 110.0, 0.0, 20.0), "outside the fence"),
+        (MissionItem(ItemKind.LOITER, 60.0, 0.0, 20.0), "outside the fence"),
+        (MissionItem(ItemKind.LAND, 60.0, 0.0), "outside the fence"),
+        (MissionItem(ItemKind.WAYPOINT, 110.0, 0.0, 20.0, here=1), ""),
+        (MissionItem(ItemKind.TAKEOFF, altitude=51.0), "above the fence's ceiling of 50 m"),
+        (MissionItem(ItemKind.CIRCLE, 0.0, 0.0, 9.0), "below the fence's floor of 10 m"),
+        (MissionItem(ItemKind.LAND, 0.0, 0.0), ""),
+    ],
+)
+def test_mission_item_outside_the_fence_is_named(item: MissionItem, reason: str) -> None:
+    border = Fence((SQUARE, Zone(0, ((60.0, 0.0),), 20.0)), 10.0, 50.0)
+    expected = f"mission item 2 is {reason}" if reason else ""
+    assert fence.mission_breach(border, (MissionItem(ItemKind.TAKEOFF, altitude=20.0), item)) == expected
+
+
+def test_mission_outside_its_fence_denies_auto_and_arming() -> None:
+    """GIVEN a waypoint beyond the plan's fence THEN a warning names it, and AUTO and arming in AUTO are denied."""
+    said: list[str] = []
+    events = lambda topic, message: said.append(message.text) if topic is topics.EVENTS else None  # noqa: E731
+    autopilot, bird = Autopilot(VEHICLE, load_mission("circuit"), events), Bird()
+    mission = (MissionItem(ItemKind.TAKEOFF, altitude=20.0), MissionItem(ItemKind.WAYPOINT, 150.0, 0.0, 20.0))
+
+    def step(*commands: Command, ticks: int = 1) -> Autopilot:
+        for tick in range(ticks):
+            bird.advance(autopilot.step(bird.frame(), commands if tick == 0 else ()))
+        return autopilot
+
+    auto, arm = Command(0, CommandKind.SET_MODE, "AUTO"), Command(0, CommandKind.ARM)
+    step(Command(0, CommandKind.SET_MISSION, payload=mission), auto, ticks=600)
+    step(Command(0, CommandKind.SET_FENCE, payload=Fence((SQUARE,))))
+    assert said[-1] == "mission item 2 is outside the fence: AUTO will be denied"
+    assert not step(arm).state.modes.armed and "arming refused: mission item 2 is outside the fence" in said
+    step(Command(0, CommandKind.SET_MODE, "MANUAL"), auto)
+    assert autopilot.state.modes.mode == Mode.MANUAL and said[-1].startswith("mode AUTO refused: mission item 2")
+    step(Command(0, CommandKind.SET_FENCE, payload=Fence()), auto, arm)
+    assert autopilot.state.modes.armed and autopilot.state.modes.mode == Mode.AUTO
 
 
 def test_the_nearest_border_of_all_zones_counts() -> None:

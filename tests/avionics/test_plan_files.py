@@ -80,7 +80,7 @@ PLAN: dict[str, Any] = {
         "version": 2,
         "circles": [{"circle": {"center": [38.99, -76.94], "radius": 400}, "inclusion": True, "version": 1}],
         "polygons": [
-            {"polygon": [[38.98, -76.95], [38.98, -76.93], [39.0, -76.93]], "inclusion": True, "version": 1},
+            {"polygon": [[38.97, -76.96], [38.97, -76.92], [39.02, -76.92]], "inclusion": True, "version": 1},
             {"polygon": [[38.995, -76.95], [38.995, -76.949], [38.996, -76.95]], "inclusion": False, "version": 1},
         ],
     },

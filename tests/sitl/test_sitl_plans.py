@@ -26,7 +26,7 @@ HOME = (47.4, 8.5)
 RADIUS = 6_371_000.0
 """m; of the earth, to place things by: a metre at 200 m is near enough"""
 BORDER = 100.0
-"""m; of the geofence about home"""
+"""m; from home to the area that the leg leads into"""
 RALLY = (35.0, 45.0, 20.0)
 """m; north, east, altitude"""
 
@@ -54,8 +54,8 @@ TAKEOFF = item(22, 1, 15, 0, 0, None, *HOME, 15)
 
 @pytest.mark.validate
 def test_a_plan_whose_leg_leads_out_of_its_fence_ends_at_its_rally_point(tmp_path: Path) -> None:
-    away = item(16, 2, 0, 0, 0, None, *place(400.0, 0.0), 15)
-    circle = {"circle": {"center": HOME, "radius": BORDER}, "inclusion": True, "version": 1}
+    away = item(16, 2, 0, 0, 0, None, *place(200.0, 0.0), 15)
+    circle = {"circle": {"center": place(BORDER + 30.0, 0.0), "radius": 30.0}, "inclusion": False, "version": 1}
     path = tmp_path / "field.plan"
     path.write_text(plan(TAKEOFF, away, circles=[circle], points=[[*place(*RALLY[:2]), RALLY[2]]]))
     loaded = load_flight_plan(path)
