@@ -9,10 +9,10 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any, Generic, NamedTuple, TypeVar
 
+from avionics.gains import FlightGains
 from avionics.guidance import altitude, heading
 from avionics.messages import AltitudeStatus, HeadingStatus, PitchStatus, RollStatus
 from avionics.stabilization import i_pd, pitch, roll
-from avionics.vehicles.gains import FlightGains
 from wingbeat.errors import InputError
 from wingbeat.text import did_you_mean
 

@@ -206,7 +206,7 @@ def _set_mode(s: AutopilotState, publish: Publish, command: Command) -> None:
         raise Refused("modes", f"unknown mode {command.name}; known: {', '.join(Mode.__members__)}")
     breach = fence_border.mission_breach(s.fence, s.mission) if name == Mode.AUTO.name else ""
     if breach and s.modes.mode != Mode.AUTO:
-        raise Refused("modes", f"mode AUTO refused: {breach}")
+        raise Refused("modes", f"mode AUTO denied: {breach}")
     before = s.offboard
     if command.payload is not None and s.modes.mode != Mode.OFFBOARD:
         _set_setpoint(s, publish, command)
@@ -355,7 +355,7 @@ def _change_speed(s: AutopilotState, publish: Publish, command: Command) -> None
     elif s.modes.mode not in (Mode.AUTO, Mode.LOITER, Mode.OFFBOARD):
         refusal = "the mode is none of AUTO, LOITER, OFFBOARD"
     if refusal:
-        raise Refused("navigation", f"airspeed change refused: {refusal}")
+        raise Refused("navigation", f"airspeed change denied: {refusal}")
     s.navigation = navigation.change_airspeed(s.gains.navigation, s.navigation, speed, surroundings(s))
     text = altitude_loop.airspeed_text(s.gains.altitude, speed)
     publish_event(s, publish, Severity.INFO, "navigation", text)

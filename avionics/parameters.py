@@ -12,10 +12,10 @@ import struct
 from functools import lru_cache
 from typing import Any, NamedTuple, get_args, get_origin, get_type_hints
 
+from avionics.gains import FlightGains
 from avionics.limits import clip
 from avionics.messages import Mode
 from avionics.mixing import flapping
-from avionics.vehicles.gains import FlightGains
 from wingbeat.docstrings import field_texts, split_unit
 from wingbeat.errors import InputError
 from wingbeat.units import Quantity

@@ -7,12 +7,14 @@ A sample that MAVLink has a standard message for needs a conversion in `avionics
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import cos
 from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 
 from avionics import topics
+from avionics.messages import Stage
 from avionics.sensing import plausibility, rangefinder
 from avionics.sensing.plausibility import Gains, State
-from wingbeat.samples import SensorFrame
+from wingbeat.samples import RangeSample, SensorFrame
 from wingbeat.topic import Publish, Topic
 
 if TYPE_CHECKING:
@@ -38,6 +40,13 @@ class Sensor(NamedTuple, Generic[T]):
     """what is done with each accepted sample at once; other sensors have a task in `avionics.processors`"""
 
 
+def _measure_height(s: AutopilotState, sample: RangeSample) -> None:
+    """Update the altitude of the terrain below; before the launch the height is the reference."""
+    vertical = cos(s.attitude.roll) * cos(s.attitude.pitch)
+    at_rest = s.modes.stage in (Stage.ON_GROUND, Stage.WAIT_LAUNCH)
+    s.rangefinder = rangefinder.step(s.rangefinder, sample, vertical, s.altitude.altitude, at_rest)
+
+
 IMU = Sensor("imu", plausibility.IMU, topics.IMU, "HIL_SENSOR")
 """in every frame; its samples are checked by `plausibility.step` itself"""
 OTHERS: tuple[Sensor[Any], ...] = (
@@ -47,9 +56,7 @@ OTHERS: tuple[Sensor[Any], ...] = (
     Sensor("torque", "torque", topics.TORQUE_RAW, "WINGBEAT_TORQUE", plausibility.torque_plausible),
     Sensor("gps", "GPS", topics.GPS, "HIL_GPS", plausibility.gps_plausible),
     Sensor("receiver", "receiver", topics.RECEIVER, "HIL_RC_INPUTS_RAW"),
-    Sensor(
-        "rangefinder", "rangefinder", topics.RANGE, "DISTANCE_SENSOR", rangefinder.is_plausible, rangefinder.receive
-    ),
+    Sensor("rangefinder", "rangefinder", topics.RANGE, "DISTANCE_SENSOR", rangefinder.is_plausible, _measure_height),
 )
 SENSORS: tuple[Sensor[Any], ...] = (IMU, *OTHERS)
 """all sensors, in the order in which a frame is recorded"""

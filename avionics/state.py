@@ -18,6 +18,7 @@ from avionics.calibration import procedure as calibration
 from avionics.estimation import ahrs, gps_altitude
 from avionics.estimation import altitude as altitude_filter
 from avionics.estimation import position as position_filter
+from avionics.gains import FlightGains
 from avionics.guidance import altitude, excitation, heading, modes, throttle_descent
 from avionics.guidance import navigation as navigator
 from avionics.guidance.mission import NO_FENCE, Fence, Mission, Rally
@@ -38,7 +39,6 @@ from avionics.sensing import (
     wing_check,
 )
 from avionics.stabilization import pitch, roll
-from avionics.vehicles.gains import FlightGains
 from wingbeat.constants import STANDARD_GRAVITY
 
 T = TypeVar("T")

@@ -8,13 +8,13 @@ from typing import Any, TypeVar
 
 from avionics import inputs, parameters, piloting, topics
 from avionics.autopilot import Autopilot
+from avionics.gains import FlightGains
 from avionics.guidance.mission import Fence, Mission, Rally
 from avionics.link.vehicle import NO_FRAMES, PATIENT, Home, Parameter
 from avionics.messages import ChannelOverride, Command, Mode
 from avionics.processors import Due
 from avionics.situation import destination
 from avionics.vehicles import FlightVehicle
-from avionics.vehicles.gains import FlightGains
 from wingbeat.message import Event, Severity
 from wingbeat.topic import Publish, Topic
 

@@ -8,9 +8,9 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, NamedTuple
 
 from avionics import parameters, snapshot, topics
+from avionics.gains import FlightGains
 from avionics.guidance.mission import Mission
 from avionics.messages import Command, CommandKind
-from avionics.vehicles.gains import FlightGains
 from logs.log_file import LogFile
 from logs.names import MISSION, PARAMETERS
 from wingbeat.documents import parse_json

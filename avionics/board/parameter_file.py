@@ -19,8 +19,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from avionics import parameters
+from avionics.gains import FlightGains
 from avionics.vehicles import FlightVehicle, vehicle_names
-from avionics.vehicles.gains import FlightGains
 from avionics.vehicles.loader import FOLDER
 from wingbeat.documents import parse_json
 from wingbeat.errors import InputError

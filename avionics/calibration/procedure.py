@@ -11,8 +11,8 @@ from typing import NamedTuple
 from avionics import parameters
 from avionics.calibration import accelerometer, airspeed, battery, magnetometer, wings
 from avionics.calibration.result import Result, Setting
+from avionics.gains import FlightGains
 from avionics.messages import Calibration, CalibrationStatus
-from avionics.vehicles.gains import FlightGains
 from wingbeat.errors import InputError
 
 PATIENCE: dict[Calibration, float] = {

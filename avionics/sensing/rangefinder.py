@@ -7,15 +7,11 @@ it, so that a false reading of some meters moves it by centimeters. Heights coun
 from __future__ import annotations
 
 from math import cos, exp
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from avionics.limits import clip
-from avionics.messages import Stage
-
-if TYPE_CHECKING:
-    from avionics.sensing import plausibility
-    from avionics.state import AutopilotState
-    from wingbeat.samples import RangeSample
+from avionics.sensing import plausibility
+from wingbeat.samples import RangeSample
 
 LONGEST = 200.0
 """m; no rangefinder of a small vehicle reads further"""
@@ -74,10 +70,3 @@ def step(state: State, sample: RangeSample, vertical: float, altitude: float, at
 def terrain(state: State, time_us: int) -> float:
     """Return the altitude (m) of the ground below the vehicle; 0, that of home, without a recent reading."""
     return state.terrain if state.time_us >= 0 and time_us - state.time_us <= HOLD_TIME * 1e6 else 0.0
-
-
-def receive(s: AutopilotState, sample: RangeSample) -> None:
-    """Take an accepted sample of the rangefinder."""
-    vertical = cos(s.attitude.roll) * cos(s.attitude.pitch)
-    at_rest = s.modes.stage in (Stage.ON_GROUND, Stage.WAIT_LAUNCH)
-    s.rangefinder = step(s.rangefinder, sample, vertical, s.altitude.altitude, at_rest)

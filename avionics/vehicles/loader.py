@@ -8,9 +8,9 @@ from types import MappingProxyType
 from typing import Any, NamedTuple, get_type_hints
 
 from avionics import control_laws
+from avionics.gains import FlightGains
 from avionics.mixing import flapping
 from avionics.vehicles.airframe import Airframe
-from avionics.vehicles.gains import FlightGains
 from wingbeat.errors import InputError
 from wingbeat.text import did_you_mean
 from wingbeat.vehicle_file import Schema, VehicleFile, read_vehicle_file

@@ -7,11 +7,11 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from avionics import parameters
+from avionics.gains import FlightGains
 from avionics.guidance.mission import FlightPlan
 from avionics.messages import Command
 from avionics.missions.script import plan_commands, scripted_start
 from avionics.vehicles import FlightVehicle
-from avionics.vehicles.gains import FlightGains
 from logs.campaigns.keys import Values, of_family, plain
 from logs.campaigns.stock import DEFAULT_MISSION, DEFAULT_VEHICLE, Stock
 from logs.campaigns.vehicle_values import altered

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 from avionics import parameters, snapshot, topics
 from avionics.autopilot import Autopilot
+from avionics.gains import FlightGains
 from avionics.state import decode_state
-from avionics.vehicles.gains import FlightGains
 from logs.reader import Log
 from logs.replay.comparison import TopicDifference, comparison
 from logs.replay.recorded_flight import RecordedFlight, Tick, recorded_flight

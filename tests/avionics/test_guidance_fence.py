@@ -89,9 +89,9 @@ def test_mission_outside_its_fence_denies_auto_and_arming() -> None:
     step(Command(0, CommandKind.SET_MISSION, payload=mission), auto, ticks=600)
     step(Command(0, CommandKind.SET_FENCE, payload=Fence((SQUARE,))))
     assert said[-1] == "mission item 2 is outside the fence: AUTO will be denied"
-    assert not step(arm).state.modes.armed and "arming refused: mission item 2 is outside the fence" in said
+    assert not step(arm).state.modes.armed and "arming denied: mission item 2 is outside the fence" in said
     step(Command(0, CommandKind.SET_MODE, "MANUAL"), auto)
-    assert autopilot.state.modes.mode == Mode.MANUAL and said[-1].startswith("mode AUTO refused: mission item 2")
+    assert autopilot.state.modes.mode == Mode.MANUAL and said[-1].startswith("mode AUTO denied: mission item 2")
     step(Command(0, CommandKind.SET_FENCE, payload=Fence()), auto, arm)
     assert autopilot.state.modes.armed and autopilot.state.modes.mode == Mode.AUTO
 

@@ -8,8 +8,8 @@ import pytest
 
 from avionics import parameters
 from avionics.board.parameter_file import FORMAT, AnotherVehicles, ParameterFile, default_path, key_path, unused_files
+from avionics.gains import FlightGains
 from avionics.vehicles import FlightVehicle, load_vehicle
-from avionics.vehicles.gains import FlightGains
 from wingbeat.errors import InputError
 
 RAVEN = load_vehicle("robo_raven_ii_d")

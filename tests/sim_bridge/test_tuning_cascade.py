@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from tuning_bench import OMEGA, VEHICLES, Sampled, designed, grows, loops, model, nearest, vehicle
 
+from avionics.gains import FlightGains
 from avionics.stabilization import pitch, roll
 from avionics.vehicles import load_vehicle as load_flight_vehicle
-from avionics.vehicles.gains import FlightGains
 from sim_bridge.flight.tuning import pitch as pitch_part
 from sim_bridge.flight.tuning import tail_check
 from sim_bridge.flight.tuning.aircraft import Aircraft

@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from avionics.gains import FlightGains
 from avionics.vehicles import FlightVehicle, load_vehicle
-from avionics.vehicles.gains import FlightGains
 from sim_bridge.flight.tuning.cascade import Design, design
 from sim_bridge.tuning.model import LinearModel, load_model
 

@@ -11,11 +11,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from avionics.gains import FlightGains
 from avionics.limits import between_points
 from avionics.mixing import flapping
 from avionics.timebase import BASE_RATE
 from avionics.vehicles.airframe import Airframe
-from avionics.vehicles.gains import FlightGains
 from sim_bridge.tuning import blocks
 from sim_bridge.tuning.model import HALF_STROKE, DriveModel, LinearModel
 

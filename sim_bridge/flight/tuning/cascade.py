@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
+from avionics.gains import FlightGains
 from avionics.vehicles import FlightVehicle
-from avionics.vehicles.gains import FlightGains
 from sim_bridge.flight.tuning import altitude, climb, heading, pitch, roll, tail_check
 from sim_bridge.flight.tuning.aircraft import Aircraft
 from sim_bridge.tuning.loop import Process, Terms, loop_bandwidth, loop_margins

@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 
 from avionics import topics
 from avionics.autopilot import Autopilot
+from avionics.gains import FlightGains
 from avionics.guidance.mission import ItemKind, Mission, MissionItem
 from avionics.messages import Stage
 from avionics.missions.script import scripted_start
 from avionics.vehicles import FlightVehicle
-from avionics.vehicles.gains import FlightGains
 from sim_bridge import topics as truth_topics
 from sim_bridge.flight.flight import fly
 from sim_bridge.flight.world import Scenario, SimulatedWorld

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from avionics.vehicles.gains import FlightGains
+from avionics.gains import FlightGains
 from sim_bridge.tuning.model import LinearModel
 
 EFFECT_FRACTION = 1.0 / 6.0
