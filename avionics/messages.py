@@ -179,6 +179,11 @@ class Attitude(NamedTuple):
     gps_aided: Number
     """-; 1 while the ground velocity of the GPS tells the tilt, 0 while airspeed and averages do"""
 
+    @property
+    def quaternion(self) -> tuple[float, float, float, float]:
+        """-; of r_ned_from_frd, (w, x, y, z)"""
+        return self.quaternion_w, self.quaternion_x, self.quaternion_y, self.quaternion_z
+
 
 class WingState(NamedTuple):
     """Wing motion from the encoders; angles are positive with the wing up."""

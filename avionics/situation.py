@@ -140,7 +140,7 @@ def unready(s: AutopilotState) -> tuple[str, ...]:
     """What else speaks against arming: sensors and their calibration."""
     left, right = s.wing.angle_left, s.wing.angle_right
     flap = s.gains.flapping
-    force = math.hypot(*s.frame.imu[1:4])
+    force = math.hypot(*s.frame.imu.accel)
     checks = (
         (s.wing.time_us == 0, "no encoder samples"),
         (s.air.time_us == 0, "no pressure samples"),

@@ -9,6 +9,7 @@ from typing import Annotated, NamedTuple
 
 from wingbeat.message import Counts, Number, Time, Wire
 
+Vector = tuple[float, float, float]
 BURST_LENGTH = 60
 """samples; of one ADC burst"""
 Burst = Annotated[tuple[int, ...], Wire("fixed32", BURST_LENGTH)]
@@ -37,6 +38,21 @@ class ImuSample(NamedTuple):
     """gauss; magnetic field along FRD y"""
     mag_z: float
     """gauss; magnetic field along FRD z"""
+
+    @property
+    def accel(self) -> Vector:
+        """m/s^2; specific force, FRD"""
+        return self.accel_x, self.accel_y, self.accel_z
+
+    @property
+    def gyro(self) -> Vector:
+        """rad/s; angular rate, FRD"""
+        return self.gyro_x, self.gyro_y, self.gyro_z
+
+    @property
+    def mag(self) -> Vector:
+        """gauss; magnetic field, FRD"""
+        return self.mag_x, self.mag_y, self.mag_z
 
 
 class EncoderSample(NamedTuple):

@@ -130,13 +130,12 @@ def _limited(control: float) -> float:
 
 
 def _controls(command: m.ActuatorCommand) -> Controls:
-    _, left, right, throttle, elevator, rudder, _ = command
     return (
-        _limited(left / FULL_DEFLECTION),
-        _limited(right / FULL_DEFLECTION),
-        _limited(elevator / FULL_DEFLECTION),
-        _limited(rudder / FULL_DEFLECTION),
-        _limited(throttle),
+        _limited(command.wing_left / FULL_DEFLECTION),
+        _limited(command.wing_right / FULL_DEFLECTION),
+        _limited(command.elevator / FULL_DEFLECTION),
+        _limited(command.rudder / FULL_DEFLECTION),
+        _limited(command.throttle),
     )
 
 

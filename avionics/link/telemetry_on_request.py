@@ -39,8 +39,9 @@ def raw_imu(vehicle: VehicleView) -> Any:
 
 
 def _milli(imu: m.ImuSample) -> tuple[int, ...]:
-    force, rate, field = imu[1:4], imu[4:7], imu[7:10]
-    return tuple(int16(1e3 * value) for value in (*(each / STANDARD_GRAVITY for each in force), *rate, *field))
+    return tuple(
+        int16(1e3 * value) for value in (*(each / STANDARD_GRAVITY for each in imu.accel), *imu.gyro, *imu.mag)
+    )
 
 
 def highres_imu(vehicle: VehicleView) -> Any:
@@ -53,7 +54,9 @@ def highres_imu(vehicle: VehicleView) -> Any:
         celsius = air.temperature - 273.15
         pressures = (air.static_pressure / 100.0, air.dynamic_pressure / 100.0, air.pressure_altitude, celsius)
     fields_updated = 0x1FF | (0x1E00 if air is not None else 0)
-    return mavlink.MAVLink_highres_imu_message(now.time_us, *now[1:10], *pressures, fields_updated)
+    return mavlink.MAVLink_highres_imu_message(
+        now.time_us, *now.accel, *now.gyro, *now.mag, *pressures, fields_updated
+    )
 
 
 def scaled_pressure(vehicle: VehicleView) -> Any:

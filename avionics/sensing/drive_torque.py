@@ -25,7 +25,7 @@ _new_drive_torque = constructor(DriveTorque)
 
 def step(gains: Gains, sample: TorqueSample) -> DriveTorque:
     """Torques of one sample, positive when they drive the wing up; nothing to remember."""
-    time_us, left, right = sample
+    left, right = sample.left_counts, sample.right_counts
     return _new_drive_torque(
-        time_us, (left - gains.zero_left) * gains.scale, (right - gains.zero_right) * gains.scale
+        sample.time_us, (left - gains.zero_left) * gains.scale, (right - gains.zero_right) * gains.scale
     )

@@ -134,7 +134,8 @@ def step(
         commanded: Hz; flapping that is asked of the wings, 0 for none.
         parity: above 0 where both counters rise with the wings up or both fall, below 0 where one does.
     """
-    time_us, left, right, _, _, left_pulses, right_pulses = sample
+    time_us, left, right = sample.time_us, sample.left_counts, sample.right_counts
+    left_pulses, right_pulses = sample.left_index_pulses, sample.right_index_pulses
     (last_us, left_last, right_last, left_slip, right_slip, left_anchor, right_anchor,
      left_stuck_time, right_stuck_time, opposed, moving_us, left_side, right_side) = state  # fmt: skip
     if time_us <= last_us or last_us < 0:
@@ -191,7 +192,7 @@ def without_missed(state: State, sample: EncoderSample) -> EncoderSample:
 
 def _started(sample: EncoderSample) -> State:
     """At the first sample: the wings are taken to move."""
-    time_us, left, right = sample[:3]
+    time_us, left, right = sample.time_us, sample.left_counts, sample.right_counts
     return State(time_us, left, right, left_anchor=left, right_anchor=right, moving_us=time_us)
 
 
@@ -220,7 +221,8 @@ def _opposed(opposed: int, moved_left: int, moved_right: int) -> int:
 
 def _indexed(gains: Gains, state: State, sample: EncoderSample, dt: float) -> State:
     """The state after ``dt`` s with what the indices of ``sample`` tell, the slips on their way to it."""
-    _, _, _, left_latched, right_latched, left_pulses, right_pulses = sample
+    left_latched, right_latched = sample.left_index_counts, sample.right_index_counts
+    left_pulses, right_pulses = sample.left_index_pulses, sample.right_index_pulses
     left_side, left_slip, right_side, right_slip = (
         state.left_side,
         state.left_slip,
@@ -303,6 +305,11 @@ def _distinguish(gains: Gains, opposed: bool, left: Side, right: Side) -> tuple[
         left._replace(fault=wrong if off_left or not off_right else 0),
         right._replace(fault=wrong if off_right or not off_left else 0),
     )
+
+
+def health(wing: WingState) -> tuple[int, int, int]:
+    """Return which encoders are valid and how many counts were missed."""
+    return wing.valid_left, wing.valid_right, wing.missed_counts
 
 
 def changes(before: WingState, now: WingState) -> list[tuple[Severity, str]]:

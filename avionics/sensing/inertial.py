@@ -30,11 +30,11 @@ def correct(gains: Gains, imu: ImuSample) -> ImuSample:
     """The sample as a perfect sensor would have it; the rates are left to the bias of the AHRS."""
     if gains == NEUTRAL:
         return imu
-    time_us, ax, ay, az, p, q, r, mx, my, mz = imu
+    (ax, ay, az), (p, q, r), (mx, my, mz) = imu.accel, imu.gyro, imu.mag
     (ox, oy, oz), (sx, sy, sz), (hx, hy, hz), (xx, yy, zz), (xy, xz, yz) = gains
     mx, my, mz = mx - hx, my - hy, mz - hz
     return ImuSample(
-        time_us,
+        imu.time_us,
         (ax - ox) * sx,
         (ay - oy) * sy,
         (az - oz) * sz,

@@ -114,7 +114,7 @@ def always_plausible(gains: Gains, state: State, sample: object) -> bool:
 
 def imu_plausible(gains: Gains, imu: ImuSample) -> bool:
     """Whether all nine values are finite and in range (a NaN fails every comparison)."""
-    _, ax, ay, az, p, q, r, mx, my, mz = imu
+    (ax, ay, az), (p, q, r), (mx, my, mz) = imu.accel, imu.gyro, imu.mag
     a, g, m = gains.accel_max, gains.gyro_max, gains.mag_max
     return (
         -a <= ax <= a and -a <= ay <= a and -a <= az <= a
@@ -203,7 +203,7 @@ def step(
         `State.bad`; names of the sensors whose samples were accepted before and are rejected now.
     """
     imu, full = frame.imu, gains.accel_full
-    inertial = imu[1:7]
+    inertial = (*imu.accel, *imu.gyro)
     repeated = state.repeated + 1 if inertial == state.inertial else 0
     bad = 0 if repeated < gains.imu_repeats and imu_plausible(gains, imu) else 1
     x, y, z, _, _, _ = inertial

@@ -188,7 +188,7 @@ _new_averages = constructor(Averages)
 
 def averages(gains: Gains, burst: AdcBurst) -> Averages:
     """Mean voltage, current and power of a burst; its two tuples have the same length, at least 1."""
-    _, voltages, currents = burst
+    voltages, currents = burst.voltage_counts, burst.current_counts
     samples = len(voltages)
     count = whole_periods(gains, samples)
     if count != samples:

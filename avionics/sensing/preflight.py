@@ -162,7 +162,7 @@ def step(gains: Gains, state: State, imu: ImuSample, pressure: float | None = No
         return State(imu.time_us, obstacle=state.obstacle, rest=state.rest), False
     sums, squares, (total, readings) = state.sums, state.squares, state.pressure
     pressures = state.pressure if pressure is None else (total + pressure, readings + 1)
-    values = imu[1:]
+    values = (*imu.accel, *imu.gyro, *imu.mag)
     a, b, c, d, e, f, g, h, i = values
     sums = (
         sums[0] + a, sums[1] + b, sums[2] + c, sums[3] + d, sums[4] + e, sums[5] + f,

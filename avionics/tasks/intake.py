@@ -59,7 +59,7 @@ def refuse_time(s: AutopilotState, publish: Publish, frame: SensorFrame) -> Actu
 
 def gravity_substitute(imu: ImuSample, attitude: Attitude) -> ImuSample:
     """The sample with the specific force of unaccelerated flight at the present attitude instead of its own."""
-    w, x, y, z = attitude[7:11]
+    w, x, y, z = attitude.quaternion
     g = STANDARD_GRAVITY
     return imu._replace(
         accel_x=-2.0 * g * (x * z - w * y),

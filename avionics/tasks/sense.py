@@ -68,7 +68,7 @@ def wing(s: AutopilotState, publish: Publish) -> None:
     commanded = _new_commanded(asked.frequency, asked.phase, asked.amplitude)
     s.wing_angle, s.wing = wing_angle.step(gains, s.wing_angle, counts, commanded)
     publish(topics.WING, s.wing)
-    if s.wing[-3:] != before[-3:]:
+    if encoders.health(s.wing) != encoders.health(before):
         for severity, text in encoders.changes(before, s.wing):
             publish_event(s, publish, severity, "encoders", text)
 

@@ -202,7 +202,7 @@ def orientations(recording: Recording, gains: ahrs.AhrsGains) -> Array:
             attitude = ahrs.attitude(state)
         else:
             state, attitude = ahrs.step(gains, state, imu)
-        estimate.append(attitude[7:11])
+        estimate.append(attitude.quaternion)
     return multiply(np.array([ENU_FROM_NED]), np.array(estimate))
 
 

@@ -136,13 +136,13 @@ def _frozen_imu(frame: SensorFrame, before: Before, ticks: int) -> SensorFrame:
 
 def _saturated_imu(frame: SensorFrame, before: Before, ticks: int) -> SensorFrame:
     """The accelerometer stands at the end of its range on every axis; rates and field are still read."""
-    x, y, z = (math.copysign(FULL_SCALE, value) for value in before.frame.imu[1:4])
+    x, y, z = (math.copysign(FULL_SCALE, value) for value in before.frame.imu.accel)
     return frame._replace(imu=frame.imu._replace(accel_x=x, accel_y=y, accel_z=z))
 
 
 def _saturated_gyro(frame: SensorFrame, before: Before, ticks: int) -> SensorFrame:
     """The gyro stands at the end of its range on every axis; force and field are still read."""
-    x, y, z = (math.copysign(FULL_RATE, value) for value in before.frame.imu[4:7])
+    x, y, z = (math.copysign(FULL_RATE, value) for value in before.frame.imu.gyro)
     return frame._replace(imu=frame.imu._replace(gyro_x=x, gyro_y=y, gyro_z=z))
 
 

@@ -65,9 +65,9 @@ def encode_sensors(frame: SensorFrame, field_is_new: bool, gains: air_data.Gains
 
 
 def _within_range(imu: ImuSample) -> tuple[float, ...]:
-    force = (min(max(value, -ACCEL_LIMIT), ACCEL_LIMIT) for value in imu[1:4])
-    rates = (min(max(value, -GYRO_LIMIT), GYRO_LIMIT) for value in imu[4:7])
-    return (imu.time_us, *force, *rates, *imu[7:10])
+    force = (min(max(value, -ACCEL_LIMIT), ACCEL_LIMIT) for value in imu.accel)
+    rates = (min(max(value, -GYRO_LIMIT), GYRO_LIMIT) for value in imu.gyro)
+    return (imu.time_us, *force, *rates, *imu.mag)
 
 
 def _pressures(sample: PressureSample | None, gains: air_data.Gains) -> tuple[tuple[float, ...], int]:
