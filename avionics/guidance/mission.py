@@ -164,7 +164,13 @@ def describe(item: MissionItem) -> str:
     return descriptions.get(item.kind, item.kind.name.lower())
 
 
-_COMPLETED = {ItemKind.CIRCLE: "completed", ItemKind.EXCITE: "completed", ItemKind.SKIP: "skipped"}
+_COMPLETED = {
+    ItemKind.CIRCLE: "completed",
+    ItemKind.EXCITE: "completed",
+    ItemKind.SPEED: "completed",
+    ItemKind.LAND_START: "passed",
+    ItemKind.SKIP: "skipped",
+}
 
 
 def completion_text(number: int, item: MissionItem) -> str:
