@@ -23,6 +23,8 @@ MAX_MAGNITUDE = 1e30
 """-; largest magnitude of a number: more is a slip of the pen, and overflows in computations"""
 MAX_INTEGER = 10**9
 """-; largest magnitude of a whole number without a range"""
+BLANKS = str.maketrans("\t\N{NO-BREAK SPACE}", "  ")
+"""characters of texts that `str.isprintable` rejects, and which are safe in a line"""
 TYPE_NAMES = {bool: "true or false", str: "text in quotes"}
 
 Record = TypeVar("Record")
@@ -101,7 +103,7 @@ def read_value(hint: Any, value: Any, key: str) -> Any:
         return read_integer(value, key, quantity)
     if not isinstance(value, base):
         raise InputError(f"{key} must be {TYPE_NAMES[base]}, not {reprlib.repr(value)}")
-    if base is str and not value.replace("\N{NO-BREAK SPACE}", " ").isprintable():
+    if base is str and not value.translate(BLANKS).isprintable():
         raise InputError(f"{key} = {reprlib.repr(value)} has characters that cannot be printed")
     return value
 

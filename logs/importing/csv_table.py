@@ -9,8 +9,6 @@ import csv
 import io
 import math
 import re
-import reprlib
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -21,7 +19,7 @@ from numpy.typing import NDArray
 from avionics import topics
 from logs.importing.checks import sound
 from logs.importing.counterparts import checked, fields_of
-from logs.importing.mapping import load_mapping
+from logs.importing.mapping import FieldEntry, TableMapping, TableSection, TimeSection, TopicSection, load_mapping
 from logs.importing.source import Array, Dropped, Own, Series, Source
 from logs.importing.units import conversion
 from logs.layout import Field
@@ -63,13 +61,13 @@ def read_table(data: bytes, mapping: Path | None) -> Source:
         raise InputError("a table of columns needs --map MAP.toml (wingbeat log import --help has an example)")
     chosen = load_mapping(mapping)
     try:
-        table = parse_table(data, chosen.get("table", {}))
-        times = _times(table, chosen["time"])
+        table = parse_table(data, chosen.table)
+        times = _times(table, chosen.time)
         clock, dropped = sound(times, "time")
         if len(times.time_us) < table.rows:
             dropped.append(Dropped("time", "no time from 0 on", table.rows - len(times.time_us)))
         rows = clock.columns["row"]
-        found = [_topic(name, told, table, clock.time_us, rows) for name, told in chosen["topics"].items()]
+        found = [_topic(name, section, table, clock.time_us, rows) for name, section in chosen.topics.items()]
     except InputError as reason:
         raise InputError(f"{reason} (mapping {mapping})") from None
     series = {one.name: one for one in found if isinstance(one, Series)}
@@ -78,10 +76,10 @@ def read_table(data: bytes, mapping: Path | None) -> Source:
     return Source("csv", series, notes=notes, damage=_damage(table), dropped=tuple(dropped), made=made)
 
 
-def _not_mapped(table: Table, chosen: Mapping[str, Any]) -> list[str]:
+def _not_mapped(table: Table, chosen: TableMapping) -> list[str]:
     """Columns that no field of the mapping is made of."""
-    entries = [entry for fields in chosen["topics"].values() for entry in _entries(fields).values()]
-    used = {chosen["time"].get("column"), *(entry.get("column") for entry in entries)}
+    entries = [entry for section in chosen.topics.values() for entry in section.fields.values()]
+    used = {chosen.time.column, *(entry.column for entry in entries)}
     return [name for name in table.columns if name not in used]
 
 
@@ -93,20 +91,18 @@ def _damage(table: Table) -> tuple[str, ...]:
     return tuple(line for line, count in told.items() if count)
 
 
-def parse_table(data: bytes, layout: Mapping[str, Any]) -> Table:
+def parse_table(data: bytes, layout: TableSection) -> Table:
     """A table as columns of numbers.
 
     Raises:
         InputError: it is no text, or has no row below its names.
     """
-    lines = decoded(data, layout.get("encoding", "utf-8")).splitlines()[_whole(layout, "skip") :]
-    decimal = str(layout.get("decimal", "."))
+    lines = decoded(data, layout.encoding).splitlines()[layout.skip :]
+    decimal = layout.decimal
     if len(decimal) != 1:
         raise InputError("decimal must be one character")
-    rows = split_rows(lines, str(layout.get("delimiter", ",")))
-    if not isinstance(named := layout.get("names", True), bool):
-        raise InputError("names must be true or false")
-    if not named and rows:
+    rows = split_rows(lines, layout.delimiter)
+    if not layout.names and rows:
         rows = [[str(number + 1) for number in range(max(map(len, rows)))], *rows]
     if len(rows) < 2:
         raise InputError("there is no row of numbers in it")
@@ -155,13 +151,6 @@ def decoded(data: bytes, encoding: Any) -> str:
         raise InputError(f"[table] encoding {encoding!r} is not known") from None
 
 
-def _whole(layout: Mapping[str, Any], key: str) -> int:
-    value = layout.get(key, 0)
-    if not isinstance(value, int) or value < 0:
-        raise InputError(f"{key} must be a whole number from 0")
-    return value
-
-
 def number_of(cell: str, decimal: str = ".") -> float:
     """A cell's number, NaN where it has none; Fortran's ``1.0D+02`` is one."""
     plain = cell if decimal == "." else cell.replace(decimal, ".")
@@ -175,20 +164,15 @@ def number_of(cell: str, decimal: str = ".") -> float:
         return math.nan
 
 
-def _times(table: Table, chosen: Mapping[str, Any]) -> Series:
+def _times(table: Table, chosen: TimeSection) -> Series:
     """us since boot, of the rows of the table that have a time at all, with their numbers."""
-    if "rate" in chosen:
-        rate = _plain_number(chosen["rate"], "time.rate")
-        if rate <= 0.0:
-            raise InputError("time.rate must be above 0")
-        seconds = np.arange(table.rows) / rate
+    if chosen.rate is not None:
+        seconds = np.arange(table.rows) / chosen.rate
     else:
-        known = conversion(chosen.get("unit", "s"))
+        known = conversion(chosen.unit)
         if known.unit != "s":
-            raise InputError(f"unit {chosen.get('unit')!r} of time is none of time")
-        seconds = (
-            _column(table, chosen["column"]) - _plain_number(chosen.get("start", 0.0), "time.start")
-        ) * known.factor
+            raise InputError(f"unit {chosen.unit!r} of time is none of time")
+        seconds = (_column(table, chosen.column) - chosen.start) * known.factor
     rows = np.flatnonzero(np.isfinite(seconds) & (seconds >= 0.0) & (seconds < 1e12))
     if not len(rows):
         raise InputError("no row has a time from 0 on (time.column, time.start)")
@@ -203,67 +187,40 @@ def _column(table: Table, name: Any) -> NDArray[np.float64]:
     return table.columns[name]
 
 
-def _plain_number(value: Any, key: str) -> float:
-    if isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max:
-        return float(value)
-    raise InputError(f"{key} must be a number, not {reprlib.repr(value)}")
-
-
-def _entries(fields: Any) -> dict[str, Any]:
-    if not isinstance(fields, dict):
-        return {}
-    return {name: entry for name, entry in fields.items() if isinstance(entry, dict)}
-
-
-def _told(fields: Any) -> dict[str, Any]:
-    """The fields of a topic in a mapping: ``rate`` is one where it has a column, else how many rows are taken."""
-    if not isinstance(fields, dict):
-        return {}
-    return {name: entry for name, entry in fields.items() if name != "rate" or isinstance(entry, dict)}
-
-
-def _topic(name: str, fields: Any, table: Table, times: NDArray[np.int64], rows: Array) -> Own | Series:
+def _topic(name: str, section: TopicSection, table: Table, times: NDArray[np.int64], rows: Array) -> Own | Series:
     """One topic of the mapping: one of the project's, or one that the mapping makes up."""
     topic = KNOWN_TOPICS.get(name)
     if topic is None and not (name.startswith(OWN_PREFIX) and len(name) > len(OWN_PREFIX)):
         raise InputError(
             f"topic {name} is not known; known: {', '.join(KNOWN_TOPICS)}, and any of yours after {OWN_PREFIX}"
         )
-    told = _told(fields)
-    if not told:
-        raise InputError(f"topic {name} has no field")
     known = None if topic is None else {field.name: field for field in fields_of(topic)[1:]}
-    read = {field: _field(f"{name}.{field}", entry, table, known) for field, entry in told.items()}
-    kept = ~_all_unknown([read[field][0] for field, entry in _entries(fields).items() if "column" in entry])[rows]
-    if "rate" in fields and "rate" not in told:
-        kept &= _thinned(times, _plain_number(fields["rate"], f"{name}.rate"))
+    read = {field: _field(name, field, entry, table, known) for field, entry in section.fields.items()}
+    kept = ~_all_unknown([read[field][0] for field, entry in section.fields.items() if entry.column is not None])[
+        rows
+    ]
+    if section.rate is not None:
+        kept &= _thinned(times, section.rate)
     columns = {field: values[rows[kept]] for field, (values, _) in read.items()}
     units = {field: unit for field, (_, unit) in read.items()}
     series = Series(name.removeprefix(OWN_PREFIX), times[kept], columns, units)
     return series if topic is None else checked(topic, series, columns)._replace(source="table")
 
 
-def _field(name: str, entry: Any, table: Table, known: Mapping[str, Field] | None) -> tuple[Array, str]:
+def _field(
+    topic: str, field: str, entry: FieldEntry, table: Table, known: Mapping[str, Field] | None
+) -> tuple[Array, str]:
     """A field's values in SI, and its unit."""
-    if not isinstance(entry, dict) or ("column" in entry) == ("value" in entry):
-        raise InputError(f'{name} must be {{ column = "...", unit = "..." }} or {{ value = ..., unit = "..." }}')
-    for key in entry:
-        if key not in _ENTRY:
-            raise InputError(f"{name}: unknown key {key}; known: {', '.join(_ENTRY)}")
-    field = name.rpartition(".")[2]
+    name = f"{topic}.{field}"
     if known is not None and field not in known:
         raise InputError(f"{name}: the topic has no such field; it has: {', '.join(known)}")
     if known is not None and known[field].length:
         raise InputError(f"{name} has several values, which a table of columns does not give")
-    told = conversion(entry.get("unit", "-"))
-    if known is not None and told.unit != _base(known[field].unit):
-        raise InputError(f"{name} is in {known[field].unit}; a column in {entry.get('unit', '-')!r} cannot be that")
-    scale, offset = (_plain_number(entry.get(key, by), f"{name}.{key}") for key, by in (("scale", 1), ("offset", 0)))
-    if "column" in entry:
-        raw = _column(table, entry["column"])
-    else:
-        raw = np.full(table.rows, _plain_number(entry["value"], name))
-    return (raw * scale + offset) * told.factor + told.offset, told.unit
+    unit = conversion(entry.unit)
+    if known is not None and unit.unit != _base(known[field].unit):
+        raise InputError(f"{name} is in {known[field].unit}; a column in {entry.unit!r} cannot be that")
+    raw = np.full(table.rows, entry.value) if entry.value is not None else _column(table, entry.column)
+    return (raw * entry.scale + entry.offset) * unit.factor + unit.offset, unit.unit
 
 
 def _base(unit: str) -> str:
@@ -280,8 +237,6 @@ def _all_unknown(columns: list[Array]) -> NDArray[np.bool_]:
 
 def _thinned(times: NDArray[np.int64], rate: float) -> NDArray[np.bool_]:
     """The first row of each period."""
-    if rate <= 0.0:
-        raise InputError("a topic's rate must be above 0")
     _, first = np.unique(np.floor(times * 1e-6 * rate + 1e-6), return_index=True)
     mask = np.zeros(len(times), bool)
     mask[first] = True

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, NamedTuple
 
 from avionics.topics import IMU
 from wingbeat.errors import InputError
-from wingbeat.schema import check_keys, check_table, error_context, read_document
+from wingbeat.schema import check_table, error_context, join, read_document, read_number, read_record, read_value
+from wingbeat.units import ABOVE_ZERO, Quantity
 
 EXAMPLE = """\
 [time]
@@ -33,29 +33,87 @@ rate   = 50.0               # Hz; fewer rows than the table has
 thrust = { column = "F", unit = "gf" }
 """
 """What a mapping looks like; the value in its unit is column * scale + offset."""
-_SECTIONS = {
-    "time": ("column", "unit", "start", "rate"),
-    "table": ("skip", "delimiter", "names", "decimal", "encoding"),
-}
 
 
-def load_mapping(path: Path) -> dict[str, Any]:
-    """A mapping, its sections and keys checked.
+class TimeSection(NamedTuple):
+    """The time of the rows: a column or a rate."""
+
+    column: Any = None
+    """name of the column"""
+    unit: Any = "s"
+    start: float = 0.0
+    """in the unit; reading at boot"""
+    rate: Annotated[float, Quantity("Hz", ABOVE_ZERO)] | None = None
+
+
+class TableSection(NamedTuple):
+    """The layout of the table."""
+
+    skip: Annotated[int, Quantity("-", 0)] = 0
+    """-; lines before the one with the names"""
+    delimiter: str = ","
+    names: bool = True
+    """whether the first line has the names of the columns"""
+    decimal: str = "."
+    encoding: str = "utf-8"
+
+
+class FieldEntry(NamedTuple):
+    """A field of a topic: a column, or one value for all rows."""
+
+    column: Any = None
+    value: float | None = None
+    unit: Any = "-"
+    scale: float = 1.0
+    offset: float = 0.0
+
+
+class TopicSection(NamedTuple):
+    """The fields of a topic."""
+
+    fields: dict[str, FieldEntry]
+    rate: float | None = None
+    """Hz; of the rows that are taken, None for all"""
+
+    @classmethod
+    def from_entry(cls, entry: Any, key: str) -> TopicSection:
+        """Read the section; ``rate`` is a field if it has a column. `wingbeat.schema.read_record` calls this.
+
+        Raises:
+            InputError: no field, or an entry that cannot be used.
+        """
+        entries = dict(check_table(entry, key))
+        rate = None
+        if not isinstance(entries.get("rate", {}), dict):
+            rate = read_number(entries.pop("rate"), join(key, "rate"), Quantity("Hz", ABOVE_ZERO))
+        if not entries:
+            raise InputError(f"{key} has no field")
+        for name, one in entries.items():
+            if not isinstance(one, dict) or ("column" in one) == ("value" in one):
+                forms = '{ column = "...", unit = "..." } or { value = ..., unit = "..." }'
+                raise InputError(f"{join(key, name)} must be {forms}")
+        return cls(read_value(dict[str, FieldEntry], entries, key), rate)
+
+
+class TableMapping(NamedTuple):
+    """A mapping file."""
+
+    time: TimeSection
+    topics: dict[str, TopicSection] = {}
+    table: TableSection = TableSection()
+
+
+def load_mapping(path: Path) -> TableMapping:
+    """Read a mapping.
 
     Raises:
-        InputError: it cannot be read, or has a section or key that is not known.
+        InputError: it cannot be read, or has a key or value that cannot be used.
     """
     document = read_document(path, "mapping")
     with error_context(f"mapping {path}"):
-        _check(document)
-    return document
-
-
-def _check(document: Mapping[str, Any]) -> None:
-    check_keys(document, (*_SECTIONS, "topics"))
-    for section, keys in _SECTIONS.items():
-        check_keys(check_table(document.get(section, {}), section), keys, section)
-    if not document.get("topics") or not isinstance(document["topics"], dict):
-        raise InputError(f'no topic in it; write a section such as [topics."{IMU.name}"]')
-    if ("column" in document.get("time", {})) == ("rate" in document.get("time", {})):
-        raise InputError("[time] must have either a column or a rate")
+        mapping: TableMapping = read_record(TableMapping, document)
+        if not mapping.topics:
+            raise InputError(f'no topic in it; write a section such as [topics."{IMU.name}"]')
+        if (mapping.time.column is None) == (mapping.time.rate is None):
+            raise InputError("[time] must have either a column or a rate")
+    return mapping

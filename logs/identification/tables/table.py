@@ -13,6 +13,7 @@ import numpy as np
 from logs.identification.results import Array
 from logs.identification.tables.clock import clock_column
 from logs.importing.csv_table import WHITESPACE, Table, decoded, number_of, parse_table, split_rows
+from logs.importing.mapping import TableSection
 from wingbeat.errors import InputError
 from wingbeat.text import pluralize
 
@@ -108,7 +109,7 @@ def _columns(file: str, data: bytes, layout: Layout) -> Columns:
     if layout.names and names is None:
         raise InputError("there is no line of names above its numbers (table.names, table.skip)")
     body = "\n".join(lines[first:])
-    table = parse_table(body.encode(), {"delimiter": form.delimiter, "decimal": form.decimal, "names": False})
+    table = parse_table(body.encode(), TableSection(delimiter=form.delimiter, decimal=form.decimal, names=False))
     return _with_clocks(_named(file, table, names, layout), lines[first:], form)
 
 

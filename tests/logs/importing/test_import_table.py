@@ -17,7 +17,7 @@ from logs.identification.report import identify
 from logs.identification.sources.elevator import MadeElevator
 from logs.importing.csv_table import parse_table
 from logs.importing.log_import import NOTES
-from logs.importing.mapping import EXAMPLE, load_mapping
+from logs.importing.mapping import EXAMPLE, TableSection, load_mapping
 from logs.importing.units import CONVERSIONS, LIMITS, conversion, limits_in
 from logs.reader import open_log
 from sim_bridge.vehicles import load_vehicle
@@ -325,15 +325,15 @@ WHOLE = '[time]\nrate = 10.0\n[topics."/sensors/imu"]\ngyro_y = { column = "Q", 
         (WHOLE.replace("deg/s", "deg"), "gyro_y is in rad/s; a column in 'deg' cannot be that"),
         (WHOLE.replace("deg/s", "furlong"), "unit 'furlong' is not known; known: "),
         (WHOLE.replace("/sensors/imu", "/sensors/nose"), "topic /sensors/nose is not known"),
-        (WHOLE.replace('unit = "deg/s"', 'unit = "deg/s", gain = 2'), "unknown key gain"),
+        (WHOLE.replace('unit = "deg/s"', 'unit = "deg/s", gain = 2'), "unknown key topics./sensors/imu.gyro_y.gain"),
         (WHOLE.replace('unit = "deg/s"', 'unit = "deg/s", scale = "two"'), "must be a number"),
         (WHOLE.replace('{ column = "Q", unit = "deg/s" }', "3"), "must be { column"),
-        (WHOLE + "rate = 0\n", "rate must be above 0"),
+        (WHOLE + "rate = 0\n", "topics./sensors/imu.rate = 0 must be above 0 Hz"),
         (WHOLE.replace('"deg/s"', '["s"]'), r"unit \['s'\] is not known; known: "),
         (WHOLE.replace('"Q"', '["F"]'), r"no column \['F'\]; it has: Q"),
         (WHOLE.replace("rate = 10.0", 'column = ["t"]'), r"no column \['t'\]; it has: Q"),
         (WHOLE.replace("rate = 10.0", "rate = 1" + 400 * "0"), "an integer has more than 64 bits"),
-        (WHOLE.replace("rate = 10.0", "rate = 1e400"), "time.rate must be a number"),
+        (WHOLE.replace("rate = 10.0", "rate = 1e400"), "time.rate must be a finite number"),
         (WHOLE.replace("rate = 10.0", "rate = " + 10_000 * "["), "not valid TOML"),
         (WHOLE + 'rate = { column = "Q" }\n', "rate: the topic has no such field"),
     ],
@@ -420,5 +420,5 @@ def test_a_field_may_be_called_rate(tmp_path: Path) -> None:
 
 
 def test_a_table_of_blanks_without_names_and_with_fortran_s_exponents() -> None:
-    read = parse_table(b" 0.0  1.0D+02\n 1.0   2.5d-1 \n", {"delimiter": "whitespace", "names": False})
+    read = parse_table(b" 0.0  1.0D+02\n 1.0   2.5d-1 \n", TableSection(delimiter="whitespace", names=False))
     assert {name: column.tolist() for name, column in read.columns.items()} == {"1": [0.0, 1.0], "2": [100.0, 0.25]}
