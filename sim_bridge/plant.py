@@ -84,7 +84,7 @@ def scratch(mechanism: Mechanism) -> k.Scratch:
         body_load=np.zeros(6),
         drive=np.zeros(4),
         accelerations=np.zeros(speeds),
-        held=np.zeros(speeds, dtype=np.int64),
+        is_imposed=np.zeros(speeds, dtype=np.int64),
         imposed=np.zeros(speeds),
         crank=np.zeros(1),
         motion=np.zeros(3),
@@ -181,8 +181,8 @@ class Plant:
     def jam_tail(self) -> None:
         """Let elevator and rudder stay where they are."""
         at, commanded = (self.layout.elevator, self.layout.rudder), self._commanded
-        held = [float(self.y[i]) if i >= 0 else angle for i, angle in zip(at, commanded, strict=True)]
-        self._tail = (held[0], held[1])
+        angles = [float(self.y[i]) if i >= 0 else angle for i, angle in zip(at, commanded, strict=True)]
+        self._tail = (angles[0], angles[1])
 
     def free_tail(self) -> None:
         """Let elevator and rudder follow their servos again."""

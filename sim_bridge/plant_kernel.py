@@ -19,7 +19,7 @@ from sim_bridge.aerodynamics.surfaces import body_drag
 from sim_bridge.compiled import Bound, bound_values, clear, inlined, inlined_internal, internal, kernel, noalias
 from sim_bridge.multibody.contact import ground_force
 from sim_bridge.multibody.plates import Plates, add_plates
-from sim_bridge.multibody.tree import BASE, Equations, Kinematics, Tree, add_wrench, assemble, hold, move, solve
+from sim_bridge.multibody.tree import BASE, Equations, Kinematics, Tree, add_wrench, assemble, impose, move, solve
 from sim_bridge.multibody.wings import Wings, WingWork, add_wings, wing_motion, wing_places
 from sim_bridge.vectors import Floats, Integers, add_scaled, rotation
 from wingbeat.constants import STANDARD_GRAVITY
@@ -173,7 +173,7 @@ class Scratch(NamedTuple):
     """(4,) torque left, right N m; current A; voltage V"""
     accelerations: Floats
     """(6 + c,); rates of the speeds"""
-    held: Integers
+    is_imposed: Integers
     """(6 + c,); 1 where the rate of a speed is imposed"""
     imposed: Floats
     """(6 + c,); the rates imposed"""
@@ -256,7 +256,7 @@ def _servo_torques(y: Floats, share: float, ratio: float, c: Controls, p: PlantP
         if p.joints.kind[i] != WING:
             continue
         angle, rate = y[COORDINATES + i], y[COORDINATES + n + i]
-        wanted, wanted_rate = _wanted(y, i, share, c, p)
+        wanted, wanted_rate = _commanded(y, i, share, c, p)
         error, error_rate = wanted - angle, wanted_rate - rate
         torque = c.powered * servo_torque(error, error_rate, rate, gains, stall_torque, no_load_speed)
         loaded = drive_current(torque, p.current[0], p.current[1], p.current[2])
@@ -268,7 +268,7 @@ def _servo_torques(y: Floats, share: float, ratio: float, c: Controls, p: PlantP
 
 
 @inlined
-def _wanted(y: Floats, i: int, share: float, c: Controls, p: PlantParameters) -> tuple[float, float]:
+def _commanded(y: Floats, i: int, share: float, c: Controls, p: PlantParameters) -> tuple[float, float]:
     """Angle in rad and rate in rad/s that a wing's coordinate is to have."""
     if p.drive_kind == CRANK:
         crank = COORDINATES + 2 * p.joints.kind.shape[0]
@@ -355,18 +355,18 @@ def load_fuselage(density: float, drag_areas: Floats, s: Scratch) -> None:
 
 @noalias
 def load_base(
-    density: float, drag_areas: Floats, body: Floats, told: Floats, body_load: Floats, force: Floats
+    density: float, drag_areas: Floats, body: Floats, model_load: Floats, body_load: Floats, force: Floats
 ) -> None:
     """`load_fuselage` of the arrays that it is about."""
     body_drag(body[0:3], drag_areas[0], drag_areas[1], density, body_load[0:3])
     f0, f1, f2, n0, n1, n2 = body_load[0], body_load[1], body_load[2], 0.0, 0.0, 0.0
-    for part in range(told.shape[0]):
-        f0 += told[part, 0]
-        f1 += told[part, 1]
-        f2 += told[part, 2]
-        n0 += told[part, 3]
-        n1 += told[part, 4]
-        n2 += told[part, 5]
+    for part in range(model_load.shape[0]):
+        f0 += model_load[part, 0]
+        f1 += model_load[part, 1]
+        f2 += model_load[part, 2]
+        n0 += model_load[part, 3]
+        n1 += model_load[part, 4]
+        n2 += model_load[part, 5]
     load = (f0, f1, f2, n0, n1, n2)
     body_load[0], body_load[1], body_load[2], body_load[3], body_load[4], body_load[5] = load
     force[0] -= n0
@@ -422,7 +422,7 @@ def set_outside(y: Floats, around: Surroundings, s: Scratch) -> None:
 
 
 @inlined
-def _hold_joints(y: Floats, joints: Joints, load: Floats) -> None:
+def _add_joint_loads(y: Floats, joints: Joints, load: Floats) -> None:
     n = joints.kind.shape[0]
     for i in range(n):
         angle, rate = y[COORDINATES + i], y[COORDINATES + n + i]
@@ -434,22 +434,22 @@ def _impose(y: Floats, c: Controls, around: Surroundings, joints: Joints, servo:
     """Tell which rates of speeds are imposed: those of the launcher, and of joints that follow a servo."""
     any_held = around.launcher != FREE
     for i in range(BASE):
-        s.held[i] = 1 if any_held else 0
+        s.is_imposed[i] = 1 if any_held else 0
         s.imposed[i] = 0.0
     if around.launcher == THROWN:
         s.imposed[0], s.imposed[1], s.imposed[2] = around.throw_x, around.throw_y, around.throw_z
     n = joints.kind.shape[0]
     for i in range(n):
-        s.held[BASE + i] = 0
+        s.is_imposed[BASE + i] = 0
         if joints.kind[i] == FOLLOWS:
             wanted = c.elevator if joints.channel[i] == ELEVATOR else c.rudder
-            s.held[BASE + i] = 1
+            s.is_imposed[BASE + i] = 1
             s.imposed[BASE + i] = _servo_acceleration(
                 wanted - y[COORDINATES + i], y[COORDINATES + n + i], servo[0], servo[1]
             )
             any_held = True
         elif joints.kind[i] == PRESCRIBED:
-            s.held[BASE + i] = 1
+            s.is_imposed[BASE + i] = 1
             s.imposed[BASE + i] = _prescribed_acceleration(y, i, c, joints, servo, s)
             any_held = True
     return any_held
@@ -535,10 +535,10 @@ def _accelerate(y: Floats, t: float, c: Controls, around: Surroundings, bound: B
     p, s = bound_values(bound)
     touching = _contacts(y, p.contacts, p.weight, s)
     assemble(p.tree, s.tree, s.mass, s.load)
-    _hold_joints(y, p.joints, s.load)
+    _add_joint_loads(y, p.joints, s.load)
     _drive_wings(y, t, c, p, s)
     if _impose(y, c, around, p.joints, p.tail_servo, s):
-        hold(s.mass, s.load, s.held, s.imposed)
+        impose(s.mass, s.load, s.is_imposed, s.imposed)
     solve(s.mass, s.load)
     _kinematics(y, s)
     return touching

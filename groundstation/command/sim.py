@@ -261,7 +261,7 @@ def print_events(topic: Topic[Any], message: Any) -> None:
 
 def _report_end(world: SimulatedWorld, ended: str, recorded: str) -> None:
     end = world.time_us * 1e-6
-    never = "" if world.thrown else ", never thrown"
+    never = "" if world.launched else ", never thrown"
     print(f"over after {end:.1f} s{never}: {ended}; recorded in {recorded}", file=sys.stderr)
     for name in options.missed(world.scenario.faults, end):
         print(f"fault {name} never came: the flight was over before", file=sys.stderr)

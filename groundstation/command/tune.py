@@ -254,4 +254,5 @@ def _loop(loop: Loop) -> dict[str, Any]:
 
 
 def _comparison_flights(flight: FlightQuality) -> dict[str, Any]:
-    return flight._asdict()
+    fields = flight._asdict()
+    return {"holds": fields.pop("completed_legs")} | fields

@@ -18,7 +18,7 @@ from groundstation.views.validation import summary_line, validation_table
 from logs.wake_scene import write_wake
 from sim_bridge.validation.grauer import draw_plots
 from sim_bridge.validation.papers import PAPERS
-from sim_bridge.validation.row import VERDICTS, Check, Row
+from sim_bridge.validation.row import OUTCOMES, Check, Row
 from sim_bridge.validation.yeo_lattice import wake_course, wing
 from wingbeat.errors import InputError
 
@@ -45,7 +45,7 @@ JSON_KEYS = {
     "rows": "of a paper: list of {where, quantity, unit, published [least, greatest], ours, difference, limit,"
     " verdict, why}; difference: ours less the nearest published value; limit: the greatest allowed; null: none",
     "left_out": "list of {paper, study}: rows that take minutes and are computed with --studies alone",
-    "counts": "of rows by verdict: " + "; ".join(f"{name}: {text}" for name, text in VERDICTS.items()),
+    "counts": "of rows by verdict: " + "; ".join(f"{name}: {text}" for name, text in OUTCOMES.items()),
     "plots": "with --plots: paths of the pictures",
     "scene": "with --scene: path of the recording, else null",
 }
@@ -194,7 +194,7 @@ def document(results: dict[str, list[Row]]) -> dict[str, Any]:
         {"name": name, "title": PAPERS[name].title, "rows": list(map(_row, rows))} for name, rows in results.items()
     ]
     every = [row for rows in results.values() for row in rows]
-    return {"papers": papers, "counts": {name: sum(row.verdict == name for row in every) for name in VERDICTS}}
+    return {"papers": papers, "counts": {name: sum(row.outcome == name for row in every) for name in OUTCOMES}}
 
 
 def _row(row: Row) -> dict[str, Any]:
@@ -204,9 +204,9 @@ def _row(row: Row) -> dict[str, Any]:
         "quantity": printed.quantity,
         "unit": printed.unit,
         "published": [printed.low, printed.high],
-        "ours": row.ours,
+        "ours": row.computed,
         "difference": row.difference,
         "limit": row.limit,
-        "verdict": row.verdict,
+        "verdict": row.outcome,
         "why": row.why,
     }

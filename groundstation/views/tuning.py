@@ -77,7 +77,7 @@ def proof_table(proof: Proof) -> RenderableType:
     for (label, one, note), (_, other, _) in zip(before, after, strict=True):
         table.add_row(label, one, other, Text(note, style="dim"))
     flight = proof.after
-    title = f"flown in gusts, {flight.holds} holds, {flight.airtime:.0f} s measured; RMS"
+    title = f"flown in gusts, {flight.completed_legs} holds, {flight.airtime:.0f} s measured; RMS"
     return Group(Text(), Text(title, style="dim"), table)
 
 
@@ -103,8 +103,8 @@ def comparison_line(proof: Proof) -> Text:
     before, after = proof
     if before.touched != after.touched:
         reason = f"it touched the ground with the gains {'after' if after.touched else 'before'}"
-    elif before.holds != after.holds:
-        reason = f"{after.holds} of the holds completed, {before.holds} before"
+    elif before.completed_legs != after.completed_legs:
+        reason = f"{after.completed_legs} of the holds completed, {before.completed_legs} before"
     else:
         reason = (
             f"errors {proof.error_ratio:.2f} times those before (geometric mean of altitude, heading, pitch, roll)"

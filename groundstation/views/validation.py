@@ -11,7 +11,7 @@ from rich.text import Text
 
 from groundstation.views import tables, wording
 from sim_bridge.validation.papers import PAPERS
-from sim_bridge.validation.row import COMPARED, FITTED, SHORT, UNREPRODUCIBLE, VERDICTS, WITHIN, Figure, Row, nearest
+from sim_bridge.validation.row import COMPARED, FITTED, OUTCOMES, SHORT, UNREPRODUCIBLE, WITHIN, Figure, Row, nearest
 
 STYLES = {WITHIN: "green", SHORT: "yellow", FITTED: "dim", UNREPRODUCIBLE: "dim", COMPARED: "dim"}
 
@@ -28,7 +28,7 @@ def validation_table(results: Mapping[str, Sequence[Row]]) -> RenderableType:
 def summary_line(results: Mapping[str, Sequence[Row]]) -> Text:
     """How many rows there are of each verdict."""
     every = [row for rows in results.values() for row in rows]
-    counts = [f"{verdict} {sum(row.verdict == verdict for row in every)}" for verdict in VERDICTS]
+    counts = [f"{outcome} {sum(row.outcome == outcome for row in every)}" for outcome in OUTCOMES]
     return Text(f"{len(every)} figures: {', '.join(counts)}")
 
 
@@ -51,18 +51,18 @@ def _notes(notes: Sequence[str]) -> Table:
 
 def _cells(row: Row, note: int) -> tuple[str | Text, ...]:
     printed = row.figure
-    verdict = Text(_judged(row), style=STYLES[row.verdict])
+    outcome = Text(_judged(row), style=STYLES[row.outcome])
     if note:
-        verdict.append(f" [{note}]", style="dim")
-    ours = wording.UNKNOWN if row.ours is None else _with_unit(f"{row.ours:.4g}", printed)
-    return printed.where, printed.quantity, _printed(printed), ours, _difference(row), verdict
+        outcome.append(f" [{note}]", style="dim")
+    computed = wording.UNKNOWN if row.computed is None else _with_unit(f"{row.computed:.4g}", printed)
+    return printed.where, printed.quantity, _printed(printed), computed, _difference(row), outcome
 
 
 def _judged(row: Row) -> str:
-    if row.verdict not in (WITHIN, SHORT) or not row.limit:
-        return row.verdict
+    if row.outcome not in (WITHIN, SHORT) or not row.limit:
+        return row.outcome
     limit = _with_unit(f"{row.limit:.3g}", row.figure) if row.share is None else f"{100.0 * row.share:g} %"
-    return f"{row.verdict} {'of ' if row.verdict == SHORT else ''}{limit}"
+    return f"{row.outcome} {'of ' if row.outcome == SHORT else ''}{limit}"
 
 
 def _printed(printed: Figure) -> str:
@@ -75,11 +75,11 @@ def _printed(printed: Figure) -> str:
 
 def _difference(row: Row) -> str:
     """As a share of the published number, or as it is where that is zero."""
-    if row.ours is None or row.difference is None:
+    if row.computed is None or row.difference is None:
         return ""
     if row.difference == 0.0 and row.figure.low != row.figure.high:
         return "inside"
-    reference = abs(nearest(row.figure, row.ours))
+    reference = abs(nearest(row.figure, row.computed))
     return (
         f"{100.0 * row.difference / reference:+.1f} %"
         if reference

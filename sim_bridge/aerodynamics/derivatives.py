@@ -252,7 +252,7 @@ def initial(parameters: DerivativesParameters, strips: Strips) -> Floats:
 
 
 @kernel
-def held(value: float, reach: float) -> float:
+def saturate(value: float, reach: float) -> float:
     """``value``, at most ``reach`` from zero."""
     return min(max(value, -reach), reach)
 
@@ -269,12 +269,12 @@ def regressors(p: DerivativesParameters, motion: Motion, density: float) -> Regr
     speed = math.sqrt(forward * forward + side * side + down * down)
     within = min(max(speed, airspeed - reach), airspeed + reach)
     return Regressors(
-        held(forward - p.forward, reach),
-        held(down - p.down, reach),
-        held(side, reach),
-        held(w[0], RATE_REACH),
-        held(w[1], RATE_REACH),
-        held(w[2], RATE_REACH),
+        saturate(forward - p.forward, reach),
+        saturate(down - p.down, reach),
+        saturate(side, reach),
+        saturate(w[0], RATE_REACH),
+        saturate(w[1], RATE_REACH),
+        saturate(w[2], RATE_REACH),
         density / p.density * (speed / within) ** 2,
     )
 

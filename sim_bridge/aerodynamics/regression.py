@@ -233,7 +233,7 @@ def coefficients(t: Table, r: Regressors) -> Coefficients:
 
 
 @kernel
-def held(value: float, reach: float) -> float:
+def saturate(value: float, reach: float) -> float:
     """``value``, at most ``reach`` from zero."""
     return min(max(value, -reach), reach)
 
@@ -246,11 +246,11 @@ def regressors(motion: Motion) -> Regressors:
         flap -= motion.wings[w, 0] / wings
         flap_rate -= motion.wings[w, 1] / wings
     return Regressors(
-        MEAN_AIRSPEED + held(motion.body[0] - MEAN_AIRSPEED, HELD_FORWARD),
-        held(motion.body[2], HELD_HEAVE),
-        held(motion.body[4], HELD_PITCH_RATE),
-        held(flap, HELD_FLAP),
-        held(flap_rate, HELD_FLAP_RATE),
+        MEAN_AIRSPEED + saturate(motion.body[0] - MEAN_AIRSPEED, HELD_FORWARD),
+        saturate(motion.body[2], HELD_HEAVE),
+        saturate(motion.body[4], HELD_PITCH_RATE),
+        saturate(flap, HELD_FLAP),
+        saturate(flap_rate, HELD_FLAP_RATE),
     )
 
 

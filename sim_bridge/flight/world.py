@@ -202,7 +202,7 @@ class SimulatedWorld:
         return home.latitude, home.longitude, home.altitude
 
     @property
-    def thrown(self) -> bool:
+    def launched(self) -> bool:
         """Whether the launcher has let go, or is about to."""
         return self._launched_at < math.inf
 
@@ -333,7 +333,7 @@ class SimulatedWorld:
 
     def _watch_launcher(self, armed: bool) -> None:
         """Who throws a bird by hand waits for a steady moment, with at least the mean wind in his face."""
-        if self.thrown:
+        if self.launched:
             return
         now = self._clock.start
         if self.scenario.waits_for_arming:

@@ -295,7 +295,7 @@ def _load_body(tree: Tree, b: int, gravity: Floats, k: Kinematics) -> None:
 def _load(
     m: float,
     center: Floats,
-    own: Floats,
+    central: Floats,
     gravity: Floats,
     r: Floats,
     p: Floats,
@@ -309,7 +309,7 @@ def _load(
     x = p[0] + r[0, 0] * center[0] + r[0, 1] * center[1] + r[0, 2] * center[2]
     y = p[1] + r[1, 0] * center[0] + r[1, 1] * center[1] + r[1, 2] * center[2]
     z = p[2] + r[2, 0] * center[0] + r[2, 1] * center[1] + r[2, 2] * center[2]
-    ixx, ixy, ixz, iyy, iyz, izz = _turned(r, own)
+    ixx, ixy, ixz, iyy, iyz, izz = _turned(r, central)
     # The velocity of the centre of mass, then m times its acceleration less gravity.
     vx, vy, vz = v[3] + w1 * z - w2 * y, v[4] + w2 * x - w0 * z, v[5] + w0 * y - w1 * x
     fx = m * (a[3] + a[1] * z - a[2] * y + w1 * vz - w2 * vy - gravity[0])
@@ -331,11 +331,11 @@ def _load(
 
 
 @inlined
-def _turned(r: Floats, own: Floats) -> Symmetric:
-    """xx, xy, xz, yy, yz, zz of a symmetric ``own`` (3, 3), turned: r own r^T."""
-    x0, x1, x2 = _row(r, 0, own)
-    y0, y1, y2 = _row(r, 1, own)
-    z0, z1, z2 = _row(r, 2, own)
+def _turned(r: Floats, central: Floats) -> Symmetric:
+    """xx, xy, xz, yy, yz, zz of a symmetric ``central`` (3, 3), turned: r own r^T."""
+    x0, x1, x2 = _row(r, 0, central)
+    y0, y1, y2 = _row(r, 1, central)
+    z0, z1, z2 = _row(r, 2, central)
     return (
         x0 * r[0, 0] + x1 * r[0, 1] + x2 * r[0, 2],
         x0 * r[1, 0] + x1 * r[1, 1] + x2 * r[1, 2],
@@ -347,12 +347,12 @@ def _turned(r: Floats, own: Floats) -> Symmetric:
 
 
 @inlined
-def _row(r: Floats, i: int, own: Floats) -> Vector:
+def _row(r: Floats, i: int, central: Floats) -> Vector:
     """Row ``i`` of r own."""
     return (
-        r[i, 0] * own[0, 0] + r[i, 1] * own[1, 0] + r[i, 2] * own[2, 0],
-        r[i, 0] * own[0, 1] + r[i, 1] * own[1, 1] + r[i, 2] * own[2, 1],
-        r[i, 0] * own[0, 2] + r[i, 1] * own[1, 2] + r[i, 2] * own[2, 2],
+        r[i, 0] * central[0, 0] + r[i, 1] * central[1, 0] + r[i, 2] * central[2, 0],
+        r[i, 0] * central[0, 1] + r[i, 1] * central[1, 1] + r[i, 2] * central[2, 1],
+        r[i, 0] * central[0, 2] + r[i, 1] * central[1, 2] + r[i, 2] * central[2, 2],
     )
 
 
@@ -466,19 +466,19 @@ def _dot(a: Floats, b: Floats) -> float:
 
 
 @inlined
-def hold(mass: Floats, load: Floats, held: Integers, rates: Floats) -> None:
-    """Impose the rates (n,) of the speeds whose ``held`` (n,) is not zero, in the upper triangle of ``mass``."""
+def impose(mass: Floats, load: Floats, is_imposed: Integers, rates: Floats) -> None:
+    """Impose the rates (n,) of the speeds with ``is_imposed`` (n,) not zero, in the upper triangle of ``mass``."""
     n = load.shape[0]
     for i in range(n):
-        if held[i] == 0:
+        if is_imposed[i] == 0:
             continue
         rate = rates[i]
         for j in range(i):
-            if held[j] == 0:
+            if is_imposed[j] == 0:
                 load[j] -= mass[j, i] * rate
             mass[j, i] = 0.0
         for j in range(i + 1, n):
-            if held[j] == 0:
+            if is_imposed[j] == 0:
                 load[j] -= mass[i, j] * rate
             mass[i, j] = 0.0
         mass[i, i] = 1.0
@@ -508,26 +508,26 @@ def solve(mass: Floats, load: Floats) -> None:
 def _eliminate(mass: Floats, load: Floats, i: int) -> None:
     """Take the speed ``i`` out of the equations of those before it; leaves the inverse of its pivot in its place."""
     pivot = 1.0 / mass[i, i]
-    own = load[i] * pivot
-    load[i], mass[i, i] = own, pivot
+    value = load[i] * pivot
+    load[i], mass[i, i] = value, pivot
     # Its column lies side by side in its row, of which nothing below the diagonal is in use.
     row = mass[i]
     for j in range(i):
         row[j] = mass[j, i]
-    _take_off_base(row, pivot, own, mass, load)
+    _take_off_base(row, pivot, value, mass, load)
     for j in range(BASE, i):
         if row[j] != 0.0:
-            load[j] -= row[j] * own
+            load[j] -= row[j] * value
             factor = row[j] * pivot
             for k in range(j + 1):
                 mass[k, j] -= factor * row[k]
 
 
 @noalias
-def _take_off_base(row: Floats, pivot: float, own: float, mass: Floats, load: Floats) -> None:
+def _take_off_base(row: Floats, pivot: float, value: float, mass: Floats, load: Floats) -> None:
     """What eliminating a speed takes off the base's equations."""
     for i in range(BASE):
-        load[i] -= row[i] * own
+        load[i] -= row[i] * value
         factor = row[i] * pivot
         for j in range(BASE):
             if j >= i:

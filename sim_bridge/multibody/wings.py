@@ -114,10 +114,10 @@ def _fill_frame(r: Floats, p: Floats, v: Floats, base: Floats, a: Floats, outsid
     g, air, turn = outside[0:3], outside[3:6], outside[6:9]
     w0, w1, w2 = v[0] - base[0], v[1] - base[1], v[2] - base[2]
     v0, v1, v2 = v[3] - base[3], v[4] - base[4], v[5] - base[5]
-    _tell(r, p, (v[0], v[1], v[2]), (v[3], v[4], v[5]), frame[0])
-    _tell(r, p, (turn[0], turn[1], turn[2]), (air[0], air[1], air[2]), frame[1])
-    _tell(r, p, (w0, w1, w2), (v0, v1, v2), frame[2])
-    _tell(r, p, (a[0], a[1], a[2]), (a[3] - g[0], a[4] - g[1], a[5] - g[2]), frame[3])
+    _transform_motion(r, p, (v[0], v[1], v[2]), (v[3], v[4], v[5]), frame[0])
+    _transform_motion(r, p, (turn[0], turn[1], turn[2]), (air[0], air[1], air[2]), frame[1])
+    _transform_motion(r, p, (w0, w1, w2), (v0, v1, v2), frame[2])
+    _transform_motion(r, p, (a[0], a[1], a[2]), (a[3] - g[0], a[4] - g[1], a[5] - g[2]), frame[3])
     # In the wing's axes the air's motion has a rate although in the base's axes its turning has none, and in NED's
     # the velocity at the base's origin: V x A of the wing less that of the base, whose axes and origin it goes by.
     turning = (
@@ -130,11 +130,11 @@ def _fill_frame(r: Floats, p: Floats, v: Floats, base: Floats, a: Floats, outsid
         a[4] + v[2] * air[0] - v[0] * air[2] + v2 * turn[0] - v0 * turn[2],
         a[5] + v[0] * air[1] - v[1] * air[0] + v0 * turn[1] - v1 * turn[0],
     )
-    _tell(r, p, turning, along, frame[4])
+    _transform_motion(r, p, turning, along, frame[4])
 
 
 @inlined
-def _tell(r: Floats, p: Floats, angular: Vector, linear: Vector, row: Floats) -> None:
+def _transform_motion(r: Floats, p: Floats, angular: Vector, linear: Vector, row: Floats) -> None:
     """A motion told at the base's origin in its axes, told at the wing's root in the wing's axes."""
     a0, a1, a2 = angular
     l0 = linear[0] + a1 * p[2] - a2 * p[1]
@@ -306,7 +306,7 @@ def _sum_forces(w: Wings, j: int, work: WingWork) -> float:
     In ``work.wrench``; returns the load on the twist.
     """
     f, total, apparent, n = work.frame[j], work.total, work.loads.apparent, work.wrench[1]
-    n0 = n1 = n2 = f0 = f1 = f2 = own = 0.0
+    n0 = n1 = n2 = f0 = f1 = f2 = spatial = 0.0
     for i in range(w.first[j], w.first[j + 1]):
         at, m = _strip(w, j, i, work), w.membrane[i]
         gx, gy, gz = _membrane_force(at, f)
@@ -321,9 +321,9 @@ def _sum_forces(w: Wings, j: int, work: WingWork) -> float:
         f0 += fx
         f1 += fy
         f2 += fz
-        own -= w.strips.eta[i] * about
+        spatial -= w.strips.eta[i] * about
     n[0], n[1], n[2], n[3], n[4], n[5] = n0, n1, n2, f0, f1, f2
-    return own
+    return spatial
 
 
 @inlined
@@ -333,7 +333,7 @@ def _sum_twist(w: Wings, j: int, work: WingWork) -> float:
     In ``work.wrench``; returns what it takes along the twist itself.
     """
     s, side, t, apparent = w.strips, w.side[j], work.wrench[0], work.loads.apparent
-    t0 = t1 = t2 = t3 = t5 = own = 0.0
+    t0 = t1 = t2 = t3 = t5 = spatial = 0.0
     for i in range(w.first[j], w.first[j + 1]):
         eta, half, y = s.eta[i], 0.5 * s.chord[i], side * s.span[i]
         mass = w.membrane[i] + apparent[MASS, i]
@@ -344,9 +344,9 @@ def _sum_twist(w: Wings, j: int, work: WingWork) -> float:
         t2 -= y * fx
         t3 += fx
         t5 += fz
-        own += eta * about
+        spatial += eta * about
     t[0], t[1], t[2], t[3], t[4], t[5] = t0, t1, t2, t3, 0.0, t5
-    return own
+    return spatial
 
 
 @inlined
@@ -399,12 +399,12 @@ def _carry(k: Kinematics, b: int, work: WingWork) -> None:
 
 
 @noalias
-def _carry_inertia(r: Floats, p: Floats, own: Floats, out: Floats) -> None:
-    """Add a spatial inertia ``own`` (6, 6), told at ``p`` in axes turned by ``r``, to ``out``; upper triangles.
+def _carry_inertia(r: Floats, p: Floats, spatial: Floats, out: Floats) -> None:
+    """Add a spatial inertia ``spatial`` (6, 6), told at ``p`` in axes turned by ``r``, to ``out``; upper triangles.
 
     With its blocks A, B, D of turning, both and moving: a force at ``p`` has the moment p x F about the origin.
     """
-    c = own
+    c = spatial
     a = _turned(r, ((c[0, 0], c[0, 1], c[0, 2]), (c[0, 1], c[1, 1], c[1, 2]), (c[0, 2], c[1, 2], c[2, 2])))
     b = _turned(r, ((c[0, 3], c[0, 4], c[0, 5]), (c[1, 3], c[1, 4], c[1, 5]), (c[2, 3], c[2, 4], c[2, 5])))
     d = _turned(r, ((c[3, 3], c[3, 4], c[3, 5]), (c[3, 4], c[4, 4], c[4, 5]), (c[3, 5], c[4, 5], c[5, 5])))

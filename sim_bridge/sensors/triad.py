@@ -64,7 +64,7 @@ class Unit(NamedTuple):
     """(n, 3); standard normal numbers drawn ahead"""
     memory: Floats
     """(2, 3) SI; last input and last output of the low pass"""
-    begun: Floats
+    initialized: Floats
     """(1,); 1 when there was an input"""
 
 
@@ -102,7 +102,7 @@ class Triad:
 @njit(cache=True)
 def _read(value: Vector, drift: Vector, at: int, bound: Bound) -> Vector:
     unit = bound_values(bound)
-    felt = _filtered(value, unit.low_pass, unit.memory, unit.begun)
+    felt = _filtered(value, unit.low_pass, unit.memory, unit.initialized)
     return (
         _reading(felt, drift[0], 0, at, unit),
         _reading(felt, drift[1], 1, at, unit),
@@ -111,14 +111,14 @@ def _read(value: Vector, drift: Vector, at: int, bound: Bound) -> Vector:
 
 
 @njit(cache=True)
-def _filtered(value: Vector, low_pass: LowPass, memory: Floats, begun: Floats) -> Vector:
+def _filtered(value: Vector, low_pass: LowPass, memory: Floats, initialized: Floats) -> Vector:
     keep, before, now = low_pass
     if keep == 0.0:
         return value
     x, y, z = value
     last, out = memory[0], memory[1]
-    if begun[0] == 0.0:
-        begun[0] = 1.0
+    if initialized[0] == 0.0:
+        initialized[0] = 1.0
         out[0], out[1], out[2] = x, y, z
     else:
         out[0] = keep * out[0] + before * last[0] + now * x

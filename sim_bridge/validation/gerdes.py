@@ -42,8 +42,8 @@ def drive_rows() -> list[Row]:
     rows = []
     for name, wing in WINGS.items():
         power = figure("Eq. 12, Table 7", f"power, wing {name}, Table 4's current", "W", wing.power)
-        ours = 2.0 * servo_power(0.5 * wing.current, drive.nominal_voltage)
-        rows.append(fitted(power, ours, "8.0 V, which is not printed, was chosen for these figures"))
+        computed = 2.0 * servo_power(0.5 * wing.current, drive.nominal_voltage)
+        rows.append(fitted(power, computed, "8.0 V, which is not printed, was chosen for these figures"))
     for name, wing in WINGS.items():
         one = drive_current(wing.torque, drive.torque_constant, drive.torque_offset, drive.idle_current)
         current = figure("Eq. 11, Table 4", f"current, wing {name}, Table 7's torque", "A", wing.current)

@@ -55,7 +55,7 @@ class WingFigures(NamedTuple):
     """N, mean, Table 7, coupled model"""
     thrust: float
     """N, mean, Table 7, coupled model"""
-    held: ModelFigures
+    fixed_body: ModelFigures
 
 
 WINGS = {

@@ -95,23 +95,23 @@ REACHED_TO = 1.5
 
 def rows() -> list[Row]:
     """All that takes seconds; `left_out_rows` needs fits that take minutes."""
-    records = flown_records()
+    records = simulated_records()
     measured = {wing: measure(record, stream(wing)) for wing, record in records.items()}
     wings = []
     for wing, record in records.items():
         wings += [*wing_rows(wing, measured[wing]), *current_rows(wing, measured[wing], record)]
-    return [*mean_rows(measured), *wings, *stroke_rows(), *held_rows(), *reachable_rows()]
+    return [*mean_rows(measured), *wings, *stroke_rows(), *fixed_body_rows(), *reachable_rows()]
 
 
-def flown_records() -> dict[str, Record]:
+def simulated_records() -> dict[str, Record]:
     """A stroke of each of the four wings in the flights of Table 4, with the set of the vehicle files."""
     return {wing: fly(as_measured(bird), stream(wing)) for wing, bird in vehicles().items()}
 
 
 def mean_error(measured: Mapping[str, Measures], quantity: str) -> float:
     """Mean over the wings of the share by which ``power`` or ``plunge_speed`` of Table 7 is missed."""
-    ours = "positive_power" if quantity == "power" else quantity
-    errors = [abs(getattr(one, ours) / getattr(WINGS[wing], quantity) - 1.0) for wing, one in measured.items()]
+    computed = "positive_power" if quantity == "power" else quantity
+    errors = [abs(getattr(one, computed) / getattr(WINGS[wing], quantity) - 1.0) for wing, one in measured.items()]
     return math.fsum(errors) / len(errors)
 
 
@@ -137,29 +137,29 @@ def of_wing(wing: str, table: int, quantity: str, unit: str, value: float) -> Fi
     return figure(f"Table {table}", f"{quantity}, wing {wing}", unit, value)
 
 
-def wing_rows(wing: str, ours: Measures) -> list[Row]:
+def wing_rows(wing: str, computed: Measures) -> list[Row]:
     """Every mechanical figure of Tables 4, 6 and 7 that a wing's stroke has."""
     printed, of = WINGS[wing], partial(of_wing, wing)
     return [
-        fitted(of(7, "mean power", "W", printed.power), ours.positive_power, f"{POWER}; {FIT}"),
-        fitted(of(7, "greatest plunge speed", "rad/s", printed.plunge_speed), ours.plunge_speed, FIT),
-        fitted(of(4, "stroke", "rad", printed.amplitude), ours.amplitude, FIT),
-        compare_share(of(7, "mean torque", "N m", printed.torque), ours.torque, GAP, TORQUE),
-        compare_share(of(7, "mean lift", "N", printed.lift), ours.lift, GAP, CARRIED),
-        compare_share(of(7, "mean thrust", "N", printed.thrust), ours.thrust, GAP, THRUST),
-        compare_share(of(4, "incidence", "rad", printed.angle_of_attack), ours.angle_of_attack, GAP, LEVEL),
-        compare_share(of(6, "overshoot", "-", printed.overshoot), ours.overshoot, GAP, RINGING),
+        fitted(of(7, "mean power", "W", printed.power), computed.positive_power, f"{POWER}; {FIT}"),
+        fitted(of(7, "greatest plunge speed", "rad/s", printed.plunge_speed), computed.plunge_speed, FIT),
+        fitted(of(4, "stroke", "rad", printed.amplitude), computed.amplitude, FIT),
+        compare_share(of(7, "mean torque", "N m", printed.torque), computed.torque, GAP, TORQUE),
+        compare_share(of(7, "mean lift", "N", printed.lift), computed.lift, GAP, CARRIED),
+        compare_share(of(7, "mean thrust", "N", printed.thrust), computed.thrust, GAP, THRUST),
+        compare_share(of(4, "incidence", "rad", printed.angle_of_attack), computed.angle_of_attack, GAP, LEVEL),
+        compare_share(of(6, "overshoot", "-", printed.overshoot), computed.overshoot, GAP, RINGING),
     ]
 
 
-def current_rows(wing: str, ours: Measures, record: Record) -> list[Row]:
+def current_rows(wing: str, computed: Measures, record: Record) -> list[Row]:
     """Table 4's mean current by the plant's law and by three other readings of the servo."""
     drive, current = as_measured(vehicles()[wing]).drive, WINGS[wing].current
     motor = gerdes_servo.by_motor(record, drive, VOLTAGE)
     of = partial(of_wing, wing, 4)
     return [
-        compare_share(of("mean current", "A", current), ours.current, GAP, ELECTRICAL),
-        fitted(of("current by energy", "A", current), gerdes_servo.by_energy(ours, VOLTAGE), BALANCE),
+        compare_share(of("mean current", "A", current), computed.current, GAP, ELECTRICAL),
+        fitted(of("current by energy", "A", current), gerdes_servo.by_energy(computed, VOLTAGE), BALANCE),
         compare_share(
             of("current by Eq. 12", "A", current), gerdes_servo.by_dynamometer(record, VOLTAGE), GAP, DYNAMOMETER
         ),
@@ -182,21 +182,21 @@ def stroke_rows() -> list[Row]:
     ]
 
 
-def held_rows() -> list[Row]:
+def fixed_body_rows() -> list[Row]:
     """Table 7, kinematics only: the commanded stroke held exactly, at Table 4's angle of attack."""
     found = []
     for wing, bird in vehicles().items():
         printed = WINGS[wing]
         record = fly(stiffened(as_measured(bird)), stream(wing), printed.angle_of_attack)
-        ours = measure(record, stream(wing))
+        computed = measure(record, stream(wing))
         for quantity, unit, value, one in (
-            ("lift", "N", printed.held.lift, ours.lift),
-            ("thrust", "N", printed.held.thrust, ours.thrust),
-            ("power", "W", printed.held.power, ours.positive_power),
-            ("torque", "N m", printed.held.torque, ours.torque),
+            ("lift", "N", printed.fixed_body.lift, computed.lift),
+            ("thrust", "N", printed.fixed_body.thrust, computed.thrust),
+            ("power", "W", printed.fixed_body.power, computed.positive_power),
+            ("torque", "N m", printed.fixed_body.torque, computed.torque),
         ):
-            held = figure("Table 7", f"{quantity} of the stroke held, wing {wing}", unit, value)
-            found.append(compare_share(held, one, GAP, HELD))
+            fixed_body = figure("Table 7", f"{quantity} of the stroke held, wing {wing}", unit, value)
+            found.append(compare_share(fixed_body, one, GAP, HELD))
     return found
 
 
@@ -211,12 +211,12 @@ def reachable_rows() -> list[Row]:
     return found
 
 
-def left_out_rows(told: Callable[[float, str], None] = lambda share, words: None) -> list[Row]:
+def left_out_rows(on_progress: Callable[[float, str], None] = lambda share, words: None) -> list[Row]:
     """The mean errors over wings each of which is left out of the fit that it is flown with: minutes.
 
-    ``told`` hears which share is done, and of what.
+    ``on_progress`` hears which share is done, and of what.
     """
-    measured = leave_one_out(vehicles(), measured_flights(), told)
+    measured = leave_one_out(vehicles(), measured_flights(), on_progress)
     power, speed = (mean_error(measured, quantity) for quantity in ("power", "plunge_speed"))
     return [
         compare(

@@ -65,7 +65,7 @@ def stroke_fields() -> SpatialKinematics:
     return spatial_kinematics(WING, steady_flight(SLOW_HAWK_STROKE, INSTANTS, SPEED))
 
 
-def flown(column: str, angle: float = 0.0) -> Floats:
+def simulated_loads(column: str, angle: float = 0.0) -> Floats:
     """Loads (N, 6) in N, N m over a stroke by a column of Table 1, at an ``angle`` of attack in rad."""
     return prescribed_loads(MODEL, SETTINGS[column], WING, steady_flight(SLOW_HAWK_STROKE, INSTANTS, SPEED, angle))
 
@@ -76,13 +76,13 @@ def spatial_rows() -> list[Row]:
     angle, speed = fields.angle_of_attack, fields.speed
     frequency, reynolds = fields.reduced_frequency, fields.reynolds
     rows = [
-        compare_share(figure("V.B", f"{word} {quantity}", unit, printed), ours, share, why)
+        compare_share(figure("V.B", f"{word} {quantity}", unit, printed), computed, share, why)
         for quantity, unit, ends, field, share, why in (
             ("angle of attack", "rad", ANGLE, angle, 0.05, ""),
             ("reduced frequency", "-", REDUCED, frequency, 0.1, ELLIPSE),
             ("Reynolds number", "-", REYNOLDS, reynolds, 0.1, ELLIPSE),
         )
-        for word, printed, ours in zip(WORDS, ends, _ends(field), strict=True)
+        for word, printed, computed in zip(WORDS, ends, _ends(field), strict=True)
     ]
     least, greatest = (
         figure("V.B", f"{w} section speed", "m/s", v) for w, v in zip(WORDS, SECTION_SPEED, strict=True)
@@ -113,7 +113,7 @@ def _column_rows(column: str) -> list[Row]:
     return [
         compare_share(needed, level, 0.15, LIFT[column]),
         compare(heave, needed_heave, why=f"the range is the one recorded; {_trims(column)}"),
-        unreproducible(thrust, float(flown(column)[:, 0].mean()), BRAKE),
+        unreproducible(thrust, float(simulated_loads(column)[:, 0].mean()), BRAKE),
     ]
 
 

@@ -50,13 +50,13 @@ def hawkmoth_rows() -> list[Row]:
 
 def _share_rows(case: HawkmothCase, printed: tuple[float, float, float]) -> list[Row]:
     found = shares(hawkmoth_loads(case))
-    ours = (found.translational, found.rotational, found.added_mass)
+    computed = (found.translational, found.rotational, found.added_mass)
     names = ("translational", "rotational", "added-mass")
     return [
         unreproducible(
             figure("Fig. 10", f"{name} share of lift, {case.airspeed:g} m/s", "%", share), 100.0 * own, CHOSEN
         )
-        for name, share, own in zip(names, printed, ours, strict=True)
+        for name, share, own in zip(names, printed, computed, strict=True)
     ]
 
 

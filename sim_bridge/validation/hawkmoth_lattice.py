@@ -152,25 +152,34 @@ def hawkmoth_rows() -> list[Row]:
 
 
 def _case_rows(case: HawkmothCase) -> list[Row]:
-    theirs, ours = quasi_steady_course(case), lattice_course(lattice_history(case))
+    reference, computed = quasi_steady_course(case), lattice_course(lattice_history(case))
     pairs = (
-        ("mean lift", "N", theirs.lift, ours.lift),
-        ("mean lift by circulation", "N", theirs.lift - theirs.unsteady_lift, ours.lift - ours.unsteady_lift),
-        ("mean lift by apparent mass and rates", "N", theirs.unsteady_lift, ours.unsteady_lift),
-        ("mean thrust", "N", theirs.thrust, ours.thrust),
-        ("mean power", "W", theirs.power, ours.power),
+        ("mean lift", "N", reference.lift, computed.lift),
+        (
+            "mean lift by circulation",
+            "N",
+            reference.lift - reference.unsteady_lift,
+            computed.lift - computed.unsteady_lift,
+        ),
+        ("mean lift by apparent mass and rates", "N", reference.unsteady_lift, computed.unsteady_lift),
+        ("mean thrust", "N", reference.thrust, computed.thrust),
+        ("mean power", "W", reference.power, computed.power),
     )
     rows = [_row(case, name, unit, float(one.mean()), float(other.mean())) for name, unit, one, other in pairs]
-    rms = [math.sqrt(float(np.mean(lift**2))) for lift in (theirs.lift, ours.lift, ours.lift - theirs.lift)]
+    rms = [
+        math.sqrt(float(np.mean(lift**2))) for lift in (reference.lift, computed.lift, computed.lift - reference.lift)
+    ]
     pressed = 2.0 * float(lattice_history(case).pressure_force[-STEPS:, :, 2].sum(axis=1).mean())
     return [
         *rows,
-        _row(case, "mean lift, the lattice's without suction at its edge", "N", float(theirs.lift.mean()), pressed),
+        _row(
+            case, "mean lift, the lattice's without suction at its edge", "N", float(reference.lift.mean()), pressed
+        ),
         _row(case, "RMS lift", "N", rms[0], rms[1]),
         _row(case, "RMS difference of the lift's history from it", "N", 0.0, rms[2]),
     ]
 
 
-def _row(case: HawkmothCase, name: str, unit: str, theirs: float, ours: float) -> Row:
-    named = figure("quasi_steady", f"hawkmoth at {case.airspeed:g} m/s: {name}", unit, theirs)
-    return compared(named, ours, ATTACHED)
+def _row(case: HawkmothCase, name: str, unit: str, reference: float, computed: float) -> Row:
+    named = figure("quasi_steady", f"hawkmoth at {case.airspeed:g} m/s: {name}", unit, reference)
+    return compared(named, computed, ATTACHED)

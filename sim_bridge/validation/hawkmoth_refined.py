@@ -39,12 +39,12 @@ VARIANTS = (
 )
 
 
-def refined_rows(told: Callable[[float, str], None]) -> list[Row]:
+def refined_rows(on_progress: Callable[[float, str], None]) -> list[Row]:
     """Mean lift and power of the last stroke, each variant's beside the plain lattice's, at both speeds."""
     rows: list[Row] = []
     pairs = [(case, variant) for case in CASES for variant in VARIANTS]
     for done, (case, variant) in enumerate(pairs):
-        told(done / len(pairs), variant.title)
+        on_progress(done / len(pairs), variant.title)
         plain = lattice_course(lattice_history(case))
         rows += _variant_rows(case, variant, plain)
     return rows
@@ -52,7 +52,7 @@ def refined_rows(told: Callable[[float, str], None]) -> list[Row]:
 
 def _variant_rows(case: HawkmothCase, variant: Variant, plain: Course) -> list[Row]:
     v = variant
-    ours = lattice_course(lattice_history(case, v.wake, v.mesh, v.kept, v.core))
+    computed = lattice_course(lattice_history(case, v.wake, v.mesh, v.kept, v.core))
     where = f"{MESH.rows} x {MESH.columns} panels, {MESH.steps} steps"
     return [
         compared(
@@ -61,7 +61,7 @@ def _variant_rows(case: HawkmothCase, variant: Variant, plain: Course) -> list[R
             v.why,
         )
         for name, unit, one, other in (
-            ("lift", "N", plain.lift, ours.lift),
-            ("power", "W", plain.power, ours.power),
+            ("lift", "N", plain.lift, computed.lift),
+            ("power", "W", plain.power, computed.power),
         )
     ]

@@ -74,17 +74,17 @@ def hover_rows() -> list[Row]:
     vehicle = load_vehicle(ENTOMOPTER)
     orbit = hover(vehicle)
     power = figure("1 Introduction", "power of insects in hover", "W/kg", POWER)
-    ours = air_power(vehicle, orbit) / total_mass(vehicle)
-    held = held_within(vehicle, orbit)
+    computed = air_power(vehicle, orbit) / total_mass(vehicle)
+    held = hover_excursion(vehicle, orbit)
     return [
-        unreproducible(power, ours, f"work on the air alone; {CHOSEN}"),
+        unreproducible(power, computed, f"work on the air alone; {CHOSEN}"),
         _divergence_row(vehicle, orbit),
         _unprinted("-", "farthest from hover in 100 strokes after 0.1 m/s, 0.05 rad", "m", held, HELD),
     ]
 
 
-def _unprinted(where: str, quantity: str, unit: str, ours: float, why: str) -> Row:
-    return unreproducible(figure(where, quantity, unit, math.nan), ours, why)
+def _unprinted(where: str, quantity: str, unit: str, computed: float, why: str) -> Row:
+    return unreproducible(figure(where, quantity, unit, math.nan), computed, why)
 
 
 def _divergence_row(vehicle: SimulatedVehicle, orbit: HoverOrbit) -> Row:
@@ -121,7 +121,7 @@ def _detrended(values: Floats) -> Floats:
     return np.asarray(values - np.polyval(np.polyfit(time, values, 3), time))
 
 
-def held_within(vehicle: SimulatedVehicle, orbit: HoverOrbit, strokes: int = 100) -> float:
+def hover_excursion(vehicle: SimulatedVehicle, orbit: HoverOrbit, strokes: int = 100) -> float:
     """m; greatest distance from the place of hover after `PUSH`, fed back once a stroke."""
     gain = position_gain(linearize(vehicle, orbit), TOLERANCES, AUTHORITY)
     course = fly(vehicle, orbit, pushed(orbit.state), gain, strokes)

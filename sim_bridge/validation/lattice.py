@@ -24,19 +24,21 @@ ALONG_WIND = "likewise, with the wake along the wind, where XFLR5 has it along t
 
 def steady_rows() -> list[Row]:
     """The wing of NACA 2412 in steady flow."""
-    ours, where = straight_wing(), "XFLR5, VLM2"
+    computed, where = straight_wing(), "XFLR5, VLM2"
     drag = 0.0193291
     return [
-        compare_share(figure(where, "lift coefficient", "-", 0.783705), ours.lift, WITHIN),
-        compare_share(figure(where, "induced drag coefficient, far wake", "-", drag), ours.far_drag, WITHIN),
-        compare_share(figure(where, "induced drag coefficient, near field", "-", drag), ours.near_drag, WITHIN, NEAR),
+        compare_share(figure(where, "lift coefficient", "-", 0.783705), computed.lift, WITHIN),
+        compare_share(figure(where, "induced drag coefficient, far wake", "-", drag), computed.far_drag, WITHIN),
+        compare_share(
+            figure(where, "induced drag coefficient, near field", "-", drag), computed.near_drag, WITHIN, NEAR
+        ),
         compare_share(
             figure(where, "induced drag coefficient, near field, wake along the wind", "-", drag),
             straight_wing(along_wind=True).near_drag,
             WITHIN,
             ALONG_WIND,
         ),
-        compare_share(figure(where, "pitching moment coefficient", "-", -0.677641), ours.pitch_moment, WITHIN),
+        compare_share(figure(where, "pitching moment coefficient", "-", -0.677641), computed.pitch_moment, WITHIN),
     ]
 
 
@@ -45,8 +47,10 @@ def convergence_rows() -> list[Row]:
     where = ", ".join(f"{columns} x {rows}" for columns, rows in GRIDS) + " panels"
     order, (_, middle, fine) = orders(), [straight_wing(*grid) for grid in GRIDS]
     rows = [
-        compare(figure(where, f"order of convergence, induced drag, {name}", "-", FIRST_ORDER), ours, ORDER_WITHIN)
-        for name, ours in (("far wake", order.far_drag), ("near field", order.near_drag))
+        compare(
+            figure(where, f"order of convergence, induced drag, {name}", "-", FIRST_ORDER), computed, ORDER_WITHIN
+        )
+        for name, computed in (("far wake", order.far_drag), ("near field", order.near_drag))
     ]
     for name, one, other in (
         ("lift", middle.lift, fine.lift),

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 WITHIN, SHORT, FITTED, UNREPRODUCIBLE, COMPARED = "within", "falls short", "fitted", "not reproducible", "compared"
-VERDICTS = {
+OUTCOMES = {
     WITHIN: "within its limit",
     SHORT: "farther off than its limit",
     FITTED: "a chosen value was fitted to it: no validation",
@@ -34,12 +34,12 @@ class Row(NamedTuple):
     """A published figure beside ours."""
 
     figure: Figure
-    ours: float | None
+    computed: float | None
     """none where nothing can be computed"""
     limit: float | None
     """greatest difference allowed, in the figure's unit"""
-    verdict: str
-    """one of `VERDICTS`"""
+    outcome: str
+    """one of `OUTCOMES`"""
     why: str
     """what has to be said of it"""
     share: float | None = None
@@ -48,9 +48,9 @@ class Row(NamedTuple):
     @property
     def difference(self) -> float | None:
         """Ours less what is printed, in the figure's unit; 0 inside of a printed range; none without a number."""
-        if self.ours is None or math.isnan(self.figure.low):
+        if self.computed is None or math.isnan(self.figure.low):
             return None
-        return self.ours - nearest(self.figure, self.ours)
+        return self.computed - nearest(self.figure, self.computed)
 
 
 class Check(NamedTuple):
@@ -83,32 +83,32 @@ def figure(where: str, quantity: str, unit: str, printed: float, upto: float | N
     return Figure(where, quantity, unit, printed, printed if upto is None else upto)
 
 
-def nearest(printed: Figure, ours: float) -> float:
+def nearest(printed: Figure, computed: float) -> float:
     """The printed value nearest to ours."""
-    return min(max(ours, printed.low), printed.high)
+    return min(max(computed, printed.low), printed.high)
 
 
-def compare(printed: Figure, ours: float, limit: float = 0.0, why: str = "") -> Row:
+def compare(printed: Figure, computed: float, limit: float = 0.0, why: str = "") -> Row:
     """A row judged by the greatest difference allowed, in the figure's unit."""
-    verdict = WITHIN if abs(ours - nearest(printed, ours)) <= limit else SHORT
-    return Row(printed, ours, limit, verdict, why)
+    outcome = WITHIN if abs(computed - nearest(printed, computed)) <= limit else SHORT
+    return Row(printed, computed, limit, outcome, why)
 
 
-def compare_share(printed: Figure, ours: float, share: float, why: str = "") -> Row:
+def compare_share(printed: Figure, computed: float, share: float, why: str = "") -> Row:
     """A row judged by the greatest difference allowed as a share of the printed value nearest to ours."""
-    return compare(printed, ours, share * abs(nearest(printed, ours)), why)._replace(share=share)
+    return compare(printed, computed, share * abs(nearest(printed, computed)), why)._replace(share=share)
 
 
-def fitted(printed: Figure, ours: float, why: str) -> Row:
+def fitted(printed: Figure, computed: float, why: str) -> Row:
     """A row that a chosen value was fitted to."""
-    return Row(printed, ours, None, FITTED, why)
+    return Row(printed, computed, None, FITTED, why)
 
 
-def unreproducible(printed: Figure, ours: float | None, why: str) -> Row:
+def unreproducible(printed: Figure, computed: float | None, why: str) -> Row:
     """A row that cannot follow from what the paper prints; ours, if any, is for comparison."""
-    return Row(printed, ours, None, UNREPRODUCIBLE, why)
+    return Row(printed, computed, None, UNREPRODUCIBLE, why)
 
 
-def compared(other: Figure, ours: float, why: str) -> Row:
+def compared(other: Figure, computed: float, why: str) -> Row:
     """A row that sets one model of ours beside an ``other`` one, with no limit that either would have to meet."""
-    return Row(other, ours, None, COMPARED, why)
+    return Row(other, computed, None, COMPARED, why)

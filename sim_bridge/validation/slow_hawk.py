@@ -148,7 +148,7 @@ def mass_rows() -> list[Row]:
     ]
 
 
-def flown_stroke(vehicle: SimulatedVehicle, orbit: Orbit) -> Stroke:
+def simulated_stroke(vehicle: SimulatedVehicle, orbit: Orbit) -> Stroke:
     """The stroke that the motor and the linkage make in flight, its phases shares of the period."""
     stroke = StrokeMap(vehicle)
     stroke.unpack(orbit.state, orbit.inputs)
@@ -193,13 +193,16 @@ def _shaking(moved: Excursions) -> list[Row]:
     )
     pitch = figure("V.A", "pitch about its mean", "rad", 0.02)
     return [
-        *(fitted(figure("V.A", f"{name}, peak to peak", unit, v), ours, why) for name, unit, v, ours, why in numbers),
+        *(
+            fitted(figure("V.A", f"{name}, peak to peak", unit, v), computed, why)
+            for name, unit, v, computed, why in numbers
+        ),
         unreproducible(pitch, 0.5 * float(np.ptp(moved.pitch)), PITCHING),
     ]
 
 
 def _stroke_rows(vehicle: SimulatedVehicle, orbit: Orbit) -> list[Row]:
-    flown = flown_stroke(vehicle, orbit)
+    flown = simulated_stroke(vehicle, orbit)
     drive = "drag area and motor were chosen for frequency and throttle"
     numbers = (
         ("highest wing angle", "rad", PRINTED.highest, flown.highest, GEOMETRY),
@@ -210,7 +213,10 @@ def _stroke_rows(vehicle: SimulatedVehicle, orbit: Orbit) -> list[Row]:
         ("throttle", "-", 0.77, orbit.inputs.throttle, drive),
     )
     elevator = unreproducible(figure("V.A", "elevator", "rad", -0.12), orbit.inputs.elevator, SIGN)
-    return [*(fitted(figure("V.A", name, unit, v), ours, why) for name, unit, v, ours, why in numbers), elevator]
+    return [
+        *(fitted(figure("V.A", name, unit, v), computed, why) for name, unit, v, computed, why in numbers),
+        elevator,
+    ]
 
 
 def towed(vehicle: SimulatedVehicle, column: str) -> tuple[Orbit, float]:

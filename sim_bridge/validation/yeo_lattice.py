@@ -26,9 +26,9 @@ from sim_bridge.aerodynamics.vortex_lattice.unsteady import (
     History,
     Scheme,
     Snapshot,
+    ignore_progress,
+    ignore_snapshot,
     run,
-    unheard,
-    unseen,
 )
 from sim_bridge.validation.row import Row, compare, compare_share, figure
 from sim_bridge.validation.yeo import (
@@ -84,7 +84,9 @@ def lattice_stroke(wake: str = "free") -> Stroke:
 
 
 def flapped(
-    wake: str, progress: Callable[[float], None] = unheard, watch: Callable[[Snapshot], None] = unseen
+    wake: str,
+    progress: Callable[[float], None] = ignore_progress,
+    watch: Callable[[Snapshot], None] = ignore_snapshot,
 ) -> History:
     """`STROKES` strokes of the right wing and its mirror image, x back, y right, z up, in air at rest."""
     lattice, period = wing(), 1.0 / FREQUENCY
@@ -98,7 +100,7 @@ def flapped(
     return run(lattice, moved, scheme, Air(DENSITY, True), progress, watch)
 
 
-def wake_course(every: int = 1, progress: Callable[[float], None] = unheard) -> list[Snapshot]:
+def wake_course(every: int = 1, progress: Callable[[float], None] = ignore_progress) -> list[Snapshot]:
     """Lattice and free wake at each ``every``-th step of `flapped`, and at the last one."""
     seen: list[Snapshot] = []
     last = STROKES * STEPS - 1

@@ -19,7 +19,7 @@ from groundstation.views.validation import validation_table
 from logs.reader import open_log
 from sim_bridge.aerodynamics.vortex_lattice.unsteady import Snapshot
 from sim_bridge.validation.papers import PAPERS
-from sim_bridge.validation.row import VERDICTS, Check, Row, Study
+from sim_bridge.validation.row import OUTCOMES, Check, Row, Study
 from sim_bridge.validation.yeo_lattice import wing
 
 Capture = pytest.CaptureFixture[str]
@@ -66,7 +66,7 @@ def test_one_paper_is_told_to_programs(capsys: Capture, monkeypatch: pytest.Monk
     (paper,) = told["papers"]
     assert paper["name"] == "gerdes" and paper["title"] == PAPERS["gerdes"].title
     assert sum(told["counts"].values()) == len(paper["rows"])
-    assert set(told["counts"]) == set(VERDICTS)
+    assert set(told["counts"]) == set(OUTCOMES)
     for row in paper["rows"]:
         assert all(key in validate.JSON_KEYS["rows"] for key in row)
         low, high = row["published"]

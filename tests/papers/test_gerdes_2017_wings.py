@@ -60,7 +60,7 @@ def birds() -> dict[str, SimulatedVehicle]:
 
 @pytest.fixture(scope="module")
 def records() -> dict[str, Record]:
-    return g.flown_records()
+    return g.simulated_records()
 
 
 @pytest.fixture(scope="module")
@@ -87,9 +87,9 @@ def values(bird: SimulatedVehicle) -> dict[str, object]:
 
 @pytest.mark.parametrize("wing", ["A", "B", "C"])
 def test_the_four_vehicles_share_all_but_the_wings_own(birds: dict[str, SimulatedVehicle], wing: str) -> None:
-    ours, reference = values(birds[wing]), values(birds["D"])
-    assert {key for key in ours if ours[key] != reference[key]} <= OWN
-    assert ours.keys() == reference.keys()
+    computed, reference = values(birds[wing]), values(birds["D"])
+    assert {key for key in computed if computed[key] != reference[key]} <= OWN
+    assert computed.keys() == reference.keys()
 
 
 @pytest.mark.parametrize("wing", WINGS)
@@ -234,8 +234,8 @@ def test_the_stroke_held_exactly_is_far_beyond_the_drives(
     assert rate_error(strokes["held"]) < 0.05
     assert demand(strokes["held"], bird) > 2.0
     assert demand(strokes["fast"], bird) == pytest.approx(1.0, abs=0.05)
-    held, free = (measure(strokes[name], g.stream("D")).positive_power for name in ("held", "fast"))
-    assert held > 2.0 * free
+    fixed_body, free = (measure(strokes[name], g.stream("D")).positive_power for name in ("held", "fast"))
+    assert fixed_body > 2.0 * free
 
 
 def test_the_stroke_within_reach_shrinks_with_the_frequency(birds: dict[str, SimulatedVehicle]) -> None:
@@ -273,7 +273,7 @@ def test_the_vehicle_files_hold_what_the_fit_finds(birds: dict[str, SimulatedVeh
 def test_wings_left_out_of_the_fit_are_foretold() -> None:
     heard: list[tuple[float, str]] = []
     rows = g.left_out_rows(lambda share, words: heard.append((share, words)))
-    assert all(row.verdict == WITHIN for row in rows), rows
+    assert all(row.outcome == WITHIN for row in rows), rows
     shares = [share for share, _ in heard]
     assert shares == sorted(shares) and shares[0] == 0.0 and shares[-1] < 1.0
     assert {words for _, words in heard} == {f"{wing} left out" for wing in WINGS}

@@ -36,7 +36,7 @@ from sim_bridge.validation.grauer import (
     SPEED,
     WEIGHT,
     WING,
-    flown,
+    simulated_loads,
     stroke_fields,
 )
 from wingbeat.errors import InputError
@@ -52,7 +52,7 @@ def fields() -> SpatialKinematics:
 
 def mean_lift(column: str, angle: float) -> float:
     """Across the flight path, in N; Table 1's lift is the fuselage's own normal force."""
-    mean = flown(column, angle).mean(axis=0)
+    mean = simulated_loads(column, angle).mean(axis=0)
     return float(math.sin(angle) * mean[0] - math.cos(angle) * mean[2])
 
 
@@ -139,14 +139,14 @@ def test_with_the_wings_own_speed_the_time_domain_column_carries_the_weight_at_n
 def test_the_lift_of_a_stroke_is_made_in_the_down_stroke(column: str) -> None:
     motion = steady_flight(STROKE, 200, SPEED)
     down = motion.flap_rate < 0.0
-    lift = -flown(column)[:, 2]
+    lift = -simulated_loads(column)[:, 2]
     assert lift[down].mean() > lift[~down].mean() + WEIGHT
     assert lift.argmax() == pytest.approx(200 * 0.51, abs=6)
 
 
 def test_the_lift_history_of_a_stroke_peaks_below_the_recorded_accelerations() -> None:
     # V.A prints -4.0 to +4.9 g of the fuselage alone, on which the wings' inertia pushes as well.
-    lift = -flown("time")[:, 2] / WEIGHT
+    lift = -simulated_loads("time")[:, 2] / WEIGHT
     assert 0.7 * 4.9 < lift.max() < 4.9
     assert -4.0 < lift.min() < -0.4 * 4.0
 
@@ -154,7 +154,7 @@ def test_the_lift_history_of_a_stroke_peaks_below_the_recorded_accelerations() -
 @pytest.mark.parametrize(("column", "newtons"), [("time", -4.73), ("frequency", -5.91)])
 def test_the_thrust_history_of_a_stroke_is_a_drag_in_the_mean(column: str, newtons: float) -> None:
     # No flight at constant speed: the printed sign of the theta_dot squared row makes flapping a brake.
-    thrust = flown(column)[:, 0]
+    thrust = simulated_loads(column)[:, 0]
     assert thrust.mean() == pytest.approx(newtons, abs=0.05)
     with_the_sign_turned = COLUMNS[column]._replace(
         thrust_flap_rate_squared=-COLUMNS[column].thrust_flap_rate_squared
@@ -169,14 +169,14 @@ def test_the_thrust_history_of_a_stroke_is_a_drag_in_the_mean(column: str, newto
 
 @pytest.mark.parametrize("column", COLUMNS)
 def test_the_thrust_has_two_periods_a_stroke(column: str) -> None:
-    thrust = flown(column)[:, 0]
+    thrust = simulated_loads(column)[:, 0]
     spectrum = np.abs(np.fft.rfft(thrust - thrust.mean()))
     assert spectrum.argmax() == 2
 
 
 @pytest.mark.parametrize("column", COLUMNS)
 def test_the_moment_history_of_a_stroke_is_nose_down_for_the_tail_to_hold(column: str) -> None:
-    moment = flown(column)[:, 4]
+    moment = simulated_loads(column)[:, 4]
     motion = steady_flight(STROKE, 200, SPEED)
     assert moment.mean() == pytest.approx(-0.256, abs=0.005)
     assert moment[motion.flap_rate < 0.0].mean() < moment[motion.flap_rate > 0.0].mean()
@@ -189,5 +189,5 @@ def test_the_moment_history_of_a_stroke_is_nose_down_for_the_tail_to_hold(column
 def test_a_nose_up_rate_is_damped(column: str) -> None:
     motion = steady_flight(STROKE, 200, SPEED)
     turning = motion._replace(omega=np.tile([0.0, 1.0, 0.0], (200, 1)))
-    change = prescribed_loads(MODEL, SETTINGS[column], WING, turning) - flown(column)
+    change = prescribed_loads(MODEL, SETTINGS[column], WING, turning) - simulated_loads(column)
     assert np.all(change[:, 4] < 0.0)

@@ -25,11 +25,11 @@ from sim_bridge.validation.slow_hawk import (
     VARIATION,
     VEHICLE,
     center_travel,
-    flown_stroke,
     inertia_variations,
     mass_properties,
     mass_rows,
     mass_shares,
+    simulated_stroke,
     towed,
     trimmed,
 )
@@ -63,7 +63,7 @@ def test_masses_and_planform_are_the_printed_ones() -> None:
     assert total_mass(HAWK) == pytest.approx(0.45, abs=1e-9)
     assert mass_shares(HAWK) == pytest.approx(MASSES, abs=1e-9)
     assert sum(MASSES.values()) == pytest.approx(1.0)
-    assert {row.verdict for row in mass_rows()} == {WITHIN, FITTED}
+    assert {row.outcome for row in mass_rows()} == {WITHIN, FITTED}
 
 
 def test_the_center_of_mass_moves_and_the_inertia_varies_as_in_fig_2() -> None:
@@ -98,7 +98,7 @@ def test_the_inertia_is_the_composite_one_of_the_compiled_tree() -> None:
 
 
 def test_motor_and_linkage_make_the_printed_stroke_in_flight(orbit: Orbit) -> None:
-    flown = flown_stroke(HAWK, orbit)
+    flown = simulated_stroke(HAWK, orbit)
     assert flown.highest == pytest.approx(SLOW_HAWK_STROKE.highest, abs=0.02)
     assert flown.lowest == pytest.approx(SLOW_HAWK_STROKE.lowest, abs=0.02)
     assert flown.down_from == pytest.approx(SLOW_HAWK_STROKE.down_from, abs=0.025)

@@ -134,7 +134,7 @@ def test_a_blade_element_in_three_dimensions_is_that_of_appendix_b(phase: float)
     )
     moving = kinematics(stroke, MODEL_WING, body, 20)
     p, at = build(QuasiSteady(0.25), MODEL_WING), round(phase * 20)
-    ours = stroke_loads(MODEL, p, MODEL_WING, moving, 1.2).sections[at, :2, :2, blade].sum(axis=0)
+    computed = stroke_loads(MODEL, p, MODEL_WING, moving, 1.2).sections[at, :2, :2, blade].sum(axis=0)
     axes = moving.motions[at].axes[..., blade]
     matrix = appendix_b(stroke, airspeed, phase, blade)
     r, v = matrix[:3], matrix[3]
@@ -148,13 +148,13 @@ def test_a_blade_element_in_three_dimensions_is_that_of_appendix_b(phase: float)
     area = MODEL_WING.chord[blade] * MODEL_WING.width[blade]
     lift, drag = lift_coefficient(angle, ratio), drag_coefficient(angle, ratio)
     printed = 0.5 * 1.2 * speed**2 * area * (lift * lift_direction - drag * v / speed)
-    assert ours[0] * axes[1] + ours[1] * axes[2] == pytest.approx(r.T @ printed, rel=1e-6)
+    assert computed[0] * axes[1] + computed[1] * axes[2] == pytest.approx(r.T @ printed, rel=1e-6)
 
 
 def assert_shares(found: Shares, printed: tuple[float, float, float]) -> None:
     """The kinematics are chosen: only the order of things can be asked for."""
-    ours = (found.translational, found.rotational, found.added_mass)
-    assert ours == pytest.approx(printed, abs=0.07)
+    computed = (found.translational, found.rotational, found.added_mass)
+    assert computed == pytest.approx(printed, abs=0.07)
 
 
 def test_translation_bears_the_moth_at_the_slow_speed(slow: StrokeLoads) -> None:

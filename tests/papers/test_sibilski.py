@@ -89,7 +89,7 @@ def test_the_power_of_hover_is_of_the_size_known_of_insects(orbit: HoverOrbit) -
 
 def test_the_rows_tell_what_is_not_printed() -> None:
     found = [*drift_rows(), *hover_rows()]
-    assert all(row.verdict == UNREPRODUCIBLE and row.why for row in found)
+    assert all(row.outcome == UNREPRODUCIBLE and row.why for row in found)
     assert [row.figure.low for row in found if not math.isnan(row.figure.low)] == [30.0]
     assert [row.difference is None for row in found] == [math.isnan(row.figure.low) for row in found]
-    assert (found[0].ours, found[1].ours) == drift_and_swing(ENTOMOPTER)
+    assert (found[0].computed, found[1].computed) == drift_and_swing(ENTOMOPTER)

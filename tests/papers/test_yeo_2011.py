@@ -108,7 +108,7 @@ def test_the_measured_mean_lift_is_not_of_the_motion() -> None:
 
 
 def test_every_row_is_within_its_limit_but_the_mean_lift() -> None:
-    short = [row.figure.quantity for row in lift_rows() if row.verdict != WITHIN]
+    short = [row.figure.quantity for row in lift_rows() if row.outcome != WITHIN]
     assert short == ["mean lift"]
 
 

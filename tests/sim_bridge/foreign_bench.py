@@ -61,7 +61,7 @@ class ToyWorld:
     origin = (math.radians(48.1), math.radians(11.6), 520.0)
 
     def __init__(self, duration: float, frame: Callable[[int], SensorFrame] | None = None) -> None:
-        self.duration, self.time_us, self.thrown = duration, 0, False
+        self.duration, self.time_us, self.launched = duration, 0, False
         self.asked: list[tuple[ActuatorCommand, float]] = []
         self._frame = frame
 
@@ -70,7 +70,7 @@ class ToyWorld:
         return self.time_us * 1e-6 >= self.duration - 1e-9
 
     def release(self) -> None:
-        self.thrown = True
+        self.launched = True
 
     def advance(self, command: ActuatorCommand, duration: float) -> Observation:
         self.asked.append((command, duration))

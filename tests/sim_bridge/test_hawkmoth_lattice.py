@@ -88,7 +88,7 @@ def test_every_row_is_a_comparison_that_says_so() -> None:
     rows = hawkmoth_rows()
     assert len(rows) == 16
     for row in rows:
-        assert row.verdict == COMPARED and row.limit is None and "leading-edge vortex" in row.why
+        assert row.outcome == COMPARED and row.limit is None and "leading-edge vortex" in row.why
 
 
 def test_a_variant_is_another_lattice_or_wake_of_the_same_stroke(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -100,6 +100,6 @@ def test_a_variant_is_another_lattice_or_wake_of_the_same_stroke(monkeypatch: py
     heard: list[tuple[float, str]] = []
     rows = refined_rows(lambda share, words: heard.append((share, words)))
     assert [share for share, _ in heard] == pytest.approx([0.0, 1 / 3, 2 / 3]) and heard[0][1] == coarse.title
-    changes = [abs((row.ours or 0.0) / row.figure.low - 1.0) for row in rows]
-    assert len(rows) == 6 and all(row.verdict == COMPARED for row in rows)
+    changes = [abs((row.computed or 0.0) / row.figure.low - 1.0) for row in rows]
+    assert len(rows) == 6 and all(row.outcome == COMPARED for row in rows)
     assert 0.01 < changes[0] < 0.1 and 1e-5 < changes[2] < 0.02 and changes[4:] == [0.0, 0.0]

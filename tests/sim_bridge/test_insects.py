@@ -42,7 +42,7 @@ from sim_bridge.flight_mechanics.prescribed import (
 from sim_bridge.flight_mechanics.stroke_loads import StrokeLoads, stroke_loads
 from sim_bridge.mechanism import total_mass
 from sim_bridge.plant import STEP, Plant
-from sim_bridge.validation.insects import AUTHORITY, TOLERANCES, held_within, pushed
+from sim_bridge.validation.insects import AUTHORITY, TOLERANCES, hover_excursion, pushed
 from sim_bridge.vectors import Floats
 from sim_bridge.vehicles import load_vehicle, with_model
 from wingbeat.errors import InputError
@@ -119,9 +119,9 @@ def test_a_held_insect_bears_the_loads_of_a_prescribed_stroke(name: str) -> None
     for i in range(PHASES):
         plant.y[:] = at_phase(plant, i / PHASES, MOVING)
         plant.evaluate(controls(STEP), held_air())
-        ours = plant.wing_loads().sum(axis=0)
-        theirs = np.concatenate((runner.force[i, :own].sum(axis=0), runner.moment[i, :own].sum(axis=0)))
-        assert ours == pytest.approx(theirs, rel=1e-9, abs=1e-14)
+        computed = plant.wing_loads().sum(axis=0)
+        reference = np.concatenate((runner.force[i, :own].sum(axis=0), runner.moment[i, :own].sum(axis=0)))
+        assert computed == pytest.approx(reference, rel=1e-9, abs=1e-14)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -138,9 +138,9 @@ def test_what_holds_it_feels_the_apparent_mass_too(name: str) -> None:
         for density in (DENSITY, VACUUM):
             mass, load = equations(plant, y, held_air(density))
             takes.append((mass @ rates - load)[:6])
-        theirs = np.concatenate((runner.force[i].sum(axis=0), runner.moment[i].sum(axis=0)))
-        scale = float(np.max(np.abs(theirs)))
-        assert takes[1] - takes[0] - others == pytest.approx(theirs, rel=1e-6, abs=1e-7 * scale)
+        reference = np.concatenate((runner.force[i].sum(axis=0), runner.moment[i].sum(axis=0)))
+        scale = float(np.max(np.abs(reference)))
+        assert takes[1] - takes[0] - others == pytest.approx(reference, rel=1e-6, abs=1e-7 * scale)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -156,11 +156,11 @@ def test_joints_and_mean_loads_keep_to_the_stroke_when_integrated(name: str) -> 
         plant.evaluate(interval, held_air())
         total += plant.wing_loads().sum(axis=0) / (2 * PHASES)
         plant.advance(interval, held_air())
-    theirs = (
+    reference = (
         np.concatenate((runner.force[:, :own].sum(axis=(0, 1)), runner.moment[:, :own].sum(axis=(0, 1)))) / PHASES
     )
-    assert total[:3] == pytest.approx(theirs[:3], abs=1e-3 * float(np.linalg.norm(theirs[:3])))
-    assert total[3:] == pytest.approx(theirs[3:], abs=1e-3 * 0.01 * float(np.linalg.norm(theirs[:3])))
+    assert total[:3] == pytest.approx(reference[:3], abs=1e-3 * float(np.linalg.norm(reference[:3])))
+    assert total[3:] == pytest.approx(reference[3:], abs=1e-3 * 0.01 * float(np.linalg.norm(reference[:3])))
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -246,10 +246,10 @@ def test_a_millisecond_resolves_the_stroke_and_the_error_falls_as_that_of_runge_
 def test_slow_flight_is_that_of_the_trim_at_an_airspeed(name: str) -> None:
     """`trim` knows neither the place nor the crank's lag, and makes steps of its own."""
     vehicle = load_vehicle(name)
-    ours, theirs = hover(vehicle, 2.0), trim(vehicle, 2.0, 0.0)
-    assert 1.0 / ours.period == pytest.approx(theirs.inputs.frequency, rel=1e-3)
-    assert ours.inputs[ELEVATOR] == pytest.approx(theirs.inputs.elevator, abs=1e-3)
-    assert ours.state[PITCH] == pytest.approx(theirs.state[3], abs=2e-3)
+    computed, reference = hover(vehicle, 2.0), trim(vehicle, 2.0, 0.0)
+    assert 1.0 / computed.period == pytest.approx(reference.inputs.frequency, rel=1e-3)
+    assert computed.inputs[ELEVATOR] == pytest.approx(reference.inputs.elevator, abs=1e-3)
+    assert computed.state[PITCH] == pytest.approx(reference.state[3], abs=2e-3)
 
 
 def test_what_is_no_insect_is_told_so() -> None:
@@ -329,7 +329,7 @@ def test_hover_is_held_from_a_push_for_a_hundred_strokes(name: str) -> None:
     assert np.max(np.hypot(course[:, X], course[:, Z])) < 0.02
     assert np.max(np.hypot(course[50:, X], course[50:, Z])) < 1e-3
     assert np.max(np.abs(course[50:, PITCH])) < 1e-3
-    assert held_within(vehicle, orbit) == pytest.approx(float(np.max(np.hypot(course[:, X], course[:, Z]))))
+    assert hover_excursion(vehicle, orbit) == pytest.approx(float(np.max(np.hypot(course[:, X], course[:, Z]))))
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -8,7 +8,7 @@ from mujoco_bench import Engine, Motion, random_motion, random_tree, tree_equati
 from plant_bench import MECHANISMS, air, freed, joint_rates, joints, rates, slack, speeds, state, vehicle
 from scipy.spatial.transform import Rotation
 
-from sim_bridge.multibody.tree import BASE, Tree, hold, solve
+from sim_bridge.multibody.tree import BASE, Tree, impose, solve
 from sim_bridge.plant import Plant
 from sim_bridge.vectors import Floats
 
@@ -82,7 +82,7 @@ def test_imposed_joints_move_as_told_and_take_the_torque_that_mujoco_says(seed: 
     held = (case.rng.random(load.shape[0]) < 0.5).astype(np.int64)
     held[:BASE], held[-1] = 0, 1
     imposed = case.rng.normal(size=load.shape[0]) * 20.0
-    hold(mass, load, held, imposed)
+    impose(mass, load, held, imposed)
     solve(mass, load)
     assert load[held == 1].tolist() == imposed[held == 1].tolist()
     taken = case.engine.inverse(case.motion, load)[BASE:]

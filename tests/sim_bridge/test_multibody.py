@@ -23,7 +23,7 @@ from plant_bench import (
 )
 
 from sim_bridge import plant_kernel as k
-from sim_bridge.multibody.tree import hold, solve
+from sim_bridge.multibody.tree import impose, solve
 from sim_bridge.plant import Plant
 from sim_bridge.vectors import rotation
 from wingbeat.rotations import quaternion_from_euler
@@ -106,7 +106,7 @@ def test_imposed_rates_come_out_as_imposed_and_the_rest_obeys_newton() -> None:
     load, imposed = rng.normal(size=10), rng.normal(size=10)
     held = np.array([1, 0, 0, 1, 1, 0, 0, 0, 1, 0])
     mass, x = np.triu(full), load.copy()
-    hold(mass, x, held, imposed)
+    impose(mass, x, held, imposed)
     solve(mass, x)
     assert x[held == 1] == pytest.approx(imposed[held == 1])
     assert (full @ x)[held == 0] == pytest.approx(load[held == 0])

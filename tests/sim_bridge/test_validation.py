@@ -13,9 +13,9 @@ from sim_bridge.validation.papers import PAPERS
 from sim_bridge.validation.row import (
     COMPARED,
     FITTED,
+    OUTCOMES,
     SHORT,
     UNREPRODUCIBLE,
-    VERDICTS,
     WITHIN,
     Row,
     compare,
@@ -35,32 +35,32 @@ def rows_of(check: str) -> list[Row]:
 
 
 @pytest.mark.parametrize(
-    ("ours", "difference", "verdict"), [(1.9, 0.0, WITHIN), (2.08, 0.08, WITHIN), (0.85, -0.15, SHORT)]
+    ("computed", "difference", "outcome"), [(1.9, 0.0, WITHIN), (2.08, 0.08, WITHIN), (0.85, -0.15, SHORT)]
 )
-def test_a_range_is_met_inside_and_near_its_ends(ours: float, difference: float, verdict: str) -> None:
-    row = compare(figure("Table 1", "a range", "m", 1.0, 2.0), ours, 0.1)
-    assert row.verdict == verdict
+def test_a_range_is_met_inside_and_near_its_ends(computed: float, difference: float, outcome: str) -> None:
+    row = compare(figure("Table 1", "a range", "m", 1.0, 2.0), computed, 0.1)
+    assert row.outcome == outcome
     assert row.difference == pytest.approx(difference)
 
 
 def test_a_limit_as_a_share_is_of_the_printed_value() -> None:
     negative = figure("Table 1", "a number", "m", -4.0)
-    assert compare_share(negative, -4.3, 0.1).verdict == WITHIN
-    assert compare_share(negative, -4.5, 0.1).verdict == SHORT
+    assert compare_share(negative, -4.3, 0.1).outcome == WITHIN
+    assert compare_share(negative, -4.5, 0.1).outcome == SHORT
     assert compare_share(negative, -4.5, 0.1).limit == pytest.approx(0.4)
 
 
 def test_not_a_number_is_never_within() -> None:
-    assert compare(figure("Table 1", "a number", "m", 1.0), math.nan, 0.1).verdict == SHORT
+    assert compare(figure("Table 1", "a number", "m", 1.0), math.nan, 0.1).outcome == SHORT
 
 
 def test_what_is_fitted_or_cannot_be_had_is_not_judged() -> None:
     number = figure("Table 1", "a number", "m", 1.0)
-    assert fitted(number, 1.0, "to it").verdict == FITTED
+    assert fitted(number, 1.0, "to it").outcome == FITTED
     row = unreproducible(number, None, "it is not printed")
-    assert (row.verdict, row.difference, row.limit) == (UNREPRODUCIBLE, None, None)
+    assert (row.outcome, row.difference, row.limit) == (UNREPRODUCIBLE, None, None)
     other = compared(number, 1.5, "two models")
-    assert (other.verdict, other.difference, other.limit) == (COMPARED, 0.5, None)
+    assert (other.outcome, other.difference, other.limit) == (COMPARED, 0.5, None)
     blank = figure("Fig. 1", "a curve", "m", math.nan)
     assert unreproducible(blank, 1.0, "it has no scale").difference is None
 
@@ -77,14 +77,14 @@ def test_every_row_says_where_it_is_from_and_why_it_is_not_met(check: str) -> No
     assert rows and len({(row.figure.where, row.figure.quantity) for row in rows}) == len(rows)
     for row in rows:
         assert row.figure.where and row.figure.quantity and row.figure.unit
-        assert row.verdict in VERDICTS
-        assert row.verdict == WITHIN or row.why
-        assert row.ours is None or math.isfinite(row.ours)
+        assert row.outcome in OUTCOMES
+        assert row.outcome == WITHIN or row.why
+        assert row.computed is None or math.isfinite(row.computed)
 
 
 def short_of(checks: Iterable[str]) -> set[str]:
     """The quantities that fall short, of whichever wing."""
-    short = [row.figure.quantity for check in checks for row in rows_of(check) if row.verdict == SHORT]
+    short = [row.figure.quantity for check in checks for row in rows_of(check) if row.outcome == SHORT]
     return {re.sub(r",? (of )?wing [A-D]", "", quantity) for quantity in short}
 
 

@@ -20,7 +20,7 @@ from sim_bridge.vehicles import SimulatedVehicle, load_vehicle, with_model
 from wingbeat.errors import InputError
 
 SPEED, TICK = 6.8, 0.005
-AROUND = k.Surroundings(0.0, 0.0, 0.0, 1.225, k.HELD, 0.0, 0.0, 0.0)
+AROUND = k.Surroundings(0.0, 0.0, 0.0, 1.225, k.LEG_SIZE, 0.0, 0.0, 0.0)
 
 
 def raven(**changes: Any) -> SimulatedVehicle:
@@ -65,7 +65,7 @@ def surfaces_of(plant: Plant) -> dict[str, Floats]:
     p, grids = parameters_of(plant), {}
     for s, name in enumerate(("wing", "tailplane", "fin")):
         rows, columns, first = (int(column[s]) for column in (p.layout.rows, p.layout.columns, p.layout.first_node))
-        nodes = p.room.nodes[:, first : first + (rows + 1) * (columns + 1)]
+        nodes = p.workspace.nodes[:, first : first + (rows + 1) * (columns + 1)]
         grids[name] = nodes.T.reshape(rows + 1, columns + 1, 3).copy()
     return grids
 

@@ -111,7 +111,7 @@ def test_who_waits_for_arming_throws_an_armed_vehicle_alone_and_says_so() -> Non
     scenario = Scenario(waits_for_arming=True, duration=25.0, launch_time=SOON)
     world = SimulatedWorld(vehicle("robo_raven_ii_d"), scenario, hear)
     armed = ((2.0, 4.0), (5.0, math.inf))
-    while not world.thrown:
+    while not world.launched:
         now = world.time_us * 1e-6
         world.step(glide(0) if any(begin <= now < end for begin, end in armed) else NEUTRAL)
     assert [text for _, text in said] == [
@@ -127,7 +127,7 @@ def test_an_unarmed_vehicle_stays_in_the_hand_of_who_waits() -> None:
     scenario = Scenario(waits_for_arming=True, duration=SOON + 2.0, launch_time=SOON)
     world = SimulatedWorld(vehicle("robo_raven_ii_d"), scenario)
     run_out(world, lambda _: NEUTRAL)
-    assert world.finished and not world.thrown
+    assert world.finished and not world.launched
     assert world.truth().down == -world.vehicle.launch.height
 
 

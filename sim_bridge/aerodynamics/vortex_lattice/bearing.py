@@ -11,9 +11,9 @@ from __future__ import annotations
 
 from sim_bridge.aerodynamics.protocol import Motion, Strips
 from sim_bridge.aerodynamics.vortex_lattice.influence import induced
+from sim_bridge.aerodynamics.vortex_lattice.lattice_motion import strip_of, surface_normal
 from sim_bridge.aerodynamics.vortex_lattice.legs import set_bound_filaments
-from sim_bridge.aerodynamics.vortex_lattice.placing import strip_of, surface_normal
-from sim_bridge.aerodynamics.vortex_lattice.settings import FIN, HELD, TAILPLANE, VortexLatticeParameters
+from sim_bridge.aerodynamics.vortex_lattice.settings import FIN, LEG_SIZE, TAILPLANE, VortexLatticeParameters
 from sim_bridge.aerodynamics.vortex_lattice.wake import Core, Wake, set_wake_filaments
 from sim_bridge.compiled import internal
 from sim_bridge.vectors import Floats
@@ -21,16 +21,16 @@ from sim_bridge.vectors import Floats
 
 @internal
 def set_all_filaments(p: VortexLatticeParameters, wake: Wake, core: Core) -> int:
-    """Put rings of the strengths found, the newest row of the wake with them, and the wake into the room's table."""
-    room = p.room
-    for k in range(room.full.shape[1]):
-        room.full[0, k] = 0.0
+    """Put rings of the strengths found, the newest row of the wake with them, and the wake into the workspace's table."""
+    workspace = p.workspace
+    for k in range(workspace.full.shape[1]):
+        workspace.full[0, k] = 0.0
     for k in range(p.panel_at.shape[0]):
-        room.full[0, p.panel_at[k]] = room.found[k]
+        workspace.full[0, p.panel_at[k]] = workspace.solved[k]
     for s in range(p.trailing.shape[0]):
-        room.full[0, p.wake_at[s]] = room.found[p.trailing[s]]
-    count = set_bound_filaments(p.legs, room.rings, room.full[0], room.cores, room.table)
-    return int(set_wake_filaments(p.layout, wake, core, p.dt, room.table, count))
+        workspace.full[0, p.wake_at[s]] = workspace.solved[p.trailing[s]]
+    count = set_bound_filaments(p.legs, workspace.rings, workspace.full[0], workspace.cores, workspace.table)
+    return int(set_wake_filaments(p.layout, wake, core, p.dt, workspace.table, count))
 
 
 @internal
@@ -50,29 +50,29 @@ def weight(edge: int, share: int, columns: int) -> float:
 
 
 @internal
-def held_across(p: VortexLatticeParameters, row: int, column: int) -> int:
-    """Where in the state what is held of one of the wing's legs across begins; `HELD` numbers."""
-    return int(p.memory.held + HELD * (row * 2 * p.half + column))
+def across_offset(p: VortexLatticeParameters, row: int, column: int) -> int:
+    """Where in the state what is held of one of the wing's legs across begins; `LEG_SIZE` numbers."""
+    return int(p.memory.leg_data + LEG_SIZE * (row * 2 * p.half + column))
 
 
 @internal
-def held_along(p: VortexLatticeParameters, row: int, edge: int, share: int) -> int:
+def along_offset(p: VortexLatticeParameters, row: int, edge: int, share: int) -> int:
     """The same of a share in one of the wing's legs along."""
     columns = 2 * p.half
-    return int(p.memory.held + HELD * (p.rows * columns + 2 * (row * (columns + 1) + edge) + share))
+    return int(p.memory.leg_data + LEG_SIZE * (p.rows * columns + 2 * (row * (columns + 1) + edge) + share))
 
 
 @internal
-def held_tail(p: VortexLatticeParameters, leg: int) -> int:
+def tail_offset(p: VortexLatticeParameters, leg: int) -> int:
     """The same of a leg of tailplane or fin, by its place among all legs; three numbers."""
     columns = 2 * p.half
-    wing = HELD * p.rows * (columns + 2 * (columns + 1))
-    return int(p.memory.held + wing + 3 * (leg - p.first_leg[TAILPLANE]))
+    wing = LEG_SIZE * p.rows * (columns + 2 * (columns + 1))
+    return int(p.memory.leg_data + wing + 3 * (leg - p.first_leg[TAILPLANE]))
 
 
 @internal
 def _set_middles(p: VortexLatticeParameters) -> None:
-    rings, out = p.room.rings, p.room.leg_points
+    rings, out = p.workspace.rings, p.workspace.leg_points
     for s in range(p.layout.rows.shape[0]):
         rows, columns, node = p.layout.rows[s], p.layout.columns[s], p.wider.first_node[s]
         across = p.first_leg[s]
@@ -87,7 +87,7 @@ def _set_middles(p: VortexLatticeParameters) -> None:
 
 
 @internal
-def hold_legs(
+def store_legs(
     p: VortexLatticeParameters,
     strips: Strips,
     motion: Motion,
@@ -97,40 +97,40 @@ def hold_legs(
     state: Floats,
 ) -> None:
     """Hold what strengths and wake induce at every leg, less each strip's downwash by the strengths found."""
-    air, m, n = p.room.leg_air, p.memory, p.panel_at.shape[0]
+    air, m, n = p.workspace.leg_air, p.memory, p.panel_at.shape[0]
     _set_middles(p)
     air[:] = 0.0
-    induced(p.room.table, set_all_filaments(p, wake, core), images, p.room.leg_points, air)
+    induced(p.workspace.table, set_all_filaments(p, wake, core), images, p.workspace.leg_points, air)
     for s in range(p.trailing.shape[0]):
         total = 0.0
         for k in range(n):
-            total += state[m.downwash + s * n + k] * p.room.found[k]
-        p.room.wash[s] = total
-    _hold_wing(p, strips, motion, state)
-    _hold_tail(p, motion, TAILPLANE, state)
-    _hold_tail(p, motion, FIN, state)
+            total += state[m.downwash + s * n + k] * p.workspace.solved[k]
+        p.workspace.wash[s] = total
+    _store_wing(p, strips, motion, state)
+    _store_tail(p, motion, TAILPLANE, state)
+    _store_tail(p, motion, FIN, state)
 
 
 @internal
-def hold_still(p: VortexLatticeParameters, strips: Strips, motion: Motion, state: Floats) -> None:
+def store_legs_in_still_air(p: VortexLatticeParameters, strips: Strips, motion: Motion, state: Floats) -> None:
     """Hold the wing's legs in air where nothing is induced but the strips' downwash."""
-    p.room.leg_air[:] = 0.0
-    p.room.wash[:] = 0.0
-    _hold_wing(p, strips, motion, state)
+    p.workspace.leg_air[:] = 0.0
+    p.workspace.wash[:] = 0.0
+    _store_wing(p, strips, motion, state)
 
 
 @internal
-def _hold_wing(p: VortexLatticeParameters, strips: Strips, motion: Motion, state: Floats) -> None:
+def _store_wing(p: VortexLatticeParameters, strips: Strips, motion: Motion, state: Floats) -> None:
     columns = 2 * p.half
     for row in range(p.rows):
         node = p.wider.first_node[0] + row * (columns + 1)
         for column in range(columns):
             leg, at = row * columns + column, node + column
-            _turn(p, strips, motion, column, (leg, at, at + 1), state, held_across(p, row, column))
+            _turn(p, strips, motion, column, (leg, at, at + 1), state, across_offset(p, row, column))
         for edge in range(columns + 1):
             leg, at = p.rows * columns + row * (columns + 1) + edge, node + edge
             for share in range(2):
-                column, to = sharer(edge, share, columns), held_along(p, row, edge, share)
+                column, to = sharer(edge, share, columns), along_offset(p, row, edge, share)
                 _turn(p, strips, motion, column, (leg, at, at + columns + 1), state, to)
 
 
@@ -148,30 +148,30 @@ def _turn(
 
     The air at it, its length, and how far ahead of mid-chord its middle is.
     """
-    s, (which, start, end), rings = strip_of(column, p.half), leg, p.room.rings
+    s, (which, start, end), rings = strip_of(column, p.half), leg, p.workspace.rings
     side, ahead = -1.0 if column < p.half else 1.0, 0.0
     for i in range(6):
         state[to + i] = 0.0
     for c in range(3):
-        air, length = p.room.leg_air[c, which], rings[c, end] - rings[c, start]
+        air, length = p.workspace.leg_air[c, which], rings[c, end] - rings[c, start]
         forward = motion.axes[1, c, s]
         for i in range(3):
             axis = (side if i == 0 else 1.0) * motion.axes[i, c, s]
             state[to + i] += axis * air
             state[to + 3 + i] += axis * length
         ahead += forward * (0.5 * (rings[c, start] + rings[c, end]) - motion.place[c, s])
-    state[to + 2] -= p.room.wash[column]
+    state[to + 2] -= p.workspace.wash[column]
     state[to + 6] = ahead
 
 
 @internal
-def _hold_tail(p: VortexLatticeParameters, motion: Motion, surface: int, state: Floats) -> None:
+def _store_tail(p: VortexLatticeParameters, motion: Motion, surface: int, state: Floats) -> None:
     """In body axes; the strips' downwash is taken off legs across, which are told by it between steps."""
     rows, columns, first = p.layout.rows[surface], p.layout.columns[surface], p.first_leg[surface]
-    normal = p.room.scratch[2, 1]
+    normal = p.workspace.scratch[2, 1]
     surface_normal(p, motion, surface, normal)
     for k in range(rows * columns + rows * (columns + 1)):
-        wash = p.room.wash[p.layout.first_strip[surface] + k % columns] if k < rows * columns else 0.0
-        to = held_tail(p, first + k)
+        wash = p.workspace.wash[p.layout.first_strip[surface] + k % columns] if k < rows * columns else 0.0
+        to = tail_offset(p, first + k)
         for c in range(3):
-            state[to + c] = p.room.leg_air[c, first + k] - wash * normal[c]
+            state[to + c] = p.workspace.leg_air[c, first + k] - wash * normal[c]

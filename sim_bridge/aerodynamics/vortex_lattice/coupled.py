@@ -42,8 +42,8 @@ from sim_bridge.aerodynamics.strip_theory import (
     friction_coefficient,
     stalled_share,
 )
-from sim_bridge.aerodynamics.vortex_lattice.bearing import held_across, held_along, sharer, weight
-from sim_bridge.aerodynamics.vortex_lattice.placing import strip_of
+from sim_bridge.aerodynamics.vortex_lattice.bearing import across_offset, along_offset, sharer, weight
+from sim_bridge.aerodynamics.vortex_lattice.lattice_motion import strip_of
 from sim_bridge.aerodynamics.vortex_lattice.response import set_strengths
 from sim_bridge.aerodynamics.vortex_lattice.settings import (
     VortexLattice,
@@ -107,7 +107,7 @@ def _advance_far(parameters: Bound, values: Bound, dt: float) -> None:
 
 
 def build(settings: VortexLattice, strips: Strips) -> VortexLatticeParameters:
-    """The model's parameters for the wings of a vehicle; the same for the same wings, their room with them.
+    """The model's parameters for the wings of a vehicle; the same for the same wings, their workspace with them.
 
     Raises:
         InputError: see `parameters_of`.
@@ -138,10 +138,10 @@ def loads(
     out: SectionLoads,
 ) -> None:
     """Fill ``out``, see `sim_bridge.aerodynamics.protocol`."""
-    p, found = parameters, parameters.room.found
-    set_strengths(p, strips, motion, state, found)
+    p, solved = parameters, parameters.workspace.solved
+    set_strengths(p, strips, motion, state, solved)
     _load_wing(p, strips, motion, density, state, out)
-    load_tail(p, motion, density, state, found, out.body[TAIL])
+    load_tail(p, motion, density, state, solved, out.body[TAIL])
 
 
 @kernel
@@ -154,7 +154,7 @@ def _load_wing(
     out: SectionLoads,
 ) -> None:
     for column in range(2 * p.half):
-        p.room.wash[column] = _downwash(p, column, state, p.room.found)
+        p.workspace.wash[column] = _downwash(p, column, state, p.workspace.solved)
         _load_strip(p, strips, motion, column, density, state, out)
     for edge in range(2 * p.half + 1):
         _load_edge(p, strips, motion, edge, density, state, out)
@@ -181,14 +181,14 @@ def _load_strip(
     out: SectionLoads,
 ) -> None:
     """The legs across of a strip and what it has besides; fills its loads."""
-    s, columns, found, before = strip_of(column, p.half), 2 * p.half, p.room.found, 0.0
+    s, columns, solved, before = strip_of(column, p.half), 2 * p.half, p.workspace.solved, 0.0
     chord = strips.chord[s]
     stalled = p.correction * stall_of(p, chord, motion, s)
     out.parts[:, :, s] = 0.0
     for row in range(p.rows):
-        strength = found[row * columns + column]
-        held = state[held_across(p, row, column) :]
-        _bear(p, motion, column, held, density * (strength - before), stalled, out)
+        strength = solved[row * columns + column]
+        leg_data = state[across_offset(p, row, column) :]
+        _bear(p, motion, column, leg_data, density * (strength - before), stalled, out)
         before = strength
     _separate(p, strips, motion, s, density, stalled, out)
     residual = (1.0 - stalled) * density
@@ -210,16 +210,16 @@ def _load_edge(
     out: SectionLoads,
 ) -> None:
     """Add what the legs along one edge bear to the two strips that share them."""
-    columns, found = 2 * p.half, p.room.found
+    columns, solved = 2 * p.half, p.workspace.solved
     for share in range(2):
         column = sharer(edge, share, columns)
         s = strip_of(column, p.half)
         stalled = p.correction * stall_of(p, strips.chord[s], motion, s)
         for row in range(p.rows):
-            left = found[row * columns + edge - 1] if edge > 0 else 0.0
-            right = found[row * columns + edge] if edge < columns else 0.0
+            left = solved[row * columns + edge - 1] if edge > 0 else 0.0
+            right = solved[row * columns + edge] if edge < columns else 0.0
             push = weight(edge, share, columns) * density * (left - right)
-            _bear(p, motion, column, state[held_along(p, row, edge, share) :], push, stalled, out)
+            _bear(p, motion, column, state[along_offset(p, row, edge, share) :], push, stalled, out)
 
 
 @internal
@@ -227,22 +227,22 @@ def _bear(
     p: VortexLatticeParameters,
     motion: Motion,
     column: int,
-    held: Floats,
+    leg_data: Floats,
     push: float,
     stalled: float,
     out: SectionLoads,
 ) -> None:
-    """Add to a strip's loads what a leg that is ``held`` (7,) bears by ``push``, density times net strength."""
-    s, side, ahead = strip_of(column, p.half), -1.0 if column < p.half else 1.0, held[6]
-    right, forward = held[0] - side * motion.outward[s], held[1] - motion.along[s]
-    up = held[2] + p.room.wash[column] + motion.down[s] - ahead * motion.pitch_rate[s]
+    """Add to a strip's loads what a leg that is ``leg_data`` (7,) bears by ``push``, density times net strength."""
+    s, side, ahead = strip_of(column, p.half), -1.0 if column < p.half else 1.0, leg_data[6]
+    right, forward = leg_data[0] - side * motion.outward[s], leg_data[1] - motion.along[s]
+    up = leg_data[2] + p.workspace.wash[column] + motion.down[s] - ahead * motion.pitch_rate[s]
     attached = (1.0 - stalled) * push
     efficiency = attached * (1.0 - p.correction * (1.0 - p.strip.suction_efficiency))
-    lifting = attached * (right * held[4] - forward * held[3])
+    lifting = attached * (right * leg_data[4] - forward * leg_data[3])
     out.parts[CIRCULATORY, UPWARD, s] += lifting
     out.parts[CIRCULATORY, NOSE_UP, s] += ahead * lifting
-    out.parts[SUCTION, FORWARD, s] += efficiency * (up * held[3] - right * held[5])
-    out.parts[SUCTION, OUTWARD, s] += efficiency * side * (forward * held[5] - up * held[4])
+    out.parts[SUCTION, FORWARD, s] += efficiency * (up * leg_data[3] - right * leg_data[5])
+    out.parts[SUCTION, OUTWARD, s] += efficiency * side * (forward * leg_data[5] - up * leg_data[4])
 
 
 @internal

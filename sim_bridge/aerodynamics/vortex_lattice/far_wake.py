@@ -74,10 +74,10 @@ def _edge_indices(lattice: Lattice) -> tuple[Integers, Integers]:
 
 def _induced(places: Floats, strengths: Floats, cores: Floats, way: Floats, images: Floats, points: Floats) -> Floats:
     """(3, P) m/s at ``points`` by endless filaments through ``places`` (3, E) along ``way``, and their images."""
-    found = np.zeros_like(points)
+    solved = np.zeros_like(points)
     for image in images:
         seen = image[:3] @ points + image[3][:, None]
         apart = seen[:, :, None] - places[:, None, :]
         share = strengths / (2.0 * math.pi) / ((apart * apart).sum(axis=0) + cores * cores)
-        found += image[:3].T @ np.cross(way, np.einsum("cpe,pe->cp", apart, share), axisa=0, axisb=0, axisc=0)
-    return found
+        solved += image[:3].T @ np.cross(way, np.einsum("cpe,pe->cp", apart, share), axisa=0, axisb=0, axisc=0)
+    return solved

@@ -37,12 +37,12 @@ def reflections(symmetric: bool, ground: float | None) -> Floats:
     """
     if ground is not None and not math.isfinite(ground):
         raise InputError(f"ground = {ground:g} m is no height")
-    found = [np.vstack((np.eye(3), np.zeros(3)))]
+    solved = [np.vstack((np.eye(3), np.zeros(3)))]
     if symmetric:
-        found += [_reflected(one, 1, 0.0) for one in found]
+        solved += [_reflected(one, 1, 0.0) for one in solved]
     if ground is not None:
-        found += [_reflected(one, 2, ground) for one in found]
-    return np.array(found)
+        solved += [_reflected(one, 2, ground) for one in solved]
+    return np.array(solved)
 
 
 def _reflected(one: Floats, axis: int, place: float) -> Floats:

@@ -33,10 +33,10 @@ class Legs(NamedTuple):
 
 def legs_of(layout: Layout) -> Legs:
     """All legs of a lattice."""
-    found: list[tuple[int, int, int, int, int, int]] = []
+    solved: list[tuple[int, int, int, int, int, int]] = []
     for s in range(len(layout.rows)):
-        found += _across(layout, s) + _along(layout, s)
-    return Legs(*(np.array(column, dtype=np.int64) for column in zip(*found, strict=True)))
+        solved += _across(layout, s) + _along(layout, s)
+    return Legs(*(np.array(column, dtype=np.int64) for column in zip(*solved, strict=True)))
 
 
 Row = tuple[int, int, int, int, int, int]
@@ -74,14 +74,14 @@ def _places(layout: Layout, s: int) -> tuple[int, int, int, int, int]:
 @kernel
 def leg_strength(legs: Legs, k: int, strengths: Floats, shed: Floats) -> float:
     """m^2/s; of leg ``k``, of rings' ``strengths`` (N,) and those ``shed`` (S,) into the wake's newest row."""
-    found = 0.0
+    solved = 0.0
     if legs.with_it[k] != NONE:
-        found += strengths[legs.with_it[k]]
+        solved += strengths[legs.with_it[k]]
     if legs.against[k] != NONE:
-        found -= strengths[legs.against[k]]
+        solved -= strengths[legs.against[k]]
     if legs.edge[k] != NONE:
-        found += shed[legs.edge[k]]
-    return float(found)
+        solved += shed[legs.edge[k]]
+    return float(solved)
 
 
 @kernel
@@ -92,11 +92,11 @@ def set_bound_filaments(legs: Legs, rings: Floats, strengths: Floats, cores: Flo
     """
     count = legs.start.shape[0]
     for k in range(count):
-        found = 0.0
+        solved = 0.0
         if legs.with_it[k] != NONE:
-            found += strengths[legs.with_it[k]]
+            solved += strengths[legs.with_it[k]]
         if legs.against[k] != NONE:
-            found -= strengths[legs.against[k]]
+            solved -= strengths[legs.against[k]]
         start, end = rings[:, legs.start[k]], rings[:, legs.end[k]]
-        set_filament(table, k, start, end, found, cores[legs.surface[k]])
+        set_filament(table, k, start, end, solved, cores[legs.surface[k]])
     return int(count)

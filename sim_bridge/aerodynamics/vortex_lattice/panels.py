@@ -139,8 +139,8 @@ def _surface_influence(
 
 
 @kernel
-def set_downwash(layout: Layout, own: int, rings: Floats, cores: Floats, work: Floats, row: Floats) -> None:
-    """Fill a ``row`` of normal velocities by each ring of unit strength at a point on the surface ``own``.
+def set_downwash(layout: Layout, target: int, rings: Floats, cores: Floats, work: Floats, row: Floats) -> None:
+    """Fill a ``row`` of normal velocities by each ring of unit strength at a point on the surface ``target``.
 
     Without the legs across of the surface itself, which act on each other alone. ``work`` as in `set_influence`, the
     point in ``work[0, 0, :3]``, the normal in ``work[0, 1, :3]``.
@@ -148,7 +148,7 @@ def set_downwash(layout: Layout, own: int, rings: Floats, cores: Floats, work: F
     for n in range(row.shape[0]):
         row[n] = 0.0
     for s in range(layout.rows.shape[0]):
-        _surface_influence(layout, s, rings, cores[s], work, row, s != own)
+        _surface_influence(layout, s, rings, cores[s], work, row, s != target)
 
 
 @kernel

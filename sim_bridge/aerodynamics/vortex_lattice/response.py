@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from sim_bridge.aerodynamics.protocol import Motion, Strips
 from sim_bridge.aerodynamics.vortex_lattice.influence import induced
+from sim_bridge.aerodynamics.vortex_lattice.lattice_motion import set_flow, set_nodes, set_strips
 from sim_bridge.aerodynamics.vortex_lattice.panels import (
     Panels,
     factorize,
@@ -18,7 +19,6 @@ from sim_bridge.aerodynamics.vortex_lattice.panels import (
     set_panels,
     substitute,
 )
-from sim_bridge.aerodynamics.vortex_lattice.placing import set_flow, set_nodes, set_strips
 from sim_bridge.aerodynamics.vortex_lattice.settings import FIN, TAILPLANE, VortexLatticeParameters
 from sim_bridge.compiled import internal, kernel
 from sim_bridge.vectors import Floats
@@ -37,18 +37,18 @@ def set_edges(p: VortexLatticeParameters, nodes: Floats, edges: Floats) -> None:
 
 @internal
 def place(p: VortexLatticeParameters, strips: Strips, motion: Motion) -> None:
-    """Put the lattice of the instant into the room, but for the wake's row."""
-    room = p.room
-    set_nodes(p, strips, motion, room.nodes)
-    set_panels(p.layout, room.nodes, room.panels)
+    """Put the lattice of the instant into the workspace, but for the wake's row."""
+    workspace = p.workspace
+    set_nodes(p, strips, motion, workspace.nodes)
+    set_panels(p.layout, workspace.nodes, workspace.panels)
     set_strips(p, strips, motion)
-    set_edges(p, room.nodes, room.edges)
+    set_edges(p, workspace.nodes, workspace.edges)
 
 
 @internal
 def set_wide_rings(p: VortexLatticeParameters, ends: Floats) -> None:
-    """Put the rings into the room, the last row between the trailing edges and ``ends`` (3, E)."""
-    nodes, out = p.room.nodes, p.room.rings
+    """Put the rings into the workspace, the last row between the trailing edges and ``ends`` (3, E)."""
+    nodes, out = p.workspace.nodes, p.workspace.rings
     for s in range(p.layout.rows.shape[0]):
         rows, width = p.layout.rows[s], p.layout.columns[s] + 1
         first, to, edge = p.layout.first_node[s], p.wider.first_node[s], p.layout.first_edge[s]
@@ -63,25 +63,25 @@ def set_wide_rings(p: VortexLatticeParameters, ends: Floats) -> None:
 
 @internal
 def respond(p: VortexLatticeParameters, images: Floats, state: Floats) -> None:
-    """Put response and downwash of the rings in the room into ``state``; in the downwash ``images`` have no part."""
-    room, m, n = p.room, p.memory, p.panel_at.shape[0]
-    wide = Panels(room.rings, room.panels.collocation, room.panels.normal, room.panels.area)
-    set_influence(p.wider, wide, images, room.cores, room.scratch, room.full)
+    """Put response and downwash of the rings in the workspace into ``state``; in the downwash ``images`` have no part."""
+    workspace, m, n = p.workspace, p.memory, p.panel_at.shape[0]
+    wide = Panels(workspace.rings, workspace.panels.collocation, workspace.panels.normal, workspace.panels.area)
+    set_influence(p.wider, wide, images, workspace.cores, workspace.scratch, workspace.full)
     for k in range(n):
-        _fold(p, room.full[k], room.matrix[k])
-    solvable = factorize(room.matrix, room.pivots)
+        _fold(p, workspace.full[k], workspace.matrix[k])
+    solvable = factorize(workspace.matrix, workspace.pivots)
     for k in range(n):
         for i in range(n):
-            room.unit[i] = -1.0 if i == k else 0.0
+            workspace.unit[i] = -1.0 if i == k else 0.0
         if solvable:
-            substitute(room.matrix, room.pivots, room.unit)
+            substitute(workspace.matrix, workspace.pivots, workspace.unit)
         for i in range(n):
-            state[m.response + i * n + k] = room.unit[i]
-    for s in range(room.points.shape[1]):
+            state[m.response + i * n + k] = workspace.unit[i]
+    for s in range(workspace.points.shape[1]):
         for c in range(3):
-            room.scratch[0, 0, c], room.scratch[0, 1, c] = room.points[c, s], room.normals[c, s]
-        set_downwash(p.wider, _surface(p, s), room.rings, room.cores, room.scratch, room.full[0])
-        _fold(p, room.full[0], state[m.downwash + s * n : m.downwash + (s + 1) * n])
+            workspace.scratch[0, 0, c], workspace.scratch[0, 1, c] = workspace.points[c, s], workspace.normals[c, s]
+        set_downwash(p.wider, _surface(p, s), workspace.rings, workspace.cores, workspace.scratch, workspace.full[0])
+        _fold(p, workspace.full[0], state[m.downwash + s * n : m.downwash + (s + 1) * n])
 
 
 @internal
@@ -102,13 +102,18 @@ def _fold(p: VortexLatticeParameters, wide: Floats, out: Floats) -> None:
 
 @internal
 def feel_wake(p: VortexLatticeParameters, count: int, images: Floats, state: Floats) -> None:
-    """Put what the first ``count`` filaments of the room's table induce on the panels into ``state``."""
-    points, normals, velocity, to = p.room.panels.collocation, p.room.panels.normal, p.room.velocity, p.memory.by_wake
+    """Put what the first ``count`` filaments of the workspace's table induce on the panels into ``state``."""
+    points, normals, velocity, to = (
+        p.workspace.panels.collocation,
+        p.workspace.panels.normal,
+        p.workspace.velocity,
+        p.memory.by_wake,
+    )
     n = p.panel_at.shape[0]
     for c in range(3):
         for k in range(n):
             velocity[c, k] = 0.0
-    induced(p.room.table, count, images, points, velocity)
+    induced(p.workspace.table, count, images, points, velocity)
     for k in range(n):
         state[to + k] = (
             velocity[0, k] * normals[0, k] + velocity[1, k] * normals[1, k] + velocity[2, k] * normals[2, k]
@@ -117,11 +122,11 @@ def feel_wake(p: VortexLatticeParameters, count: int, images: Floats, state: Flo
 
 @internal
 def near_ground(p: VortexLatticeParameters, motion: Motion) -> int:
-    """Put the ground's reflection into the room, for the lattice there; returns how many images there are then.
+    """Put the ground's reflection into the workspace, for the lattice there; returns how many images there are then.
 
     The ground is left out above its reach, and lies below the lowest node where the lattice would touch it.
     """
-    ground, images, nodes = motion.ground, p.room.images, p.room.nodes
+    ground, images, nodes = motion.ground, p.workspace.images, p.workspace.nodes
     height = ground[0]
     if height > p.ground_reach:
         return 1
@@ -136,9 +141,9 @@ def near_ground(p: VortexLatticeParameters, motion: Motion) -> int:
 
 
 @kernel
-def set_strengths(p: VortexLatticeParameters, strips: Strips, motion: Motion, state: Floats, found: Floats) -> None:
-    """Fill ``found`` (N,) m^2/s for the motion of the moment."""
-    m, n, flow = p.memory, p.panel_at.shape[0], p.room.unit
+def set_strengths(p: VortexLatticeParameters, strips: Strips, motion: Motion, state: Floats, solved: Floats) -> None:
+    """Fill ``solved`` (N,) m^2/s for the motion of the moment."""
+    m, n, flow = p.memory, p.panel_at.shape[0], p.workspace.unit
     set_flow(p, strips, motion, state, flow)
     for k in range(n):
         flow[k] += state[m.by_wake + k]
@@ -146,4 +151,4 @@ def set_strengths(p: VortexLatticeParameters, strips: Strips, motion: Motion, st
         total, row = 0.0, m.response + i * n
         for k in range(n):
             total += state[row + k] * flow[k]
-        found[i] = total
+        solved[i] = total

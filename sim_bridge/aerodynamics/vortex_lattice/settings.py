@@ -1,4 +1,4 @@
-"""What a vehicle file says of the coupled lattice, and the lattice's parameters and room to work in."""
+"""What a vehicle file says of the coupled lattice, and the lattice's parameters and workspace."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ class Memory(NamedTuple):
     """(wing's panels, 3) -; in their strips' axes: right, forward, up"""
     by_wake: int
     """(N,) m/s; along each panel's normal by the wake, without its newest row"""
-    held: int
+    leg_data: int
     """the legs that bear. (.., 7) of the wing, legs across, then legs along for both strips that share each, in these
     strips' axes (right, forward, up): m/s, induced but for the strip's downwash; m, length; m, ahead of mid-chord.
     Then (.., 3) m/s of tailplane and fin, likewise, in body axes"""
@@ -111,7 +111,7 @@ class Memory(NamedTuple):
     size: int
 
 
-class Room(NamedTuple):
+class Workspace(NamedTuple):
     """Scratch, nothing of which is read before it is written in the same call."""
 
     nodes: Floats
@@ -133,7 +133,7 @@ class Room(NamedTuple):
     """(3, (R + 1) E) or more"""
     unit: Floats
     """(N,)"""
-    found: Floats
+    solved: Floats
     """(N,)"""
     edges: Floats
     """(3, E)"""
@@ -186,14 +186,14 @@ class VortexLatticeParameters(NamedTuple):
     """m; from the ground to the lattice's lowest node at least"""
     ground_reach: float
     """m; height above which the ground is left out"""
-    room: Room
+    workspace: Workspace
 
 
 GROUND_SPANS = 3.0
 """-; height in spans above which the ground is left out: it would take 1e-4 of the induced drag"""
 CLEARANCE = 0.25
 """-; in root chords, from the ground to the lattice's lowest node at least: it must not touch its own image"""
-HELD = 7
+LEG_SIZE = 7
 """numbers held of a leg of the wing"""
 BOUND_CORE = 0.01
 """-; radius of the bound vortices' cores over the wing's mean chord"""
@@ -237,7 +237,7 @@ def parameters_of(settings: VortexLattice, strips: Strips) -> VortexLatticeParam
         first_leg=np.concatenate(([0], np.cumsum(_bearing_legs(layout))[:-1])).astype(np.int64),
         clearance=CLEARANCE * float(strips.chord[0]),
         ground_reach=GROUND_SPANS * 2.0 * float(np.max(strips.span + 0.5 * strips.width)),
-        room=_room(layout, wider, settings.wake_rows, BOUND_CORE * chord),
+        workspace=_workspace(layout, wider, settings.wake_rows, BOUND_CORE * chord),
     )  # fmt: skip
 
 
@@ -268,9 +268,9 @@ def _memory(layout: Layout, rows: int) -> Memory:
     n, s = panel_count(layout), int(np.sum(layout.columns))
     edges, along = s + len(layout.columns), int(layout.rows[WING] * (layout.columns[WING] + 1))
     wing, *tail = _bearing_legs(layout).tolist()
-    held = HELD * (wing + along) + 3 * sum(tail)
+    leg_data = LEG_SIZE * (wing + along) + 3 * sum(tail)
     panels = 3 * int(layout.rows[WING] * layout.columns[WING])
-    sizes = (3, 7, n * n, s * n, panels, n, held, n, 2 * s, 2 * s, 3 * (rows + 1) * edges, rows * s, s)
+    sizes = (3, 7, n * n, s * n, panels, n, leg_data, n, 2 * s, 2 * s, 3 * (rows + 1) * edges, rows * s, s)
     starts = np.concatenate(([0], np.cumsum(sizes))).tolist()
     return Memory(*starts)
 
@@ -280,10 +280,10 @@ def _bearing_legs(layout: Layout) -> Integers:
     return np.asarray(layout.rows * (2 * layout.columns + 1))
 
 
-def _room(layout: Layout, wider: Layout, rows: int, core: float) -> Room:
+def _workspace(layout: Layout, wider: Layout, rows: int, core: float) -> Workspace:
     n, s = panel_count(layout), int(np.sum(layout.columns))
     edges, nodes = s + len(layout.columns), int(np.sum((layout.rows + 1) * (layout.columns + 1)))
-    return Room(
+    return Workspace(
         nodes=np.zeros((3, nodes)),
         panels=blank_panels(layout),
         rings=np.zeros((3, nodes + edges)),
@@ -296,7 +296,7 @@ def _room(layout: Layout, wider: Layout, rows: int, core: float) -> Room:
         table=blank_table(wake_filaments(layout, rows) + len(legs_of(wider).start)),
         velocity=np.zeros((3, max((rows + 1) * edges, n))),
         unit=np.zeros(n),
-        found=np.zeros(n),
+        solved=np.zeros(n),
         edges=np.zeros((3, edges)),
         cores=np.full(len(layout.rows), core),
         leg_points=np.zeros((3, int(_bearing_legs(layout).sum()))),

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 from sim_bridge.aerodynamics.protocol import Motion, Strips
-from sim_bridge.aerodynamics.vortex_lattice.bearing import hold_legs, hold_still, set_all_filaments
+from sim_bridge.aerodynamics.vortex_lattice.bearing import set_all_filaments, store_legs, store_legs_in_still_air
 from sim_bridge.aerodynamics.vortex_lattice.influence import induced
-from sim_bridge.aerodynamics.vortex_lattice.placing import hold_normals, strip_of
+from sim_bridge.aerodynamics.vortex_lattice.lattice_motion import store_normals, strip_of
 from sim_bridge.aerodynamics.vortex_lattice.response import (
     feel_wake,
     near_ground,
@@ -41,14 +41,14 @@ def start(p: VortexLatticeParameters, strips: Strips, motion: Motion, state: Flo
     state[:] = 0.0
     state[p.memory.pose + 3] = 1.0
     place(p, strips, motion)
-    ends = p.room.velocity[:, : p.room.edges.shape[1]]
+    ends = p.workspace.velocity[:, : p.workspace.edges.shape[1]]
     for j in range(ends.shape[1]):
         for c in range(3):
-            ends[c, j] = p.room.edges[c, j] - (START_CHORDS * strips.chord[0] if c == 0 else 0.0)
+            ends[c, j] = p.workspace.edges[c, j] - (START_CHORDS * strips.chord[0] if c == 0 else 0.0)
     set_wide_rings(p, ends)
-    hold_normals(p, motion, state)
-    respond(p, p.room.images[:1], state)
-    hold_still(p, strips, motion, state)
+    store_normals(p, motion, state)
+    respond(p, p.workspace.images[:1], state)
+    store_legs_in_still_air(p, strips, motion, state)
 
 
 @kernel
@@ -59,7 +59,7 @@ def move_pose(body: Floats, pose: Floats, dt: float) -> None:
     # The velocity turned by the quaternion of the middle of the step.
     for half in range(2):
         if half == 1:
-            _go(body, pose, dt, w, x, y, z)
+            _translate(body, pose, dt, w, x, y, z)
         nw, nx = w - 0.5 * (a * x + b * y + c * z), x + 0.5 * (a * w + c * y - b * z)
         ny, nz = y + 0.5 * (b * w + a * z - c * x), z + 0.5 * (c * w + b * x - a * y)
         size = math.sqrt(nw * nw + nx * nx + ny * ny + nz * nz)
@@ -68,7 +68,7 @@ def move_pose(body: Floats, pose: Floats, dt: float) -> None:
 
 
 @internal
-def _go(body: Floats, pose: Floats, dt: float, w: float, x: float, y: float, z: float) -> None:
+def _translate(body: Floats, pose: Floats, dt: float, w: float, x: float, y: float, z: float) -> None:
     vx, vy, vz = body[0], body[1], body[2]
     tx, ty, tz = 2.0 * (y * vz - z * vy), 2.0 * (z * vx - x * vz), 2.0 * (x * vy - y * vx)
     pose[0] += dt * (vx + w * tx + y * tz - z * ty)
@@ -89,7 +89,7 @@ def wake_of(p: VortexLatticeParameters, state: Floats) -> Wake:
 @internal
 def _turn_into_body(p: VortexLatticeParameters, wake: Wake, pose: Floats) -> None:
     """Tell the wake's nodes in the body axes of now, and begin the pose anew."""
-    r, nodes = p.room.scratch[4], wake.nodes
+    r, nodes = p.workspace.scratch[4], wake.nodes
     rotation(pose[3], pose[4], pose[5], pose[6], r)
     for i in range(int(wake.rows[0]) + 1):
         for j in range(nodes.shape[2]):
@@ -103,39 +103,39 @@ def _turn_into_body(p: VortexLatticeParameters, wake: Wake, pose: Floats) -> Non
 @internal
 def lattice_step(p: VortexLatticeParameters, strips: Strips, motion: Motion, state: Floats) -> None:
     """Carry the wake, shed a row, find the new shape's response and the rates of the strengths."""
-    m, room, n = p.memory, p.room, p.panel_at.shape[0]
+    m, workspace, n = p.memory, p.workspace, p.panel_at.shape[0]
     dt = state[m.clock]
     state[m.clock] = 0.0
-    set_strengths(p, strips, motion, state, room.found)
+    set_strengths(p, strips, motion, state, workspace.solved)
     wake, first = wake_of(p, state), state[m.clock + STEPPED] == 0.0
     _turn_into_body(p, wake, state[m.pose : m.pose + 7])
     place(p, strips, motion)
-    images = room.images[: near_ground(p, motion)]
+    images = workspace.images[: near_ground(p, motion)]
     core = Core(p.bound_core, 1, p.wake_core, 1.46e-5, 1e-4)
     if first:
         _begin(p, motion, wake, dt)
     else:
         for s in range(p.trailing.shape[0]):
-            wake.strengths[0, s] = room.found[p.trailing[s]]
+            wake.strengths[0, s] = workspace.solved[p.trailing[s]]
     if p.free_wake and not first:
         _free(p, wake, core, images, dt)
     _shed(p, wake)
     set_wide_rings(p, wake.nodes[:, 1])
-    hold_normals(p, motion, state)
+    store_normals(p, motion, state)
     respond(p, images, state)
-    feel_wake(p, set_wake_filaments(p.layout, wake, core, p.dt, room.table, 0), images, state)
-    set_strengths(p, strips, motion, state, room.found)
-    hold_legs(p, strips, motion, wake, core, images, state)
+    feel_wake(p, set_wake_filaments(p.layout, wake, core, p.dt, workspace.table, 0), images, state)
+    set_strengths(p, strips, motion, state, workspace.solved)
+    store_legs(p, strips, motion, wake, core, images, state)
     _set_residual(p, strips, motion, state, 0.0 if first else 1.0 / dt)
     for k in range(n):
-        state[m.strengths + k] = room.found[k]
+        state[m.strengths + k] = workspace.solved[k]
     state[m.clock + STEPPED] = 1.0
 
 
 @internal
 def _begin(p: VortexLatticeParameters, motion: Motion, wake: Wake, dt: float) -> None:
     """Trailing edges a step ago, as if the body had gone on as now."""
-    b, edges = motion.body, p.room.edges
+    b, edges = motion.body, p.workspace.edges
     for j in range(edges.shape[1]):
         for c in range(3):
             d, e = (c + 1) % 3, (c + 2) % 3
@@ -145,7 +145,7 @@ def _begin(p: VortexLatticeParameters, motion: Motion, wake: Wake, dt: float) ->
 @internal
 def _shed(p: VortexLatticeParameters, wake: Wake) -> None:
     """Begin another row, whose strength is the trailing edge's of any moment: it is no part of the wake's own."""
-    shed(wake, p.room.edges, p.room.unit[: p.trailing.shape[0]])
+    shed(wake, p.workspace.edges, p.workspace.unit[: p.trailing.shape[0]])
     for s in range(p.trailing.shape[0]):
         wake.strengths[0, s] = 0.0
 
@@ -153,16 +153,16 @@ def _shed(p: VortexLatticeParameters, wake: Wake) -> None:
 @internal
 def _free(p: VortexLatticeParameters, wake: Wake, core: Core, images: Floats, dt: float) -> None:
     """Carry the wake with what wake and bound vortices induce; the rings are those of the step before."""
-    room, edges = p.room, wake.nodes.shape[2]
+    workspace, edges = p.workspace, wake.nodes.shape[2]
     used = (int(wake.rows[0]) + 1) * edges
     set_wide_rings(p, wake.nodes[:, 0])
     count = set_all_filaments(p, wake, core)
     for c in range(3):
         for k in range(used):
-            room.velocity[c, k] = 0.0
+            workspace.velocity[c, k] = 0.0
     points = wake.nodes.reshape((3, wake.nodes.shape[1] * edges))[:, :used]
-    induced(room.table, count, images, points, room.velocity)
-    carry(wake, room.velocity, dt)
+    induced(workspace.table, count, images, points, workspace.velocity)
+    carry(wake, workspace.velocity, dt)
 
 
 @internal
@@ -170,7 +170,7 @@ def _set_residual(
     p: VortexLatticeParameters, strips: Strips, motion: Motion, state: Floats, per_second: float
 ) -> None:
     """Force and moment of the strengths' rates over the last step, less what the apparent mass has of them."""
-    m, columns, found, total = p.memory, 2 * p.half, p.room.found, p.trailing.shape[0]
+    m, columns, solved, total = p.memory, 2 * p.half, p.workspace.solved, p.trailing.shape[0]
     for column in range(columns):
         s = strip_of(column, p.half)
         chord, width = strips.chord[s], strips.width[s]
@@ -180,7 +180,7 @@ def _set_residual(
             # A ring reaches from a quarter of its panel to that of the next, the last one to the trailing edge.
             length = (1.0 if row < p.rows - 1 else 0.75) * chord / p.rows
             ahead = 0.5 * chord - (row + 0.25) / p.rows * chord - 0.5 * length
-            rate = (found[k] - state[m.strengths + k]) * per_second * length * width
+            rate = (solved[k] - state[m.strengths + k]) * per_second * length * width
             upward += rate
             nose_up += ahead * rate
         mass = 0.25 * math.pi * chord * chord * p.thickness * width

@@ -168,11 +168,11 @@ class _Instant(NamedTuple):
     behind_motion: Floats
 
 
-def unheard(share: float) -> None:
+def ignore_progress(share: float) -> None:
     """Nobody asks how far a run is."""
 
 
-def unseen(at: Snapshot) -> None:
+def ignore_snapshot(at: Snapshot) -> None:
     """Nobody looks."""
 
 
@@ -181,8 +181,8 @@ def run(
     motion: NodeMotion,
     scheme: Scheme,
     air: Air,
-    progress: Callable[[float], None] = unheard,
-    watch: Callable[[Snapshot], None] = unseen,
+    progress: Callable[[float], None] = ignore_progress,
+    watch: Callable[[Snapshot], None] = ignore_snapshot,
 ) -> History:
     """Move the ``lattice`` from time 0 on; ``progress`` hears which share is done, ``watch`` sees every step.
 
@@ -205,7 +205,7 @@ def run(
         strengths = [*strengths[-2:], _solve(lattice, work, met[0] - met[1], step)]
         pushed = _load(lattice, work, at, met, strengths, (scheme, air.density, step))
         rows.append(_row(work, strengths[-1], pushed))
-        if watch is not unseen:
+        if watch is not ignore_snapshot:
             watch(_snapshot(work.wake, at.nodes, strengths[-1], step * scheme.dt))
         if scheme.wake == "free" and step + 1 < scheme.steps:
             _carried(lattice, work, strengths[-1], scheme.dt, velocity)
@@ -363,7 +363,7 @@ def _all_filaments(lattice: Lattice, work: _Work, strengths: Floats, dt: float) 
 def _carried(lattice: Lattice, work: _Work, strengths: Floats, dt: float, velocity: Floats) -> None:
     """Fill ``velocity`` (3, (R + 1) E) m/s of the wake's nodes that there are."""
     used = (int(work.wake.rows[0]) + 1) * work.wake.nodes.shape[2]
-    points, found = work.wake.nodes.reshape(3, -1)[:, :used].copy(), np.zeros((3, used))
+    points, solved = work.wake.nodes.reshape(3, -1)[:, :used].copy(), np.zeros((3, used))
     count = _all_filaments(lattice, work, strengths, dt)
-    induced(work.table, count, work.images, points, found)
-    velocity[:, :used] = found
+    induced(work.table, count, work.images, points, solved)
+    velocity[:, :used] = solved

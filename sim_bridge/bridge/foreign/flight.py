@@ -85,7 +85,7 @@ class ForeignFlight:
     def _observe(self, frame: SensorFrame) -> None:
         """Estimate the motion for the recording; an error in it is recorded and does not end the flight."""
         self._isolation.advance(frame.time_us * 1e-6)
-        self._guard.run(self._observer.update, frame, self._flap, self._command, self.world.thrown)
+        self._guard.run(self._observer.update, frame, self._flap, self._command, self.world.launched)
         for fault in self._isolation.take_faults():
             for event in fault_events(fault, frame.time_us):
                 self._publish(truth_topics.EVENTS, event)
@@ -100,7 +100,7 @@ class ForeignFlight:
         self._mixed, flap, command = mixer.step(self._gains, self._mixed, start_us, dt, outputs)
         waited = self._ready.ready
         self._ready, ready = launch.step(self._launch, self._ready, dt, outputs)
-        if self._by_throw and not self.world.thrown and (waited > 0.0) != (self._ready.ready > 0.0):
+        if self._by_throw and not self.world.launched and (waited > 0.0) != (self._ready.ready > 0.0):
             self.report_stage(f"armed: launch in {self._launch.time:g} s" if waited <= 0.0 else "disarmed: no launch")
         if ready:
             self.world.release()
@@ -114,7 +114,7 @@ class ForeignFlight:
         return observation
 
     def _watch_flight(self, outputs: Outputs) -> None:
-        if self._reported is Reported.IN_HAND and self.world.thrown:
+        if self._reported is Reported.IN_HAND and self.world.launched:
             self._reported = Reported.LAUNCHED
             self.report_stage(f"launched, throttle {100.0 * outputs.throttle:.0f} %")
         elif self._reported is Reported.LAUNCHED and not self.world.truth().on_ground:

@@ -27,7 +27,7 @@ class ForeignWorld(Protocol):
         """The simulation is over: `advance` is not called again."""
 
     @property
-    def thrown(self) -> bool:
+    def launched(self) -> bool:
         """The vehicle has left the launcher's hand, or is leaving it."""
 
     def release(self) -> None:

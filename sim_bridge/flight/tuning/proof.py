@@ -51,7 +51,7 @@ Array = NDArray[np.float64]
 class FlightQuality(NamedTuple):
     """One flight in numbers."""
 
-    holds: int
+    completed_legs: int
     """-; windows it was measured in"""
     airtime: float
     """s; of those windows"""
@@ -102,8 +102,8 @@ class Proof(NamedTuple):
 
     @property
     def comparison(self) -> Comparison:
-        """Whether the gains after fly better: first that it stays in the air and completes its holds, then errors."""
-        completed = [(not flight.touched, flight.holds) for flight in self]
+        """Whether the gains after fly better: first flight without ground contact and completed legs, then errors."""
+        completed = [(not flight.touched, flight.completed_legs) for flight in self]
         if completed[0] != completed[1]:
             return Comparison.BETTER if completed[1] > completed[0] else Comparison.WORSE
         ratio = self.error_ratio

@@ -161,7 +161,7 @@ def test_the_flight_code_flies_the_identified_world(cycle: Cycle) -> None:
     found = design(cycle.model, vehicle)
     assert all(loop.margins.keeps(LIMITS) for loop in found.after)
     flight = fly_quality(cycle.world, vehicle, found.gains)
-    assert flight.holds == 2 and not flight.touched
+    assert flight.completed_legs == 2 and not flight.touched
     assert flight.altitude_rms < 2.0
     assert flight.pitch_rms < 0.15
 

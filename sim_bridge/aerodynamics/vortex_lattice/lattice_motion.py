@@ -131,7 +131,7 @@ def _through(motion: Motion, point: Floats, normal: Floats) -> float:
 
 
 @internal
-def hold_normals(p: VortexLatticeParameters, motion: Motion, state: Floats) -> None:
+def store_normals(p: VortexLatticeParameters, motion: Motion, state: Floats) -> None:
     """Hold the normals of the wing's panels in their strips' axes, with which they turn until the next step.
 
     Where the wing twists they are not the strips': what blows along the span goes through the panels too.
@@ -143,14 +143,14 @@ def hold_normals(p: VortexLatticeParameters, motion: Motion, state: Floats) -> N
         for i in range(3):
             total = 0.0
             for c in range(3):
-                total += motion.axes[i, c, s] * p.room.panels.normal[c, k]
+                total += motion.axes[i, c, s] * p.workspace.panels.normal[c, k]
             state[to + i] = -total if i == 0 and column < p.half else total
 
 
 @internal
 def set_flow(p: VortexLatticeParameters, strips: Strips, motion: Motion, state: Floats, flow: Floats) -> None:
     """Fill ``flow`` (N,) m/s with what blows through each panel along its normal for its motion alone."""
-    columns, work = 2 * p.half, p.room.scratch
+    columns, work = 2 * p.half, p.workspace.scratch
     for row in range(p.rows):
         for column in range(columns):
             s = strip_of(column, p.half)
@@ -179,8 +179,8 @@ def set_flow(p: VortexLatticeParameters, strips: Strips, motion: Motion, state: 
 
 @internal
 def set_strips(p: VortexLatticeParameters, strips: Strips, motion: Motion) -> None:
-    """Fill the room's points and normals (3, S): a quarter of the chord of each strip of the lattice."""
-    points, normals, columns, work = p.room.points, p.room.normals, 2 * p.half, p.room.scratch
+    """Fill the workspace's points and normals (3, S): a quarter of the chord of each strip of the lattice."""
+    points, normals, columns, work = p.workspace.points, p.workspace.normals, 2 * p.half, p.workspace.scratch
     for column in range(columns):
         s = strip_of(column, p.half)
         for c in range(3):
