@@ -1,4 +1,4 @@
-"""From a vehicle file to what the multibody kernels take: tree, wings, joints and plates."""
+"""Kernel arguments of a vehicle file: tree, wings, joints and plates."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ CHANNELS = {
 
 
 class Layout(NamedTuple):
-    """Where in the plant's state vector things are; -1 for what a vehicle has not."""
+    """Indices into the plant's state vector; -1 for states that a vehicle lacks."""
 
     coordinates: tuple[str, ...]
     """names, in order: joints by their body, then the tip twists"""
@@ -53,7 +53,7 @@ class Layout(NamedTuple):
 
 
 class Mechanism(NamedTuple):
-    """A vehicle as the kernels take it."""
+    """A vehicle as kernel arguments."""
 
     tree: Tree
     wings: Wings
@@ -68,7 +68,7 @@ class Mechanism(NamedTuple):
 
 
 def chord_shape(planform: str, eta: float) -> float:
-    """Chord over the greatest chord at the relative span ``eta`` (0 root, 1 tip).
+    """Chord over the maximum chord at the relative span ``eta`` (0 root, 1 tip).
 
     ``raven`` is Gerdes Eq. 1; ``ellipse`` an elliptic chord distribution.
     """
@@ -78,7 +78,7 @@ def chord_shape(planform: str, eta: float) -> float:
 
 
 def wing_strips(wing: Wing) -> tuple[Strips, Floats]:
-    """Strips of both wings, and the membrane's mass in kg at each, in proportion to area."""
+    """Strips of both wings and the membrane mass in kg of each, proportional to area."""
     width = 1.0 / wing.strips
     etas = [(i + 0.5) * width for i in range(wing.strips)]
     # A strip's chord is the mean over its width, so that the strips' areas add up to the planform's.
@@ -92,7 +92,7 @@ def wing_strips(wing: Wing) -> tuple[Strips, Floats]:
 
 
 def all_parts(vehicle: SimulatedVehicle) -> dict[str, BodyPart]:
-    """The bodies of a vehicle with the mirror images filled in.
+    """Bodies of a vehicle including the mirrored ones.
 
     Raises:
         InputError: see `sim_bridge.vehicles.bodies.completed`.
@@ -101,7 +101,7 @@ def all_parts(vehicle: SimulatedVehicle) -> dict[str, BodyPart]:
 
 
 def build_mechanism(vehicle: SimulatedVehicle) -> Mechanism:
-    """The mechanism of a vehicle.
+    """Build the mechanism of a vehicle.
 
     Raises:
         InputError: the bodies make no tree, or the aerodynamic model does not hold.
@@ -130,7 +130,7 @@ def build_mechanism(vehicle: SimulatedVehicle) -> Mechanism:
 
 
 def wing_work(mechanism: Mechanism) -> WingWork:
-    """Scratch of the wings' kernels."""
+    """Allocate the workspace of the wing kernels."""
     strips, n = mechanism.wings.strips, mechanism.wings.strips.chord.shape[0]
     return WingWork(
         motion=blank_motion(strips, 2),
@@ -240,7 +240,7 @@ def _layout(coordinates: tuple[str, ...], joints: list[BodyPart], wings: Wings, 
 def place_of(
     vehicle: SimulatedVehicle, body: str, point: tuple[float, float, float] = (0.0, 0.0, 0.0)
 ) -> tuple[float, float, float]:
-    """Place in m of a ``point`` of a body in the base's axes, with all joints at zero."""
+    """Position in m of a ``point`` of a body in the base's axes, all joints at zero."""
     parts = all_parts(vehicle)
     place = np.array(point)
     for name in way_to_base(parts, body):
@@ -250,5 +250,5 @@ def place_of(
 
 
 def total_mass(vehicle: SimulatedVehicle) -> float:
-    """kg; of everything."""
+    """Total mass in kg."""
     return sum(part.mass for part in all_parts(vehicle).values()) + 2.0 * vehicle.wing.membrane_mass

@@ -1,4 +1,4 @@
-"""Wing drives: position servos bounded by torque and speed, the current they draw, the battery behind them."""
+"""Wing drives: position servos limited by torque and speed, their current, the battery."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from sim_bridge.compiled import kernel
 
 @kernel
 def torque_bound(rate: float, direction: float, stall_torque: float, no_load_speed: float) -> float:
-    """Greatest torque in N m that a servo gives along ``direction`` (+1, -1) at ``rate`` rad/s.
+    """Maximum torque in N m of a servo along ``direction`` (+1, -1) at ``rate`` rad/s.
 
     The straight torque-speed line of a motor (Gerdes Fig. 9's bandwidth line); braking is bounded by the stall
     torque.
@@ -25,7 +25,7 @@ def servo_torque(
     stall_torque: float,
     no_load_speed: float,
 ) -> float:
-    """Torque in N m of a position servo: gains (N m/rad, N m s/rad) on the errors, within `torque_bound`."""
+    """Torque in N m of a position servo: PD gains (N m/rad, N m s/rad), limited by `torque_bound`."""
     wanted = gains[0] * angle_error + gains[1] * rate_error
     direction = 1.0 if wanted >= 0.0 else -1.0
     bound = torque_bound(rate, direction, stall_torque, no_load_speed)
@@ -34,7 +34,7 @@ def servo_torque(
 
 @kernel
 def drive_current(torque: float, torque_constant: float, torque_offset: float, idle_current: float) -> float:
-    """PWM-mean current in A of one of two drives giving ``torque`` N m.
+    """PWM-mean current in A of one of two drives at ``torque`` N m.
 
     Inverse of Gerdes Eq. 11, ``tau = K_tau I + K_tau0`` with tau the mean torque of the two drives and I
     their total current, so that one drive alone has twice the constant; never below the idle current.

@@ -1,4 +1,4 @@
-"""A motor that flaps both wings through gears and a four-bar linkage, as on Slow Hawk (Grauer 2011).
+"""A motor that drives both wings through gears and a four-bar linkage (Slow Hawk, Grauer 2011).
 
 One side is described, seen from behind: outboard to the right, up. Its crank turns about the origin, the coupler goes
 from the crank's pin to the pin of the rocker, and the rocker turns about the wing's hinge with the wing fixed to it.
@@ -41,7 +41,7 @@ class FourBar(NamedTuple):
 
 
 class FlapMotion(NamedTuple):
-    """Where the crank has the wing."""
+    """Flap angle of a crank position and its derivative."""
 
     angle: float
     """rad; flap, wing up positive, -pi to pi"""
@@ -66,7 +66,7 @@ class Motor(NamedTuple):
 
 
 class Drive(NamedTuple):
-    """What the motor does at one voltage and crank rate; ``voltage current = torque rate +`` the three losses."""
+    """State of the motor at one voltage and crank rate; ``voltage current = torque rate +`` three losses."""
 
     torque: float
     """N m; on the crank, after the gears"""
@@ -81,7 +81,7 @@ class Drive(NamedTuple):
 
 
 def checked(linkage: FourBar) -> FourBar:
-    """The same linkage, if its crank turns through and its rocker rocks (Grashof).
+    """Return the linkage if its crank can rotate fully and its rocker oscillates (Grashof).
 
     Raises:
         InputError: a length that is not positive, or the link that is too long or too short for the others.

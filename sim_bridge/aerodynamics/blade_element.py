@@ -52,7 +52,7 @@ class BladeElement(NamedTuple):
 
 
 class BladeParameters(NamedTuple):
-    """As `BladeElement`, for the compiled loads."""
+    """Kernel arguments, see `BladeElement`."""
 
     lift_slope_up: float
     lift_slope_down: float
@@ -63,7 +63,7 @@ class BladeParameters(NamedTuple):
 
 
 class SectionCoefficients(NamedTuple):
-    """Of one section, all dimensionless, on half the density times its velocity squared times its chord."""
+    """Dimensionless coefficients of one section, referred to q c."""
 
     lift: float
     """perpendicular to the velocity, of the attached flow"""
@@ -83,20 +83,20 @@ def build(settings: BladeElement, strips: Strips) -> BladeParameters:
 
 
 def initial(parameters: BladeParameters, strips: Strips) -> Floats:
-    """No state: the loads follow from the motion of the instant."""
+    """Return an empty state: the loads depend on the motion alone."""
     return np.zeros(0)
 
 
 @kernel
 def down_stroke_share(flap_rate: float) -> float:
-    """Share of the down-stroke's coefficients, 0 to 1, at a flap rate in rad/s, wing up positive."""
+    """Weight of the down-stroke's coefficients, 0 to 1, at a flap rate in rad/s, wing up positive."""
     share = min(max(0.5 - 0.5 * flap_rate / TURNING_RATE, 0.0), 1.0)
     return share * share * (3.0 - 2.0 * share)
 
 
 @kernel
 def stalled_share(incidence: float, stall_angle: float) -> float:
-    """How much of a section is stalled, 0 to 1, at an incidence in rad to whichever edge leads."""
+    """Stalled fraction of a section, 0 to 1, at an incidence in rad to the leading edge in the flow."""
     share = min(max(0.5 + 0.5 * (abs(incidence) - stall_angle) / STALL_BLEND, 0.0), 1.0)
     return share * share * (3.0 - 2.0 * share)
 
@@ -154,7 +154,7 @@ def loads(
 def advance(
     parameters: BladeParameters, strips: Strips, motion: Motion, density: float, state: Floats, dt: float
 ) -> None:
-    """Nothing: the model has no memory."""
+    """Do nothing: the model has no memory."""
 
 
 MODEL = AerodynamicModel(

@@ -1,4 +1,4 @@
-"""Stroke-averaged loads linear in the motion: the model that a flight test gives (Malladi Eq. 26 to 28), flown.
+"""Stroke-averaged loads linear in the motion, as identified in flight tests (Malladi Eq. 26 to 28).
 
 About a steady flight at the airspeed (u_0, w_0) with the elevator at delta_0 the aircraft as a whole accelerates by
 
@@ -107,7 +107,7 @@ class Derivatives(NamedTuple):
 
 
 class Row(NamedTuple):
-    """One force per mass or acceleration, by what it follows."""
+    """Derivatives of one force per mass or one acceleration."""
 
     first: float
     """as the row, per m/s; of u, or of v"""
@@ -120,7 +120,7 @@ class Row(NamedTuple):
 
 
 class DerivativesParameters(NamedTuple):
-    """What the loads are made of; SI."""
+    """Kernel arguments; SI."""
 
     forward: float
     """m/s; of the trim, body axes"""
@@ -175,7 +175,7 @@ class DerivativesParameters(NamedTuple):
 
 
 class Accelerations(NamedTuple):
-    """Of the whole aircraft by the air, body axes."""
+    """Accelerations of the aircraft by the air, body axes."""
 
     x: float
     """m/s^2; specific force, as y and z"""
@@ -192,7 +192,7 @@ class Accelerations(NamedTuple):
 
 
 class Regressors(NamedTuple):
-    """The motion as the derivatives take it, held within their reach."""
+    """Regressors of the derivatives, limited to their range."""
 
     forward: float
     """m/s; from the trim's"""
@@ -211,7 +211,7 @@ class Regressors(NamedTuple):
 
 
 def build(settings: Derivatives, strips: Strips) -> DerivativesParameters:
-    """The model's parameters.
+    """Build the kernel arguments.
 
     Raises:
         InputError: an inertia that no body has.
@@ -233,7 +233,7 @@ def build(settings: Derivatives, strips: Strips) -> DerivativesParameters:
 
 
 def check(settings: Derivatives, airspeed: float) -> None:
-    """Refuse an airspeed in m/s at which the model does not hold.
+    """Check the airspeed in m/s against the range of the model.
 
     Raises:
         InputError: farther than `REACH` from the trim's.
@@ -247,19 +247,19 @@ def check(settings: Derivatives, airspeed: float) -> None:
 
 
 def initial(parameters: DerivativesParameters, strips: Strips) -> Floats:
-    """The lagged mean square of the flap rate in rad^2/s^2: wings at rest."""
+    """Return the lagged mean square of the flap rate in rad^2/s^2: 0, wings at rest."""
     return np.zeros(1)
 
 
 @kernel
 def saturate(value: float, reach: float) -> float:
-    """``value``, at most ``reach`` from zero."""
+    """Limit ``value`` to ``reach`` on both sides."""
     return min(max(value, -reach), reach)
 
 
 @kernel
 def regressors(p: DerivativesParameters, motion: Motion, density: float) -> Regressors:
-    """Of an instant: the centre of mass through the air, from the trim."""
+    """Return the regressors: the motion of the center of mass through the air, relative to the trim."""
     v, w = motion.body[0:3], motion.body[3:6]
     forward = v[0] + w[1] * p.center_z - w[2] * p.center_y
     side = v[1] + w[2] * p.center_x - w[0] * p.center_z
@@ -281,7 +281,7 @@ def regressors(p: DerivativesParameters, motion: Motion, density: float) -> Regr
 
 @kernel
 def row(r: Row, first: float, second: float, third: float, tail: float) -> float:
-    """The sum of derivatives times what they follow."""
+    """Sum of derivatives times regressors."""
     return r.first * first + r.second * second + r.third * third + r.tail * tail
 
 
@@ -294,7 +294,7 @@ def loads(
     state: Floats,
     out: SectionLoads,
 ) -> None:
-    """Fill ``out.body``; no strip bears a load of its own, see `sim_bridge.aerodynamics.protocol`."""
+    """Fill ``out.body``; strips carry no load, see `sim_bridge.aerodynamics.protocol`."""
     p, r = parameters, regressors(parameters, motion, density)
     elevator, rudder = motion.tail[ELEVATOR] - p.elevator, motion.tail[RUDDER]
     faster = math.sqrt(max(state[0], 0.0)) / p.flap_rate - 1.0
@@ -322,7 +322,7 @@ def loads(
 
 @kernel
 def put(p: DerivativesParameters, scale: float, a: Accelerations, out: Floats) -> None:
-    """Fill ``out`` (6,) N, N m with what gives ``scale`` times ``a``, as a load about the base's origin."""
+    """Fill ``out`` (6,) N, N m with ``scale`` times ``a`` as a load about the base's origin."""
     fx, fy, fz = scale * p.mass * a.x, scale * p.mass * a.y, scale * p.mass * a.z
     out[0], out[1], out[2] = fx, fy, fz
     out[3] = scale * (p.inertia_xx * a.roll - p.inertia_xz * a.yaw) + p.center_y * fz - p.center_z * fy
@@ -332,7 +332,7 @@ def put(p: DerivativesParameters, scale: float, a: Accelerations, out: Floats) -
 
 @kernel
 def mean_square_rate(motion: Motion) -> float:
-    """rad^2/s^2; of the wings' flap rates."""
+    """Mean square of the wings' flap rates in rad^2/s^2."""
     total, wings = 0.0, motion.wings.shape[0]
     for w in range(wings):
         total += motion.wings[w, 1] * motion.wings[w, 1]
@@ -343,7 +343,7 @@ def mean_square_rate(motion: Motion) -> float:
 def advance(
     parameters: DerivativesParameters, strips: Strips, motion: Motion, density: float, state: Floats, dt: float
 ) -> None:
-    """Nothing: the lag of the drive moves smoothly."""
+    """Do nothing: the drive lag is part of the integrated state."""
 
 
 MODEL = AerodynamicModel(

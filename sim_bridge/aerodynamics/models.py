@@ -34,7 +34,7 @@ STRIP_THEORY, QUASI_STEADY, BLADE_ELEMENT, REGRESSION, DERIVATIVES, VORTEX_LATTI
 
 
 class Air(NamedTuple):
-    """The parameters of the model that is flown, and blanks in the places of the others."""
+    """Parameters of the chosen model, blanks for the others."""
 
     which: int
     """index of the model in the table"""
@@ -47,7 +47,7 @@ class Air(NamedTuple):
 
 
 def find_model(name: str) -> AerodynamicModel:
-    """The model of this name.
+    """Return the model of this name.
 
     Raises:
         InputError: there is none.
@@ -58,7 +58,7 @@ def find_model(name: str) -> AerodynamicModel:
 
 
 def is_compiled_separately(name: str) -> bool:
-    """Whether the model of this name is compiled at its first flight, and not with the plant.
+    """Return whether the model is compiled at its first flight and not with the plant.
 
     Raises:
         InputError: there is none.
@@ -67,7 +67,7 @@ def is_compiled_separately(name: str) -> bool:
 
 
 def air_of(model: AerodynamicModel, parameters: Any) -> Air:
-    """What the compiled `loads` takes for ``parameters`` that the ``model`` has built."""
+    """Return the argument of the compiled `loads` for ``parameters`` built by ``model``."""
     kinds = _hints(Air)
     blanks = {name: _blank(kinds[name]) for name in MODELS}
     told = far_lattice(parameters) if isinstance(parameters, VortexLatticeParameters) else parameters
@@ -107,7 +107,7 @@ def loads(air: Air, strips: Strips, motion: Motion, density: float, state: Float
 
 @inlined
 def advance(air: Air, strips: Strips, motion: Motion, density: float, state: Floats, dt: float) -> None:
-    """Move that share of the chosen model's state that has a clock of its own over ``dt`` s."""
+    """Advance the discrete state of the chosen model by ``dt`` s."""
     if air.which == STRIP_THEORY:
         strip_theory.advance(air.strip_theory, strips, motion, density, state, dt)
     elif air.which == QUASI_STEADY:

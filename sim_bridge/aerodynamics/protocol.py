@@ -1,4 +1,4 @@
-"""What an aerodynamic model is given and what it gives: the one border between air and mechanism.
+"""Interface of an aerodynamic model: its inputs from the mechanism and its outputs.
 
 A model is a NamedTuple of constants (its *parameters*) and three functions of them:
 
@@ -30,7 +30,7 @@ MASS, INERTIA = 0, 1
 
 
 class Strips(NamedTuple):
-    """The strips of all wings, left wing first, from root to tip; each array (n,)."""
+    """Strips of all wings, left wing first, from root to tip; arrays (n,)."""
 
     span: Floats
     """m; from the hinge to the middle of the strip"""
@@ -45,7 +45,7 @@ class Strips(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """How strips and body move at one instant; arrays (n,) where no shape is told."""
+    """Motion of strips and body at one instant; arrays (n,) unless noted."""
 
     along: Floats
     """m/s; of the section through the air, forward along its chord"""
@@ -74,7 +74,7 @@ class Motion(NamedTuple):
 
 
 class SectionLoads(NamedTuple):
-    """What a model fills in."""
+    """Loads that a model fills in."""
 
     parts: Floats
     """(parts, 4, n) N, N, N, N m; two parts or more: FORWARD, UPWARD, OUTWARD, NOSE_UP of each strip"""
@@ -87,7 +87,7 @@ class SectionLoads(NamedTuple):
 
 
 def blank_motion(strips: Strips, wings: int) -> Motion:
-    """A motion at rest, far from the ground, to be filled."""
+    """Allocate a motion at rest, far from the ground."""
     n = strips.chord.shape[0]
     columns = [np.zeros(n) for _ in range(5)]
     return Motion._make(
@@ -105,7 +105,7 @@ def blank_motion(strips: Strips, wings: int) -> Motion:
 
 
 def blank_loads(parts: int, strips: Strips, states: int) -> SectionLoads:
-    """Loads of ``parts`` parts, to be filled."""
+    """Allocate loads of ``parts`` parts."""
     n = strips.chord.shape[0]
     return SectionLoads(np.zeros((parts, 4, n)), np.zeros((2, n)), np.zeros(states), np.zeros((parts, 6)))
 
@@ -132,13 +132,13 @@ _NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
 
 
 def aspect_ratio(strips: Strips) -> float:
-    """Of the wings together: the square of twice the longest semispan over the area of all strips."""
+    """Aspect ratio of both wings: (2 x maximum semispan)^2 over the area of all strips."""
     semispan = float(np.max(strips.span + 0.5 * strips.width))
     return (2.0 * semispan) ** 2 / float(np.sum(strips.chord * strips.width))
 
 
 class AerodynamicModel(NamedTuple):
-    """One line of the table of models."""
+    """One row of the table of models."""
 
     name: str
     title: str

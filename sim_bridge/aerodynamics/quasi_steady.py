@@ -74,7 +74,7 @@ class QuasiSteady(NamedTuple):
 
 
 class QuasiSteadyParameters(NamedTuple):
-    """What the loads need beside the motion."""
+    """Kernel arguments."""
 
     reach: float
     """m; R, from the hinge to the tip"""
@@ -98,7 +98,7 @@ class Factors(NamedTuple):
 
 
 class Coefficients(NamedTuple):
-    """Of a section, -."""
+    """Coefficients of a section, -."""
 
     lift: float
     drag: float
@@ -123,7 +123,7 @@ def elliptic_strips(reach: float, mean_chord: float, root: float, count: int) ->
 
 
 def reach_of(strips: Strips) -> float:
-    """R in m: from the hinge to the tip of the longest wing."""
+    """Wing length R in m from the hinge to the tip of the longer wing."""
     return float(np.max(strips.span + 0.5 * strips.width))
 
 
@@ -206,7 +206,7 @@ def build(settings: QuasiSteady, strips: Strips) -> QuasiSteadyParameters:
 
 
 def initial(parameters: QuasiSteadyParameters, strips: Strips) -> Floats:
-    """No state, (0,)."""
+    """Return an empty state, (0,)."""
     return np.zeros(0)
 
 
@@ -305,7 +305,7 @@ def loads(
 def advance(
     parameters: QuasiSteadyParameters, strips: Strips, motion: Motion, density: float, state: Floats, dt: float
 ) -> None:
-    """Nothing: there is no memory."""
+    """Do nothing: the model has no memory."""
 
 
 MODEL = AerodynamicModel(

@@ -1,4 +1,4 @@
-"""Grauer, Ulrich, Hubbard, Pines, Humbert 2011, Table 1: the Slow Hawk's wing loads by regression on its motion.
+"""Wing loads of Slow Hawk by regression on its motion (Grauer et al. 2011, Table 1).
 
 Lift, thrust and pitching moment of both wings together, identified by equation error from three strokes of one
 flight at 9.2 m/s (Eq. 14 to 19). They act on the fuselage: thrust along its x axis, lift against its z axis, the
@@ -39,7 +39,7 @@ RECORDED_HEAVE = (-1.1, 0.9)
 
 
 class Reach(NamedTuple):
-    """How far the regressors may go from their means before they are held."""
+    """Range of the regressors about their means."""
 
     forward: float
     """m/s; from MEAN_AIRSPEED"""
@@ -119,7 +119,7 @@ class RegressionParameters(NamedTuple):
 
 
 class Regressors(NamedTuple):
-    """What Eq. 17 to 19 are linear in."""
+    """Regressors of Eq. 17 to 19."""
 
     forward: float
     """m/s; v_x of the fuselage"""
@@ -134,7 +134,7 @@ class Regressors(NamedTuple):
 
 
 class Coefficients(NamedTuple):
-    """Of both wings."""
+    """Coefficients of both wings."""
 
     lift: float
     thrust: float
@@ -142,7 +142,7 @@ class Coefficients(NamedTuple):
 
 
 class WingLoads(NamedTuple):
-    """Of both wings on the fuselage."""
+    """Loads of both wings on the fuselage."""
 
     lift: float
     """N; against the body's z axis"""
@@ -153,7 +153,7 @@ class WingLoads(NamedTuple):
 
 
 def table(settings: Regression) -> Table:
-    """The chosen column of Table 1.
+    """Return the chosen column of Table 1.
 
     Raises:
         InputError: there is no such column.
@@ -164,7 +164,7 @@ def table(settings: Regression) -> Table:
 
 
 def check(settings: Regression, airspeed: float) -> None:
-    """Refuse an airspeed in m/s at which the model does not hold.
+    """Check the airspeed in m/s against the range of the model.
 
     Raises:
         InputError: outside `IDENTIFIED`, or no such column.
@@ -202,7 +202,7 @@ def level_heave(settings: Regression, airspeed: float, lift_coefficient: float) 
 
 
 def build(settings: Regression, strips: Strips) -> RegressionParameters:
-    """The model's parameters.
+    """Build the kernel arguments.
 
     Raises:
         InputError: there is no such column.
@@ -211,7 +211,7 @@ def build(settings: Regression, strips: Strips) -> RegressionParameters:
 
 
 def initial(parameters: RegressionParameters, strips: Strips) -> Floats:
-    """No state: the loads follow from the motion of the instant."""
+    """Return an empty state: the loads depend on the motion alone."""
     return np.zeros(0)
 
 
@@ -234,13 +234,13 @@ def coefficients(t: Table, r: Regressors) -> Coefficients:
 
 @kernel
 def saturate(value: float, reach: float) -> float:
-    """``value``, at most ``reach`` from zero."""
+    """Limit ``value`` to ``reach`` on both sides."""
     return min(max(value, -reach), reach)
 
 
 @kernel
 def regressors(motion: Motion) -> Regressors:
-    """Of an instant, held at REACH; the wings' mean flap angle, turned to theta_11's sign."""
+    """Return the regressors, limited to `REACH`; mean flap angle of the wings with theta_11's sign."""
     flap, flap_rate, wings = 0.0, 0.0, motion.wings.shape[0]
     for w in range(wings):
         flap -= motion.wings[w, 0] / wings
@@ -276,7 +276,7 @@ def dynamic_pressure(strips: Strips, motion: Motion, density: float) -> float:
 
 @kernel
 def wing_loads(parameters: RegressionParameters, strips: Strips, motion: Motion, density: float) -> WingLoads:
-    """Of both wings at one instant, Eq. 14 to 16."""
+    """Loads of both wings at one instant, Eq. 14 to 16."""
     c = coefficients(parameters.table, regressors(motion))
     force = dynamic_pressure(strips, motion, density) * parameters.area
     return WingLoads(force * c.lift, force * c.thrust, force * parameters.chord * c.moment)
@@ -286,7 +286,7 @@ def wing_loads(parameters: RegressionParameters, strips: Strips, motion: Motion,
 def loads(
     parameters: RegressionParameters, strips: Strips, motion: Motion, density: float, state: Floats, out: SectionLoads
 ) -> None:
-    """Fill ``out.body``; no strip bears a load of its own, see `sim_bridge.aerodynamics.protocol`."""
+    """Fill ``out.body``; strips carry no load, see `sim_bridge.aerodynamics.protocol`."""
     wing = wing_loads(parameters, strips, motion, density)
     out.body[:, :] = 0.0
     out.body[LIFT, Z] = -wing.lift
@@ -298,7 +298,7 @@ def loads(
 def advance(
     parameters: RegressionParameters, strips: Strips, motion: Motion, density: float, state: Floats, dt: float
 ) -> None:
-    """Nothing: the model has no memory."""
+    """Do nothing: the model has no memory."""
 
 
 MODEL = AerodynamicModel(

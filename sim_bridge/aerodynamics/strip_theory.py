@@ -1,4 +1,4 @@
-"""Modified strip theory (DeLaurier 1993) with Kim's dynamic stall (Kim 2011) as Gerdes 2017 uses it, or without.
+"""Modified strip theory (DeLaurier 1993), optionally with Kim's dynamic stall (Kim 2011) as in Gerdes 2017.
 
 Written in section velocities instead of angles over a constant flight speed, so that arbitrary motion works
 and the loads stay finite as the airspeed goes to zero. The downwash of the unsteady wake is a first-order lag
@@ -74,7 +74,7 @@ class StripTheory(NamedTuple):
 
 
 class StripParameters(NamedTuple):
-    """What the section loads need beside the motion; SI."""
+    """Kernel arguments; SI."""
 
     aspect_ratio: float
     zero_lift_angle: float
@@ -89,7 +89,7 @@ class StripParameters(NamedTuple):
 
 
 class SectionMotion(NamedTuple):
-    """How one section moves through the air."""
+    """Motion of one section through the air."""
 
     along: float
     """m/s; forward along the chord"""
@@ -104,7 +104,7 @@ class SectionMotion(NamedTuple):
 
 
 class Section(NamedTuple):
-    """Loads a unit span of one section."""
+    """Loads per unit span of one section."""
 
     circulatory: float
     """N/m; normal, at a quarter chord"""
@@ -161,12 +161,12 @@ def build(settings: StripTheory, strips: Strips) -> StripParameters:
 
 
 def half_stroke_travel(airspeed: float, frequency: float, chord: float) -> float:
-    """Chords that the air travels over a section in half a stroke: m/s, Hz, m; pi / 2k of the reduced frequency k."""
+    """Travel of the air over a section in half a stroke, in chords: pi / 2k for the reduced frequency k."""
     return airspeed / (2.0 * frequency * chord)
 
 
 def initial(parameters: StripParameters, strips: Strips) -> Floats:
-    """The wakes' states (n,) in m/s at rest: one a strip; none where the wake has no effect."""
+    """Return the wake states (n,) in m/s at rest, one a strip; empty without wake."""
     return np.zeros(strips.chord.shape[0] if parameters.c1 != 0.0 else 0)
 
 
@@ -207,7 +207,7 @@ def friction_coefficient(reynolds: float) -> float:
 
 @kernel
 def stalled_share(across: float, m: SectionMotion, speed: float, p: StripParameters) -> float:
-    """How much of a section is stalled, 0 to 1; the angle of DeLaurier's stall criterion is atan(across / speed)."""
+    """Stalled fraction of a section, 0 to 1; DeLaurier's stall angle is atan(across / speed)."""
     return _share_beyond(across, m, speed, p) if may_stall(across, speed, p) else 0.0
 
 
@@ -230,7 +230,7 @@ def _share_beyond(across: float, m: SectionMotion, speed: float, p: StripParamet
 
 
 class Incidence(NamedTuple):
-    """Of a section, m/s."""
+    """Incidence of a section, m/s."""
 
     three_quarter: float
     """air against the normal at three quarters of the chord"""
@@ -244,7 +244,7 @@ class Incidence(NamedTuple):
 
 @inlined
 def incidence(m: SectionMotion, lag: float, p: StripParameters) -> Incidence:
-    """How the air meets a section; ``lag`` in m/s is the wake's state."""
+    """Compute the incidence of a section; ``lag`` in m/s is the wake state."""
     three_quarter = m.down + 0.25 * m.chord * m.pitch_rate
     wash = p.lift_factor * (three_quarter - p.c1 * (three_quarter - lag))
     return Incidence(three_quarter, wash, wash - 0.75 * m.chord * m.pitch_rate, max(abs(m.along), SLOWEST))
@@ -252,7 +252,7 @@ def incidence(m: SectionMotion, lag: float, p: StripParameters) -> Incidence:
 
 @kernel
 def section_loads(m: SectionMotion, density: float, lag: float, p: StripParameters) -> Section:
-    """Loads a unit span of one section; ``lag`` in m/s is the wake's state, ``density`` in kg/m^3."""
+    """Loads per unit span of one section; ``lag`` in m/s is the wake state, ``density`` in kg/m^3."""
     at = incidence(m, lag, p)
     return _loads_at(m, at, stalled_share(at.across, m, at.speed, p), density, lag, p)
 
@@ -373,7 +373,7 @@ def fill_loads(
 def fill_lag_rates(
     p: StripParameters, chord: Floats, along: Floats, down: Floats, pitch_rate: Floats, lag: Floats, rates: Floats
 ) -> None:
-    """Rate in m/s^2 of every section's wake; arrays (n,), m/s and rad/s as in `Motion`."""
+    """Fill the rate in m/s^2 of each wake state; arrays (n,), m/s and rad/s as in `Motion`."""
     for i in range(chord.shape[0]):
         at = incidence(SectionMotion(along[i], 0.0, down[i], pitch_rate[i], chord[i]), lag[i], p)
         rates[i] = _lag_rate(at, chord[i], lag[i], p)
@@ -383,7 +383,7 @@ def fill_lag_rates(
 def advance(
     parameters: StripParameters, strips: Strips, motion: Motion, density: float, state: Floats, dt: float
 ) -> None:
-    """Nothing: the wake's lags move smoothly and belong to the integrator."""
+    """Do nothing: the wake states are part of the integrated state."""
 
 
 def frequency_domain_incidence(alpha: complex, k: float, parameters: StripParameters) -> complex:

@@ -42,7 +42,7 @@ class StrokeRecord(NamedTuple):
 
 
 class LiftDerivatives(NamedTuple):
-    """Of Eq. 20 or 21."""
+    """Coefficients of Eq. 20 or 21."""
 
     alpha: float
     """1/rad"""
@@ -55,7 +55,7 @@ class LiftDerivatives(NamedTuple):
 
 
 class DragPolar(NamedTuple):
-    """Of Eq. 22 or 23."""
+    """Coefficients of Eq. 22 or 23."""
 
     minimum: float
     factor: float
@@ -63,7 +63,7 @@ class DragPolar(NamedTuple):
 
 
 class MomentDerivatives(NamedTuple):
-    """Of Eq. 25."""
+    """Coefficients of Eq. 25."""
 
     zero: float
     alpha: float
@@ -75,7 +75,7 @@ class MomentDerivatives(NamedTuple):
 
 
 class Attitude(NamedTuple):
-    """What the mean coefficients are functions of, each a number or (M,) of M strokes."""
+    """Arguments of the mean coefficients, each a number or (M,) of M strokes."""
 
     alpha: Floats
     """rad; angle between the fuselage's centreline and the stream"""
@@ -88,7 +88,7 @@ class Attitude(NamedTuple):
 def stroke_record(
     period: float, velocity: Floats, area: Floats, density: float, down: NDArray[np.bool_]
 ) -> StrokeRecord:
-    """Sum the dynamic pressure of Eq. 18 and 19 over the sections of a wing.
+    """Sum the dynamic pressure of Eq. 18 and 19 over the wing sections.
 
     Args:
         period: s; of the stroke.

@@ -1,4 +1,4 @@
-"""Loads of the tail's surfaces and of the fuselage: plates at any angle, drag areas."""
+"""Loads of tail surfaces and fuselage: flat plates at any angle, drag areas."""
 
 from __future__ import annotations
 

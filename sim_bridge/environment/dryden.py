@@ -59,7 +59,7 @@ FIXED = 1 + len(HEIGHTS)
 
 
 class Turbulence(NamedTuple):
-    """Which gusts a vehicle meets."""
+    """Turbulence of one flight."""
 
     level: str
     """one of `levels.LEVELS`"""
@@ -69,7 +69,7 @@ class Turbulence(NamedTuple):
 
 
 class GustState(NamedTuple):
-    """Memory of the filters, of unit variance where no other is told."""
+    """States of the shaping filters; unit variance unless noted."""
 
     tick: int
     """-; steps made; selects the noise"""
@@ -92,7 +92,7 @@ class GustState(NamedTuple):
 
 
 class Gust(NamedTuple):
-    """What the air adds to the mean wind; NED."""
+    """Gust velocity in addition to the mean wind; NED."""
 
     velocity: Vector
     """m/s"""
@@ -101,7 +101,7 @@ class Gust(NamedTuple):
 
 
 class Scale(NamedTuple):
-    """Size and strength of the gusts at one height."""
+    """Length scales and intensities at one height."""
 
     level_length: float
     """m; L_u, L_v"""
@@ -183,7 +183,7 @@ def _noise(seed: int, tick: int) -> Noise:
 
 
 def initial(t: Turbulence, heading: float = 0.0) -> GustState:
-    """A state drawn from the stationary distribution, so that gusts have their strength from the first tick.
+    """Draw the initial state from the stationary distribution, so that intensities hold from the start.
 
     ``heading`` in rad is the direction that the vehicle faces.
     """
@@ -249,19 +249,19 @@ def _smoothed(lag: float, before: float, after: float, step: float) -> float:
 
 @kernel
 def pitch_length(span: float) -> float:
-    """m; over which a vehicle of ``span`` m smooths gusts in roll and pitch."""
+    """Length in m over which a vehicle of ``span`` m averages gusts in roll and pitch."""
     return 4.0 * span / math.pi
 
 
 @kernel
 def yaw_length(span: float) -> float:
-    """m; the same in yaw."""
+    """Length in m over which it averages gusts in yaw."""
     return 3.0 * span / math.pi
 
 
 @kernel
 def roll_intensity(size: Scale, span: float) -> float:
-    """sigma_p in rad/s: the root of the integral of Phi_p."""
+    """Roll rate intensity sigma_p in rad/s: the square root of the integral of Phi_p."""
     length = pitch_length(span)
     share = 0.4 * math.pi * (size.down_length / length) ** (1.0 / 3.0)
     return size.down_intensity * math.sqrt(share / (length * size.down_length))
@@ -347,7 +347,7 @@ def _advance(
 
 
 def step(t: Turbulence, state: GustState, height: float, flight: Vector, dt: float) -> tuple[GustState, Gust]:
-    """State and gust after ``dt`` s of flight, ``height`` m above ground.
+    """Return state and gust after ``dt`` s of flight at ``height`` m above ground.
 
     ``flight`` is the velocity in m/s, NED, through the mean air; while it has no level part, the axes stay.
     """

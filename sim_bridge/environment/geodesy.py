@@ -1,4 +1,4 @@
-"""Local NED metres to and from WGS-84 latitude, longitude and altitude, by the radii of curvature.
+"""Conversion between local NED in m and WGS-84 latitude, longitude and altitude.
 
 North is measured along the meridian and east along the parallel of the middle latitude (mid-latitude formula),
 so that horizontal distances agree with the ellipsoid to 1 cm within 2 km of home; down is measured along the
@@ -40,7 +40,7 @@ def geodetic_from_ned(home: Home, position_ned: Vector) -> Vector:
 
 
 def ned_from_geodetic(home: Home, latitude: float, longitude: float, altitude: float) -> Vector:
-    """Position in m from ``home`` of a latitude (rad), longitude (rad) and altitude (m); inverse of the above."""
+    """Position in m from ``home`` of a latitude (rad), longitude (rad) and altitude (m); see `geodetic_from_ned`."""
     north = (latitude - home.latitude) * (meridian_radius(home.latitude) + home.altitude)
     east = math.remainder(longitude - home.longitude, math.tau) * _parallel_radius(home, latitude)
     return north, east, home.altitude - altitude

@@ -1,4 +1,4 @@
-"""Where a flight takes place."""
+"""Launch site of a flight."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from sim_bridge.environment.magnetic import MagneticField
 
 
 class Home(NamedTuple):
-    """The launch place's ground: origin of the local NED axes, at least five degrees away from a pole."""
+    """Launch site on the ground: origin of the local NED axes, at least 5 degrees from a pole."""
 
     latitude: float
     """rad; WGS-84"""

@@ -1,4 +1,4 @@
-"""Levels of turbulence by name: what every command, campaign and scenario may ask for.
+"""Names of turbulence levels.
 
 Two sources use the same words. MIL-F-8785C means them for piloted aircraft; its moderate belongs to a wind of 30 kt.
 Beard and McLain (Small Unmanned Aircraft, 2012, Table 4.1, after Langelaan 2007) mean what an aircraft of a few

@@ -1,4 +1,4 @@
-"""The Earth's magnetic field, constant over a test field of a few kilometres."""
+"""Magnetic field of the Earth, constant over a few kilometers."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from sim_bridge.observation import Vector
 
 
 class MagneticField(NamedTuple):
-    """The field at one place, by its angles and its strength."""
+    """Field at one location by its angles and strength."""
 
     declination: float
     """rad; of magnetic north from true north, positive east"""

@@ -1,4 +1,4 @@
-"""Steady wind; the same everywhere."""
+"""Steady, uniform wind."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ STRONGEST = 50.0
 
 
 def steady_wind(speed: float, direction_from: float) -> Vector:
-    """Velocity in m/s, NED, of air that blows at ``speed`` m/s from the direction ``direction_from`` in rad.
+    """Wind velocity in m/s, NED, for ``speed`` m/s from the direction ``direction_from`` in rad.
 
     The direction is told as in aviation: 0 is a wind from the north, pi/2 from the east.
 

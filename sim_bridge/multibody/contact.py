@@ -1,4 +1,4 @@
-"""A flat ground to land on: springs, dampers and friction at points of the fuselage."""
+"""Contact with flat ground: springs, dampers and friction at points of the fuselage."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SLIP_SPEED = 0.05
 
 @kernel
 def ground_force(depth: float, velocity: Floats, weight: float, force: Floats) -> bool:
-    """Force (3,) in N, NED, on a point ``depth`` metres under ground moving at ``velocity`` (3,) NED.
+    """Contact force (3,) in N, NED, at a point ``depth`` m below ground moving at ``velocity`` (3,) NED.
 
     Returns whether it touches.
     """

@@ -1,4 +1,4 @@
-"""Flat surfaces on bodies of the tree: tails and fins, fixed or all-moving."""
+"""Flat plates on bodies of the tree: tails and fins, fixed or all-moving."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from sim_bridge.vectors import Floats, Integers
 
 
 class Plates(NamedTuple):
-    """p surfaces; axes are those of the body that carries each."""
+    """Arrays of p plates in the axes of the body that carries each."""
 
     body: Integers
     """(p,)"""
@@ -30,14 +30,14 @@ class Plates(NamedTuple):
 
 
 def no_plates() -> Plates:
-    """Where there is nothing for the air to act on."""
+    """Return an empty set of plates."""
     nowhere = np.zeros((0, 3))
     return Plates(np.zeros(0, dtype=np.int64), nowhere, nowhere, nowhere, np.zeros(0), np.zeros(0))
 
 
 @inlined_internal
 def add_plates(k: Kinematics, plates: Plates, air: Floats, density: float, total: Floats) -> None:
-    """Let the air act on the plates.
+    """Add the air loads of the plates to their bodies.
 
     Args:
         air: (6,) m/s, rad/s; velocity and angular velocity of the air at the base's origin, body axes.

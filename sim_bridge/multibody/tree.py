@@ -1,4 +1,4 @@
-"""Equations of motion of any tree of rigid bodies on a free base.
+"""Equations of motion of a tree of rigid bodies on a free base.
 
 Spatial vectors (angular part first) of every body are told about one point, the base's origin, in the base's axes
 (FRD). Inertias of a subtree then add up without a transformation, and the mass matrix is Featherstone's composite
@@ -30,7 +30,7 @@ ROUNDING = 0.02
 
 
 class Body(NamedTuple):
-    """A rigid body and the joint it hangs on; its axes are FRD where all joints are at zero."""
+    """A rigid body and its joint to the parent; its axes are FRD with all joints at zero."""
 
     name: str
     parent: str
@@ -50,7 +50,7 @@ class Body(NamedTuple):
 
 
 class Tree(NamedTuple):
-    """A tree of bodies as the kernels take it; the base is body 0, a parent comes before its children."""
+    """Arrays of a tree of bodies; the base is body 0, a parent precedes its children."""
 
     parent: Integers
     """(b,); index of the parent, -1 for the base"""
@@ -73,7 +73,7 @@ class Tree(NamedTuple):
 
 
 class Kinematics(NamedTuple):
-    """Where the bodies are and how they move: filled by `move`, read by whatever loads them."""
+    """Positions, velocities and loads of the bodies, filled by `move`."""
 
     r: Floats
     """(b, 3, 3); r_frd_from_body, of the base the identity"""
@@ -105,7 +105,7 @@ class Equations(NamedTuple):
 
 
 def build_tree(bodies: list[Body]) -> tuple[Tree, list[str]]:
-    """The tree of ``bodies`` and the names of its coordinates, those of the jointed bodies.
+    """Build the tree of ``bodies``; also returns the names of its coordinates.
 
     Raises:
         InputError: as `parents_first`, which also gives the order of the bodies in the tree.
@@ -141,13 +141,13 @@ def _turning(rotation: Floats, axes: Floats) -> Floats:
 
 
 def inertia_matrix(inertia: tuple[float, float, float, float, float, float]) -> Floats:
-    """(3, 3) kg m^2 of the moments xx, yy, zz and the products of inertia xy, xz, yz."""
+    """Inertia matrix (3, 3) in kg m^2 from xx, yy, zz and the products xy, xz, yz."""
     xx, yy, zz, xy, xz, yz = inertia
     return np.array([[xx, -xy, -xz], [-xy, yy, -yz], [-xz, -yz, zz]])
 
 
 def parents_first(bodies: list[Body]) -> list[Body]:
-    """The bodies in the order of the tree: base first, each after its parent.
+    """Sort the bodies so that the base is first and each follows its parent.
 
     Raises:
         InputError: no base or several, a parent that is unknown or comes round to the body itself, a repeated name, a
@@ -207,7 +207,7 @@ def _check_inertia(body: Body) -> None:
 
 
 def blank_kinematics(tree: Tree) -> Kinematics:
-    """Room for the motion of ``tree``."""
+    """Allocate the kinematics of ``tree``."""
     b = tree.mass.shape[0]
     return Kinematics(
         r=np.zeros((b, 3, 3)),
@@ -358,7 +358,7 @@ def _row(r: Floats, i: int, central: Floats) -> Vector:
 
 @inlined
 def move(tree: Tree, q: Floats, rates: Floats, base: Floats, gravity: Floats, k: Kinematics) -> None:
-    """Place and move every body, and load it with its own inertia and weight.
+    """Compute the motion of every body and its inertial and gravity loads.
 
     Args:
         q, rates: (c,) rad, rad/s; coordinates and their rates.
@@ -379,7 +379,7 @@ def move(tree: Tree, q: Floats, rates: Floats, base: Floats, gravity: Floats, k:
 
 @inlined_internal
 def add_wrench(k: Kinematics, b: int, point: Floats, force: Floats) -> None:
-    """Let a force (3,) in N act on body ``b`` at ``point`` (3,) in m; both in the base's axes, from its origin."""
+    """Add a force (3,) in N on body ``b`` at ``point`` (3,) in m; both in the base's axes, from its origin."""
     k.force[b, 0] -= point[1] * force[2] - point[2] * force[1]
     k.force[b, 1] -= point[2] * force[0] - point[0] * force[2]
     k.force[b, 2] -= point[0] * force[1] - point[1] * force[0]

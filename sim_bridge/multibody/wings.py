@@ -1,4 +1,4 @@
-"""Wings on a tree of bodies: strips whose membrane twists about the leading edge, in the air.
+"""Wings on a tree of bodies: strips of a membrane that twists about the leading edge.
 
 A wing sits on a body of the tree, its root at the body's joint: leading edge along the body's y axis (outward: y on
 the right, -y on the left), chord along x, upward normal along -z. Its strips may turn about the leading edge by
@@ -33,7 +33,7 @@ Vector = tuple[float, float, float]
 
 
 class Wings(NamedTuple):
-    """All wings of a vehicle; w wings, n strips."""
+    """Arrays of all wings of a vehicle; w wings, n strips."""
 
     strips: Strips
     body: Integers
@@ -53,7 +53,7 @@ class Wings(NamedTuple):
 
 
 class WingWork(NamedTuple):
-    """Scratch of the wings."""
+    """Workspace of the wing kernels."""
 
     motion: Motion
     loads: SectionLoads
@@ -79,7 +79,7 @@ class WingWork(NamedTuple):
 
 @inlined
 def wing_motion(k: Kinematics, w: Wings, q: Floats, rates: Floats, outside: Floats, work: WingWork) -> None:
-    """Fill ``work.motion`` for all strips but for places and axes.
+    """Fill ``work.motion`` of all strips, without positions and axes.
 
     Args:
         q, rates: (c,) coordinates and their rates.
@@ -205,7 +205,7 @@ def _move_strips(
 
 @kernel
 def wing_places(k: Kinematics, w: Wings, work: WingWork) -> None:
-    """Fill place and axes of ``work.motion``, after `wing_motion`."""
+    """Fill positions and axes of ``work.motion`` after `wing_motion`."""
     for j in range(w.body.shape[0]):
         _strip_places(k, w, j, work)
 
@@ -226,7 +226,7 @@ def _strip_places(k: Kinematics, w: Wings, j: int, work: WingWork) -> None:
 
 @inlined
 def add_wings(tree: Tree, k: Kinematics, w: Wings, work: WingWork, equations: Equations) -> None:
-    """Add the wings' membrane, apparent mass and air loads to their bodies and twist coordinates.
+    """Add membrane, apparent mass and air loads of the wings to their bodies and twist coordinates.
 
     After `wing_motion` of the same instant, and with ``work.loads`` filled; `tree.assemble` comes after.
     """

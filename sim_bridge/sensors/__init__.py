@@ -1,1 +1,1 @@
-"""From what is true at the vehicle to what its sensors say: ranges, resolutions, noise, offsets, delays."""
+"""Sensor models: range, resolution, noise, offset and delay."""

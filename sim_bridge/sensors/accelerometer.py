@@ -39,7 +39,7 @@ class AccelerometerSpec(NamedTuple):
 
 
 class Accelerometer:
-    """One unit: call once a tick."""
+    """One unit; `read` every tick."""
 
     def __init__(self, spec: AccelerometerSpec, seed: SensorSeed, period: float) -> None:
         unit, flight = split(seed)
@@ -54,5 +54,5 @@ class Accelerometer:
         self._triad = Triad(conversion, self.errors, low_pass(corner(spec.bandwidth), period), flight)
 
     def read(self, specific_force_frd: Vector) -> Vector:
-        """Reading in m/s^2 of the specific force in m/s^2, body axes."""
+        """Return the measured specific force in m/s^2 of the true one in m/s^2, body axes."""
         return self._triad.read(specific_force_frd)

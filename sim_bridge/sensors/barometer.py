@@ -39,7 +39,7 @@ class BarometerSpec(NamedTuple):
 
 
 class BarometerErrors(NamedTuple):
-    """What this one unit has wrong for the whole flight."""
+    """Constant errors of one unit."""
 
     pressure: float
     """Pa"""
@@ -48,7 +48,7 @@ class BarometerErrors(NamedTuple):
 
 
 class Barometer:
-    """One unit: call at its own rate, every ``period`` s."""
+    """One unit; `read` every ``period`` s."""
 
     def __init__(self, spec: BarometerSpec, seed: SensorSeed, period: float) -> None:
         unit, flight = split(seed)
@@ -60,7 +60,7 @@ class Barometer:
         self._drift = 0.0
 
     def read(self, static_pressure: float, temperature: float) -> tuple[int, int]:
-        """Counts of pressure and of temperature for the ambient ones in Pa and K."""
+        """Return the counts of pressure and temperature for ambient values in Pa and K."""
         spec, errors = self._spec, self.errors
         white, slow, warm = next(self._normals)
         self._drift = self._decay * self._drift + self._drive * slow

@@ -1,4 +1,4 @@
-"""E2-500 optical encoders on the wing shafts, their counters, and their index pulses."""
+"""E2-500 optical encoders on the wing shafts with counters and index pulses."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class EncoderSpec(NamedTuple):
 
 
 class Counter:
-    """One wing's counter, with the register that an index pulse copies it into."""
+    """Counter of one wing and the register that latches it at an index pulse."""
 
     def __init__(self, counts_per_turn: int, zero: float, index: float) -> None:
         self._turn = counts_per_turn
@@ -42,7 +42,7 @@ class Counter:
         self._pulses = 0
 
     def lose(self, counts: int) -> None:
-        """The counter misses ``counts`` edges on the way up (negative: on the way down)."""
+        """Lose ``counts`` edges on the way up (negative: on the way down)."""
         self._lost += counts
 
     def read(self, flap: float) -> tuple[int, int, int]:
@@ -68,7 +68,7 @@ class Counter:
 
 
 class Encoder:
-    """Both wings' encoders."""
+    """Encoders of both wings."""
 
     def __init__(self, spec: EncoderSpec) -> None:
         self.left = Counter(spec.counts_per_turn, spec.zero_left, spec.index_left)

@@ -46,7 +46,7 @@ class GpsSpec(NamedTuple):
 
 
 class Gps:
-    """One receiver: `measure` every ``period`` s, `arrived` once a tick."""
+    """One receiver; `measure` every ``period`` s, `arrived` every tick."""
 
     def __init__(self, spec: GpsSpec, seed: SensorSeed, home: Home, period: float) -> None:
         unit, flight = split(seed)
@@ -60,7 +60,7 @@ class Gps:
         self._pending: deque[GpsFix] = deque()
 
     def measure(self, observation: Observation) -> None:
-        """Take a fix now; its time stamp is the moment of its arrival."""
+        """Take a fix; its time stamp is the time of its arrival."""
         normals = next(self._normals)
         self._slow = [self._decay * old + self._drive * new for old, new in zip(self._slow, normals, strict=False)]
         latitude, longitude, altitude = geodetic_from_ned(self._home, self._position(observation, normals))
@@ -81,7 +81,7 @@ class Gps:
         self._pending.append(fix)
 
     def arrived(self, time_us: int) -> GpsFix | None:
-        """The oldest fix that has arrived by now and was not told before; its stamp becomes ``time_us``."""
+        """Return the oldest fix that has arrived and was not returned before, stamped ``time_us``."""
         if not self._pending or self._pending[0].time_us > time_us:
             return None
         return self._pending.popleft()._replace(time_us=time_us)

@@ -38,7 +38,7 @@ class GyroscopeSpec(NamedTuple):
 
 
 class Gyroscope:
-    """One unit: call once a tick."""
+    """One unit; `read` every tick."""
 
     def __init__(self, spec: GyroscopeSpec, seed: SensorSeed, period: float) -> None:
         unit, flight = split(seed)
@@ -59,12 +59,12 @@ class Gyroscope:
 
     @property
     def bias(self) -> Vector:
-        """True bias at this moment in rad/s: the unit's plus what it walked."""
+        """True bias in rad/s: the constant of the unit and its random walk."""
         (ox, oy, oz), (wx, wy, wz) = self.errors.offset, self._walk
         return ox + wx, oy + wy, oz + wz
 
     def read(self, omega_frd: Vector) -> Vector:
-        """Reading in rad/s of the angular velocity in rad/s, body axes."""
+        """Return the measured angular velocity in rad/s of the true one in rad/s, body axes."""
         (x, y, z), (nx, ny, nz), step = self._walk, next(self._walk_normals), self._walk_step
         self._walk = (x + step * nx, y + step * ny, z + step * nz)
         return self._triad.read(omega_frd, self._walk)

@@ -1,4 +1,4 @@
-"""First-order low pass of a signal that is only known at the ticks."""
+"""First-order low-pass filter of a signal sampled at the ticks."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class LowPass(NamedTuple):
 
 
 def low_pass(time_constant: float, period: float) -> LowPass:
-    """Low pass of ``time_constant`` s sampled every ``period`` s; a time constant of 0 passes everything.
+    """Filter of ``time_constant`` s sampled every ``period`` s; 0 passes the signal.
 
     Exact for a signal that is a straight line between two ticks (ramp-invariant discretisation). What the
     signal does between the ticks is not seen: content above half the tick rate has already folded down.
@@ -28,5 +28,5 @@ def low_pass(time_constant: float, period: float) -> LowPass:
 
 
 def corner(bandwidth: float) -> float:
-    """Time constant in s of a first-order corner at ``bandwidth`` Hz; 0 Hz stands for no filter at all."""
+    """Time constant in s of a first-order corner at ``bandwidth`` Hz; 0 Hz means no filter."""
     return 0.0 if bandwidth == 0.0 else 1.0 / (math.tau * bandwidth)

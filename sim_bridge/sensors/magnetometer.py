@@ -15,7 +15,7 @@ from wingbeat.units import Quantity
 
 
 class MagnetometerSpec(NamedTuple):
-    """HMC5883L (Honeywell data sheet, form 900405) at its least gain.
+    """HMC5883L (Honeywell data sheet, form 900405) at its minimum gain.
 
     Range +-8.1 G (Gerdes Table 1: +-8 G), 230 LSB/G = 4.35 mG/LSB, noise floor 2 mG, output rate up to 75 Hz.
     Hard iron (the drives' magnets, the battery's leads) is what is left after a calibration turn.
@@ -36,7 +36,7 @@ class MagnetometerSpec(NamedTuple):
 
 
 class Magnetometer:
-    """One unit in one place's field: call at its own output rate."""
+    """One unit in the field of one location; `read` at its output rate."""
 
     def __init__(self, spec: MagnetometerSpec, seed: SensorSeed, field: MagneticField) -> None:
         unit, flight = split(seed)
@@ -50,5 +50,5 @@ class Magnetometer:
         self._field_ned = field_ned(field)
 
     def read(self, quaternion: tuple[float, float, float, float]) -> Vector:
-        """Reading in gauss, body axes, at the attitude ``quaternion`` (w, x, y, z) of r_ned_from_frd."""
+        """Return the measured field in gauss, body axes, for r_ned_from_frd as ``quaternion`` (w, x, y, z)."""
         return self._triad.read(frd_from_ned(quaternion, self._field_ned))

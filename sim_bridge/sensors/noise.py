@@ -1,4 +1,4 @@
-"""Seeded random streams: one per sensor, drawn in blocks because single draws cost a microsecond each."""
+"""Seeded random streams, one per sensor, drawn in blocks for speed."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ BLOCK = 256
 
 
 class SensorSeed(NamedTuple):
-    """Where one sensor's chance comes from."""
+    """Seed of the random numbers of one sensor."""
 
     sequence: np.random.SeedSequence
     corner: float = 0.0
@@ -27,14 +27,14 @@ class SensorSeed(NamedTuple):
 
 
 class Corner:
-    """Stands in for a generator where every normal number is to be as large as agreed, its sign by chance."""
+    """Generator stand-in whose normal numbers have one magnitude and a random sign."""
 
     def __init__(self, generator: np.random.Generator, size: float) -> None:
         self._generator = generator
         self._size = size
 
     def standard_normal(self, size: int) -> NDArray[np.float64]:
-        """``size`` numbers of the agreed size, either sign."""
+        """``size`` numbers of the magnitude with random signs."""
         return self._size * np.copysign(1.0, self._generator.standard_normal(size))
 
 
@@ -43,7 +43,7 @@ UnitErrors = np.random.Generator | Corner
 
 
 def sensor_seed(seed: int, sensor: int, corner: float = 0.0) -> SensorSeed:
-    """Seed of the ``sensor``-th sensor of the flight with ``seed``; independent of how many others there are.
+    """Seed of the ``sensor``-th sensor of the flight with ``seed``; independent of the number of sensors.
 
     Raises:
         InputError: seed negative.
@@ -54,7 +54,7 @@ def sensor_seed(seed: int, sensor: int, corner: float = 0.0) -> SensorSeed:
 
 
 def split(seed: SensorSeed) -> tuple[UnitErrors, np.random.Generator]:
-    """What one sensor draws its unit's fixed errors from, and what its noise in flight."""
+    """Return the generators of a unit's constant errors and of its noise."""
     whole, corner = seed
     unit, flight = (
         np.random.default_rng(np.random.SeedSequence(whole.entropy, spawn_key=(*whole.spawn_key, part)))
@@ -86,7 +86,7 @@ def _rows(generator: np.random.Generator, width: int) -> list[list[float]]:
 
 
 def normal_rows(generator: np.random.Generator, width: int) -> Iterator[list[float]]:
-    """Endless rows of ``width`` standard normal numbers."""
+    """Yield rows of ``width`` standard normal numbers without end."""
     return _Endless(partial(_rows, generator, width))
 
 
@@ -97,7 +97,7 @@ def normal_vector(generator: UnitErrors, sigma: float) -> Vector:
 
 
 def gauss_markov_step(period: float, time_constant: float) -> tuple[float, float]:
-    """Decay and drive of a first-order Gauss-Markov process of unit variance sampled every ``period`` s.
+    """Decay and input gain of a first-order Gauss-Markov process of unit variance, sampled every ``period`` s.
 
     ``x' = decay x + drive n`` with n standard normal keeps the variance at 1 and the correlation at
     exp(-t / time_constant).

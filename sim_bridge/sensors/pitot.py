@@ -40,7 +40,7 @@ class PitotSpec(NamedTuple):
 
 
 class PitotErrors(NamedTuple):
-    """What this one unit has wrong for the whole flight."""
+    """Constant errors of one unit."""
 
     zero: float
     """Pa"""
@@ -49,7 +49,7 @@ class PitotErrors(NamedTuple):
 
 
 class Pitot:
-    """One unit: `sense` once a tick, `read` when it is polled."""
+    """One unit; `sense` every tick, `read` when polled."""
 
     def __init__(self, spec: PitotSpec, seed: SensorSeed, period: float) -> None:
         unit, flight = split(seed)
@@ -64,7 +64,7 @@ class Pitot:
         self._pressure = 0.0
 
     def sense(self, v_air_frd: Vector, density: float) -> None:
-        """Let the air column follow the impact pressure of the flow along the tube.
+        """Advance the lag of the air column to the impact pressure along the tube.
 
         ``v_air_frd`` in m/s is the vehicle's velocity through the air, ``density`` in kg/m^3. Flow across the
         tube gives nothing, flow from behind gives suction.
@@ -79,7 +79,7 @@ class Pitot:
         self._impact = impact
 
     def read(self) -> int:
-        """Counts of the differential pressure."""
+        """Return the counts of the differential pressure."""
         (normal,) = next(self._normals)
         spec, errors = self._spec, self.errors
         pressure = self._pressure * (1.0 + errors.scale) + errors.zero + spec.noise * normal

@@ -61,7 +61,7 @@ class PowerSensorSpec(NamedTuple):
 
 
 class PowerSensorErrors(NamedTuple):
-    """What this one unit has wrong for the whole flight."""
+    """Constant errors of one unit."""
 
     divider: float
     """-"""
@@ -72,7 +72,7 @@ class PowerSensorErrors(NamedTuple):
 
 
 class Supply(NamedTuple):
-    """The supply as the kernel sees it during one burst."""
+    """Supply voltage and current during one burst."""
 
     duty: float
     """-; share of the time the current is on, 1 for a smooth current"""
@@ -85,7 +85,7 @@ class Supply(NamedTuple):
 
 
 class Channels(NamedTuple):
-    """How the kernel turns volts and amperes into counts."""
+    """Conversion of volts and amperes to counts."""
 
     voltage_gain: float
     """counts/V"""
@@ -106,7 +106,7 @@ class Channels(NamedTuple):
 
 
 class Burst(NamedTuple):
-    """What the kernel works on, burst after burst."""
+    """Workspace of the kernel."""
 
     channels: Channels
     edge: float
@@ -118,7 +118,7 @@ class Burst(NamedTuple):
 
 
 class PowerSensor:
-    """One unit: call at the rate of the bursts."""
+    """One unit; `read` once per burst."""
 
     def __init__(self, spec: PowerSensorSpec, seed: SensorSeed) -> None:
         unit, flight = split(seed)
@@ -150,7 +150,7 @@ class PowerSensor:
 
 
 def supply(observation: Observation) -> Supply:
-    """Duty and amplitude of the current; a mean that no pulse can give (or a frequency of 0) is taken as smooth."""
+    """Duty and amplitude of the current; a mean that no pulse gives (or a frequency of 0) is smooth."""
     current, pulse = observation.current, observation.pulse_current
     battery = observation.open_circuit_voltage, observation.battery_resistance
     if observation.pwm_frequency > 0.0 and 0.0 < current < pulse:
@@ -176,14 +176,14 @@ def _channels(spec: PowerSensorSpec, errors: PowerSensorErrors) -> Channels:
 
 @njit(cache=True)
 def time_on(turns: float, duty: float) -> float:
-    """Time, in periods, for which a sharp pulse of ``duty`` was on from phase 0 to ``turns``."""
+    """On time in periods of a sharp pulse of ``duty`` from phase 0 to ``turns``."""
     whole = math.floor(turns)
     return whole * duty + min(turns - whole, duty)
 
 
 @njit(cache=True)
 def pulse(phase: float, duty: float, edge: float) -> float:
-    """Height, 0 to 1, of a periodic pulse of mean ``duty`` whose edges last ``edge`` periods."""
+    """Value, 0 to 1, of a periodic pulse of mean ``duty`` with edges of ``edge`` periods."""
     if edge > 0.0:
         return (time_on(phase + 0.5 * edge, duty) - time_on(phase - 0.5 * edge, duty)) / edge
     return 1.0 if phase - math.floor(phase) < duty else 0.0

@@ -1,4 +1,4 @@
-"""A radio-control transmitter in someone's hands, and the receiver on board that hears it."""
+"""Radio-control transmitter of a pilot and the receiver on board."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ CENTRE, HALF_TRAVEL = 1500.0, 500.0
 
 
 class Sticks(NamedTuple):
-    """What the pilot does with the transmitter."""
+    """Stick and switch positions."""
 
     roll: float = 0.0
     """-; -1 left to 1 right"""
@@ -40,7 +40,7 @@ Pilot = Callable[[Observation], Sticks | None]
 
 
 def standing_by(received: Observation) -> Sticks:
-    """A pilot who leaves the flight to the autopilot: sticks centred, throttle closed, every switch low."""
+    """Return a pilot who does not steer: sticks centered, throttle closed, switches low."""
     return Sticks()
 
 
@@ -66,7 +66,7 @@ def pulses(sticks: Sticks) -> tuple[float, ...]:
 
 
 class Receiver:
-    """Hears a pilot's transmitter; `read` at 50 Hz. Without a pilot there is no receiver on board either."""
+    """Receiver of a pilot's transmitter; `read` at 50 Hz. There is none without a pilot."""
 
     def __init__(self, spec: ReceiverSpec, seed: SensorSeed, pilot: Pilot | None) -> None:
         _, self._noise = split(seed)
@@ -76,7 +76,7 @@ class Receiver:
         self._received_us = 0
 
     def read(self, observation: Observation) -> ReceiverSample | None:
-        """One frame; None where it was lost on the way, or before the first was heard.
+        """Return one frame; None if it was lost or before the first.
 
         Once nothing was heard for `ReceiverSpec.timeout`, frames come again, the last ones, marked as lost.
         """
@@ -97,10 +97,10 @@ class Receiver:
         return ReceiverSample(time_us, self._last_sample, 1, 0)
 
     def lost_share(self, distance: float) -> float:
-        """Share of the frames that are lost ``distance`` m from the transmitter."""
+        """Fraction of frames lost at ``distance`` m from the transmitter."""
         return 1.0 / (1.0 + math.exp(min((self._spec.range - distance) / self._spec.fading, 700.0)))
 
     def strength(self, distance: float) -> int:
-        """Signal strength of a frame that was heard: falls with the logarithm of the way, 1 at twice the range."""
+        """Signal strength of a received frame: linear in the logarithm of the distance, 1 at twice the range."""
         ratio = max(distance, 1.0) / (2.0 * self._spec.range)
         return max(1, min(FULL_RSSI, round(FULL_RSSI * -math.log(ratio) / math.log(2.0 * self._spec.range))))

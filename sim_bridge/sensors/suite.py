@@ -1,4 +1,4 @@
-"""The vehicle's whole instrumentation: an Observation in, a SensorFrame out, at a base tick of 200 Hz or as asked."""
+"""All sensors of a vehicle: an Observation in, a SensorFrame out, at 200 Hz or another tick rate."""
 
 from __future__ import annotations
 
@@ -121,7 +121,7 @@ class SimulationDiverged(ArithmeticError):
 
 
 def sensor_spec(sections: Mapping[str, Any]) -> SensorSpec:
-    """The sensors' part of the sections read from a vehicle file (which may hold others too).
+    """Return the sensor sections of a vehicle file's sections.
 
     Raises:
         InputError: the vehicle has no section of one of them.
@@ -178,11 +178,11 @@ class SensorSuite:
 
     @property
     def gyro_bias(self) -> Vector:
-        """True bias of the gyroscope in rad/s at this moment, for the log and for tests."""
+        """True gyroscope bias in rad/s, for the log and tests."""
         return self._gyroscope.bias
 
     def unit_errors(self) -> dict[str, Any]:
-        """What these units have wrong for the whole flight, by sensor and kind, in SI; for the log."""
+        """Constant errors of these units by sensor and kind, in SI; for the log."""
         errors: dict[str, Any] = {
             "accelerometer": self._accelerometer.errors,
             "gyroscope": self._gyroscope.errors,
@@ -195,7 +195,7 @@ class SensorSuite:
         return {f"{name}.{key}": value for name, e in errors.items() for key, value in e._asdict().items()}
 
     def sample(self, observation: Observation, tick: int) -> SensorFrame:
-        """What the sensors deliver at the ``tick``-th tick (from 0, one after the other).
+        """Return the sensor output at the ``tick``-th tick (from 0, consecutive).
 
         Raises:
             SimulationDiverged: a value of the observation is not finite, or above 1e6 in its unit.
@@ -235,7 +235,7 @@ class SensorSuite:
 
 
 def require_finite(observation: Observation) -> None:
-    """Check that every value of ``observation`` is a finite number of a size that physics can have.
+    """Check that every value of ``observation`` is finite and of plausible size.
 
     Raises:
         SimulationDiverged: names the first that is not.

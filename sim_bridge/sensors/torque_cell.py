@@ -32,7 +32,7 @@ class TorqueCellSpec(NamedTuple):
 
 
 class TorqueCellErrors(NamedTuple):
-    """What these two cells have wrong for the whole flight; left, right."""
+    """Constant errors of the two cells; left, right."""
 
     zero: tuple[float, float]
     """N m"""
@@ -41,7 +41,7 @@ class TorqueCellErrors(NamedTuple):
 
 
 class TorqueCell:
-    """The left and the right cell."""
+    """Left and right cell."""
 
     def __init__(self, spec: TorqueCellSpec, seed: SensorSeed) -> None:
         unit, flight = split(seed)

@@ -1,4 +1,4 @@
-"""A transmitter that is moved by a table of times: the sticks and switches of a scripted pilot.
+"""A scripted pilot: stick and switch positions from a table of times.
 
 A text file of comma-separated values: the first line names the columns, ``time`` (s since boot, rising) and any of
 the fields of `Sticks`; sticks and switches stay where a line put them until the next one. Lines that begin with # are
@@ -31,7 +31,7 @@ CENTRED = ("roll", "pitch", "yaw")
 
 
 class Script(NamedTuple):
-    """Where sticks and switches are from each time on."""
+    """Stick and switch positions from each time on."""
 
     times: tuple[float, ...]
     """s; since boot, rising"""
@@ -41,7 +41,7 @@ class Script(NamedTuple):
     """the table as it was read"""
 
     def pilot(self) -> Pilot:
-        """Who moves the transmitter so; before the first time everything is neutral."""
+        """Return the scripted pilot; before the first time all is neutral."""
 
         def moved(observed: Observation) -> Sticks:
             place = bisect_right(self.times, observed.time_us * 1e-6)
@@ -51,7 +51,7 @@ class Script(NamedTuple):
 
 
 def load_script(path: str | Path) -> Script:
-    """The table in a file.
+    """Read a script file.
 
     Raises:
         InputError: it cannot be read, or a line says what no transmitter does; one line that names both.

@@ -1,4 +1,4 @@
-"""What the three-axis sensors share: low pass, misalignment, scale, offset, noise, quantisation, saturation."""
+"""Common parts of three-axis sensors: low pass, misalignment, scale, offset, noise, quantization, saturation."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ ZERO: Vector = (0.0, 0.0, 0.0)
 
 
 class TriadErrors(NamedTuple):
-    """What this one unit has wrong for the whole flight."""
+    """Constant errors of one unit."""
 
     offset: Vector
     """SI; added to the reading"""
@@ -27,7 +27,7 @@ class TriadErrors(NamedTuple):
 
 
 class Conversion(NamedTuple):
-    """How a triad turns SI into counts."""
+    """Conversion of SI to counts."""
 
     sensitivity: float
     """counts per SI unit by the data sheet"""
@@ -42,7 +42,7 @@ class Conversion(NamedTuple):
 def draw_errors(
     generator: UnitErrors, offset_sigma: float, scale_sigma: float, misalignment_sigma: float
 ) -> TriadErrors:
-    """Errors of one unit by their standard deviations in SI, - and rad."""
+    """Draw the errors of a unit from standard deviations in SI, - and rad."""
     return TriadErrors(
         normal_vector(generator, offset_sigma),
         normal_vector(generator, scale_sigma),
@@ -51,7 +51,7 @@ def draw_errors(
 
 
 class Unit(NamedTuple):
-    """One three-axis sensor as the kernel takes it."""
+    """Kernel arguments of one three-axis sensor."""
 
     rows: Floats
     """(3, 4) counts; from SI in body axes: scale, small rotation, offset"""
@@ -90,7 +90,7 @@ class Triad:
         )
 
     def read(self, value: Vector, drift: Vector = ZERO) -> Vector:
-        """Reading in SI of the true ``value`` in body axes; ``drift`` in SI is added to the sensor's offset."""
+        """Return the measured SI value of the true ``value`` in body axes; ``drift`` in SI adds to the offset."""
         if self._at == BLOCK:
             self._generator.standard_normal(out=self._normals)
             self._at = 0

@@ -129,7 +129,7 @@ def flapping_flight() -> imu.Recording:
         command = autopilot.step(frame, due)
         sensors.append(frame.imu[1:10])
         truth.append(world.plant.y[3:7].copy())
-        flying.append(world.thrown)
+        flying.append(world.launched)
     reference = imu.multiply(np.array([north()]), np.array(truth))
     begun = np.flatnonzero(flying)[0] + 200
     return imu.Recording(Path("flapping flight"), 200.0, np.array(sensors), reference, np.arange(len(truth)) > begun)

@@ -153,7 +153,7 @@ def test_the_physics_with_gusts_and_sensors() -> None:
         ActuatorCommand(0, angle, angle, 0.0, 0.0, 0.0, 1)
         for angle in (0.2 + 0.4 * math.sin(2.0 * math.pi * 4.0 * tick / 200.0) for tick in range(800))
     ]
-    while not world.thrown or world.time_us < 1_500_000:
+    while not world.launched or world.time_us < 1_500_000:
         world.step(commands[0])
     start, best = copy.deepcopy(world), math.inf
     for _ in range(8):

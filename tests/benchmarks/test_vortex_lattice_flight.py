@@ -23,7 +23,7 @@ SECONDS, TICK, REAL_TIME = 10.0, 0.005, 0.2
 def test_ten_seconds_of_flapping_flight_keep_a_fifth_of_real_time_and_no_memory() -> None:
     plant = Plant(with_model(load_vehicle("robo_raven_ii_d"), "vortex_lattice"))
     plant.y[2], plant.y[7] = -100.0, 6.8
-    around = k.Surroundings(0.0, 0.0, 0.0, 1.225, k.LEG_SIZE, 0.0, 0.0, 0.0)
+    around = k.Surroundings(0.0, 0.0, 0.0, 1.225, k.HELD, 0.0, 0.0, 0.0)
 
     def fly(seconds: float) -> float:
         begun = time.perf_counter()

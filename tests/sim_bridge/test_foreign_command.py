@@ -75,7 +75,7 @@ def test_a_landing_leaves_time_to_disarm_and_a_mission_has_the_whole_duration() 
     landed = math.inf
     while not world.finished:
         world.advance(NEUTRAL, 0.005)
-        if landed == math.inf and world.thrown and world.plant.touching:
+        if landed == math.inf and world.launched and world.plant.touching:
             landed = world.time_us * 1e-6
     assert REST_TIME <= world.time_us * 1e-6 - landed < REST_TIME + 5.0
 

@@ -314,7 +314,7 @@ def test_a_scripted_px4_is_thrown_climbs_and_holds_its_altitude(
     assert min(one.altitude for one in seen) > 1.5  # it is never lower than the hand by more than the throw's dip
     assert all(4.0 < one.altitude < 6.5 for one in late)
     assert all(abs(one.roll) < 0.2 and abs(one.pitch) < 0.5 for one in seen)
-    assert stages.worlds[0].thrown and not stages.worlds[0].truth().on_ground
+    assert stages.worlds[0].launched and not stages.worlds[0].truth().on_ground
     assert tally.flights == 1 and tally.rejected == 0 and tally.answers > 2000
     assert [line.split("s  ")[-1] for line in told[1:3]] == ["armed", "launched, throttle 100 %"]
 

@@ -20,7 +20,7 @@ from sim_bridge.vehicles import SimulatedVehicle, load_vehicle, with_model
 from wingbeat.errors import InputError
 
 SPEED, TICK = 6.8, 0.005
-AROUND = k.Surroundings(0.0, 0.0, 0.0, 1.225, k.LEG_SIZE, 0.0, 0.0, 0.0)
+AROUND = k.Surroundings(0.0, 0.0, 0.0, 1.225, k.HELD, 0.0, 0.0, 0.0)
 
 
 def raven(**changes: Any) -> SimulatedVehicle:

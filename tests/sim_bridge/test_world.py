@@ -208,7 +208,7 @@ def test_the_same_seed_gives_the_same_frames_and_another_seed_others(name: str) 
     scenarios = [Scenario(seed=seed, launch_time=SOON) for seed in (7, 7, 8)]
     first, second, other = (SimulatedWorld(vehicle(name), scenario) for scenario in scenarios)
     frames = flown(first, flap, 600)
-    assert first.thrown and frames == flown(second, flap, 600)
+    assert first.launched and frames == flown(second, flap, 600)
     assert frames[:200] != flown(other, flap, 200)
     assert first.truth() == second.truth()
 

@@ -94,7 +94,7 @@ def fly(case: Case) -> Result:
     gusts = (3.0, math.radians(57.0), "small_uav_light") if case.gusts else (0.0, 0.0, "none")
     scenario = Scenario(case.seed, *gusts, duration=LONGEST_WAIT + case.at + FLOWN)
     flight = Underway(case.vehicle, scenario, THERE_AND_BACK)
-    while not flight.world.thrown:
+    while not flight.world.launched:
         flight.until(flight.world.time_us * 1e-6 + 0.1)
     at = max(case.at - LAUNCH_TIME, 0.1) + flight.world.time_us * 1e-6
     flight.until(at - 0.1)

@@ -114,7 +114,7 @@ def hold(wind: float, turbulence: str, seed: int, airtime: float = AIRTIME) -> H
     )
     scenario = Scenario(seed=seed, wind_speed=wind, wind_from=1.3 * seed, turbulence=turbulence)
     underway = Underway(RAVEN, scenario, mission)
-    while not underway.world.thrown:
+    while not underway.world.launched:
         underway.until(underway.world.time_us * 1e-6 + 1.0)
     underway.until(underway.world.time_us * 1e-6 + airtime)
     flight = underway.flight()

@@ -1,4 +1,4 @@
-"""The coupled lattice's legs that bear loads: where they are, what meets them, what is held between two steps.
+"""Load-carrying vortex legs of the coupled lattice: positions, local flow, data stored between steps.
 
 All legs of all rings but those in the wake and at the trailing edges, where the newest row of the wake cancels them.
 Legs across come first, row by row, then legs along, of each surface. At a lattice step the air at every leg is known;
@@ -21,7 +21,7 @@ from sim_bridge.vectors import Floats
 
 @internal
 def set_all_filaments(p: VortexLatticeParameters, wake: Wake, core: Core) -> int:
-    """Put rings of the strengths found, the newest row of the wake with them, and the wake into the workspace's table."""
+    """Fill the workspace's table with bound rings, the newest wake row and the wake."""
     workspace = p.workspace
     for k in range(workspace.full.shape[1]):
         workspace.full[0, k] = 0.0
@@ -35,7 +35,7 @@ def set_all_filaments(p: VortexLatticeParameters, wake: Wake, core: Core) -> int
 
 @internal
 def sharer(edge: int, share: int, columns: int) -> int:
-    """The column of the strip that has the first or second ``share`` in a leg along the wing's ``edge``."""
+    """Column of the strip with the first or second ``share`` of a leg along the wing's ``edge``."""
     if edge == 0:
         return share
     return columns - 1 - share if edge == columns else edge - 1 + share
@@ -43,7 +43,7 @@ def sharer(edge: int, share: int, columns: int) -> int:
 
 @internal
 def weight(edge: int, share: int, columns: int) -> float:
-    """How much of a leg along is that strip's: where loads are linear from strip to strip it acts in its place."""
+    """Weight of a strip in a leg along the chord: its loads are extrapolated linearly at the tips."""
     if 0 < edge < columns:
         return 0.5
     return 1.5 if share == 0 else -0.5
@@ -51,20 +51,20 @@ def weight(edge: int, share: int, columns: int) -> float:
 
 @internal
 def across_offset(p: VortexLatticeParameters, row: int, column: int) -> int:
-    """Where in the state what is held of one of the wing's legs across begins; `LEG_SIZE` numbers."""
+    """State index of the stored data of a spanwise leg of the wing; `LEG_SIZE` numbers."""
     return int(p.memory.leg_data + LEG_SIZE * (row * 2 * p.half + column))
 
 
 @internal
 def along_offset(p: VortexLatticeParameters, row: int, edge: int, share: int) -> int:
-    """The same of a share in one of the wing's legs along."""
+    """State index of the stored data of a strip's share in a chordwise leg of the wing."""
     columns = 2 * p.half
     return int(p.memory.leg_data + LEG_SIZE * (p.rows * columns + 2 * (row * (columns + 1) + edge) + share))
 
 
 @internal
 def tail_offset(p: VortexLatticeParameters, leg: int) -> int:
-    """The same of a leg of tailplane or fin, by its place among all legs; three numbers."""
+    """State index of the stored data of a leg of tailplane or fin; three numbers."""
     columns = 2 * p.half
     wing = LEG_SIZE * p.rows * (columns + 2 * (columns + 1))
     return int(p.memory.leg_data + wing + 3 * (leg - p.first_leg[TAILPLANE]))
@@ -96,7 +96,7 @@ def store_legs(
     images: Floats,
     state: Floats,
 ) -> None:
-    """Hold what strengths and wake induce at every leg, less each strip's downwash by the strengths found."""
+    """Store the induced velocity at every leg, less the downwash of each strip."""
     air, m, n = p.workspace.leg_air, p.memory, p.panel_at.shape[0]
     _set_middles(p)
     air[:] = 0.0
@@ -113,7 +113,7 @@ def store_legs(
 
 @internal
 def store_legs_in_still_air(p: VortexLatticeParameters, strips: Strips, motion: Motion, state: Floats) -> None:
-    """Hold the wing's legs in air where nothing is induced but the strips' downwash."""
+    """Store the wing's legs without induced velocity."""
     p.workspace.leg_air[:] = 0.0
     p.workspace.wash[:] = 0.0
     _store_wing(p, strips, motion, state)

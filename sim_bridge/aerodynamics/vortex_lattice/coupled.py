@@ -1,4 +1,4 @@
-"""The lattice as a model of the table: any vehicle flies with it, wings, tail and wake in one flow.
+"""The vortex lattice as an aerodynamic model: wings, tail and wake of any vehicle in one flow.
 
 It has a rate of its own below the integrator's. ``advance`` keeps account of how the body moves through the air and,
 a lattice step having passed, carries the wake, sheds a row and computes the influences of the lattice's new shape.
@@ -64,7 +64,7 @@ _bound: dict[int, tuple[VortexLatticeParameters, Bound]] = {}
 
 
 class FarLattice(NamedTuple):
-    """The lattice as the plant's kernel has it: addresses, so that it is compiled for those alone who fly with it."""
+    """Addresses of the compiled lattice, so that only vehicles that use it compile it."""
 
     loads: int
     advance: int
@@ -72,12 +72,12 @@ class FarLattice(NamedTuple):
 
     @staticmethod
     def blank() -> FarLattice:
-        """What stands in the place of a lattice that is not flown."""
+        """Return the blank of a vehicle without lattice."""
         return FarLattice(0, 0, 0)
 
 
 def far_lattice(parameters: VortexLatticeParameters) -> FarLattice:
-    """The compiled lattice of ``parameters``, which are kept."""
+    """Compile the lattice of ``parameters`` and keep a reference to them."""
     bound, some = bound_parameters(parameters), np.zeros(2 * parameters.half)
     strips, state = Strips(some, some, some, some, some), np.zeros(parameters.memory.size)
     values = strips, blank_motion(strips, 2), state
@@ -90,7 +90,7 @@ def far_lattice(parameters: VortexLatticeParameters) -> FarLattice:
 
 
 def bound_parameters(parameters: VortexLatticeParameters) -> Bound:
-    """The parameters with an address, kept with them."""
+    """Return the parameters with an address; kept for the process."""
     if id(parameters) not in _bound:
         _bound[id(parameters)] = parameters, Bound((parameters,))
     return _bound[id(parameters)][1]
@@ -107,7 +107,7 @@ def _advance_far(parameters: Bound, values: Bound, dt: float) -> None:
 
 
 def build(settings: VortexLattice, strips: Strips) -> VortexLatticeParameters:
-    """The model's parameters for the wings of a vehicle; the same for the same wings, their workspace with them.
+    """Build the kernel arguments for the wings of a vehicle; equal wings share them and their workspace.
 
     Raises:
         InputError: see `parameters_of`.
@@ -119,7 +119,7 @@ def build(settings: VortexLattice, strips: Strips) -> VortexLatticeParameters:
 
 
 def initial(parameters: VortexLatticeParameters, strips: Strips) -> Floats:
-    """The memory of flat wings in still air: the response of a lattice whose wake is straight, of no strength."""
+    """Return the state of flat wings at rest with a straight wake of zero strength."""
     p, state = parameters, np.zeros(parameters.memory.size)
     motion = blank_motion(strips, 2)
     set_level(strips, motion)
@@ -247,13 +247,13 @@ def _bear(
 
 @internal
 def apparent_area(p: VortexLatticeParameters, chord: float) -> float:
-    """m^2; the apparent mass of a section a unit span over the density, of wings of a finite span."""
+    """Apparent mass per unit span over the density in m^2, corrected for finite span."""
     return 0.25 * math.pi * chord * chord * p.thickness
 
 
 @internal
 def stall_of(p: VortexLatticeParameters, chord: float, motion: Motion, s: int) -> float:
-    """Share 0 to 1 of a section that is stalled, by the strip theory's incidence (quasi-steady) and limits."""
+    """Stalled fraction, 0 to 1, of a section by strip theory's quasi-steady incidence and limits."""
     along, turn = motion.along[s], motion.pitch_rate[s]
     section = SectionMotion(along, motion.plunge[s], motion.down[s], turn, chord)
     across = p.strip.lift_factor * (motion.down[s] + 0.25 * chord * turn) - 0.75 * chord * turn
@@ -282,7 +282,7 @@ def _separate(
 def advance(
     parameters: VortexLatticeParameters, strips: Strips, motion: Motion, density: float, state: Floats, dt: float
 ) -> None:
-    """Keep account of the body's way and take a lattice step where one is due; with a ``dt`` below 0 begin."""
+    """Integrate the body's pose and take a lattice step if it is due; a negative ``dt`` starts."""
     p, m = parameters, parameters.memory
     if dt < 0.0:
         start(p, strips, motion, state)

@@ -1,4 +1,4 @@
-"""Surfaces that cross: a lattice whose panels lie in one another has no solution that means anything."""
+"""Check for intersecting surfaces, for which a lattice has no meaningful solution."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ INSIDE = 1e-6
 
 
 def check_crossings(lattice: Lattice) -> None:
-    """Look for surfaces that go through one another.
+    """Check that no surfaces intersect.
 
     Raises:
         InputError: two do; says which, and where.

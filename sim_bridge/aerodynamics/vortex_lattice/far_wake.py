@@ -1,4 +1,4 @@
-"""Induced drag in the Trefftz plane: what a steady wake, straight from the trailing edges on, leaves in the air.
+"""Induced drag in the Trefftz plane of a steady, straight wake.
 
 Far behind, the wake is a row of endless filaments. A strip whose wake has the strength G and the width l across them
 bears the drag ``rho G d . (v x l) / 2`` in their direction d, v what all of them induce in the middle of the strip
@@ -31,7 +31,7 @@ def far_drag(
     symmetric: bool = False,
     ground: float | None = None,
 ) -> Floats:
-    """(S,) N; induced drag of the strips, not of their mirror images: the force in the direction ``along``.
+    """Induced drag in N (S,) of the strips without mirror images: the force in the direction ``along``.
 
     Args:
         strengths: (N,) m^2/s; of the rings, see `SteadyFlow`.

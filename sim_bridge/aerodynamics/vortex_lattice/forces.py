@@ -1,4 +1,4 @@
-"""Forces on a lattice: by the unsteady Joukowski form, leg by leg, and by Katz and Plotkin's pressures.
+"""Forces on a lattice: unsteady Joukowski form per leg, and pressures by Katz and Plotkin.
 
 * Joukowski (Simpson, Palacios and Murua 2013, Eq. 8 and 9): a leg of net strength G and length l in air that meets it
   with the velocity V bears ``rho G V x l``, a panel besides ``rho dG/dt A`` along its normal: the air's apparent mass
@@ -21,7 +21,7 @@ from sim_bridge.vectors import Floats
 
 
 class Loads(NamedTuple):
-    """Of every panel."""
+    """Loads of every panel."""
 
     force: Floats
     """(3, N) N; of the air on the panel, by the Joukowski form"""
@@ -34,7 +34,7 @@ class Loads(NamedTuple):
 
 
 class Flow(NamedTuple):
-    """What meets legs and panels."""
+    """Velocities at legs and panels."""
 
     legs: Floats
     """(3, L) m/s; induced at the middle of each leg"""
@@ -53,7 +53,7 @@ class Flow(NamedTuple):
 
 
 def blank_loads_of(panels: int) -> Loads:
-    """To be filled by `set_loads`."""
+    """Allocate loads for `set_loads`."""
     return Loads(np.zeros((3, panels)), np.zeros((3, panels)), np.zeros(panels), np.zeros(panels))
 
 

@@ -1,4 +1,4 @@
-"""Lifting surfaces cut into panels: any number, each with twist, taper, sweep, dihedral and camber.
+"""Lifting surfaces divided into panels, with twist, taper, sweep, dihedral and camber.
 
 Axes are right-handed, with the span from the left tip to the right and the chord from the leading edge back; a
 panel's normal is chord times span, which is up on a wing that is not upside down, whether x points forward and z down
@@ -49,7 +49,7 @@ class Surface(NamedTuple):
 
 
 class Layout(NamedTuple):
-    """Where in the tables of nodes, panels and trailing edges the surfaces are; each (surfaces,)."""
+    """Indices of the surfaces in the tables of nodes, panels and trailing edges; each (surfaces,)."""
 
     rows: Integers
     columns: Integers
@@ -62,7 +62,7 @@ class Layout(NamedTuple):
 
 
 class Lattice(NamedTuple):
-    """Surfaces cut into panels."""
+    """Surfaces divided into panels."""
 
     names: tuple[str, ...]
     layout: Layout
@@ -71,7 +71,7 @@ class Lattice(NamedTuple):
 
 
 def layout_of(shapes: Sequence[tuple[int, int]]) -> Layout:
-    """The layout of surfaces of so many rows and columns."""
+    """Layout of surfaces with these numbers of rows and columns."""
     rows, columns = (np.array(column, dtype=np.int64) for column in zip(*shapes, strict=True))
 
     def before(counts: Integers) -> Integers:
@@ -88,12 +88,12 @@ def layout_of(shapes: Sequence[tuple[int, int]]) -> Layout:
 
 
 def panel_count(layout: Layout) -> int:
-    """Of all surfaces."""
+    """Number of panels of all surfaces."""
     return int(np.sum(layout.rows * layout.columns))
 
 
 def spacing(kind: str, panels: int) -> Floats:
-    """(panels + 1,) places from 0 to 1.
+    """Positions (panels + 1,) from 0 to 1.
 
     Raises:
         InputError: no such spacing.
@@ -115,7 +115,7 @@ def _chord_points(section: Section, places: Floats) -> Floats:
 
 
 def surface_nodes(surface: Surface) -> Floats:
-    """(rows + 1, columns + 1, 3) m.
+    """Nodes (rows + 1, columns + 1, 3) in m.
 
     Raises:
         InputError: fewer than two sections, panels that do not fit them, an unknown spacing, a chord below 0.
@@ -142,7 +142,7 @@ def _check(surface: Surface) -> None:
 
 
 def build_lattice(surfaces: Sequence[Surface]) -> Lattice:
-    """The panels of all surfaces.
+    """Build the lattice of all surfaces.
 
     Raises:
         InputError: see `surface_nodes` and `check_areas`.
@@ -151,7 +151,7 @@ def build_lattice(surfaces: Sequence[Surface]) -> Lattice:
 
 
 def lattice_of(grids: dict[str, Floats]) -> Lattice:
-    """A lattice of surfaces that are told by their nodes (rows + 1, columns + 1, 3) in m.
+    """Build a lattice from nodes (rows + 1, columns + 1, 3) in m of each surface.
 
     Raises:
         InputError: see `check_areas`.
@@ -163,12 +163,12 @@ def lattice_of(grids: dict[str, Floats]) -> Lattice:
 
 
 def flat_nodes(grids: Sequence[Floats]) -> Floats:
-    """(3, nodes) of grids (rows + 1, columns + 1, 3)."""
+    """Nodes (3, nodes) of grids (rows + 1, columns + 1, 3)."""
     return np.ascontiguousarray(np.concatenate([grid.reshape(-1, 3) for grid in grids]).T)
 
 
 def grid_of(lattice: Lattice, nodes: Floats, surface: int) -> Floats:
-    """(rows + 1, columns + 1, 3) of one surface out of ``nodes`` (3, nodes)."""
+    """Grid (rows + 1, columns + 1, 3) of one surface of ``nodes`` (3, nodes)."""
     layout = lattice.layout
     rows, columns = int(layout.rows[surface]) + 1, int(layout.columns[surface]) + 1
     first = int(layout.first_node[surface])
@@ -176,13 +176,13 @@ def grid_of(lattice: Lattice, nodes: Floats, surface: int) -> Floats:
 
 
 def panel_areas(grid: Floats) -> Floats:
-    """(rows, columns) m^2; half the cross product of a panel's diagonals."""
+    """Panel areas (rows, columns) in m^2; half the cross product of the diagonals."""
     one, other = grid[1:, 1:] - grid[:-1, :-1], grid[:-1, 1:] - grid[1:, :-1]
     return np.asarray(0.5 * np.linalg.norm(np.cross(one, other), axis=2))
 
 
 def check_areas(lattice: Lattice) -> None:
-    """Look for what a lattice cannot be solved with.
+    """Check for panels without area.
 
     Raises:
         InputError: a node that is no place, or a panel without area.

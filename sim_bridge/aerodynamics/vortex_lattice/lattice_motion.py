@@ -1,4 +1,4 @@
-"""Where the coupled lattice's panels are and what meets them, from what the mechanism tells of the strips.
+"""Panel positions and velocities of the coupled lattice from the motion of the strips.
 
 Body axes. The wings are one surface from tip to tip: the root strips of both meet at the plane of symmetry's side of
 their hinges, so that no vortex leaves the gap which the fuselage fills.
@@ -25,7 +25,7 @@ FIN_ROWS, FIN_COLUMNS = FIN_SHAPE
 
 @internal
 def strip_of(column: int, half: int) -> int:
-    """The protocol's strip in a column from the left tip to the right."""
+    """Strip of the protocol in a column counted from the left tip to the right."""
     return half - 1 - column if column < half else column
 
 
@@ -81,14 +81,14 @@ def fin_point(p: VortexLatticeParameters, motion: Motion, back: float, above: fl
 
 @internal
 def tail_normal(p: VortexLatticeParameters, motion: Motion, out: Floats) -> None:
-    """Of the tailplane, up."""
+    """Normal of the tailplane, up."""
     angle = p.tail.incidence - motion.tail[0]
     out[0], out[1], out[2] = -math.sin(angle), 0.0, -math.cos(angle)
 
 
 @internal
 def fin_normal(p: VortexLatticeParameters, motion: Motion, out: Floats) -> None:
-    """Of the fin, to the left."""
+    """Normal of the fin, to the left."""
     out[0], out[1], out[2] = -math.sin(motion.tail[1]), -math.cos(motion.tail[1]), 0.0
 
 
@@ -105,7 +105,7 @@ def surface_point(
 
 @internal
 def surface_normal(p: VortexLatticeParameters, motion: Motion, surface: int, out: Floats) -> None:
-    """Of tailplane or fin."""
+    """Normal of tailplane or fin."""
     if surface == TAILPLANE:
         tail_normal(p, motion, out)
     else:
@@ -132,7 +132,7 @@ def _through(motion: Motion, point: Floats, normal: Floats) -> float:
 
 @internal
 def store_normals(p: VortexLatticeParameters, motion: Motion, state: Floats) -> None:
-    """Hold the normals of the wing's panels in their strips' axes, with which they turn until the next step.
+    """Store the panel normals of the wing in their strips' axes, with which they rotate until the next step.
 
     Where the wing twists they are not the strips': what blows along the span goes through the panels too.
     """
@@ -149,7 +149,7 @@ def store_normals(p: VortexLatticeParameters, motion: Motion, state: Floats) -> 
 
 @internal
 def set_flow(p: VortexLatticeParameters, strips: Strips, motion: Motion, state: Floats, flow: Floats) -> None:
-    """Fill ``flow`` (N,) m/s with what blows through each panel along its normal for its motion alone."""
+    """Fill ``flow`` (N,) m/s with the normal velocity at each panel due to its motion."""
     columns, work = 2 * p.half, p.workspace.scratch
     for row in range(p.rows):
         for column in range(columns):
@@ -179,7 +179,7 @@ def set_flow(p: VortexLatticeParameters, strips: Strips, motion: Motion, state: 
 
 @internal
 def set_strips(p: VortexLatticeParameters, strips: Strips, motion: Motion) -> None:
-    """Fill the workspace's points and normals (3, S): a quarter of the chord of each strip of the lattice."""
+    """Fill the workspace's quarter-chord points and normals (3, S) of the strips."""
     points, normals, columns, work = p.workspace.points, p.workspace.normals, 2 * p.half, p.workspace.scratch
     for column in range(columns):
         s = strip_of(column, p.half)

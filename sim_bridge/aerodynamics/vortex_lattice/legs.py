@@ -1,4 +1,4 @@
-"""The legs of a lattice's rings: each straight piece of vortex once, with the rings on either side of it."""
+"""Legs of a lattice's rings: each straight vortex segment once, with the rings on both sides."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Legs(NamedTuple):
 
 
 def legs_of(layout: Layout) -> Legs:
-    """All legs of a lattice."""
+    """Return all legs of a lattice."""
     solved: list[tuple[int, int, int, int, int, int]] = []
     for s in range(len(layout.rows)):
         solved += _across(layout, s) + _along(layout, s)
@@ -73,7 +73,7 @@ def _places(layout: Layout, s: int) -> tuple[int, int, int, int, int]:
 
 @kernel
 def leg_strength(legs: Legs, k: int, strengths: Floats, shed: Floats) -> float:
-    """m^2/s; of leg ``k``, of rings' ``strengths`` (N,) and those ``shed`` (S,) into the wake's newest row."""
+    """Strength in m^2/s of leg ``k`` from rings' ``strengths`` (N,) and ``shed`` (S,) of the newest wake row."""
     solved = 0.0
     if legs.with_it[k] != NONE:
         solved += strengths[legs.with_it[k]]

@@ -1,4 +1,4 @@
-"""Rings, collocation points and normals of a lattice, and how much each ring induces on each panel.
+"""Rings, collocation points and normals of a lattice, and the influence matrix.
 
 A ring's front leg lies a quarter of its panel behind the panel's front edge, its back leg is the next panel's front
 leg; at the trailing edge it lies in the wake. The flow is tangent to the panel at three quarters of it (Katz and
@@ -32,7 +32,7 @@ class Panels(NamedTuple):
 
 
 def blank_panels(layout: Layout) -> Panels:
-    """To be filled by `set_panels`."""
+    """Allocate panels for `set_panels`."""
     nodes = int(np.sum((layout.rows + 1) * (layout.columns + 1)))
     panels = int(np.sum(layout.rows * layout.columns))
     return Panels(np.zeros((3, nodes)), np.zeros((3, panels)), np.zeros((3, panels)), np.zeros(panels))

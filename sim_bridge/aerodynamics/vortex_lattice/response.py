@@ -1,4 +1,4 @@
-"""What the coupled lattice keeps between its steps: how its strengths answer the motion, what its wake induces.
+"""Data that the coupled lattice stores between steps: response to motion, velocities induced by the wake.
 
 At a step the rings' places are those of the instant. Between two steps they move on with the body, their influence on
 one another unchanged, and each strength follows the motion of the moment: strengths = response (flow + by wake).
@@ -37,7 +37,7 @@ def set_edges(p: VortexLatticeParameters, nodes: Floats, edges: Floats) -> None:
 
 @internal
 def place(p: VortexLatticeParameters, strips: Strips, motion: Motion) -> None:
-    """Put the lattice of the instant into the workspace, but for the wake's row."""
+    """Fill the workspace with the lattice of the instant, without the wake's row."""
     workspace = p.workspace
     set_nodes(p, strips, motion, workspace.nodes)
     set_panels(p.layout, workspace.nodes, workspace.panels)
@@ -47,7 +47,7 @@ def place(p: VortexLatticeParameters, strips: Strips, motion: Motion) -> None:
 
 @internal
 def set_wide_rings(p: VortexLatticeParameters, ends: Floats) -> None:
-    """Put the rings into the workspace, the last row between the trailing edges and ``ends`` (3, E)."""
+    """Fill the rings of the workspace, the last row between the trailing edges and ``ends`` (3, E)."""
     nodes, out = p.workspace.nodes, p.workspace.rings
     for s in range(p.layout.rows.shape[0]):
         rows, width = p.layout.rows[s], p.layout.columns[s] + 1
@@ -63,7 +63,7 @@ def set_wide_rings(p: VortexLatticeParameters, ends: Floats) -> None:
 
 @internal
 def respond(p: VortexLatticeParameters, images: Floats, state: Floats) -> None:
-    """Put response and downwash of the rings in the workspace into ``state``; in the downwash ``images`` have no part."""
+    """Store response and downwash of the workspace's rings; ``images`` do not enter the downwash."""
     workspace, m, n = p.workspace, p.memory, p.panel_at.shape[0]
     wide = Panels(workspace.rings, workspace.panels.collocation, workspace.panels.normal, workspace.panels.area)
     set_influence(p.wider, wide, images, workspace.cores, workspace.scratch, workspace.full)
@@ -102,7 +102,7 @@ def _fold(p: VortexLatticeParameters, wide: Floats, out: Floats) -> None:
 
 @internal
 def feel_wake(p: VortexLatticeParameters, count: int, images: Floats, state: Floats) -> None:
-    """Put what the first ``count`` filaments of the workspace's table induce on the panels into ``state``."""
+    """Store the velocity induced on the panels by the first ``count`` filaments of the table."""
     points, normals, velocity, to = (
         p.workspace.panels.collocation,
         p.workspace.panels.normal,
@@ -122,7 +122,7 @@ def feel_wake(p: VortexLatticeParameters, count: int, images: Floats, state: Flo
 
 @internal
 def near_ground(p: VortexLatticeParameters, motion: Motion) -> int:
-    """Put the ground's reflection into the workspace, for the lattice there; returns how many images there are then.
+    """Set the ground's reflection in the workspace; returns the number of images.
 
     The ground is left out above its reach, and lies below the lowest node where the lattice would touch it.
     """
@@ -142,7 +142,7 @@ def near_ground(p: VortexLatticeParameters, motion: Motion) -> int:
 
 @kernel
 def set_strengths(p: VortexLatticeParameters, strips: Strips, motion: Motion, state: Floats, solved: Floats) -> None:
-    """Fill ``solved`` (N,) m^2/s for the motion of the moment."""
+    """Fill ``solved`` (N,) m^2/s, the ring strengths, for the motion of the instant."""
     m, n, flow = p.memory, p.panel_at.shape[0], p.workspace.unit
     set_flow(p, strips, motion, state, flow)
     for k in range(n):

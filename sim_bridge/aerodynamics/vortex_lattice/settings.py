@@ -1,4 +1,4 @@
-"""What a vehicle file says of the coupled lattice, and the lattice's parameters and workspace."""
+"""Section of a vehicle file, parameters and workspace of the coupled lattice."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class VortexLattice(NamedTuple):
 
 
 class Tail(NamedTuple):
-    """Where tailplane and fin are, see `VortexLattice`."""
+    """Geometry of tailplane and fin, see `VortexLattice`."""
 
     x: float
     y: float
@@ -77,7 +77,7 @@ class Tail(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """Where in the model's state things begin; N panels, S strips, E edge nodes, R rows of the wake."""
+    """Indices into the model's state; N panels, S strips, E edge nodes, R rows of the wake."""
 
     clock: int
     """s since the last lattice step; then the number of rows; then whether there was a step"""
@@ -112,7 +112,7 @@ class Memory(NamedTuple):
 
 
 class Workspace(NamedTuple):
-    """Scratch, nothing of which is read before it is written in the same call."""
+    """Scratch arrays; each is written before it is read in the same call."""
 
     nodes: Floats
     panels: Panels
@@ -150,7 +150,7 @@ class Workspace(NamedTuple):
 
 
 class VortexLatticeParameters(NamedTuple):
-    """What the compiled model needs."""
+    """Kernel arguments."""
 
     rows: int
     half: int
@@ -200,7 +200,7 @@ BOUND_CORE = 0.01
 
 
 def parameters_of(settings: VortexLattice, strips: Strips) -> VortexLatticeParameters:
-    """The model's parameters for the wings of a vehicle, left wing first, strips from root to tip.
+    """Build the kernel arguments for the wings of a vehicle, left wing first, strips from root to tip.
 
     Raises:
         InputError: ``dynamic_stall`` is unknown, or the fin goes through the tailplane.

@@ -1,4 +1,4 @@
-"""A step of the coupled lattice: the body's way through the air, the wake carried and shed, rates of strengths."""
+"""One step of the coupled lattice: pose of the body, convection and shedding of the wake, rates of strengths."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ ROWS, STEPPED = 1, 2
 
 
 def set_level(strips: Strips, motion: Motion) -> None:
-    """Put flat wings and a level tail into ``motion``, at rest."""
+    """Set ``motion`` to flat wings and a level tail at rest."""
     side = 2.0 * strips.wing - 1.0
     motion.place[0] = -0.5 * strips.chord
     motion.place[1] = side * strips.span
@@ -37,7 +37,7 @@ def set_level(strips: Strips, motion: Motion) -> None:
 
 @internal
 def start(p: VortexLatticeParameters, strips: Strips, motion: Motion, state: Floats) -> None:
-    """Fill ``state`` with the memory of a lattice at rest, its wake straight and of no strength."""
+    """Fill ``state`` with a lattice at rest and a straight wake of zero strength."""
     state[:] = 0.0
     state[p.memory.pose + 3] = 1.0
     place(p, strips, motion)
@@ -78,7 +78,7 @@ def _translate(body: Floats, pose: Floats, dt: float, w: float, x: float, y: flo
 
 @internal
 def wake_of(p: VortexLatticeParameters, state: Floats) -> Wake:
-    """The wake that is kept in ``state``."""
+    """Return views of the wake in ``state``."""
     m, rows, strips = p.memory, p.wake_rows, p.trailing.shape[0]
     edges = strips + p.layout.columns.shape[0]
     nodes = state[m.nodes : m.nodes + 3 * (rows + 1) * edges].reshape((3, rows + 1, edges))

@@ -1,4 +1,4 @@
-"""The lattice in steady flow: the wake straight behind the trailing edges, of their strength."""
+"""The lattice in steady flow with a straight wake of the trailing edges' strength."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ SLOWEST = 1e-6
 
 
 class SteadyFlow(NamedTuple):
-    """A solution."""
+    """Solution of a steady flow."""
 
     strengths: Floats
     """(N,) m^2/s"""
@@ -44,23 +44,23 @@ class SteadyFlow(NamedTuple):
 
     @property
     def force(self) -> Floats:
-        """(3,) N; of all panels that were told, not of their mirror images."""
+        """Force (3,) in N of all panels given, without mirror images."""
         return np.asarray(self.loads.force.sum(axis=1))
 
     @property
     def moment(self) -> Floats:
-        """(3,) N m; about the origin, likewise."""
+        """Moment (3,) in N m about the origin, without mirror images."""
         return np.asarray(self.loads.moment.sum(axis=1))
 
 
 def mean_chords(lattice: Lattice) -> Floats:
-    """(surfaces,) m; mean distance from leading to trailing edge."""
+    """Mean chord (surfaces,) in m."""
     grids = [grid_of(lattice, lattice.nodes, i) for i in range(len(lattice.names))]
     return np.array([np.linalg.norm(grid[-1] - grid[0], axis=1).mean() for grid in grids])
 
 
 def edge_nodes(layout: Layout, nodes: Floats) -> Floats:
-    """(3, E) m; of the trailing edges."""
+    """Trailing edge nodes (3, E) in m."""
     last = layout.first_node + layout.rows * (layout.columns + 1)
     pieces = [nodes[:, a : a + n + 1] for a, n in zip(last, layout.columns, strict=True)]
     return np.ascontiguousarray(np.concatenate(pieces, axis=1))
@@ -81,13 +81,13 @@ def with_wake_row(layout: Layout) -> tuple[Layout, Floats, Floats]:
 
 
 def trailing_panels(layout: Layout) -> Floats:
-    """(S,) the panel at the trailing edge of each strip."""
+    """Panel (S,) at the trailing edge of each strip."""
     pieces = zip(layout.rows, layout.columns, layout.first_panel, strict=True)
     return np.concatenate([first + (rows - 1) * columns + np.arange(columns) for rows, columns, first in pieces])
 
 
 def direction(along: Floats) -> Floats:
-    """(3,) -; of a wake that leaves ``along`` (3,), of any length.
+    """Direction (3,) of a wake along ``along`` (3,) of any length.
 
     Raises:
         InputError: it has none.
@@ -116,7 +116,7 @@ def solve_steady(
     ground: float | None = None,
     along: Floats | None = None,
 ) -> SteadyFlow:
-    """The lattice at rest in a ``wind`` (3,) m/s.
+    """Solve the lattice at rest in a ``wind`` (3,) m/s.
 
     With ``symmetric`` the lattice is one half: its mirror image in the plane y = 0 is there too, and its loads are
     not in the result. ``ground`` is the height z in m of a plane that no air crosses. The wake leaves in the

@@ -14,7 +14,7 @@ from sim_bridge.vectors import Floats
 def load_tail(
     p: VortexLatticeParameters, motion: Motion, density: float, state: Floats, strengths: Floats, out: Floats
 ) -> None:
-    """Fill ``out`` (6,) N, N m about the origin of the body axes: what all legs bear by Joukowski."""
+    """Fill ``out`` (6,) N, N m about the origin of the body axes with the Joukowski forces of all legs."""
     out[:] = 0.0
     for surface in (TAILPLANE, FIN):
         surface_normal(p, motion, surface, p.workspace.scratch[2, 1])

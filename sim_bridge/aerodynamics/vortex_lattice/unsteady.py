@@ -1,4 +1,4 @@
-"""A lattice whose motion is prescribed, step by step in time, in air at rest: what the wake does to the loads.
+"""A lattice with prescribed motion in air at rest, time step by time step.
 
 Everything is told in axes that are at rest in the undisturbed air, so that flight, flapping and twist are one motion
 of the lattice's nodes and the wake moves by what vortices induce alone. A step:
@@ -56,7 +56,7 @@ NodeMotion = Callable[[float], Floats]
 
 
 class Scheme(NamedTuple):
-    """How a motion is cut into steps and what the wake does."""
+    """Time steps of a motion and treatment of the wake."""
 
     dt: float
     """s"""
@@ -81,7 +81,7 @@ class Scheme(NamedTuple):
 
 
 class Air(NamedTuple):
-    """What the lattice moves in."""
+    """Properties of the air."""
 
     density: float = 1.225
     """kg/m^3"""
@@ -92,7 +92,7 @@ class Air(NamedTuple):
 
 
 class History(NamedTuple):
-    """Of a run; n steps, N panels. Loads are those of the panels that were told, not of mirror images."""
+    """History of a run; n steps, N panels. Loads are those of the panels given, not of mirror images."""
 
     time: Floats
     """(n,) s"""
@@ -114,11 +114,11 @@ class History(NamedTuple):
     """at the end"""
 
     def surface_force(self, surface: int) -> Floats:
-        """(n, 3) N; of one surface."""
+        """Force (n, 3) in N of one surface."""
         return np.asarray(self.force[:, self._panels(surface)].sum(axis=1))
 
     def strip_force(self, surface: int) -> Floats:
-        """(n, columns, 3) N; of the strips of one surface, left to right."""
+        """Force (n, columns, 3) in N of the strips of one surface, left to right."""
         rows = int(self.lattice.layout.rows[surface])
         mine = self.force[:, self._panels(surface)]
         return np.asarray(mine.reshape(len(self.time), rows, -1, 3).sum(axis=1))
@@ -169,11 +169,11 @@ class _Instant(NamedTuple):
 
 
 def ignore_progress(share: float) -> None:
-    """Nobody asks how far a run is."""
+    """Default progress callback: does nothing."""
 
 
 def ignore_snapshot(at: Snapshot) -> None:
-    """Nobody looks."""
+    """Default snapshot callback: does nothing."""
 
 
 def run(
@@ -184,7 +184,7 @@ def run(
     progress: Callable[[float], None] = ignore_progress,
     watch: Callable[[Snapshot], None] = ignore_snapshot,
 ) -> History:
-    """Move the ``lattice`` from time 0 on; ``progress`` hears which share is done, ``watch`` sees every step.
+    """Move the ``lattice`` from time 0; ``progress`` gets the fraction done, ``watch`` every step.
 
     The nodes of ``lattice`` are those of ``motion(0)``.
 

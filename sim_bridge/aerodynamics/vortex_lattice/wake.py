@@ -1,4 +1,4 @@
-"""The wake: rows of rings shed at the trailing edges, carried by the air, cut off at a length.
+"""The wake: rows of rings shed at the trailing edges, convected, truncated at a length.
 
 The newest row comes first. What is cut off goes on as one far row: filaments in the direction of the wake, of the
 mean strength that left it, so that the last row ends no lift. The cores grow with age (Ramasamy and Leishman 2007,
@@ -35,7 +35,7 @@ class Wake(NamedTuple):
 
 
 class Core(NamedTuple):
-    """How thick the wake's vortices are."""
+    """Core radii of the wake vortices."""
 
     bound: float
     """m; of the front legs of the row ``newest``, which cancel the bound vortices where these end"""
@@ -50,26 +50,26 @@ class Core(NamedTuple):
 
 
 def blank_wake(layout: Layout, rows: int) -> Wake:
-    """None shed yet."""
+    """Allocate an empty wake."""
     strips = int(np.sum(layout.columns))
     edges = strips + len(layout.columns)
     return Wake(np.zeros((3, rows + 1, edges)), np.zeros((rows, strips)), np.zeros(strips), np.zeros(1))
 
 
 def wake_filaments(layout: Layout, rows: int) -> int:
-    """How many filaments a full wake has, the far row with it."""
+    """Number of filaments of a full wake, including the far row."""
     strips = int(np.sum(layout.columns))
     return (rows + 2) * (2 * strips + len(layout.columns))
 
 
 def blank_table(filaments: int) -> Floats:
-    """For `set_filament`."""
+    """Allocate a table for `set_filament`."""
     return np.zeros((FILAMENT, filaments))
 
 
 @kernel
 def shed(wake: Wake, edges: Floats, strengths: Floats) -> None:
-    """Begin a new row at ``edges`` (3, E) m, of ``strengths`` (S,) m^2/s; the first one has no length yet.
+    """Start a new row at ``edges`` (3, E) m of ``strengths`` (S,) m^2/s; the first has no length yet.
 
     After the wake was carried along: its first nodes were at the edges a step ago.
     """
@@ -187,7 +187,7 @@ def _far(layout: Layout, wake: Wake, core: Core, dt: float, table: Floats, k: in
 
 @kernel
 def carry(wake: Wake, velocity: Floats, dt: float) -> None:
-    """Move the wake's nodes with ``velocity`` (3, (R + 1) E) m/s, that of row after row, over ``dt`` s."""
+    """Convect the wake's nodes with ``velocity`` (3, (R + 1) E) m/s, row after row, over ``dt`` s."""
     edges = wake.nodes.shape[2]
     for c in range(3):
         for i in range(int(wake.rows[0]) + 1):
