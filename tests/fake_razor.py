@@ -113,30 +113,30 @@ class FakeRazor:
 
     def frame(self) -> bytes:
         """The output of this moment."""
-        seen = self._motion(self.now)
-        ypr = [math.degrees(angle) for angle in (seen.yaw, seen.pitch, seen.roll)]
-        accel, field, gyro = self._counts(seen)
+        observed = self._motion(self.now)
+        ypr = [math.degrees(angle) for angle in (observed.yaw, observed.pitch, observed.roll)]
+        accel, field, gyro = self._counts(observed)
         if self.output == b"ob":
             return struct.pack("<3f", *ypr)
         if self.output == b"ot":
             return _line("YPR", ypr)
         if self.output == b"ox":
-            return _line("YPRAG", [*ypr, *accel, *seen.rates])
+            return _line("YPRAG", [*ypr, *accel, *observed.rates])
         if self.output.endswith(b"b"):
             return struct.pack("<9f", *accel, *field, *gyro)
         kind = self.output[2:3].decode().upper()
         return b"".join(_line(f"{name}-{kind}", axes) for name, axes in zip("AMG", (accel, field, gyro), strict=True))
 
-    def _counts(self, seen: Motion) -> tuple[list[float], list[float], list[float]]:
+    def _counts(self, observed: Motion) -> tuple[list[float], list[float], list[float]]:
         """Gravity, field and rates as its registers have them: whole counts, and a count of noise."""
         raw = self.output[2:3] == b"r"
-        down = _body(seen, (0.0, 0.0, 1.0))
-        north = _body(seen, (math.cos(FIELD_DIP), 0.0, math.sin(FIELD_DIP)))
+        down = _body(observed, (0.0, 0.0, 1.0))
+        north = _body(observed, (math.cos(FIELD_DIP), 0.0, math.sin(FIELD_DIP)))
         strength = 0.5 * 1090.0 if raw else 100.0
         return (
             [round(256.0 * axis) + self._random.choice((-1.0, 0.0, 1.0)) for axis in down],
             [round(strength * axis) + self._random.choice((-1.0, 0.0, 1.0)) for axis in north],
-            [round(math.degrees(rate) * 14.375) + self._random.choice((-1.0, 0.0, 1.0)) for rate in seen.rates],
+            [round(math.degrees(rate) * 14.375) + self._random.choice((-1.0, 0.0, 1.0)) for rate in observed.rates],
         )
 
 
@@ -144,10 +144,19 @@ def _line(name: str, values: list[float]) -> bytes:
     return f"#{name}={','.join(f'{value:.2f}' for value in values)}\r\n".encode()
 
 
-def _body(seen: Motion, ned: tuple[float, float, float]) -> tuple[float, float, float]:
+def _body(observed: Motion, ned: tuple[float, float, float]) -> tuple[float, float, float]:
     """An earth vector in body axes: turned back by yaw, then pitch, then roll."""
     x, y, z = ned
-    x, y = math.cos(seen.yaw) * x + math.sin(seen.yaw) * y, math.cos(seen.yaw) * y - math.sin(seen.yaw) * x
-    x, z = math.cos(seen.pitch) * x - math.sin(seen.pitch) * z, math.sin(seen.pitch) * x + math.cos(seen.pitch) * z
-    y, z = math.cos(seen.roll) * y + math.sin(seen.roll) * z, math.cos(seen.roll) * z - math.sin(seen.roll) * y
+    x, y = (
+        math.cos(observed.yaw) * x + math.sin(observed.yaw) * y,
+        math.cos(observed.yaw) * y - math.sin(observed.yaw) * x,
+    )
+    x, z = (
+        math.cos(observed.pitch) * x - math.sin(observed.pitch) * z,
+        math.sin(observed.pitch) * x + math.cos(observed.pitch) * z,
+    )
+    y, z = (
+        math.cos(observed.roll) * y + math.sin(observed.roll) * z,
+        math.cos(observed.roll) * z - math.sin(observed.roll) * y,
+    )
     return x, y, z

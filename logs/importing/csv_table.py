@@ -196,9 +196,8 @@ def _topic(name: str, section: TopicSection, table: Table, times: NDArray[np.int
         )
     known = None if topic is None else {field.name: field for field in fields_of(topic)[1:]}
     read = {field: _field(name, field, entry, table, known) for field, entry in section.fields.items()}
-    kept = ~_all_unknown([read[field][0] for field, entry in section.fields.items() if entry.column is not None])[
-        rows
-    ]
+    measured = [field for field, entry in section.fields.items() if entry.column is not None]
+    kept = ~_all_unknown([read[field][0] for field in measured])[rows]
     if section.rate is not None:
         kept &= _thinned(times, section.rate)
     columns = {field: values[rows[kept]] for field, (values, _) in read.items()}

@@ -87,19 +87,19 @@ def body_rates(euler: Array, euler_rate: Array) -> Array:
     return np.stack([roll - yaw * sp, pitch * cr + yaw * cp * sr, -pitch * sr + yaw * cp * cr], axis=1)
 
 
-def fly(airframe: Airframe, duration: float, still: float = 0.0, seed: int = 1) -> Motion:
-    """Motion of ``duration`` seconds: ``still`` at rest, then a throw of 0.4 s and, 2 s later, the turn.
+def fly(airframe: Airframe, duration: float, stationary: float = 0.0, seed: int = 1) -> Motion:
+    """Motion of ``duration`` seconds: ``stationary`` at rest, then a throw of 0.4 s and, 2 s later, the turn.
 
-    With ``still`` = 0 the record begins in the middle of the flight, wings beating, in the turn.
+    With ``stationary`` = 0 the record begins in the middle of the flight, wings beating, in the turn.
     """
     time = np.arange(round(duration * airframe.rate)) / airframe.rate
-    speed = airframe.airspeed * _ramp(time, still, 0.4 if still else 0.0)
-    shaking = _ramp(time, still, 0.4 if still else 0.0)
-    bank = airframe.bank * _ramp(time, still + 2.0, 1.5 if still else 0.0)
+    speed = airframe.airspeed * _ramp(time, stationary, 0.4 if stationary else 0.0)
+    shaking = _ramp(time, stationary, 0.4 if stationary else 0.0)
+    bank = airframe.bank * _ramp(time, stationary + 2.0, 1.5 if stationary else 0.0)
     turn = GRAVITY * np.tan(bank) / airframe.airspeed
     yaw = np.concatenate([[0.0], np.cumsum(0.5 * (turn[1:] + turn[:-1]))]) / airframe.rate
     omega = 2.0 * np.pi * airframe.frequency
-    wing = omega * (time - still)
+    wing = omega * (time - stationary)
     swing = shaking * airframe.pitch_rate / omega
     pitch = airframe.pitch + swing * np.sin(wing + airframe.phase)
     euler = np.stack([bank, pitch, yaw], axis=1)

@@ -10,6 +10,7 @@ from avionics import topics as t
 from avionics.guidance.mission import NO_FENCE, Fence, Mission, Rally
 from avionics.link.vehicle import Home, Parameter
 from wingbeat.message import Event
+from wingbeat.samples import RangeSample
 from wingbeat.topic import Topic
 
 HOME = Home(math.radians(48.1), math.radians(11.6), 520.0)
@@ -101,4 +102,5 @@ def _messages(time_us: int) -> dict[Topic, Any]:
         t.FENCE: m.FenceState(time_us, 1, 2, m.Breach.CEILING, 11.5),
         t.HEALTH: _filled(m.Health, time_us, ticks=100),
         t.VIBRATION: m.VibrationStatus(time_us, 1.0, 2.0, 3.0, 4),
+        t.RANGE: RangeSample(time_us, 3.5, 0.1, 12.0, 100),
     }  # fmt: skip

@@ -19,7 +19,7 @@ class Sent(NamedTuple):
 
 
 class Wire:
-    """A transport; ``say`` puts bytes before the vehicle, ``sent`` is what it said."""
+    """A transport; ``put`` gives bytes to the vehicle, ``sent`` has those that it sent."""
 
     datagrams = True
     peers: tuple[Peer, ...] | None = None
@@ -47,7 +47,7 @@ class Wire:
     def close(self) -> None:
         pass
 
-    def say(self, data: bytes, peer: Peer = "station") -> bytes:
+    def put(self, data: bytes, peer: Peer = "station") -> bytes:
         self._waiting.append(Packet(data, peer))
         return data
 
@@ -55,7 +55,7 @@ class Wire:
         sent, self.sent = self.sent, []
         return sent
 
-    def heard(self) -> list[Any]:
+    def incoming(self) -> list[Any]:
         """The messages that were sent since the last call."""
         reader = FrameReader()
         return [decode(frame) for each in self.take() for frame in reader.feed(each.data)]

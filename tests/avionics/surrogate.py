@@ -41,16 +41,16 @@ class Bird:
         self.wings = (0.2, 0.2)
         self.beat = 0.0
         self.wind = wind
-        self.held = True
+        self.fixed = True
         self.flying = False
         self.v_before = (0.0, 0.0, 0.0)
         self.tick = 0
         self.gps_on = True
-        self.thrown = 0.0
+        self.airborne_flight = 0.0
 
     def throw(self) -> None:
         """A push of 3.5 g up to 7 m/s begins."""
-        self.held, self.flying, self.gamma = False, True, 0.05
+        self.fixed, self.flying, self.gamma = False, True, 0.05
 
     def velocity(self) -> tuple[float, float, float]:
         """Over ground, NED, m/s."""
@@ -75,8 +75,8 @@ class Bird:
             self._fly(command)
 
     def _fly(self, command: ActuatorCommand) -> None:
-        if self.thrown < 7.0:
-            self.thrown = self.speed = self.speed + 35.0 * DT
+        if self.airborne_flight < 7.0:
+            self.airborne_flight = self.speed = self.speed + 35.0 * DT
             self._move()
             return
         dynamic = 0.5 * DENSITY * self.speed**2 * AREA

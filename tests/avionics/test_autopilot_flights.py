@@ -34,22 +34,22 @@ class Flight:
     """An autopilot and a bird, with everything that was published."""
 
     def __init__(self, mission=LOW, bird: Bird | None = None, schedule=processors.SCHEDULE) -> None:
-        self.said: list = []
+        self.reports: list = []
         self.autopilot = Autopilot(
-            RAVEN, mission, lambda topic, message: self.said.append((topic, message)), schedule
+            RAVEN, mission, lambda topic, message: self.reports.append((topic, message)), schedule
         )
         self.bird = bird or Bird()
         self.frames: list[SensorFrame] = []
 
     def fly(
-        self, seconds: float, commands=(), until: Stage | None = None, held: PilotInput | None = None
+        self, seconds: float, commands=(), until: Stage | None = None, fixed: PilotInput | None = None
     ) -> "Flight":
-        """``held`` sticks are said ten times a second, as a ground station does."""
+        """``fixed`` sticks are said ten times a second, as a ground station does."""
         for tick in range(round(seconds * 200)):
             frame = self.bird.frame()
             self.frames.append(frame)
-            said = (held,) if held is not None and tick % 20 == 0 else ()
-            self.bird.advance(self.autopilot.step(frame, (*commands, *said)))
+            reports = (fixed,) if fixed is not None and tick % 20 == 0 else ()
+            self.bird.advance(self.autopilot.step(frame, (*commands, *reports)))
             commands = ()
             if until is not None and self.autopilot.state.modes.stage == until:
                 break
@@ -59,7 +59,7 @@ class Flight:
         """The same flight as it stands, to be flown on by itself; messages and frames are immutable."""
         twin = Flight(bird=copy.deepcopy(self.bird))
         twin.autopilot.restore(self.autopilot.snapshot())
-        twin.said[:], twin.frames[:] = self.said, self.frames
+        twin.reports[:], twin.frames[:] = self.reports, self.frames
         return twin
 
     def launch(self) -> "Flight":
@@ -69,7 +69,7 @@ class Flight:
         return self
 
     def of(self, topic: Topic) -> list:
-        return [message for each, message in self.said if each is topic]
+        return [message for each, message in self.reports if each is topic]
 
     def events(self) -> list[str]:
         return [event.text for event in self.of(topics.EVENTS)]
@@ -81,23 +81,23 @@ def whole_flight() -> Flight:
 
 
 @cache
-def _thrown() -> Flight:
+def _launched() -> Flight:
     return Flight().launch()
 
 
 @cache
 def _en_route() -> Flight:
-    return thrown().fly(60.0, until=Stage.EN_ROUTE)
+    return airborne_flight().fly(60.0, until=Stage.EN_ROUTE)
 
 
 @cache
 def _ten_seconds() -> Flight:
-    return thrown().fly(10.0)
+    return airborne_flight().fly(10.0)
 
 
-def thrown() -> Flight:
+def airborne_flight() -> Flight:
     """Armed and thrown; flown once for all who begin so, as the two below are."""
-    return _thrown().branch()
+    return _launched().branch()
 
 
 def en_route() -> Flight:
@@ -112,7 +112,7 @@ def ten_seconds() -> Flight:
 
 def test_a_mission_is_flown_from_the_hand_to_the_ground() -> None:
     flight = whole_flight()
-    said = flight.events()
+    reports = flight.events()
     for words in (
         "armed",
         "launched",
@@ -120,8 +120,8 @@ def test_a_mission_is_flown_from_the_hand_to_the_ground() -> None:
         "waypoint 1 reached (hold 86 deg, 14 m)",
         "stage flare",
     ):
-        assert words in said
-    assert said[-1] == "touchdown, disarmed"
+        assert words in reports
+    assert reports[-1] == "touchdown, disarmed"
     assert flight.bird.altitude == 0.0
     stages = [status.stage for status in flight.of(topics.NAVIGATION)]
     flown = [stage for i, stage in enumerate(stages) if i == 0 or stage != stages[i - 1]]
@@ -177,12 +177,12 @@ def test_every_topic_comes_at_its_rate() -> None:
     for topic in topics.TOPICS:
         if topic.rate and topic not in silent:
             assert len(flight.of(topic)) == pytest.approx(topic.rate * seconds, rel=0.02, abs=2), topic.name
-    for topic, message in flight.said:
+    for topic, message in flight.reports:
         assert isinstance(message, topic.message)
 
 
 def test_messages_hold_plain_numbers_of_their_types() -> None:
-    for topic, message in whole_flight().said[::37]:
+    for topic, message in whole_flight().reports[::37]:
         if topic in (topics.EVENTS, topics.INPUTS, topics.SNAPSHOTS, topics.ADC):
             continue
         for name, value in message._asdict().items():
@@ -193,7 +193,7 @@ def test_messages_hold_plain_numbers_of_their_types() -> None:
 def test_the_same_frames_give_the_same_bytes() -> None:
     first = whole_flight()
     again = Flight().launch().fly(10.0)
-    assert repr(first.said[: len(again.said)]) == repr(again.said)
+    assert repr(first.reports[: len(again.reports)]) == repr(again.reports)
 
 
 def test_a_restored_snapshot_continues_bit_for_bit() -> None:
@@ -205,11 +205,11 @@ def test_a_restored_snapshot_continues_bit_for_bit() -> None:
     other.autopilot.restore(text)
     assert other.autopilot.state == flight.autopilot.state
     assert other.autopilot.snapshot() == text
-    mark = len(flight.said)
+    mark = len(flight.reports)
     flight.fly(11.0)
     for frame in flight.frames[-2200:]:
         other.autopilot.step(frame)
-    assert repr(other.said) == repr(flight.said[mark:])
+    assert repr(other.reports) == repr(flight.reports[mark:])
 
 
 def test_snapshot_with_former_field_names_restores() -> None:
@@ -246,7 +246,7 @@ def test_what_is_no_snapshot_is_refused_and_loses_nothing(text: str) -> None:
 def test_every_command_is_logged_before_it_is_applied() -> None:
     flight = Flight().fly(2.0)
     flight.fly(0.1, (AUTO, ARM))
-    order = [topic.name for topic, _ in flight.said if topic in (topics.INPUTS, topics.EVENTS)]
+    order = [topic.name for topic, _ in flight.reports if topic in (topics.INPUTS, topics.EVENTS)]
     assert order[-4:] == ["/system/inputs", "/system/events"] * 2
     text = flight.of(topics.INPUTS)[-1]
     command = inputs.decode_command(text.text)
@@ -267,7 +267,7 @@ def test_commands_come_back_from_the_log_exactly(command: Command) -> None:
 
 
 def test_parameters_missions_and_items_are_set_in_flight() -> None:
-    flight = thrown().fly(1.0)
+    flight = airborne_flight().fly(1.0)
     mission = (MissionItem(ItemKind.HOLD, altitude=20.0, heading=0.5, duration=1.0), *LOW)
     flight.fly(
         0.1,
@@ -319,9 +319,9 @@ def sticks(pitch=0.0, roll=0.0, yaw=0.0, throttle=0.0) -> PilotInput:
 
 
 def test_in_manual_the_sticks_move_the_tail_and_the_wings() -> None:
-    flight = Flight().fly(2.0, held=sticks())
-    flight.fly(0.1, (ARM,), held=sticks())
-    flight.fly(1.5, held=sticks(0.5, 0.5, 0.2, 0.8))
+    flight = Flight().fly(2.0, fixed=sticks())
+    flight.fly(0.1, (ARM,), fixed=sticks())
+    flight.fly(1.5, fixed=sticks(0.5, 0.5, 0.2, 0.8))
     command = flight.of(topics.ACTUATORS)[-1]
     gains = RAVEN.gains
     assert command.elevator == pytest.approx(gains.pitch.elevator_trim + 0.5 * gains.pitch.elevator_max)
@@ -331,14 +331,14 @@ def test_in_manual_the_sticks_move_the_tail_and_the_wings() -> None:
 
 
 def test_stabilized_turns_sticks_into_attitude() -> None:
-    flight = thrown().fly(4.0)
+    flight = airborne_flight().fly(4.0)
     mode = Command(0, CommandKind.SET_MODE, "STABILIZED")
-    flight.fly(4.0, (mode,), held=sticks(roll=0.5, throttle=0.75))
+    flight.fly(4.0, (mode,), fixed=sticks(roll=0.5, throttle=0.75))
     assert flight.bird.roll == pytest.approx(0.5 * RAVEN.gains.roll.stick_roll, abs=0.06)
-    flight.fly(4.0, held=sticks(roll=-0.5, throttle=0.75))
+    flight.fly(4.0, fixed=sticks(roll=-0.5, throttle=0.75))
     assert flight.bird.roll == pytest.approx(-0.5 * RAVEN.gains.roll.stick_roll, abs=0.06)
     level = flight.bird.pitch
-    flight.fly(4.0, held=sticks(pitch=0.5, throttle=0.75))
+    flight.fly(4.0, fixed=sticks(pitch=0.5, throttle=0.75))
     assert flight.bird.pitch - level == pytest.approx(0.5 * RAVEN.gains.pitch.stick_pitch, abs=0.08)
 
 
@@ -386,7 +386,7 @@ def test_time_that_goes_backwards_is_refused_once_said_and_the_last_actuators_ke
 
 def test_one_frame_far_ahead_is_refused_and_the_flight_goes_on_by_the_old_clock() -> None:
     flight = ten_seconds()
-    before, said = flight.autopilot.state, len(flight.events())
+    before, reports = flight.autopilot.state, len(flight.events())
     frame = flight.bird.frame()
     ahead = 40_000_000
     command = flight.autopilot.step(frame.shifted(ahead))
@@ -394,7 +394,7 @@ def test_one_frame_far_ahead_is_refused_and_the_flight_goes_on_by_the_old_clock(
     assert flight.autopilot.state.attitude == before.attitude
     flight.fly(2.0)
     assert flight.autopilot.state.clock.time_us == flight.frames[-1].time_us
-    assert [text for text in flight.events()[said:] if "failsafe" in text or "sensor clock" in text] == []
+    assert [text for text in flight.events()[reports:] if "failsafe" in text or "sensor clock" in text] == []
     assert sum("sensor time" in text for text in flight.events()) == 1
 
 
@@ -416,7 +416,7 @@ def test_a_clock_that_stays_ahead_is_followed() -> None:
 )
 def test_what_would_kill_in_flight_is_set_on_the_ground_alone(name: str) -> None:
     asked = Command(0, CommandKind.SET_PARAMETER, name, 2.0)
-    flight = thrown().fly(1.0)
+    flight = airborne_flight().fly(1.0)
     before = flight.autopilot.state.gains
     flight.fly(0.005, (asked,))
     assert flight.autopilot.state.gains == before
@@ -505,13 +505,13 @@ def test_run_times_are_published_for_each_processor_and_change_nothing_else() ->
     for _ in range(450):
         frame = flight.bird.frame()
         flight.bird.advance(flight.autopilot.step(frame))
-        watch.tick(frame.time_us, lambda topic, message: flight.said.append((topic, message)))
+        watch.tick(frame.time_us, lambda topic, message: flight.reports.append((topic, message)))
     timings = flight.of(topics.TIMING)
     assert [timing.processor for timing in timings] == [0, 1, 2, 3] * 2
     assert all(0.0 < timing.mean_us <= timing.worst_us for timing in timings)
     assert all(timing.overruns == 0 for timing in timings)
     plain = Flight().fly(450 / 200)
-    assert repr([row for row in flight.said if row[0] is not topics.TIMING]) == repr(plain.said)
+    assert repr([row for row in flight.reports if row[0] is not topics.TIMING]) == repr(plain.reports)
 
 
 def test_rates_must_divide_the_base_rate() -> None:
@@ -533,7 +533,7 @@ STEP = {100.0: "dt_100", 50.0: "dt_50", 20.0: "dt_20"}
 def test_every_task_has_its_turn_at_its_rate_and_phase_and_the_clock_tells_its_step() -> None:
     turns: dict[processors.Run, list[tuple[int, int, float]]] = {}
 
-    def noted(rows):
+    def recorded(rows):
         def run(s, publish) -> None:
             for _, task in rows:
                 step = getattr(s.clock, STEP.get(task.rate, "dt"))
@@ -542,7 +542,7 @@ def test_every_task_has_its_turn_at_its_rate_and_phase_and_the_clock_tells_its_s
 
         return (run,)
 
-    flight = Flight(schedule=processors.build_schedule(processors.PROCESSORS, noted))
+    flight = Flight(schedule=processors.build_schedule(processors.PROCESSORS, recorded))
     for tick in range(200):
         frame = flight.bird.frame()
         time_us = 5000 * tick + 37 * tick * tick % 1900

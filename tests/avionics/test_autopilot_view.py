@@ -15,7 +15,7 @@ from avionics.view import FlightView
 ARM = Command(0, CommandKind.ARM)
 
 
-def flown(seconds: float, commands=()) -> FlightView:
+def simulate(seconds: float, commands=()) -> FlightView:
     view, bird = (
         FlightView(VEHICLE, load_mission("circuit"), lambda topic, message: None),
         Bird(),
@@ -27,7 +27,7 @@ def flown(seconds: float, commands=()) -> FlightView:
 
 
 def test_it_is_what_the_link_asks_for() -> None:
-    view: VehicleView = flown(3.0)
+    view: VehicleView = simulate(3.0)
     assert view.time_us == view.latest(topics.IMU).time_us
     assert (view.mode, view.armed, view.mission) == (Mode.MANUAL, False, load_mission("circuit"))
     assert view.latest(topics.DRIVE_TORQUE) is None
@@ -38,16 +38,16 @@ def test_it_is_what_the_link_asks_for() -> None:
 
 
 def test_there_is_no_home_before_a_fix() -> None:
-    assert flown(0.02).home is None
+    assert simulate(0.02).home is None
 
 
 def test_parameters_keep_their_order_and_show_new_values() -> None:
-    view = flown(0.1)
+    view = simulate(0.1)
     before = view.parameters
     command = Command(0, CommandKind.SET_PARAMETER, "ROLL_P", 2.0)
     assert view.refusal(command) == ""
     assert view.parameters == before
-    view = flown(0.1, (command,))
+    view = simulate(0.1, (command,))
     assert [entry.name for entry in view.parameters] == [entry.name for entry in before]
     changed = [entry for entry, old in zip(view.parameters, before, strict=True) if entry != old]
     assert [(entry.name, entry.value) for entry in changed] == [("ROLL_P", 2.0)]
@@ -62,7 +62,7 @@ def test_parameters_keep_their_order_and_show_new_values() -> None:
     ],
 )
 def test_a_refusal_is_told_and_nothing_happens(command: Command, word: str) -> None:
-    view = flown(0.03)
+    view = simulate(0.03)
     before, events = view.autopilot.state, view.events(0)
     assert word in view.refusal(command)
     assert view.autopilot.state == before
@@ -70,8 +70,8 @@ def test_a_refusal_is_told_and_nothing_happens(command: Command, word: str) -> N
 
 
 def test_what_would_be_taken_is_not_refused_and_not_done() -> None:
-    view = flown(3.0)
+    view = simulate(3.0)
     assert view.refusal(Command(0, CommandKind.SET_MODE, "STABILIZED")) == ""
     assert view.refusal(ARM) == ""
     assert view.armed is False
-    assert flown(3.0, ()).events(10**6) == []
+    assert simulate(3.0, ()).events(10**6) == []

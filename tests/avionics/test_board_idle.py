@@ -26,16 +26,16 @@ class Babble:
     plugged = True
     replugged = dropped = 0
 
-    def __init__(self, said: bytes = b"") -> None:
+    def __init__(self, reports: bytes = b"") -> None:
         self.now = 0.0
         self.idled: list[float] = []
         self.around = Surroundings(idle=lambda: self.idled.append(self.now))
-        self._said = said
+        self._reports = reports
         self._random = random.Random(3)
 
     def read(self, timeout: float) -> bytes:
         self.now += LOOK
-        return self._said or self._random.randbytes(20)
+        return self._reports or self._random.randbytes(20)
 
     def write(self, data: bytes) -> bool:
         return True
@@ -55,9 +55,9 @@ def encoder_frame() -> bytes:
     return FrameWriter(1, 200).frame(encoder.message_id, encoder.encode(EncoderSample(1, 2, 3)))
 
 
-@pytest.mark.parametrize("said", [b"", encoder_frame()], ids=["noise", "messages that close no tick"])
-def test_a_bridge_that_brings_no_sensor_frame_leaves_time_for_the_links(said: bytes) -> None:
-    line = Babble(said)
+@pytest.mark.parametrize("reports", [b"", encoder_frame()], ids=["noise", "messages that close no tick"])
+def test_a_bridge_that_brings_no_sensor_frame_leaves_time_for_the_links(reports: bytes) -> None:
+    line = Babble(reports)
     board = HilBoard("tcp:127.0.0.1:1", connect=lambda *_: line, clock=lambda: line.now, around=line.around)
     times = line.listen(board)
     assert max(b - a for a, b in pairwise(times)) < IDLE_EVERY + 2 * LOOK

@@ -40,11 +40,11 @@ class Bench:
 
     def __init__(self, fake: FakeRazor, options: str = "", timeouts: Timeouts = QUICK, address: str = "") -> None:
         self.fake = fake
-        self.said: list[str] = []
+        self.reports: list[str] = []
         self.at: dict[int, Callable[[], None]] = {}
         """what happens at a turn of the fake's loop"""
         self.turn = 0
-        around = Surroundings(lambda severity, text: self.said.append(text), self._pump)
+        around = Surroundings(lambda severity, text: self.reports.append(text), self._pump)
         self.board = RazorBoard((address or fake.address) + options, timeouts, lambda: self.fake.now, around)
 
     def _pump(self) -> None:
@@ -127,9 +127,9 @@ def test_lines_of_text_out_of_turn_cut_or_of_another_output_make_no_frame() -> N
 
 def test_the_razors_own_angles_in_text_and_binary() -> None:
     text, binary = Reader(OUTPUTS["ot"]), Reader(OUTPUTS["ob"])
-    (seen,) = text.feed(b"#SYNCH00\r\n#YPR=-142.28,-5.38,33.52\r\n")
+    (observed,) = text.feed(b"#SYNCH00\r\n#YPR=-142.28,-5.38,33.52\r\n")
     (also,) = binary.feed(b"#SYNCH00\r\n" + struct.pack("<3f", -142.28, -5.38, 33.52) + b"#SYNCH01\r\n")
-    for reading in (seen, also):
+    for reading in (observed, also):
         assert reading.accel is None and reading.angles is not None
         assert [math.degrees(angle) for angle in reading.angles] == pytest.approx([33.52, -5.38, -142.28])
 
@@ -157,7 +157,7 @@ def test_every_output_in_our_units_and_axes(output: str) -> None:
         assert math.hypot(*imu[7:10]) == pytest.approx(0.5, abs=0.02)
         assert math.atan2(imu.mag_z, math.hypot(imu.mag_x, imu.mag_y)) > 0.5  # the field dips down in the north
         assert bench.board.angles is None
-    assert bench.said == []
+    assert bench.reports == []
 
 
 def test_frames_are_20_ms_apart_on_the_sensors_clock() -> None:
@@ -178,7 +178,7 @@ def test_lost_bytes_cost_their_frames_and_it_goes_on() -> None:
     assert 0 < bench.board.losses.lost < 250
     # The time of lost frames passes too.
     assert frames[-1].time_us * 1e-6 == pytest.approx(fake.now, abs=0.3)
-    assert any("lost" in text and "Razor at" in text for text in bench.said)
+    assert any("lost" in text and "Razor at" in text for text in bench.reports)
 
 
 @pytest.mark.parametrize(("output", "booting"), [("oscb", 0), ("oscb", 60), ("osct", 0), ("osrt", 60), ("ox", 0)])
@@ -190,7 +190,7 @@ def test_a_razor_that_restarts_in_the_middle_is_asked_again(output: str, booting
     assert before[-1].imu.accel_z == pytest.approx(after[-1].imu.accel_z, abs=0.1)
     assert fake.requests.count(OUTPUTS[output].command) >= 2
     assert bench.board.restarts == (1 if booting == 0 else 0)
-    assert bench.said[0].endswith("restarted" if booting == 0 else ": no sensor frame for 1 s")
+    assert bench.reports[0].endswith("restarted" if booting == 0 else ": no sensor frame for 1 s")
 
 
 def test_a_boot_loader_that_eats_the_first_request_is_asked_again() -> None:
@@ -239,7 +239,7 @@ def test_plugged_in_again_it_goes_on(tmp_path: Path) -> None:
     later = bench.read(40)
     assert later[-1].time_us - earlier[-1].time_us >= 40 * 20_000
     assert later[-1].imu.gyro_z == pytest.approx(0.3, abs=0.01)
-    assert bench.said[:2] == [
+    assert bench.reports[:2] == [
         f"Razor at {device} {what}" for what in ("disconnected: check the cable", "reconnected")
     ]
 
@@ -252,11 +252,11 @@ def test_the_flight_computers_attitude_with_an_imu_alone_and_no_alarms() -> None
         return Motion(roll, 0.0, 0.0, (0.5 * math.cos(time), 0.0, 0.0))
 
     bench = Bench(FakeRazor(turned))
-    said: list[Any] = []
+    reports: list[Any] = []
 
     def publish(topic: Topic, message: Any) -> None:
         if topic in (topics.EVENTS, topics.LINK_EVENTS):
-            said.append(message)
+            reports.append(message)
 
     pilot = Autopilot(load_vehicle("robo_raven_ii_d"), load_mission("circuit"), publish)
     errors = []
@@ -265,7 +265,7 @@ def test_the_flight_computers_attitude_with_an_imu_alone_and_no_alarms() -> None
         errors.append(pilot.memory.attitude.roll - turned(bench.fake.now).roll)
     assert max(abs(error) for error in errors[500:]) < math.radians(2.5)
     assert abs(pilot.memory.attitude.pitch) < math.radians(1.0)
-    assert said == []
+    assert reports == []
 
 
 # --- its clock ---------------------------------------------------------------------------------------------

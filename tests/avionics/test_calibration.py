@@ -101,7 +101,7 @@ class Bench:
         return [message for topic, message in self.published if topic is topics.CALIBRATION]
 
 
-def ask(name: str, value: float = 0.0) -> tuple[Command, ...]:
+def request(name: str, value: float = 0.0) -> tuple[Command, ...]:
     return (Command(0, CommandKind.CALIBRATE, name, value, source="test"),)
 
 
@@ -119,29 +119,29 @@ def calibrated() -> Bench:
     """Accelerometer on six sides, none exact; magnetometer turned; pitot, wings and battery at rest."""
     bench = Bench()
     bench.rest(1.0, LEVEL)
-    bench.rest(0.1, LEVEL, ask("ACCELEROMETER"))
+    bench.rest(0.1, LEVEL, request("ACCELEROMETER"))
     for number, force in enumerate(SIDES.values()):
         tilted = towards(force, 0.7 * number) * Rotation.from_euler("xyz", (0.08, -0.1, 0.05))
         bench.rest(0.3, tilted * Rotation.from_euler("x", 0.3), turn=1.0)
         bench.rest(3.2, tilted)
-    bench.rest(0.1, LEVEL, ask("MAGNETOMETER"))
+    bench.rest(0.1, LEVEL, request("MAGNETOMETER"))
     for attitude in Rotation.random(600, rng=5):
         bench.rest(0.02, attitude)
-    bench.rest(0.1, LEVEL, ask("AIRSPEED_ZERO"))
+    bench.rest(0.1, LEVEL, request("AIRSPEED_ZERO"))
     bench.rest(3.0, LEVEL)
-    bench.rest(0.1, LEVEL, ask("WINGS"))
+    bench.rest(0.1, LEVEL, request("WINGS"))
     bench.rest(2.0, LEVEL)
-    bench.rest(0.1, LEVEL, ask("BATTERY", 7.8))
+    bench.rest(0.1, LEVEL, request("BATTERY", 7.8))
     bench.rest(2.0, LEVEL)
     return bench
 
 
 def test_every_calibration_on_the_bench_ends_well_and_says_what_it_left() -> None:
     bench = calibrated()
-    said = [text for text in bench.events() if "calibrated" in text]
+    reports = [text for text in bench.events() if "calibrated" in text]
     kinds = ("ACCELEROMETER", "MAGNETOMETER", "AIRSPEED_ZERO", "WINGS", "BATTERY")
-    assert [text.split(" ")[0] for text in said] == list(kinds)
-    assert all("calibrated: residual" in text for text in said)
+    assert [text.split(" ")[0] for text in reports] == list(kinds)
+    assert all("calibrated: residual" in text for text in reports)
     ended = [status for status in bench.statuses() if not status.running]  # type: ignore[attr-defined]
     assert [(status.begun, status.succeeded) for status in ended] == [(n, 1) for n in range(1, 6)]  # type: ignore[attr-defined]
     assert "pose 6 of 6: left side up" in bench.events()
@@ -218,7 +218,7 @@ def test_the_calibrated_computer_finds_attitude_voltage_and_still_air() -> None:
 def test_a_movement_cancels_what_needs_rest(name: str) -> None:
     bench = Bench()
     before = bench.autopilot.state.gains
-    bench.rest(0.5, LEVEL, ask(name))
+    bench.rest(0.5, LEVEL, request(name))
     bench.rest(0.1, LEVEL, turn=1.0)
     assert f"{name} calibration failed: canceled: vehicle moved" in bench.events()
     bench.rest(5.0, LEVEL)
@@ -230,21 +230,21 @@ def test_armed_nothing_is_calibrated_and_while_calibrating_nothing_is_armed() ->
     bench = Bench()
     bench.suite = SensorSuite(sensor_spec(WORLD.sections), 3, COLLEGE_PARK)
     bench.rest(4.0, LEVEL)
-    bench.rest(0.1, LEVEL, ask("WINGS"))
+    bench.rest(0.1, LEVEL, request("WINGS"))
     bench.rest(0.1, LEVEL, (Command(0, CommandKind.ARM),))
     assert "arming denied: calibration WINGS active" in bench.events()
-    bench.rest(0.1, LEVEL, ask("BATTERY", 7.8))
+    bench.rest(0.1, LEVEL, request("BATTERY", 7.8))
     assert "calibration denied: calibration WINGS active" in bench.events()
-    bench.rest(0.1, LEVEL, ask(""))
+    bench.rest(0.1, LEVEL, request(""))
     assert "calibration WINGS canceled" in bench.events()
     bench.rest(0.1, LEVEL, (Command(0, CommandKind.ARM),))
     assert bench.autopilot.state.modes.armed
-    bench.rest(0.1, LEVEL, ask("MAGNETOMETER"))
+    bench.rest(0.1, LEVEL, request("MAGNETOMETER"))
     assert bench.events()[-1] == "calibration denied: armed"
 
 
 @pytest.mark.parametrize(
-    ("name", "value", "said"),
+    ("name", "value", "reports"),
     [
         ("ROTOR", 0.0, "unknown calibration ROTOR"),
         ("AIRSPEED", 0.0, "not in flight"),
@@ -253,15 +253,15 @@ def test_armed_nothing_is_calibrated_and_while_calibrating_nothing_is_armed() ->
         ("BATTERY", math.nan, "nan is out of range"),
     ],
 )
-def test_what_cannot_be_calibrated_is_refused_with_the_reason(name: str, value: float, said: str) -> None:
+def test_what_cannot_be_calibrated_is_refused_with_the_reason(name: str, value: float, reports: str) -> None:
     bench = Bench()
-    bench.rest(0.1, LEVEL, ask(name, value))
-    assert bench.events()[-1].startswith(f"calibration denied: {said}")
+    bench.rest(0.1, LEVEL, request(name, value))
+    assert bench.events()[-1].startswith(f"calibration denied: {reports}")
 
 
 def test_a_magnetometer_turned_too_little_is_refused() -> None:
     bench = Bench()
-    bench.rest(0.1, LEVEL, ask("MAGNETOMETER"))
+    bench.rest(0.1, LEVEL, request("MAGNETOMETER"))
     for yaw in np.linspace(0.0, 2 * math.pi, 300):
         bench.rest(0.2, Rotation.from_euler("z", yaw), every=20)
     bench.rest(0.4, LEVEL, every=20)
@@ -271,7 +271,7 @@ def test_a_magnetometer_turned_too_little_is_refused() -> None:
 
 def test_a_pose_that_is_missing_ends_in_a_refusal() -> None:
     bench = Bench()
-    bench.rest(130.0, LEVEL, ask("ACCELEROMETER"), every=20)
+    bench.rest(130.0, LEVEL, request("ACCELEROMETER"), every=20)
     assert bench.events()[-1] == "ACCELEROMETER calibration failed: timed out after 60 s"
 
 
@@ -373,15 +373,15 @@ def test_wings_at_a_known_angle_and_a_reversed_encoder() -> None:
 
 
 @pytest.mark.parametrize(
-    ("counts", "said"), [((820, 700), "current not zero"), ((400, 512), "differs from measured")]
+    ("counts", "reports"), [((820, 700), "current not zero"), ((400, 512), "differs from measured")]
 )
-def test_a_running_drive_or_a_wrong_voltage_is_refused(counts: tuple[int, int], said: str) -> None:
+def test_a_running_drive_or_a_wrong_voltage_is_refused(counts: tuple[int, int], reports: str) -> None:
     gains, state = power.Gains(), battery.State()
     for number in range(battery.AT_REST):
         burst = AdcBurst(10_000 * number, (counts[0],) * 60, (counts[1],) * 60)
         state, _ = battery.step(gains, state, burst)
     _, refusal = battery.finish(state, gains, 8.0)
-    assert said in refusal
+    assert reports in refusal
 
 
 def test_six_exact_poses_give_exact_values() -> None:

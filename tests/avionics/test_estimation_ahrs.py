@@ -39,14 +39,18 @@ vectors = st.tuples(components, components, components)
 
 
 def estimated(
-    motion: Motion, airframe: Airframe, gains: ahrs.AhrsGains = GAINS, seen: float = 1.0, still: float = STILL
+    motion: Motion,
+    airframe: Airframe,
+    gains: ahrs.AhrsGains = GAINS,
+    observed: float = 1.0,
+    stationary: float = STILL,
 ) -> list[Attitude]:
-    """Attitudes over a motion; the wing is measured from half a second after it started, times ``seen``."""
+    """Attitudes over a motion; the wing is measured from half a second after it started, times ``observed``."""
     state = ahrs.start(gains, motion.samples[0])
     attitudes = [ahrs.attitude(state)]
     noise = 0.2 * np.random.default_rng(7).standard_normal(len(motion.time))
     for k, imu in enumerate(motion.samples[1:], start=1):
-        frequency = airframe.frequency * seen if motion.time[k] > still + 0.5 else 0.0
+        frequency = airframe.frequency * observed if motion.time[k] > stationary + 0.5 else 0.0
         airspeed = max(0.0, float(motion.airspeed[k] + noise[k]))
         state, attitude = ahrs.step(gains, state, imu, frequency, airspeed)
         attitudes.append(attitude)
@@ -95,11 +99,11 @@ def test_turn_without_pitot_is_what_the_airspeed_is_for() -> None:
     assert rms(error[motion.time > 20.0]) > 2.0
 
 
-@pytest.mark.parametrize("seen", [0.9, 0.97, 1.03, 1.1])
-def test_wrong_wing_period_is_forgiven(seen: float) -> None:
+@pytest.mark.parametrize("observed", [0.9, 0.97, 1.03, 1.1])
+def test_wrong_wing_period_is_forgiven(observed: float) -> None:
     """GIVEN a wing period that is 3 or 10 % off THEN the triangular weight still holds the tilt."""
     motion = fly(SLOW_HAWK, 30.0, STILL)
-    error = inclination(motion, estimated(motion, SLOW_HAWK, seen=seen))
+    error = inclination(motion, estimated(motion, SLOW_HAWK, observed=observed))
     assert rms(error[motion.time > STILL + 3.0]) < 1.5
 
 
@@ -122,7 +126,7 @@ def test_hand_launch_without_pitot() -> None:
 def test_start_in_flight_recovers() -> None:
     """GIVEN a flight computer that boots in flight, upside down by its first sample THEN it finds up again."""
     motion = fly(SLOW_HAWK, 30.0)
-    error = inclination(motion, estimated(motion, SLOW_HAWK, still=0.0))
+    error = inclination(motion, estimated(motion, SLOW_HAWK, stationary=0.0))
     assert error[0] > 90.0
     assert error[motion.time > 15.0].max() < 5.0
 
@@ -176,10 +180,10 @@ def test_heading_and_vertical_acceleration() -> None:
 
 
 def test_declination_turns_the_heading() -> None:
-    still = at_rest(1.0, (0.2, 0.0, 0.42))
-    state = ahrs.start(GAINS._replace(declination=0.1), still[0])
+    stationary = at_rest(1.0, (0.2, 0.0, 0.42))
+    state = ahrs.start(GAINS._replace(declination=0.1), stationary[0])
     assert ahrs.attitude(state).yaw == pytest.approx(0.1)
-    for imu in still[1:]:
+    for imu in stationary[1:]:
         state, attitude = ahrs.step(GAINS._replace(declination=0.1), state, imu)
     assert attitude.yaw == pytest.approx(0.1, abs=1e-6)
 

@@ -28,25 +28,25 @@ SEEN = Situation(
 class Point:
     """Flies the course asked for, turning no faster than a bank of half a radian."""
 
-    def __init__(self, mission=(), seen: Situation = SEEN) -> None:
-        self.mission, self.seen = mission, seen
+    def __init__(self, mission=(), observed: Situation = SEEN) -> None:
+        self.mission, self.observed = mission, observed
         self.state = navigation.State(mode=Mode.AUTO)
         self.track: list[tuple[float, float]] = []
 
     def fly(self, seconds: float, climb: float = 1.0) -> "Point":
         for _ in range(round(seconds / DT)):
-            self.state, self.target = navigation.step(GAINS, self.state, DT, self.mission, self.seen)
-            seen, most = self.seen, 9.81 * math.tan(0.5) / SPEED * DT
-            turn = min(max(wrap(self.target.heading - seen.heading), -most), most)
-            up = min(max(self.target.altitude - seen.altitude, -climb * DT), climb * DT)
-            heading = wrap(seen.heading + turn)
-            self.seen = seen._replace(
-                north=seen.north + SPEED * DT * math.cos(heading),
-                east=seen.east + SPEED * DT * math.sin(heading),
+            self.state, self.target = navigation.step(GAINS, self.state, DT, self.mission, self.observed)
+            observed, most = self.observed, 9.81 * math.tan(0.5) / SPEED * DT
+            turn = min(max(wrap(self.target.heading - observed.heading), -most), most)
+            up = min(max(self.target.altitude - observed.altitude, -climb * DT), climb * DT)
+            heading = wrap(observed.heading + turn)
+            self.observed = observed._replace(
+                north=observed.north + SPEED * DT * math.cos(heading),
+                east=observed.east + SPEED * DT * math.sin(heading),
                 heading=heading,
-                altitude=seen.altitude + up,
+                altitude=observed.altitude + up,
             )
-            self.track.append((self.seen.north, self.seen.east))
+            self.track.append((self.observed.north, self.observed.east))
         return self
 
     def distances(self, place: tuple[float, float], since: int = 0) -> list[float]:
@@ -107,7 +107,7 @@ def test_a_circle_without_turns_or_time_ends_at_its_altitude() -> None:
     assert bird.state.item == 0
     while bird.state.item == 0 and len(bird.track) < 10_000:
         bird.fly(DT, climb=1.0)
-    assert bird.seen.altitude == pytest.approx(70.0 - GAINS.capture_altitude, abs=0.1)
+    assert bird.observed.altitude == pytest.approx(70.0 - GAINS.capture_altitude, abs=0.1)
 
 
 def test_a_loiter_item_has_no_end_and_names_no_radius() -> None:
@@ -125,7 +125,7 @@ def test_the_bank_of_a_circle_is_known_on_it_and_not_far_from_it() -> None:
 
 def test_the_mode_loiter_circles_here_at_this_altitude() -> None:
     bird = Point((), SEEN._replace(mode=Mode.LOITER, altitude=33.0, heading=0.0)).fly(60.0)
-    assert bird.seen.altitude == pytest.approx(33.0, abs=0.1)
+    assert bird.observed.altitude == pytest.approx(33.0, abs=0.1)
     beside = (0.0, GAINS.loiter_radius)
     assert max(abs(away - GAINS.loiter_radius) for away in bird.distances(beside)) < 2.0
     assert bird.target.stage == Stage.EN_ROUTE
@@ -141,10 +141,10 @@ def test_without_a_position_the_mode_loiter_keeps_turning() -> None:
 def test_a_place_to_circle_can_be_given_from_the_ground() -> None:
     bird = Point((), SEEN._replace(mode=Mode.LOITER)).fly(1.0)
     wanted = MissionItem(ItemKind.LOITER, 150.0, -50.0, 60.0, radius=-40.0)
-    bird.state = navigation.loiter_at(GAINS, bird.state, wanted, bird.seen)
+    bird.state = navigation.loiter_at(GAINS, bird.state, wanted, bird.observed)
     bird.fly(80.0)
     assert bird.distances((150.0, -50.0))[-1] == pytest.approx(40.0, abs=2.0)
-    assert bird.seen.altitude == pytest.approx(60.0, abs=0.1)
+    assert bird.observed.altitude == pytest.approx(60.0, abs=0.1)
 
 
 # --- jumps ----------------------------------------------------------------------------------------------
@@ -196,7 +196,7 @@ def test_a_return_flies_straight_home_and_circles_there() -> None:
 def test_a_return_that_the_wind_carries_past_home_turns_round() -> None:
     """The old line leads away from home beyond its end: it was followed for two minutes, through the fence."""
     bird = Point((), FAR).fly(2.0)
-    bird.seen = bird.seen._replace(north=-2.0 * GAINS.loiter_radius, east=-GAINS.loiter_radius)
+    bird.observed = bird.observed._replace(north=-2.0 * GAINS.loiter_radius, east=-GAINS.loiter_radius)
     bird.fly(DT)
     assert bird.target.heading == pytest.approx(math.atan2(1.0, 2.0), abs=0.05)
     bird.fly(25.0)
@@ -206,7 +206,7 @@ def test_a_return_that_the_wind_carries_past_home_turns_round() -> None:
 def test_a_return_from_low_climbs_straight_ahead_first() -> None:
     bird = Point((), FAR._replace(altitude=4.0)).fly(10.0, climb=1.0)
     assert (bird.target.heading, bird.target.curvature) == (FAR.heading, 0.0)
-    assert bird.seen.heading == pytest.approx(FAR.heading)
+    assert bird.observed.heading == pytest.approx(FAR.heading)
     assert bird.target.altitude == GAINS.return_altitude
     bird.fly(60.0, climb=1.0)
     assert bird.distances((0.0, 0.0))[-1] < 60.0
@@ -235,7 +235,7 @@ def test_return_lands_at_home_into_the_mean_wind(mission, wind_from_deg: float) 
     reach = ratio * GAINS.flare_reach
     end = (-reach * math.cos(wind_from), -reach * math.sin(wind_from))
     assert (bird.state.touch_north, bird.state.touch_east) == pytest.approx(end, abs=0.5)
-    assert abs(wrap(bird.seen.heading - wind_from)) < 0.6
+    assert abs(wrap(bird.observed.heading - wind_from)) < 0.6
     # On the line down to there, and not beside it.
     bird.fly(bird.state.slope_length / SPEED)
     assert bird.distances(end)[-1] < 15.0
@@ -254,7 +254,7 @@ def test_landing_heading_follows_no_single_gust() -> None:
     bird = Point((), FAR._replace(north=30.0, east=0.0, wind_north=-3.0)).fly(GAINS.loiter_time)
     while bird.state.elapsed < GAINS.loiter_time - 1.0:
         bird.fly(DT)
-    bird.seen = bird.seen._replace(wind_north=-1.5, wind_east=-2.5)
+    bird.observed = bird.observed._replace(wind_north=-1.5, wind_east=-2.5)
     assert bird.fly(2.0).state.landing == 1
     assert abs(bird.state.heading) < 0.2
 
@@ -262,9 +262,9 @@ def test_landing_heading_follows_no_single_gust() -> None:
 def test_a_circle_taken_by_a_failsafe_low_is_flown_above_the_floor() -> None:
     low = SEEN._replace(mode=Mode.LOITER, altitude=1.0, rescued=1)
     bird = Point((), low).fly(10.0)
-    assert bird.seen.heading == pytest.approx(low.heading)
+    assert bird.observed.heading == pytest.approx(low.heading)
     bird.fly(60.0)
-    assert bird.seen.altitude >= GAINS.return_floor
+    assert bird.observed.altitude >= GAINS.return_floor
     assert bird.target.curvature == pytest.approx(1.0 / GAINS.loiter_radius, rel=0.1)
     chosen = Point((), low._replace(rescued=0)).fly(5.0)
     assert (chosen.target.altitude, chosen.state.radius) == (1.0, GAINS.loiter_radius)
@@ -318,9 +318,9 @@ def test_line_length_is_kept_once_begun() -> None:
 CORNER = (MissionItem(ItemKind.WAYPOINT, 200.0, 0.0, 40.0), MissionItem(ItemKind.WAYPOINT, 200.0, 300.0, 40.0))
 
 
-def overshoot(seen: Situation, mission=CORNER) -> float:
+def overshoot(observed: Situation, mission=CORNER) -> float:
     """How far (m) a corner is overshot, beyond the next leg."""
-    bird = Point(mission, seen).fly(45.0)
+    bird = Point(mission, observed).fly(45.0)
     return max(north for north, _ in bird.track) - 200.0
 
 
@@ -331,7 +331,7 @@ def test_a_corner_is_turned_into_before_it_comes() -> None:
 def test_a_turn_into_a_following_wind_begins_earlier() -> None:
     windy = SEEN._replace(heading=0.0, wind_east=2.0)
     state, _ = navigation.step(GAINS, navigation.State(mode=Mode.AUTO), DT, CORNER, SEEN._replace(heading=0.0))
-    calm, downwind = (turning_distance(GAINS, state, seen) for seen in (SEEN, windy))
+    calm, downwind = (turning_distance(GAINS, state, observed) for observed in (SEEN, windy))
     assert calm == pytest.approx(SPEED**2 / (9.81 * math.tan(0.4)), rel=0.01)
     assert downwind == pytest.approx(calm * ((SPEED + 2.0) / SPEED) ** 2)
     gust = SEEN._replace(airspeed=14.0, wind_east=3.0)

@@ -37,9 +37,9 @@ THREE = Excitation(Channel.ELEVATOR, Shape.MULTISINE, 0.06, 10.0, 1.0, 1, 0.3, 2
 """24 harmonics of 10 s, eight on each channel"""
 
 
-def flown(asked: Excitation, seconds: float = 30.0) -> tuple[excitation.State, np.ndarray]:
+def simulate(requests: Excitation, seconds: float = 30.0) -> tuple[excitation.State, np.ndarray]:
     """The state at the end, and time since the input began, elevator, throttle, rudder while it lasted (N, 4)."""
-    state, rows = excitation.start(excitation.State(), asked), []
+    state, rows = excitation.start(excitation.State(), requests), []
     for i in range(round(seconds / DT)):
         state, status = excitation.step(GAINS, state, round(i * DT * 1e6), DT, True, FLOWN)
         if state.phase == excitation.Phase.INPUT:
@@ -53,9 +53,9 @@ def flown(asked: Excitation, seconds: float = 30.0) -> tuple[excitation.State, n
 @pytest.mark.parametrize("shape", [Shape.LINEAR_SWEEP, Shape.LOGARITHMIC_SWEEP])
 @pytest.mark.parametrize("band", [(0.5, 3.0), (3.0, 0.5)])
 def test_the_frequency_of_a_sweep_runs_from_its_start_to_its_end(shape: Shape, band: tuple[float, float]) -> None:
-    asked = SWEEP._replace(shape=shape, low=band[0], high=band[1], width=20.0)
+    requests = SWEEP._replace(shape=shape, low=band[0], high=band[1], width=20.0)
     time = np.linspace(0.0, 20.0, 200_001)
-    signal = np.array([excitation.sweep(asked, 0.0, t) for t in time])
+    signal = np.array([excitation.sweep(requests, 0.0, t) for t in time])
     crossings = time[:-1][np.diff(np.signbit(signal).astype(int)) != 0]
     middle, frequency = 0.5 * (crossings[1:] + crossings[:-1]), 0.5 / np.diff(crossings)
     share = middle / 20.0
@@ -67,7 +67,7 @@ def test_the_frequency_of_a_sweep_runs_from_its_start_to_its_end(shape: Shape, b
 
 
 def test_a_sweep_fades_in_and_out_and_stays_within_its_amplitude() -> None:
-    _, rows = flown(SWEEP)
+    _, rows = simulate(SWEEP)
     time, elevator = rows[:, 0], rows[:, 1]
     assert len(rows) == 1000
     assert abs(elevator[0]) == 0.0
@@ -80,9 +80,9 @@ def test_a_sweep_fades_in_and_out_and_stays_within_its_amplitude() -> None:
 
 
 def test_a_sweep_that_stays_at_one_frequency_is_a_sine() -> None:
-    asked = SWEEP._replace(shape=Shape.LOGARITHMIC_SWEEP, low=2.0, high=2.0)
+    requests = SWEEP._replace(shape=Shape.LOGARITHMIC_SWEEP, low=2.0, high=2.0)
     for t in (0.1, 3.33, 9.0):
-        assert excitation.sweep(asked, 0.0, t) == pytest.approx(math.sin(4.0 * math.pi * t))
+        assert excitation.sweep(requests, 0.0, t) == pytest.approx(math.sin(4.0 * math.pi * t))
 
 
 # --- multisines -----------------------------------------------------------------------------------------
@@ -134,7 +134,7 @@ def check_orthogonal(rows: np.ndarray) -> None:
 
 
 def test_three_channels_are_orthogonal_over_a_period() -> None:
-    state, rows = flown(THREE)
+    state, rows = simulate(THREE)
     assert state.finished == 1
     assert len(rows) == 1000
     check_orthogonal(rows[:, 1:])
@@ -160,8 +160,8 @@ def _through_json(value: object) -> object:
 # --- loops and envelope ---------------------------------------------------------------------------------
 
 
-def running(asked: Excitation) -> excitation.State:
-    state = excitation.start(excitation.State(), asked)
+def running(requests: Excitation) -> excitation.State:
+    state = excitation.start(excitation.State(), requests)
     for _ in range(120):
         state, _ = excitation.step(GAINS, state, 0, DT, True, FLOWN)
     assert excitation.running(state)
@@ -169,7 +169,7 @@ def running(asked: Excitation) -> excitation.State:
 
 
 @pytest.mark.parametrize(
-    ("asked", "frozen", "roll_frozen"),
+    ("requests", "frozen", "roll_frozen"),
     [
         (SWEEP, 1, 0),
         (SWEEP._replace(loops=1), 0, 0),
@@ -179,8 +179,8 @@ def running(asked: Excitation) -> excitation.State:
         (SWEEP._replace(channel=Channel.THROTTLE), 1, 0),
     ],
 )
-def test_the_loops_are_frozen_or_fly_on_as_asked(asked: Excitation, frozen: int, roll_frozen: int) -> None:
-    state = running(asked)
+def test_the_loops_are_frozen_or_fly_on_as_asked(requests: Excitation, frozen: int, roll_frozen: int) -> None:
+    state = running(requests)
     assert (excitation.frozen(state), excitation.roll_frozen(state)) == (frozen, roll_frozen)
     done = excitation.stop(state)
     assert (excitation.frozen(done), excitation.roll_frozen(done), done.lines) == (0, 0, ())
@@ -188,8 +188,8 @@ def test_the_loops_are_frozen_or_fly_on_as_asked(asked: Excitation, frozen: int,
 
 @pytest.mark.parametrize(("loops", "calm"), [(0, True), (1, False)])
 def test_a_trim_is_sought_before_each_frozen_input_and_never_otherwise(loops: int, calm: bool) -> None:
-    asked = Excitation(Channel.ELEVATOR, Shape.DOUBLET, 0.1, 0.2, 0.5, repeats=2, loops=loops)
-    state, sought = excitation.start(excitation.State(), asked), []
+    requests = Excitation(Channel.ELEVATOR, Shape.DOUBLET, 0.1, 0.2, 0.5, repeats=2, loops=loops)
+    state, sought = excitation.start(excitation.State(), requests), []
     assert not excitation.recovering(excitation.State())
     for _ in range(round(2 * (GAINS.recovery + 0.5 + 0.4 + 0.5) / DT)):
         sought.append((excitation.recovering(state), state.manoeuvre, state.phase))
@@ -202,12 +202,12 @@ def test_a_trim_is_sought_before_each_frozen_input_and_never_otherwise(loops: in
     assert not excitation.recovering(excitation.stop(state))
 
 
-def vertical(asked: Excitation) -> tuple[AutopilotState, altitude.State]:
-    """The memory after a step of the climb loop, too low and sinking while ``asked`` begins; its state before."""
+def vertical(requests: Excitation) -> tuple[AutopilotState, altitude.State]:
+    """The memory after a step of the climb loop, too low and sinking while ``requests`` begins; its state before."""
     s = initial_state(RAVEN.gains, ())
     s.modes = s.modes._replace(armed=1, mode=int(Mode.AUTO), stage=int(Stage.EN_ROUTE))
     s.altitude_loop = before = altitude.initial(RAVEN.gains.altitude, RAVEN.gains.altitude.throttle_trim)
-    s.excitation = excitation.start(s.excitation, asked)
+    s.excitation = excitation.start(s.excitation, requests)
     s.clock = s.clock._replace(dt_50=0.02)
     s.target = s.target._replace(altitude=2.0)
     guide.vertical(s, lambda topic, message: None)
@@ -216,8 +216,8 @@ def vertical(asked: Excitation) -> tuple[AutopilotState, altitude.State]:
 
 def test_the_climb_loop_is_calm_while_a_trim_is_sought() -> None:
     gains, measured = RAVEN.gains.altitude, altitude.Measured(0.0, 0.0, 0.0)
-    for asked, flown_by in ((SWEEP, altitude.calm(gains)), (SWEEP._replace(loops=1), gains)):
-        s, before = vertical(asked)
+    for requests, flown_by in ((SWEEP, altitude.calm(gains)), (SWEEP._replace(loops=1), gains)):
+        s, before = vertical(requests)
         assert s.altitude_loop == altitude.step(flown_by, before, 0, 0.02, 2.0, measured)[0]
     assert altitude.step(gains, before, 0, 0.02, 2.0, measured) != altitude.step(
         altitude.calm(gains), before, 0, 0.02, 2.0, measured
@@ -301,10 +301,10 @@ def test_the_loops_take_over_again_without_a_jump() -> None:
 
 
 def test_every_input_of_the_mission_was_flown_to_its_end() -> None:
-    said = flight().events()
+    reports = flight().events()
     for item in range(2, 5):
-        assert any(text.startswith(f"waypoint {item} ") for text in said)
-    assert not any("aborted" in text for text in said)
+        assert any(text.startswith(f"waypoint {item} ") for text in reports)
+    assert not any("aborted" in text for text in reports)
 
 
 @given(
@@ -314,13 +314,13 @@ def test_every_input_of_the_mission_was_flown_to_its_end() -> None:
 )
 def test_a_period_that_folds_is_told_with_one_that_does_not(frequency: float, turns: int, miss: float) -> None:
     """GIVEN lines from 0.1 to 0.9 of the flapping frequency THEN images meet lines, half a period later not."""
-    asked = Excitation(
+    requests = Excitation(
         Channel.ELEVATOR, Shape.MULTISINE, 0.05, (turns + miss) / frequency, 0.5, 1, 0.1 * frequency, 0.9 * frequency
     )
-    better = excitation.unfolding_period(asked, frequency)
+    better = excitation.unfolding_period(requests, frequency)
     assert better * frequency == pytest.approx(turns + 0.5)
-    assert excitation.unfolding_period(asked._replace(width=better), frequency) == 0.0
-    below_half = asked._replace(high=0.45 * frequency)
+    assert excitation.unfolding_period(requests._replace(width=better), frequency) == 0.0
+    below_half = requests._replace(high=0.45 * frequency)
     assert excitation.unfolding_period(below_half, frequency) == 0.0
-    assert excitation.unfolding_period(asked._replace(shape=Shape.LINEAR_SWEEP), frequency) == 0.0
-    assert excitation.unfolding_period(asked, 0.0) == 0.0
+    assert excitation.unfolding_period(requests._replace(shape=Shape.LINEAR_SWEEP), frequency) == 0.0
+    assert excitation.unfolding_period(requests, 0.0) == 0.0

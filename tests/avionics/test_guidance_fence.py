@@ -141,7 +141,7 @@ def test_the_floor_holds_once_it_was_passed_and_not_on_an_approach() -> None:
 
 
 @pytest.mark.parametrize(
-    ("seen", "kind"),
+    ("observed", "kind"),
     [
         (CRUISE, Breach.NONE),
         (CRUISE._replace(fence_clearance=-1.0), Breach.BORDER),
@@ -150,9 +150,9 @@ def test_the_floor_holds_once_it_was_passed_and_not_on_an_approach() -> None:
         (LOW, Breach.FLOOR),
     ],
 )
-def test_what_is_passed_furthest_is_told(seen: modes.Conditions, kind: Breach) -> None:
-    assert fence.breach(GAINS, FLYING._replace(above_floor=1), seen) == kind
-    assert fence.breach(GAINS, FLYING._replace(stage=Stage.ON_GROUND), seen) == Breach.NONE
+def test_what_is_passed_furthest_is_told(observed: modes.Conditions, kind: Breach) -> None:
+    assert fence.breach(GAINS, FLYING._replace(above_floor=1), observed) == kind
+    assert fence.breach(GAINS, FLYING._replace(stage=Stage.ON_GROUND), observed) == Breach.NONE
 
 
 def test_on_the_ground_there_is_no_fence() -> None:

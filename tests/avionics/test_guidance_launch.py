@@ -81,14 +81,14 @@ def test_a_throw_is_seen_within_half_a_second(speed: float, pitch: float, roll: 
 def test_the_wings_begin_on_the_way_out_of_the_hand_and_stop_when_it_was_no_throw(mode: Mode) -> None:
     memory = Autopilot(VEHICLE, (MissionItem(ItemKind.TAKEOFF, altitude=20.0),), lambda topic, message: None).memory
     memory.modes = WAITING._replace(mode=mode)
-    assert throttle_asked(memory) == GAINS.wait_throttle
+    assert throttle_commanded(memory) == GAINS.wait_throttle
     begun, speed = None, 0.0
     for tick in range(15):
         push = throw(4.2)(tick * DT)
         speed += push * DT
         seen = ON_THE_HAND._replace(forward_force=push + G * math.sin(0.2), airspeed=speed)
         memory.modes, _ = supervisor.step(GAINS, memory.modes, DT, seen)
-        if begun is None and throttle_asked(memory) == VEHICLE.gains.altitude.throttle_max:
+        if begun is None and throttle_commanded(memory) == VEHICLE.gains.altitude.throttle_max:
             begun = tick * DT
     assert begun is not None and begun < 0.2, "a tenth of a second before the hand lets go"
     assert memory.modes.stage == Stage.WAIT_LAUNCH, "not out of reach yet"
@@ -96,10 +96,10 @@ def test_the_wings_begin_on_the_way_out_of_the_hand_and_stop_when_it_was_no_thro
         braked = ON_THE_HAND._replace(forward_force=-speed / 0.1 if tick < 5 else G * math.sin(0.2))
         memory.modes, _ = supervisor.step(GAINS, memory.modes, DT, braked)
     assert memory.modes.stage == Stage.WAIT_LAUNCH, "the hand held on to it"
-    assert throttle_asked(memory) == GAINS.wait_throttle
+    assert throttle_commanded(memory) == GAINS.wait_throttle
 
 
-def throttle_asked(memory: AutopilotState) -> float | None:
+def throttle_commanded(memory: AutopilotState) -> float | None:
     asked = vertical_command(memory)
     return None if asked is None else asked.throttle
 

@@ -32,16 +32,16 @@ CRUISE = READY._replace(airspeed=7.5, ground_speed=7.5, altitude=40.0, climb_rat
 FLYING = modes.State(mode=Mode.AUTO, stage=Stage.EN_ROUTE, armed=1)
 
 
-def run(state: modes.State, seen: modes.Conditions, seconds: float):
+def run(state: modes.State, observed: modes.Conditions, seconds: float):
     said: list[modes.Notice] = []
     for _ in range(max(1, round(seconds / DT))):
-        state, notices = supervisor.step(GAINS, state, DT, seen)
+        state, notices = supervisor.step(GAINS, state, DT, observed)
         said += notices
     return state, said
 
 
 @pytest.mark.parametrize(
-    ("seen", "mode", "reason"),
+    ("observed", "mode", "reason"),
     [
         (READY._replace(settled=0), Mode.AUTO, "attitude"),
         (READY._replace(imu_fault=1), Mode.MANUAL, "IMU"),
@@ -53,8 +53,8 @@ def run(state: modes.State, seen: modes.Conditions, seconds: float):
         (READY, Mode.LAND, "mode LAND: select another mode"),
     ],
 )
-def test_arming_is_refused_with_its_reason(seen: modes.Conditions, mode: Mode, reason: str) -> None:
-    state, notices = arming.arm(GAINS, modes.State(mode=mode), seen)
+def test_arming_is_refused_with_its_reason(observed: modes.Conditions, mode: Mode, reason: str) -> None:
+    state, notices = arming.arm(GAINS, modes.State(mode=mode), observed)
     assert state.armed == 0
     assert reason in notices[0].text
     assert notices[0].severity == Severity.WARNING
@@ -121,15 +121,15 @@ def test_disarming_in_the_air_needs_force() -> None:
 
 
 @pytest.mark.parametrize(
-    ("mode", "seen", "state", "reason"),
+    ("mode", "observed", "state", "reason"),
     [
         (Mode.AUTO, READY._replace(items=0), FLYING._replace(mode=Mode.MANUAL), "no mission"),
         (Mode.RETURN, CRUISE._replace(fix_age=9.0), FLYING, "no GPS"),
         (Mode.LAND, READY, FLYING._replace(stage=Stage.WAIT_LAUNCH), "not in flight"),
     ],
 )
-def test_a_mode_is_refused_with_its_reason(mode, seen, state, reason) -> None:
-    after, notices = modes.set_mode(GAINS, state, mode, seen)
+def test_a_mode_is_refused_with_its_reason(mode, observed, state, reason) -> None:
+    after, notices = modes.set_mode(GAINS, state, mode, observed)
     assert after == state
     assert reason in notices[0].text
 
@@ -171,15 +171,15 @@ def test_link_loss_on_the_hand_only_is_said() -> None:
 
 
 @pytest.mark.parametrize(
-    ("seen", "flag"),
+    ("observed", "flag"),
     [
         (CRUISE._replace(battery=GAINS.battery_return - 0.01), Failsafe.BATTERY_LOW),
         (CRUISE._replace(home_distance=GAINS.fence_radius + 1.0), Failsafe.FENCE),
         (CRUISE._replace(altitude=GAINS.fence_altitude + 1.0), Failsafe.FENCE),
     ],
 )
-def test_battery_and_fence_return(seen: modes.Conditions, flag: Failsafe) -> None:
-    state, _ = run(FLYING, seen, 0.1)
+def test_battery_and_fence_return(observed: modes.Conditions, flag: Failsafe) -> None:
+    state, _ = run(FLYING, observed, 0.1)
     assert (state.mode, state.failsafe) == (Mode.RETURN, flag)
 
 
@@ -246,19 +246,19 @@ def test_only_the_line_down_keeps_a_return_from_being_flown() -> None:
 
 
 @pytest.mark.parametrize(
-    ("mode", "seen"),
+    ("mode", "observed"),
     [
         (Mode.STABILIZED, BLIND),
         (Mode.ALTITUDE_HOLD, BLIND._replace(battery=GAINS.battery_return - 0.01)),
         (Mode.ALTITUDE_HOLD, BLIND._replace(battery=GAINS.battery_return - 0.01, fix_age=math.inf)),
     ],
 )
-def test_a_return_without_a_position_becomes_a_landing(mode: Mode, seen: modes.Conditions) -> None:
-    state, _ = run(FLYING._replace(mode=mode), seen, GAINS.gps_land_delay - 1.0)
+def test_a_return_without_a_position_becomes_a_landing(mode: Mode, observed: modes.Conditions) -> None:
+    state, _ = run(FLYING._replace(mode=mode), observed, GAINS.gps_land_delay - 1.0)
     assert state.mode == Mode.ALTITUDE_HOLD
-    state, _ = run(state, seen, 2.0)
+    state, _ = run(state, observed, 2.0)
     assert state.mode == Mode.LAND
-    flown, _ = run(FLYING._replace(mode=mode), seen._replace(pilot_lost=0), GAINS.gps_land_delay + 10.0)
+    flown, _ = run(FLYING._replace(mode=mode), observed._replace(pilot_lost=0), GAINS.gps_land_delay + 10.0)
     assert flown.mode == mode
 
 
@@ -275,8 +275,8 @@ def test_a_battery_about_its_threshold_takes_the_mission_away_once() -> None:
     low, high = (CRUISE._replace(battery=GAINS.battery_return + by) for by in (-0.001, 0.001))
     state, _ = run(FLYING, low, 0.1)
     state, _ = modes.set_mode(GAINS, state, Mode.AUTO, CRUISE)
-    for seen in (high, low, high, low):
-        state, said = run(state, seen, 0.5)
+    for observed in (high, low, high, low):
+        state, said = run(state, observed, 0.5)
         assert (state.mode, said) == (Mode.AUTO, [])
     state, said = run(state, CRUISE._replace(battery=GAINS.battery_return + 0.051), 0.1)
     assert [notice.text for notice in said] == ["failsafe cleared: battery low"]
@@ -326,8 +326,8 @@ def test_each_failure_is_said_once_answered_once_and_said_to_be_over(failure: fa
 def test_a_failure_that_flickers_is_said_once() -> None:
     fence, state, said = CRUISE._replace(altitude=GAINS.fence_altitude + 1.0), FLYING, []
     for _ in range(20):
-        for seen in (fence, CRUISE):
-            state, notices = run(state, seen, 0.5)
+        for observed in (fence, CRUISE):
+            state, notices = run(state, observed, 0.5)
             said += notices
     assert [notice.text for notice in said if notice.text.endswith("outside the fence")] == [
         "failsafe: outside the fence",

@@ -30,13 +30,13 @@ DT = 0.05
 places = st.tuples(st.floats(-500, 500), st.floats(-500, 500))
 
 
-def apart(a, b):
+def separation(a, b):
     return math.hypot(a[0] - b[0], a[1] - b[1]) > 1.0
 
 
 @given(start=places, end=places, along=st.floats(-1, 2), cross=st.floats(-200, 200))
 def test_a_leg_tells_how_far_along_and_how_far_to_the_right(start, end, along, cross) -> None:
-    if not apart(start, end):
+    if not separation(start, end):
         return
     length = math.dist(start, end)
     n, e = (end[0] - start[0]) / length, (end[1] - start[1]) / length
@@ -49,7 +49,7 @@ def test_a_leg_tells_how_far_along_and_how_far_to_the_right(start, end, along, c
 
 @given(start=places, end=places, place=places)
 def test_the_course_leads_toward_the_leg_and_never_backward(start, end, place) -> None:
-    if not apart(start, end):
+    if not separation(start, end):
         return
     line = path.leg(start, end, place)
     turn = wrap(path.course_to_leg(line, GAINS.lookahead) - line.course)
@@ -59,7 +59,7 @@ def test_the_course_leads_toward_the_leg_and_never_backward(start, end, place) -
 
 @given(start=places, end=places, cross=st.floats(-400, 400))
 def test_passing_abeam_counts_as_reached_however_far_aside(start, end, cross) -> None:
-    if not apart(start, end):
+    if not separation(start, end):
         return
     length = math.dist(start, end)
     n, e = (end[0] - start[0]) / length, (end[1] - start[1]) / length
@@ -88,9 +88,9 @@ def test_following_the_circle_course_ends_on_the_circle_clockwise(bearing: float
     assert wrap(math.atan2(east, north) - before) > 0.0
 
 
-def fly(mission, seen: Situation, state: navigation.State = AUTO, seconds: float = DT):
+def fly(mission, observed: Situation, state: navigation.State = AUTO, seconds: float = DT):
     for _ in range(max(1, round(seconds / DT))):
-        state, target = navigation.step(GAINS, state, DT, mission, seen)
+        state, target = navigation.step(GAINS, state, DT, mission, observed)
     return state, target
 
 
@@ -198,24 +198,24 @@ def test_a_landing_that_comes_in_high_circles_down_before_the_line() -> None:
     assert state.final == 1
 
 
-def on_the_line(to_go: float, cross: float = 0.0, turn: float = 0.0, above: float = 0.0) -> Situation:
-    """``to_go`` m before the end of LAND's line, ``above`` m above and ``cross`` m right of it, ``turn`` rad off."""
-    altitude = GAINS.approach_altitude * to_go / GAINS.approach_length + above
-    return SEEN._replace(north=END - to_go, east=cross, heading=turn, altitude=altitude)
+def on_the_line(remaining: float, cross: float = 0.0, turn: float = 0.0, above: float = 0.0) -> Situation:
+    """``remaining`` m before the end of the line, ``above`` m above and ``cross`` m right of it, ``turn`` rad off."""
+    altitude = GAINS.approach_altitude * remaining / GAINS.approach_length + above
+    return SEEN._replace(north=END - remaining, east=cross, heading=turn, altitude=altitude)
 
 
 @pytest.mark.parametrize("cross", [-12.0, 0.0, 12.0])
-@pytest.mark.parametrize("to_go", [60.0, 100.0, GAINS.approach_length])
-def test_a_landing_joins_the_line_where_it_meets_it(to_go: float, cross: float) -> None:
-    state, _ = fly((LAND,), on_the_line(to_go, cross, turn=0.3, above=2.0))
+@pytest.mark.parametrize("remaining", [60.0, 100.0, GAINS.approach_length])
+def test_a_landing_joins_the_line_where_it_meets_it(remaining: float, cross: float) -> None:
+    state, _ = fly((LAND,), on_the_line(remaining, cross, turn=0.3, above=2.0))
     assert state.final == 1
-    _, target = fly((LAND,), on_the_line(to_go, cross, turn=0.3, above=2.0), state)
-    assert target.altitude == pytest.approx(GAINS.approach_altitude * to_go / GAINS.approach_length)
+    _, target = fly((LAND,), on_the_line(remaining, cross, turn=0.3, above=2.0), state)
+    assert target.altitude == pytest.approx(GAINS.approach_altitude * remaining / GAINS.approach_length)
     assert target.heading * cross <= 0.0
 
 
 @pytest.mark.parametrize(
-    "seen",
+    "observed",
     [
         on_the_line(-5.0),
         on_the_line(60.0, cross=20.0),
@@ -225,8 +225,8 @@ def test_a_landing_joins_the_line_where_it_meets_it(to_go: float, cross: float) 
     ],
     ids=["past the place", "beside the funnel", "turned away", "coming back", "before the head"],
 )
-def test_a_landing_from_outside_the_funnel_flies_to_the_head(seen: Situation) -> None:
-    state, target = fly((LAND,), seen)
+def test_a_landing_from_outside_the_funnel_flies_to_the_head(observed: Situation) -> None:
+    state, target = fly((LAND,), observed)
     assert (state.final, state.arrived) == (0, 0)
     assert target.altitude == GAINS.approach_altitude
 

@@ -23,12 +23,17 @@ from avionics.isolation import (
 )
 from avionics.link.dialect import mavlink
 from avionics.link.ground import GroundLink
+from avionics.link.sensor_codec import TELEMETRY
 from avionics.link.stream_table import STREAMS
 from wingbeat.message import Event, Severity
 
 POLL = 0.02
 """s; between two ticks that serve the links"""
-NAMES = {str(mavlink.mavlink_map[entry.message_id].msgname): entry for entry in STREAMS}
+OPTIONAL = {sensor.wire for sensor in TELEMETRY}
+"""messages of sensors that this vehicle does not carry"""
+NAMES = {
+    name: entry for entry in STREAMS if (name := str(mavlink.mavlink_map[entry.message_id].msgname)) not in OPTIONAL
+}
 
 
 class Injected(Exception):
@@ -157,7 +162,7 @@ class Links:
 
     def send(self, message: Any) -> None:
         for wire, voice in zip(self.wires, self.voices, strict=True):
-            wire.say(voice.frame(message))
+            wire.put(voice.frame(message))
 
     def fly(self, duration: float) -> None:
         end = self.now + duration - 1e-9
@@ -167,7 +172,7 @@ class Links:
             self.link.stream(self.now)
             self.events += self.link.take_events()
         for received, wire in zip(self.received, self.wires, strict=True):
-            received += wire.heard()
+            received += wire.incoming()
 
     def texts(self, wire: int = 1) -> str:
         """What the station on a wire was sent as STATUSTEXT; ends with the chunks of the last."""

@@ -49,8 +49,8 @@ class Links:
         sent = [each for each in wire.take() if each.data[7] == mavlink.MAVLINK_MSG_ID_PARAM_VALUE]
         return Counter(str(each.peer) for each in sent)
 
-    def ask_list(self, wire: int, system: int, name: str = "") -> None:
-        self.wires[wire].say(
+    def request_list(self, wire: int, system: int, name: str = "") -> None:
+        self.wires[wire].put(
             Voice(system).frame(mavlink.MAVLink_param_request_list_message(1, 1)), name or str(system)
         )
 
@@ -58,8 +58,8 @@ class Links:
 def test_however_many_ask_for_parameters_a_link_sends_no_more_at_once_than_for_one() -> None:
     links = Links(2)
     for system in range(2, 102):
-        links.ask_list(0, system)
-    links.ask_list(1, 200)
+        links.request_list(0, system)
+    links.request_list(1, 200)
     each = LinkGains().parameters_per_step
     assert [sum(values.values()) for values in links.step()] == [each, each]
 
@@ -83,9 +83,9 @@ def test_under_any_flood_a_poll_does_so_much_and_another_link_is_answered(messag
     """GIVEN two links with hundreds of frames each WHEN another disarms on a third THEN that poll answers it."""
     links, voices = Links(3), [Voice(system) for system in range(2, 250)]
     for number in range(600):
-        links.wires[number % 2].say(voices[number % len(voices)].frame(message), f"flood {number % 2}")
-    links.wires[0].say(Voice(254).frame(mavlink.MAVLink_timesync_message(0, 7)), "last")
-    links.wires[2].say(Voice(255).frame(disarming()), "station")
+        links.wires[number % 2].put(voices[number % len(voices)].frame(message), f"flood {number % 2}")
+    links.wires[0].put(Voice(254).frame(mavlink.MAVLink_timesync_message(0, 7)), "last")
+    links.wires[2].put(Voice(255).frame(disarming()), "station")
     assert CommandKind.DISARM in {each.kind for each in links.poll() if isinstance(each, Command)}
     sent = [wire.take() for wire in links.wires]
     assert mavlink.MAVLINK_MSG_ID_COMMAND_ACK in {each.data[7] for each in sent[2]}
@@ -106,9 +106,9 @@ def disarming() -> Any:
 
 def test_the_oldest_list_makes_room_and_on_another_link_nothing_changes() -> None:
     links = Links(2)
-    links.ask_list(1, 200)
+    links.request_list(1, 200)
     for system in range(2, 2 + MOST_LISTS + 3):
-        links.ask_list(0, system)
+        links.request_list(0, system)
     total = [Counter[str](), Counter[str]()]
     for _ in range(200):
         for sums, values in zip(total, links.step(), strict=True):
@@ -121,10 +121,10 @@ def test_the_oldest_list_makes_room_and_on_another_link_nothing_changes() -> Non
 def test_who_asks_again_keeps_his_place() -> None:
     """GIVEN a station whose list is under way WHEN it asks anew THEN it begins anew, before those who came later."""
     links = Links()
-    links.ask_list(0, 10)
-    links.ask_list(0, 11)
+    links.request_list(0, 10)
+    links.request_list(0, 11)
     links.step()
-    links.ask_list(0, 10)
+    links.request_list(0, 10)
     assert set(links.step()[0]) == {"10"}
 
 
@@ -148,12 +148,12 @@ def encoded(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[int]]:
 def places(links: Links, count: int) -> list[tuple[int, float]]:
     """The mission as it is downloaded: latitude and altitude of each item."""
     for number in range(count):
-        links.wires[0].say(Voice(255).frame(mavlink.MAVLink_mission_request_int_message(1, 1, number)))
+        links.wires[0].put(Voice(255).frame(mavlink.MAVLink_mission_request_int_message(1, 1, number)))
     items: list[Any] = []
     while len(items) < count:  # some in each poll
         links.now += STEP
         links.link.poll(links.now)
-        news = [each for each in links.wires[0].heard() if each.get_type() == "MISSION_ITEM_INT"]
+        news = [each for each in links.wires[0].incoming() if each.get_type() == "MISSION_ITEM_INT"]
         assert news
         items += news
     return [(each.x, each.z) for each in items]

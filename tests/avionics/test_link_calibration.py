@@ -25,13 +25,13 @@ FAILED, IN_PROGRESS = mavlink.MAV_RESULT_FAILED, mavlink.MAV_RESULT_IN_PROGRESS
 UNSUPPORTED = mavlink.MAV_RESULT_UNSUPPORTED
 
 
-def asked(*params: float, sender: Sender = STATION, command: int = CALIBRATION) -> Request:
+def requested(*params: float, sender: Sender = STATION, command: int = CALIBRATION) -> Request:
     return Request(command, (*params, *(0.0,) * (7 - len(params))), sender)
 
 
-def goes(vehicle: FakeVehicle, running: int, progress: float, begun: int = 1, succeeded: int = 0) -> None:
+def continues(vehicle: FakeVehicle, running: int, progress: float, started: int = 1, succeeded: int = 0) -> None:
     vehicle.topics[t.CALIBRATION.name] = CalibrationStatus(
-        0, Calibration.MAGNETOMETER, running, progress, begun, succeeded, 0.0
+        0, Calibration.MAGNETOMETER, running, progress, started, succeeded, 0.0
     )
 
 
@@ -50,31 +50,31 @@ def acks(outputs: list[Any]) -> list[tuple[int, int]]:
     ],
 )
 def test_each_parameter_begins_its_calibration(params: tuple[float, ...], kind: str) -> None:
-    command_result = CalibrationRequests(FakeVehicle()).answer(asked(*params))
+    command_result = CalibrationRequests(FakeVehicle()).answer(requested(*params))
     assert command_result.result == IN_PROGRESS
     assert [(command.kind, command.name) for command in command_result.outputs] == [(CommandKind.CALIBRATE, kind)]
 
 
 def test_our_own_command_says_kind_and_what_is_given() -> None:
     requests = CalibrationRequests(FakeVehicle())
-    command_result = requests.answer(asked(7, 7.8, command=mavlink.MAV_CMD_WINGBEAT_CALIBRATE))
+    command_result = requests.answer(requested(7, 7.8, command=mavlink.MAV_CMD_WINGBEAT_CALIBRATE))
     assert [(command.name, command.value) for command in command_result.outputs] == [("BATTERY", 7.8)]
     for wrong in (0.0, 99.0, 1.5, float("nan")):
         other = CalibrationRequests(FakeVehicle())
-        assert other.answer(asked(wrong, command=mavlink.MAV_CMD_WINGBEAT_CALIBRATE)).result == UNSUPPORTED
+        assert other.answer(requested(wrong, command=mavlink.MAV_CMD_WINGBEAT_CALIBRATE)).result == UNSUPPORTED
 
 
 def test_it_is_in_progress_until_the_core_has_ended_it() -> None:
     vehicle = FakeVehicle()
     requests = CalibrationRequests(vehicle)
-    requests.answer(asked(0, 1))
+    requests.answer(requested(0, 1))
     assert requests.step(10.0) == []
-    goes(vehicle, running=1, progress=0.4)
+    continues(vehicle, running=1, progress=0.4)
     assert requests.step(10.5) == []
     assert acks(requests.step(11.1)) == [(IN_PROGRESS, 40)]
-    assert requests.answer(asked(0, 1)).result == IN_PROGRESS
-    assert requests.answer(asked(0, 1)).outputs == ()
-    goes(vehicle, running=0, progress=1.0, succeeded=1)
+    assert requests.answer(requested(0, 1)).result == IN_PROGRESS
+    assert requests.answer(requested(0, 1)).outputs == ()
+    continues(vehicle, running=0, progress=1.0, succeeded=1)
     ended = requests.step(11.2)
     assert acks(ended) == [(ACCEPTED, 100)]
     assert ended[0].to == STATION
@@ -84,46 +84,46 @@ def test_it_is_in_progress_until_the_core_has_ended_it() -> None:
 def test_a_calibration_that_fails_or_never_begins_is_told_as_failed() -> None:
     vehicle = FakeVehicle()
     requests = CalibrationRequests(vehicle)
-    requests.answer(asked(0, 1))
+    requests.answer(requested(0, 1))
     requests.step(10.0)
-    goes(vehicle, running=0, progress=0.0, succeeded=0)
+    continues(vehicle, running=0, progress=0.0, succeeded=0)
     assert acks(requests.step(10.2)) == [(FAILED, 100)]
     silent = CalibrationRequests(FakeVehicle())
-    silent.answer(asked(0, 1))
+    silent.answer(requested(0, 1))
     silent.step(10.0)
     assert acks(silent.step(11.5)) == [(FAILED, 100)]
 
 
 def test_the_success_of_an_earlier_one_is_not_taken_for_this_ones() -> None:
     vehicle = FakeVehicle()
-    goes(vehicle, running=0, progress=1.0, begun=4, succeeded=1)
+    continues(vehicle, running=0, progress=1.0, started=4, succeeded=1)
     requests = CalibrationRequests(vehicle)
-    requests.answer(asked(0, 1))
+    requests.answer(requested(0, 1))
     assert requests.step(10.0) == []
-    goes(vehicle, running=1, progress=0.1, begun=5, succeeded=1)
+    continues(vehicle, running=1, progress=0.1, started=5, succeeded=1)
     assert requests.step(10.1) == []
-    goes(vehicle, running=0, progress=0.0, begun=5, succeeded=0)
+    continues(vehicle, running=0, progress=0.0, started=5, succeeded=0)
     assert acks(requests.step(10.2)) == [(FAILED, 100)]
 
 
 def test_refusals_are_denied_with_the_cores_reason_and_gyroscopes_are_not_supported() -> None:
     vehicle = FakeVehicle()
     vehicle.refusals[CommandKind.CALIBRATE] = "calibration denied: armed"
-    command_result = CalibrationRequests(vehicle).answer(asked(0, 1))
+    command_result = CalibrationRequests(vehicle).answer(requested(0, 1))
     assert (command_result.result, command_result.reason, command_result.outputs) == (
         DENIED,
         "calibration denied: armed",
         (),
     )
     for params in ((1.0,), (0.0, 0.0, 1.0)):
-        assert CalibrationRequests(FakeVehicle()).answer(asked(*params)).result == UNSUPPORTED
+        assert CalibrationRequests(FakeVehicle()).answer(requested(*params)).result == UNSUPPORTED
     busy = CalibrationRequests(FakeVehicle())
-    busy.answer(asked(0, 1))
-    assert busy.answer(asked(0, 0, 0, 0, 1, sender=OTHER)).result == DENIED
+    busy.answer(requested(0, 1))
+    assert busy.answer(requested(0, 0, 0, 0, 1, sender=OTHER)).result == DENIED
 
 
 def test_all_zeros_cancel() -> None:
-    command_result = CalibrationRequests(FakeVehicle()).answer(asked())
+    command_result = CalibrationRequests(FakeVehicle()).answer(requested())
     assert command_result.result == ACCEPTED
     assert [(command.kind, command.name) for command in command_result.outputs] == [(CommandKind.CALIBRATE, "")]
 
@@ -164,7 +164,7 @@ class Kept:
 def storage(what: float, kept: Kept | None, armed: bool = False) -> Any:
     vehicle = FakeVehicle()
     vehicle.armed = armed
-    request = asked(what, command=mavlink.MAV_CMD_PREFLIGHT_STORAGE)
+    request = requested(what, command=mavlink.MAV_CMD_PREFLIGHT_STORAGE)
     return StorageRequests(vehicle, kept).answer(request)
 
 

@@ -204,7 +204,7 @@ def test_each_command_gets_exactly_one_acknowledgement() -> None:
 
 
 @pytest.mark.parametrize(
-    ("wanted", "kind"),
+    ("expected", "kind"),
     [(148, "AUTOPILOT_VERSION"), (242, "HOME_POSITION"), (300, "PROTOCOL_VERSION"), (435, "AVAILABLE_MODES"),
      (436, "CURRENT_MODE"), (437, "AVAILABLE_MODES_MONITOR"), (0, "HEARTBEAT"), (1, "SYS_STATUS"),
      (2, "SYSTEM_TIME"), (30, "ATTITUDE"), (31, "ATTITUDE_QUATERNION"), (32, "LOCAL_POSITION_NED"),
@@ -212,8 +212,8 @@ def test_each_command_gets_exactly_one_acknowledgement() -> None:
      (74, "VFR_HUD"), (147, "BATTERY_STATUS"), (231, "WIND_COV"), (244, "MESSAGE_INTERVAL"),
      (245, "EXTENDED_SYS_STATE")],
 )  # fmt: skip
-def test_each_message_of_the_table_can_be_asked_for_once(wanted: int, kind: str) -> None:
-    answers = answers_to(512, wanted, 30 if kind == "MESSAGE_INTERVAL" else 0)
+def test_each_message_of_the_table_can_be_asked_for_once(expected: int, kind: str) -> None:
+    answers = answers_to(512, expected, 30 if kind == "MESSAGE_INTERVAL" else 0)
     assert answers[0].get_type() == "COMMAND_ACK" and answers[0].result == mavlink.MAV_RESULT_ACCEPTED
     times = len(Identity().modes) if kind == "AVAILABLE_MODES" else 1
     assert [each.get_type() for each in answers[1:]] == [kind] * times
@@ -233,9 +233,9 @@ def answers_to(number: int, *params: float) -> list[Any]:
     link.poll(0.0)
     wire.take()
     padded = (*params, *(0.0,) * (7 - len(params)))
-    wire.say(Voice(255).frame(ours.MAVLink_command_long_message(1, 1, number, 0, *padded)))
+    wire.put(Voice(255).frame(ours.MAVLink_command_long_message(1, 1, number, 0, *padded)))
     link.poll(0.1)
-    return wire.heard()
+    return wire.incoming()
 
 
 @pytest.mark.parametrize(
@@ -327,7 +327,7 @@ def download(client: Any, mission_type: int = 0) -> list[Any]:
     items = []
     for sequence in range(expect(client, "MISSION_COUNT").count):
         client.mav.mission_request_int_send(1, 1, sequence, mission_type)
-        items.append(expect(client, "MISSION_ITEM_INT", lambda item, wanted=sequence: item.seq == wanted))
+        items.append(expect(client, "MISSION_ITEM_INT", lambda item, expected=sequence: item.seq == expected))
     client.mav.mission_ack_send(1, 1, 0, mission_type)
     return items
 
@@ -550,7 +550,7 @@ def test_a_silent_ground_station_is_told_to_the_flight_core_and_its_return_too()
     client = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     heartbeat = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3).pack(mavlink.MAVLink(None, 255, 190))
 
-    def hear(now: float) -> list[Any]:
+    def receive(now: float) -> list[Any]:
         client.sendto(heartbeat, ("127.0.0.1", port))
         before = link.counts[0].frames
         inputs: list[Any] = []
@@ -560,13 +560,13 @@ def test_a_silent_ground_station_is_told_to_the_flight_core_and_its_return_too()
         return inputs
 
     assert link.poll(0.0) == [] and link.poll(1000.0) == []  # nobody was ever heard: nobody is missed
-    assert hear(1001.0) == [] and link.stations == 1
+    assert receive(1001.0) == [] and link.stations == 1
     assert link.poll(1006.1) == [] and link.stations == 0  # a single command: nobody flew by it
-    assert hear(1010.0) == [] and hear(1013.0) == []
+    assert receive(1010.0) == [] and receive(1013.0) == []
     assert link.poll(1018.0) == []
     assert [each.kind for each in link.poll(1018.1)] == [m.CommandKind.LINK_LOST]
     assert link.poll(1020.0) == [] and link.stations == 0
-    assert [each.kind for each in hear(1021.0)] == [m.CommandKind.LINK_REGAINED]
+    assert [each.kind for each in receive(1021.0)] == [m.CommandKind.LINK_REGAINED]
     assert [event.text.split()[0] for event in link.take_events()] == ["LINK_LOST", "LINK_REGAINED"]
     client.close()
     link.close()
@@ -577,9 +577,9 @@ def test_a_station_that_leaves_a_disarmed_vehicle_is_not_missed() -> None:
     vehicle, wire, voice = FakeVehicle(), Wire("udpin:127.0.0.1:1"), Voice(255)
     link = GroundLink([wire], vehicle, gains=LinkGains(silence=5.0))
 
-    def kinds(now: float, hears: bool) -> list[Any]:
-        if hears:
-            wire.say(voice.frame(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3)))
+    def kinds(now: float, receives: bool) -> list[Any]:
+        if receives:
+            wire.put(voice.frame(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3)))
         return [each.kind for each in link.poll(now)]
 
     assert kinds(0.0, True) + kinds(4.0, True) + kinds(60.0, False) == []

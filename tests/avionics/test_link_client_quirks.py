@@ -31,8 +31,10 @@ def test_the_error_comes_before_the_value_so_that_mavsdk_does_not_set_it_again()
         assert vehicle.parameters[0].value == 0.8
 
 
-@pytest.mark.parametrize(("stage", "asked"), [(Stage.WAIT_LAUNCH, []), (Stage.EN_ROUTE, ["OFFBOARD", "OFFBOARD"])])
-def test_guided_is_accepted_before_a_takeoff_and_circles_in_the_air(stage: Stage, asked: list[str]) -> None:
+@pytest.mark.parametrize(
+    ("stage", "requested"), [(Stage.WAIT_LAUNCH, []), (Stage.EN_ROUTE, ["OFFBOARD", "OFFBOARD"])]
+)
+def test_guided_is_accepted_before_a_takeoff_and_circles_in_the_air(stage: Stage, requested: list[str]) -> None:
     with stock_client(identity=PROFILES["ardupilot"]) as (client, vehicle):
         navigation = vehicle.topics[topics.NAVIGATION.name]
         vehicle.topics[topics.NAVIGATION.name] = navigation._replace(stage=stage)
@@ -43,15 +45,15 @@ def test_guided_is_accepted_before_a_takeoff_and_circles_in_the_air(stage: Stage
         client.mav.set_mode_send(1, 1, GUIDED)
         assert expect(client, "COMMAND_ACK").result == mavlink.MAV_RESULT_ACCEPTED
         settle(client)
-        assert [each.name for each in vehicle.inputs if each.kind is CommandKind.SET_MODE] == asked
-        assert vehicle.mode is (Mode.OFFBOARD if asked else Mode.MANUAL)
+        assert [each.name for each in vehicle.inputs if each.kind is CommandKind.SET_MODE] == requested
+        assert vehicle.mode is (Mode.OFFBOARD if requested else Mode.MANUAL)
 
 
-def custom_mode(client: Any, wanted: int) -> int:
+def custom_mode(client: Any, expected: int) -> int:
     """The custom mode of the next HEARTBEAT that says it, and of a CURRENT_MODE that is asked for then."""
-    beat = expect(client, "HEARTBEAT", lambda got: got.custom_mode == wanted)
+    beat = expect(client, "HEARTBEAT", lambda got: got.custom_mode == expected)
     client.mav.command_long_send(1, 1, mavlink.MAV_CMD_REQUEST_MESSAGE, 0, 436, 0, 0, 0, 0, 0, 0)
-    assert expect(client, "CURRENT_MODE", lambda got: got.custom_mode == wanted)
+    assert expect(client, "CURRENT_MODE", lambda got: got.custom_mode == expected)
     return int(beat.custom_mode)
 
 
@@ -95,20 +97,20 @@ def test_the_landed_state_is_said_at_once_when_it_changes_where_it_is_said_at_al
     vehicle, station = FakeVehicle(), Voice(255)
     link = GroundLink(wires, vehicle)
     off = mavlink.MAVLink_command_long_message(1, 1, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, 0, 245, -1, 0, 0, 0, 0, 0)
-    wires[1].say(station.frame(off))
-    navigation, heard = vehicle.topics[topics.NAVIGATION.name], []
+    wires[1].put(station.frame(off))
+    navigation, incoming = vehicle.topics[topics.NAVIGATION.name], []
     for number in range(250):
         now = 10.0 + 0.01 * number
         if number == 120:
             vehicle.topics[topics.NAVIGATION.name] = navigation._replace(stage=Stage.LANDED)
         link.poll(now)
         link.stream(now)
-        said = [[each for each in wire.heard() if each.get_type() == "EXTENDED_SYS_STATE"] for wire in wires]
-        heard += [(number, each.landed_state) for each in said[0]]
+        said = [[each for each in wire.incoming() if each.get_type() == "EXTENDED_SYS_STATE"] for wire in wires]
+        incoming += [(number, each.landed_state) for each in said[0]]
         assert not said[1]
     in_air, on_ground = mavlink.MAV_LANDED_STATE_IN_AIR, mavlink.MAV_LANDED_STATE_ON_GROUND
-    assert [each for each in heard if each[0] < 120] == [(0, in_air), (50, in_air)]
-    assert [each for each in heard if each[0] >= 120] == [(120, on_ground), (220, on_ground)]
+    assert [each for each in incoming if each[0] < 120] == [(0, in_air), (50, in_air)]
+    assert [each for each in incoming if each[0] >= 120] == [(120, on_ground), (220, on_ground)]
 
 
 def test_the_mode_map_that_is_shipped_says_what_the_vehicle_says() -> None:

@@ -119,20 +119,20 @@ def test_names_of_every_length_survive_the_packing() -> None:
 # --- request by request --------------------------------------------------------------------------------------
 
 
-class Asked:
+class Request:
     """Requests on a wire, and their answers."""
 
     def __init__(self, logs: Path | None, url: str = "udpin:127.0.0.1:1") -> None:
         self.wire, self.sequence, self.now = Wire(url), 100, 0.0
         self.link = GroundLink([self.wire], FakeVehicle(), files=Files(logs=logs))
-        self.say = Voice(255).frame
+        self.frame_of = Voice(255).frame
 
     def send(self, opcode: int, data: bytes = b"", session: int = 0, offset: int = 0, size: int = -1) -> None:
         self.sequence += 1
         length = len(data) if size < 0 else size
         header = struct.pack("<HBBBBBBI", self.sequence, session, opcode, length, 0, 0, 0, offset)
         payload = list((header + data).ljust(251, b"\0")[:251])
-        self.wire.say(self.say(mavlink.MAVLink_file_transfer_protocol_message(0, 1, 1, payload)))
+        self.wire.put(self.frame_of(mavlink.MAVLink_file_transfer_protocol_message(0, 1, 1, payload)))
         self.step()
 
     def step(self) -> None:
@@ -141,13 +141,13 @@ class Asked:
 
     def answers(self) -> list[tuple[Any, ...]]:
         """Sequence, session, opcode, size, requested opcode, burst complete, offset and data of each."""
-        got = [each.payload for each in self.wire.heard() if each.get_type() == "FILE_TRANSFER_PROTOCOL"]
+        got = [each.payload for each in self.wire.incoming() if each.get_type() == "FILE_TRANSFER_PROTOCOL"]
         fields = [struct.unpack("<HBBBBBBI", bytes(payload[:12])) for payload in got]
         return [
             (*each[:6], each[7], bytes(payload[12 : 12 + each[3]])) for each, payload in zip(fields, got, strict=True)
         ]
 
-    def ask(self, *args: Any, **options: Any) -> tuple[int, bytes]:
+    def request(self, *args: Any, **options: Any) -> tuple[int, bytes]:
         """Opcode and data of the one answer."""
         self.answers()
         self.send(*args, **options)
@@ -168,26 +168,26 @@ def nak(error: int) -> tuple[int, bytes]:
      "/logs/flight-1.mcap/", "/logs/flight-1.mcap\n", "", "\xff\xfe", "~/.ssh/id_rsa", "/logs\\..\\secret.mcap"],
 )  # fmt: skip
 def test_no_path_leads_out_of_the_shelf(logs: Path, path: str) -> None:
-    asked = Asked(logs)
+    asked = Request(logs)
     absolute = str(logs.parent / "secret.mcap")
     for each in (path, f"/logs/{absolute}", absolute):
-        assert asked.ask(OPEN, each.encode("latin-1")) == nak(NOT_FOUND)
-        assert asked.ask(CHECKSUM, each.encode("latin-1")) == nak(NOT_FOUND)
+        assert asked.request(OPEN, each.encode("latin-1")) == nak(NOT_FOUND)
+        assert asked.request(CHECKSUM, each.encode("latin-1")) == nak(NOT_FOUND)
 
 
 @pytest.mark.parametrize("path", ["/..", "..", "/logs/..", "/etc", ".", "@SYS", "logs/x"])
 def test_no_folder_but_the_logs_is_listed(logs: Path, path: str) -> None:
-    assert Asked(logs).ask(LIST, path.encode()) == nak(NOT_FOUND)
+    assert Request(logs).request(LIST, path.encode()) == nak(NOT_FOUND)
 
 
 def test_folders_are_listed_to_their_end(logs: Path) -> None:
-    asked = Asked(logs)
-    assert asked.ask(LIST, b"/") == (ACK, b"Dlogs\0")
+    asked = Request(logs)
+    assert asked.request(LIST, b"/") == (ACK, b"Dlogs\0")
     for name in (b"/logs", b"@MAV_LOG"):
-        assert asked.ask(LIST, name) == (ACK, b"Fempty.mcap\t0\0Fflight-1.mcap\t40000\0")
-        assert asked.ask(LIST, name, offset=1) == (ACK, b"Fflight-1.mcap\t40000\0")
-        assert asked.ask(LIST, name, offset=2) == nak(END_OF_FILE)
-    assert Asked(None).ask(LIST, b"/logs") == nak(END_OF_FILE)
+        assert asked.request(LIST, name) == (ACK, b"Fempty.mcap\t0\0Fflight-1.mcap\t40000\0")
+        assert asked.request(LIST, name, offset=1) == (ACK, b"Fflight-1.mcap\t40000\0")
+        assert asked.request(LIST, name, offset=2) == nak(END_OF_FILE)
+    assert Request(None).request(LIST, b"/logs") == nak(END_OF_FILE)
 
 
 @pytest.mark.skipif(os.name != "posix", reason="file names are bytes")
@@ -199,52 +199,52 @@ def test_folders_are_listed_to_their_end(logs: Path) -> None:
 def test_a_file_of_any_name_is_listed_or_left_out(logs: Path, name: bytes, listed: bytes) -> None:
     """GIVEN a name that is no UTF-8, has control characters or is too long THEN the others are listed."""
     (logs / os.fsdecode(name)).write_bytes(LOG)
-    asked, found, offset = Asked(logs), list[bytes](), 0
-    while (answer := asked.ask(LIST, b"/logs", offset=offset))[0] == ACK:
+    asked, found, offset = Request(logs), list[bytes](), 0
+    while (answer := asked.request(LIST, b"/logs", offset=offset))[0] == ACK:
         entries = answer[1].removesuffix(b"\0").split(b"\0")
         found, offset = found + entries, offset + len(entries)
     expected = {b"Fempty.mcap\t0", b"Fflight-1.mcap\t40000"} | ({b"F" + listed + b"\t40000"} if listed else set())
     assert set(found) == expected and answer == nak(END_OF_FILE)
     if listed:
-        assert asked.ask(OPEN, b"/logs/" + listed) == (ACK, struct.pack("<I", len(LOG)))
-        assert asked.ask(READ, offset=100, size=50) == (ACK, LOG[100:150])
+        assert asked.request(OPEN, b"/logs/" + listed) == (ACK, struct.pack("<I", len(LOG)))
+        assert asked.request(READ, offset=100, size=50) == (ACK, LOG[100:150])
 
 
 @pytest.mark.parametrize("opcode", [6, 7, 8, 9, 10, 11, 12, 13])
 def test_nothing_can_be_written(logs: Path, opcode: int) -> None:
     before = sorted(logs.iterdir())
-    assert Asked(logs).ask(opcode, b"/logs/flight-1.mcap") == nak(PROTECTED)
+    assert Request(logs).request(opcode, b"/logs/flight-1.mcap") == nak(PROTECTED)
     assert sorted(logs.iterdir()) == before and (logs / "flight-1.mcap").read_bytes() == LOG
 
 
 def test_what_is_no_request_of_ours_gets_a_nak(logs: Path) -> None:
-    asked = Asked(logs)
-    assert asked.ask(99, b"x") == nak(UNKNOWN)
-    assert asked.ask(READ, session=3, size=10) == nak(INVALID_SESSION)
-    assert asked.ask(BURST_READ, session=3, size=10) == nak(INVALID_SESSION)
-    assert asked.ask(OPEN, b"/logs/flight-1.mcap", size=240) == nak(INVALID_SIZE)
+    asked = Request(logs)
+    assert asked.request(99, b"x") == nak(UNKNOWN)
+    assert asked.request(READ, session=3, size=10) == nak(INVALID_SESSION)
+    assert asked.request(BURST_READ, session=3, size=10) == nak(INVALID_SESSION)
+    assert asked.request(OPEN, b"/logs/flight-1.mcap", size=240) == nak(INVALID_SIZE)
     asked.send(ACK, b"an answer is not answered")
     assert asked.answers() == []
 
 
 def test_a_file_is_read_part_by_part_and_a_growing_one_as_it_was_opened(logs: Path) -> None:
-    asked = Asked(logs)
-    assert asked.ask(OPEN, b"/logs/flight-1.mcap", session=5) == (ACK, struct.pack("<I", len(LOG)))
-    assert asked.ask(READ, session=5, offset=39_900, size=200) == (ACK, LOG[39_900:])
-    assert asked.ask(READ, session=5, offset=40_000, size=200) == nak(END_OF_FILE)
-    assert asked.ask(READ, session=5, offset=2**32 - 1, size=200) == nak(END_OF_FILE)
-    assert asked.ask(OPEN, b"/logs/empty.mcap", session=6) == (ACK, bytes(4))
-    assert asked.ask(READ, session=6, size=10) == nak(END_OF_FILE)
+    asked = Request(logs)
+    assert asked.request(OPEN, b"/logs/flight-1.mcap", session=5) == (ACK, struct.pack("<I", len(LOG)))
+    assert asked.request(READ, session=5, offset=39_900, size=200) == (ACK, LOG[39_900:])
+    assert asked.request(READ, session=5, offset=40_000, size=200) == nak(END_OF_FILE)
+    assert asked.request(READ, session=5, offset=2**32 - 1, size=200) == nak(END_OF_FILE)
+    assert asked.request(OPEN, b"/logs/empty.mcap", session=6) == (ACK, bytes(4))
+    assert asked.request(READ, session=6, size=10) == nak(END_OF_FILE)
     (logs / "flight-1.mcap").unlink()
     (logs / "flight-1.mcap").symlink_to(logs.parent / "secret.mcap")
-    assert asked.ask(READ, session=5, size=10) == nak(FAIL)
-    assert asked.ask(1, session=5) == (ACK, b"")
-    assert asked.ask(READ, session=5, size=10) == nak(INVALID_SESSION)
+    assert asked.request(READ, session=5, size=10) == nak(FAIL)
+    assert asked.request(1, session=5) == (ACK, b"")
+    assert asked.request(READ, session=5, size=10) == nak(INVALID_SESSION)
 
 
 def test_a_burst_comes_in_order_and_ends_with_its_mark(logs: Path) -> None:
-    asked = Asked(logs)
-    asked.ask(OPEN, b"/logs/flight-1.mcap")
+    asked = Request(logs)
+    asked.request(OPEN, b"/logs/flight-1.mcap")
     got, offset = b"", 0
     while offset < len(LOG):
         asked.send(BURST_READ, offset=offset, size=239)
@@ -260,20 +260,20 @@ def test_a_burst_comes_in_order_and_ends_with_its_mark(logs: Path) -> None:
             got, offset = got + each[7], offset + each[3]
         asked.sequence += len(answers)
     assert got == LOG
-    assert asked.ask(BURST_READ, offset=len(LOG), size=239) == nak(END_OF_FILE)
+    assert asked.request(BURST_READ, offset=len(LOG), size=239) == nak(END_OF_FILE)
 
 
 def test_many_bursts_at_once_send_no_more_in_a_tick_than_one(logs: Path) -> None:
     """GIVEN as many senders as there are sessions, each with a burst THEN a tick sends so much, all are served."""
-    asked = Asked(logs)
+    asked = Request(logs)
     stations = [Voice(system).frame for system in range(200, 200 + MOST_SESSIONS)]
-    for asked.say in stations:
-        asked.ask(OPEN, b"/logs/flight-1.mcap")
-    for asked.say in stations:
+    for asked.frame_of in stations:
+        asked.request(OPEN, b"/logs/flight-1.mcap")
+    for asked.frame_of in stations:
         asked.send(BURST_READ, size=239)
 
     def targets() -> list[int]:
-        return [each.target_system for each in asked.wire.heard() if each.get_type() == "FILE_TRANSFER_PROTOCOL"]
+        return [each.target_system for each in asked.wire.incoming() if each.get_type() == "FILE_TRANSFER_PROTOCOL"]
 
     received = Counter(targets())
     for _ in range(MOST_SESSIONS * BURST // BURST_PER_STEP):
@@ -285,7 +285,7 @@ def test_many_bursts_at_once_send_no_more_in_a_tick_than_one(logs: Path) -> None
 
 
 def test_a_request_that_comes_again_gets_the_same_answer(logs: Path) -> None:
-    asked = Asked(logs)
+    asked = Request(logs)
     asked.send(OPEN, b"/logs/flight-1.mcap")
     first = asked.answers()
     asked.sequence -= 1
@@ -306,7 +306,7 @@ def reference_crc(data: bytes) -> int:
 
 def test_the_checksum_is_that_of_the_other_autopilots(logs: Path) -> None:
     (logs / "long.mcap").write_bytes(LOG * 4)
-    asked = Asked(logs)
+    asked = Request(logs)
     asked.send(CHECKSUM, b"/logs/long.mcap")
     assert asked.answers() == [], "it is not taken all at once"
     for _ in range(4):
@@ -315,33 +315,33 @@ def test_the_checksum_is_that_of_the_other_autopilots(logs: Path) -> None:
     assert (answer[2], answer[4]) == (ACK, CHECKSUM)
     assert answer[7] == struct.pack("<I", reference_crc(LOG * 4))
     assert reference_crc(LOG) == zlib.crc32(LOG, 0xFFFFFFFF) ^ 0xFFFFFFFF
-    assert asked.ask(CHECKSUM, b"/logs/empty.mcap") == (ACK, bytes(4))
+    assert asked.request(CHECKSUM, b"/logs/empty.mcap") == (ACK, bytes(4))
 
 
 def test_sessions_are_each_senders_own_and_run_out(logs: Path) -> None:
-    asked = Asked(logs)
-    asked.ask(OPEN, b"/logs/flight-1.mcap", session=0)
-    asked.say = Voice(254).frame
-    assert asked.ask(READ, session=0, size=5) == nak(INVALID_SESSION)
+    asked = Request(logs)
+    asked.request(OPEN, b"/logs/flight-1.mcap", session=0)
+    asked.frame_of = Voice(254).frame
+    assert asked.request(READ, session=0, size=5) == nak(INVALID_SESSION)
     for number in range(MOST_SESSIONS - 1):
-        assert asked.ask(OPEN, b"/logs/flight-1.mcap", session=number)[0] == ACK
-    assert asked.ask(OPEN, b"/logs/flight-1.mcap", session=50) == nak(NO_SESSIONS)
-    assert asked.ask(2) == (ACK, b"")
-    assert asked.ask(OPEN, b"/logs/flight-1.mcap", session=50)[0] == ACK
-    asked.say = Voice(255).frame
-    assert asked.ask(READ, session=0, size=5) == (ACK, LOG[:5])
+        assert asked.request(OPEN, b"/logs/flight-1.mcap", session=number)[0] == ACK
+    assert asked.request(OPEN, b"/logs/flight-1.mcap", session=50) == nak(NO_SESSIONS)
+    assert asked.request(2) == (ACK, b"")
+    assert asked.request(OPEN, b"/logs/flight-1.mcap", session=50)[0] == ACK
+    asked.frame_of = Voice(255).frame
+    assert asked.request(READ, session=0, size=5) == (ACK, LOG[:5])
 
 
 def test_a_burst_leaves_room_on_a_slow_link(logs: Path) -> None:
-    asked = Asked(logs, "udpin:127.0.0.1:1?rate=57600")
-    asked.ask(OPEN, b"/logs/flight-1.mcap")
+    asked = Request(logs, "udpin:127.0.0.1:1?rate=57600")
+    asked.request(OPEN, b"/logs/flight-1.mcap")
     asked.send(BURST_READ, size=239)
     sent, began = 0, asked.now
     attitudes = 0
     while asked.now < began + 3.0:
         asked.step()
         asked.link.stream(asked.now)
-        for each in asked.wire.heard():
+        for each in asked.wire.incoming():
             sent += len(each.get_msgbuf())
             attitudes += each.get_type() == "ATTITUDE"
     assert sent <= 5760.0 * 3.25
@@ -350,7 +350,7 @@ def test_a_burst_leaves_room_on_a_slow_link(logs: Path) -> None:
 
 @pytest.mark.skipif(os.name != "posix", reason="needs symbolic links")
 def test_random_requests_raise_nothing_and_leave_the_shelf_alone(logs: Path) -> None:
-    asked, generator = Asked(logs), random.Random(12)
+    asked, generator = Request(logs), random.Random(12)
     before = {path.name: path.lstat().st_mtime_ns for path in logs.iterdir()}
     texts = (b"", b"/logs", b"/logs/flight-1.mcap", b"@PARAM/param.pck", generator.randbytes(60))
     for _ in range(3000):
@@ -362,6 +362,6 @@ def test_random_requests_raise_nothing_and_leave_the_shelf_alone(logs: Path) -> 
         asked.send(generator.randrange(20), data, session=session, offset=offset, size=size)
     assert {path.name: path.lstat().st_mtime_ns for path in logs.iterdir()} == before
     asked.wire.take()
-    asked.say = Voice(200).frame
+    asked.frame_of = Voice(200).frame
     asked.now += 100.0
-    assert asked.ask(OPEN, b"/logs/flight-1.mcap")[0] == ACK
+    assert asked.request(OPEN, b"/logs/flight-1.mcap")[0] == ACK

@@ -64,11 +64,11 @@ class Exchange:
     def send(self, *messages: Any, station: Voice | None = None, wait: float = 0.05) -> list[Any]:
         """The vehicle's messages after ``messages``."""
         for message in messages:
-            self.wire.say((station or self.station).frame(message))
+            self.wire.put((station or self.station).frame(message))
         self.now += wait
         self.vehicle.time_us += round(wait * 1e6)
         self.vehicle.apply(self.link.poll(self.now))
-        return [each for each in self.wire.heard() if each.get_type() not in ("HEARTBEAT", "CURRENT_MODE")]
+        return [each for each in self.wire.incoming() if each.get_type() not in ("HEARTBEAT", "CURRENT_MODE")]
 
     def command(self, number: int, *params: float, frame: int | None = None) -> tuple[int, list[str]]:
         """Result and texts of a COMMAND_LONG, or of a COMMAND_INT in ``frame``."""
@@ -177,7 +177,7 @@ def test_setpoints_of_many_senders_are_one_input_per_period() -> None:
     for tick in range(200):
         if tick % 4 == 0:
             for number, sender in enumerate(senders):
-                exchange.wire.say(sender.frame(local(POSITION, x=float(tick), y=float(number), z=-30.0)), sender)
+                exchange.wire.put(sender.frame(local(POSITION, x=float(tick), y=float(number), z=-30.0)), sender)
         exchange.send(wait=TICK)
     setpoints = exchange.inputs(CommandKind.SET_SETPOINT)
     assert 19 <= len(setpoints) <= 20
@@ -349,15 +349,15 @@ class FlightOnLink:
         for tick in range(ticks):
             if tick % every == 0:
                 for message in stream:
-                    self.exchange.wire.say(self.exchange.station.frame(message))
+                    self.exchange.wire.put(self.exchange.station.frame(message))
             self.exchange.now += TICK
             self.step(self.exchange.link.poll(self.exchange.now))
-            answers += self.exchange.wire.heard()
+            answers += self.exchange.wire.incoming()
         return answers
 
     def request(self, message: Any, *stream: Any) -> list[Any]:
         """Answers to one message while ``stream`` goes on."""
-        self.exchange.wire.say(self.exchange.station.frame(message))
+        self.exchange.wire.put(self.exchange.station.frame(message))
         return self.fly(0.2, *stream)
 
     def distance(self, north: float, east: float) -> float:
@@ -381,7 +381,7 @@ def test_px4_offboard_exchange() -> None:
     flight, there = FlightOnLink("generic"), local(POSITION, x=80.0, y=60.0, z=-40.0)
     answers = flight.request(set_mode(OFFBOARD))
     assert result(answers) == mavlink.MAV_RESULT_DENIED and "no recent setpoint" in texts(answers)[0]
-    flight.exchange.wire.say(flight.exchange.station.frame(there))
+    flight.exchange.wire.put(flight.exchange.station.frame(there))
     assert result(flight.request(set_mode(OFFBOARD))) == mavlink.MAV_RESULT_ACCEPTED
     answers = flight.fly(30.0, there)
     shown = [each.custom_mode for each in answers if each.get_type() == "CURRENT_MODE"]

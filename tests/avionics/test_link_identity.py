@@ -46,7 +46,7 @@ def test_every_mode_of_a_profile_can_be_set_by_its_number_and_is_shown_with_it(i
         for entry in identity.modes:
             client.mav.command_long_send(1, 1, mavlink.MAV_CMD_DO_SET_MODE, 0, 1, entry.custom_mode, 0, 0, 0, 0, 0)
             assert expect(client, "COMMAND_ACK").result == mavlink.MAV_RESULT_ACCEPTED
-            beat = expect(client, "HEARTBEAT", lambda got, wanted=entry: got.custom_mode == wanted.custom_mode)
+            beat = expect(client, "HEARTBEAT", lambda got, expected=entry: got.custom_mode == expected.custom_mode)
             assert (beat.type, beat.autopilot) == (identity.type, identity.autopilot)
             assert vehicle.mode is entry.mode
 

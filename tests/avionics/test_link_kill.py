@@ -64,7 +64,7 @@ def linked(view: FlightView) -> Iterator[tuple[GroundLink, socket.socket]]:
             link.close()
 
 
-def asked(view: FlightView, command: int, *params: float) -> tuple[int, list[Input]]:
+def requested(view: FlightView, command: int, *params: float) -> tuple[int, list[Input]]:
     """The result that the station is told, and what goes into the flight computer."""
     inputs: list[Input] = []
     reader = FrameReader()
@@ -74,13 +74,13 @@ def asked(view: FlightView, command: int, *params: float) -> tuple[int, list[Inp
         deadline = time.monotonic() + PATIENCE
         while time.monotonic() < deadline:
             inputs += link.poll(time.monotonic())
-            for answer in heard(station, reader):
+            for answer in received(station, reader):
                 if answer.get_type() == "COMMAND_ACK":
                     return answer.result, inputs
     raise AssertionError("no COMMAND_ACK")
 
 
-def heard(station: socket.socket, reader: FrameReader) -> list[Any]:
+def received(station: socket.socket, reader: FrameReader) -> list[Any]:
     try:
         return [decode(frame) for frame in reader.feed(station.recv(2048))]
     except BlockingIOError:
@@ -99,7 +99,7 @@ def test_a_flying_vehicle_is_killed_from_the_ground(
 ) -> None:
     view = flying()
     before = copy.copy(view.autopilot.memory)
-    result, inputs = asked(view, command, *params)
+    result, inputs = requested(view, command, *params)
     assert result == ACCEPTED
     assert [entry.kind for entry in inputs if isinstance(entry, Command)] == [kind]
     assert view.autopilot.state == before, "the link alone changes nothing"
@@ -116,5 +116,5 @@ def test_a_flying_vehicle_is_killed_from_the_ground(
 )
 def test_what_is_no_kill_leaves_it_flying(command: int, params: tuple[float, ...]) -> None:
     view = flying()
-    assert asked(view, command, *params) == (DENIED, [])
+    assert requested(view, command, *params) == (DENIED, [])
     assert view.armed

@@ -42,7 +42,7 @@ class BadRadio:
         if self.random.random() >= LOSS:
             into += [(self.now + DELAY, data)] * (2 if self.random.random() < DUPLICATES else 1)
 
-    def say(self, message: Any) -> None:
+    def send(self, message: Any) -> None:
         self._throw(self.station.frame(message), self.up)
 
     def step(self) -> list[Any]:
@@ -50,7 +50,7 @@ class BadRadio:
         self.now += STEP
         for due, data in self.up:
             if due <= self.now:
-                self.wire.say(data)
+                self.wire.put(data)
         self.up = [each for each in self.up if each[0] > self.now]
         self.vehicle.apply(self.link.poll(self.now))
         for sent in self.wire.take():
@@ -59,7 +59,7 @@ class BadRadio:
         self.down = [each for each in self.down if each[0] > self.now]
         return [decode(frame) for data in arrived for frame in self.reader.feed(data)]
 
-    def heard(self) -> Iterator[Any]:
+    def received(self) -> Iterator[Any]:
         """What the station hears, and None now and then, for as long as a test may take."""
         while self.now < 50.0 + LONGEST:
             yield from self.step()
@@ -71,35 +71,35 @@ class Asker:
     """Repeats what is not answered."""
 
     def __init__(self, radio: BadRadio) -> None:
-        self.radio, self.asked = radio, -1e9
+        self.radio, self.requested = radio, -1e9
 
-    def ask(self, message: Any, again: bool = False) -> None:
-        if again or self.radio.now - self.asked >= ASK_AGAIN:
-            self.asked = self.radio.now
-            self.radio.say(message)
+    def request(self, message: Any, again: bool = False) -> None:
+        if again or self.radio.now - self.requested >= ASK_AGAIN:
+            self.requested = self.radio.now
+            self.radio.send(message)
 
 
 def parameters(radio: BadRadio) -> dict[str, float]:
     values: dict[int, tuple[str, float]] = {}
     asker, total = Asker(radio), None
-    for message in radio.heard():
+    for message in radio.received():
         if message is not None and message.get_type() == "PARAM_VALUE":
             values[message.param_index] = (message.param_id, message.param_value)
-            total, asker.asked = message.param_count, radio.now
+            total, asker.requested = message.param_count, radio.now
         if total is not None and len(values) == total:
             return dict(values.values())
         missing = next((number for number in range(total or 0) if number not in values), None)
         if missing is None:
-            asker.ask(mavlink.MAVLink_param_request_list_message(1, 1))
+            asker.request(mavlink.MAVLink_param_request_list_message(1, 1))
         else:
-            asker.ask(mavlink.MAVLink_param_request_read_message(1, 1, b"", missing))
+            asker.request(mavlink.MAVLink_param_request_read_message(1, 1, b"", missing))
     raise AssertionError
 
 
 def download(radio: BadRadio) -> list[Any]:
     items: list[Any] = []
     asker, total = Asker(radio), None
-    for message in radio.heard():
+    for message in radio.received():
         kind = "" if message is None else message.get_type()
         if kind == "MISSION_COUNT":
             total = message.count
@@ -109,27 +109,27 @@ def download(radio: BadRadio) -> list[Any]:
         if total is not None and len(items) == total:
             return items
         if total is None:
-            asker.ask(mavlink.MAVLink_mission_request_list_message(1, 1))
+            asker.request(mavlink.MAVLink_mission_request_list_message(1, 1))
         else:
-            asker.ask(mavlink.MAVLink_mission_request_int_message(1, 1, len(items)), again=news)
+            asker.request(mavlink.MAVLink_mission_request_int_message(1, 1, len(items)), again=news)
     raise AssertionError
 
 
 def upload(radio: BadRadio, items: list[Any]) -> int:
     """The vehicle asks for what it lacks; we repeat the count, and the last item: its answer gets lost."""
     asker, begun, last = Asker(radio), False, False
-    for message in radio.heard():
+    for message in radio.received():
         kind = "" if message is None else message.get_type()
         if kind == "MISSION_ACK":
             return int(message.type)
         if kind == "MISSION_REQUEST_INT":
             begun, last = True, message.seq == len(items) - 1
-            asker.asked = radio.now
-            radio.say(items[message.seq])
+            asker.requested = radio.now
+            radio.send(items[message.seq])
         elif not begun:
-            asker.ask(mavlink.MAVLink_mission_count_message(1, 1, len(items)))
+            asker.request(mavlink.MAVLink_mission_count_message(1, 1, len(items)))
         elif last:
-            asker.ask(items[-1])
+            asker.request(items[-1])
     raise AssertionError
 
 
@@ -162,11 +162,11 @@ def test_a_station_that_left_in_the_middle_of_an_upload_makes_room_for_another()
     link = GroundLink([wire], vehicle)
     count = mavlink.MAVLink_mission_count_message(1, 1, 3)
 
-    def answers(now: float, who: Voice | None) -> list[str]:
-        if who is not None:
-            wire.say(who.frame(count))
+    def answers(now: float, sender: Voice | None) -> list[str]:
+        if sender is not None:
+            wire.put(sender.frame(count))
         link.poll(now)
-        return [each.get_type() for each in wire.heard() if each.get_type().startswith("MISSION_")]
+        return [each.get_type() for each in wire.incoming() if each.get_type().startswith("MISSION_")]
 
     first, second = Voice(255), Voice(254)
     assert answers(0.0, first) == ["MISSION_REQUEST_INT"]
@@ -187,7 +187,7 @@ class Flight:
         self.bird, self.wire, self.station = Bird(), Wire("udpin:127.0.0.1:1"), Voice(255)
         self.link = GroundLink([self.wire], self.view, gains=LinkGains())
         self.tick, self.ticks, self.cut = 0, 0, False
-        self.seen: list[Any] = []
+        self.observed: list[Any] = []
         self.inputs: list[Any] = []
         self.beaten = -1.0
 
@@ -208,11 +208,11 @@ class Flight:
     def _radio(self) -> None:
         if not self.cut and self.now - self.beaten >= 1.0:
             self.beaten = self.now
-            self.wire.say(self.station.frame(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)))
-        heard = self.wire.take()
+            self.wire.put(self.station.frame(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)))
+        received = self.wire.take()
         if not self.cut:
             reader = FrameReader()
-            self.seen += [decode(frame) for sent in heard for frame in reader.feed(sent.data)]
+            self.observed += [decode(frame) for sent in received for frame in reader.feed(sent.data)]
 
     @property
     def failsafe(self) -> int:
@@ -232,14 +232,14 @@ def test_a_link_cut_for_a_minute_brings_the_bird_home_and_comes_back_without_a_r
     assert CommandKind.LINK_LOST in [each.kind for each in flight.inputs]
     assert flight.failsafe & Failsafe.LINK_LOST and flight.view.mode in (Mode.RETURN, Mode.LAND, Mode.LOITER)
     assert flight.link.stations == 0
-    flight.cut, flight.seen = False, []
+    flight.cut, flight.observed = False, []
     flight.fly(2.0)
     assert flight.inputs[-1].kind is CommandKind.LINK_REGAINED
     assert not flight.failsafe & Failsafe.LINK_LOST and flight.link.stations == 1
-    assert {"HEARTBEAT", "ATTITUDE"} <= {each.get_type() for each in flight.seen}
+    assert {"HEARTBEAT", "ATTITUDE"} <= {each.get_type() for each in flight.observed}
     loiter = mavlink.MAVLink_command_long_message(1, 1, mavlink.MAV_CMD_NAV_LOITER_UNLIM, 0, 0, 0, 0, 0, 0, 0, 0)
-    flight.wire.say(flight.station.frame(loiter))
+    flight.wire.put(flight.station.frame(loiter))
     flight.fly(0.5)
-    acks = [each for each in flight.seen if each.get_type() == "COMMAND_ACK"]
+    acks = [each for each in flight.observed if each.get_type() == "COMMAND_ACK"]
     assert [ack.result for ack in acks] == [mavlink.MAV_RESULT_ACCEPTED] and flight.view.mode is Mode.LOITER
     assert flight.view.latest(HEALTH).ticks >= flight.tick - 200

@@ -68,7 +68,7 @@ class Mavros:
 
     def send(self, *messages: Any) -> None:
         for message in messages:
-            self.wire.say(message.pack(self.writer))
+            self.wire.put(message.pack(self.writer))
             self.writer.seq = (self.writer.seq + 1) % 256
 
     def wait(self, kind: str, *messages: Any, where: Callable[[Any], bool] = lambda message: True) -> Any:

@@ -61,9 +61,9 @@ def request(vehicle: FakeVehicle, message_id: int) -> Any:
     wire = Wire("udpin:127.0.0.1:1")
     link = GroundLink([wire], vehicle, files=Files(Defaults(vehicle)))
     command = mavlink.MAV_CMD_REQUEST_MESSAGE
-    wire.say(Voice(255).frame(mavlink.MAVLink_command_long_message(1, 1, command, 0, message_id, 0, 0, 0, 0, 0, 0)))
+    wire.put(Voice(255).frame(mavlink.MAVLink_command_long_message(1, 1, command, 0, message_id, 0, 0, 0, 0, 0, 0)))
     link.poll(0.01)
-    (message,) = [each for each in wire.heard() if each.get_msgId() == message_id]
+    (message,) = [each for each in wire.incoming() if each.get_msgId() == message_id]
     return message
 
 

@@ -39,15 +39,15 @@ class Bench:
     def send(self, message: Any) -> list[Any]:
         """What is answered to a message and within the next 10 ms."""
         self.wire.take()
-        self.wire.say(Voice(255).frame(message))
+        self.wire.put(Voice(255).frame(message))
         return self.pass_time() + self.pass_time()
 
     def pass_time(self) -> list[Any]:
         self.now += 0.01
         self.vehicle.apply(self.link.poll(self.now))
-        heard = self.wire.heard()
-        self.texts += [each.text for each in heard if each.get_type() == "STATUSTEXT"]
-        return heard
+        incoming = self.wire.incoming()
+        self.texts += [each.text for each in incoming if each.get_type() == "STATUSTEXT"]
+        return incoming
 
     def upload(self, *items: tuple[int, int, tuple[float, ...], tuple[float, float], float]) -> list[int]:
         """Send items of frame, command, parameters, place and altitude; the results that are answered."""

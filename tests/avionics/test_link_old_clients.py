@@ -47,9 +47,9 @@ class Station:
 
     def exchange(self, frame: bytes, duration: float = 0.1) -> list[Any]:
         self.wire.take()
-        self.wire.say(frame)
+        self.wire.put(frame)
         self.pass_time(duration)
-        return self.wire.heard()
+        return self.wire.incoming()
 
 
 class OldVoice:
@@ -76,8 +76,8 @@ def test_a_mavlink_1_station_is_answered_in_mavlink_1() -> None:
     station, old = Station(), OldVoice()
     station.pass_time(0.5)
     assert {each.data[0] for each in station.wire.take()} == {MARKER_V2}, "to nobody in particular: MAVLink 2"
-    station.wire.say(old.frame(version_1.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)))
-    station.wire.say(old.frame(version_1.MAVLink_param_request_read_message(1, 1, b"CLIMB_P", -1)))
+    station.wire.put(old.frame(version_1.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)))
+    station.wire.put(old.frame(version_1.MAVLink_param_request_read_message(1, 1, b"CLIMB_P", -1)))
     station.pass_time(3.0)
     sent = station.wire.take()
     assert {each.data[0] for each in sent} == {MARKER_V1}
@@ -99,20 +99,20 @@ def test_one_frame_of_mavlink_2_is_enough_for_mavlink_2() -> None:
         station.pass_time(1.5)
         return {each.data[0] for each in station.wire.take()}
 
-    station.wire.say(beat)
+    station.wire.put(beat)
     assert versions() == {MARKER_V1}
-    station.wire.say(new.frame(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)))
-    station.wire.say(beat)
+    station.wire.put(new.frame(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)))
+    station.wire.put(beat)
     assert versions() == {MARKER_V2}
     station.pass_time(VERSION_MEMORY)
-    station.wire.say(beat)
+    station.wire.put(beat)
     station.wire.take()
     assert versions() == {MARKER_V1}, "the new station has left"
 
 
 def test_radio_status_of_a_modem_does_not_change_the_version() -> None:
     station, old = Station(), OldVoice()
-    station.wire.say(old.frame(version_1.MAVLink_radio_status_message(200, 200, 90, 20, 20, 0, 0)))
+    station.wire.put(old.frame(version_1.MAVLink_radio_status_message(200, 200, 90, 20, 20, 0, 0)))
     station.pass_time(1.5)
     assert {each.data[0] for each in station.wire.take()} == {MARKER_V2}
 
@@ -121,7 +121,7 @@ def test_what_is_sent_to_a_mavlink_1_station_is_not_signed() -> None:
     signing = Signing(lambda: 1.8e9)
     signing.set_key(b"k" * 32)
     station, old = Station(url="udpin:127.0.0.1:1?unsigned=accept", signing=signing), OldVoice()
-    station.wire.say(old.frame(version_1.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)))
+    station.wire.put(old.frame(version_1.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)))
     station.pass_time(1.5)
     sent = station.wire.take()
     assert sent and len(in_version_1(sent)) == len(sent)
@@ -150,7 +150,7 @@ def test_a_station_that_answers_one_of_the_two_requests_uploads_its_mission(know
             heard = station.exchange(voice.frame(items(kind)[asked[-1].seq]))
         else:
             station.pass_time(0.5)
-            heard = station.wire.heard()
+            heard = station.wire.incoming()
     assert [each.type for each in acks] == [mavlink.MAV_MISSION_ACCEPTED]
     assert [item.kind for item in station.vehicle.mission] == [ItemKind.TAKEOFF, ItemKind.RETURN]
     assert requests == 2 and station.now < 3.0, "once it has answered, it is asked in its own way"
@@ -160,13 +160,13 @@ def test_a_station_that_refuses_mission_request_is_asked_again_by_mission_reques
     station, voice = Station(), Voice(255)
     station.exchange(voice.frame(mavlink.MAVLink_mission_count_message(1, 1, 2)))
     station.pass_time(1.1)
-    assert of(station.wire.heard(), "MISSION_REQUEST")
+    assert of(station.wire.incoming(), "MISSION_REQUEST")
     refusal = mavlink.MAVLink_mission_ack_message(1, 1, mavlink.MAV_MISSION_UNSUPPORTED)
     assert of(station.exchange(voice.frame(refusal)), "MISSION_REQUEST_INT")
     cancel = mavlink.MAVLink_mission_ack_message(1, 1, mavlink.MAV_MISSION_OPERATION_CANCELLED)
     station.exchange(voice.frame(cancel))
     station.pass_time(5.0)
-    assert not of(station.wire.heard(), "MISSION_REQUEST")
+    assert not of(station.wire.incoming(), "MISSION_REQUEST")
 
 
 # --- logs ------------------------------------------------------------------------------------------------------
@@ -219,7 +219,7 @@ def test_a_download_ends_when_it_is_asked_to_and_yields_to_a_slow_link(logs: Pat
     station.pass_time(0.2)
     station.wire.take()
     station.pass_time(1.0)
-    assert not of(station.wire.heard(), "LOG_DATA")
+    assert not of(station.wire.incoming(), "LOG_DATA")
 
 
 def test_logs_are_not_erased_and_unknown_ones_are_refused(logs: Path) -> None:
@@ -341,7 +341,7 @@ def test_the_times_of_a_flight_are_told_on_request(station: Station) -> None:
 def test_extended_fields_do_not_travel_in_mavlink_1() -> None:
     """GPS_RAW_INT without its extensions has 30 bytes."""
     station, old = Station(), OldVoice()
-    station.wire.say(old.frame(version_1.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)))
+    station.wire.put(old.frame(version_1.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)))
     station.pass_time(2.0)
     frames = [each.data for each in station.wire.take() if each.data[5] == mavlink.MAVLINK_MSG_ID_GPS_RAW_INT]
     assert frames and {struct.unpack_from("<B", frame, 1)[0] for frame in frames} == {30}

@@ -43,18 +43,18 @@ class QGroundControl:
             self.now += 0.01
             self.vehicle.apply(self.link.poll(self.now))
             self.link.stream(self.now)
-            received += self.wire.heard()
+            received += self.wire.incoming()
             self.wire.take()
         return received
 
     def answer(self, message: Any, kind: str) -> Any:
         """The first answer of a kind."""
-        self.wire.say(self.voice.frame(message))
+        self.wire.put(self.voice.frame(message))
         return next(each for each in self.read() if each.get_type() == kind)
 
     def command(self, number: int, *params: float) -> list[Any]:
         padded = (*params, *(0.0,) * (7 - len(params)))
-        self.wire.say(self.voice.frame(mavlink.MAVLink_command_long_message(1, 1, number, 0, *padded)))
+        self.wire.put(self.voice.frame(mavlink.MAVLink_command_long_message(1, 1, number, 0, *padded)))
         return self.read()
 
     def result(self, number: int, *params: float) -> int:
@@ -97,7 +97,7 @@ def test_first_connection(station: QGroundControl) -> None:
     assert station.requested(242, "HOME_POSITION").altitude == round(HOME.altitude * 1e3)
     for absent in (259, 280, 283, 388):  # camera, gimbals, what does not exist: a quick refusal
         assert station.result(mavlink.MAV_CMD_REQUEST_MESSAGE, absent) != ACCEPTED
-    station.wire.say(station.voice.frame(mavlink.MAVLink_param_request_list_message(1, 1)))
+    station.wire.put(station.voice.frame(mavlink.MAVLink_param_request_list_message(1, 1)))
     values = [each for each in station.read(4.0) if each.get_type() == "PARAM_VALUE"]
     assert {each.param_index for each in values} == set(range(values[0].param_count))
     mission = station.plan(mavlink.MAV_MISSION_TYPE_MISSION)

@@ -30,16 +30,16 @@ class Radio:
         self.now, self.station = 10.0, Voice(255)
         self.sent: list[Sent] = []
         for entry in STREAMS:
-            self.ask(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, entry.message_id, 1e6 / rate)
+            self.send_request(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, entry.message_id, 1e6 / rate)
         self.fly(0.5)
         self.settling, self.sent = self.sent, []
 
-    def ask(self, command: int, *params: float) -> None:
+    def send_request(self, command: int, *params: float) -> None:
         padded = (*params, *(0.0,) * (7 - len(params)))
-        self.say(mavlink.MAVLink_command_long_message(1, 1, command, 0, *padded))
+        self.send(mavlink.MAVLink_command_long_message(1, 1, command, 0, *padded))
 
-    def say(self, message: Any) -> None:
-        self.wire.say(self.station.frame(message))
+    def send(self, message: Any) -> None:
+        self.wire.put(self.station.frame(message))
         self.fly(POLL)
 
     def fly(self, duration: float) -> None:
@@ -108,10 +108,10 @@ def test_commands_parameters_and_missions_come_through_a_full_link_at_once() -> 
     radio = Radio(f"udpout:127.0.0.1:9?rate={BAUD}", 50.0)
     radio.fly(2.0)
     begin = radio.now
-    radio.ask(mavlink.MAV_CMD_NAV_LAND)
-    radio.say(mavlink.MAVLink_param_request_list_message(1, 1))
-    radio.say(mavlink.MAVLink_mission_count_message(1, 1, 1))
-    radio.say(mavlink.MAVLink_param_set_message(1, 1, b"PITCH_P", 1.5, 9))
+    radio.send_request(mavlink.MAV_CMD_NAV_LAND)
+    radio.send(mavlink.MAVLink_param_request_list_message(1, 1))
+    radio.send(mavlink.MAVLink_mission_count_message(1, 1, 1))
+    radio.send(mavlink.MAVLink_param_set_message(1, 1, b"PITCH_P", 1.5, 9))
     radio.fly(3.0)
     times: dict[str, list[float]] = {}
     for time, message in radio.messages():
@@ -130,7 +130,7 @@ def test_a_flood_of_requests_is_cut_off_and_the_heartbeat_is_not() -> None:
     ping = mavlink.MAVLink_ping_message(0, 1, 0, 0)
     begin = radio.now
     for _ in range(1500):
-        radio.say(ping)
+        radio.send(ping)
     elapsed = radio.now - begin
     assert radio.counted()["HEARTBEAT"] >= int(elapsed) - 1
     assert sum(len(each.data) for each in radio.sent) < 120.0 * (elapsed + 3.0) + SHALLOWEST
@@ -142,7 +142,7 @@ def test_a_radio_with_a_full_buffer_slows_the_link_and_an_empty_one_frees_it() -
 
     def rate_with(free: int) -> float:
         for _ in range(10):
-            radio.say(mavlink.MAVLink_radio_status_message(200, 200, free, 20, 20, 0, 0))
+            radio.send(mavlink.MAVLink_radio_status_message(200, 200, free, 20, 20, 0, 0))
             radio.fly(0.3)
         radio.sent = []
         radio.fly(2.0)
@@ -163,7 +163,7 @@ def test_a_radio_on_a_link_without_a_rate_sets_one() -> None:
     radio.fly(4.0)
     before = sum(len(each.data) for each in radio.sent) / 4.0
     for _ in range(8):
-        radio.say(mavlink.MAVLink_radio_status_message(200, 200, 10, 20, 20, 0, 0))
+        radio.send(mavlink.MAVLink_radio_status_message(200, 200, 10, 20, 20, 0, 0))
         radio.fly(0.3)
     radio.sent = []
     radio.fly(2.0)
@@ -176,13 +176,13 @@ def test_what_other_links_send_waits_for_room() -> None:
     now = 0.0
     for _ in range(1000):
         now += POLL
-        wires[0].say(other.frame(mavlink.MAVLink_attitude_message(0, 0.1, 0, 0, 0, 0, 0)))
+        wires[0].put(other.frame(mavlink.MAVLink_attitude_message(0, 0.1, 0, 0, 0, 0, 0)))
         link.poll(now)
         link.stream(now)
     counts = link.counts[1]
     assert counts.withheld > 900 and counts.forwarded > 0
     assert sum(len(each.data) for each in wires[1].take()) <= 120.0 * now + SHALLOWEST + 280.0
-    beats = [each for each in wires[0].heard() if each.get_type() == "HEARTBEAT"]
+    beats = [each for each in wires[0].incoming() if each.get_type() == "HEARTBEAT"]
     assert len(beats) >= 4
 
 
@@ -224,7 +224,7 @@ class Crowd:
                 message = mavlink.MAVLink_command_long_message(
                     1, 1, 511, 0, entry.message_id, 1e6 / rate, 0, 0, 0, 0, 0
                 )
-                self.wires[wire].say(station.frame(message), peer)
+                self.wires[wire].put(station.frame(message), peer)
         while self.link.poll(self.now) or any(wire.take() for wire in self.wires):
             self.now += self.tick
 

@@ -49,7 +49,7 @@ class Net:
         """Say a frame on one wire; the same bytes wherever they came out."""
         for each in self.wires:
             each.take()
-        self.wires[wire].say(data)
+        self.wires[wire].put(data)
         self.step()
         return [[sent.data for sent in each.take() if sent.data == data] for each in self.wires]
 
@@ -60,7 +60,7 @@ def test_each_station_on_a_link_counts_no_loss_while_another_one_is_answered() -
     net.wires[0].peers = ("curious", "patient")
     net.wires[0].take()
     voice = Voice(255)
-    net.wires[0].say(voice.frame(mavlink.MAVLink_param_request_list_message(1, 1)), "curious")
+    net.wires[0].put(voice.frame(mavlink.MAVLink_param_request_list_message(1, 1)), "curious")
     for _ in range(300):
         net.now += 0.02
         net.step()
@@ -181,8 +181,8 @@ def test_signed_frames_are_passed_on_as_they_are_and_refused_ones_are_not() -> N
     station.signing.secret_key, station.signing.sign_outgoing = key, True
     station.signing.timestamp = 30_000_000_000_000
     signed, unsigned = bytes(HEARTBEAT.pack(station)), Voice(254).frame(HEARTBEAT)
-    wires[0].say(signed)
-    wires[0].say(unsigned)
+    wires[0].put(signed)
+    wires[0].put(unsigned)
     link.poll(1.0)
     sent = [each.data for each in wires[1].take()]
     assert signed in sent and unsigned not in sent
@@ -208,7 +208,7 @@ def test_each_link_has_its_own_rates_and_its_own_sequence_numbers() -> None:
     net = Net(*THREE)
     attitude = mavlink.MAVLINK_MSG_ID_ATTITUDE
     fast = mavlink.MAVLink_command_long_message(1, 1, 511, 0, attitude, 20000.0, 0, 0, 0, 0, 0)
-    net.wires[1].say(Voice(255).frame(fast))
+    net.wires[1].put(Voice(255).frame(fast))
     net.step()
     for each in net.wires:
         each.take()

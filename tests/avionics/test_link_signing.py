@@ -42,26 +42,26 @@ class Station:
         self.socket.connect(("127.0.0.1", port))
         self.socket.setblocking(False)
         self.mav: Any = mavlink.MAVLink(None, system, 190)
-        self.heard: list[Any] = []
+        self.received: list[Any] = []
         self.use(key, stamp)
 
     def use(self, key: bytes | None, stamp: int = TICKS) -> None:
         signing = self.mav.signing
         signing.secret_key, signing.sign_outgoing, signing.timestamp = key, key is not None, stamp
 
-    def say(self, message: Any) -> bytes:
+    def put(self, message: Any) -> bytes:
         data = bytes(message.pack(self.mav))
         self.socket.send(data)
         return data
 
-    def hear(self) -> list[Any]:
+    def receive(self) -> list[Any]:
         """Everything that is signed as it must be; pymavlink raises for anything else."""
         while True:
             try:
                 data = self.socket.recv(2048)
             except BlockingIOError:
-                return self.heard
-            self.heard.append(self.mav.decode(bytearray(data)))
+                return self.received
+            self.received.append(self.mav.decode(bytearray(data)))
 
 
 class Ground:
@@ -82,7 +82,7 @@ class Ground:
         inputs += self.link.poll(self.now)
         self.now += 2.0
         self.link.poll(self.now)
-        station.hear()
+        station.receive()
         return inputs
 
 
@@ -107,7 +107,7 @@ def setup(key: bytes, stamp: int = 0, target: int = 1) -> Any:
 
 
 def texts(station: Station) -> str:
-    return " | ".join(message.text for message in station.heard if message.get_type() == "STATUSTEXT")
+    return " | ".join(message.text for message in station.received if message.get_type() == "STATUSTEXT")
 
 
 def kinds(inputs: list[Any]) -> list[CommandKind]:
@@ -117,12 +117,12 @@ def kinds(inputs: list[Any]) -> list[CommandKind]:
 def test_signed_frames_are_obeyed_and_answered_with_signed_ones() -> None:
     with grounded(Signing(lambda: NOW, KEY)) as (ground, port):
         station = Station(port, KEY)
-        station.say(arm())
+        station.put(arm())
         assert kinds(ground.take(station)) == [CommandKind.ARM]
-        acks = [message for message in station.heard if message.get_type() == "COMMAND_ACK"]
+        acks = [message for message in station.received if message.get_type() == "COMMAND_ACK"]
         assert [ack.result for ack in acks] == [mavlink.MAV_RESULT_ACCEPTED]
-        assert all(message.get_signed() for message in station.heard)
-        stamps = [message.get_msgbuf()[-12:-6] for message in station.heard]
+        assert all(message.get_signed() for message in station.received)
+        stamps = [message.get_msgbuf()[-12:-6] for message in station.received]
         numbers = [int.from_bytes(stamp, "little") for stamp in stamps]
         assert numbers == sorted(set(numbers)) and numbers[0] >= TICKS
 
@@ -132,15 +132,15 @@ def test_what_is_not_signed_with_the_key_is_refused_counted_and_told_once(key: b
     with grounded(Signing(lambda: NOW, KEY)) as (ground, port):
         stranger, owner = Station(port, key), Station(port, KEY, system=254)
         for _ in range(3):
-            stranger.say(arm())
+            stranger.put(arm())
             assert ground.take(stranger) == []
         counts = ground.link.counts[0]
         assert (counts.unsigned, counts.forged, counts.replayed) == ((3, 0, 0) if key is None else (0, 3, 0))
-        assert stranger.heard == [] and not ground.vehicle.armed
+        assert stranger.received == [] and not ground.vehicle.armed
         kind = "unsigned" if key is None else "wrong signature"
         logged = [event.text for event in ground.link.take_events()]
         assert f"1 frames rejected on {counts.url}: {kind}" in logged
-        owner.say(arm())
+        owner.put(arm())
         ground.take(owner)
         assert ground.vehicle.armed
         said = f"{kind} frames rejected on {counts.url}"
@@ -150,7 +150,7 @@ def test_what_is_not_signed_with_the_key_is_refused_counted_and_told_once(key: b
 def test_a_first_refusal_is_told_with_the_tick_that_meets_it() -> None:
     with grounded(Signing(lambda: NOW, KEY)) as (ground, port):
         ground.link.poll(0.0)  # nothing to complain of yet
-        Station(port, None).say(arm())
+        Station(port, None).put(arm())
         ground.now = 0.005
         before = ground.link.counts[0].frames
         while ground.link.counts[0].frames == before:
@@ -163,10 +163,10 @@ def test_a_first_refusal_is_told_with_the_tick_that_meets_it() -> None:
 def test_a_station_that_listens_is_told_of_forgeries_once() -> None:
     with grounded(Signing(lambda: NOW, KEY)) as (ground, port):
         owner, forger = Station(port, KEY), Station(port, OTHER, system=254)
-        owner.say(arm())
+        owner.put(arm())
         ground.take(owner)
         for _ in range(3):
-            forger.say(arm())
+            forger.put(arm())
             ground.take(owner)
         assert texts(owner).replace(" | ", "").count("wrong signature frames rejected") == 1
 
@@ -174,12 +174,12 @@ def test_a_station_that_listens_is_told_of_forgeries_once() -> None:
 def test_the_counters_travel_while_there_is_a_key() -> None:
     with grounded(Signing(lambda: NOW, KEY)) as (ground, port):
         owner, forger = Station(port, KEY), Station(port, OTHER, system=254)
-        owner.say(arm())
+        owner.put(arm())
         ground.take(owner)
         for _ in range(3):
-            forger.say(arm())
+            forger.put(arm())
             ground.take(owner)
-        told = {each.name: each.value for each in owner.heard if each.get_type() == "NAMED_VALUE_INT"}
+        told = {each.name: each.value for each in owner.received if each.get_type() == "NAMED_VALUE_INT"}
         assert (told["sig_unsign"], told["sig_replay"]) == (0, 0) and told["sig_forged"] >= 2
     assert any("forged 3" in event.text for event in ground.link.take_events())
 
@@ -187,31 +187,31 @@ def test_the_counters_travel_while_there_is_a_key() -> None:
 def test_a_replayed_frame_is_refused_and_an_older_one_too() -> None:
     with grounded(Signing(lambda: NOW, KEY)) as (ground, port):
         station = Station(port, KEY)
-        first = station.say(arm())
+        first = station.put(arm())
         assert kinds(ground.take(station)) == [CommandKind.ARM]
         for _ in range(2):
             station.socket.send(first)
             assert ground.take(station) == []
         station.use(KEY, TICKS - 5)
-        station.say(arm())
+        station.put(arm())
         assert ground.take(station) == []
         assert ground.link.counts[0].replayed == 3
 
 
 def test_a_sender_that_was_never_heard_may_be_a_minute_late_and_no_more() -> None:
     with grounded(Signing(lambda: NOW, KEY)) as (ground, port):
-        for system, behind, heard in ((1, FRESH + 10, 0), (2, FRESH - 10, 1)):
+        for system, behind, received in ((1, FRESH + 10, 0), (2, FRESH - 10, 1)):
             station = Station(port, KEY, TICKS - behind, system + 10)
-            station.say(arm())
-            assert len(ground.take(station)) == heard
+            station.put(arm())
+            assert len(ground.take(station)) == received
 
 
 def test_a_forged_time_stamp_does_not_silence_the_owner() -> None:
     with grounded(Signing(lambda: NOW, KEY)) as (ground, port):
         owner, forger = Station(port, KEY), Station(port, OTHER, TICKS + 10**9)
-        forger.say(arm())
+        forger.put(arm())
         assert ground.take(owner) == []
-        owner.say(arm())
+        owner.put(arm())
         assert kinds(ground.take(owner)) == [CommandKind.ARM]
 
 
@@ -368,7 +368,7 @@ def test_a_radio_needs_no_signature_on_its_own_wire(kind: str, refused: int) -> 
     if kind == "udp":
         with grounded(Signing(lambda: NOW, KEY)) as (ground, port):
             radio = Station(port, None, system=51)
-            radio.say(status)
+            radio.put(status)
             ground.take(radio)
             assert ground.link.counts[0].unsigned == refused
         return
@@ -389,14 +389,14 @@ def test_a_radio_needs_no_signature_on_its_own_wire(kind: str, refused: int) -> 
 def test_a_link_that_the_user_trusts_needs_no_signature_but_for_another_key() -> None:
     with grounded(Signing(lambda: NOW, KEY), "?unsigned=accept") as (ground, port):
         stranger, forger = Station(port, None), Station(port, OTHER)
-        stranger.say(arm())
+        stranger.put(arm())
         assert kinds(ground.take(stranger)) == [CommandKind.ARM]
-        forger.say(arm())
+        forger.put(arm())
         assert ground.take(forger) == [] and ground.link.counts[0].forged == 1
-        stranger.say(setup(OTHER))
+        stranger.put(setup(OTHER))
         ground.take(stranger)
         assert ground.link.counts[0].unsigned == 1
-        stranger.say(arm())
+        stranger.put(arm())
         assert kinds(ground.take(stranger)) == [CommandKind.ARM]
 
 
@@ -407,23 +407,23 @@ def test_setup_signing_sets_changes_and_removes_the_key(tmp_path: Path) -> None:
     file = KeyFile(tmp_path / "state" / "bird.key")
     with grounded(load_signing(file, lambda: NOW)) as (ground, port):
         station = Station(port, None)
-        station.say(setup(KEY, TICKS))
+        station.put(setup(KEY, TICKS))
         ground.take(station)
         assert file.load_key() == KEY and texts(station).startswith("signing: on")
         assert file.path.stat().st_mode & 0o777 == 0o600
-        station.say(setup(OTHER))
+        station.put(setup(OTHER))
         ground.take(station)
         assert file.load_key() == KEY and ground.link.counts[0].unsigned == 1
         station.use(KEY, TICKS + 5)
-        station.say(setup(OTHER))
+        station.put(setup(OTHER))
         ground.take(Station(port, OTHER))
         assert file.load_key() == OTHER
         station.use(OTHER, TICKS + 10)
-        station.say(setup(bytes(32)))
+        station.put(setup(bytes(32)))
         ground.take(Station(port, None))
         assert not file.path.exists()
         station.use(None)
-        station.say(arm())
+        station.put(arm())
         assert kinds(ground.take(station)) == [CommandKind.ARM]
         told = repr(ground.link.take_events()) + texts(station)
         assert KEY.hex() not in told and OTHER.hex() not in told and str(list(KEY)) not in told
@@ -437,10 +437,10 @@ def test_a_key_is_refused(armed: bool, target: int, stamp: int, word: str) -> No
     with grounded(None) as (ground, port):
         ground.vehicle.armed = armed
         station = Station(port, None)
-        station.say(setup(KEY, stamp, target))
+        station.put(setup(KEY, stamp, target))
         ground.take(station)
         assert word in texts(station)
-        station.say(arm())
+        station.put(arm())
         assert kinds(ground.take(station)) == [CommandKind.ARM]
 
 
@@ -469,9 +469,9 @@ def test_after_a_restart_nothing_can_be_said_again_and_our_stamps_still_rise(tmp
         station = Station(port, KEY)
         frames = []
         for _ in range(4):
-            frames.append(station.say(arm()))
+            frames.append(station.put(arm()))
             ground.take(station)
-        used = max(int.from_bytes(message.get_msgbuf()[-12:-6], "little") for message in station.heard)
+        used = max(int.from_bytes(message.get_msgbuf()[-12:-6], "little") for message in station.received)
         kept = file.load_stamps()
         if not clean:
             ground.link._signing = Signing(lambda: NOW)  # a crash: nothing is written any more
@@ -486,9 +486,9 @@ def test_after_a_restart_nothing_can_be_said_again_and_our_stamps_still_rise(tmp
             station.socket.send(frame)
             assert ground.take(station) == []
         assert ground.link.counts[0].replayed == len(frames)
-        station.say(arm())
+        station.put(arm())
         assert kinds(ground.take(station)) == [CommandKind.ARM]
-        after = [int.from_bytes(message.get_msgbuf()[-12:-6], "little") for message in station.heard]
+        after = [int.from_bytes(message.get_msgbuf()[-12:-6], "little") for message in station.received]
         assert min(after) > used
 
 
@@ -552,7 +552,7 @@ def test_a_folder_that_cannot_be_written_stops_no_flight_and_is_told(tmp_path: P
     file.path.with_name("bird.key.stamps").mkdir()
     with grounded(signing) as (ground, port):
         station = Station(port, KEY)
-        station.say(arm())
+        station.put(arm())
         assert kinds(ground.take(station)) == [CommandKind.ARM]
         assert "time stamps not stored" in texts(station).replace(" | ", "")
 

@@ -36,20 +36,22 @@ class Bench:
         self.vehicle.parameters = [*self.vehicle.parameters, Parameter("NAV_RETURN_FLOOR", 15.0, 0.0, 1000.0)]
         self.link = GroundLink([self.wire], self.vehicle, identity)
 
-    def ask(self, message: Any) -> tuple[int, str]:
+    def request(self, message: Any) -> tuple[int, str]:
         """The answer to a command: its result, and what is said with it."""
         self.wire.take()
-        self.wire.say(Voice(255).frame(message))
+        self.wire.put(Voice(255).frame(message))
         self.vehicle.apply(self.link.poll(self.now))
-        heard = self.wire.heard()
-        said = "".join(each.text for each in heard if each.get_type() == "STATUSTEXT")
-        return next(each.result for each in heard if each.get_type() == "COMMAND_ACK"), said
+        incoming = self.wire.incoming()
+        said = "".join(each.text for each in incoming if each.get_type() == "STATUSTEXT")
+        return next(each.result for each in incoming if each.get_type() == "COMMAND_ACK"), said
 
     def long(self, altitude: float, blank: float = 0.0) -> tuple[int, str]:
-        return self.ask(mavlink.MAVLink_command_long_message(1, 1, TAKEOFF, 0, *(blank,) * 6, altitude))
+        return self.request(mavlink.MAVLink_command_long_message(1, 1, TAKEOFF, 0, *(blank,) * 6, altitude))
 
     def integer(self, frame: int, altitude: float) -> tuple[int, str]:
-        return self.ask(mavlink.MAVLink_command_int_message(1, 1, frame, TAKEOFF, 0, 0, 0, 0, 0, 0, 0, 0, altitude))
+        return self.request(
+            mavlink.MAVLink_command_int_message(1, 1, frame, TAKEOFF, 0, 0, 0, 0, 0, 0, 0, 0, altitude)
+        )
 
     def at(self, stage: Stage, item: int) -> None:
         navigation = self.vehicle.topics[topics.NAVIGATION.name]
@@ -60,7 +62,7 @@ class Bench:
         self.wire.take()
         self.now += 2.0
         self.link.poll(self.now)
-        beats = [each for each in self.wire.heard() if each.get_type() == "HEARTBEAT"]
+        beats = [each for each in self.wire.incoming() if each.get_type() == "HEARTBEAT"]
         return int(beats[-1].custom_mode)
 
     @property
@@ -95,12 +97,12 @@ def test_without_an_altitude_the_plan_s_is_flown_and_the_plan_stays(altitude: fl
     assert bench.vehicle.mission is PLAN and bench.vehicle.mode is Mode.AUTO
 
 
-@pytest.mark.parametrize(("planned", "flown"), [(40.0, 15.0), (12.0, 12.0)])
-def test_the_two_metres_of_mavsdk_are_raised_to_where_it_may_turn(planned: float, flown: float) -> None:
+@pytest.mark.parametrize(("planned", "flight"), [(40.0, 15.0), (12.0, 12.0)])
+def test_the_two_metres_of_mavsdk_are_raised_to_where_it_may_turn(planned: float, flight: float) -> None:
     bench = Bench(Identity())
     bench.vehicle.mission = (PLAN[0], PLAN[1]._replace(altitude=planned), PLAN[2])
-    assert bench.long(2.0, blank=math.nan) == (ACCEPTED, f"takeoff: to {flown:g} m, 2 m is too low to turn")
-    assert bench.altitude == flown
+    assert bench.long(2.0, blank=math.nan) == (ACCEPTED, f"takeoff: to {flight:g} m, 2 m is too low to turn")
+    assert bench.altitude == flight
 
 
 @pytest.mark.parametrize(
@@ -170,7 +172,7 @@ def test_takeoff_mode_can_be_set_and_another_mode_ends_it(identity: Identity) ->
     bench.at(stage=Stage.WAIT_LAUNCH, item=1)
     number = float(identity.takeoff.custom_mode)
     set_mode = mavlink.MAVLink_command_long_message(1, 1, mavlink.MAV_CMD_DO_SET_MODE, 0, 1.0, number, 0, 0, 0, 0, 0)
-    assert bench.ask(set_mode)[0] == ACCEPTED and bench.vehicle.mode is Mode.AUTO
+    assert bench.request(set_mode)[0] == ACCEPTED and bench.vehicle.mode is Mode.AUTO
     assert bench.mode() == identity.takeoff.custom_mode
     bench.vehicle.mode = Mode.MANUAL
     assert bench.mode() == identity.numbers(Mode.MANUAL).custom_mode

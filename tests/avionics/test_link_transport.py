@@ -230,7 +230,7 @@ class Door:
         self.port, self.stack, self.now = free_port(socket.SOCK_STREAM), stack, 0.0
         self.server = open_transport(f"tcpin:127.0.0.1:{self.port}")
         stack.callback(self.server.close)
-        self.gone: list[Any] = []
+        self.disconnected: list[Any] = []
 
     def enter(self) -> socket.socket:
         """Somebody connects, and is let in if there is room."""
@@ -240,7 +240,7 @@ class Door:
 
     def look(self) -> list[Packet]:
         packets = self.server.receive(self.now)
-        self.gone += [packet.peer for packet in packets if not packet.data]
+        self.disconnected += [packet.peer for packet in packets if not packet.data]
         return packets
 
     def speak(self, guest: socket.socket) -> bool:
@@ -259,10 +259,10 @@ def test_silent_connections_do_not_shut_the_door_and_stations_stay() -> None:
         station = door.enter()
         assert door.speak(station)
         silent = [door.enter() for _ in range(MOST_PEERS - 1)]
-        assert door.gone == []
+        assert door.disconnected == []
         late = door.enter()
         assert door.speak(late) and door.speak(station)
-        assert door.gone == [silent[0].getsockname()]
+        assert door.disconnected == [silent[0].getsockname()]
 
 
 def test_stations_that_are_heard_are_not_turned_out_and_those_long_gone_are() -> None:
@@ -271,11 +271,11 @@ def test_stations_that_are_heard_are_not_turned_out_and_those_long_gone_are() ->
         stations = [door.enter() for _ in range(MOST_PEERS)]
         assert all(door.speak(station) for station in stations)
         late = door.enter()
-        assert not door.speak(late) and door.gone == []
+        assert not door.speak(late) and door.disconnected == []
         door.now = HALF_OPEN + 1.0
         assert all(door.speak(station) for station in stations[1:])
         assert door.speak(late) or door.speak(late)
-        assert door.gone == [stations[0].getsockname()]
+        assert door.disconnected == [stations[0].getsockname()]
 
 
 def test_peers_that_send_one_heartbeat_do_not_keep_the_next_out() -> None:
@@ -373,12 +373,12 @@ def ends() -> Iterator[tuple[SocketStream, socket.socket]]:
             yield SocketStream(here, "partner"), there
 
 
-@pytest.mark.parametrize("hurried", [False, True])
+@pytest.mark.parametrize("busy_poll", [False, True])
 def test_a_stream_gives_what_comes_waits_no_longer_than_asked_and_knows_who_has_gone(
-    ends: tuple[SocketStream, socket.socket], hurried: bool
+    ends: tuple[SocketStream, socket.socket], busy_poll: bool
 ) -> None:
     stream, partner = ends
-    if hurried:
+    if busy_poll:
         stream.enable_busy_poll()
     assert stream.read(0.001) == b""
     partner.sendall(b"tick")

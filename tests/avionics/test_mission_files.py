@@ -70,7 +70,7 @@ EXCITE = 'kind = "excite"\nchannel = "elevator"\nshape = "doublet"\namplitude_de
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "reports"),
     [
         (GOOD + '[[item]]\nkind = "takeoff"\naltitude = 4000', ["item 2", "altitude", "1 to 1000 m"]),
         (GOOD + '[[item]]\nkind = "takeoff"', ["item 2", "altitude is missing", "1 to 1000 m"]),
@@ -90,12 +90,12 @@ EXCITE = 'kind = "excite"\nchannel = "elevator"\nshape = "doublet"\namplitude_de
         ("[[item", ["not valid TOML"]),
     ],
 )  # fmt: skip
-def test_a_bad_mission_is_refused_in_one_line(tmp_path: Path, text: str, said: list[str]) -> None:
+def test_a_bad_mission_is_refused_in_one_line(tmp_path: Path, text: str, reports: list[str]) -> None:
     with pytest.raises(InputError) as refusal:
         load_mission(written(tmp_path, text))
     line = str(refusal.value)
     assert "\n" not in line.strip()
-    for words in said:
+    for words in reports:
         assert words in line
 
 
@@ -112,7 +112,7 @@ def test_a_file_that_is_not_text_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("item", "said"),
+    ("item", "reports"),
     [
         (MissionItem(ItemKind.WAYPOINT, north=math.nan), "item 1: WAYPOINT"),
         (MissionItem(ItemKind.EXCITE), "item 1: EXCITE"),
@@ -123,8 +123,8 @@ def test_a_file_that_is_not_text_is_refused(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_a_bad_mission_over_the_link_is_refused_too(item: MissionItem, said: str) -> None:
-    assert said in check_mission((item,))
+def test_a_bad_mission_over_the_link_is_refused_too(item: MissionItem, reports: str) -> None:
+    assert reports in check_mission((item,))
 
 
 SWEEP = (
@@ -145,7 +145,7 @@ def test_sweeps_and_multisines_of_a_file(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("item", "said"),
+    ("item", "reports"),
     [
         (SWEEP.replace("start = 0.5", ""), "start is missing"),
         (SWEEP.replace("end = 3", "end = 30"), "end = 30"),
@@ -158,10 +158,10 @@ def test_sweeps_and_multisines_of_a_file(tmp_path: Path) -> None:
         (MULTISINE + 'channel = "elevator"', "unknown key channel"),
     ],
 )
-def test_an_input_that_cannot_be_flown_is_refused_in_one_line(tmp_path: Path, item: str, said: str) -> None:
+def test_an_input_that_cannot_be_flown_is_refused_in_one_line(tmp_path: Path, item: str, reports: str) -> None:
     with pytest.raises(InputError) as refusal:
         load_mission(written(tmp_path, "[[item]]\n" + item))
-    assert said in str(refusal.value)
+    assert reports in str(refusal.value)
     assert "item 1" in str(refusal.value)
 
 
@@ -234,7 +234,7 @@ def test_fence_and_rally_points_of_a_file(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("before", "after", "said"),
+    ("before", "after", "reports"),
     [
         (
             "turns = 1.5",
@@ -264,16 +264,16 @@ def test_fence_and_rally_points_of_a_file(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_what_is_wrong_with_it_is_said_in_one_line(tmp_path: Path, before: str, after: str, said: str) -> None:
+def test_what_is_wrong_with_it_is_said_in_one_line(tmp_path: Path, before: str, after: str, reports: str) -> None:
     assert before in AROUND
     path = written(tmp_path, AROUND.replace(before, after))
     with pytest.raises(InputError) as refusal:
         load_plan(path)
-    assert said in str(refusal.value) and "\n" not in str(refusal.value)
+    assert reports in str(refusal.value) and "\n" not in str(refusal.value)
 
 
 @pytest.mark.parametrize(
-    ("mission", "said"),
+    ("mission", "reports"),
     [
         ((MissionItem(ItemKind.JUMP, jump_to=3, repeats=1),), "item 1: JUMP leads to item 4 of 1"),
         ((MissionItem(ItemKind.JUMP, repeats=-2),), "repeats must be -1"),
@@ -282,5 +282,5 @@ def test_what_is_wrong_with_it_is_said_in_one_line(tmp_path: Path, before: str, 
         ((MissionItem(ItemKind.WAYPOINT, north=2e4, altitude=40.0),), "north = 20000 is outside -10000 to 10000 m"),
     ],
 )
-def test_the_same_holds_over_the_link(mission: tuple[MissionItem, ...], said: str) -> None:
-    assert said in check_mission(mission)
+def test_the_same_holds_over_the_link(mission: tuple[MissionItem, ...], reports: str) -> None:
+    assert reports in check_mission(mission)

@@ -57,7 +57,7 @@ def test_nothing_is_written_while_armed_or_without_a_change(tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize(
-    ("spoil", "said"),
+    ("spoil", "reports"),
     [
         (lambda text: text.replace("0.7", "0.8"), "checksum"),
         (lambda text: text[: len(text) // 2], "is not a parameter file"),
@@ -67,7 +67,7 @@ def test_nothing_is_written_while_armed_or_without_a_change(tmp_path: Path) -> N
         (lambda text: "\ufeff" + text, "is not a parameter file"),
     ],
 )
-def test_a_damaged_file_falls_back_and_is_kept_beside(tmp_path: Path, spoil, said: str) -> None:
+def test_a_damaged_file_falls_back_and_is_kept_beside(tmp_path: Path, spoil, reports: str) -> None:
     kept = file(tmp_path)
     kept.save({"PITCH_P": 0.7})
     spoiled = spoil(kept.path.read_text())
@@ -76,7 +76,7 @@ def test_a_damaged_file_falls_back_and_is_kept_beside(tmp_path: Path, spoil, sai
         loaded = file(tmp_path).load()
         assert loaded.damaged
         assert loaded.vehicle == RAVEN
-        assert said in loaded.text and name in loaded.text and "\n" not in loaded.text, number
+        assert reports in loaded.text and name in loaded.text and "\n" not in loaded.text, number
         assert (kept.path.parent / name).read_text() == spoiled
         assert not kept.path.exists()
 

@@ -109,19 +109,19 @@ def test_a_value_set_over_the_wire_reads_back_the_same_single(name: str, share: 
     if not change.accepted:
         assert name.startswith("FLAP_THR_PT")
         return
-    held = parameters.get(change.gains, entry)
-    assert struct.pack("<f", held) == struct.pack("<f", value)
-    assert held == change.value
+    fixed = parameters.get(change.gains, entry)
+    assert struct.pack("<f", fixed) == struct.pack("<f", value)
+    assert fixed == change.value
     others = [
         n for n, e in TABLE.items() if n != name and parameters.get(change.gains, e) != parameters.get(RAVEN.gains, e)
     ]
     assert others == []
 
 
-@pytest.mark.parametrize(("value", "held"), [(99.0, 10.0), (-1.0, 0.0), (math.inf, 10.0), (-math.inf, 0.0)])
-def test_a_value_out_of_range_is_clipped_and_said(value: float, held: float) -> None:
+@pytest.mark.parametrize(("value", "fixed"), [(99.0, 10.0), (-1.0, 0.0), (math.inf, 10.0), (-math.inf, 0.0)])
+def test_a_value_out_of_range_is_clipped_and_said(value: float, fixed: float) -> None:
     change = parameters.set_value(RAVEN.gains, TABLE, "PITCH_P", value)
-    assert (change.gains.pitch.proportional, change.accepted) == (held, True)
+    assert (change.gains.pitch.proportional, change.accepted) == (fixed, True)
     assert "out of range" in change.text
 
 
@@ -150,7 +150,7 @@ def edited(tmp_path: Path, old: str, new: str) -> Path:
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "reports"),
     [
         ("[pitch]\nproportional = { value = ", "[pitch]\nproportional = { value = 50", ["pitch.proportional", "10"]),
         ('drive = { value = "servo"', 'drive = { value = "steam"', ["flapping.drive", "steam"]),
@@ -158,11 +158,11 @@ def edited(tmp_path: Path, old: str, new: str) -> Path:
         ("[roll]\n", '[roll]\nspin = { value = 1, unit = "-", source = "chosen: x" }\n', ["unknown key roll.spin"]),
     ],
 )  # fmt: skip
-def test_a_bad_vehicle_file_is_refused_in_one_line(tmp_path: Path, old: str, new: str, said: list[str]) -> None:
+def test_a_bad_vehicle_file_is_refused_in_one_line(tmp_path: Path, old: str, new: str, reports: list[str]) -> None:
     with pytest.raises(InputError) as refusal:
         load_vehicle(edited(tmp_path, old, new))
     assert "\n" not in str(refusal.value)
-    for words in said:
+    for words in reports:
         assert words in str(refusal.value)
 
 

@@ -7,7 +7,7 @@ from functools import cache
 import pytest
 from surrogate import Bird
 from surrogate_gains import VEHICLE as RAVEN
-from test_autopilot_flights import ARM, AUTO, Flight, en_route, sticks, thrown
+from test_autopilot_flights import ARM, AUTO, Flight, airborne_flight, en_route, sticks
 
 from avionics import inputs, topics
 from avionics.messages import (
@@ -72,7 +72,7 @@ def first_launched(mode_pulse: int, throttle: int) -> Flight:
 def test_a_branch_flies_on_as_the_flight_it_left() -> None:
     flight, _ = launched()
     twin = flight.branch()
-    assert repr(twin.fly(1.0).said) == repr(flight.fly(1.0).said)
+    assert repr(twin.fly(1.0).reports) == repr(flight.fly(1.0).reports)
     assert twin.frames == flight.frames and twin.bird is not flight.bird
 
 
@@ -141,18 +141,18 @@ def test_the_mode_switch_takes_over_from_the_mission_and_back() -> None:
 
 def test_the_receiver_is_flown_before_the_joystick_and_the_joystick_after_it() -> None:
     flight, bird = launched()
-    flight.fly(1.0, held=sticks(roll=-1.0, throttle=0.7))
+    flight.fly(1.0, fixed=sticks(roll=-1.0, throttle=0.7))
     assert flight.autopilot.state.pilot.source == PilotSource.RECEIVER
     assert flight.autopilot.state.pilot.roll == 0.0
     bird.on = False
-    flight.fly(1.0, held=sticks(roll=-1.0, throttle=0.7))
+    flight.fly(1.0, fixed=sticks(roll=-1.0, throttle=0.7))
     pilot = flight.autopilot.state.pilot
     assert (pilot.source, pilot.roll, pilot.throttle) == (PilotSource.MANUAL_CONTROL, -1.0, 0.7)
     bird.on = True
-    flight.fly(0.1, held=sticks(roll=-1.0, throttle=0.7))
+    flight.fly(0.1, fixed=sticks(roll=-1.0, throttle=0.7))
     assert flight.autopilot.state.pilot.source == PilotSource.RECEIVER
-    said = [event.text for event in flight.of(topics.EVENTS) if event.source == "pilot"]
-    assert said == ["manual control by receiver", "manual control by MANUAL_CONTROL", "manual control by receiver"]
+    reports = [event.text for event in flight.of(topics.EVENTS) if event.source == "pilot"]
+    assert reports == ["manual control by receiver", "manual control by MANUAL_CONTROL", "manual control by receiver"]
 
 
 def test_overridden_channels_are_logged_and_flown() -> None:
@@ -169,9 +169,9 @@ def test_overridden_channels_are_logged_and_flown() -> None:
 def test_sticks_are_read_back_from_the_log_as_inputs() -> None:
     """A replay merges the frames with the inputs of MANUAL_CONTROL and overrides and gets the same flight."""
     flight, bird = launched()
-    flight.fly(1.0, held=sticks(roll=-0.5, throttle=0.7))
+    flight.fly(1.0, fixed=sticks(roll=-0.5, throttle=0.7))
     bird.on = False
-    flight.fly(1.5, (ChannelOverride(0, (1700, 1500, 1700, 1500, *[0] * 14)),), held=sticks(throttle=0.6))
+    flight.fly(1.5, (ChannelOverride(0, (1700, 1500, 1700, 1500, *[0] * 14)),), fixed=sticks(throttle=0.6))
     flight.fly(1.5)
     entered: dict[int, list] = defaultdict(list)
     for stick in flight.of(topics.PILOT):
@@ -184,7 +184,7 @@ def test_sticks_are_read_back_from_the_log_as_inputs() -> None:
     again = Flight()
     for frame in flight.frames:
         again.autopilot.step(frame, entered.get(frame.time_us, ()))
-    assert repr(again.said) == repr(flight.said)
+    assert repr(again.reports) == repr(flight.reports)
 
 
 # --- kill -----------------------------------------------------------------------------------------------
@@ -234,7 +234,7 @@ def test_after_a_kill_it_needs_the_switch_off_and_arming_anew() -> None:
     ids=["flight termination", "forced disarm", "overridden kill channel"],
 )
 def test_kill_comes_from_the_ground_too(entry) -> None:
-    flight = thrown().fly(5.0)
+    flight = airborne_flight().fly(5.0)
     flight.fly(0.02, (entry,))
     check_killed(flight)
 
@@ -335,7 +335,7 @@ def test_a_receiver_that_was_never_heard_is_not_lost_and_one_that_was_hinders_ar
 
 
 def test_a_mission_does_not_miss_the_sticks() -> None:
-    flight = thrown().fly(6.0)
+    flight = airborne_flight().fly(6.0)
     assert flight.autopilot.state.modes.mode == Mode.AUTO
     assert not flight.autopilot.state.modes.failsafe
 
@@ -346,12 +346,12 @@ def test_a_snapshot_keeps_the_pilot() -> None:
     other = Flight(mission=())
     other.autopilot.restore(flight.autopilot.snapshot())
     assert other.autopilot.state == flight.autopilot.state
-    mark = len(flight.said)
+    mark = len(flight.reports)
     bird.on = False
     flight.fly(1.0)
     for frame in flight.frames[-200:]:
         other.autopilot.step(frame)
-    assert repr(other.said) == repr(flight.said[mark:])
+    assert repr(other.reports) == repr(flight.reports[mark:])
 
 
 # --- LOITER ---------------------------------------------------------------------------------------------

@@ -196,12 +196,12 @@ def test_one_spike_leaves_nothing() -> None:
     assert spiked.dynamic_pressure == pytest.approx(clean.dynamic_pressure, abs=0.01)
 
 
-@pytest.mark.parametrize(("gate", "patience"), [(Gate.WATCHED, "gate_timeout"), (Gate.SUSPECT, "gate_reset_time")])
-def test_what_lasts_is_believed_after_the_patience(gate: Gate, patience: str) -> None:
+@pytest.mark.parametrize(("gate", "timeout"), [(Gate.WATCHED, "gate_timeout"), (Gate.SUSPECT, "gate_reset_time")])
+def test_what_lasts_is_believed_after_the_patience(gate: Gate, timeout: str) -> None:
     """GIVEN an airspeed that has really changed THEN it is told when the patience is over, sooner without doubt."""
     faster = 0.5 * DENSITY * 12.0**2
     times_believed = [i for i, m in enumerate(Gated(faster, 6.0, gate).after) if m.airspeed > 11.0]
-    assert 0.02 * times_believed[0] == pytest.approx(getattr(GAINS, patience), abs=0.05)
+    assert 0.02 * times_believed[0] == pytest.approx(getattr(GAINS, timeout), abs=0.05)
     assert Gated(faster, 6.0, gate).after[-1].airspeed == pytest.approx(12.0, abs=0.2)
 
 

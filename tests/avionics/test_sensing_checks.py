@@ -124,17 +124,17 @@ def test_without_fixes_a_blocked_pitot_gives_the_cruise() -> None:
 
 
 def test_without_fixes_a_standstill_on_beating_wings_is_a_blocked_pitot() -> None:
-    def still(aloft: airspeed_check.Aloft, seconds: float) -> tuple[airspeed_check.State, float]:
+    def stationary(aloft: airspeed_check.Aloft, seconds: float) -> tuple[airspeed_check.State, float]:
         state, used = learned(0.0), 0.0
         for _ in range(round(seconds / DT)):
             state, used = airspeed_check.step(PITOT, state, DT, 0.3, None, aloft)
         return state, used
 
-    state, used = still(airspeed_check.Aloft.HIGH, PITOT.standstill_time + 2 * DT)
+    state, used = stationary(airspeed_check.Aloft.HIGH, PITOT.standstill_time + 2 * DT)
     assert (state.blocked, used) == (1, PITOT.cruise)
-    state, used = still(airspeed_check.Aloft.HIGH, PITOT.standstill_time - 2 * DT)
+    state, used = stationary(airspeed_check.Aloft.HIGH, PITOT.standstill_time - 2 * DT)
     assert (state.blocked, used) == (0, 0.3)
-    state, used = still(airspeed_check.Aloft.LOW, 30.0)
+    state, used = stationary(airspeed_check.Aloft.LOW, 30.0)
     assert (state.blocked, used) == (0, 0.3), "it may have touched down"
 
 
@@ -154,11 +154,11 @@ def watch(state: wing_check.State, inputs: wing_check.CheckInputs, seconds: floa
     return state
 
 
-@pytest.mark.parametrize(("still", "flag"), [({"rate_left": 0.0}, 1), ({"rate_right": 0.0}, 2)])
-def test_a_wing_that_stands_still_alone_has_a_dead_encoder(still: dict[str, float], flag: int) -> None:
+@pytest.mark.parametrize(("stationary", "flag"), [({"rate_left": 0.0}, 1), ({"rate_right": 0.0}, 2)])
+def test_a_wing_that_stands_still_alone_has_a_dead_encoder(stationary: dict[str, float], flag: int) -> None:
     state = watch(wing_check.State(), BEATING, 5.0)
     assert (state.lost, state.jammed) == (0, 0)
-    state = watch(state, BEATING._replace(valid=3 - flag, **still), 3.0)
+    state = watch(state, BEATING._replace(valid=3 - flag, **stationary), 3.0)
     assert (state.lost, state.jammed) == (flag, 0)
     state = watch(state, BEATING, 0.5)
     assert (state.lost, state.jammed) == (0, 0)
@@ -171,9 +171,11 @@ def test_a_wing_that_stands_still_and_is_pulled_at_or_rocks_the_body_is_jammed(s
     assert (state.lost, state.jammed) == (0, wing_check.LEFT)
 
 
-@pytest.mark.parametrize(("still", "flag"), [({"rate_left": 0.0}, 1), ({"rate_right": 0.0}, 2)])
-def test_a_wing_that_jams_after_its_encoder_died_is_told_by_the_rocking(still: dict[str, float], flag: int) -> None:
-    dead = BEATING._replace(valid=3 - flag, **still)
+@pytest.mark.parametrize(("stationary", "flag"), [({"rate_left": 0.0}, 1), ({"rate_right": 0.0}, 2)])
+def test_a_wing_that_jams_after_its_encoder_died_is_told_by_the_rocking(
+    stationary: dict[str, float], flag: int
+) -> None:
+    dead = BEATING._replace(valid=3 - flag, **stationary)
     state = watch(watch(wing_check.State(), BEATING, 5.0), dead, 3.0)
     gust = watch(state, dead._replace(roll_rate=3.0), 0.5 * WINGS.fault_confirmation_time)
     assert watch(gust, dead, 5.0).jammed == 0

@@ -21,7 +21,7 @@ def frame(time: float, lost: int = 0, **channels: int) -> ReceiverSample:
     return ReceiverSample(round(time * 1e6), pulses, lost, 200)
 
 
-def heard(frames, state: pilot.State | None = None, gains: receiver.Gains = GAINS) -> pilot.State:
+def received(frames, state: pilot.State | None = None, gains: receiver.Gains = GAINS) -> pilot.State:
     state = state or pilot.State()
     for each in frames:
         state = pilot.take_receiver(gains, state, each)
@@ -81,12 +81,12 @@ def test_halves_of_different_travel_both_reach_their_end() -> None:
     ids=["flag", "no pulse", "failsafe throttle", "too long", "not used"],
 )
 def test_a_frame_without_sticks_is_passed_over(bad: ReceiverSample) -> None:
-    before = heard([frame(0.98, ch1=1800)])
-    assert heard([bad], before) == before
+    before = received([frame(0.98, ch1=1800)])
+    assert received([bad], before) == before
 
 
 def test_a_receiver_is_lost_after_its_time() -> None:
-    state = heard([frame(1.0)])
+    state = received([frame(1.0)])
     assert pilot.choose(GAINS, state, 1_400_000) == PilotSource.RECEIVER
     assert pilot.choose(GAINS, state, 1_510_000) == PilotSource.NONE
 
@@ -99,7 +99,7 @@ def flip(positions, start: float = 1.0, channel: str = "ch5", disarmed: bool = F
     state, asked = pilot.State(), []
     for number, pulse in enumerate(positions):
         before = state.radio
-        state = heard([frame(start + 0.02 * number, **{channel: pulse})], state)
+        state = received([frame(start + 0.02 * number, **{channel: pulse})], state)
         asked += [(act.kind, act.name) for act in pilot.acts(GAINS, before, state.radio, disarmed)]
     return asked
 
@@ -122,9 +122,9 @@ def test_an_arm_switch_that_is_on_at_first_arms_nothing() -> None:
 
 
 def test_the_kill_switch_is_a_position_not_a_move() -> None:
-    assert pilot.kill_switch(heard([frame(1.0 + 0.02 * n, ch7=2000) for n in range(3)]))
-    assert not pilot.kill_switch(heard([frame(1.0 + 0.02 * n, ch7=2000) for n in range(2)]))
-    assert not pilot.kill_switch(heard([frame(1.0 + 0.02 * n, ch7=1500) for n in range(9)]))
+    assert pilot.kill_switch(received([frame(1.0 + 0.02 * n, ch7=2000) for n in range(3)]))
+    assert not pilot.kill_switch(received([frame(1.0 + 0.02 * n, ch7=2000) for n in range(2)]))
+    assert not pilot.kill_switch(received([frame(1.0 + 0.02 * n, ch7=1500) for n in range(9)]))
 
 
 # --- overridden channels ---------------------------------------------------------------------------------
@@ -179,7 +179,7 @@ def test_an_overridden_kill_counts_at_once_and_ends_when_given_back() -> None:
 # --- whose sticks are flown --------------------------------------------------------------------------------
 
 ALL = overridden(override(1.0, 1600, 1500, 1500, 1500))._replace(
-    manual=receiver.Sticks(roll=0.9), manual_us=1_000_000, radio=heard([frame(1.0, ch1=1800)]).radio
+    manual=receiver.Sticks(roll=0.9), manual_us=1_000_000, radio=received([frame(1.0, ch1=1800)]).radio
 )
 
 

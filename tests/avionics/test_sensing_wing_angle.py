@@ -142,11 +142,11 @@ class Crank(NamedTuple):
     off: float
     """-; factor by which the map is wrong"""
 
-    def flown(self, gains: wing_angle.Gains, seconds: float) -> list[tuple[float, float, WingState]]:
+    def simulate(self, gains: wing_angle.Gains, seconds: float) -> list[tuple[float, float, WingState]]:
         """True phase in turns, true frequency (Hz), and what is measured, at each sample once it has run up."""
         fine = 20
         dt = PERIOD_US * 1e-6 / fine
-        speed, turns, state, told = 0.0, 0.0, wing_angle.State(), []
+        speed, turns, state, stated = 0.0, 0.0, wing_angle.State(), []
         for k in range(round(seconds * 1e6 / PERIOD_US)):
             for i in range(fine):
                 asked = self.slow * (1.0 + self.swing * math.sin(math.tau * self.rate * (k * fine + i) * dt))
@@ -155,8 +155,8 @@ class Crank(NamedTuple):
             at = counts(0.6 * math.sin(math.tau * turns))
             commanded = wing_angle.Commanded(frequency=asked * self.off)
             state, message = wing_angle.step(gains, state, Counts((k + 1) * PERIOD_US, at, at), commanded)
-            told.append((turns, speed, message))
-        return told[round(8.0 * self.lag * 1e6 / PERIOD_US) :]
+            stated.append((turns, speed, message))
+        return stated[round(8.0 * self.lag * 1e6 / PERIOD_US) :]
 
 
 cranks = st.builds(
@@ -168,7 +168,7 @@ cranks = st.builds(
 @settings(max_examples=25, deadline=None)
 def test_a_motors_phase_is_known_while_its_throttle_moves(crank: Crank) -> None:
     """And by the crossings alone it is not, by far: the throttle tells how the stroke goes on."""
-    followed = crank.flown(GAINS._replace(drive_lag=crank.lag), 6.0)
+    followed = crank.simulate(GAINS._replace(drive_lag=crank.lag), 6.0)
     for turns, speed, message in followed:
         if message.strokes >= 2:
             error = (message.phase / math.tau - turns + 0.5) % 1.0 - 0.5
@@ -180,8 +180,8 @@ def test_by_its_crossings_alone_a_swinging_motors_phase_is_off() -> None:
     crank = Crank(3.0, 0.15, 0.4, 0.15, 1.0)
     errors: list[float] = []
     for lag in (0.15, 1.0):
-        told = crank.flown(GAINS._replace(drive_lag=lag), 8.0)
-        turned = [(m.phase / math.tau - turns + 0.5) % 1.0 - 0.5 for turns, _, m in told if m.strokes >= 2]
+        stated = crank.simulate(GAINS._replace(drive_lag=lag), 8.0)
+        turned = [(m.phase / math.tau - turns + 0.5) % 1.0 - 0.5 for turns, _, m in stated if m.strokes >= 2]
         errors.append(max(map(abs, turned)) * 360.0)
     assert errors[0] < 2.0 < 4.0 < errors[1]
 
@@ -312,14 +312,16 @@ def test_any_counts_give_finite_messages(steps: list[tuple[int, int, int]]) -> N
         assert 0.0 <= message.downstroke_ratio <= 1.0
 
 
-def commanded_errors(amplitude: Callable[[float], float], lag: Callable[[float], float], told: float) -> list[float]:
-    """Phase errors (deg) in 5 s at 4 Hz of a wing ``lag(t)`` rad behind its command, told with amplitude ``told``."""
+def commanded_errors(
+    amplitude: Callable[[float], float], lag: Callable[[float], float], stated: float
+) -> list[float]:
+    """Phase errors (deg) in 5 s at 4 Hz of a wing ``lag(t)`` rad behind its command of amplitude ``stated``."""
     state, errors = wing_angle.State(), []
     for k in range(1000):
         t = k * PERIOD_US * 1e-6
         phase = math.tau * 4.0 * t
         angle = counts(0.2 + amplitude(t) * math.sin(phase - lag(t)))
-        commanded = wing_angle.Commanded(4.0, phase % math.tau, told)
+        commanded = wing_angle.Commanded(4.0, phase % math.tau, stated)
         state, message = wing_angle.step(GAINS, state, Counts(k * PERIOD_US, angle, angle), commanded)
         if t > 1.5:
             error = message.phase - phase + lag(t)

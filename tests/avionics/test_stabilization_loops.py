@@ -29,54 +29,54 @@ ROLL = roll.Gains(
 DT = 0.01
 
 
-def still(angle: float = 0.0, rate: float = 0.0, frequency: float = 0.0) -> pitch.Measured:
+def stationary(angle: float = 0.0, rate: float = 0.0, frequency: float = 0.0) -> pitch.Measured:
     return pitch.Measured(angle, rate, frequency)
 
 
 @given(error=st.floats(0.01, 0.3))
 def test_nose_below_setpoint_asks_for_nose_up_elevator(error: float) -> None:
-    _, up = pitch.step(PITCH, pitch.initial(PITCH), 0, DT, error, still())
-    _, down = pitch.step(PITCH, pitch.initial(PITCH), 0, DT, -error, still())
+    _, up = pitch.step(PITCH, pitch.initial(PITCH), 0, DT, error, stationary())
+    _, down = pitch.step(PITCH, pitch.initial(PITCH), 0, DT, -error, stationary())
     assert up.elevator > PITCH.elevator_trim > down.elevator
     assert up.pitch_error == pytest.approx(error)
 
 
 def test_pitch_damping_opposes_the_rate() -> None:
-    _, status = pitch.step(PITCH, pitch.initial(PITCH), 0, DT, 0.0, still(rate=1.0))
+    _, status = pitch.step(PITCH, pitch.initial(PITCH), 0, DT, 0.0, stationary(rate=1.0))
     assert status.damping == pytest.approx(-0.1)
     assert status.elevator < PITCH.elevator_trim
 
 
 @given(setpoint=st.floats(-3.0, 3.0), angle=st.floats(-1.5, 1.5), rate=st.floats(-20.0, 20.0))
 def test_elevator_stays_within_its_limits(setpoint: float, angle: float, rate: float) -> None:
-    _, status = pitch.step(PITCH, pitch.initial(PITCH), 0, DT, setpoint, still(angle, rate))
+    _, status = pitch.step(PITCH, pitch.initial(PITCH), 0, DT, setpoint, stationary(angle, rate))
     assert PITCH.elevator_min <= status.elevator <= PITCH.elevator_max
 
 
 def test_pitch_integral_rests_while_saturated_and_releases_at_once() -> None:
     state = pitch.initial(PITCH)
     for _ in range(500):
-        state, status = pitch.step(PITCH, state, 0, DT, 1.5, still())
+        state, status = pitch.step(PITCH, state, 0, DT, 1.5, stationary())
     assert status.saturated == 1
     assert state.integral == 0.0
-    _, status = pitch.step(PITCH, state, 0, DT, -0.1, still())
+    _, status = pitch.step(PITCH, state, 0, DT, -0.1, stationary())
     assert status.elevator < PITCH.elevator_trim
 
 
 def test_pitch_integral_removes_a_steady_error_up_to_its_limit() -> None:
     state = pitch.initial(PITCH)
     for _ in range(2000):
-        state, status = pitch.step(PITCH, state, 0, DT, 0.1, still())
+        state, status = pitch.step(PITCH, state, 0, DT, 0.1, stationary())
     assert status.integral == pytest.approx(PITCH.integral_max)
 
 
 def test_frozen_pitch_holds_the_mean_elevator_whatever_happens() -> None:
     state = pitch.initial(PITCH)
     for _ in range(1000):
-        state, status = pitch.step(PITCH, state, 0, DT, 0.1, still(0.1))
+        state, status = pitch.step(PITCH, state, 0, DT, 0.1, stationary(0.1))
     mean = state.elevator_mean
     for angle in (0.5, -0.5, 0.0):
-        state, status = pitch.hold_trim(PITCH, state, 0, DT, 0.1, still(angle, 3.0))
+        state, status = pitch.hold_trim(PITCH, state, 0, DT, 0.1, stationary(angle, 3.0))
         assert status.elevator == mean
     assert state.elevator_mean == mean
 
@@ -113,7 +113,7 @@ def test_elevator_is_not_shaken_by_the_flapping() -> None:
     state, out = pitch.initial(PITCH), []
     for i in range(800):
         shake = math.sin(2 * math.pi * 4.0 * i * DT)
-        state, status = pitch.step(PITCH, state, 0, DT, 0.0, still(0.05 * shake, 1.3 * shake, 4.0))
+        state, status = pitch.step(PITCH, state, 0, DT, 0.0, stationary(0.05 * shake, 1.3 * shake, 4.0))
         out.append(status.elevator)
     assert max(out[500:]) - min(out[500:]) < 0.002
 
@@ -147,11 +147,11 @@ def test_the_stick_leaves_no_integral_behind() -> None:
 
 def test_a_released_pitch_loop_takes_over_from_the_held_elevator_without_a_jump() -> None:
     state = pitch.initial(PITCH)
-    state, held = pitch.hold_trim(PITCH, state, 0, DT, 0.3, still(0.1))
+    state, held = pitch.hold_trim(PITCH, state, 0, DT, 0.3, stationary(0.1))
     asked = PITCH.elevator_trim + PITCH.proportional * 0.2
     elevators = []
     for _ in range(200):
-        state, status = pitch.step(PITCH._replace(integral=0.0), state, 0, DT, 0.3, still(0.1))
+        state, status = pitch.step(PITCH._replace(integral=0.0), state, 0, DT, 0.3, stationary(0.1))
         elevators.append(status.elevator)
     share = DT / (PITCH.release_time + DT)
     assert elevators[0] - held.elevator == pytest.approx(share * (asked - held.elevator))

@@ -19,13 +19,13 @@ class Row(NamedTuple):
     """One measurement of ours beside one of a peer."""
 
     what: str
-    ours: float
+    computed: float
     peer: float | None
     """of the peer, or a limit measured in the same run"""
     unit: str
     name: str = ""
     """of the peer, with its version"""
-    asked: str = ""
+    requested: str = ""
     """of ours, where the test asserts it"""
 
 
@@ -46,7 +46,7 @@ def peer(package: str) -> str:
 
 def cells(row: Row) -> tuple[str, ...]:
     """A row's texts, in the order of `HEADINGS`."""
-    return (row.what, number(row.ours), number(row.peer), row.unit, row.name, row.asked)
+    return (row.what, number(row.computed), number(row.peer), row.unit, row.name, row.requested)
 
 
 def number(value: float | None) -> str:

@@ -50,7 +50,7 @@ UNDERSTOOD = 2.0
 """deg; a wrong frame, sign or unit is tens of degrees off on the slow motion"""
 
 
-def ours(recording: imu.Recording) -> imu.Array:
+def computed(recording: imu.Recording) -> imu.Array:
     return imu.orientations(recording, AhrsGains())
 
 
@@ -156,8 +156,8 @@ def scored(recording: imu.Recording, run: Filter) -> tuple[float, float, float]:
 
 
 @cache
-def of_ours(name: str) -> tuple[float, float, float]:
-    each = [scored(recording, ours) for recording in motions()[name]]
+def of_wingbeat(name: str) -> tuple[float, float, float]:
+    each = [scored(recording, computed) for recording in motions()[name]]
     return tuple(np.mean(each, axis=0).tolist())  # type: ignore[return-value]
 
 
@@ -171,7 +171,7 @@ def motions() -> dict[str, list[imu.Recording]]:
 
 @pytest.mark.bench
 def test_ours_knows_the_slow_motion() -> None:
-    assert scored(slow_motion(), ours)[0] < UNDERSTOOD
+    assert scored(slow_motion(), computed)[0] < UNDERSTOOD
 
 
 @pytest.mark.bench
@@ -187,7 +187,8 @@ def test_attitude_beside(name: str) -> None:
     for motion, recordings in motions().items():
         theirs = np.mean([scored(recording, run) for recording in recordings], axis=0)
         for what, unit, mine, other in zip(
-            ("total error", "inclination error", "time of a sample"), ("deg", "deg", "us"), of_ours(motion), theirs,
+            ("total error", "inclination error", "time of a sample"), ("deg", "deg", "us"),
+            of_wingbeat(motion), theirs,
             strict=True,
         ):  # fmt: skip
             leave(Row(f"attitude, {motion}: {what}", mine, float(other), unit, told))

@@ -29,11 +29,11 @@ GROWTH = 0.05
 WINGBEAT = (sys.executable, "-m", "groundstation.command.main", "campaign")
 
 
-def say(line: str) -> None:
+def send(line: str) -> None:
     sys.stdout.write(line + "\n")
 
 
-def flown(folder: Path, workers: int) -> tuple[float, dict[str, Any], bytes]:
+def simulate(folder: Path, workers: int) -> tuple[float, dict[str, Any], bytes]:
     """s of wall time, what was told, and the table."""
     table = folder / f"{workers}.parquet"
     command = [*WINGBEAT, str(EXAMPLE), "--workers", str(workers), "--out", str(table), "--json"]
@@ -46,14 +46,14 @@ def flown(folder: Path, workers: int) -> tuple[float, dict[str, Any], bytes]:
 @pytest.mark.skipif(len(os.sched_getaffinity(0)) < 2, reason="needs two cores")
 def test_two_workers_against_one(tmp_path: Path) -> None:
     """Whole commands, starting the workers included."""
-    alone, told, table = flown(tmp_path, 1)
-    together, _, same = flown(tmp_path, 2)
+    alone, told, table = simulate(tmp_path, 1)
+    together, _, same = simulate(tmp_path, 2)
     flights = told["flights"]
     speed = 60 * flights / alone
-    say(f"campaign, 1 worker       {alone:6.1f} s for {flights} flights of 60 s, {speed:.1f} times real time")
-    say(f"campaign, 2 workers      {together:6.1f} s, {alone / together:.2f} times faster (asked: {FASTER:g})")
-    asked = f"at least {FASTER:g}"
-    leave(Row("campaign of 60 flights, two workers", alone / together, None, "times one worker", asked=asked))
+    send(f"campaign, 1 worker       {alone:6.1f} s for {flights} flights of 60 s, {speed:.1f} times real time")
+    send(f"campaign, 2 workers      {together:6.1f} s, {alone / together:.2f} times faster (asked: {FASTER:g})")
+    requested = f"at least {FASTER:g}"
+    leave(Row("campaign of 60 flights, two workers", alone / together, None, "times one worker", requested=requested))
     assert same == table
     assert alone / together >= FASTER
 
@@ -103,8 +103,8 @@ def test_memory_over_five_hundred_flights(tmp_path: Path) -> None:
     watcher.join()
     flights, used = np.array([(done, size) for done, size in seen if done >= SETTLED and size > 0]).T
     early, late = used[flights < SETTLED + 50], used[flights > flights.max() - 50]
-    say(f"campaign, memory         {np.median(early):6.0f} MB after 100 flights, {np.median(late):.0f} MB after 500")
+    send(f"campaign, memory         {np.median(early):6.0f} MB after 100 flights, {np.median(late):.0f} MB after 500")
     growth = float(np.median(late) / np.median(early))
-    asked = f"at most {1.0 + GROWTH:g}"
-    leave(Row("campaign, memory after 500 flights", growth, None, "times after 100", asked=asked))
+    requested = f"at most {1.0 + GROWTH:g}"
+    leave(Row("campaign, memory after 500 flights", growth, None, "times after 100", requested=requested))
     assert np.median(late) < (1.0 + GROWTH) * np.median(early)

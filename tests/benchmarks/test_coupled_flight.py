@@ -32,7 +32,7 @@ PANELS, STEPS_A_BEAT, LATTICE_SECONDS = (2, 4), 30, 0.5
 
 
 @cache
-def ours() -> float:
+def computed() -> float:
     """Processor time of a simulated second, the least of some rounds."""
     plant = Plant(load_vehicle(VEHICLE))
     start, around = plant.y.copy(), k.Surroundings(0.0, 0.0, 0.0, 1.225, k.FREE, 0.0, 0.0, 0.0)
@@ -71,7 +71,7 @@ def test_beside_the_step_of_mujoco() -> None:
     fallen, expected = float(engine.data.qpos[2]), 0.5 * STANDARD_GRAVITY * SECONDS**2
     assert fallen == pytest.approx(expected, rel=0.1), "gravity acts along its z, and nothing else"
     told = f"{peer('mujoco')}, RK4 at the same step, {engine.model.nv} speeds, without air"
-    leave(Row("coupled flight, strip theory, 1 kHz", 1.0 / ours(), SECONDS / min(spent), "times real time", told))
+    leave(Row("coupled flight, strip theory, 1 kHz", 1.0 / computed(), SECONDS / min(spent), "times real time", told))
 
 
 @pytest.mark.bench
@@ -86,7 +86,7 @@ def test_beside_the_free_flight_of_pterasoftware() -> None:
     told = (
         f"{peer('pterasoftware')}, free flight, {PANELS[0]} x {PANELS[1]} panels a wing, {STEPS_A_BEAT} steps a beat"
     )
-    leave(Row("coupled flight, strip theory, 1 kHz", 1.0 / ours(), 1.0 / spent, "times real time", told))
+    leave(Row("coupled flight, strip theory, 1 kHz", 1.0 / computed(), 1.0 / spent, "times real time", told))
 
 
 def lattice(ps: object, steps: int) -> np.ndarray:

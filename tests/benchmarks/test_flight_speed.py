@@ -44,7 +44,7 @@ LOGGED_TIME, UNLOGGED_TIME = 18.0, 22.0
 REALTIME = "times real time"
 
 
-def say(line: str) -> None:
+def send(line: str) -> None:
     sys.stdout.write(line + "\n")
 
 
@@ -94,10 +94,10 @@ def computer() -> Autopilot:
     return Autopilot(load_flight_vehicle(VEHICLE), load_mission("circuit"), lambda topic, message: None)
 
 
-def tell(what: str, ticks: list[list[float]], asked: str = "") -> tuple[float, float]:
+def report(what: str, ticks: list[list[float]], requested: str = "") -> tuple[float, float]:
     """Say and return the median and the 99th percentile in us of the least time of each tick."""
     median, late = np.percentile(np.min(ticks, axis=0), (50.0, 99.0))
-    say(f"{what:24} {median:6.0f} us a tick at the median, {late:6.0f} us at the 99th percentile{asked}")
+    send(f"{what:24} {median:6.0f} us a tick at the median, {late:6.0f} us at the 99th percentile{requested}")
     return float(median), float(late)
 
 
@@ -108,11 +108,11 @@ def test_the_parts_of_a_tick() -> None:
         flights.append(Parts())
         alone += [flights[-1].again() for _ in range(AGAIN)]
         flights[-1].frames.clear()
-    tell("world, 5 steps of 1 ms", [flight.worlds for flight in flights])
-    tell("flight computer, with it", [flight.computers for flight in flights])
-    median, late = tell("flight computer alone", alone, f" (asked: {MEDIAN_TICK:g}, {LATE_TICK:g})")
-    leave(Row("flight computer's tick, median", median, None, "us", asked=f"at most {MEDIAN_TICK:g}"))
-    leave(Row("flight computer's tick, 99th percentile", late, None, "us", asked=f"at most {LATE_TICK:g}"))
+    report("world, 5 steps of 1 ms", [flight.worlds for flight in flights])
+    report("flight computer, with it", [flight.computers for flight in flights])
+    median, late = report("flight computer alone", alone, f" (asked: {MEDIAN_TICK:g}, {LATE_TICK:g})")
+    leave(Row("flight computer's tick, median", median, None, "us", requested=f"at most {MEDIAN_TICK:g}"))
+    leave(Row("flight computer's tick, 99th percentile", late, None, "us", requested=f"at most {LATE_TICK:g}"))
     assert median <= MEDIAN_TICK
     assert late <= LATE_TICK
 
@@ -138,9 +138,9 @@ def test_the_coupled_physics_alone(model: str) -> None:
         plant.follow(ticks, around)
         best = min(best, time.perf_counter() - begun)
     needed = f" (needed: {PLANT_REAL_TIME:g})" if model == "strip_theory" else ""
-    say(f"physics, {model:15} {2.0 / best:6.1f} times real time on one core{needed}")
-    asked = f"at least {PLANT_REAL_TIME:g}" if needed else ""
-    leave(Row(f"physics alone, {model}", 2.0 / best, None, REALTIME, asked=asked))
+    send(f"physics, {model:15} {2.0 / best:6.1f} times real time on one core{needed}")
+    requested = f"at least {PLANT_REAL_TIME:g}" if needed else ""
+    leave(Row(f"physics alone, {model}", 2.0 / best, None, REALTIME, requested=requested))
     assert np.all(np.isfinite(plant.y))
     assert model != "strip_theory" or 2.0 / best >= PLANT_REAL_TIME
 
@@ -164,8 +164,10 @@ def test_the_physics_with_gusts_and_sensors() -> None:
             world.step(command)
         best = min(best, time.process_time() - begun)
         assert np.all(np.isfinite(world.plant.y))
-    say(f"physics, gusts, sensors {4.0 / best:6.1f} times real time on one core (needed: {SENSED_REAL_TIME:g})")
-    leave(Row("physics with gusts and sensors", 4.0 / best, None, REALTIME, asked=f"at least {SENSED_REAL_TIME:g}"))
+    send(f"physics, gusts, sensors {4.0 / best:6.1f} times real time on one core (needed: {SENSED_REAL_TIME:g})")
+    leave(
+        Row("physics with gusts and sensors", 4.0 / best, None, REALTIME, requested=f"at least {SENSED_REAL_TIME:g}")
+    )
     assert 4.0 / best >= SENSED_REAL_TIME
 
 
@@ -181,8 +183,8 @@ def test_a_flight_in_one_process(logged: bool, tmp_path: Path) -> None:
     with get_context("spawn").Pool(1) as pool:
         best = pool.apply(quickest, (tmp_path if logged else None,))
     what = "in one process, logging" if logged else "in one process, no log"
-    say(f"{what:24} {PART / best:6.1f} times real time (needed: {needed:g})")
-    leave(Row(f"flight {what}", PART / best, None, REALTIME, asked=f"at least {needed:g}"))
+    send(f"{what:24} {PART / best:6.1f} times real time (needed: {needed:g})")
+    leave(Row(f"flight {what}", PART / best, None, REALTIME, requested=f"at least {needed:g}"))
     assert PART / best >= needed
 
 
@@ -208,7 +210,7 @@ def fly_once(log: Path | None) -> None:
             fly(SimulatedWorld(vehicle, scenario, said), flying, scripted_start())
 
 
-def flown(log: Path, *words: str) -> tuple[float, float]:
+def simulate(log: Path, *words: str) -> tuple[float, float]:
     """Flight time and wall time in s of ``wingbeat fly``."""
     command = [sys.executable, "-m", "groundstation.command.main", "fly", "--json", "--log", str(log), *words]
     ran = subprocess.run(command, check=True, capture_output=True, text=True)
@@ -219,11 +221,11 @@ def flown(log: Path, *words: str) -> tuple[float, float]:
 @pytest.mark.bench
 def test_the_lockstep_flight_with_logging(tmp_path: Path) -> None:
     """The whole command: two processes, MAVLink over TCP, two recorders; what starting them takes is taken off."""
-    flown(tmp_path / "warm.mcap", "--duration", "10")
-    short, starting = flown(tmp_path / "short.mcap", "--duration", "10")
-    whole, wall = flown(tmp_path / "whole.mcap")
+    simulate(tmp_path / "warm.mcap", "--duration", "10")
+    short, starting = simulate(tmp_path / "short.mcap", "--duration", "10")
+    whole, wall = simulate(tmp_path / "whole.mcap")
     speed = (whole - short) / (wall - starting)
-    say(f"lockstep pair, logging   {speed:6.1f} times real time (needed: {REAL_TIME:g})")
-    say(f"  with starting          {whole / wall:6.1f}")
-    leave(Row("lockstep pair over MAVLink, logging", speed, None, REALTIME, asked=f"at least {REAL_TIME:g}"))
+    send(f"lockstep pair, logging   {speed:6.1f} times real time (needed: {REAL_TIME:g})")
+    send(f"  with starting          {whole / wall:6.1f}")
+    leave(Row("lockstep pair over MAVLink, logging", speed, None, REALTIME, requested=f"at least {REAL_TIME:g}"))
     assert speed >= REAL_TIME

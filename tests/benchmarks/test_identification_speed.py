@@ -69,15 +69,15 @@ def test_eight_parameters_of_1250_samples() -> None:
     problem = Problem(MODEL, (experiment,), {n: Parameter(0.7 * v) for n, v in TRUTH.items()}, OUTPUTS)
     fit = output_error(problem)
     assert len(fit.estimates) == 8, fit.failure
-    ours = fastest(lambda: output_error(problem), 10)
+    computed = fastest(lambda: output_error(problem), 10)
     begun = time.process_time()
     theirs = with_scipy(experiment, np.sqrt(np.diag(fit.noise)))
     scipys = time.process_time() - begun
-    print(f"output error: {1e3 * ours:.1f} ms, scipy: {1e3 * scipys:.0f} ms")  # noqa: T201
-    what, asked = "output error, 8 parameters, 1250 samples", f"at most {1e3 * LIMIT_S:g}"
-    leave(Row(what, 1e3 * ours, 1e3 * scipys, "ms", f"{peer('scipy')}, least_squares on lsim", asked))
+    print(f"output error: {1e3 * computed:.1f} ms, scipy: {1e3 * scipys:.0f} ms")  # noqa: T201
+    what, requested = "output error, 8 parameters, 1250 samples", f"at most {1e3 * LIMIT_S:g}"
+    leave(Row(what, 1e3 * computed, 1e3 * scipys, "ms", f"{peer('scipy')}, least_squares on lsim", requested))
     errors = np.array([fit.estimates[list(fit.names).index(name)].standard_error for name in MODEL.parameters])
     values = np.array([fit.estimates[list(fit.names).index(name)].value for name in MODEL.parameters])
     np.testing.assert_array_less(np.abs(values - theirs), 0.5 * errors)
-    assert ours < LIMIT_S
-    assert scipys > TIMES_FASTER * ours
+    assert computed < LIMIT_S
+    assert scipys > TIMES_FASTER * computed

@@ -66,7 +66,7 @@ def test_all_of_ten_minutes(ten_minutes: Path) -> None:
         f"identify all of ten minutes, {manoeuvres} manoeuvres: {spent:.1f} s (asked: {LIMIT_S:g}), of the processor"
         f" {worked:.1f} s\n"
     )
-    leave(Row("identify all of a flight of ten minutes", spent, None, "s", asked=f"at most {LIMIT_S:g}"))
+    leave(Row("identify all of a flight of ten minutes", spent, None, "s", requested=f"at most {LIMIT_S:g}"))
     assert manoeuvres >= LEAST_MANOEUVRES
     # A servo-driven wing beats as fast as it is told, whatever the throttle.
     assert [one["name"] for one in found["missing"]] == ["flapping frequency"]

@@ -76,7 +76,7 @@ class Client(threading.Thread):
     def run(self) -> None:
         reading, writing = common.MAVLink(None), common.MAVLink(None, self._system, 190)
         reading.robust_parsing = True
-        heard, told, last = None, 0.0, -1
+        heard, stated, last = None, 0.0, -1
         while not self.over.is_set():
             try:
                 packet, heard = self.socket.recvfrom(4096)
@@ -88,15 +88,15 @@ class Client(threading.Thread):
             for message in reading.parse_buffer(packet) or ():
                 if message.get_type() == "ATTITUDE":
                     self.attitudes.append(message.time_boot_ms)
-            if heard and time.monotonic() - told > 1.0:
+            if heard and time.monotonic() - stated > 1.0:
                 asked = writing.command_long_encode(1, 1, 511, 0, 30, 1e6 / RATE, 0, 0, 0, 0, 0)
-                for message in (writing.heartbeat_encode(6, 8, 0, 0, 4), *((asked,) if not told else ())):
+                for message in (writing.heartbeat_encode(6, 8, 0, 0, 4), *((asked,) if not stated else ())):
                     self.socket.sendto(message.pack(writing), heard)
-                told = time.monotonic()
+                stated = time.monotonic()
         self.socket.close()
 
 
-class Flown(NamedTuple):
+class FlightResult(NamedTuple):
     ticks: int
     """told by the sensors' times"""
     logged: int
@@ -116,7 +116,7 @@ def stolen() -> float:
     return int(ticks) / os.sysconf("SC_CLK_TCK") / (os.cpu_count() or 1)
 
 
-def fly(folder: Path, duration: float, clients: list[Client]) -> Flown:
+def fly(folder: Path, duration: float, clients: list[Client]) -> FlightResult:
     mission, log = folder / "loiter.toml", folder / f"flight{len(clients)}.mcap"
     mission.write_text(LOITER)
     command = [sys.executable, "-m", "groundstation.command.main", "fly", "--speed", "1", "--seed", "1"]
@@ -135,15 +135,15 @@ def fly(folder: Path, duration: float, clients: list[Client]) -> Flown:
         overruns = timing["overruns"][timing["processor"] == WHOLE_TICK]
         assert len(overruns) >= duration - 3.0  # told once a second
         ticks = round((imu[-1] - imu[0]) * 1e-6 * TICKS) + 1
-        return Flown(ticks, len(imu), int(np.sum(overruns)), (stolen() - began) / duration)
+        return FlightResult(ticks, len(imu), int(np.sum(overruns)), (stolen() - began) / duration)
 
 
-def share(flights: Sequence[Flown]) -> float:
+def share(flights: Sequence[FlightResult]) -> float:
     """Ticks of a hundred that overran."""
     return 100.0 * sum(flown.overruns for flown in flights) / sum(flown.ticks for flown in flights)
 
 
-def told(what: str, flights: Sequence[Flown]) -> str:
+def stated(what: str, flights: Sequence[FlightResult]) -> str:
     """One line of the flights of a kind."""
     each = " ".join(f"{share([flown]):.2f}" for flown in flights)
     taken = 100.0 * sum(flown.stolen for flown in flights) / len(flights)
@@ -163,7 +163,7 @@ def test_three_clients_cost_no_tick_and_lose_no_message(tmp_path: Path) -> None:
             flights.append(fly(folder, DURATION, present))
     rates = [len(client.attitudes) / DURATION for client in clients]
     missing = sum(client.missing for client in clients)
-    sys.stdout.write("\n" + told("with clients", watched) + told("without", alone))
+    sys.stdout.write("\n" + stated("with clients", watched) + stated("without", alone))
     sys.stdout.write(f"attitude at {min(rates):.1f} to {max(rates):.1f} Hz, {missing} missing\n")
     for flown in watched + alone:
         assert flown.logged == flown.ticks > 0.98 * DURATION * TICKS

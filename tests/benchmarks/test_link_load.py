@@ -68,8 +68,8 @@ class Peers(threading.Thread):
             connected.send(writing.heartbeat_encode(6, 8, 0, 0, 4).pack(writing))
         if turn % 50 == 0:
             for number in numbers:
-                asked = writing.command_long_encode(1, 1, 511, 0, number, 1e6 / RATE, 0, 0, 0, 0, 0)
-                connected.send(asked.pack(writing))
+                requested = writing.command_long_encode(1, 1, 511, 0, number, 1e6 / RATE, 0, 0, 0, 0, 0)
+                connected.send(requested.pack(writing))
         with contextlib.suppress(BlockingIOError):
             while data := connected.recv(1 << 16):
                 self.received += len(data)

@@ -14,7 +14,7 @@ import pytest
 from circling import BUILDERS, messages, noisy
 from mcap.reader import make_reader
 from rows import Row, leave, peer
-from test_logs import FIXED, quickest, sample, say, timed
+from test_logs import FIXED, quickest, sample, send, timed
 
 from logs.reader import open_log
 from logs.recorder import McapRecorder
@@ -62,7 +62,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
             count += 1
     assert not recorder.refusal and not recorder.failure
     size = recorder.path.stat().st_size
-    say(f"\nan hour's flight: {count} messages on {len(FIXED)} topics, {size / 1e6:.0f} MB")
+    send(f"\nan hour's flight: {count} messages on {len(FIXED)} topics, {size / 1e6:.0f} MB")
     return Recorded(recorder.path, count)
 
 
@@ -70,11 +70,11 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
 def test_what_an_hour_holds(recorded: Recorded) -> None:
     """GIVEN the command as a user starts it WHEN it tells what an hour's flight holds THEN nobody waits for it."""
     elapsed, done = quickest(lambda: info(recorded.path), 3)
-    say(f"\nwingbeat log info of it: {elapsed:.2f} s")
+    send(f"\nwingbeat log info of it: {elapsed:.2f} s")
     plain, counts = quickest(lambda: summary_by_mcap(recorded.path), 1)
-    say(f"the mcap package reads its summary, without rates and gaps, in {plain:.2f} s")
-    asked = f"at most {LONGEST_INFO:g}"
-    leave(Row("wingbeat log info of an hour's flight", elapsed, plain, "s", peer("mcap"), asked))
+    send(f"the mcap package reads its summary, without rates and gaps, in {plain:.2f} s")
+    requested = f"at most {LONGEST_INFO:g}"
+    leave(Row("wingbeat log info of an hour's flight", elapsed, plain, "s", peer("mcap"), requested))
     told = json.loads(done)
     assert told["messages"] == recorded.messages == sum(counts.values())
     assert all(row["rate"] == pytest.approx(row["nominal_rate"], rel=0.01) for row in told["topics"])
@@ -98,6 +98,6 @@ def summary_by_mcap(path: Path) -> dict[int, int]:
 def test_an_hour_as_a_page(recorded: Recorded, tmp_path: Path) -> None:
     with open_log(recorded.path) as log:
         elapsed, page = timed(lambda: write_page(log, tmp_path / "a.html"))
-    say(f"\nits page: {elapsed:.1f} s, {page.bytes / 1e6:.1f} MB")
-    leave(Row("an hour's flight as a page", elapsed, None, "s", asked=f"at most {LONGEST:g}"))
+    send(f"\nits page: {elapsed:.1f} s, {page.bytes / 1e6:.1f} MB")
+    leave(Row("an hour's flight as a page", elapsed, None, "s", requested=f"at most {LONGEST:g}"))
     assert page.bytes < LARGEST and elapsed < LONGEST

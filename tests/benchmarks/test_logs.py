@@ -98,7 +98,7 @@ def minutes(flight: Flight) -> Messages:
     return flight.part(0.0, 120.0)
 
 
-def say(line: str) -> None:
+def send(line: str) -> None:
     sys.stdout.write(line + "\n")
 
 
@@ -124,8 +124,8 @@ def quickest(run: Callable[[], Result], rounds: int = 5) -> tuple[float, Result]
     return min((timed(run) for _ in range(rounds)), key=lambda pair: pair[0])
 
 
-def tell(what: str, count: int, elapsed: float) -> None:
-    say(f"{what:44} {count / elapsed / 1e3:9.0f} k/s  {elapsed:7.3f} s")
+def report(what: str, count: int, elapsed: float) -> None:
+    send(f"{what:44} {count / elapsed / 1e3:9.0f} k/s  {elapsed:7.3f} s")
 
 
 # --- writing --------------------------------------------------------------------------------------------
@@ -140,15 +140,15 @@ def test_messages_are_written_fast_enough_on_one_core(flight: Flight, tmp_path: 
     """
     messages = flight.part(0.0, ROUND_S)
     spent = sorted(seconds_to_write(messages, tmp_path / f"{n}.mcap", writing) for n in range(ROUNDS))
-    say(f"\nwriting {len(messages)} messages on {len(FIXED)} topics, queue of {writing.queue} bytes, processor time")
-    tell("quickest round", len(messages), spent[0])
-    tell("median round", len(messages), spent[ROUNDS // 2])
+    send(f"\nwriting {len(messages)} messages on {len(FIXED)} topics, queue of {writing.queue} bytes, processor time")
+    report("quickest round", len(messages), spent[0])
+    report("median round", len(messages), spent[ROUNDS // 2])
     package = mcap_seconds(messages, tmp_path / "mcap")
-    tell("mcap package's writer, messages encoded before", len(messages), package)
-    ours, theirs = (len(messages) / seconds / 1e3 for seconds in (spent[0], package))
-    asked = f"at least {WRITTEN_PER_SECOND / 1e3:g}"
+    report("mcap package's writer, messages encoded before", len(messages), package)
+    computed, theirs = (len(messages) / seconds / 1e3 for seconds in (spent[0], package))
+    requested = f"at least {WRITTEN_PER_SECOND / 1e3:g}"
     what = f"writing a log, queue of {writing.queue} bytes"
-    leave(Row(what, ours, theirs, "1000 messages/s", f"{peer('mcap')}, messages encoded before", asked))
+    leave(Row(what, computed, theirs, "1000 messages/s", f"{peer('mcap')}, messages encoded before", requested))
     assert len(messages) / spent[0] >= WRITTEN_PER_SECOND
 
 
@@ -202,12 +202,12 @@ def test_no_call_of_the_recorder_makes_the_flight_wait(minutes: Messages, tmp_pa
                 calls.measure(recorder, topic, message)
             time.sleep(max(0.0, due - time.perf_counter()))
     assert not recorder.refusal and not recorder.failure and not recorder.dropped
-    ours = calls.undisturbed()
+    computed = calls.undisturbed()
     count = len(calls.wall)
-    say(f"\n{count} calls of the recorder in flight; for {count - len(ours)} of them a core was taken away")
-    calls.tell("all calls", list(range(count)))
-    calls.tell("core not taken away", ours)
-    assert max(calls.wall[number] for number in ours) < LONGEST_STALL
+    send(f"\n{count} calls of the recorder in flight; for {count - len(computed)} of them a core was taken away")
+    calls.report("all calls", list(range(count)))
+    calls.report("core not taken away", computed)
+    assert max(calls.wall[number] for number in computed) < LONGEST_STALL
 
 
 class Calls(NamedTuple):
@@ -231,11 +231,11 @@ class Calls(NamedTuple):
         """Calls in which no core was taken away, nor between them and the call before."""
         return [number for number, (before, after) in enumerate(pairwise(self.taken), 1) if before == after]
 
-    def tell(self, what: str, numbers: list[int]) -> None:
+    def report(self, what: str, numbers: list[int]) -> None:
         longest = sorted(numbers, key=self.wall.__getitem__)
         worst = ", ".join(f"{self.wall[n] * 1e3:.2f} ({self.core[n] * 1e3:.2f})" for n in longest[:-6:-1])
         median = self.wall[longest[len(longest) // 2]] * 1e6
-        say(f"{what:20} median {median:4.1f} us, worst (and of it on a core): {worst} ms")
+        send(f"{what:20} median {median:4.1f} us, worst (and of it on a core): {worst} ms")
 
 
 def steps(messages: Messages) -> Iterator[Messages]:
@@ -276,17 +276,19 @@ def recorded(flight: Flight, tmp_path_factory: pytest.TempPathFactory) -> Record
 @pytest.mark.bench
 def test_a_flight_becomes_columns_fast_enough(recorded: Recorded) -> None:
     path, count = recorded
-    say(f"\n{count} messages on {len(FIXED)} topics, {path.stat().st_size / 1e6:.0f} MB, to columns")
+    send(f"\n{count} messages on {len(FIXED)} topics, {path.stat().st_size / 1e6:.0f} MB, to columns")
     whole, tables = quickest(lambda: open_log(path).tables())
-    tell("all topics", count, whole)
+    report("all topics", count, whole)
     assert sum(len(table.time) for table in tables.values()) == count
     part = count // 20
     plain, _ = quickest(lambda: read_plainly(path, part), 2)
-    tell(f"mcap and mcap-protobuf-support, {part} of them", part, plain)
+    report(f"mcap and mcap-protobuf-support, {part} of them", part, plain)
     times = count / whole / (part / plain)
-    say(f"{times:.0f} times the plain reader")
-    name, asked = f"{peer('mcap')}, {peer('mcap-protobuf-support')}", f"at least {READ_PER_SECOND / 1e3:g}"
-    leave(Row("reading a log to columns", count / whole / 1e3, part / plain / 1e3, "1000 messages/s", name, asked))
+    send(f"{times:.0f} times the plain reader")
+    name, requested = f"{peer('mcap')}, {peer('mcap-protobuf-support')}", f"at least {READ_PER_SECOND / 1e3:g}"
+    leave(
+        Row("reading a log to columns", count / whole / 1e3, part / plain / 1e3, "1000 messages/s", name, requested)
+    )
     assert count / whole >= READ_PER_SECOND and times >= TIMES_THE_PLAIN_READER
 
 
@@ -309,10 +311,10 @@ def test_one_topic_takes_a_fifth_of_the_time(recorded: Recorded) -> None:
     path, count = recorded
     whole, _ = quickest(lambda: open_log(path).tables())
     longest = SHARE_OF_ONE_TOPIC * count / READ_PER_SECOND
-    say(f"\none topic of {len(FIXED)}; {longest:.3f} s at most, all of them take {whole:.3f} s")
+    send(f"\none topic of {len(FIXED)}; {longest:.3f} s at most, all of them take {whole:.3f} s")
     for topic in topics.IMU, topics.HEALTH, truth_topics.STATE:
         one, columns = quickest(lambda topic=topic: open_log(path).columns(topic))  # type: ignore[misc]
-        tell(f"{topic.name}, {one / whole:.0%} of all", len(columns.time), one)
+        report(f"{topic.name}, {one / whole:.0%} of all", len(columns.time), one)
         assert one < longest
 
 
@@ -340,7 +342,7 @@ def test_memory_of_reading(recorded: Recorded) -> None:
         [sys.executable, "-c", PEAK, str(recorded.path)], capture_output=True, text=True, check=True, timeout=120
     )
     told = json.loads(done.stdout)
-    say(f"\ncolumns of {told['data'] / 1e6:.0f} MB, {told['peak'] / 1e6:.0f} MB at most while they are read")
+    send(f"\ncolumns of {told['data'] / 1e6:.0f} MB, {told['peak'] / 1e6:.0f} MB at most while they are read")
     assert told["peak"] < TIMES_THE_DATA * told["data"]
 
 
@@ -349,8 +351,8 @@ def test_a_file_without_its_end_opens(recorded: Recorded, tmp_path: Path) -> Non
     torn = tmp_path / "torn.mcap"
     torn.write_bytes(recorded.path.read_bytes()[:-10])
     elapsed, log = timed(lambda: open_log(torn))
-    say("")
-    tell("open a file without its end", recorded.messages, elapsed)
+    send("")
+    report("open a file without its end", recorded.messages, elapsed)
     assert not log.complete and sum(info.messages for info in log.topics.values()) == recorded.messages
 
 
@@ -359,6 +361,6 @@ def test_frames_per_second() -> None:
     frames = Frames((0.1, 0.0, 0.0), (-0.4, 0.0, 0.0), 0)
     pose = Pose(5, (1.0, 2.0, 3.0), (1.0, 0.0, 0.0, 0.0), (0.1, 0.2), (0.1, 0.1), 0.1, 0.1)
     elapsed, size = timed(lambda: [len(frames.packed(pose)) for _ in range(5000)])
-    say("")
-    tell("frame transforms", 5000, elapsed)
+    send("")
+    report("frame transforms", 5000, elapsed)
     assert len(set(size)) == 1

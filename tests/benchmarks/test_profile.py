@@ -56,8 +56,11 @@ def test_ten_most_expensive_functions() -> None:
         table.add_row(f"{own:.3f}", f"{own / whole:.1%}", f"{calls:,}", place(*where))
     Console(file=sys.stdout, width=150).print(table)
     most, second = entries[:2]
-    for number, (where, spent), asked in (("most", most, ""), ("second most", second, f"at most {LARGEST_SHARE:g}")):
+    for number, (where, spent), requested in (
+        ("most", most, ""),
+        ("second most", second, f"at most {LARGEST_SHARE:g}"),
+    ):
         what = f"{number} expensive function of a flight: {place(*where)}"
-        leave(Row(what, spent[2] / whole, None, "of the profile", asked=asked))
+        leave(Row(what, spent[2] / whole, None, "of the profile", requested=requested))
     assert most[0][2] == KERNEL
     assert second[1][2] < LARGEST_SHARE * whole

@@ -32,7 +32,7 @@ def here(core: int) -> None:
         os.sched_setaffinity(0, {core})
 
 
-def ours_answer(port: int, hasty: bool) -> None:
+def wingbeat_answer(port: int, hasty: bool) -> None:
     """The flight computer's end: an answer to each tick, until the world hangs up."""
     stream = open_stream(f"tcp:127.0.0.1:{port}", PATIENCE)
     assert isinstance(stream, SocketStream)
@@ -46,7 +46,7 @@ def ours_answer(port: int, hasty: bool) -> None:
                 stream.write(writer.actuators(m.ActuatorCommand(tick.time_us, 0.1, 0.1, 0.5, 0.0, 0.0, 1)))
 
 
-def ours_trips(stream: SocketStream) -> list[float]:
+def wingbeat_trips(stream: SocketStream) -> list[float]:
     """s; of each trip, encoder and HIL_SENSOR there, HIL_ACTUATOR_CONTROLS back."""
     reader, writer, spent = FrameReader(), FrameWriter(2, 1), []
     for n in range(1, TRIPS + 1):
@@ -100,7 +100,7 @@ def answering(kind: str, port: int, core: int, hasty: bool) -> subprocess.Popen[
     return subprocess.Popen([sys.executable, __file__, kind, str(port), str(core), str(int(hasty))], env=where)
 
 
-def ours(core: int) -> float:
+def computed(core: int) -> float:
     """us; the median of the quickest round, with the partner on ``core`` and us on the first."""
     listener, hasty = Listener(f"tcp:127.0.0.1:{free_port(socket.SOCK_STREAM)}"), core != 0
     with answering("ours", listener.port, core, hasty) as partner:
@@ -108,7 +108,7 @@ def ours(core: int) -> float:
         assert stream is not None
         if hasty:
             stream.enable_busy_poll()
-        best = min(statistics.median(ours_trips(stream)) for _ in range(ROUNDS))
+        best = min(statistics.median(wingbeat_trips(stream)) for _ in range(ROUNDS))
         stream.close()
         listener.close()
         assert partner.wait(PATIENCE) == 0
@@ -137,7 +137,7 @@ def test_round_trip_beside_pymavlink(core: int) -> None:
     before = os.sched_getaffinity(0)
     here(0)
     try:
-        mine, other = ours(core), pymavlinks(core)
+        mine, other = computed(core), pymavlinks(core)
     finally:
         os.sched_setaffinity(0, before)
     cores = "two cores" if core else "one core"
@@ -146,5 +146,5 @@ def test_round_trip_beside_pymavlink(core: int) -> None:
 
 if __name__ == "__main__":
     here(int(sys.argv[3]))
-    answer = {"ours": ours_answer, "pymavlink": pymavlink_answer}[sys.argv[1]]
+    answer = {"ours": wingbeat_answer, "pymavlink": pymavlink_answer}[sys.argv[1]]
     answer(int(sys.argv[2]), sys.argv[4] == "1")

@@ -30,14 +30,14 @@ def started(*words: str) -> float:
     return least
 
 
-def tell(command: str, spent: float, asked: float) -> None:
-    leave(Row(f"{command}, processor time", spent, None, "s", asked=f"at most {asked:g}"))
-    assert spent < asked
+def report(command: str, spent: float, requested: float) -> None:
+    leave(Row(f"{command}, processor time", spent, None, "s", requested=f"at most {requested:g}"))
+    assert spent < requested
 
 
 @pytest.mark.bench
 def test_the_list_of_commands() -> None:
-    tell("wingbeat --help", started("--help"), 0.3)
+    report("wingbeat --help", started("--help"), 0.3)
 
 
 @pytest.mark.bench
@@ -45,4 +45,4 @@ def test_a_look_into_a_log(tmp_path: Path) -> None:
     (tmp_path / "one.toml").write_text("[flight]\nduration = 60.0\n")
     log = tmp_path / "flight.mcap"
     assert not flown(order_of(load_campaign(tmp_path / "one.toml"), 1, Recording(log)))["failed"]
-    tell("wingbeat log info", started("log", "info", str(log)), 0.6)
+    report("wingbeat log info", started("log", "info", str(log)), 0.6)

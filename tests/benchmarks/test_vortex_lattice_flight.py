@@ -40,8 +40,8 @@ def test_ten_seconds_of_flapping_flight_keep_a_fifth_of_real_time_and_no_memory(
         f"\n{SECONDS:g} s in {sum(halves):.2f} s: {SECONDS / sum(halves):.1f} times real time, the second half"
         f" {halves[1] / halves[0]:.2f} times as long as the first, {grown / 1024:.1f} MB grown\n"
     )
-    speed, asked = SECONDS / sum(halves), f"at least {REAL_TIME:g}"
-    leave(Row("coupled flight, vortex lattice, 10 s", speed, None, "times real time", asked=asked))
+    speed, requested = SECONDS / sum(halves), f"at least {REAL_TIME:g}"
+    leave(Row("coupled flight, vortex lattice, 10 s", speed, None, "times real time", requested=requested))
     assert np.all(np.isfinite(plant.y))
     assert SECONDS / sum(halves) > REAL_TIME
     assert grown < 20 * 1024

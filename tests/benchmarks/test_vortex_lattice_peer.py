@@ -83,7 +83,7 @@ def peer(prescribed: bool) -> tuple[Floats, float]:
     return np.array([step.airplanes[0].forces_W for step in solver.steady_problems]), took
 
 
-def ours(prescribed: bool) -> tuple[Floats, float]:
+def computed(prescribed: bool) -> tuple[Floats, float]:
     """The same of the lattice of both wings, without its mirror symmetry: as many panels as the peer has."""
     inner, outer = (HINGE, 0.0), (HINGE + SPAN, 0.0)
     right = Surface("right", tuple(Section((0.0, y, z), CHORD) for y, z in (inner, outer)), ROWS, (COLUMNS,))
@@ -108,9 +108,9 @@ def ours(prescribed: bool) -> tuple[Floats, float]:
 
 @pytest.mark.parametrize("prescribed", [True, False], ids=["prescribed wake", "free wake"])
 def test_the_peers_forces_in_a_fifth_of_its_time(prescribed: bool) -> None:
-    for model in (peer, ours):
+    for model in (peer, computed):
         model(prescribed)  # compiled
-    (theirs, slow), (found, quick) = peer(prescribed), ours(prescribed)
+    (theirs, slow), (found, quick) = peer(prescribed), computed(prescribed)
     settled = slice(STEPS // 2, None)
     errors = [
         float(np.sqrt(np.mean((found - theirs)[settled, i] ** 2) / np.mean(theirs[settled, i] ** 2))) for i in (0, 2)
@@ -120,7 +120,7 @@ def test_the_peers_forces_in_a_fifth_of_its_time(prescribed: bool) -> None:
         f" {slow / quick:.1f} times; force along {errors[0]:.2%}, across {errors[1]:.2%} off\n"
     )
     wake = "prescribed" if prescribed else "free"
-    asked = f"at least {TIMES_FASTER:g} times as fast"
-    leave(Row(f"vortex lattice, {wake} wake, {STEPS} steps", quick, slow, "s", rows.peer("pterasoftware"), asked))
+    requested = f"at least {TIMES_FASTER:g} times as fast"
+    leave(Row(f"vortex lattice, {wake} wake, {STEPS} steps", quick, slow, "s", rows.peer("pterasoftware"), requested))
     assert max(errors) < FORCE_WITHIN
     assert slow > TIMES_FASTER * quick

@@ -14,8 +14,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from flown_vehicle import PATIENCE, PlanItem
 from pymavlink import mavwp
+from simulated_vehicle import PATIENCE, PlanItem
 
 import avionics.link
 
@@ -25,7 +25,7 @@ pytest.importorskip("MAVProxy", reason="MAVProxy is not installed: pip install -
 
 
 class Console:
-    """`say` a line, `see` what is printed after what was seen before."""
+    """`send` a line, `wait_for` what is printed after what was seen before."""
 
     def __init__(self, options: Sequence[str], home: Path) -> None:
         """Start it; it is a person's ``~`` that it finds the mode map and leaves its files in."""
@@ -42,7 +42,7 @@ class Console:
             env={**os.environ, "HOME": str(home), "USERPROFILE": str(home), "TERM": "dumb"},
         )
         self._printed = ""
-        self._seen = 0
+        self._observed = 0
         self._news = threading.Condition()
         self._reader = threading.Thread(target=self._read)
         self._reader.start()
@@ -54,31 +54,31 @@ class Console:
                 self._printed += data.decode(errors="replace")
                 self._news.notify_all()
 
-    def say(self, line: str) -> None:
+    def send(self, line: str) -> None:
         assert self._process.stdin is not None
         self._process.stdin.write(line.encode() + b"\n")
         self._process.stdin.flush()
 
-    def ask(self, line: str, pattern: str) -> re.Match[str]:
+    def request(self, line: str, pattern: str) -> re.Match[str]:
         """Say a line until the answer shows: MAVProxy answers from what has reached it so far."""
         deadline = time.monotonic() + PATIENCE
         while True:
-            self.say(line)
+            self.send(line)
             try:
-                return self.see(pattern, 1.0)
+                return self.wait_for(pattern, 1.0)
             except AssertionError:
                 if time.monotonic() >= deadline:
                     raise
 
-    def see(self, pattern: str, patience: float = PATIENCE) -> re.Match[str]:
+    def wait_for(self, pattern: str, timeout: float = PATIENCE) -> re.Match[str]:
         """The next match of a pattern."""
-        deadline = time.monotonic() + patience
+        deadline = time.monotonic() + timeout
         with self._news:
-            while (found := re.search(pattern, self._printed[self._seen :])) is None:
+            while (found := re.search(pattern, self._printed[self._observed :])) is None:
                 left = deadline - time.monotonic()
                 if left <= 0 or not self._news.wait(left):
                     raise AssertionError(f"MAVProxy never printed {pattern!r}:\n{self._printed}")
-            self._seen += found.end()
+            self._observed += found.end()
             return found
 
     @property

@@ -9,7 +9,7 @@ from contextlib import asynccontextmanager
 from typing import Any, TypeVar
 
 import pytest
-from flown_vehicle import PATIENCE, PlanItem
+from simulated_vehicle import PATIENCE, PlanItem
 
 _MISSING = "MAVSDK 4 is not installed: pip install -e '.[clients]'"
 sdk = pytest.importorskip("mavsdk.asyncio", reason=_MISSING)
@@ -24,10 +24,10 @@ T = TypeVar("T")
 class Station:
     """The parts of MAVSDK that a flight takes."""
 
-    def __init__(self, system: Any, began: float) -> None:
-        """``began`` is the monotonic time (s) before it connected."""
+    def __init__(self, system: Any, started: float) -> None:
+        """``started`` is the monotonic time (s) before it connected."""
         self.system = system
-        self.began = began
+        self.started = started
         self.action = action.ActionAsync(system)
         self.mission = mission.MissionRawAsync(system)
         self.parameters = param.ParamAsync(system)
@@ -39,11 +39,11 @@ async def station(url: str) -> AsyncIterator[Station]:
     """Connected to the autopilot on the other end of ``url``."""
     configuration = sdk.Configuration.create_with_component_type(sdk.ComponentType.GROUND_STATION)
     async with sdk.Mavsdk(configuration) as mavsdk:
-        began = time.monotonic()
+        started = time.monotonic()
         await mavsdk.add_any_connection(url)
         system = await mavsdk.first_autopilot(timeout_s=PATIENCE)
         assert system is not None, f"no autopilot on {url} within {PATIENCE} s"
-        yield Station(system, began)
+        yield Station(system, started)
 
 
 async def first(stream: AsyncIterator[T], accept: Callable[[T], bool] = lambda value: True) -> T:

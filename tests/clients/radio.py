@@ -54,7 +54,7 @@ class Way:
         self._counted_at = now
         return bytes(self._waiting[: int(self._allowance)])
 
-    def gone(self, count: int) -> None:
+    def disconnected(self, count: int) -> None:
         """So many bytes went on."""
         del self._waiting[:count]
         self._allowance = max(self._allowance - count, 0.0)
@@ -118,7 +118,7 @@ def _relay(ways: dict[int, tuple[int, Way]], wake: int) -> None:
                 if piece:
                     way.take(piece, at)
                 with suppress(BlockingIOError):
-                    way.gone(os.write(other, way.due(at)))
+                    way.disconnected(os.write(other, way.due(at)))
 
 
 def _spread(data: bytes, since: float, now: float) -> Iterator[tuple[float, bytes]]:

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from flown_vehicle import ALTITUDE, PROFILES, Profile, aircraft, plan, say
 from ground_links import TRANSPORTS
 from mavsdk_station import Station, first, station, to_wire
+from simulated_vehicle import ALTITUDE, PROFILES, Profile, aircraft, plan, send_text
 
 from sim_bridge.environment.home import COLLEGE_PARK
 
@@ -224,6 +224,6 @@ def test_mavsdk_plug_ins(identity: str, tmp_path: Path) -> None:
     with TRANSPORTS["udp"]() as link, aircraft(link, PROFILES[identity], tmp_path):
         calls = asyncio.run(all_calls(link.mavsdk, PROFILES[identity], tmp_path))
     expected = {**UNSUPPORTED, **BY_IDENTITY[identity]}
-    say(f"\nMAVSDK 4.1, {identity}: {calls.count - len(calls.failed)} of {calls.count} calls")
+    send_text(f"\nMAVSDK 4.1, {identity}: {calls.count - len(calls.failed)} of {calls.count} calls")
     unexpected = {name: why for name, why in calls.failed.items() if name not in expected}
     assert not unexpected

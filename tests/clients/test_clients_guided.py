@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from flown_vehicle import ALTITUDE, ARDUPILOT, GENERIC, PATIENCE, PROFILES, Profile, aircraft, plan, say
 from ground_links import udp
 from pymavlink import mavutil
+from simulated_vehicle import ALTITUDE, ARDUPILOT, GENERIC, PATIENCE, PROFILES, Profile, aircraft, plan, send_text
 
 from avionics.link.dialect import mavlink
 from avionics.vehicles import load_vehicle
@@ -91,7 +91,9 @@ async def fly_offboard(url: str, profile: Profile, kit: Any) -> None:
         await kit.first(telemetry.subscribe_position_velocity_ned(), lambda sample: off_orbit(sample) < 2.0)
         await asyncio.sleep(2.0)
         assert off_orbit(await kit.first(telemetry.subscribe_position_velocity_ned())) < CLOSE
-        say(f"MAVSDK: {off_circle(circled):.1f} m off the circle, {off_course(straight):.1f} degrees off the course")
+        send_text(
+            f"MAVSDK: {off_circle(circled):.1f} m off the circle, {off_course(straight):.1f} degrees off the course"
+        )
 
 
 # --- pymavlink -----------------------------------------------------------------------------------------------

@@ -7,9 +7,19 @@ import time
 from pathlib import Path
 
 import pytest
-from flown_vehicle import HURRY, PROFILES, Profile, aircraft, assert_same, matrix, parameter_values, plan, say
 from ground_links import TRANSPORTS
 from mavproxy_console import Console, console, read_plan, write_plan
+from simulated_vehicle import (
+    HURRY,
+    PROFILES,
+    Profile,
+    aircraft,
+    assert_same,
+    matrix,
+    parameter_values,
+    plan,
+    send_text,
+)
 
 from avionics.messages import Mode
 from sim_bridge.environment.home import COLLEGE_PARK
@@ -26,9 +36,9 @@ def test_mavproxy_flies_from_the_hand_to_the_ground(transport: str, identity: st
         aircraft(link, profile, tmp_path),
         console(link.mavproxy, tmp_path / "home") as mavproxy,
     ):
-        took = see_parameters(mavproxy)
+        took = check_parameters(mavproxy)
         assert took < HURRY
-        see_telemetry(mavproxy, profile)
+        check_telemetry(mavproxy, profile)
         change_a_parameter(mavproxy)
         exchange_a_mission(mavproxy, profile, tmp_path)
         arm_and_disarm(mavproxy)
@@ -38,74 +48,74 @@ def test_mavproxy_flies_from_the_hand_to_the_ground(transport: str, identity: st
         assert "fence breach" not in mavproxy.printed
 
 
-def see_parameters(mavproxy: Console) -> float:
+def check_parameters(mavproxy: Console) -> float:
     """Seconds from where it begins to connect, its modules being loaded, to the last parameter."""
-    wanted = len(parameter_values())
-    mavproxy.see("Connect ")
+    wanted_value = len(parameter_values())
+    mavproxy.wait_for("Connect ")
     began = time.monotonic()
-    mavproxy.see("Detected vehicle 1:1")
-    mavproxy.see(f"Received {wanted} parameters")
+    mavproxy.wait_for("Detected vehicle 1:1")
+    mavproxy.wait_for(f"Received {wanted_value} parameters")
     return time.monotonic() - began
 
 
-def see_telemetry(mavproxy: Console, profile: Profile) -> None:
+def check_telemetry(mavproxy: Console, profile: Profile) -> None:
     assert f"Mode {profile.names[Mode.MANUAL]}" in mavproxy.printed
     kind, autopilot = profile.heartbeat
-    mavproxy.ask("status HEARTBEAT", rf"HEARTBEAT \{{type : {kind}, autopilot : {autopilot}, base_mode : 65")
-    seen = mavproxy.ask("status GLOBAL_POSITION_INT", r"GLOBAL_POSITION_INT \{.*?lat : (-?\d+), lon : (-?\d+)")
+    mavproxy.request("status HEARTBEAT", rf"HEARTBEAT \{{type : {kind}, autopilot : {autopilot}, base_mode : 65")
+    seen = mavproxy.request("status GLOBAL_POSITION_INT", r"GLOBAL_POSITION_INT \{.*?lat : (-?\d+), lon : (-?\d+)")
     place = [math.radians(int(degrees) * 1e-7) for degrees in seen.groups()]
     assert place == pytest.approx([COLLEGE_PARK.latitude, COLLEGE_PARK.longitude], abs=2e-6)
 
 
 def change_a_parameter(mavproxy: Console) -> None:
     before = parameter_values()["NAV_LOITER_TIME"]
-    mavproxy.ask("param show NAV_LOITER_TIME", rf"NAV_LOITER_TIME +{before:.1f}")
-    mavproxy.say("param set NAV_LOITER_TIME 20")
-    mavproxy.see("NAV_LOITER_TIME = 20 s")
-    mavproxy.say("param fetch NAV_LOITER_TIME")
-    mavproxy.see(r"NAV_LOITER_TIME = 20\.0")
+    mavproxy.request("param show NAV_LOITER_TIME", rf"NAV_LOITER_TIME +{before:.1f}")
+    mavproxy.send("param set NAV_LOITER_TIME 20")
+    mavproxy.wait_for("NAV_LOITER_TIME = 20 s")
+    mavproxy.send("param fetch NAV_LOITER_TIME")
+    mavproxy.wait_for(r"NAV_LOITER_TIME = 20\.0")
 
 
 def exchange_a_mission(mavproxy: Console, profile: Profile, folder: Path) -> None:
-    wanted, there = plan(profile), folder / "there.txt"
-    write_plan(wanted, folder / "wanted.txt")
-    mavproxy.say(f"wp load {folder / 'wanted.txt'}")
-    mavproxy.see(f"Loaded {len(wanted)} waypoints in")
-    mavproxy.see(f"mission accepted ({len(wanted) - profile.first_item} items)")
-    mavproxy.say(f"wp save {there}")
-    mavproxy.see(f"Requesting {len(wanted)} waypoints")
-    mavproxy.see(f"Saved {len(wanted)} waypoints to")
-    assert_same(read_plan(there), wanted, profile.first_item)
+    wanted_value, there = plan(profile), folder / "there.txt"
+    write_plan(wanted_value, folder / "wanted.txt")
+    mavproxy.send(f"wp load {folder / 'wanted.txt'}")
+    mavproxy.wait_for(f"Loaded {len(wanted_value)} waypoints in")
+    mavproxy.wait_for(f"mission accepted ({len(wanted_value) - profile.first_item} items)")
+    mavproxy.send(f"wp save {there}")
+    mavproxy.wait_for(f"Requesting {len(wanted_value)} waypoints")
+    mavproxy.wait_for(f"Saved {len(wanted_value)} waypoints to")
+    assert_same(read_plan(there), wanted_value, profile.first_item)
 
 
 def arm_and_disarm(mavproxy: Console) -> None:
-    mavproxy.say("arm throttle")
-    mavproxy.see(r"\bARMED")
-    mavproxy.say("disarm")
-    mavproxy.see("DISARMED")
+    mavproxy.send("arm throttle")
+    mavproxy.wait_for(r"\bARMED")
+    mavproxy.send("disarm")
+    mavproxy.wait_for("DISARMED")
 
 
 def take_off(mavproxy: Console, profile: Profile) -> None:
-    mavproxy.say("arm throttle")
-    mavproxy.see(r"\bARMED")
-    mavproxy.say("takeoff 12")
-    mavproxy.see("TAKEOFF> ")
-    mavproxy.see("launched")
+    mavproxy.send("arm throttle")
+    mavproxy.wait_for(r"\bARMED")
+    mavproxy.send("takeoff 12")
+    mavproxy.wait_for("TAKEOFF> ")
+    mavproxy.wait_for("launched")
 
 
 def change_modes(mavproxy: Console, profile: Profile) -> None:
     """The prompt tells the vehicle's mode; what MAVProxy says of it comes seconds later."""
     for mode in (Mode.LOITER, Mode.AUTO, Mode.RETURN):
-        mavproxy.say(f"mode {profile.names[mode]}")
-        mavproxy.see(f"{profile.names[mode]}> ")
-    mavproxy.say("disarm")
-    mavproxy.see("disarm denied: in flight")
+        mavproxy.send(f"mode {profile.names[mode]}")
+        mavproxy.wait_for(f"{profile.names[mode]}> ")
+    mavproxy.send("disarm")
+    mavproxy.wait_for("disarm denied: in flight")
 
 
 def land(mavproxy: Console, profile: Profile) -> None:
-    mavproxy.say(f"mode {profile.names[Mode.LAND]}")
-    mavproxy.see(f"{profile.names[Mode.LAND]}> ")
-    mavproxy.see("DISARMED")
+    mavproxy.send(f"mode {profile.names[Mode.LAND]}")
+    mavproxy.wait_for(f"{profile.names[Mode.LAND]}> ")
+    mavproxy.wait_for("DISARMED")
 
 
 @pytest.mark.validate
@@ -116,13 +126,13 @@ def test_mavproxy_sets_a_key_and_goes_on_signed(tmp_path: Path) -> None:
         aircraft(link, PROFILES["generic"], tmp_path),
         console(link.mavproxy, tmp_path / "home") as mavproxy,
     ):
-        mavproxy.see(f"Received {len(parameter_values())} parameters")
-        mavproxy.say("signing setup the goose is loose")
-        mavproxy.see("signing: on, until the next start")
+        mavproxy.wait_for(f"Received {len(parameter_values())} parameters")
+        mavproxy.send("signing setup the goose is loose")
+        mavproxy.wait_for("signing: on, until the next start")
         change_a_parameter(mavproxy)
-        mavproxy.say("signing disable")
-        mavproxy.say("arm throttle")
-        mavproxy.see("unsigned frames are refused")
+        mavproxy.send("signing disable")
+        mavproxy.send("arm throttle")
+        mavproxy.wait_for("unsigned frames are refused")
         assert "ARMED" not in mavproxy.printed
 
 
@@ -134,5 +144,7 @@ def test_how_long_from_the_first_connect_to_the_last_parameter(transport: str, t
         aircraft(link, PROFILES["generic"], tmp_path, speed=1.0),
         console(link.mavproxy, tmp_path / "home") as mavproxy,
     ):
-        took = see_parameters(mavproxy)
-    say(f"\nMAVProxy over {transport}: all parameters {took:.2f} s after the connect began, asked within {HURRY:g} s")
+        took = check_parameters(mavproxy)
+    send_text(
+        f"\nMAVProxy over {transport}: all parameters {took:.2f} s after the connect began, asked within {HURRY:g} s"
+    )

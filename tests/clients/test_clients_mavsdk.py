@@ -8,7 +8,10 @@ import time
 from pathlib import Path
 
 import pytest
-from flown_vehicle import (
+from ground_links import TRANSPORTS, Addresses
+from mavsdk_station import Station, action, first, from_wire, param, station, telemetry, to_wire
+from radio import radio
+from simulated_vehicle import (
     ALTITUDE,
     HURRY,
     PROFILES,
@@ -20,11 +23,8 @@ from flown_vehicle import (
     parameter_values,
     plan,
     rally,
-    say,
+    send_text,
 )
-from ground_links import TRANSPORTS, Addresses
-from mavsdk_station import Station, action, first, from_wire, param, station, telemetry, to_wire
-from radio import radio
 
 from avionics.link.dialect import mavlink
 from sim_bridge.environment.home import COLLEGE_PARK
@@ -40,8 +40,8 @@ def test_mavsdk_flies_from_the_hand_to_the_ground(transport: str, identity: str,
 
 async def fly(url: str, profile: Profile) -> None:
     async with station(url) as mavsdk:
-        assert await see_parameters(mavsdk) < HURRY
-        await see_telemetry(mavsdk)
+        assert await check_parameters(mavsdk) < HURRY
+        await check_telemetry(mavsdk)
         await change_a_parameter(mavsdk)
         await exchange_plans(mavsdk, profile)
         await arm_and_disarm(mavsdk)
@@ -50,25 +50,25 @@ async def fly(url: str, profile: Profile) -> None:
         await land(mavsdk)
 
 
-async def see_parameters(mavsdk: Station) -> float:
+async def check_parameters(mavsdk: Station) -> float:
     """Seconds from before it connected to the last parameter."""
     told = await mavsdk.parameters.get_all_params()
-    took = time.monotonic() - mavsdk.began
+    took = time.monotonic() - mavsdk.started
     assert {each.name: each.value for each in told.float_params} == pytest.approx(parameter_values(), rel=1e-6)
     return took
 
 
-async def see_telemetry(mavsdk: Station) -> None:
-    seen = mavsdk.telemetry
-    position = await first(seen.subscribe_position(), lambda value: math.isfinite(value.latitude_deg))
+async def check_telemetry(mavsdk: Station) -> None:
+    observed = mavsdk.telemetry
+    position = await first(observed.subscribe_position(), lambda value: math.isfinite(value.latitude_deg))
     assert math.radians(position.latitude_deg) == pytest.approx(COLLEGE_PARK.latitude, abs=2e-6)
     assert math.radians(position.longitude_deg) == pytest.approx(COLLEGE_PARK.longitude, abs=2e-6)
-    assert (await first(seen.subscribe_battery())).voltage_v == pytest.approx(8.0, abs=1.0)
-    assert await first(seen.subscribe_landed_state()) == LandedState.ON_GROUND
-    assert await first(seen.subscribe_flight_mode()) == FlightMode.MANUAL
-    assert not await first(seen.subscribe_armed())
-    await first(seen.subscribe_health_all_ok(), bool)
-    await seen.set_rate_landed_state(10.0)
+    assert (await first(observed.subscribe_battery())).voltage_v == pytest.approx(8.0, abs=1.0)
+    assert await first(observed.subscribe_landed_state()) == LandedState.ON_GROUND
+    assert await first(observed.subscribe_flight_mode()) == FlightMode.MANUAL
+    assert not await first(observed.subscribe_armed())
+    await first(observed.subscribe_health_all_ok(), bool)
+    await observed.set_rate_landed_state(10.0)
 
 
 async def change_a_parameter(mavsdk: Station) -> None:
@@ -106,7 +106,7 @@ async def take_off(mavsdk: Station) -> None:
     await reached(mavsdk, FlightMode.TAKEOFF)
     await first(mavsdk.telemetry.subscribe_landed_state(), lambda state: state == LandedState.TAKING_OFF)
     await first(mavsdk.telemetry.subscribe_in_air(), bool)
-    await first(mavsdk.telemetry.subscribe_position(), lambda seen: seen.relative_altitude_m > ALTITUDE / 2)
+    await first(mavsdk.telemetry.subscribe_position(), lambda observed: observed.relative_altitude_m > ALTITUDE / 2)
 
 
 async def change_modes(mavsdk: Station) -> None:
@@ -126,7 +126,7 @@ async def change_modes(mavsdk: Station) -> None:
 
 
 async def reached(mavsdk: Station, mode: int) -> None:
-    await first(mavsdk.telemetry.subscribe_flight_mode(), lambda seen: seen == mode)
+    await first(mavsdk.telemetry.subscribe_flight_mode(), lambda observed: observed == mode)
 
 
 async def land(mavsdk: Station) -> None:
@@ -145,7 +145,9 @@ async def land(mavsdk: Station) -> None:
 def test_how_long_from_the_first_connect_to_the_last_parameter(transport: str, tmp_path: Path) -> None:
     with TRANSPORTS[transport]() as link, aircraft(link, PROFILES["generic"], tmp_path, speed=1.0):
         took = asyncio.run(time_parameters(link.mavsdk))
-    say(f"\nMAVSDK over {transport}: all parameters {took:.2f} s after it began to connect, asked within {HURRY:g} s")
+    send_text(
+        f"\nMAVSDK over {transport}: all parameters {took:.2f} s after it began to connect, asked within {HURRY:g} s"
+    )
 
 
 SLOW_BAUD = 57_600
@@ -160,10 +162,10 @@ def test_how_long_to_the_last_parameter_over_a_slow_radio(tmp_path: Path) -> Non
         link = Addresses(f"serial:{ends.vehicle},{SLOW_BAUD}", f"serial://{ends.ground}:{SLOW_BAUD}", ())
         with aircraft(link, PROFILES["ardupilot"], tmp_path, speed=1.0):
             took = asyncio.run(time_parameters(link.mavsdk))
-    say(f"\nMAVSDK at {SLOW_BAUD} baud: all parameters after {took:.2f} s, asked within {PATIENT:g} s")
+    send_text(f"\nMAVSDK at {SLOW_BAUD} baud: all parameters after {took:.2f} s, asked within {PATIENT:g} s")
     assert took < PATIENT
 
 
 async def time_parameters(url: str) -> float:
     async with station(url) as mavsdk:
-        return await see_parameters(mavsdk)
+        return await check_parameters(mavsdk)

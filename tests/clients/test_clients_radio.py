@@ -38,11 +38,11 @@ def test_a_slow_radio_carries_no_more_than_its_rate_and_loses_what_it_cannot_hol
     way.take(bytes(400), 10.0)
     assert way.due(10.0) == b"" and way.dropped == 0
     assert len(way.due(10.125)) == 128
-    way.gone(60)  # the other side took no more
+    way.disconnected(60)  # the other side took no more
     assert len(way.due(10.125)) == 68
     way.take(bytes(300), 10.25)
     assert (way.dropped, way.fullest, len(way)) == (140, 500, 500)
-    way.gone(len(way.due(99.0)))
+    way.disconnected(len(way.due(99.0)))
     way.take(bytes(50), 100.0)
     assert len(way) == 50 and way.due(100.0) == b""
 

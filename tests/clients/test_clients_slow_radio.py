@@ -11,9 +11,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from flown_vehicle import PATIENCE, PROFILES, aircraft
 from ground_links import BAUD, Addresses
 from radio import radio
+from simulated_vehicle import PATIENCE, PROFILES, aircraft
 
 from avionics.link.budget import DEPTH
 from avionics.link.dialect import mavlink
@@ -37,17 +37,17 @@ DETAILS = ("SERVO_OUTPUT_RAW", "WINGBEAT_NAVIGATION", "NAV_CONTROLLER_OUTPUT")
 
 
 class Ground:
-    """Our ground station, which listens; ``heard`` counts the messages of the vehicle."""
+    """Our ground station, which listens; ``received`` counts the messages of the vehicle."""
 
     def __init__(self, url: str) -> None:
         self.connection = Connection(url, stays=True)
         self.station = Station(self.connection)
-        self.connection.overhear(self._hear)
-        self.heard: Counter[str] = Counter()
+        self.connection.overhear(self._receive)
+        self.received: Counter[str] = Counter()
 
-    def _hear(self, arrival: Arrival) -> None:
+    def _receive(self, arrival: Arrival) -> None:
         if arrival.message is not None:
-            self.heard[arrival.message.get_type()] += 1
+            self.received[arrival.message.get_type()] += 1
 
     def listen(self, duration: float) -> None:
         until = time.monotonic() + duration
@@ -56,14 +56,14 @@ class Ground:
             time.sleep(0.005)
 
     @property
-    def said(self) -> str:
+    def reports(self) -> str:
         """All that the vehicle said in words."""
         return "; ".join(event.text for event in self.connection.state.events)
 
     def listen_for(self, word: str) -> None:
         deadline = time.monotonic() + PATIENCE
-        while word not in self.said:
-            assert time.monotonic() < deadline, f"it never said {word!r}, but {self.said}"
+        while word not in self.reports:
+            assert time.monotonic() < deadline, f"it never said {word!r}, but {self.reports}"
             self.listen(0.05)
 
     def take_off(self) -> None:
@@ -76,7 +76,7 @@ class Ground:
             self.listen(0.3)
         self.connection.run(orders.takeoff(self.connection, 20.0, None))
 
-    def ask_for_everything(self) -> None:
+    def request_everything(self) -> None:
         for entry in STREAMS:
             params: tuple[Any, ...] = (entry.message_id, 1e6 / ASKED, 0, 0, 0, 0, 0)
             interval = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
@@ -84,9 +84,9 @@ class Ground:
             self.listen(0.02)
 
 
-def counted_seconds(arrived: list[tuple[float, int]], began: float) -> list[int]:
-    """Bytes in each whole second since ``began`` (s)."""
-    return [sum(size for at, size in arrived if 0.0 <= at - began - second < 1.0) for second in range(SECONDS)]
+def counted_seconds(arrived: list[tuple[float, int]], started: float) -> list[int]:
+    """Bytes in each whole second since ``started`` (s)."""
+    return [sum(size for at, size in arrived if 0.0 <= at - started - second < 1.0) for second in range(SECONDS)]
 
 
 def test_a_flying_vehicle_keeps_to_the_rate_of_a_slow_radio_and_loses_nothing(tmp_path: Path) -> None:
@@ -96,20 +96,20 @@ def test_a_flying_vehicle_keeps_to_the_rate_of_a_slow_radio_and_loses_nothing(tm
             ground = Ground(f"serial:{ends.ground},{BAUD}")
             ground.connection.find_vehicle(PATIENCE)
             ground.take_off()
-            ground.ask_for_everything()
+            ground.request_everything()
             ground.listen_for("launched")
-            before, began = ground.heard.copy(), time.monotonic()
+            before, started = ground.received.copy(), time.monotonic()
             ground.listen(SECONDS)
-            heard, quality = ground.heard - before, ground.station.picture().quality
+            received, quality = ground.received - before, ground.station.picture().quality
             dropped = (ends.down.dropped, ends.up.dropped)  # before nobody reads any more
             ground.connection.close()
     assert dropped == (0, 0)
     assert (quality.lost, quality.bad_bytes) == (0, 0)
-    seconds = counted_seconds(ends.down.arrived, began)
+    seconds = counted_seconds(ends.down.arrived, started)
     assert 0.8 * RATE < sum(seconds) / SECONDS <= RATE
     # What a pause of a busy host held back may come in the next second, as much as may be sent at once.
     assert max(seconds) <= RATE * (1.0 + DEPTH) and sum(each <= RATE for each in seconds) >= SECONDS - 1
-    shares = {name: heard[name] / (ASKED * SECONDS) for name in ("ATTITUDE", "GLOBAL_POSITION_INT", *DETAILS)}
-    assert heard["HEARTBEAT"] >= SECONDS - 1 and shares["ATTITUDE"] > 0.9 and shares["GLOBAL_POSITION_INT"] > 0.9
+    shares = {name: received[name] / (ASKED * SECONDS) for name in ("ATTITUDE", "GLOBAL_POSITION_INT", *DETAILS)}
+    assert received["HEARTBEAT"] >= SECONDS - 1 and shares["ATTITUDE"] > 0.9 and shares["GLOBAL_POSITION_INT"] > 0.9
     assert all(0.0 < shares[name] < 0.2 for name in DETAILS)
-    assert "stream rates reduced" in ground.said
+    assert "stream rates reduced" in ground.reports

@@ -80,7 +80,7 @@ FLIGHT_BEFORE = FlightQuality(2, 36.0, False, 0.5, 0.1, 0.05, 0.04, 0.1, 0.1, 0.
         (FLIGHT_BEFORE._replace(altitude_rms=0.3), Comparison.BETTER),
         (FLIGHT_BEFORE._replace(altitude_rms=0.3, heading_rms=0.25), Comparison.WORSE),
         (FLIGHT_BEFORE._replace(altitude_rms=0.3, touched=True), Comparison.WORSE),
-        (FLIGHT_BEFORE._replace(altitude_rms=0.3, holds=1), Comparison.WORSE),
+        (FLIGHT_BEFORE._replace(altitude_rms=0.3, completed_legs=1), Comparison.WORSE),
     ],
 )
 def test_flights_are_compared(after: FlightQuality, expected: Comparison) -> None:

@@ -64,7 +64,7 @@ def records() -> dict[str, Record]:
 
 
 @pytest.fixture(scope="module")
-def flown(records: dict[str, Record]) -> dict[str, Measures]:
+def flight(records: dict[str, Record]) -> dict[str, Measures]:
     return {wing: measure(record, g.stream(wing)) for wing, record in records.items()}
 
 
@@ -176,26 +176,26 @@ def test_the_wings_carry_the_weight_and_their_stroke_repeats(birds: dict[str, Si
     assert last.twist == pytest.approx(before.twist, abs=0.05)
 
 
-def test_power_and_speed_of_table_7_with_one_set_for_four_wings(flown: dict[str, Measures]) -> None:
+def test_power_and_speed_of_table_7_with_one_set_for_four_wings(flight: dict[str, Measures]) -> None:
     """The set was fitted to them: that it is the fit's is told here, not that the model is right."""
-    assert g.mean_error(flown, "power") <= g.MEAN_POWER
-    assert g.mean_error(flown, "plunge_speed") <= g.MEAN_SPEED
+    assert g.mean_error(flight, "power") <= g.MEAN_POWER
+    assert g.mean_error(flight, "plunge_speed") <= g.MEAN_SPEED
 
 
-def test_power_is_what_the_drives_give_not_what_they_draw(flown: dict[str, Measures]) -> None:
+def test_power_is_what_the_drives_give_not_what_they_draw(flight: dict[str, Measures]) -> None:
     """Table 7's power over Table 4's current is two thirds of 8.0 V for each wing: an output power."""
     for wing, published in WINGS.items():
         assert published.power / (published.current * g.VOLTAGE) == pytest.approx(servo.EFFICIENCY, rel=0.015)
-        assert servo.by_energy(flown[wing], g.VOLTAGE) == pytest.approx(published.current, rel=0.08)
-        assert flown[wing].net_power <= flown[wing].positive_power
+        assert servo.by_energy(flight[wing], g.VOLTAGE) == pytest.approx(published.current, rel=0.08)
+        assert flight[wing].net_power <= flight[wing].positive_power
 
 
 def test_what_peaks_cost_beyond_the_mean_makes_the_dynamometers_current_larger(
-    flown: dict[str, Measures], records: dict[str, Record]
+    flight: dict[str, Measures], records: dict[str, Record]
 ) -> None:
     excess = []
     for wing, published in WINGS.items():
-        steady = 2.0 * servo.servo_current(np.array([0.5 * flown[wing].positive_power]), g.VOLTAGE)[0]
+        steady = 2.0 * servo.servo_current(np.array([0.5 * flight[wing].positive_power]), g.VOLTAGE)[0]
         found = servo.by_dynamometer(records[wing], g.VOLTAGE)
         assert found > steady
         excess.append(found / published.current - 1.0)

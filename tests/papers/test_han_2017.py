@@ -46,7 +46,7 @@ def fast() -> StrokeLoads:
 
 
 @pytest.fixture(scope="module", params=CASES, ids=lambda case: f"{case.airspeed}")
-def flown(request: pytest.FixtureRequest) -> StrokeLoads:
+def flight(request: pytest.FixtureRequest) -> StrokeLoads:
     return hawkmoth_loads(request.param)
 
 
@@ -151,9 +151,9 @@ def test_a_blade_element_in_three_dimensions_is_that_of_appendix_b(phase: float)
     assert computed[0] * axes[1] + computed[1] * axes[2] == pytest.approx(r.T @ printed, rel=1e-6)
 
 
-def assert_shares(found: Shares, printed: tuple[float, float, float]) -> None:
+def assert_shares(result: Shares, printed: tuple[float, float, float]) -> None:
     """The kinematics are chosen: only the order of things can be asked for."""
-    computed = (found.translational, found.rotational, found.added_mass)
+    computed = (result.translational, result.rotational, result.added_mass)
     assert computed == pytest.approx(printed, abs=0.07)
 
 
@@ -179,12 +179,12 @@ def test_ten_degrees_of_feathering_are_half_the_weight_at_the_fast_speed(fast: S
     assert shares(raised).lift - shares(fast).lift == pytest.approx(0.5, abs=0.1)
 
 
-def test_the_downstroke_bears_the_moth(flown: StrokeLoads) -> None:
-    lift = np.sum(lift_and_thrust(flown.force).lift, axis=1)
+def test_the_downstroke_bears_the_moth(flight: StrokeLoads) -> None:
+    lift = np.sum(lift_and_thrust(flight.force).lift, axis=1)
     assert np.sum(lift[:100]) > 0.95 * np.sum(lift)
 
 
-def test_the_rotation_of_pronation_is_thrust(flown: StrokeLoads) -> None:
+def test_the_rotation_of_pronation_is_thrust(flight: StrokeLoads) -> None:
     """The paper adds a nose-down moment; its sign hangs on when the wing turns over, which is chosen here."""
-    thrust = lift_and_thrust(flown.force).thrust[TOP_OF_UPSTROKE, ROTATIONAL]
+    thrust = lift_and_thrust(flight.force).thrust[TOP_OF_UPSTROKE, ROTATIONAL]
     assert np.mean(thrust) > 0.0

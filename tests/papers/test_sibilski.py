@@ -25,7 +25,7 @@ def orbit() -> HoverOrbit:
 
 
 @pytest.fixture(scope="module", params=(0.95, 1.05))
-def flown(request: pytest.FixtureRequest, orbit: HoverOrbit) -> tuple[float, OpenLoop]:
+def flight(request: pytest.FixtureRequest, orbit: HoverOrbit) -> tuple[float, OpenLoop]:
     return request.param, open_loop(ENTOMOPTER, orbit, request.param / orbit.period, STROKES)
 
 
@@ -48,9 +48,9 @@ def test_it_hovers_at_the_frequency_of_slow_insects(orbit: HoverOrbit) -> None:
     assert 17.0 < 1.0 / orbit.period < 25.0
 
 
-def test_open_loop_it_drifts_because_the_mean_force_is_not_the_weight(flown: tuple[float, OpenLoop]) -> None:
+def test_open_loop_it_drifts_because_the_mean_force_is_not_the_weight(flight: tuple[float, OpenLoop]) -> None:
     """Section 4 at Fig. 4: the drift is the result of a mean non-zero force, which goes by the frequency squared."""
-    share, course = flown
+    share, course = flight
     sinking = stroke_means(course.sink_rate, STROKES)
     assert np.all(np.diff(sinking) * (1.0 - share) > 0.0), "ever faster down when slow, up when fast"
     period = course.time[-1] / STROKES
@@ -62,9 +62,9 @@ def test_open_loop_it_drifts_because_the_mean_force_is_not_the_weight(flown: tup
     assert gone == pytest.approx(float(np.sum(sinking)) * period, rel=0.01)
 
 
-def test_open_loop_it_swings_about_the_drift_twice_a_stroke(flown: tuple[float, OpenLoop]) -> None:
+def test_open_loop_it_swings_about_the_drift_twice_a_stroke(flight: tuple[float, OpenLoop]) -> None:
     """Section 4 at Fig. 4: oscillation by the varying force; both half strokes lift, so twice a stroke."""
-    _, course = flown
+    _, course = flight
     time = course.time[:-1]
     drift = np.polyval(np.polyfit(time, course.sink_rate[:-1], 3), time)
     swing = course.sink_rate[:-1] - drift

@@ -22,12 +22,12 @@ from wingbeat.errors import InputError
 
 
 @pytest.fixture(scope="module")
-def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return record_flight(tmp_path_factory.mktemp("flown") / "flight.mcap")
 
 
-def test_a_replay_says_the_same_in_every_bit(flown: Path) -> None:
-    with open_log(flown) as log:
+def test_a_replay_says_the_same_in_every_bit(recording: Path) -> None:
+    with open_log(recording) as log:
         done = replay_flight(log)
         assert done.ticks == len(log.columns(topics.IMU).time)
         assert [each for each in done.differences if not each.same] == []
@@ -36,8 +36,8 @@ def test_a_replay_says_the_same_in_every_bit(flown: Path) -> None:
     assert all(told[topic.name] > 0 for topic in expected)
 
 
-def test_from_a_snapshot_too(flown: Path) -> None:
-    with open_log(flown) as log:
+def test_from_a_snapshot_too(recording: Path) -> None:
+    with open_log(recording) as log:
         done = replay_flight(log, start=13.0, end=17.0)
         snapshots = log.texts(topics.SNAPSHOTS)
     assert done.start in [text.time_us * 1e-6 for text in snapshots] and 5.0 < done.start <= 13.0
@@ -45,8 +45,8 @@ def test_from_a_snapshot_too(flown: Path) -> None:
     assert done.same and done.ticks == round((done.end - done.start) * 200.0)
 
 
-def test_the_frames_are_those_that_were_flown(flown: Path) -> None:
-    with open_log(flown) as log:
+def test_the_frames_are_those_that_were_flown(recording: Path) -> None:
+    with open_log(recording) as log:
         flight = recorded_flight(log)
     assert [tick.frame.time_us for tick in flight.ticks[:3]] == [5000, 10000, 15000]
     kept = [tick.frame for tick in flight.ticks]
@@ -56,8 +56,8 @@ def test_the_frames_are_those_that_were_flown(flown: Path) -> None:
 
 
 @pytest.mark.parametrize(("start", "end"), [(9.0, 5.0), (500.0, 600.0), (0.0, 0.0)])
-def test_where_nothing_was_flown_nothing_is_the_same(flown: Path, start: float, end: float) -> None:
-    with open_log(flown) as log, pytest.raises(InputError, match="nothing was flown from"):
+def test_where_nothing_was_flown_nothing_is_the_same(recording: Path, start: float, end: float) -> None:
+    with open_log(recording) as log, pytest.raises(InputError, match="nothing was flown from"):
         replay_flight(log, None, start, end)
 
 
@@ -67,8 +67,8 @@ def test_a_gain_is_named_by_its_place_or_by_its_parameter(name: str) -> None:
     assert changed(gains, {name: 0.2}).pitch == gains.pitch._replace(proportional=pytest.approx(0.2, rel=1e-6))
 
 
-def test_with_another_gain_it_says_where_and_by_how_much_it_differs(flown: Path) -> None:
-    with open_log(flown) as log:
+def test_with_another_gain_it_says_where_and_by_how_much_it_differs(recording: Path) -> None:
+    with open_log(recording) as log:
         done = replay_flight(log, {"pitch.proportional": 0.2}, end=10.0)
     differing = {each.topic: each for each in done.differences if not each.same}
     sensors = {topics.IMU.name, topics.ENCODER.name, topics.GPS.name}
@@ -89,22 +89,22 @@ def test_a_difference_in_the_last_bits_is_told_from_one_that_means_something(lar
     assert ("in the last bits alone" in replay._difference_text(told)) is rounding
 
 
-def test_another_gain_holds_from_a_snapshot_on(flown: Path) -> None:
-    with open_log(flown) as log:
+def test_another_gain_holds_from_a_snapshot_on(recording: Path) -> None:
+    with open_log(recording) as log:
         done = replay_flight(log, {"pitch.proportional": 0.2}, start=13.0, end=14.0)
     assert topics.PITCH_LOOP.name in {each.topic for each in done.differences if not each.same}
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "reports"),
     [
         ({"pitch.nothing": 1.0}, "the flight computer has no gain 'pitch.nothing'"),
         ({"pitch.proportionl": 1.0}, r"no gain 'pitch.proportionl' \(meant 'pitch.proportional'\?\)"),
         ({"pitch.proportional": 1e9}, "out of range"),
     ],
 )
-def test_a_gain_that_cannot_be_is_refused(flown: Path, change: dict[str, float], said: str) -> None:
-    with open_log(flown) as log, pytest.raises(InputError, match=said):
+def test_a_gain_that_cannot_be_is_refused(recording: Path, change: dict[str, float], reports: str) -> None:
+    with open_log(recording) as log, pytest.raises(InputError, match=reports):
         replay_flight(log, change)
 
 
@@ -122,10 +122,10 @@ LATER = [pytest.param(first, marks=pytest.mark.validate) for first in (13, 14)]
 
 @pytest.mark.parametrize("first", [1, 12, *LATER])
 def test_a_later_file_of_a_recording_is_replayed_from_its_first_snapshot_on(
-    flown: Path, tmp_path: Path, first: int
+    recording: Path, tmp_path: Path, first: int
 ) -> None:
     """GIVEN a file that begins in flight, WHEN it is replayed THEN in every bit, and it says so."""
-    with open_log(later_part(flown, tmp_path / "a-2.mcap", first)) as log:
+    with open_log(later_part(recording, tmp_path / "a-2.mcap", first)) as log:
         began = log.columns(topics.IMU).time[0]
         snapshots = log.texts(topics.SNAPSHOTS)
         done = replay_flight(log)
@@ -134,17 +134,17 @@ def test_a_later_file_of_a_recording_is_replayed_from_its_first_snapshot_on(
     assert "begins in flight" in done.late and f"{done.start:.3f} s" in done.late and "\n" not in done.late
 
 
-def test_a_file_that_begins_in_flight_without_a_snapshot_is_refused(flown: Path, tmp_path: Path) -> None:
-    path = later_part(flown, tmp_path / "a-2.mcap", 5, 14)
+def test_a_file_that_begins_in_flight_without_a_snapshot_is_refused(recording: Path, tmp_path: Path) -> None:
+    path = later_part(recording, tmp_path / "a-2.mcap", 5, 14)
     with open_log(path) as log, pytest.raises(InputError, match="begins in flight and holds no snapshot"):
         replay_flight(log)
 
 
 def test_a_torn_log_is_replayed_up_to_where_it_ends(
-    flown: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     torn = tmp_path / "torn.mcap"
-    torn.write_bytes(flown.read_bytes()[: flown.stat().st_size // 2])
+    torn.write_bytes(recording.read_bytes()[: recording.stat().st_size // 2])
     with open_log(torn) as log:
         done = replay_flight(log, end=log.columns(topics.IMU).time[-1] - 0.3)
     assert done.ticks > 500 and done.same
@@ -154,14 +154,14 @@ def test_a_torn_log_is_replayed_up_to_where_it_ends(
     assert told.endswith("the file was cut off before its end; what is whole was replayed\n")
 
 
-def test_the_command_tells_people_and_programs(flown: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main.main(["replay", str(flown), "--end", "4"]) == 0
-    said = capsys.readouterr().out
-    assert "the flight code said the same in every bit" in said and "begins in flight" not in said
-    assert main.main(["replay", str(flown), "--end", "9", "--set", "pitch.proportional=0.2", "--json"]) == 0
+def test_the_command_tells_people_and_programs(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.main(["replay", str(recording), "--end", "4"]) == 0
+    reports = capsys.readouterr().out
+    assert "the flight code said the same in every bit" in reports and "begins in flight" not in reports
+    assert main.main(["replay", str(recording), "--end", "9", "--set", "pitch.proportional=0.2", "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
     assert not document["same"] and document["end"] == pytest.approx(9.0, abs=0.006)
-    assert main.main(["replay", str(flown), "--end", "9", "--set", "pitch.proportional=0.2"]) == 0
+    assert main.main(["replay", str(recording), "--end", "9", "--set", "pitch.proportional=0.2"]) == 0
     told = capsys.readouterr().out
     assert (
         "/stabilization/pitch" in told and "the same in every bit" in told and max(map(len, told.splitlines())) < 160
@@ -169,9 +169,9 @@ def test_the_command_tells_people_and_programs(flown: Path, capsys: pytest.Captu
 
 
 def test_the_command_tells_where_a_later_file_begins(
-    flown: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    later = later_part(flown, tmp_path / "a-2.mcap", 12)
+    later = later_part(recording, tmp_path / "a-2.mcap", 12)
     assert main.main(["replay", str(later)]) == 0
     told = capsys.readouterr().out.splitlines()
     assert len([line for line in told if "begins in flight" in line]) == 1 and "in every bit" in " ".join(told)

@@ -15,13 +15,13 @@ from logs.replay.recorded_flight import RecordedFlight, recorded_flight
 
 
 @pytest.fixture(scope="module")
-def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return record_flight(tmp_path_factory.mktemp("flown") / "flight.mcap")
 
 
 @pytest.fixture(scope="module")
-def flight(flown: Path) -> RecordedFlight:
-    with open_log(flown) as log:
+def flight(recording: Path) -> RecordedFlight:
+    with open_log(recording) as log:
         return recorded_flight(log)
 
 
@@ -64,9 +64,9 @@ def test_seek_gives_the_memory_that_the_flight_had_there(flight: RecordedFlight)
 
 
 def test_a_later_file_is_played_from_its_first_snapshot_on(
-    flight: RecordedFlight, tmp_path: Path, flown: Path
+    flight: RecordedFlight, tmp_path: Path, recording: Path
 ) -> None:
-    with open_log(later_part(flown, tmp_path / "a-2.mcap", 12)) as log:
+    with open_log(later_part(recording, tmp_path / "a-2.mcap", 12)) as log:
         later = Player(recorded_flight(log))
     first = flight.snapshots[1].time_us * 1e-6
     assert later.time == first == later.view.time_us * 1e-6

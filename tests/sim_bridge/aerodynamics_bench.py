@@ -56,7 +56,7 @@ CASES = [
 ]
 
 
-def flown(name: str, case: Case) -> SimulatedVehicle:
+def simulate(name: str, case: Case) -> SimulatedVehicle:
     """The vehicle with the model of ``case``."""
     bird = load_vehicle(name)
     sections = ELSEWHERE | bird.sections
@@ -67,7 +67,7 @@ def flown(name: str, case: Case) -> SimulatedVehicle:
 @cache
 def _plant(name: str, model: str, changes: tuple[tuple[str, Any], ...]) -> tuple[Plant, Floats]:
     """The plant, and its state in the hand."""
-    plant = Plant(flown(name, Case(model, dict(changes))))
+    plant = Plant(simulate(name, Case(model, dict(changes))))
     return plant, plant.y.copy()
 
 
@@ -182,9 +182,9 @@ def numbers(out: SectionLoads) -> Floats:
     return np.concatenate([np.ravel(column) for column in out])
 
 
-def near(found: Floats, wanted: Floats, rel: float, least: float) -> bool:
+def near(result: Floats, target: Floats, rel: float, least: float) -> bool:
     """Whether each of many numbers is the wanted one within ``rel`` of it or ``least``: `approx` takes a while."""
-    return bool(np.all(np.abs(found - wanted) <= np.maximum(rel * np.abs(wanted), least)))
+    return bool(np.all(np.abs(result - target) <= np.maximum(rel * np.abs(target), least)))
 
 
 def model_of_case(case: Case) -> AerodynamicModel:

@@ -62,7 +62,7 @@ class ToyWorld:
 
     def __init__(self, duration: float, frame: Callable[[int], SensorFrame] | None = None) -> None:
         self.duration, self.time_us, self.launched = duration, 0, False
-        self.asked: list[tuple[ActuatorCommand, float]] = []
+        self.requested: list[tuple[ActuatorCommand, float]] = []
         self._frame = frame
 
     @property
@@ -73,8 +73,8 @@ class ToyWorld:
         self.launched = True
 
     def advance(self, command: ActuatorCommand, duration: float) -> Observation:
-        self.asked.append((command, duration))
-        self.time_us = round(sum(length for _, length in self.asked) * 1e6)
+        self.requested.append((command, duration))
+        self.time_us = round(sum(length for _, length in self.requested) * 1e6)
         still = (0.0, 0.0, 0.0)
         return Observation(
             self.time_us, (1.0, 0.0, 0.0, 0.0), (0.1, 0.2, 0.3), (0.0, 0.0, -9.81), (1.0, 2.0, -3.0), still,
@@ -100,7 +100,7 @@ class ToyWorld:
         return TruthWing(**{**values, "time_us": self.time_us, "voltage": 8.1, "current": 2.5})
 
 
-class Seen(NamedTuple):
+class Observed(NamedTuple):
     """What a scripted autopilot knows of the vehicle."""
 
     time: float
@@ -124,14 +124,14 @@ class PlanePilot:
     def __init__(self, altitude: float, arm_at: float = 0.3) -> None:
         self.altitude, self.arm_at = altitude, arm_at
 
-    def fly(self, seen: Seen) -> Outputs:
-        if seen.time < self.arm_at:
+    def fly(self, observed: Observed) -> Outputs:
+        if observed.time < self.arm_at:
             return Outputs()
-        climb = min(max(0.8 * (self.altitude - seen.altitude), -1.5), 1.5)
+        climb = min(max(0.8 * (self.altitude - observed.altitude), -1.5), 1.5)
         pitch = 0.1 + 0.12 * climb
-        elevator = (1.67 * (pitch - seen.pitch) - 0.1 * seen.pitch_rate) / 0.6
-        aileron = -1.2 * seen.roll - 0.2 * seen.roll_rate
-        throttle = 0.35 + 0.2 * climb + 0.3 * (climb - seen.climb_rate)
+        elevator = (1.67 * (pitch - observed.pitch) - 0.1 * observed.pitch_rate) / 0.6
+        aileron = -1.2 * observed.roll - 0.2 * observed.roll_rate
+        throttle = 0.35 + 0.2 * climb + 0.3 * (climb - observed.climb_rate)
         clipped = (min(max(value, low), 1.0) for value, low in ((aileron, -1.0), (elevator, -1.0), (throttle, 0.3)))
         return Outputs(*clipped, 0.0, 1)
 
@@ -185,22 +185,22 @@ class ScriptedPx4:
         self.stream.settimeout(10.0)
         self.mav = common.MAVLink(None, 1, 1)
         self.mav.robust_parsing = True
-        self.heard: list[Any] = []
+        self.received: list[Any] = []
         self._clock_at_boot = clock_at_boot
         self._boot_us: int | None = None
 
     def greet(self, autopilot: int = common.MAV_AUTOPILOT_PX4) -> None:
-        self.say(common.MAVLink_command_long_message(0, 0, 511, 0, 115, 5000.0, 0, 0, 0, 0, 0))
-        self.say(common.MAVLink_heartbeat_message(0, autopilot, 0, 0, 0, 3))
+        self.send_text(common.MAVLink_command_long_message(0, 0, 511, 0, 115, 5000.0, 0, 0, 0, 0, 0))
+        self.send_text(common.MAVLink_heartbeat_message(0, autopilot, 0, 0, 0, 3))
 
-    def say(self, message: Any) -> None:
+    def send_text(self, message: Any) -> None:
         self.stream.sendall(message.pack(self.mav))
 
-    def hear(self) -> list[Any]:
+    def receive(self) -> list[Any]:
         """Messages that have come; empty when the world hung up."""
         data = self.stream.recv(65536)
         fresh = list(self.mav.parse_buffer(data) or []) if data else []
-        self.heard += fresh
+        self.received += fresh
         return fresh
 
     def answer(self, time_us: int, outputs: Outputs, flags: int = 1) -> None:
@@ -211,29 +211,29 @@ class ScriptedPx4:
         if outputs.armed:
             controls[:4] = [outputs.aileron, outputs.elevator, outputs.throttle, outputs.rudder]
         mode = 1 | (128 if outputs.armed else 0)
-        self.say(common.MAVLink_hil_actuator_controls_message(time_us - self._boot_us, controls, mode, flags))
+        self.send_text(common.MAVLink_hil_actuator_controls_message(time_us - self._boot_us, controls, mode, flags))
 
-    def fly(self, pilot: PlanePilot, until: float) -> list[Seen]:
+    def fly(self, pilot: PlanePilot, until: float) -> list[Observed]:
         """Fly until that simulated time, or until the world hangs up."""
-        flown: list[Seen] = []
+        flown: list[Observed] = []
         truth: Any = None
-        while fresh := self.hear():
+        while fresh := self.receive():
             for message in fresh:
                 kind = message.get_type()
                 if kind == "HIL_STATE_QUATERNION":
                     truth = message
                 elif kind == "HIL_SENSOR" and truth is not None:
-                    flown.append(self._seen(message, truth))
+                    flown.append(self._observed(message, truth))
                     self.answer(message.time_usec, pilot.fly(flown[-1]))
             if flown and flown[-1].time >= until:
                 break
         return flown
 
     @staticmethod
-    def _seen(sensors: Any, truth: Any) -> Seen:
+    def _observed(sensors: Any, truth: Any) -> Observed:
         roll, pitch = euler(*truth.attitude_quaternion)
         rates = (sensors.xgyro, sensors.ygyro)
-        return Seen(sensors.time_usec * 1e-6, roll, pitch, *rates, truth.alt * 1e-3 - 20.0, -truth.vz * 1e-2)
+        return Observed(sensors.time_usec * 1e-6, roll, pitch, *rates, truth.alt * 1e-3 - 20.0, -truth.vz * 1e-2)
 
 
 class ScriptedArduPlane:
@@ -257,14 +257,16 @@ class ScriptedArduPlane:
         self.frame_count += 1
         return read_state(self.socket.recv(65536))
 
-    def fly(self, pilot: PlanePilot, until: float) -> list[Seen]:
-        flown: list[Seen] = []
+    def fly(self, pilot: PlanePilot, until: float) -> list[Observed]:
+        flown: list[Observed] = []
         outputs = Outputs()
         while not flown or flown[-1].time < until:
             state = self.exchange(pulses(outputs))
             roll, pitch = euler(*state["quaternion"])
             gyro, velocity = state["imu"]["gyro"], state["velocity"]
-            flown.append(Seen(state["timestamp"], roll, pitch, gyro[0], gyro[1], -state["position"][2], -velocity[2]))
+            flown.append(
+                Observed(state["timestamp"], roll, pitch, gyro[0], gyro[1], -state["position"][2], -velocity[2])
+            )
             outputs = pilot.fly(flown[-1])
         return flown
 

@@ -134,31 +134,31 @@ class Engine:
         mass = columns @ self.ties
         load = self.ties.T @ (self.data.qfrc_passive - self.data.qfrc_bias)
         load[BASE:] += m.torque
-        return self.ours(m, np.linalg.solve(mass, load))
+        return self.computed(m, np.linalg.solve(mass, load))
 
     def forward(self, m: Motion) -> Floats:
         """(6 + c,) the same straight from MuJoCo's forward dynamics; of trees without followers."""
         self.set_motion(m)
         self.data.qfrc_applied[:] = self.ties[:, BASE:] @ m.torque
         mujoco.mj_forward(self.model, self.data)
-        return self.ours(m, self.ties.T @ self.data.qacc)
+        return self.computed(m, self.ties.T @ self.data.qacc)
 
     def inverse(self, m: Motion, rates: Floats) -> Floats:
         """(6 + c,) what MuJoCo says it takes to have these ``rates`` of our speeds; linear part in body axes."""
         self.set_motion(m)
-        theirs = rates.copy()
-        theirs[:3] = m.attitude @ (rates[:3] + np.cross(m.base[3:], m.base[:3]))
-        self.data.qacc[:] = self.ties @ theirs
+        reference = rates.copy()
+        reference[:3] = m.attitude @ (rates[:3] + np.cross(m.base[3:], m.base[:3]))
+        self.data.qacc[:] = self.ties @ reference
         mujoco.mj_inverse(self.model, self.data)
         takes: Floats = self.ties.T @ self.data.qfrc_inverse
         takes[:3] = m.attitude.T @ takes[:3]
         return takes
 
     @staticmethod
-    def ours(m: Motion, theirs: Floats) -> Floats:
+    def computed(m: Motion, reference: Floats) -> Floats:
         """The same accelerations with the linear part as the rate of the components in body axes."""
-        out = theirs.copy()
-        out[:3] = m.attitude.T @ theirs[:3] - np.cross(m.base[3:], m.base[:3])
+        out = reference.copy()
+        out[:3] = m.attitude.T @ reference[:3] - np.cross(m.base[3:], m.base[:3])
         return out
 
 

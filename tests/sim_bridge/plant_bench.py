@@ -51,12 +51,12 @@ def air(density: float = 1.225, launcher: int = k.FREE, wind: tuple[float, float
     return k.Surroundings(*wind, density, launcher, 0.0, 0.0, 0.0)
 
 
-def hold(angle: float = 0.0, duration: float = 0.005, powered: float = 1.0) -> k.Controls:
+def hold_position(angle: float = 0.0, duration: float = 0.005, powered: float = 1.0) -> k.Controls:
     return k.Controls(angle, angle, angle, angle, 0.0, 0.0, 0.0, duration, powered)
 
 
 def slack(duration: float = 0.005) -> k.Controls:
-    return hold(0.0, duration, 0.0)
+    return hold_position(0.0, duration, 0.0)
 
 
 def joints(plant: Plant) -> slice:

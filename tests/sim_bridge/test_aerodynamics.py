@@ -21,7 +21,6 @@ from aerodynamics_bench import (
     air,
     blank,
     evaluated,
-    flown,
     inertia_and_load,
     loaded,
     mirrored,
@@ -31,6 +30,7 @@ from aerodynamics_bench import (
     near,
     numbers,
     plant_of,
+    simulate,
     strips_of,
     tumbling,
 )
@@ -101,7 +101,7 @@ def test_a_model_flies_the_vehicles_whose_files_have_its_section(name: str) -> N
 @every_vehicle
 @every_case
 def test_parameters_are_a_tuple_of_the_models_own_type(name: str, case: Case) -> None:
-    vehicle = flown(name, case)
+    vehicle = simulate(name, case)
     model, strips = MODELS[case.model], strips_of(plant_of(name, case))
     settings = vehicle.sections[case.model]
     assert type(settings) is model.settings
@@ -147,9 +147,9 @@ def test_a_wing_at_rest_in_still_air_bears_nothing(name: str, case: Case) -> Non
 @every_case
 def test_every_part_bears_something_somewhere_on_strips_or_body(case: Case) -> None:
     plant = plant_of("arizona_100cm", case)
-    found = [loaded(plant, motion_of(plant, STATES[state](plant))) for state in STATES]
-    on_strips = np.max([np.max(np.abs(out.parts), axis=(1, 2)) for out in found], axis=0)
-    on_body = np.max([np.max(np.abs(out.body), axis=1) for out in found], axis=0)
+    result = [loaded(plant, motion_of(plant, STATES[state](plant))) for state in STATES]
+    on_strips = np.max([np.max(np.abs(out.parts), axis=(1, 2)) for out in result], axis=0)
+    on_body = np.max([np.max(np.abs(out.body), axis=1) for out in result], axis=0)
     assert len(on_strips) == len(on_body) == len(MODELS[case.model].parts)
     assert np.all(on_strips + on_body > 1e-6)
 
@@ -535,7 +535,7 @@ def test_the_models_differ_in_what_they_do_to_a_flight(name: str) -> None:
 
 @every_case
 def test_the_world_tells_the_loads_of_the_wings_whatever_bears_them(case: Case) -> None:
-    world = SimulatedWorld(flown("arizona_100cm", case), Scenario())
+    world = SimulatedWorld(simulate("arizona_100cm", case), Scenario())
     plant = world.plant
     evaluated(plant, tumbling(plant, 4))
     told = np.array(world.truth_loads()[1:7])
@@ -556,7 +556,7 @@ def test_tail_and_fuselage_are_the_plants_where_the_model_has_them_not(case: Cas
 @pytest.mark.parametrize("fuselage", [False, True])
 @pytest.mark.parametrize("tail", [False, True])
 def test_nothing_that_a_model_has_in_its_loads_is_counted_twice(case: Case, fuselage: bool, tail: bool) -> None:
-    plant = Plant(flown("arizona_100cm", case))
+    plant = Plant(simulate("arizona_100cm", case))
     model = MODELS[case.model]._replace(with_fuselage=fuselage, with_tail=tail)
     plant.parameters = plant_parameters(plant.vehicle, plant.mechanism._replace(model=model))
     evaluated(plant, tumbling(plant, 4))

@@ -39,7 +39,7 @@ WING = elliptic_wing(0.5, 0.2, 12, np.array([0.05, 0.02, -0.03]))
 STROKE = Stroke(5.0, 0.7, -0.5, 0.25, 0.75)
 
 
-def flown(
+def simulate(
     settings: BladeElement, along: float, down: float, flap_rate: float = 0.0, density: float = DENSITY
 ) -> Floats:
     """Parts (parts, 4) of the loads of one strip."""
@@ -54,7 +54,7 @@ def fill(settings: BladeElement, density: float, motion: object, out: SectionLoa
 
 
 def at_angle(settings: BladeElement, angle: float, flap_rate: float = 0.0) -> Floats:
-    return flown(settings, SPEED * math.cos(angle), SPEED * math.sin(angle), flap_rate)
+    return simulate(settings, SPEED * math.cos(angle), SPEED * math.sin(angle), flap_rate)
 
 
 @pytest.mark.parametrize("angle", [-0.2, 0.02, 0.2])
@@ -93,8 +93,8 @@ def test_the_loads_change_smoothly_around_the_whole_circle() -> None:
 
 def test_a_flow_from_behind_is_the_mirror_image_of_one_from_ahead() -> None:
     for angle in (0.1, 0.5, 1.2):
-        ahead = flown(PAPER, SPEED * math.cos(angle), SPEED * math.sin(angle)).sum(axis=0)
-        behind = flown(PAPER, -SPEED * math.cos(angle), SPEED * math.sin(angle)).sum(axis=0)
+        ahead = simulate(PAPER, SPEED * math.cos(angle), SPEED * math.sin(angle)).sum(axis=0)
+        behind = simulate(PAPER, -SPEED * math.cos(angle), SPEED * math.sin(angle)).sum(axis=0)
         assert behind == pytest.approx(ahead * (-1.0, 1.0, 1.0, -1.0), abs=1e-12)
 
 
@@ -133,12 +133,12 @@ def test_the_turn_of_the_stroke_is_no_jump() -> None:
 
 
 def test_loads_scale_with_density() -> None:
-    assert flown(UNEQUAL, 6.0, 1.0, density=2.4) == pytest.approx(2.0 * flown(UNEQUAL, 6.0, 1.0, density=1.2))
+    assert simulate(UNEQUAL, 6.0, 1.0, density=2.4) == pytest.approx(2.0 * simulate(UNEQUAL, 6.0, 1.0, density=1.2))
 
 
 def test_a_section_at_rest_bears_nothing_and_one_almost_at_rest_almost_nothing() -> None:
-    assert np.array_equal(flown(UNEQUAL, 0.0, 0.0), np.zeros((len(PARTS), 4)))
-    assert np.abs(flown(UNEQUAL, 1e-6, -1e-6)).max() < 1e-10
+    assert np.array_equal(simulate(UNEQUAL, 0.0, 0.0), np.zeros((len(PARTS), 4)))
+    assert np.abs(simulate(UNEQUAL, 1e-6, -1e-6)).max() < 1e-10
 
 
 def test_the_parts_sum_to_the_force_of_eq_18() -> None:
@@ -149,7 +149,7 @@ def test_the_parts_sum_to_the_force_of_eq_18() -> None:
         c = section_coefficients(math.atan2(down, along), speed * CHORD / 1.46e-5, share, BladeParameters(*UNEQUAL))
         lift_way, drag_way = np.array([down, along]) / speed, np.array([-along, down]) / speed
         whole = c.lift * lift_way + (c.drag + c.induced) * drag_way + np.array([0.0, c.separated])
-        force = flown(UNEQUAL, along, down, rate).sum(axis=0)
+        force = simulate(UNEQUAL, along, down, rate).sum(axis=0)
         assert force[[FORWARD, UPWARD]] == pytest.approx(0.5 * DENSITY * speed**2 * AREA * whole, abs=1e-12)
         assert force[OUTWARD] == 0.0
 

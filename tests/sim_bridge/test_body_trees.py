@@ -21,7 +21,7 @@ NOTHING = (0.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize(
-    ("changed", "said"),
+    ("changed", "reports"),
     [
         (
             {"right_wing": RIGHT._replace(parent="elevator"), "elevator": ELEVATOR._replace(parent="right_wing")},
@@ -63,15 +63,15 @@ NOTHING = (0.0, 0.0, 0.0)
         ({"fuselage": FUSELAGE._replace(axis=(1.0, 0.0, 0.0))}, "bodies.fuselage.axis is not told of the base"),
     ],
 )
-def test_bodies_that_make_no_tree_are_refused_in_one_line(changed: dict[str, BodyPart], said: str) -> None:
+def test_bodies_that_make_no_tree_are_refused_in_one_line(changed: dict[str, BodyPart], reports: str) -> None:
     with pytest.raises(InputError) as refused:
         build_mechanism(RAVEN._replace(bodies=RAVEN.bodies | changed))
-    assert said in str(refused.value)
+    assert reports in str(refused.value)
     assert str(RAVEN.path) in str(refused.value) and "\n" not in str(refused.value)
 
 
 @pytest.mark.parametrize(
-    ("wing", "said"),
+    ("wing", "reports"),
     [
         (RAVEN.wing._replace(left="right_wing"), 'wing.left = "right_wing" is the right wing already'),
         (RAVEN.wing._replace(membrane_mass=0.0), "wing.membrane_mass must exceed 0 kg"),
@@ -84,8 +84,8 @@ def test_bodies_that_make_no_tree_are_refused_in_one_line(changed: dict[str, Bod
         (RAVEN.wing._replace(right="third_wing"), 'wing.right = "third_wing" is not one of the bodies: fuselage, '),
     ],
 )
-def test_wings_that_could_not_fly_are_refused(wing: Wing, said: str) -> None:
-    with pytest.raises(InputError, match=said):
+def test_wings_that_could_not_fly_are_refused(wing: Wing, reports: str) -> None:
+    with pytest.raises(InputError, match=reports):
         build_mechanism(RAVEN._replace(wing=wing))
 
 

@@ -273,30 +273,30 @@ def _partner(serving: Serving, autopilot: int) -> tuple[socket.socket, Callable[
     hello = mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_FLAPPING_WING, autopilot, 0, 0, 0, 3)
     stream.sendall(writer.pack(hello))
 
-    def hear() -> list[Any]:
+    def receive() -> list[Any]:
         return [decode(frame) for frame in reader.feed(stream.recv(65536))]
 
-    return stream, hear, writer
+    return stream, receive, writer
 
 
-def _hear_until(hear: Callable[[], list[Any]], kind: str) -> list[Any]:
+def _receive_until(receive: Callable[[], list[Any]], kind: str) -> list[Any]:
     heard: list[Any] = []
     while not any(message.get_type() == kind for message in heard):
-        heard += hear()
+        heard += receive()
     return heard
 
 
 def test_answers_of_another_time_or_not_finite_are_dropped_and_counted() -> None:
     world = ToyWorld(2)
     serving = Serving(world)
-    stream, hear, writer = _partner(serving, mavlink.MAV_AUTOPILOT_GENERIC)
+    stream, receive, writer = _partner(serving, mavlink.MAV_AUTOPILOT_GENERIC)
     for tick in (1, 2):
-        _hear_until(hear, "HIL_SENSOR")
+        _receive_until(receive, "HIL_SENSOR")
         good = control(world.frames[tick - 1])
         stream.sendall(writer.actuators(good._replace(time_us=good.time_us - 5000, elevator=1.0)))
         stream.sendall(writer.actuators(good._replace(elevator=math.nan)))
         stream.sendall(writer.actuators(good))
-    _hear_until(hear, "WINGBEAT_END")
+    _receive_until(receive, "WINGBEAT_END")
     tally = serving.result()
     assert (tally.stale, tally.rejected) == (2, 2)
     assert world.commands[1] == codec.quantized_command(control(world.frames[0]))
@@ -317,7 +317,7 @@ def test_px4_is_told_in_one_line_to_come_to_its_own_interface() -> None:
 def test_truth_is_served_at_the_interval_asked_for() -> None:
     world = ToyWorld(41)
     serving = Serving(world)
-    stream, hear, writer = _partner(serving, mavlink.MAV_AUTOPILOT_GENERIC)
+    stream, receive, writer = _partner(serving, mavlink.MAV_AUTOPILOT_GENERIC)
     for number, interval in ((115, 20_000.0), (999, 1.0)):
         ask = mavlink.MAVLink_command_long_message(
             1, 200, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, 0, number, interval, 0, 0, 0, 0, 0
@@ -325,7 +325,7 @@ def test_truth_is_served_at_the_interval_asked_for() -> None:
         stream.sendall(writer.pack(ask))
     heard: list[Any] = []
     while not heard or heard[-1].get_type() != "WINGBEAT_END":
-        fresh = hear()
+        fresh = receive()
         heard += fresh
         for message in fresh:
             if message.get_type() == "HIL_SENSOR":
@@ -394,14 +394,14 @@ def test_pinning_keeps_this_process_on_one_core() -> None:
         os.sched_setaffinity(0, before)
 
 
-@pytest.mark.parametrize(("running", "apart"), [(0.0, True), (0.4, True), (1.0, False), (3.0, False)])
+@pytest.mark.parametrize(("running", "separation"), [(0.0, True), (0.4, True), (1.0, False), (3.0, False)])
 def test_a_pair_has_two_cores_where_nobody_else_wants_them(
-    running: float, apart: bool, monkeypatch: pytest.MonkeyPatch
+    running: float, separation: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: {3, 5}, raising=False)
     monkeypatch.setattr(cores, "_running", lambda: running)
     monkeypatch.setattr(cores, "_CORES", Path("nowhere"))
-    assert idle_pair() == ((5, 3) if apart else None)
+    assert idle_pair() == ((5, 3) if separation else None)
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: {3})
     assert idle_pair() is None
 

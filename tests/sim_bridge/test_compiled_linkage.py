@@ -9,32 +9,32 @@ from pathlib import Path
 import numba
 import pytest
 from llvmlite.binding import Linkage
-from plant_bench import air, hold, rates, vehicle
+from plant_bench import air, hold_position, rates, vehicle
 
 import sim_bridge.compiled  # noqa: F401  (it makes numba link internally)
 from sim_bridge.plant import Plant
 
 
-def flown() -> str:
+def simulate() -> str:
     """Digest of the last state of thirty plant steps."""
     plant = Plant(vehicle("robo_raven_ii_d"))
-    plant.follow([hold(0.4 * math.sin(0.13 * i), 0.005) for i in range(30)], air())
+    plant.follow([hold_position(0.4 * math.sin(0.13 * i), 0.005) for i in range(30)], air())
     return hashlib.sha256(plant.y.tobytes()).hexdigest()
 
 
 def loaded_another_first() -> str:
     """The same after the rates of a crank-driven bird, whose module holds copies of the same kernels."""
     other = Plant(vehicle("slow_hawk"))
-    rates(other, other.y, hold(), air())
-    return flown()
+    rates(other, other.y, hold_position(), air())
+    return simulate()
 
 
-@pytest.mark.parametrize("before", ["flown", "loaded_another_first"])
+@pytest.mark.parametrize("before", ["simulate", "loaded_another_first"])
 def test_a_flight_is_the_same_to_the_bit_whatever_was_computed_before(before: str) -> None:
     here = Path(__file__).parent
     code = f"import sys; sys.path[:0] = [{str(here)!r}, {str(here.parent)!r}]; import {Path(__file__).stem} as t; "
     answer = subprocess.run([sys.executable, "-c", code + f"print(t.{before}())"], capture_output=True, text=True)
-    assert answer.stdout.strip() == flown(), answer.stderr
+    assert answer.stdout.strip() == simulate(), answer.stderr
 
 
 def test_a_module_shows_the_linker_no_copy_of_another_kernel() -> None:

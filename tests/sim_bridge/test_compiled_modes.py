@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from plant_bench import air, hold, vehicle
+from plant_bench import air, hold_position, vehicle
 
 from sim_bridge.plant import Plant
 
@@ -23,7 +23,7 @@ TICKS = 30
 def last_state(name: str) -> list[float]:
     """The state after 0.15 s of flapping."""
     plant = Plant(vehicle(name))
-    plant.follow([hold(0.4 * math.sin(0.13 * i), 0.005) for i in range(TICKS)], air())
+    plant.follow([hold_position(0.4 * math.sin(0.13 * i), 0.005) for i in range(TICKS)], air())
     return [float(value) for value in plant.y]
 
 

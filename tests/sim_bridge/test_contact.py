@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from plant_bench import NAMES, air, hold, vehicle
+from plant_bench import NAMES, air, hold_position, vehicle
 
 from sim_bridge.multibody.contact import FRICTION, PENETRATION, ground_force
 from sim_bridge.plant import Plant
@@ -69,7 +69,7 @@ def test_a_dropped_vehicle_comes_to_rest(name: str, roll: float) -> None:
     plant.y[7] = 3.0
     speeds, touched = [], False
     for _ in range(600):
-        plant.advance(hold(0.2, duration=0.01), air())
+        plant.advance(hold_position(0.2, duration=0.01), air())
         touched = touched or plant.touching
         speeds.append(math.hypot(*plant.y[7:10]))
     assert touched and plant.touching

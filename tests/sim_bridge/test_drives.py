@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from plant_bench import air, hold, rates, vehicle
+from plant_bench import air, hold_position, rates, vehicle
 
 from sim_bridge import plant_kernel as k
 from sim_bridge.actuators.drives import drive_current, servo_torque, torque_bound
@@ -55,7 +55,7 @@ def _stuck(charge: float) -> Plant:
     y = np.zeros_like(plant.y)
     y[2], y[3], y[plant.layout.charge] = -100.0, 1.0, charge
     # Every servo stands 0.3 rad away from where it is wanted: a known torque within its bound.
-    rates(plant, y, hold(0.3), air(launcher=k.HELD))
+    rates(plant, y, hold_position(0.3), air(launcher=k.HELD))
     return plant
 
 
@@ -75,7 +75,7 @@ def test_a_lower_voltage_lowers_the_torque_bound() -> None:
         plant = Plant(vehicle("robo_raven_ii_d"))
         y = np.zeros_like(plant.y)
         y[2], y[3], y[plant.layout.charge] = -100.0, 1.0, drawn
-        rates(plant, y, hold(1.0), air(launcher=k.HELD))
+        rates(plant, y, hold_position(1.0), air(launcher=k.HELD))
         torques.append(float(plant.scratch.drive[0]))
         voltages.append(float(plant.scratch.drive[3]))
     # A few rounds of sag: the torque belongs to the voltage to a thousandth.
@@ -85,7 +85,7 @@ def test_a_lower_voltage_lowers_the_torque_bound() -> None:
 
 def test_slack_drives_give_no_torque_and_no_more_than_the_idle_current() -> None:
     plant = Plant(vehicle("robo_raven_ii_d"))
-    rates(plant, plant.y.copy(), hold(1.0, powered=0.0), air())
+    rates(plant, plant.y.copy(), hold_position(1.0, powered=0.0), air())
     assert plant.scratch.drive[:3] == pytest.approx([0.0, 0.0, 0.24])
 
 
@@ -95,12 +95,12 @@ def test_a_crank_at_closed_throttle_draws_only_the_idle_current(wind: tuple[floa
     plant = Plant(vehicle("arizona_100cm"))
     loaded = []
     for _ in range(100):
-        means = plant.advance(hold(duration=0.005), air(launcher=k.HELD, wind=wind))
+        means = plant.advance(hold_position(duration=0.005), air(launcher=k.HELD, wind=wind))
         loaded.append(abs(means.torque_left))
         assert means.current == pytest.approx(0.4)
     # With the throttle open the same torque would draw more.
     assert drive_current(max(loaded), 0.16, -0.02, 0.2) > 0.2
-    plant.advance(hold(duration=0.005)._replace(throttle=0.01), air(launcher=k.HELD, wind=wind))
+    plant.advance(hold_position(duration=0.005)._replace(throttle=0.01), air(launcher=k.HELD, wind=wind))
     assert plant.scratch.drive[k.CURRENT] > 0.4
 
 
@@ -109,7 +109,7 @@ def test_a_servo_draws_its_load_only_while_it_is_armed() -> None:
     currents = []
     for conducting in (1.0, 0.0):
         plant, wind = Plant(vehicle("robo_raven_ii_d")), (-8.0, 0.0, -8.0)
-        command = hold(duration=0.005)._replace(conducting=conducting)
+        command = hold_position(duration=0.005)._replace(conducting=conducting)
         for _ in range(100):
             means = plant.advance(command, air(launcher=k.HELD, wind=wind))
         currents.append(means.current)
@@ -119,7 +119,7 @@ def test_a_servo_draws_its_load_only_while_it_is_armed() -> None:
 
 def test_a_crank_runs_up_to_the_frequency_of_its_throttle() -> None:
     plant = Plant(vehicle("arizona_100cm"))
-    command = hold(duration=0.05)._replace(throttle=0.5)
+    command = hold_position(duration=0.05)._replace(throttle=0.5)
     for _ in range(60):
         plant.advance(command, air(launcher=k.HELD))
     assert plant.y[plant.layout.crank_speed] == pytest.approx(4.75, rel=1e-6)
@@ -133,7 +133,7 @@ def test_a_crank_runs_up_to_the_frequency_of_its_throttle() -> None:
 def test_a_crank_has_its_wings_where_it_wants_them_when_it_is_switched_on() -> None:
     """The wings sag by their weight; beside the crank's place they would be thrown there with 16 A."""
     plant = Plant(vehicle("arizona_100cm"))
-    currents = [plant.advance(hold(duration=0.005), air(launcher=k.HELD)).current for _ in range(100)]
+    currents = [plant.advance(hold_position(duration=0.005), air(launcher=k.HELD)).current for _ in range(100)]
     assert max(currents) < 2.0
     assert plant.y[plant.layout.flap[0]] == pytest.approx(0.1, abs=0.01)
 
@@ -146,7 +146,8 @@ def flapped(frequency: float, amplitude: float, airspeed: float) -> tuple[Floats
     for i in range(3 * pieces):
         start, end = (amplitude * math.sin(2.0 * math.pi * j / pieces) for j in (i, i + 1))
         plant.advance(
-            hold(duration=dt)._replace(left_start=start, left_end=end, right_start=start, right_end=end), around
+            hold_position(duration=dt)._replace(left_start=start, left_end=end, right_start=start, right_end=end),
+            around,
         )
         phase = 2.0 * math.pi * (i + 1) / pieces
         rows.append((plant.y[rate], 2.0 * math.pi * frequency * amplitude * math.cos(phase)))
@@ -191,7 +192,7 @@ def _hawk(phase: float, frequency: float) -> Plant:
 def test_what_the_motor_gives_the_crank_is_the_rotors_and_the_rods(phase: float) -> None:
     plant = _hawk(phase, 5.9)
     motor, drive, layout = plant.parameters.motor, plant.scratch.drive, plant.layout
-    found = plant.evaluate(hold()._replace(throttle=0.8), air())
+    found = plant.evaluate(hold_position()._replace(throttle=0.8), air())
     omega = 2.0 * math.pi * plant.y[layout.crank_speed]
     inertia = motor.rotor_inertia * motor.gear_ratio**2
     rotor = inertia * omega * 2.0 * math.pi * found[layout.crank_speed]
@@ -207,7 +208,7 @@ def test_what_the_motor_gives_the_crank_is_the_rotors_and_the_rods(phase: float)
 def test_a_loaded_crank_slows_in_each_half_stroke() -> None:
     """Twice a turn: the rods pass the load on, which a prescribed frequency would not."""
     plant = _hawk(0.0, 5.9)
-    controls, around = [hold(duration=0.001)._replace(throttle=0.8)] * 1500, air(launcher=k.HELD)
+    controls, around = [hold_position(duration=0.001)._replace(throttle=0.8)] * 1500, air(launcher=k.HELD)
     rows, _ = plant.follow(controls, around)
     phase, speed = rows[:, plant.layout.crank_phase], rows[:, plant.layout.crank_speed]
     turns = phase[-1] - 4.0 * math.pi + np.linspace(0.0, 4.0 * math.pi, 256, endpoint=False)

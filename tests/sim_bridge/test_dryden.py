@@ -37,7 +37,7 @@ EVERY_LEVEL = "none, light, moderate, severe, small_uav_light or small_uav_moder
 COMPONENTS = ("u", "v", "w", "p", "q", "r")
 
 
-def flown(
+def simulate(
     t: Turbulence, steps: int, dt: float = DT, flight: tuple[float, float, float] = NORTH, heading: float = 0.0
 ) -> Floats:
     """Gusts (steps, 6): velocity and angular velocity, NED."""
@@ -50,7 +50,7 @@ def flown(
 
 @cache
 def long_flight() -> Floats:
-    return flown(turbulence("moderate", SPAN, 5), 2**19)
+    return simulate(turbulence("moderate", SPAN, 5), 2**19)
 
 
 def printed(component: str, wave: Floats, size: Scale) -> Floats:
@@ -94,7 +94,7 @@ def test_velocities_and_roll_blow_on_their_own_while_pitch_and_yaw_belong_to_the
 def test_gusts_have_their_strength_from_the_first_tick_at_any_tick_length(dt: float) -> None:
     size = scale("severe", HEIGHT)
     wanted = (size.level_intensity, size.level_intensity, size.down_intensity, roll_intensity(size, SPAN))
-    seen = np.array([flown(turbulence("severe", SPAN, seed), 3, dt)[-1, :4] for seed in range(3000)])
+    seen = np.array([simulate(turbulence("severe", SPAN, seed), 3, dt)[-1, :4] for seed in range(3000)])
     assert seen.std(axis=0) == pytest.approx(wanted, rel=0.05)
     assert np.abs(seen.mean(axis=0)) == pytest.approx(np.zeros(4), abs=0.08 * max(wanted))
 
@@ -103,7 +103,7 @@ def test_gusts_have_their_strength_from_the_first_tick_at_any_tick_length(dt: fl
 def test_gusts_of_small_aircraft_have_the_printed_strength_and_scale(level: str) -> None:
     """Over many seeds: standard deviations, and the correlation that the spectra give over 50 m flown."""
     far, level_length, down_length, level_intensity, down_intensity = 50.0, *SMALL_UAV[level]
-    seen = np.array([flown(turbulence(level, SPAN, seed), 2, far / SPEED)[:, :3] for seed in range(4000)])
+    seen = np.array([simulate(turbulence(level, SPAN, seed), 2, far / SPEED)[:, :3] for seed in range(4000)])
     wanted = (level_intensity, level_intensity, down_intensity)
     assert seen.std(axis=(0, 1)) == pytest.approx(wanted, rel=0.04)
     kept = (seen[:, 0] * seen[:, 1]).mean(axis=0) / np.square(wanted)
@@ -137,7 +137,7 @@ def test_pitch_and_yaw_are_the_gradients_of_the_smoothed_gusts() -> None:
 
 def test_the_axes_are_those_of_the_flight() -> None:
     t = turbulence("light", SPAN, 9)
-    north, east = flown(t, 50), flown(t, 50, flight=(0.0, SPEED, 0.0), heading=0.5 * math.pi)
+    north, east = simulate(t, 50), simulate(t, 50, flight=(0.0, SPEED, 0.0), heading=0.5 * math.pi)
     quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     assert east[:, :3] == pytest.approx(north[:, :3] @ quarter.T, abs=1e-12)
     assert east[:, 3:] == pytest.approx(north[:, 3:] @ quarter.T, abs=1e-12)
@@ -198,19 +198,19 @@ def test_a_climb_straight_up_crosses_the_field_too() -> None:
 
 
 def test_the_same_seed_gives_the_same_gusts_and_another_gives_others() -> None:
-    assert np.array_equal(flown(turbulence("light", SPAN, 4), 600), flown(turbulence("light", SPAN, 4), 600))
-    assert not np.allclose(flown(turbulence("light", SPAN, 4), 5), flown(turbulence("light", SPAN, 5), 5))
+    assert np.array_equal(simulate(turbulence("light", SPAN, 4), 600), simulate(turbulence("light", SPAN, 4), 600))
+    assert not np.allclose(simulate(turbulence("light", SPAN, 4), 5), simulate(turbulence("light", SPAN, 5), 5))
 
 
 def test_a_kept_state_goes_on_as_if_nothing_had_happened() -> None:
     """Whatever other gusts were asked for in between: the noise belongs to seed and tick alone."""
     t = turbulence("light", SPAN, 4)
-    whole, state = flown(t, 700), initial(t)
+    whole, state = simulate(t, 700), initial(t)
     for _ in range(500):
         state, _ = step(t, state, HEIGHT, NORTH, DT)
     kept = GustState(*tuple(state))
     for seed in range(20):
-        flown(turbulence("severe", SPAN, 100 + seed), 10)
+        simulate(turbulence("severe", SPAN, 100 + seed), 10)
     rest: list[Gust] = []
     for _ in range(200):
         kept, gust = step(t, kept, HEIGHT, NORTH, DT)
@@ -219,7 +219,7 @@ def test_a_kept_state_goes_on_as_if_nothing_had_happened() -> None:
 
 
 def test_without_turbulence_the_air_is_still() -> None:
-    assert not flown(turbulence("none", SPAN, 0), 20).any()
+    assert not simulate(turbulence("none", SPAN, 0), 20).any()
 
 
 @pytest.mark.parametrize(("level", "knots"), [("light", 15.0), ("moderate", 30.0), ("severe", 45.0)])
@@ -278,7 +278,7 @@ def test_a_wider_vehicle_is_rolled_less() -> None:
 
 
 @pytest.mark.parametrize(
-    ("level", "span", "seed", "told"),
+    ("level", "span", "seed", "stated"),
     [
         ("storm", 1.0, 0, f'turbulence "storm" is unknown; it is {EVERY_LEVEL}'),
         ("light", 0.0, 0, "span 0 m is outside 0.01 to 100 m"),
@@ -286,10 +286,10 @@ def test_a_wider_vehicle_is_rolled_less() -> None:
         ("light", 1.0, -1, "seed -1 of the turbulence is negative"),
     ],
 )
-def test_bad_input_is_told_in_one_line(level: str, span: float, seed: int, told: str) -> None:
+def test_bad_input_is_told_in_one_line(level: str, span: float, seed: int, stated: str) -> None:
     with pytest.raises(InputError) as caught:
         turbulence(level, span, seed)
-    assert str(caught.value) == told
+    assert str(caught.value) == stated
 
 
 def test_the_levels_are_the_specifications() -> None:

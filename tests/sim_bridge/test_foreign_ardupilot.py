@@ -102,8 +102,8 @@ def test_where_a_frame_stands_after_another(last: int, count: int) -> None:
 def test_the_state_has_every_field_where_ardupilots_reader_looks_for_it() -> None:
     world = ToyWorld(1.0)
     observation = world.advance(NEUTRAL, 0.0025)
-    heard = ReceiverSample(0, (1000, 1100, 1200, 1300, 1400, 1500, 1600, 1700), 0, 200)
-    line = wire.encode_state(observation, world.truth(), world.truth_wing(), heard)
+    received = ReceiverSample(0, (1000, 1100, 1200, 1300, 1400, 1500, 1600, 1700), 0, 200)
+    line = wire.encode_state(observation, world.truth(), world.truth_wing(), received)
     state = read_state(line)
     assert state == {
         "timestamp": 0.0025,
@@ -123,11 +123,11 @@ def test_the_state_has_every_field_where_ardupilots_reader_looks_for_it() -> Non
 
 
 def test_the_rangefinder_looks_along_the_body_and_no_farther_than_it_can() -> None:
-    seen = ToyWorld(1.0).advance(NEUTRAL, 0.0025)
+    observed = ToyWorld(1.0).advance(NEUTRAL, 0.0025)
     bank = (math.cos(0.3), math.sin(0.3), 0.0, 0.0)  # 0.6 rad
-    assert wire.range_below(seen._replace(quaternion=bank)) == pytest.approx(3.0 / math.cos(0.6))
-    assert wire.range_below(seen._replace(quaternion=(0.0, 1.0, 0.0, 0.0))) is None
-    assert wire.range_below(seen._replace(position_ned=(0.0, 0.0, -41.0))) is None
+    assert wire.range_below(observed._replace(quaternion=bank)) == pytest.approx(3.0 / math.cos(0.6))
+    assert wire.range_below(observed._replace(quaternion=(0.0, 1.0, 0.0, 0.0))) is None
+    assert wire.range_below(observed._replace(position_ned=(0.0, 0.0, -41.0))) is None
 
 
 # --- the interface ----------------------------------------------------------------------------------------
@@ -144,7 +144,7 @@ def test_each_packet_moves_the_world_by_one_step_of_its_frame_rate(frame_rate: i
     tally = serving.result()
     assert tally == BridgeStatistics(flights=1, frames=steps, ended="the simulation finished")
     assert f"has come with {frame_rate} frames/s" in told[0]
-    assert sum(duration for _, duration in stages.worlds[0].asked) == pytest.approx(0.1)
+    assert sum(duration for _, duration in stages.worlds[0].requested) == pytest.approx(0.1)
     plane.close()
 
 
@@ -174,7 +174,7 @@ def test_a_packet_sent_again_is_answered_again_and_moves_nothing() -> None:
     assert again == [first] * 3
     assert plane.exchange(UP)["timestamp"] == pytest.approx(3 / 400)
     tally = serving.result()
-    assert (tally.frames, tally.repeats, len(stages.worlds[0].asked)) == (3, 3, 3)
+    assert (tally.frames, tally.repeats, len(stages.worlds[0].requested)) == (3, 3, 3)
     plane.close()
 
 
@@ -278,17 +278,17 @@ def test_a_scripted_arduplane_is_thrown_climbs_and_holds_its_altitude_and_all_is
     stages = Stages()
     serving, told = served(stages)
     plane = ScriptedArduPlane(serving.server.port)
-    seen = plane.fly(PlanePilot(5.0), 10.0)
+    observed = plane.fly(PlanePilot(5.0), 10.0)
     tally = serving.result()
-    late = [one for one in seen if one.time > 7.0]
-    assert min(one.altitude for one in seen) > 1.5
+    late = [one for one in observed if one.time > 7.0]
+    assert min(one.altitude for one in observed) > 1.5
     assert all(4.0 < one.altitude < 6.5 for one in late)
-    assert all(abs(one.roll) < 0.2 and abs(one.pitch) < 0.5 for one in seen)
+    assert all(abs(one.roll) < 0.2 and abs(one.pitch) < 0.5 for one in observed)
     assert tally.frames == 4000 and any("launched, throttle" in line for line in told)
     messages = stages.logs[0].messages
     truths = messages[truth_topics.STATE.name]
     assert len(truths) == pytest.approx(2000, abs=2) and len(messages[topics.IMU.name]) == pytest.approx(2000, abs=2)
-    assert truths[-1].down == pytest.approx(-seen[-1].altitude, abs=0.05)
+    assert truths[-1].down == pytest.approx(-observed[-1].altitude, abs=0.05)
     plane.close()
 
 
@@ -325,8 +325,8 @@ IN_THE_HAND_FOR_LONG = Scenario(duration=240.0, launch_time=math.inf, rest_time=
 @contextmanager
 def real_plane(stages: Stages, port: int, folder: Path, launch: Launch = Launch.THROTTLE) -> Iterator[Any]:
     """The binary on our world, and a ground station's connection to it; ended when left."""
-    heard = free_port(socket.SOCK_DGRAM)
-    ground = mavutil.mavlink_connection(f"udpin:127.0.0.1:{heard}", dialect="ardupilotmega")
+    received = free_port(socket.SOCK_DGRAM)
+    ground = mavutil.mavlink_connection(f"udpin:127.0.0.1:{received}", dialect="ardupilotmega")
     home = stages.scenario.home
     where = f"{math.degrees(home.latitude)},{math.degrees(home.longitude)},{home.altitude},0"
     settings = folder / "settings.parm"
@@ -334,7 +334,7 @@ def real_plane(stages: Stages, port: int, folder: Path, launch: Launch = Launch.
     settings.write_text(f"{settings.read_text()}TKOFF_ALT {IN_THE_AIR:g}\n")
     words = [
         os.environ["WINGBEAT_ARDUPLANE"], "--model", "JSON:127.0.0.1", "--home", where, "--wipe", "--speedup", "5",
-        "--sim-port-out", str(port), "--serial0", f"udpclient:127.0.0.1:{heard}",
+        "--sim-port-out", str(port), "--serial0", f"udpclient:127.0.0.1:{received}",
         "--defaults", str(settings),
     ]  # fmt: skip
     plane = subprocess.Popen(words, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
@@ -413,14 +413,14 @@ def take_off(ground: Any) -> None:
 
 def climbed_to(ground: Any, height: float) -> None:
     """Wait until it says that it is ``height`` m above home and climbs; 100 s of its time at 4 Hz."""
-    seen: list[float] = []
+    observed: list[float] = []
     for _ in range(400):
         message = ground.recv_match(type="GLOBAL_POSITION_INT", blocking=True, timeout=60.0)
-        assert message is not None, f"ArduPlane said nothing of its place for 60 s; last heights {seen[-5:]}"
-        seen.append(message.relative_alt * 1e-3)
-        if seen[-1] > height and message.vz < 0:
+        assert message is not None, f"ArduPlane said nothing of its place for 60 s; last heights {observed[-5:]}"
+        observed.append(message.relative_alt * 1e-3)
+        if observed[-1] > height and message.vz < 0:
             return
-    raise AssertionError(f"ArduPlane did not climb to {height} m; last heights {seen[-20:]}")
+    raise AssertionError(f"ArduPlane did not climb to {height} m; last heights {observed[-20:]}")
 
 
 def settled_attitude(ground: Any) -> Any:

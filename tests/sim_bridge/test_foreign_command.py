@@ -44,7 +44,7 @@ class Command:
 
 
 @pytest.mark.parametrize(
-    ("words", "complaint"),
+    ("words", "error_text"),
     [
         (["--px4", "--ardupilot"], "not allowed with"),
         (["--px4", "--pwm", "1000:2000"], "--pwm is for --ardupilot"),
@@ -57,11 +57,11 @@ class Command:
     ],
 )
 def test_what_cannot_be_is_refused_in_one_line(
-    words: list[str], complaint: str, capsys: pytest.CaptureFixture[str]
+    words: list[str], error_text: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["sim", *words]) == 2
     captured = capsys.readouterr()
-    assert complaint in captured.err and captured.err.count("\n") == 1 and captured.out == ""
+    assert error_text in captured.err and captured.err.count("\n") == 1 and captured.out == ""
 
 
 def test_a_landing_leaves_time_to_disarm_and_a_mission_has_the_whole_duration() -> None:
@@ -134,7 +134,7 @@ def test_a_px4_is_waited_for_flown_and_recorded(tmp_path: Path, capsys: pytest.C
     px4 = connected(port)
     px4.stream.settimeout(120.0)
     px4.greet()
-    while fresh := px4.hear():
+    while fresh := px4.receive():
         for message in fresh:
             if message.get_type() == "HIL_SENSOR":
                 px4.answer(message.time_usec, Outputs(throttle=0.5, armed=1))

@@ -9,7 +9,18 @@ from typing import Any
 
 import numpy as np
 import pytest
-from foreign_bench import RAVEN, RIG, PlanePilot, ScriptedArduPlane, ScriptedPx4, Seen, Serving, Stages, euler, pulses
+from foreign_bench import (
+    RAVEN,
+    RIG,
+    Observed,
+    PlanePilot,
+    ScriptedArduPlane,
+    ScriptedPx4,
+    Serving,
+    Stages,
+    euler,
+    pulses,
+)
 from hypothesis import given
 from hypothesis import strategies as st
 from ports import free_port
@@ -93,8 +104,8 @@ class Flight:
         self.launched_at = launches[0] if launches else math.inf
 
 
-def motion_of(time: float, roll: float, pitch: float, rates: Any, altitude: float, climb_rate: float) -> Seen:
-    return Seen(time, roll, pitch, rates[0], rates[1], altitude, climb_rate)
+def motion_of(time: float, roll: float, pitch: float, rates: Any, altitude: float, climb_rate: float) -> Observed:
+    return Observed(time, roll, pitch, rates[0], rates[1], altitude, climb_rate)
 
 
 def fly_arduplane(launch_by: Launch) -> tuple[Flight, ArduPlaneDetection, list[dict[str, Any]]]:
@@ -129,7 +140,7 @@ def fly_px4(of_magnitude: bool) -> tuple[Flight, Px4Detection]:
     px4.greet()
     detection = Px4Detection(PUSH.threshold, 0.05, of_magnitude)
     truth: Any = None
-    while messages := px4.hear():
+    while messages := px4.receive():
         for message in messages:
             if message.get_type() == "HIL_STATE_QUATERNION":
                 truth = message

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from foreign_bench import RAVEN, RIG, PlanePilot, ScriptedArduPlane, ScriptedPx4, Seen, Serving, Stages
+from foreign_bench import RAVEN, RIG, Observed, PlanePilot, ScriptedArduPlane, ScriptedPx4, Serving, Stages
 from ports import free_port
 from test_foreign_command import reach
 
@@ -44,7 +44,7 @@ class ExcitingPilot(PlanePilot):
         super().__init__(altitude)
         self._trim = Outputs()
 
-    def fly(self, motion: Seen) -> Outputs:
+    def fly(self, motion: Observed) -> Outputs:
         outputs = super().fly(motion)
         since = next((motion.time - start for start in MANEUVERS if 0.0 <= motion.time - start < LENGTH), None)
         if since is None:

@@ -55,7 +55,7 @@ def test_channels_are_assigned_by_name(text: str, channels: Channels) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "complaint"),
+    ("text", "error_text"),
     [
         ("flaps=5", "flaps is not one of aileron"),
         ("", "nothing is not one of"),
@@ -67,8 +67,8 @@ def test_channels_are_assigned_by_name(text: str, channels: Channels) -> None:
         ("throttle=0", "needs a channel"),
     ],
 )
-def test_channels_that_cannot_be_are_refused_in_one_line(text: str, complaint: str) -> None:
-    with pytest.raises(InputError, match=complaint):
+def test_channels_that_cannot_be_are_refused_in_one_line(text: str, error_text: str) -> None:
+    with pytest.raises(InputError, match=error_text):
         parse_channels(text)
 
 
@@ -164,9 +164,9 @@ def test_a_vehicle_with_a_motor_passes_its_throttle_on() -> None:
 def test_he_throws_after_half_a_second_of_armed_throttle_and_a_twitch_is_not_enough() -> None:
     gains = launch.Gains(0.3)
 
-    def ready_after(asked: list[Outputs]) -> int | None:
+    def ready_after(requested: list[Outputs]) -> int | None:
         state = launch.State()
-        for tick, outputs in enumerate(asked):
+        for tick, outputs in enumerate(requested):
             state, ready = launch.step(gains, state, STEP, outputs)
             if ready:
                 return tick + 1
@@ -184,7 +184,7 @@ def test_a_long_step_is_cut_so_that_the_stroke_is_followed_and_the_throw_is_told
     for _ in range(30):
         flight.advance(Outputs(throttle=1.0, armed=1), 0.02)
     assert world.time_us == 600_000
-    assert {duration for _, duration in world.asked} == {LONGEST_STEP}
+    assert {duration for _, duration in world.requested} == {LONGEST_STEP}
     assert told == ["    0.5 s  launched, throttle 100 %"]
     assert [event.text for event in log.messages[truth_topics.EVENTS.name]] == ["launched, throttle 100 %"]
     flapped = log.messages[topics.ACTUATORS.name]

@@ -54,14 +54,14 @@ def parsed(payload: bytes, message_id: int) -> Any:
 
 
 def sensors_of(px4: ScriptedPx4) -> list[Any]:
-    return [message for message in px4.heard if message.get_type() == "HIL_SENSOR"]
+    return [message for message in px4.received if message.get_type() == "HIL_SENSOR"]
 
 
-def hear_sensors(px4: ScriptedPx4, number: int) -> None:
+def receive_sensors(px4: ScriptedPx4, number: int) -> None:
     """Listen without answering until so many more sensor frames have come."""
     before = len(sensors_of(px4))
     while len(sensors_of(px4)) < before + number:
-        assert px4.hear(), "simulator disconnected"
+        assert px4.receive(), "simulator disconnected"
 
 
 # --- units ------------------------------------------------------------------------------------------------
@@ -137,9 +137,9 @@ def test_it_freewheels_until_the_first_controls_then_every_frame_waits_for_its_a
     serving, _ = served(stages, BRIEF._replace(moment=5.0))
     px4 = ScriptedPx4(serving.server.port)
     px4.greet()
-    hear_sensors(px4, 10)  # nobody answered, and time went on
+    receive_sensors(px4, 10)  # nobody answered, and time went on
     px4.answer(sensors_of(px4)[-1].time_usec, FLYING)
-    while fresh := px4.hear():
+    while fresh := px4.receive():
         for message in fresh:
             if message.get_type() == "HIL_SENSOR":
                 px4.answer(message.time_usec, FLYING)
@@ -147,9 +147,9 @@ def test_it_freewheels_until_the_first_controls_then_every_frame_waits_for_its_a
     times = [message.time_usec for message in sensors_of(px4)]
     assert times == [4000 * number for number in range(1, 251)]
     assert (tally.flights, tally.frames, tally.misses, tally.ended) == (1, 250, 0, "the simulation finished")
-    commanded = stages.worlds[0].asked[-1][0]
+    commanded = stages.worlds[0].requested[-1][0]
     assert commanded.armed == 1 and commanded.elevator < 0.0 < commanded.rudder
-    assert {duration for _, duration in stages.worlds[0].asked} == {0.004}
+    assert {duration for _, duration in stages.worlds[0].requested} == {0.004}
 
 
 def test_rates_and_groups_of_what_is_sent() -> None:
@@ -157,18 +157,18 @@ def test_rates_and_groups_of_what_is_sent() -> None:
     serving, _ = served(stages)
     px4 = ScriptedPx4(serving.server.port)
     px4.greet()
-    while px4.hear():
+    while px4.receive():
         pass
     serving.result()
-    kinds = [message.get_type() for message in px4.heard]
+    kinds = [message.get_type() for message in px4.received]
     assert kinds.count("HIL_SENSOR") == 300 and kinds.count("HIL_GPS") == 6 and kinds.count("RC_CHANNELS") == 60
     assert kinds.count("HIL_STATE_QUATERNION") == pytest.approx(240, abs=2)  # every 5000 us, as was asked
-    assert [m.result for m in px4.heard if m.get_type() == "COMMAND_ACK"] == [common.MAV_RESULT_ACCEPTED]
+    assert [m.result for m in px4.received if m.get_type() == "COMMAND_ACK"] == [common.MAV_RESULT_ACCEPTED]
     fields = [message.fields_updated for message in sensors_of(px4)]
     assert sum(bool(word & 0x1C0) for word in fields) == 300 / ticks_of(250.0).magnetometer
     assert all(word & 0x3F == 0x3F and word & 0x1C0 in (0, 0x1C0) for word in fields)
     assert all(word & 0x1E00 in (0, 0x1E00) for word in fields)
-    gps = next(message for message in px4.heard if message.get_type() == "HIL_GPS")
+    gps = next(message for message in px4.received if message.get_type() == "HIL_GPS")
     assert (gps.eph, gps.epv, gps.vn, gps.vd, gps.vel) == (250, 400, 300, -50, 500)
     # What belongs to a time is there before the HIL_SENSOR that sets the clock.
     assert kinds[-1] == "HIL_SENSOR"
@@ -179,13 +179,13 @@ def test_an_answer_that_does_not_come_is_missed_and_counted_and_the_last_command
     serving, _ = served(stages, BRIEF._replace(moment=0.01, stall=30.0))
     px4 = ScriptedPx4(serving.server.port)
     px4.greet()
-    hear_sensors(px4, 1)
+    receive_sensors(px4, 1)
     px4.answer(sensors_of(px4)[0].time_usec, FLYING)
-    while px4.hear():
+    while px4.receive():
         pass
     tally = serving.result()
     assert tally.answers == 1 and tally.misses >= 1
-    assert tally.frames == 50 and stages.worlds[0].asked[-1][0].armed == 1
+    assert tally.frames == 50 and stages.worlds[0].requested[-1][0].armed == 1
 
 
 def test_disarmed_or_without_lockstep_nothing_waits() -> None:
@@ -193,9 +193,9 @@ def test_disarmed_or_without_lockstep_nothing_waits() -> None:
         serving, _ = served(ToyStages(0.4, full_frame), BRIEF._replace(moment=30.0, silence=60.0))
         px4 = ScriptedPx4(serving.server.port)
         px4.greet()
-        hear_sensors(px4, 1)
+        receive_sensors(px4, 1)
         px4.answer(sensors_of(px4)[0].time_usec, outputs, flags)
-        while px4.hear():
+        while px4.receive():
             pass
         tally = serving.result()
         assert (tally.frames, tally.misses) == (100, 0)
@@ -206,20 +206,20 @@ def test_controls_that_are_no_numbers_are_refused_and_counted() -> None:
     serving, _ = served(stages)
     px4 = ScriptedPx4(serving.server.port)
     px4.greet()
-    hear_sensors(px4, 1)
+    receive_sensors(px4, 1)
     px4.answer(4000, FLYING._replace(elevator=math.nan))
-    while px4.hear():
+    while px4.receive():
         pass
     tally = serving.result()
     assert (tally.rejected, tally.answers) == (1, 0)
-    assert all(command.armed == 0 for command, _ in stages.worlds[0].asked)
+    assert all(command.armed == 0 for command, _ in stages.worlds[0].requested)
 
 
 def test_who_falls_silent_is_named_with_the_frame_that_was_answered_last() -> None:
     serving, told = served(ToyStages(1e6, full_frame))
     px4 = ScriptedPx4(serving.server.port, clock_at_boot=False)
     px4.greet()
-    hear_sensors(px4, 1)
+    receive_sensors(px4, 1)
     px4.answer(4000, FLYING)
     drain = threading.Thread(target=lambda: [None for _ in iter(lambda: px4.stream.recv(65536), b"")])
     drain.start()
@@ -234,11 +234,11 @@ def test_who_hangs_up_may_come_back_and_starts_from_the_hand() -> None:
     serving, told = served(stages)
     first = ScriptedPx4(serving.server.port)
     first.greet()
-    hear_sensors(first, 2)
+    receive_sensors(first, 2)
     first.stream.close()
     second = ScriptedPx4(serving.server.port)
     second.greet()
-    while second.hear():
+    while second.receive():
         pass
     tally = serving.result()
     assert tally.flights == 2 and len(stages.worlds) == 2
@@ -250,13 +250,13 @@ def test_a_stranger_is_told_what_he_is_and_the_next_one_is_served() -> None:
     serving, told = served(ToyStages(0.1, full_frame), BRIEF._replace(hello=0.2))
     other = ScriptedPx4(serving.server.port)
     other.greet(common.MAV_AUTOPILOT_ARDUPILOTMEGA)
-    while other.hear():
+    while other.receive():
         pass
     mute = socket.create_connection(("127.0.0.1", serving.server.port))
     assert mute.recv(10) == b""
     px4 = ScriptedPx4(serving.server.port)
     px4.greet()
-    while px4.hear():
+    while px4.receive():
         pass
     tally = serving.result()
     assert (tally.strangers, tally.flights) == (2, 1)
@@ -278,17 +278,17 @@ def test_noise_changes_nothing_and_costs_no_flight(noise: list[bytes]) -> None:
     serving, _ = served(stages)
     px4 = ScriptedPx4(serving.server.port)
     px4.greet()
-    hear_sensors(px4, 1)
+    receive_sensors(px4, 1)
     try:
         for piece in noise:
             px4.stream.sendall(piece)
-        while px4.hear():
+        while px4.receive():
             pass
     except ConnectionError:
         pass  # the world is over and hung up while noise was still under way
     tally = serving.result()
     assert tally.frames == 5 and tally.answers == 0
-    assert all(command.armed == 0 for command, _ in stages.worlds[0].asked)
+    assert all(command.armed == 0 for command, _ in stages.worlds[0].requested)
 
 
 # --- a flight ----------------------------------------------------------------------------------------------
@@ -301,19 +301,19 @@ def flight() -> tuple[Stages, list[Any], Any, list[str]]:
     serving, told = served(stages, BRIEF._replace(connect=0.2), None)
     px4 = ScriptedPx4(serving.server.port)
     px4.greet()
-    seen = px4.fly(PlanePilot(5.0), 10.0)
+    observed = px4.fly(PlanePilot(5.0), 10.0)
     px4.stream.close()
-    return stages, seen, serving.result(), told
+    return stages, observed, serving.result(), told
 
 
 def test_a_scripted_px4_is_thrown_climbs_and_holds_its_altitude(
     flight: tuple[Stages, list[Any], Any, list[str]],
 ) -> None:
-    stages, seen, tally, told = flight
-    late = [one for one in seen if one.time > 7.0]
-    assert min(one.altitude for one in seen) > 1.5  # it is never lower than the hand by more than the throw's dip
+    stages, observed, tally, told = flight
+    late = [one for one in observed if one.time > 7.0]
+    assert min(one.altitude for one in observed) > 1.5  # it is never lower than the hand by more than the throw's dip
     assert all(4.0 < one.altitude < 6.5 for one in late)
-    assert all(abs(one.roll) < 0.2 and abs(one.pitch) < 0.5 for one in seen)
+    assert all(abs(one.roll) < 0.2 and abs(one.pitch) < 0.5 for one in observed)
     assert stages.worlds[0].launched and not stages.worlds[0].truth().on_ground
     assert tally.flights == 1 and tally.rejected == 0 and tally.answers > 2000
     assert [line.split("s  ")[-1] for line in told[1:3]] == ["armed", "launched, throttle 100 %"]

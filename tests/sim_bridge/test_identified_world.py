@@ -66,7 +66,7 @@ def test_the_vehicle_of_a_model_is_the_folder_beside_it_where_there_is_one(tmp_p
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "told"),
+    ("old", "new", "stated"),
     [
         ('log = "flight.mcap"\n', "", "identified.log is missing"),
         ("elevator = -0.03", "elevator = nan", "identified.elevator must be a finite number, not nan"),
@@ -85,13 +85,13 @@ def test_the_vehicle_of_a_model_is_the_folder_beside_it_where_there_is_one(tmp_p
         ),
     ],
 )
-def test_a_section_that_cannot_be_used_is_refused_in_a_line(tmp_path: Path, old: str, new: str, told: str) -> None:
+def test_a_section_that_cannot_be_used_is_refused_in_a_line(tmp_path: Path, old: str, new: str, stated: str) -> None:
     path, text = tmp_path / "bird.toml", model_text(flight_test())
     assert old in text
     path.write_text(text.replace(old, new, 1), encoding="utf-8")
     with pytest.raises(InputError) as refused:
         load_model(path)
-    assert str(refused.value).startswith(f"{path}: {told}") and "\n" not in str(refused.value)
+    assert str(refused.value).startswith(f"{path}: {stated}") and "\n" not in str(refused.value)
 
 
 def test_a_model_of_no_flight_test_makes_no_world() -> None:

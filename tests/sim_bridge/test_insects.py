@@ -64,7 +64,7 @@ def model_of(name: str) -> HoverModel:
     return linearize(load_vehicle(name), orbit_of(name))
 
 
-def held_air(density: float = DENSITY) -> k.Surroundings:
+def confined_air(density: float = DENSITY) -> k.Surroundings:
     return k.Surroundings(0.0, 0.0, 0.0, density, k.HELD, 0.0, 0.0, 0.0)
 
 
@@ -118,7 +118,7 @@ def test_a_held_insect_bears_the_loads_of_a_prescribed_stroke(name: str) -> None
     runner, own = runners_loads(plant, MOVING), len(plant.mechanism.model.parts)
     for i in range(PHASES):
         plant.y[:] = at_phase(plant, i / PHASES, MOVING)
-        plant.evaluate(controls(STEP), held_air())
+        plant.evaluate(controls(STEP), confined_air())
         computed = plant.wing_loads().sum(axis=0)
         reference = np.concatenate((runner.force[i, :own].sum(axis=0), runner.moment[i, :own].sum(axis=0)))
         assert computed == pytest.approx(reference, rel=1e-9, abs=1e-14)
@@ -132,11 +132,11 @@ def test_what_holds_it_feels_the_apparent_mass_too(name: str) -> None:
     for i in range(0, PHASES, 3):
         y = at_phase(plant, i / PHASES, MOVING)
         plant.y[:] = y
-        plant.evaluate(controls(STEP), held_air())
+        plant.evaluate(controls(STEP), confined_air())
         rates, others = plant.scratch.accelerations.copy(), plant.scratch.body_load + plant.scratch.plate_load
         takes = []
         for density in (DENSITY, VACUUM):
-            mass, load = equations(plant, y, held_air(density))
+            mass, load = equations(plant, y, confined_air(density))
             takes.append((mass @ rates - load)[:6])
         reference = np.concatenate((runner.force[i].sum(axis=0), runner.moment[i].sum(axis=0)))
         scale = float(np.max(np.abs(reference)))
@@ -153,9 +153,9 @@ def test_joints_and_mean_loads_keep_to_the_stroke_when_integrated(name: str) -> 
         wanted = at_phase(plant, i / PHASES, still)
         first = plant.layout.rate(k.COORDINATES)
         assert plant.y[k.COORDINATES : first] == pytest.approx(wanted[k.COORDINATES : first], abs=3e-4)
-        plant.evaluate(interval, held_air())
+        plant.evaluate(interval, confined_air())
         total += plant.wing_loads().sum(axis=0) / (2 * PHASES)
-        plant.advance(interval, held_air())
+        plant.advance(interval, confined_air())
     reference = (
         np.concatenate((runner.force[:, :own].sum(axis=(0, 1)), runner.moment[:, :own].sum(axis=(0, 1)))) / PHASES
     )
@@ -171,8 +171,8 @@ def test_elevator_pitches_the_nose_up_and_rudder_yaws_it_right(name: str) -> Non
         plant.y[:] = at_phase(plant, 0.0, np.zeros(6))
         interval, total = controls(1.0 / (FREQUENCY * PHASES), elevator, rudder), np.zeros(3)
         for i in range(3 * PHASES):
-            plant.advance(interval, held_air())
-            plant.evaluate(interval, held_air())
+            plant.advance(interval, confined_air())
+            plant.evaluate(interval, confined_air())
             total += plant.wing_loads().sum(axis=0)[3:] / PHASES if i >= PHASES else 0.0
         return total
 

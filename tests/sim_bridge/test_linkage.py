@@ -52,7 +52,7 @@ def pins(b: FourBar, crank_angle: float) -> tuple[Floats, Floats]:
     return crank, rocker
 
 
-def apart(a: float, b: float) -> float:
+def separation(a: float, b: float) -> float:
     """Difference of two angles in rad."""
     return math.remainder(a - b, 2.0 * math.pi)
 
@@ -79,14 +79,14 @@ def test_the_slope_is_the_derivative() -> None:
         for angle in TURN[::60]:
             here, back, ahead = (flap_motion(b, angle + shift) for shift in (0.0, -step, step))
             size = 1.0 + abs(here.slope) + abs(ahead.slope - back.slope) / (2 * step)
-            assert here.slope == pytest.approx(apart(ahead.angle, back.angle) / (2 * step), abs=1e-5 * size**3)
+            assert here.slope == pytest.approx(separation(ahead.angle, back.angle) / (2 * step), abs=1e-5 * size**3)
 
 
 def test_the_birds_slope_to_six_digits() -> None:
     step = 1e-5
     for angle in TURN:
         here, back, ahead = (flap_motion(BIRD, angle + shift) for shift in (0.0, -step, step))
-        assert here.slope == pytest.approx(apart(ahead.angle, back.angle) / (2 * step), abs=1e-8)
+        assert here.slope == pytest.approx(separation(ahead.angle, back.angle) / (2 * step), abs=1e-8)
 
 
 def test_a_turn_of_the_crank_sweeps_the_stroke_and_no_more() -> None:
@@ -120,12 +120,12 @@ def test_the_other_side_is_the_mirror_image() -> None:
         left = b._replace(hinge_outboard=-b.hinge_outboard, upper_assembly=not b.upper_assembly, horn_angle=0.0)
         for angle in TURN[::60]:
             ours, theirs = flap_motion(b._replace(horn_angle=0.0), angle), flap_motion(left, math.pi - angle)
-            assert apart(math.pi - theirs.angle, ours.angle) == pytest.approx(0.0, abs=1e-9)
+            assert separation(math.pi - theirs.angle, ours.angle) == pytest.approx(0.0, abs=1e-9)
             assert theirs.slope == pytest.approx(ours.slope, rel=1e-6, abs=1e-9)
 
 
 @pytest.mark.parametrize(
-    ("links", "told"),
+    ("links", "stated"),
     [
         ({"crank": 0.0}, "linkage: crank 0 m is not a length"),
         ({"rocker": math.nan}, "linkage: rocker nan m is not a length"),
@@ -136,8 +136,8 @@ def test_the_other_side_is_the_mirror_image() -> None:
         ({"rocker": 0.1, "coupler": 0.05}, "linkage: rocker 0.1 m is too long; it needs less than 0.0963095 m"),
     ],
 )
-def test_an_impossible_linkage_names_the_link(links: dict[str, float], told: str) -> None:
-    with pytest.raises(InputError, match=re.escape(told)):
+def test_an_impossible_linkage_names_the_link(links: dict[str, float], stated: str) -> None:
+    with pytest.raises(InputError, match=re.escape(stated)):
         checked(BIRD._replace(**links))
 
 

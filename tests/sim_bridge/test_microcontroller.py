@@ -55,7 +55,7 @@ class Hardware:
     def __init__(self, bend: Callable[[bytes], bytes] = bytes, address: str = "") -> None:
         self.line = Pty()
         self.now = 0.0
-        self.said: list[str] = []
+        self.reports: list[str] = []
         self.sent: list[SensorFrame] = []
         self.at: dict[int, Callable[[], None]] = {}
         self.turn = 0
@@ -63,7 +63,7 @@ class Hardware:
         """ticks in one turn"""
         self.bend = bend
         self.controller: Microcontroller | None = Microcontroller(Bad(self.line, bend), table())
-        around = Surroundings(lambda severity, text: self.said.append(text), self.tick)
+        around = Surroundings(lambda severity, text: self.reports.append(text), self.tick)
         self.board = HilBoard(address or f"hil:{self.line.name}", QUICK, clock=lambda: self.now, around=around)
 
     def tick(self) -> None:
@@ -108,7 +108,7 @@ def test_what_the_microcontroller_measures_arrives_and_what_it_is_told_is_done()
     )
     tally = hardware.controller.statistics
     assert (tally.commands, tally.stale, tally.rejected, tally.rests, tally.bad_bytes) == (100, 0, 0, 0, 0)
-    assert hardware.board.losses == (0, 0, 0, 0) and hardware.said == []
+    assert hardware.board.losses == (0, 0, 0, 0) and hardware.reports == []
 
 
 def test_it_waits_for_nobody_and_an_unanswered_frame_stalls_nothing() -> None:
@@ -150,8 +150,8 @@ def test_noise_and_lost_bytes_cost_their_messages_which_are_counted_and_said() -
     sent = {frame.time_us: frame for frame in hardware.sent}
     assert all(frame.imu == sent[frame.time_us].imu for frame in frames)
     assert 15 < hardware.board.losses.lost < 90 and hardware.board.bad_bytes > 500
-    assert hardware.said[0].startswith(f"board at {hardware.line.name}: ") and "rejected" in hardware.said[0]
-    assert len(hardware.said) <= 2
+    assert hardware.reports[0].startswith(f"board at {hardware.line.name}: ") and "rejected" in hardware.reports[0]
+    assert len(hardware.reports) <= 2
 
 
 def test_a_command_that_is_old_early_or_no_number_is_refused() -> None:
@@ -186,7 +186,7 @@ def test_a_board_that_falls_silent_is_told_and_given_up_within_its_bound() -> No
     with pytest.raises(BoardSilent, match=r"board at serial:.* sent no sensor frame for 5 s, last at t = 0\."):
         hardware.fly(10)
     assert hardware.now == pytest.approx(10 * TICK + 5.0, abs=0.3)
-    assert hardware.said == [f"board at {hardware.line.name}: no sensor frame for 1 s"]
+    assert hardware.reports == [f"board at {hardware.line.name}: no sensor frame for 1 s"]
     silent = Hardware()
     silent.controller = None
     with pytest.raises(BoardSilent, match="for 2 s, none received before"):
@@ -214,7 +214,7 @@ def test_pulled_out_and_plugged_in_again_it_is_said_and_flies_on(tmp_path: Path)
     after = hardware.fly(100)
     assert after[-1].time_us - before[-1].time_us == pytest.approx(0.65e6, abs=0.05e6)  # its clock went on
     name = f"board at serial:{device},921600"
-    assert hardware.said[:2] == [f"{name} disconnected: check the cable", f"{name} reconnected"]
+    assert hardware.reports[:2] == [f"{name} disconnected: check the cable", f"{name} reconnected"]
     assert hardware.controller is not None and hardware.controller.statistics.commands > 50
     assert hardware.board.counters.restarts == 0
 
@@ -222,11 +222,11 @@ def test_pulled_out_and_plugged_in_again_it_is_said_and_flies_on(tmp_path: Path)
 def test_a_board_that_restarts_is_told_and_the_flight_computer_follows_its_clock() -> None:
     """GIVEN a microcontroller that browns out WHEN its clock begins anew THEN attitude goes on after 20 frames."""
     hardware = Hardware()
-    said: list[str] = []
+    reports: list[str] = []
 
     def publish(topic: Topic, message: Any) -> None:
         if topic is topics.EVENTS:
-            said.append(message.text)
+            reports.append(message.text)
 
     pilot = Autopilot(load_computer(RAVEN), load_mission("circuit"), publish)
 
@@ -240,8 +240,8 @@ def test_a_board_that_restarts_is_told_and_the_flight_computer_follows_its_clock
         assert command.time_us == frame.time_us
         hardware.board.write(command)
     assert hardware.board.counters.restarts == 1 and hardware.board.losses.lost == 0
-    assert hardware.said == [f"board at {hardware.line.name} restarted"]
-    assert any("new time base accepted" in text for text in said)
+    assert hardware.reports == [f"board at {hardware.line.name} restarted"]
+    assert any("new time base accepted" in text for text in reports)
     assert pilot.memory.attitude.time_us > 2_900_000 - 22 * 5000
     assert hardware.controller is not None and hardware.controller.statistics.commands > 250
 

@@ -35,9 +35,9 @@ class Case:
         return load
 
 
-def assert_same(ours: Floats, theirs: Floats) -> None:
-    assert np.all(np.isfinite(theirs))
-    assert ours == pytest.approx(theirs, rel=1e-6, abs=1e-9 * np.max(np.abs(theirs)))
+def assert_same(computed: Floats, reference: Floats) -> None:
+    assert np.all(np.isfinite(reference))
+    assert computed == pytest.approx(reference, rel=1e-6, abs=1e-9 * np.max(np.abs(reference)))
 
 
 @pytest.mark.parametrize("chain", [False, True])
@@ -66,13 +66,13 @@ def whole(plant: Plant) -> Engine:
 def test_whole_vehicles_accelerate_as_in_mujoco(name: str, seed: int) -> None:
     plant = freed(Plant(vehicle(name)))
     y = state(plant, np.random.default_rng(seed))
-    ours = rates(plant, y, slack(), air(0.0))[speeds(plant)]
+    computed = rates(plant, y, slack(), air(0.0))[speeds(plant)]
     attitude = Rotation.from_quat(np.roll(y[3:7], -1)).as_matrix()
     # The membrane's springs are of the tied coordinates, which MuJoCo does not know.
     joint = plant.parameters.joints.stiffness * y[joints(plant)]
     joint[: len(plant.vehicle.bodies) - 1] = 0.0
     motion = Motion(attitude, y[7:13], y[joints(plant)], y[joint_rates(plant)], -joint)
-    assert_same(ours, whole(plant).accelerations(motion))
+    assert_same(computed, whole(plant).accelerations(motion))
 
 
 @pytest.mark.parametrize("seed", range(12))

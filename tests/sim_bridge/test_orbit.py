@@ -28,7 +28,7 @@ from wingbeat.errors import InputError
 class Trimmed(NamedTuple):
     vehicle: SimulatedVehicle
     orbit: Orbit
-    found: list[Mode]
+    result: list[Mode]
 
 
 @pytest.fixture(scope="module", params=NAMES)
@@ -56,15 +56,15 @@ def test_the_trim_is_within_what_the_vehicle_can_do(trimmed: Trimmed) -> None:
 
 
 def test_the_short_period_swings_slower_than_half_the_flapping(trimmed: Trimmed) -> None:
-    mode = short_period(trimmed.found)
+    mode = short_period(trimmed.result)
     assert 0.1 < mode.damping < 0.95
     assert mode.eigenvalue.imag > 1.0
     assert mode.natural_frequency < math.pi * trimmed.orbit.inputs.frequency
 
 
 def test_every_mode_but_the_spiral_dies_away(trimmed: Trimmed) -> None:
-    assert all(mode.eigenvalue.real < 0.0 for mode in trimmed.found if mode.name != SPIRAL)
-    assert trimmed.found == sorted(trimmed.found, key=lambda mode: mode.natural_frequency)
+    assert all(mode.eigenvalue.real < 0.0 for mode in trimmed.result if mode.name != SPIRAL)
+    assert trimmed.result == sorted(trimmed.result, key=lambda mode: mode.natural_frequency)
 
 
 @pytest.mark.parametrize("index", [W, Q, V, P, ROLL])
@@ -95,13 +95,13 @@ def test_what_happens_across_the_plane_of_symmetry_leaves_the_plane_alone(trimme
     along, across = np.ix_(LONGITUDINAL, LONGITUDINAL), np.ix_(LATERAL, LATERAL)
     for mixed in (np.ix_(LONGITUDINAL, LATERAL), np.ix_(LATERAL, LONGITUDINAL)):
         assert np.max(np.abs(slope[mixed])) < 1e-6 * min(np.max(np.abs(slope[along])), np.max(np.abs(slope[across])))
-    assert all(min(mode.lateral_share, 1.0 - mode.lateral_share) < 1e-3 for mode in trimmed.found if mode.name)
+    assert all(min(mode.lateral_share, 1.0 - mode.lateral_share) < 1e-3 for mode in trimmed.result if mode.name)
 
 
 def test_the_five_modes_of_flight_are_named_once(trimmed: Trimmed) -> None:
-    names = sorted(mode.name for mode in trimmed.found if mode.name)
+    names = sorted(mode.name for mode in trimmed.result if mode.name)
     assert names == sorted((PHUGOID, SHORT_PERIOD, DUTCH_ROLL, SPIRAL, ROLL_SUBSIDENCE))
-    by_name = {mode.name: mode for mode in trimmed.found}
+    by_name = {mode.name: mode for mode in trimmed.result}
     assert by_name[PHUGOID].natural_frequency < 0.5 * by_name[SHORT_PERIOD].natural_frequency
     assert abs(by_name[SPIRAL].eigenvalue.real) < abs(by_name[ROLL_SUBSIDENCE].eigenvalue.real)
     # Lanchester's phugoid of a glider without drag, sqrt(2) g / V, is the order of it.

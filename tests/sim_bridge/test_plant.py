@@ -4,7 +4,19 @@ import math
 
 import numpy as np
 import pytest
-from plant_bench import NAMES, air, equations, hold, joint_rates, mirrored, pitching, rates, slack, state, vehicle
+from plant_bench import (
+    NAMES,
+    air,
+    equations,
+    hold_position,
+    joint_rates,
+    mirrored,
+    pitching,
+    rates,
+    slack,
+    state,
+    vehicle,
+)
 
 from sim_bridge import plant_kernel as k
 from sim_bridge.actuators.linkage import drive
@@ -28,7 +40,7 @@ def gliding(name: str, elevator: float = 0.0, rudder: float = 0.0) -> Plant:
 def steered(plant: Plant) -> k.Controls:
     """Controls that leave wings and tail where they are."""
     layout = plant.layout
-    return hold()._replace(elevator=plant.y[layout.elevator], rudder=plant.y[layout.rudder])
+    return hold_position()._replace(elevator=plant.y[layout.elevator], rudder=plant.y[layout.rudder])
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -80,15 +92,15 @@ def test_the_elevator_pitches_the_nose_up_and_the_rudder_yaws_it_right(name: str
 def test_it_weathercocks_and_damps_its_turning(name: str) -> None:
     slipping, yawing, pitched = gliding(name), gliding(name), gliding(name)
     slipping.y[8], yawing.y[12], pitched.y[11] = 1.0, 1.0, 2.0
-    base = gliding(name).evaluate(hold(), air())
-    assert slipping.evaluate(hold(), air())[12] > 0.0
-    assert yawing.evaluate(hold(), air())[12] < 0.0
-    assert pitched.evaluate(hold(), air())[11] < base[11]
+    base = gliding(name).evaluate(hold_position(), air())
+    assert slipping.evaluate(hold_position(), air())[12] > 0.0
+    assert yawing.evaluate(hold_position(), air())[12] < 0.0
+    assert pitched.evaluate(hold_position(), air())[11] < base[11]
 
 
 def test_tail_servos_reach_their_command_no_faster_than_they_can() -> None:
     plant = gliding("robo_raven_ii_d")
-    command = hold(duration=0.01)._replace(elevator=0.6, rudder=-0.1)
+    command = hold_position(duration=0.01)._replace(elevator=0.6, rudder=-0.1)
     layout, limit, angles = plant.layout, plant.vehicle.tail_servo.rate_limit, [0.0]
     for _ in range(60):
         plant.advance(command, air(launcher=k.HELD))
@@ -106,12 +118,12 @@ def test_flying_in_steady_wind_is_flying_in_still_air_seen_from_a_balloon() -> N
     heading = quaternion_from_euler(0.1, 0.15, 0.7)
     still.y[3:7] = windy.y[3:7] = heading
     wind = np.array([2.0, -1.5, 0.4])
-    windy.advance(hold(duration=1e-9), air(launcher=k.HELD))
+    windy.advance(hold_position(duration=1e-9), air(launcher=k.HELD))
     windy.y[:] = still.y
     windy.y[7:10] += windy.scratch.r.T @ wind
     for _ in range(100):
-        still.advance(hold(0.2, 0.01), air())
-        windy.advance(hold(0.2, 0.01), air(wind=tuple(wind)))
+        still.advance(hold_position(0.2, 0.01), air())
+        windy.advance(hold_position(0.2, 0.01), air(wind=tuple(wind)))
     assert windy.y[0:3] - still.y[0:3] == pytest.approx(wind * 1.0, abs=1e-6)
     assert windy.y[10:] == pytest.approx(still.y[10:], abs=1e-6)
 
@@ -120,10 +132,10 @@ def test_the_imu_on_the_bench_feels_one_g_upwards_and_in_free_fall_nothing() -> 
     plant = gliding("robo_raven_ii_d")
     plant.y[7] = 0.0
     plant.y[3:7] = quaternion_from_euler(0.0, 0.2, 0.0)
-    means = plant.advance(hold(), air(launcher=k.HELD))
+    means = plant.advance(hold_position(), air(launcher=k.HELD))
     down = np.array([-math.sin(0.2), 0.0, math.cos(0.2)])
     assert means[4:7] == pytest.approx(tuple(-STANDARD_GRAVITY * down))
-    means = gliding("robo_raven_ii_d").advance(hold(powered=0.0), air(1e-9))
+    means = gliding("robo_raven_ii_d").advance(hold_position(powered=0.0), air(1e-9))
     assert means[4:7] == pytest.approx((0.0, 0.0, 0.0), abs=1e-4)
 
 
@@ -132,7 +144,7 @@ def test_the_imu_away_from_the_centre_feels_the_turning() -> None:
     plant.parameters = plant.parameters._replace(imu=np.array([0.1, 0.0, 0.0]))
     plant.y[7] = 0.0
     plant.y[12] = 3.0
-    means = plant.advance(hold(duration=0.001), air(1e-9, launcher=k.HELD))
+    means = plant.advance(hold_position(duration=0.001), air(1e-9, launcher=k.HELD))
     assert means.specific_force_x == pytest.approx(-9.0 * 0.1)
 
 
@@ -153,7 +165,7 @@ def test_the_quaternion_stays_of_unit_length() -> None:
     plant = gliding("robo_raven_ii_d")
     plant.y[10:13] = 5.0, -3.0, 4.0
     for _ in range(200):
-        plant.advance(hold(0.2, 0.01), air())
+        plant.advance(hold_position(0.2, 0.01), air())
     assert np.linalg.norm(plant.y[3:7]) == pytest.approx(1.0, abs=1e-6)
     assert abs(pitching(plant)) <= math.pi / 2
 
@@ -232,7 +244,7 @@ def test_a_prescribed_joint_is_where_the_phase_of_the_stroke_says() -> None:
     plant.y[at], plant.y[layout.rate(at)] = series(0.0)[0], series(0.0)[1] * 2.0 * math.pi * 2.0
     # The crank gathers speed meanwhile: its own acceleration is part of what is imposed.
     for _ in range(100):
-        plant.advance(hold(duration=0.004)._replace(throttle=0.7), air())
+        plant.advance(hold_position(duration=0.004)._replace(throttle=0.7), air())
         angle, slope = series(plant.y[layout.crank_phase])
         assert plant.y[at] == pytest.approx(angle, abs=1e-5)
         rate = slope * 2.0 * math.pi * plant.y[layout.crank_speed]
@@ -246,7 +258,7 @@ def test_a_motor_draws_what_the_voltage_that_its_current_leaves_drives(throttle:
     battery, layout = plant.parameters.battery, plant.layout
     plant.y[2], plant.y[7] = -100.0, 9.0
     plant.y[layout.crank_phase], plant.y[layout.crank_speed] = 2.0, 5.9 * throttle
-    rates(plant, plant.y, hold()._replace(throttle=throttle), air())
+    rates(plant, plant.y, hold_position()._replace(throttle=throttle), air())
     _, _, current, voltage = plant.scratch.drive[:4].tolist()
     crank_rate = 2.0 * math.pi * float(plant.y[layout.crank_speed])
     assert voltage == pytest.approx(battery[0] - battery[3] * current, abs=1e-9)
@@ -256,7 +268,7 @@ def test_a_motor_draws_what_the_voltage_that_its_current_leaves_drives(throttle:
 
 def test_following_commands_is_advancing_through_them_one_by_one() -> None:
     one, other = Plant(vehicle("robo_raven_ii_d")), Plant(vehicle("robo_raven_ii_d"))
-    controls = [hold(0.4 * math.sin(0.13 * i), 0.005 + 0.001 * (i % 3)) for i in range(30)]
+    controls = [hold_position(0.4 * math.sin(0.13 * i), 0.005 + 0.001 * (i % 3)) for i in range(30)]
     states, means = one.follow(controls, air())
     for i, wanted in enumerate(controls):
         assert np.array_equal(other.advance(wanted, air()), means[i])

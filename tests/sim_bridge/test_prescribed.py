@@ -54,8 +54,8 @@ def rate_of(values: Floats) -> Floats:
     return np.fft.irfft(2j * math.pi * FREQUENCY * orders * spectrum, n=len(values), axis=0)
 
 
-def assert_equal(ours: Floats, theirs: Floats) -> None:
-    assert ours == pytest.approx(theirs, abs=1e-9 * float(np.max(np.abs(theirs))))
+def assert_equal(computed: Floats, reference: Floats) -> None:
+    assert computed == pytest.approx(reference, abs=1e-9 * float(np.max(np.abs(reference))))
 
 
 @pytest.fixture(scope="module")

@@ -20,7 +20,7 @@ from wingbeat.samples import BURST_LENGTH, SensorFrame
 
 
 def fly(spec: SensorSpec = SPEC, seed: int = 5, ticks: int = 120) -> list[SensorFrame]:
-    suite = SensorSuite(spec, seed, COLLEGE_PARK, pilot=lambda seen: Sticks(roll=0.3, throttle=0.6, mode=1))
+    suite = SensorSuite(spec, seed, COLLEGE_PARK, pilot=lambda observed: Sticks(roll=0.3, throttle=0.6, mode=1))
     return [suite.sample(cruise(tick, flap_left=0.5 * math.sin(0.12 * tick)), tick) for tick in range(ticks)]
 
 

@@ -19,7 +19,7 @@ SEED = sensor_seed(3, 0)
 PASCALS_PER_COUNT = 2.0 * 248.84 / (14746 - 1638)
 
 
-def still_pitot(**changes: float) -> Pitot:
+def pitot_at_rest(**changes: float) -> Pitot:
     return Pitot(quiet(SPEC.pitot)._replace(time_constant=0.0, **changes), SEED, 0.005)
 
 
@@ -29,14 +29,14 @@ def counts_at(pitot: Pitot, v_air: tuple[float, float, float]) -> int:
 
 
 def test_pitot_reads_the_impact_pressure() -> None:
-    counts = counts_at(still_pitot(), (10.0, 0.0, 0.0))
+    counts = counts_at(pitot_at_rest(), (10.0, 0.0, 0.0))
     pressure = (counts - 1638) * PASCALS_PER_COUNT - 248.84
     assert pressure == pytest.approx(0.5 * 1.225 * 100.0, abs=0.5 * PASCALS_PER_COUNT)
 
 
 def test_pitot_range_ends_are_10_and_90_percent_and_the_word_saturates() -> None:
     at_range = math.sqrt(2.0 * 248.84 / 1.225)
-    pitot = still_pitot()
+    pitot = pitot_at_rest()
     assert counts_at(pitot, (0.0, 0.0, 0.0)) == 8192
     assert counts_at(pitot, (at_range, 0.0, 0.0)) == 14746
     assert counts_at(pitot, (-at_range, 0.0, 0.0)) == 1638
@@ -47,9 +47,9 @@ def test_pitot_range_ends_are_10_and_90_percent_and_the_word_saturates() -> None
 def test_pitot_sees_only_the_flow_along_the_tube() -> None:
     angle = 0.3
     flow = (8.0 * math.cos(angle), 3.0, 8.0 * math.sin(angle))
-    along = counts_at(still_pitot(), (8.0, 0.0, 0.0))
-    assert counts_at(still_pitot(incidence_deg=-math.degrees(angle)), flow) == along
-    assert counts_at(still_pitot(), flow) < along
+    along = counts_at(pitot_at_rest(), (8.0, 0.0, 0.0))
+    assert counts_at(pitot_at_rest(incidence_deg=-math.degrees(angle)), flow) == along
+    assert counts_at(pitot_at_rest(), flow) < along
 
 
 def test_pitot_noise_is_a_fifth_of_a_metre_per_second_at_cruise() -> None:
@@ -68,7 +68,7 @@ def test_air_column_lags() -> None:
     for _ in range(10):
         pitot.sense((10.0, 0.0, 0.0), 1.225)
     lagging = pitot.read() - rest
-    full = counts_at(still_pitot(), (10.0, 0.0, 0.0)) - rest
+    full = counts_at(pitot_at_rest(), (10.0, 0.0, 0.0)) - rest
     # Ten ticks are one time constant; the ramp of the first tick adds about half a tick.
     assert lagging / full == pytest.approx(1.0 - math.exp(-1.05), abs=0.02)
 

@@ -13,19 +13,19 @@ from wingbeat.samples import ReceiverSample
 SPEC = ReceiverSpec()
 
 
-def heard(pilot: Pilot | None, seconds: float, north: float = 20.0, seed: int = 3) -> list[ReceiverSample | None]:
+def received(pilot: Pilot | None, seconds: float, north: float = 20.0, seed: int = 3) -> list[ReceiverSample | None]:
     receiver = Receiver(SPEC, sensor_seed(seed, 8), pilot)
     return [
         receiver.read(cruise(4 * frame, position_ned=(north, 0.0, -10.0))) for frame in range(round(seconds * 50))
     ]
 
 
-def hands_off(seen: object) -> Sticks:
+def hands_off(observed: object) -> Sticks:
     return Sticks()
 
 
 def test_without_a_pilot_nothing_is_heard() -> None:
-    assert heard(None, 2.0) == [None] * 100
+    assert received(None, 2.0) == [None] * 100
 
 
 def test_sticks_and_switches_have_the_usual_pulses() -> None:
@@ -34,7 +34,7 @@ def test_sticks_and_switches_have_the_usual_pulses() -> None:
 
 
 def test_pulses_are_whole_microseconds_about_what_is_sent() -> None:
-    frames = [frame for frame in heard(hands_off, 40.0) if frame]
+    frames = [frame for frame in received(hands_off, 40.0) if frame]
     channels = np.array([frame.pulses for frame in frames])
     assert channels.dtype.kind == "i"
     # Rounding adds a twelfth of a microsecond squared.
@@ -45,7 +45,7 @@ def test_pulses_are_whole_microseconds_about_what_is_sent() -> None:
 
 @pytest.mark.parametrize("distance", [700.0, 1000.0, 1100.0])
 def test_frames_are_lost_with_the_distance(distance: float) -> None:
-    frames = heard(hands_off, 60.0, north=distance)
+    frames = received(hands_off, 60.0, north=distance)
     lost = sum(frame is None or frame.lost == 1 for frame in frames) / len(frames)
     share = Receiver(SPEC, sensor_seed(1, 8), None).lost_share(np.hypot(distance, 10.0))
     assert lost == pytest.approx(share, abs=5.0 * np.sqrt(share * (1.0 - share) / len(frames)) + 1e-3)
@@ -60,7 +60,7 @@ def test_the_signal_weakens_with_the_distance() -> None:
 
 
 def test_a_transmitter_that_is_switched_off_is_missed_and_then_said_to_be_lost() -> None:
-    frames = heard(lambda seen: Sticks(roll=0.5) if seen.time_us < 1_000_000 else None, 2.0)
+    frames = received(lambda observed: Sticks(roll=0.5) if observed.time_us < 1_000_000 else None, 2.0)
     assert all(frame is not None and not frame.lost for frame in frames[:50])
     silence = round(SPEC.timeout * 50) - 1
     assert frames[50 : 50 + silence] == [None] * silence
@@ -71,5 +71,5 @@ def test_a_transmitter_that_is_switched_off_is_missed_and_then_said_to_be_lost()
 
 
 def test_one_seed_is_one_flight() -> None:
-    assert heard(hands_off, 5.0, 990.0) == heard(hands_off, 5.0, 990.0)
-    assert heard(hands_off, 5.0, 990.0) != heard(hands_off, 5.0, 990.0, seed=4)
+    assert received(hands_off, 5.0, 990.0) == received(hands_off, 5.0, 990.0)
+    assert received(hands_off, 5.0, 990.0) != received(hands_off, 5.0, 990.0, seed=4)

@@ -46,7 +46,7 @@ def test_a_trim_that_newton_does_not_reach_is_followed_from_the_cruise() -> None
 
 
 @pytest.mark.parametrize(
-    ("name", "airspeed", "climb_rate", "said"),
+    ("name", "airspeed", "climb_rate", "reports"),
     [
         (
             "arizona_100cm",
@@ -91,8 +91,8 @@ def test_a_trim_that_newton_does_not_reach_is_followed_from_the_cruise() -> None
         ("robo_raven_ii_d", 2.0, 3.0, r"an airspeed of 2 m/s does not climb 3 m/s"),
     ],
 )
-def test_a_refusal_tells_what_stands_in_the_way(name: str, airspeed: float, climb_rate: float, said: str) -> None:
-    with pytest.raises(InputError, match=said):
+def test_a_refusal_tells_what_stands_in_the_way(name: str, airspeed: float, climb_rate: float, reports: str) -> None:
+    with pytest.raises(InputError, match=reports):
         trim(vehicle(name), airspeed, climb_rate)
 
 
@@ -121,7 +121,7 @@ def test_an_airspeed_at_which_the_aerodynamic_model_does_not_hold_is_refused() -
 
 
 @pytest.mark.parametrize(
-    ("name", "inputs", "said"),
+    ("name", "inputs", "reports"),
     [
         ("robo_raven_ii_d", StrokeInputs(4.0, 0.5, 0.9), "0.9 rad of elevator, the servo has 0.6"),
         ("robo_raven_ii_d", StrokeInputs(4.0, 1.0, 0.0), "the wings at 1.2 rad, the servos stop at 1.1"),
@@ -129,8 +129,8 @@ def test_an_airspeed_at_which_the_aerodynamic_model_does_not_hold_is_refused() -
         ("arizona_100cm", StrokeInputs(9.0, 0.6, 0.0), "a stroke of 9 Hz, the drive has 0 to 7.25"),
     ],
 )
-def test_what_a_vehicle_has_not_is_told(name: str, inputs: StrokeInputs, said: str) -> None:
-    assert excesses(vehicle(name), inputs) == [said]
+def test_what_a_vehicle_has_not_is_told(name: str, inputs: StrokeInputs, reports: str) -> None:
+    assert excesses(vehicle(name), inputs) == [reports]
     assert excesses(vehicle(name), StrokeInputs(4.0, 0.5, 0.3)) == []
 
 

@@ -188,27 +188,27 @@ def roll_grows(name: str, gains: FlightGains, factor: float = 1.0, late: float =
     return grows(fly)
 
 
-@pytest.mark.parametrize("flown", [pitch_grows, roll_grows])
+@pytest.mark.parametrize("recording", [pitch_grows, roll_grows])
 @BOTH
-def test_the_flight_code_stands_the_gain_it_was_designed_for_and_no_more(name: str, flown) -> None:  # type: ignore[no-untyped-def]
+def test_the_flight_code_stands_the_gain_it_was_designed_for_and_no_more(name: str, recording) -> None:  # type: ignore[no-untyped-def]
     gains = designed(name).gains
-    loop = next(one for one in designed(name).after if one.name == flown.__name__.partition("_")[0])
+    loop = next(one for one in designed(name).after if one.name == recording.__name__.partition("_")[0])
     most = 10.0 ** (loop.margins.gain_db / 20.0)
-    assert not flown(name, gains, 1.0)
-    assert not flown(name, gains, 1.9)
-    assert not flown(name, gains, 0.96 * most)
-    assert flown(name, gains, 1.04 * most)
-    assert flown(name, gains, 2.5 * most)
+    assert not recording(name, gains, 1.0)
+    assert not recording(name, gains, 1.9)
+    assert not recording(name, gains, 0.96 * most)
+    assert recording(name, gains, 1.04 * most)
+    assert recording(name, gains, 2.5 * most)
 
 
-@pytest.mark.parametrize("flown", [pitch_grows, roll_grows])
+@pytest.mark.parametrize("recording", [pitch_grows, roll_grows])
 @BOTH
-def test_the_flight_code_stands_the_delay_its_phase_margin_says(name: str, flown) -> None:  # type: ignore[no-untyped-def]
+def test_the_flight_code_stands_the_delay_its_phase_margin_says(name: str, recording) -> None:  # type: ignore[no-untyped-def]
     gains = designed(name).gains
-    loop = next(one for one in designed(name).after if one.name == flown.__name__.partition("_")[0])
+    loop = next(one for one in designed(name).after if one.name == recording.__name__.partition("_")[0])
     most = loop.margins.phase / loop.margins.crossover
-    assert not flown(name, gains, late=0.93 * most)
-    assert flown(name, gains, late=1.07 * most)
+    assert not recording(name, gains, late=0.93 * most)
+    assert recording(name, gains, late=1.07 * most)
 
 
 def test_a_model_without_drive_and_lateral_motion_tunes_the_pitch_loop_alone() -> None:

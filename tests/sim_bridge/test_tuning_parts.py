@@ -119,7 +119,7 @@ def test_a_model_survives_its_file(name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "complaint"),
+    ("change", "error_text"),
     [
         (("airspeed = 6.8", "airspeed = -6.8"), "trim.airspeed = -6.8 must be above 0 m/s"),
         (("frequency = 4", "# frequency = 4"), "trim.frequency is missing (above 0 Hz)"),
@@ -136,12 +136,14 @@ def test_a_model_survives_its_file(name: str, tmp_path: Path) -> None:
         (("[trim]", "[trim"), "not valid TOML"),
     ],
 )
-def test_a_damaged_model_file_is_refused_in_one_line(change: tuple[str, str], complaint: str, tmp_path: Path) -> None:
+def test_a_damaged_model_file_is_refused_in_one_line(
+    change: tuple[str, str], error_text: str, tmp_path: Path
+) -> None:
     text = (MODELS / "robo_raven_ii_d.toml").read_text()
     assert change[0] in text
     path = tmp_path / "bad.toml"
     path.write_text(text.replace(*change))
-    with pytest.raises(InputError, match=re.escape(complaint)) as refusal:
+    with pytest.raises(InputError, match=re.escape(error_text)) as refusal:
         load_model(path)
     assert "\n" not in str(refusal.value) and "bad.toml" in str(refusal.value)
 

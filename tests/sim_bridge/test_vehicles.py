@@ -47,7 +47,7 @@ def without(key: str) -> str:
     return text
 
 
-def told_of_many(name: str) -> set[str]:
+def reported_of_many(name: str) -> set[str]:
     """Keys of the values that the file tells of bodies and plates; what it leaves out is at rest, or nothing."""
     document: dict[str, Any] = tomllib.loads(load_vehicle(name).text)
     return {
@@ -69,8 +69,8 @@ def test_every_value_of_every_vehicle_has_a_source(name: str) -> None:
     sections = {key: values for key, values in vehicle.sections.items() if key not in REPEATED}
     keys = {f"{section}.{key}" for section, values in sections.items() for key in values._fields}
     names = {"wing.right", "wing.left"}
-    assert set(vehicle.sources) - told_of_many(name) == keys - names
-    assert told_of_many(name) <= set(vehicle.sources)
+    assert set(vehicle.sources) - reported_of_many(name) == keys - names
+    assert reported_of_many(name) <= set(vehicle.sources)
     assert vehicle.name == name
     assert all(source.text for source in vehicle.sources.values())
     assert all(vehicle.sources[key].kind == "chosen" for key in vehicle.fitted)
@@ -82,7 +82,7 @@ def test_a_file_is_loaded_by_its_path(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "reports"),
     [
         (without("semispan"), r"wing\.semispan is missing \(0\.005 to 5 m\)"),
         (
@@ -117,8 +117,8 @@ def test_a_file_is_loaded_by_its_path(tmp_path: Path) -> None:
         ("", "section .* is missing"),
     ],
 )
-def test_a_bad_file_is_refused_in_one_line_that_names_key_and_range(tmp_path: Path, text: str, said: str) -> None:
-    with pytest.raises(InputError, match=said) as refused:
+def test_a_bad_file_is_refused_in_one_line_that_names_key_and_range(tmp_path: Path, text: str, reports: str) -> None:
+    with pytest.raises(InputError, match=reports) as refused:
         load_vehicle(written(tmp_path, text))
     assert "\n" not in str(refused.value)
 
@@ -184,7 +184,7 @@ def test_a_base_may_have_a_base_and_stand_beside_the_file(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize(
-    ("base", "said"),
+    ("base", "reports"),
     [
         ('"pterodactyl"', r'bird\.toml: base = "pterodactyl": unknown; known: .*robo_raven_ii_d'),
         ('"gone.toml"', r'base = "gone\.toml": no file .*gone\.toml'),
@@ -193,9 +193,9 @@ def test_a_base_may_have_a_base_and_stand_beside_the_file(tmp_path: Path) -> Non
         ("7", r"bird\.toml: base must be a vehicle's name or a file's path in quotes"),
     ],
 )
-def test_a_base_that_cannot_be_is_told_in_one_line(tmp_path: Path, base: str, said: str) -> None:
+def test_a_base_that_cannot_be_is_told_in_one_line(tmp_path: Path, base: str, reports: str) -> None:
     (tmp_path / "other.toml").write_text('base = "bird.toml"', encoding="utf-8")
-    with pytest.raises(InputError, match=said) as refused:
+    with pytest.raises(InputError, match=reports) as refused:
         load_vehicle(written(tmp_path, f"base = {base}"))
     assert "\n" not in str(refused.value)
 
@@ -223,7 +223,7 @@ def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "reports"),
     [
         (
             changed("parent", '"tree"', "bodies.elevator"),
@@ -259,9 +259,9 @@ def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_bodies_that_make_no_vehicle_are_refused_in_one_line(tmp_path: Path, text: str, said: str) -> None:
+def test_bodies_that_make_no_vehicle_are_refused_in_one_line(tmp_path: Path, text: str, reports: str) -> None:
     path = written(tmp_path, text)
-    with pytest.raises(InputError, match=said) as refused:
+    with pytest.raises(InputError, match=reports) as refused:
         load_vehicle(path)
     assert "\n" not in str(refused.value)
     assert str(path) in str(refused.value)
@@ -306,10 +306,10 @@ def test_the_command_refuses_a_loop_in_one_line(tmp_path: Path, capsys: pytest.C
         text = text.replace(f'parent = "fuselage"\nmoved_by = "{name}"', f'parent = "{parent}"\nmoved_by = "{name}"')
     path = written(tmp_path, text)
     assert main(["trim", path]) == 2
-    said = capsys.readouterr()
-    assert said.out == ""
+    reports = capsys.readouterr()
+    assert reports.out == ""
     reason = 'bodies.elevator.parent = "rudder" makes a loop: elevator on rudder on elevator'
-    assert said.err == f"wingbeat: {path}: {reason}\n"
+    assert reports.err == f"wingbeat: {path}: {reason}\n"
 
 
 @pytest.mark.parametrize(("name", "grams"), [("robo_raven_ii_d", 359.0), ("arizona_100cm", 369.0)])

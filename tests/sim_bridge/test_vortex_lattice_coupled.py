@@ -39,13 +39,13 @@ def stream(plant: Plant, alpha: float, beta: float = 0.0, height: float = 100.0)
     return y[7:10].copy()
 
 
-def held(plant: Plant, alpha: float, flapping: float, seconds: float) -> Floats:
+def constant(plant: Plant, alpha: float, flapping: float, seconds: float) -> Floats:
     """(ticks, 6) air loads of a plant that the launcher holds in the stream, its wings flapping by so many rad."""
     stream(plant, alpha)
-    return still(plant, flapping, seconds)
+    return stationary(plant, flapping, seconds)
 
 
-def still(plant: Plant, flapping: float, seconds: float) -> Floats:
+def stationary(plant: Plant, flapping: float, seconds: float) -> Floats:
     """(ticks, 6) of a plant that is in a stream already."""
     loads = []
     for tick in range(round(seconds / TICK)):
@@ -81,7 +81,7 @@ def glide(beta: float = 0.0, height: float = 100.0) -> tuple[Plant, Floats, Floa
     """A plant after a long glide at 0.1 rad in an ideal flow, loads of its wings, and of its tail."""
     plant = Plant(raven(correction=0.0, wake_rows=60))
     stream(plant, 0.1, beta, height)
-    still(plant, 0.0, 1.0)
+    stationary(plant, 0.0, 1.0)
     parts = plant.part_loads()
     return plant, parts[:4].sum(axis=0), parts[4]
 
@@ -140,7 +140,7 @@ def test_an_elevator_that_moves_meets_the_air_of_its_own_motion() -> None:
 
 
 def test_a_stroke_hardly_depends_on_the_lattices_rate() -> None:
-    slow, quick = (held(Plant(raven(rate=rate)), 0.05, 0.3, 0.75)[-50:] for rate in (200.0, 400.0))
+    slow, quick = (constant(Plant(raven(rate=rate)), 0.05, 0.3, 0.75)[-50:] for rate in (200.0, 400.0))
     assert np.max(np.abs(quick - slow)[:, 2]) < 0.05 * np.ptp(quick[:, 2])
     assert slow.mean(axis=0)[[0, 2]] == pytest.approx(quick.mean(axis=0)[[0, 2]], rel=0.03)
 
@@ -148,7 +148,7 @@ def test_a_stroke_hardly_depends_on_the_lattices_rate() -> None:
 def test_the_memory_is_as_long_after_a_flight_as_before() -> None:
     plant = Plant(raven(wake_rows=10))
     size, y = plant.layout.size, plant.y
-    held(plant, 0.05, 0.3, 0.5)
+    constant(plant, 0.05, 0.3, 0.5)
     assert plant.y is y and len(y) == size
     memory, p = y[plant.layout.aerodynamics :], parameters_of(plant)
     wake = wake_of.py_func(p, memory)  # type: ignore[attr-defined]
@@ -160,18 +160,18 @@ def test_membranes_without_weight_stay_stable() -> None:
     """Their air is heavier than they are."""
     bird = raven()
     light = bird._replace(wing=bird.wing._replace(membrane_mass=1e-5))
-    loads = held(Plant(light), 0.1, 0.3, 0.5)
+    loads = constant(Plant(light), 0.1, 0.3, 0.5)
     assert np.all(np.isfinite(loads)) and np.max(np.abs(loads)) < 40.0
 
 
 def test_a_free_wake_flies_too_and_is_another() -> None:
-    free, fixed = (held(Plant(raven(free_wake=free, wake_rows=12)), 0.1, 0.3, 0.4) for free in (True, False))
+    free, fixed = (constant(Plant(raven(free_wake=free, wake_rows=12)), 0.1, 0.3, 0.4) for free in (True, False))
     assert np.all(np.isfinite(free))
     assert 1e-4 < np.max(np.abs(free - fixed)) < 0.3 * np.max(np.abs(fixed))
 
 
 def test_the_correction_takes_suction_and_adds_friction() -> None:
-    ideal, real = (held(Plant(raven(correction=share)), 0.05, 0.0, 0.3)[-1] for share in (0.0, 1.0))
+    ideal, real = (constant(Plant(raven(correction=share)), 0.05, 0.0, 0.3)[-1] for share in (0.0, 1.0))
     assert real[0] < ideal[0] - 0.05
     assert real[2] == pytest.approx(ideal[2], rel=0.02)
 

@@ -45,7 +45,7 @@ def flap(tick: int) -> ActuatorCommand:
     return ActuatorCommand(tick, angle, angle, 0.5, 0.1, 0.05, 1)
 
 
-def flown(world: SimulatedWorld, pilot: Pilot, ticks: int) -> list[SensorFrame]:
+def simulate(world: SimulatedWorld, pilot: Pilot, ticks: int) -> list[SensorFrame]:
     return [world.step(pilot(tick)) for tick in range(ticks)]
 
 
@@ -91,7 +91,7 @@ def test_a_throw_may_be_slower_and_askew() -> None:
     assert Rotation.from_quat(q).as_euler("ZYX") == pytest.approx((0.0, one.launch.pitch + 0.1, -0.2), abs=1e-6)
 
 
-def until_thrown(world: SimulatedWorld) -> TruthState:
+def until_launched(world: SimulatedWorld) -> TruthState:
     """The first moment that is not in the launcher's hand."""
     while not world.finished:
         world.step(glide(0))
@@ -104,12 +104,12 @@ def until_thrown(world: SimulatedWorld) -> TruthState:
 def test_who_waits_for_arming_throws_an_armed_vehicle_alone_and_says_so() -> None:
     said: list[tuple[float, str]] = []
 
-    def hear(topic: Topic, message: Any) -> None:
+    def receive(topic: Topic, message: Any) -> None:
         if topic is topics.EVENTS:
             said.append((message.time_us * 1e-6, message.text))
 
     scenario = Scenario(waits_for_arming=True, duration=25.0, launch_time=SOON)
-    world = SimulatedWorld(vehicle("robo_raven_ii_d"), scenario, hear)
+    world = SimulatedWorld(vehicle("robo_raven_ii_d"), scenario, receive)
     armed = ((2.0, 4.0), (5.0, math.inf))
     while not world.launched:
         now = world.time_us * 1e-6
@@ -135,7 +135,7 @@ def test_who_waits_for_arming_throws_the_same_throw_when_it_was_armed_before() -
     thrown = []
     for waits in (False, True):
         world = SimulatedWorld(vehicle("robo_raven_ii_d"), Scenario(waits_for_arming=waits))
-        thrown.append(until_thrown(world))
+        thrown.append(until_launched(world))
     assert thrown[0] == thrown[1]
     assert thrown[0].time_us * 1e-6 == pytest.approx(LAUNCH_TIME, abs=0.02)
 
@@ -145,7 +145,7 @@ def test_the_launcher_waits_for_the_wind_in_his_face() -> None:
     for seed in (1, 2, 3, 4):
         scenario = Scenario(seed=seed, wind_speed=3.0, wind_from=0.5, turbulence="moderate", duration=45.0)
         world = SimulatedWorld(vehicle("robo_raven_ii_d"), scenario)
-        thrown = until_thrown(world)
+        thrown = until_launched(world)
         ahead = -(thrown.wind_north * math.cos(0.5) + thrown.wind_east * math.sin(0.5))
         waited.append(thrown.time_us * 1e-6 - LAUNCH_TIME)
         assert ahead >= 3.0 - 0.5 or waited[-1] >= 2.0 * LAUNCH_PATIENCE
@@ -153,7 +153,7 @@ def test_the_launcher_waits_for_the_wind_in_his_face() -> None:
 
 
 @pytest.mark.parametrize(
-    ("wind", "gust", "patience"),
+    ("wind", "gust", "timeout"),
     [
         (0.0, (0.0, 0.0, 0.0), 0.0),
         (3.0, (-2.0, 0.9, -0.9), 0.0),
@@ -164,7 +164,7 @@ def test_the_launcher_waits_for_the_wind_in_his_face() -> None:
     ],
 )
 def test_how_long_the_launcher_waits_for_what_the_air_does(
-    wind: float, gust: tuple[float, float, float], patience: float, monkeypatch: pytest.MonkeyPatch
+    wind: float, gust: tuple[float, float, float], timeout: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """GIVEN a north wind and a gust (NED) that stays THEN thrown after so many times his patience."""
     monkeypatch.setattr(launching, "LAUNCH_PATIENCE", 0.4)
@@ -172,8 +172,8 @@ def test_how_long_the_launcher_waits_for_what_the_air_does(
     monkeypatch.setattr(SimulatedWorld, "_sample_gust", lambda _: None)
     world = SimulatedWorld(vehicle("robo_raven_ii_d"), Scenario(wind_speed=wind, launch_time=0.1))
     world._gust = Gust(gust, (0.0, 0.0, 0.0))
-    waited = until_thrown(world).time_us * 1e-6 - 0.1
-    assert waited == pytest.approx(0.4 * patience, abs=0.02)
+    waited = until_launched(world).time_us * 1e-6 - 0.1
+    assert waited == pytest.approx(0.4 * timeout, abs=0.02)
 
 
 @pytest.mark.parametrize("seed", [3, 4])
@@ -207,22 +207,22 @@ def test_the_time_is_up_at_the_latest() -> None:
 def test_the_same_seed_gives_the_same_frames_and_another_seed_others(name: str) -> None:
     scenarios = [Scenario(seed=seed, launch_time=SOON) for seed in (7, 7, 8)]
     first, second, other = (SimulatedWorld(vehicle(name), scenario) for scenario in scenarios)
-    frames = flown(first, flap, 600)
-    assert first.launched and frames == flown(second, flap, 600)
-    assert frames[:200] != flown(other, flap, 200)
+    frames = simulate(first, flap, 600)
+    assert first.launched and frames == simulate(second, flap, 600)
+    assert frames[:200] != simulate(other, flap, 200)
     assert first.truth() == second.truth()
 
 
 def test_everything_true_is_published() -> None:
-    seen: dict[str, list[int]] = {}
+    observed: dict[str, list[int]] = {}
     world = SimulatedWorld(
-        vehicle("robo_raven_ii_d"), Scenario(), lambda topic, m: seen.setdefault(topic.name, []).append(m.time_us)
+        vehicle("robo_raven_ii_d"), Scenario(), lambda topic, m: observed.setdefault(topic.name, []).append(m.time_us)
     )
-    flown(world, flap, 40)
+    simulate(world, flap, 40)
     world.record()
     world.record()  # once is enough
-    assert seen[topics.STATE.name] == seen[topics.WING.name] == [5000 * (i + 1) for i in range(40)]
-    assert len(seen[topics.LOADS.name]) == 20
+    assert observed[topics.STATE.name] == observed[topics.WING.name] == [5000 * (i + 1) for i in range(40)]
+    assert len(observed[topics.LOADS.name]) == 20
 
 
 def _differential(frames: list[SensorFrame]) -> float:
@@ -234,7 +234,7 @@ def _differential(frames: list[SensorFrame]) -> float:
 def test_a_wind_is_felt_by_the_pitot_in_the_launchers_hand(direction: float) -> None:
     still = SimulatedWorld(vehicle("robo_raven_ii_d"), Scenario())
     windy = SimulatedWorld(vehicle("robo_raven_ii_d"), Scenario(wind_speed=6.0, wind_from=direction))
-    calm, blown = flown(still, glide, 200), flown(windy, glide, 200)
+    calm, blown = simulate(still, glide, 200), simulate(windy, glide, 200)
     spec = windy.vehicle.sections["pitot"]
     pressure = (_differential(blown) - _differential(calm)) * 2.0 * spec.range / (spec.counts_high - spec.counts_low)
     assert pressure == pytest.approx(0.5 * 1.22 * 36.0, rel=0.15)
@@ -262,22 +262,22 @@ def test_gusts_blow_about_the_steady_wind_and_move_what_flies_in_them() -> None:
 
 def test_the_gusts_that_are_published_have_the_strength_of_their_level() -> None:
     """About the wind, over many seeds, where the launcher holds the vehicle: below 10 ft, the ground is near."""
-    level, seen = "small_uav_moderate", list[tuple[float, ...]]()
+    level, observed = "small_uav_moderate", list[tuple[float, ...]]()
     for seed in range(80):
         scenario = Scenario(seed=seed, wind_speed=3.0, turbulence=level)
-        world = SimulatedWorld(vehicle("robo_raven_ii_d"), scenario, lambda topic, m: _keep_wind(seen, topic, m))
+        world = SimulatedWorld(vehicle("robo_raven_ii_d"), scenario, lambda topic, m: _keep_wind(observed, topic, m))
         world.advance(NEUTRAL, 0.005)
         world.record()
-    wind, (_, _, level_intensity, down_intensity) = np.array(seen), SMALL_UAV[level]
+    wind, (_, _, level_intensity, down_intensity) = np.array(observed), SMALL_UAV[level]
     down_intensity *= world.vehicle.launch.height / (10.0 * FOOT)
-    assert len(seen) == 80
+    assert len(observed) == 80
     assert wind.mean(axis=0) == pytest.approx((-3.0, 0.0, 0.0), abs=0.3 * level_intensity)
     assert wind.std(axis=0) == pytest.approx((level_intensity, level_intensity, down_intensity), rel=0.25)
 
 
-def _keep_wind(seen: list[tuple[float, ...]], topic: Topic, message: Any) -> None:
+def _keep_wind(observed: list[tuple[float, ...]], topic: Topic, message: Any) -> None:
     if topic is topics.STATE:
-        seen.append((message.wind_north, message.wind_east, message.wind_down))
+        observed.append((message.wind_north, message.wind_east, message.wind_down))
 
 
 @pytest.mark.validate
@@ -291,7 +291,7 @@ def test_the_seed_is_the_gusts() -> None:
 @pytest.mark.parametrize("wrong", [math.nan, math.inf, -math.inf, 1e300])
 def test_a_command_that_is_no_number_does_not_end_the_world(name: str, wrong: float) -> None:
     world = SimulatedWorld(vehicle(name), Scenario())
-    flown(world, lambda _: ActuatorCommand(0, wrong, wrong, wrong, wrong, wrong, 1), 50)
+    simulate(world, lambda _: ActuatorCommand(0, wrong, wrong, wrong, wrong, wrong, 1), 50)
     truth = world.truth_wing()
     assert all(math.isfinite(part) for part in (*truth, *world.plant.y.tolist()))
     assert abs(truth.elevator) <= world.vehicle.tail_servo.travel
@@ -300,14 +300,14 @@ def test_a_command_that_is_no_number_does_not_end_the_world(name: str, wrong: fl
 def test_a_vehicle_that_is_not_armed_does_not_move_its_wings() -> None:
     for name in NAMES:
         world = SimulatedWorld(vehicle(name), Scenario())
-        flown(world, lambda tick: flap(tick)._replace(armed=0), 200)
+        simulate(world, lambda tick: flap(tick)._replace(armed=0), 200)
         wing = world.truth_wing()
         assert abs(wing.rate_left) < 0.05 and abs(wing.rate_right) < 0.05
 
 
 def test_loads_and_power_agree_with_each_other() -> None:
     world = SimulatedWorld(vehicle("robo_raven_ii_d"), Scenario(wind_speed=7.0))
-    flown(world, flap, 230)
+    simulate(world, flap, 230)
     wing, loads = world.truth_wing(), world.truth_loads()
     assert 0.9 * wing.current * wing.voltage < wing.electrical_power < 1.001 * wing.current * wing.voltage
     assert loads.wing_force_y == pytest.approx(0.0, abs=1e-9)
@@ -334,12 +334,12 @@ def test_a_scenario_out_of_range_is_refused(scenario: Scenario, text: str) -> No
 
 def test_before_the_first_command_nothing_moves() -> None:
     world = SimulatedWorld(vehicle("arizona_100cm"), Scenario())
-    flown(world, lambda _: NEUTRAL, 20)
+    simulate(world, lambda _: NEUTRAL, 20)
     assert world.truth().down == -world.vehicle.launch.height
 
 
-@pytest.mark.parametrize(("faults", "heard"), [((), 0), ((Fault("receiver_lost", 0.09),), 5)])
-def test_somebody_stands_by_with_a_transmitter_that_is_to_be_lost(faults: tuple[Fault, ...], heard: int) -> None:
+@pytest.mark.parametrize(("faults", "received"), [((), 0), ((Fault("receiver_lost", 0.09),), 5)])
+def test_somebody_stands_by_with_a_transmitter_that_is_to_be_lost(faults: tuple[Fault, ...], received: int) -> None:
     world = SimulatedWorld(vehicle(NAMES[0]), Scenario(faults=faults))
-    frames = flown(world, glide, 40)
-    assert sum(frame.receiver is not None for frame in frames) == heard
+    frames = simulate(world, glide, 40)
+    assert sum(frame.receiver is not None for frame in frames) == received

@@ -42,19 +42,19 @@ def designed(name: str) -> Design:
     return design(model(name), vehicle(name))
 
 
-class Found(NamedTuple):
+class Result(NamedTuple):
     gain_db: float
     phase_deg: float
 
 
-def nearest(loop: Complex) -> Found:
+def nearest(loop: Complex) -> Result:
     """Smallest gain margin (up or down) and phase margin of a sampled open loop."""
     level = np.abs(loop)
     crossing = np.flatnonzero(np.diff(np.sign(level - 1.0)))
     turning = np.flatnonzero((np.diff(np.sign(loop.imag)) != 0) & (loop.real[:-1] < 0.0))
     phase = np.degrees(np.abs(np.angle(-loop[crossing])))
     gain = 20.0 * np.abs(np.log10(level[turning]))
-    return Found(float(np.min(gain, initial=math.inf)), float(np.min(phase, initial=math.inf)))
+    return Result(float(np.min(gain, initial=math.inf)), float(np.min(phase, initial=math.inf)))
 
 
 def loops(name: str, gains: FlightGains) -> dict[str, Complex]:

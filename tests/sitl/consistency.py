@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from flown import Flight
+from simulate import Flight
 
 from avionics import topics
 from avionics.estimation.geodesy import to_local
@@ -55,16 +55,16 @@ class Consistency:
             ("velocity", tuple((place[v], path[v]) for v in ("v_north", "v_east")), "velocity_variance"),
             ("wind", tuple((place[w], truth[w]) for w in ("wind_north", "wind_east")), "wind_variance"),
         ):
-            found[name] = [self._square(place, told, true, variance) for told, true in axes]
+            found[name] = [self._square(place, stated, true, variance) for stated, true in axes]
         return {name: float(np.mean(squares)) for name, squares in found.items()}
 
     def innovations(self) -> dict[str, float]:
         """Of the measurements, those of fixes counted once."""
-        told = self._position
+        stated = self._position
         names = ("innovation_north", "innovation_east", "innovation_v_north", "innovation_v_east")
-        new = np.flatnonzero(np.any([np.diff(told[name]) != 0.0 for name in names], axis=0)) + 1
+        new = np.flatnonzero(np.any([np.diff(stated[name]) != 0.0 for name in names], axis=0)) + 1
         place, velocity = (
-            np.mean([told[name][new] ** 2 for name in pair], axis=0) / told[f"{of}_innovation_variance"][new]
+            np.mean([stated[name][new] ** 2 for name in pair], axis=0) / stated[f"{of}_innovation_variance"][new]
             for pair, of in ((names[:2], "place"), (names[2:], "velocity"))
         )
         own = {
@@ -78,9 +78,9 @@ class Consistency:
         inside = (columns["time_us"] > self._span[0]) & (columns["time_us"] < self._span[1])
         return {name: values[inside] for name, values in columns.items()}
 
-    def _square(self, columns: Columns, told: Any, true: Any, variance: str) -> float:
+    def _square(self, columns: Columns, stated: Any, true: Any, variance: str) -> float:
         at = np.interp(columns["time_us"], self._flight.columns(truth_topics.STATE)["time_us"], true)
-        return float(np.mean((told - at) ** 2 / columns[variance]))
+        return float(np.mean((stated - at) ** 2 / columns[variance]))
 
     def _earth(self) -> tuple[Any, Any]:
         """Estimated place (m) from the launch place on earth, not from where the receiver said it was."""

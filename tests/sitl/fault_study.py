@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from flown import ARIZONA, RAVEN, Flight, Underway
+from simulate import ARIZONA, RAVEN, Flight, Underway
 
 from avionics import topics
 from avionics.guidance.mission import ItemKind, MissionItem
@@ -213,9 +213,9 @@ def page(single: list[Result], pairs: list[Result], jams: list[Result], day: str
 def study() -> tuple[list[Result], list[Result], list[Result]]:
     """Fly everything."""
     groups = cases()
-    flown = list(results(case for group in groups for case in group))
+    simulate = list(results(case for group in groups for case in group))
     ends = np.cumsum([0, *(len(group) for group in groups)])
-    single, pairs, jams = (flown[a:b] for a, b in pairwise(ends))
+    single, pairs, jams = (simulate[a:b] for a, b in pairwise(ends))
     return single, pairs, jams
 
 

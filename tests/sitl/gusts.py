@@ -17,7 +17,7 @@ from multiprocessing import get_context
 from typing import Any, NamedTuple
 
 import numpy as np
-from flown import RAVEN, Flight, flown
+from simulate import RAVEN, Flight, simulate
 
 from avionics import topics
 from avionics.guidance.mission import ItemKind, MissionItem
@@ -88,7 +88,7 @@ def scenario(level: str, seed: int) -> Scenario:
 
 def outcome(level: str, seed: int, vehicle: str = RAVEN) -> Outcome:
     """Fly and judge one flight."""
-    flight = flown(vehicle, scenario(level, seed), TRIANGLE)
+    flight = simulate(vehicle, scenario(level, seed), TRIANGLE)
     begun, ended = flight.air_time()
     at = int(np.flatnonzero(flight.truth["time_us"] * 1e-6 == ended)[0])
     sink, bank = float(flight.truth["v_down"][at]), float(abs(flight.true_attitude()[0][at]))

@@ -58,7 +58,7 @@ class MemoryLog:
         return MappingProxyType(columns)
 
 
-def flown(vehicle: str, scenario: Scenario, mission: str = "circuit") -> MemoryLog:
+def simulate(vehicle: str, scenario: Scenario, mission: str = "circuit") -> MemoryLog:
     """Fly a mission in one process and keep everything that was said."""
     log = MemoryLog()
     world = SimulatedWorld(load_vehicle(vehicle), scenario, log.publish)

@@ -19,7 +19,7 @@ class Promise(NamedTuple):
 
     detection: str
     action: str
-    says: str
+    reports: str
     """what an event says"""
     within: float
     """s; from the failure to those words"""
@@ -31,7 +31,7 @@ class Promise(NamedTuple):
     """bank under 30 degrees and sink under 2 m/s"""
     stops: bool = False
     """the wings are at rest a second after the words"""
-    flown: float = 20.0
+    follow_time: float = 20.0
     """s; after the failure"""
     phases: tuple[str, ...] = (LEVEL,)
     """phases of flight in which it may fail, see `PHASES`"""
@@ -80,27 +80,27 @@ PROMISES: dict[str, Promise] = {
     ),
     "imu_frozen": Promise(
         "10 equal samples in a row, or no plausible one for 0.2 s", "stop flapping, tail to its trim",
-        "failsafe: flapping stopped, IMU samples rejected", 0.4, 180.0, None, stops=True, flown=5.0,
+        "failsafe: flapping stopped, IMU samples rejected", 0.4, 180.0, None, stops=True, follow_time=5.0,
     ),
     "imu_saturated": Promise(
         "an axis of the accelerometer at the end of its range, 3 samples in a row",
         "attitude by gyro and compass, altitude by barometer; LAND", "failsafe: landing, accelerometer saturated",
-        0.1, 30.0, None, touchdown=True, flown=45.0,
+        0.1, 30.0, None, touchdown=True, follow_time=45.0,
     ),
     "gyro_saturated": Promise(
         "an axis of the gyro at the end of its range for 0.2 s", "stop flapping, tail to its trim",
-        "failsafe: flapping stopped, IMU samples rejected", 0.4, 180.0, None, stops=True, flown=5.0,
+        "failsafe: flapping stopped, IMU samples rejected", 0.4, 180.0, None, stops=True, follow_time=5.0,
     ),
     "baro_spike": Promise(
         "gate of the altitude filter", "reject the sample", "failsafe: barometer rejected", 0.2, 10.0, (-2.0, 2.0)
     ),
     "baro_frozen": Promise(
         "static pressure the same for 0.5 s", "altitude by IMU and GPS; LAND",
-        "failsafe: landing, barometer lost", 0.7, 30.0, None, touchdown=True, flown=45.0,
+        "failsafe: landing, barometer lost", 0.7, 30.0, None, touchdown=True, follow_time=45.0,
     ),
     "baro_lost": Promise(
         "no pressure sample for 0.5 s", "altitude by IMU and GPS, airspeed by GPS and stored wind; LAND",
-        "failsafe: landing, barometer lost", 0.7, 30.0, None, touchdown=True, flown=45.0,
+        "failsafe: landing, barometer lost", 0.7, 30.0, None, touchdown=True, follow_time=45.0,
     ),
     "battery_low": Promise(
         "charge or open-circuit voltage: under 20 %", "RETURN", "failsafe: returning, battery low", 8.0,
@@ -108,21 +108,21 @@ PROMISES: dict[str, Promise] = {
     ),
     "battery_critical": Promise(
         "the same: under 8 %", "LAND", "failsafe: landing, battery critical", 8.0, 45.0, None, touchdown=True,
-        flown=45.0,
+        follow_time=45.0,
     ),
     "tail_jammed": Promise(
         "CUSUM test: no pitch acceleration by the elevator; in steady flight once the elevator has to move",
         "LAND by throttle alone, slowly, sinking at 0.8 m/s or less",
-        "failsafe: landing, tail servo not responding", 8.0, 30.0, None, touchdown=True, flown=100.0,
+        "failsafe: landing, tail servo not responding", 8.0, 30.0, None, touchdown=True, follow_time=100.0,
         phases=tuple(PHASES),
     ),
     "wing_left_jammed": Promise(
         _JAM, _GLIDE, "failsafe: flapping stopped, wing jammed", 1.5, 30.0, None, touchdown=True, stops=True,
-        flown=45.0,
+        follow_time=45.0,
     ),
     "wing_right_jammed": Promise(
         _JAM, _GLIDE, "failsafe: flapping stopped, wing jammed", 1.5, 30.0, None, touchdown=True, stops=True,
-        flown=45.0,
+        follow_time=45.0,
     ),
     "time_backwards": Promise(
         "frame not later than the last, or over 1 s later",

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from flown import ARIZONA, RAVEN, Flight, flown
+from simulate import ARIZONA, RAVEN, Flight, simulate
 
 from avionics import topics
 from avionics.guidance.mission import ItemKind, MissionItem
@@ -48,7 +48,7 @@ def test_airspeed_setpoint_is_reached_over_the_range(vehicle: str, fraction: flo
     """GIVEN a circle in still air WHEN an airspeed is commanded THEN it is flown, and the altitude is kept."""
     gains = load_vehicle(vehicle).gains.altitude
     setpoint = gains.speed_min + fraction * (gains.speed_max - gains.speed_min)
-    flight = flown(vehicle, Scenario(seed=1, duration=END), (TAKEOFF, CIRCLE), [change(CHANGE, setpoint)])
+    flight = simulate(vehicle, Scenario(seed=1, duration=END), (TAKEOFF, CIRCLE), [change(CHANGE, setpoint)])
     assert speed(flight, SETTLED, END) == pytest.approx(setpoint, abs=TOLERANCE)
     assert altitude_error(flight, CHANGE) < 1.5
 
@@ -57,7 +57,7 @@ def test_airspeed_setpoint_is_limited_and_ends_with_the_mode() -> None:
     """GIVEN a mission's airspeed above the range WHEN the mode changes THEN the vehicle's own airspeed returns."""
     fast = MissionItem(ItemKind.SPEED, airspeed=20.0)
     mode = Command(36_000_000, CommandKind.SET_MODE, Mode.LOITER.name, source="test")
-    flight = flown(RAVEN, Scenario(seed=1, duration=55.0), (TAKEOFF, fast, CIRCLE), [mode])
+    flight = simulate(RAVEN, Scenario(seed=1, duration=55.0), (TAKEOFF, fast, CIRCLE), [mode])
     most = load_vehicle(RAVEN).gains.altitude.speed_max
     assert speed(flight, 30.0, 36.0) == pytest.approx(most, abs=TOLERANCE)
     assert speed(flight, 48.0, 55.0) == pytest.approx(6.8, abs=TOLERANCE)

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from flown import ARIZONA, RAVEN, Flight
 from memory_log import MemoryLog
+from simulate import ARIZONA, RAVEN, Flight
 
 from avionics import topics
 from avionics.autopilot import Autopilot

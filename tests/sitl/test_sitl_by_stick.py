@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from flown import RAVEN, Flight, flown
+from simulate import RAVEN, Flight, simulate
 
 from avionics import topics
 from avionics.messages import Mode, PilotSource, Stage
@@ -25,28 +25,28 @@ HAND = 1.8
 """m; height of the launch above the ground"""
 
 
-def pilot(seen: Observation) -> Sticks:
+def pilot(observed: Observation) -> Sticks:
     """Takes off, climbs, flies a turn and lands in STABILIZED; looks only at height and climb."""
-    time, height, climb = seen.time_us * 1e-6, -seen.position_ned[2], -seen.v_ned[2]
+    time, height, climb = observed.time_us * 1e-6, -observed.position_ned[2], -observed.v_ned[2]
     armed = int(time >= ARM_TIME)
     if time < LAUNCH_TIME + 0.2:
         return Sticks(arm=armed)
     if time >= DOWN_TIME:
         low = height < HAND + 1.0
         return Sticks(pitch=0.5 if low else -0.1, throttle=0.0 if low else _power(-1.0, climb), arm=armed)
-    wanted = min(0.5 * (HEIGHT - height), 1.5)
+    expected = min(0.5 * (HEIGHT - height), 1.5)
     roll = 0.5 if TURN[0] <= time < TURN[1] else 0.0
-    return Sticks(roll=roll, pitch=0.4 * wanted, throttle=_power(wanted, climb), arm=armed)
+    return Sticks(roll=roll, pitch=0.4 * expected, throttle=_power(expected, climb), arm=armed)
 
 
-def _power(wanted: float, climb: float) -> float:
+def _power(expected: float, climb: float) -> float:
     """Throttle that a pilot gives for a climb (m/s), and more or less of it when the bird does not follow."""
-    return min(max(0.35 + 0.2 * wanted + 0.3 * (wanted - climb), 0.0), 1.0)
+    return min(max(0.35 + 0.2 * expected + 0.3 * (expected - climb), 0.0), 1.0)
 
 
 @pytest.fixture(scope="module")
 def flight() -> Flight:
-    return flown(RAVEN, Scenario(seed=1, duration=80.0, pilot=pilot), script=())
+    return simulate(RAVEN, Scenario(seed=1, duration=80.0, pilot=pilot), script=())
 
 
 @pytest.mark.validate
@@ -65,9 +65,9 @@ def test_height_is_kept_by_throttle_and_a_turn_is_flown_by_stick(flight: Flight)
     assert np.abs(flight.altitude()[level] - HEIGHT).max() < 4.0
     turning = (time > TURN[0] + 2.0) & (time < TURN[1])
     bank = np.degrees(flight.true_attitude()[0][turning])
-    wanted = [status.roll_setpoint for status in flight.of(topics.ROLL_LOOP)]
-    assert max(wanted) > 0.1
-    assert bank.mean() == pytest.approx(math.degrees(max(wanted)), abs=4.0)
+    expected = [status.roll_setpoint for status in flight.of(topics.ROLL_LOOP)]
+    assert max(expected) > 0.1
+    assert bank.mean() == pytest.approx(math.degrees(max(expected)), abs=4.0)
     course = np.unwrap(np.arctan2(truth["v_east"], truth["v_north"]))
     turned = course[np.searchsorted(time, TURN[1])] - course[np.searchsorted(time, TURN[0])]
     assert turned > 1.0

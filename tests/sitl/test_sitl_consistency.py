@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 from consistency import Consistency
-from flown import ARIZONA, RAVEN, flown
+from simulate import ARIZONA, RAVEN, simulate
 
 from sim_bridge.flight.world import Scenario
 
@@ -25,7 +25,7 @@ def flight(vehicle: str, number: int) -> Consistency:
     wind, turbulence = AIR[number]
     seed = 20 + number + (len(AIR) if vehicle == ARIZONA else 0)
     scenario = Scenario(seed, wind, wind_from=1.3 * number, turbulence=turbulence, duration=DURATION)
-    return Consistency(flown(vehicle, scenario))
+    return Consistency(simulate(vehicle, scenario))
 
 
 @pytest.mark.parametrize("vehicle", [RAVEN, ARIZONA])

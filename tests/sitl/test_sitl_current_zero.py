@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from flown import ARIZONA, RAVEN, rms
 from memory_log import MemoryLog
+from simulate import ARIZONA, RAVEN, rms
 
 from avionics import topics
 from avionics.autopilot import Autopilot

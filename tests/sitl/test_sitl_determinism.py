@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import pytest
-from flown import ARIZONA, DETERMINISTIC, RAVEN, Flight, differing, flown
 from memory_log import MemoryLog
+from simulate import ARIZONA, DETERMINISTIC, RAVEN, Flight, differing, simulate
 
 from avionics import topics
 from avionics.autopilot import Autopilot
@@ -31,11 +31,11 @@ MID_STROKE_US = 12_345_000
 
 @pytest.fixture(scope="module")
 def first() -> Flight:
-    return flown(RAVEN, Scenario(seed=7, duration=10.0))
+    return simulate(RAVEN, Scenario(seed=7, duration=10.0))
 
 
 def test_the_same_seed_gives_the_same_bytes_on_every_deterministic_topic(first: Flight) -> None:
-    again = flown(RAVEN, Scenario(seed=7, duration=10.0))
+    again = simulate(RAVEN, Scenario(seed=7, duration=10.0))
     assert differing(first.log, again.log) == []
     silent = {topic.name for topic in DETERMINISTIC if not first.of(topic)}
     entered = {topics.PILOT.name, topics.OVERRIDE.name, topics.RECEIVER.name, topics.CALIBRATION.name}
@@ -43,7 +43,7 @@ def test_the_same_seed_gives_the_same_bytes_on_every_deterministic_topic(first: 
 
 
 def test_another_seed_differs_from_the_first_sample(first: Flight) -> None:
-    other = flown(RAVEN, Scenario(seed=8, duration=10.0))
+    other = simulate(RAVEN, Scenario(seed=8, duration=10.0))
     different = differing(first.log, other.log)
     assert {topics.IMU.name, topics.ATTITUDE.name, topics.ACTUATORS.name, truth_topics.STATE.name} <= set(different)
     assert first.of(topics.IMU)[0] != other.of(topics.IMU)[0]
@@ -118,7 +118,7 @@ def over_the_bridge(vehicle: str, scenario: Scenario) -> tuple[MemoryLog, Bridge
 def test_a_flight_over_the_bridge_is_the_flight_in_one_process(vehicle: str) -> None:
     scenario = Scenario(seed=5, duration=12.0, wind_speed=1.0)
     log, tally = over_the_bridge(vehicle, scenario)
-    alone = flown(vehicle, scenario)
+    alone = simulate(vehicle, scenario)
     assert (tally.frames, tally.stale, tally.bad_bytes) == (len(alone.of(topics.IMU)), 0, 0)
     assert differing(alone.log, log) == []
     assert alone.truth["on_ground"][-1] == 0

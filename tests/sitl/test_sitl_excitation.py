@@ -6,9 +6,9 @@ import math
 from typing import NamedTuple
 
 import pytest
-from flown import RAVEN
 from identified import true_short_period
 from memory_log import MemoryLog
+from simulate import RAVEN
 
 from avionics import topics
 from avionics.autopilot import Autopilot
@@ -37,7 +37,7 @@ MISSION = (
 )
 
 
-class Told(NamedTuple):
+class Stated(NamedTuple):
     """What the flight's identification says, and what is true."""
 
     output_error: Mode
@@ -46,7 +46,7 @@ class Told(NamedTuple):
 
 
 @pytest.fixture(scope="module")
-def told() -> Told:
+def stated() -> Stated:
     log = MemoryLog()
     flight_vehicle = load_flight_vehicle(RAVEN)
     world = SimulatedWorld(load_vehicle(RAVEN), Scenario(seed=1, duration=68.0), log.publish)
@@ -67,28 +67,28 @@ def told() -> Told:
         next(mode for mode in modes.modes if mode.method.startswith(method))
         for method in ("output error", "equation error")
     )
-    return Told(output_error, equation_error, true_short_period(RAVEN, log))
+    return Stated(output_error, equation_error, true_short_period(RAVEN, log))
 
 
 @pytest.mark.validate
-def test_a_sweep_and_a_multisine_give_the_true_short_period(told: Told) -> None:
-    mode = told.equation_error
+def test_a_sweep_and_a_multisine_give_the_true_short_period(stated: Stated) -> None:
+    mode = stated.equation_error
     assert mode.frequency is not None
-    assert mode.frequency.low <= told.true.natural_frequency <= mode.frequency.high
+    assert mode.frequency.low <= stated.true.natural_frequency <= mode.frequency.high
     assert mode.frequency.high - mode.frequency.low <= 0.1 * mode.frequency.value
-    for mode in (told.output_error, told.equation_error):
+    for mode in (stated.output_error, stated.equation_error):
         assert mode.frequency is not None
         assert mode.damping is not None
-        assert mode.frequency.value == pytest.approx(told.true.natural_frequency, rel=0.03)
-        assert mode.damping.value == pytest.approx(told.true.damping, abs=0.08)
+        assert mode.frequency.value == pytest.approx(stated.true.natural_frequency, rel=0.03)
+        assert mode.damping.value == pytest.approx(stated.true.damping, abs=0.08)
 
 
 @pytest.mark.xfail(
     strict=True, reason="2.2 % too fast where the interval promises 1.7 %, with the sweep alone as well"
 )
 @pytest.mark.validate
-def test_the_true_short_period_is_within_the_interval_of_output_error(told: Told) -> None:
-    frequency = told.output_error.frequency
+def test_the_true_short_period_is_within_the_interval_of_output_error(stated: Stated) -> None:
+    frequency = stated.output_error.frequency
     assert frequency is not None
     assert frequency.high - frequency.low <= 0.1 * frequency.value
-    assert frequency.low <= told.true.natural_frequency <= frequency.high
+    assert frequency.low <= stated.true.natural_frequency <= frequency.high

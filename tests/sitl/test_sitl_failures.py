@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from flown import ARIZONA, RAVEN, Flight, Underway, differing, flown, rms
 from promises import LEVEL, PHASES, PROMISES, Promise, table
+from simulate import ARIZONA, RAVEN, Flight, Underway, differing, rms, simulate
 
 import avionics
 from avionics import topics
@@ -47,17 +47,17 @@ def check_upright(flight: Flight, bank: float = 45.0) -> None:
 @pytest.mark.validate
 @pytest.mark.parametrize("vehicle", [RAVEN, ARIZONA])
 def test_in_a_wind_of_three_metres_a_second_altitude_and_course_are_held(vehicle: str) -> None:
-    flight = flown(vehicle, Scenario(seed=1, wind_speed=3.0, wind_from=1.2, duration=40.0), LOW_HOLD)
+    flight = simulate(vehicle, Scenario(seed=1, wind_speed=3.0, wind_from=1.2, duration=40.0), LOW_HOLD)
     check_upright(flight)
-    hold = flight.hold()
-    assert hold.duration > 10.0
-    assert hold.altitude_rms < 1.0
-    assert math.degrees(hold.course_rms) < 5.0
+    hold_position = flight.hold_position()
+    assert hold_position.duration > 10.0
+    assert hold_position.altitude_rms < 1.0
+    assert math.degrees(hold_position.course_rms) < 5.0
 
 
 @pytest.mark.validate
 def test_the_wind_is_estimated() -> None:
-    flight = flown(RAVEN, Scenario(seed=1, wind_speed=3.0, wind_from=0.0, duration=35.0), LOW_HOLD)
+    flight = simulate(RAVEN, Scenario(seed=1, wind_speed=3.0, wind_from=0.0, duration=35.0), LOW_HOLD)
     position, truth = flight.columns(topics.POSITION), flight.truth
     last = position["time_us"] > 30_000_000
     for axis in ("north", "east"):
@@ -70,7 +70,7 @@ def without_gps(since_us: int) -> Callable[[SensorFrame], SensorFrame]:
 
 @pytest.mark.validate
 def test_without_gps_it_flies_on_by_compass_and_says_so() -> None:
-    flight = flown(RAVEN, Scenario(seed=1, duration=42.0), LOW_HOLD, alter=without_gps(14_000_000))
+    flight = simulate(RAVEN, Scenario(seed=1, duration=42.0), LOW_HOLD, alter=without_gps(14_000_000))
     check_upright(flight)
     assert flight.event_time("failsafe: GPS position lost") == pytest.approx(16.0, abs=0.3)
     last = flight.of(topics.NAVIGATION)[-1]
@@ -95,7 +95,7 @@ def broken_imu(frame: SensorFrame) -> SensorFrame:
 
 
 def test_imu_samples_that_cannot_be_are_refused_counted_and_flown_through() -> None:
-    flight = flown(RAVEN, Scenario(seed=1, duration=22.0), alter=broken_imu)
+    flight = simulate(RAVEN, Scenario(seed=1, duration=22.0), alter=broken_imu)
     check_upright(flight)
     given = flight.columns(topics.IMU)
     numbers = np.stack([given[name] for name in FIELDS])
@@ -114,7 +114,7 @@ def test_imu_samples_that_cannot_be_are_refused_counted_and_flown_through() -> N
 @pytest.mark.parametrize("vehicle", [RAVEN, ARIZONA])
 def test_after_a_lost_link_it_comes_home_circles_and_lands(vehicle: str) -> None:
     lost = Command(20_000_000, CommandKind.LINK_LOST, source="test")
-    flight = flown(vehicle, Scenario(seed=1, duration=300.0), commands=[lost])
+    flight = simulate(vehicle, Scenario(seed=1, duration=300.0), commands=[lost])
     touchdown = flight.touchdown()
     assert 0.0 < touchdown.sink < 2.0
     assert abs(math.degrees(touchdown.bank)) < 30.0
@@ -125,15 +125,15 @@ def test_after_a_lost_link_it_comes_home_circles_and_lands(vehicle: str) -> None
 @pytest.mark.validate
 @pytest.mark.parametrize("vehicle", [RAVEN, ARIZONA])
 def test_after_a_minute_without_gps_it_has_landed(vehicle: str) -> None:
-    flight = flown(vehicle, Scenario(seed=1, duration=200.0), alter=without_gps(20_000_000))
+    flight = simulate(vehicle, Scenario(seed=1, duration=200.0), alter=without_gps(20_000_000))
     assert flight.event_time("failsafe: landing, no position") == pytest.approx(52.0, abs=0.5)
     assert abs(math.degrees(flight.touchdown().bank)) < 30.0
     assert flight.of(topics.NAVIGATION)[-1].armed == 0
 
 
-def safety_pilot(seen: Observation) -> Sticks:
+def safety_pilot(observed: Observation) -> Sticks:
     """Has opened the throttle by the time that somebody may want him to take over."""
-    return Sticks(throttle=0.0 if seen.time_us < 20_000_000 else 0.5)
+    return Sticks(throttle=0.0 if observed.time_us < 20_000_000 else 0.5)
 
 
 @functools.cache
@@ -151,14 +151,14 @@ def failed(vehicle: str, name: str, phase: str = LEVEL) -> Flight:
     else:
         fault = parse_fault(f"{name}@{at}")
         branch = Underway(vehicle, Scenario(seed=1, duration=at + 120.0, faults=(fault,)), STRAIGHT)
-    branch.until(at + PROMISES[name].flown)
+    branch.until(at + PROMISES[name].follow_time)
     return branch.flight()
 
 
 def check_event_once(flight: Flight, promise: Promise, at: float = FAILS_AT) -> float:
     """When the words were said (s): within their time, and once."""
-    said = [event.time_us * 1e-6 for event in flight.of(topics.EVENTS) if event.text.startswith(promise.says)]
-    assert len(said) == 1, f"{promise.says!r} among {flight.events()}"
+    said = [event.time_us * 1e-6 for event in flight.of(topics.EVENTS) if event.text.startswith(promise.reports)]
+    assert len(said) == 1, f"{promise.reports!r} among {flight.events()}"
     assert at - 0.02 <= said[0] <= at + promise.within
     return said[0]
 
@@ -229,7 +229,7 @@ def test_promise_holds_in_other_phases(name: str, phase: str) -> None:
 def test_encoder_lost_in_the_hand_does_not_stop_the_flight() -> None:
     """GIVEN an encoder that fails before the throw WHEN it climbs THEN the wing is not taken for jammed."""
     scenario = Scenario(seed=1, duration=30.0, faults=(parse_fault("encoder_left_lost@3"),))
-    flight = flown(RAVEN, scenario, STRAIGHT)
+    flight = simulate(RAVEN, scenario, STRAIGHT)
     check_upright(flight)
     assert flight.altitude()[-1] == pytest.approx(15.0, abs=2.0)
     flight.event_time("failsafe: left wing encoder lost")
@@ -356,12 +356,12 @@ def wrong_pitot(counts: int) -> Callable[[SensorFrame], SensorFrame]:
 
 
 @pytest.mark.validate
-@pytest.mark.parametrize(("counts", "found"), [(8192, 21.0), (16383, 23.5)])
-def test_a_blocked_or_pressurised_pitot_never_goes_through(counts: int, found: float) -> None:
+@pytest.mark.parametrize(("counts", "result"), [(8192, 21.0), (16383, 23.5)])
+def test_a_blocked_or_pressurised_pitot_never_goes_through(counts: int, result: float) -> None:
     """GIVEN a tube at static pressure or at the sensor's end THEN the airspeed in use stays within 3 sigma."""
-    flight = flown(RAVEN, Scenario(seed=1, duration=32.0), LOW_HOLD, alter=wrong_pitot(counts))
+    flight = simulate(RAVEN, Scenario(seed=1, duration=32.0), LOW_HOLD, alter=wrong_pitot(counts))
     check_upright(flight)
-    assert flight.event_time("failsafe: airspeed invalid") == pytest.approx(found, abs=0.7)
+    assert flight.event_time("failsafe: airspeed invalid") == pytest.approx(result, abs=0.7)
     air, truth = flight.columns(topics.AIR_DATA), flight.truth
     late = air["time_us"] > 19_000_000
     off = air["airspeed"][late] - np.interp(air["time_us"][late], truth["time_us"], truth["airspeed"])

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from identified import INPUTS_OVER, known, true_short_period
-from memory_log import flown
+from memory_log import simulate
 
 from logs.identification.modes.mode import Mode, ModesResult
 from logs.identification.modes.short_period import identify_modes
@@ -62,7 +62,7 @@ PROMISED = {VEHICLE: Promise(0.20, 0.05, 0.05, 17), "arizona_100cm": Promise(0.3
 
 def of_flight(vehicle: str, seed: int) -> tuple[ShortPeriod, ModesResult]:
     """What is true of one flight in still air, and what its log gives."""
-    log = flown(vehicle, Scenario(seed=seed, duration=INPUTS_OVER))
+    log = simulate(vehicle, Scenario(seed=seed, duration=INPUTS_OVER))
     return true_short_period(vehicle, log), identify_modes(flight_data(log), known(vehicle))
 
 
@@ -74,8 +74,8 @@ def test_twenty_flights_cover_the_true_short_period(vehicle: str) -> None:
     with get_context("spawn").Pool(2) as pool:
         results = pool.starmap(of_flight, [(vehicle, seed) for seed in SEEDS], chunksize=1)
     for index, method in enumerate(mode.method for mode in results[0][1].modes):
-        rows = [row for row in (_beside(found.modes[index], true) for true, found in results) if row]
-        told = f"{vehicle}, " + (_told(method, rows) if rows else f"{method}: nothing given")
+        rows = [row for row in (_compared(found.modes[index], true) for true, found in results) if row]
+        told = f"{vehicle}, " + (_stated(method, rows) if rows else f"{method}: nothing given")
         sys.stdout.write(told + "\n")
         assert len(rows) == len(results) or index >= WITH_A_MODEL
         assert sum(row.inside for row in rows) >= 0.9 * len(rows)
@@ -105,7 +105,7 @@ class InGusts(NamedTuple):
 def in_gusts(vehicle: str, level: str, seed: int) -> InGusts | None:
     """Of a flight in a ``level`` of gusts; None where it holds no inputs, or such as no steady flight has."""
     try:
-        log = flown(vehicle, Scenario(seed=seed, turbulence=level))
+        log = simulate(vehicle, Scenario(seed=seed, turbulence=level))
         modes = identify_modes(flight_data(log), known(vehicle)).modes
         return InGusts(true_short_period(vehicle, log), modes[WITH_A_MODEL - 1])
     except InputError:
@@ -123,15 +123,15 @@ def test_filter_error_holds_the_true_mode_in_gusts(vehicle: str, level: str, lea
     """The promise, of the flights that give a number; of the damping in lighter gusts less (README)."""
     with get_context("spawn").Pool(2) as pool:
         found = pool.starmap(in_gusts, [(vehicle, level, seed) for seed in GUSTY], chunksize=1)
-    rows = [row for row in (_beside(one.mode, one.true) for one in found if one is not None) if row]
-    sys.stdout.write(_told(f"{vehicle}, filter error, {level}", rows) + "\n")
+    rows = [row for row in (_compared(one.mode, one.true) for one in found if one is not None) if row]
+    sys.stdout.write(_stated(f"{vehicle}, filter error, {level}", rows) + "\n")
     assert len(rows) >= least
     assert sum(row.inside for row in rows) >= 0.85 * len(rows)
     assert abs(np.median([row.ratio for row in rows]) - 1.0) <= 0.1
     assert sum(row.damped for row in rows) >= (0.85 if level == STRONG else 0.7) * len(rows)
 
 
-def _told(method: str, rows: list[Row]) -> str:
+def _stated(method: str, rows: list[Row]) -> str:
     half, ratio = np.array([row.half for row in rows]), np.array([row.ratio for row in rows])
     return (
         f"{method}: given {len(rows)}, frequency inside {sum(row.inside for row in rows)}, damping "
@@ -142,7 +142,7 @@ def _told(method: str, rows: list[Row]) -> str:
     )
 
 
-def _beside(mode: Mode, true: ShortPeriod) -> Row | None:
+def _compared(mode: Mode, true: ShortPeriod) -> Row | None:
     if mode.frequency is None or mode.damping is None:
         return None
     frequency, damping = mode.frequency, mode.damping

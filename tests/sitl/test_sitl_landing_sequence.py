@@ -5,7 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from flown import RAVEN, Flight, flown
+from simulate import RAVEN, Flight, simulate
 
 from avionics import topics
 from avionics.guidance.mission import ItemKind, MissionItem
@@ -34,7 +34,7 @@ def returned(return_type: int) -> Flight:
         command(1.1, CommandKind.SET_PARAMETER, "NAV_LOITER_TIME", 8.0),
         command(30.0, CommandKind.SET_MODE, Mode.RETURN.name),
     ]
-    return flown(RAVEN, Scenario(seed=2, duration=150.0), MISSION, commands)
+    return simulate(RAVEN, Scenario(seed=2, duration=150.0), MISSION, commands)
 
 
 def landed_at(flight: Flight) -> tuple[float, float]:

@@ -5,7 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from flown import ARIZONA, RAVEN, Flight, flown
+from simulate import ARIZONA, RAVEN, Flight, simulate
 
 from avionics import topics
 from avionics.guidance.mission import ItemKind, MissionItem
@@ -70,7 +70,7 @@ def course_flight(vehicle: str) -> Flight:
     setpoint = Setpoint(Path.COURSE, course=math.radians(-135.0), climb_rate=0.5)
     begin = [*stream(BEGIN - 0.5, BEGIN + 12.0, setpoint), offboard(BEGIN)]
     change = command(35.0, CommandKind.CHANGE_ALTITUDE, value=22.0)
-    return flown(vehicle, Scenario(seed=3, duration=55.0), MISSION, [*begin, change])
+    return simulate(vehicle, Scenario(seed=3, duration=55.0), MISSION, [*begin, change])
 
 
 @VEHICLES
@@ -78,7 +78,7 @@ def test_offboard_position_and_orbit_are_circled(vehicle: str) -> None:
     setpoint = Setpoint(Path.CIRCLE_AT, *PLACE, radius=-25.0, altitude=25.0)
     orbit = MissionItem(ItemKind.LOITER, *ORBIT, 25.0, radius=35.0)
     commands = [*stream(11.5, 42.0, setpoint), offboard(BEGIN), command(42.0, CommandKind.LOITER_AT, payload=orbit)]
-    flight = flown(vehicle, Scenario(seed=3, duration=68.0), MISSION, commands)
+    flight = simulate(vehicle, Scenario(seed=3, duration=68.0), MISSION, commands)
     assert modes_at(flight, BEGIN - 1.0, BEGIN + 1.0, 41.0) == [Mode.AUTO, Mode.OFFBOARD, Mode.OFFBOARD]
     assert np.abs(distance(flight, PLACE, 33.0, 42.0) - 25.0).max() < 6.0
     assert bearing_rate(flight, PLACE, 33.0, 42.0) < -0.1
@@ -126,7 +126,9 @@ def test_change_altitude_keeps_the_circle(vehicle: str) -> None:
 
 def test_offboard_attitude_is_flown_within_limits() -> None:
     setpoint = Setpoint(Path.ATTITUDE, roll=0.25, pitch=0.2, throttle=0.7)
-    flight = flown(RAVEN, Scenario(seed=3, duration=18.0), MISSION, [*stream(11.5, 18.0, setpoint), offboard(BEGIN)])
+    flight = simulate(
+        RAVEN, Scenario(seed=3, duration=18.0), MISSION, [*stream(11.5, 18.0, setpoint), offboard(BEGIN)]
+    )
     late = flight.truth["time_us"] >= 15e6
     roll, _, _ = flight.true_attitude()
     assert roll[late].mean() == pytest.approx(0.25, abs=0.1)
@@ -136,13 +138,13 @@ def test_offboard_attitude_is_flown_within_limits() -> None:
 
 def test_offboard_is_denied_without_a_setpoint_stream() -> None:
     old = command(BEGIN - 1.5, CommandKind.SET_SETPOINT, payload=Setpoint(Path.CIRCLE_HERE))
-    flight = flown(RAVEN, Scenario(seed=3, duration=13.0), MISSION, [offboard(10.4), old, offboard(BEGIN)])
+    flight = simulate(RAVEN, Scenario(seed=3, duration=13.0), MISSION, [offboard(10.4), old, offboard(BEGIN)])
     assert flight.events().count("mode OFFBOARD refused: no recent setpoint") == 2
     assert modes_at(flight, 12.9) == [Mode.AUTO]
 
 
 def test_setpoints_on_the_ground_are_preparation_only() -> None:
     prepared = [*stream(0.5, 3.0, Setpoint(Path.CIRCLE_HERE)), offboard(1.5)]
-    flight = flown(RAVEN, Scenario(seed=3, duration=3.0), MISSION, prepared)
+    flight = simulate(RAVEN, Scenario(seed=3, duration=3.0), MISSION, prepared)
     assert "mode OFFBOARD refused: not in flight" in flight.events()
     assert modes_at(flight, 2.9) == [Mode.AUTO]

@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from flown import ARIZONA, RAVEN
 from identified import known
-from memory_log import flown
+from memory_log import simulate
+from simulate import ARIZONA, RAVEN
 
 from logs.identification.kinematics.flight_log import identify_path
 from logs.identification.results import Estimate
@@ -28,18 +28,18 @@ RATES, FORCES = ("bias_p", "bias_q", "bias_r"), ("bias_a_x", "bias_a_y", "bias_a
 class Row(NamedTuple):
     """One number of one flight."""
 
-    found: Estimate
+    result: Estimate
     true: float
 
     @property
     def inside(self) -> bool:
         """Whether the interval holds the truth."""
-        return self.found.contains(self.true)
+        return self.result.contains(self.true)
 
 
 def of_flight(vehicle: str, level: str, seed: int) -> list[Row]:
     """Every error of the IMU in one flight, beside the truth."""
-    log = flown(vehicle, Scenario(seed=seed, duration=DURATION, turbulence=level))
+    log = simulate(vehicle, Scenario(seed=seed, duration=DURATION, turbulence=level))
     aircraft = known(vehicle)
     path = identify_path(log, aircraft)
     true = imu_truths(log, aircraft, path.spans)
@@ -52,9 +52,11 @@ def test_the_imus_errors_are_held_in_flights_of_both_vehicles_and_in_gusts() -> 
     with get_context("spawn").Pool(2) as pool:
         rows = [row for each in pool.starmap(of_flight, FLIGHTS, chunksize=1) for row in each]
     assert len(rows) == len(FLIGHTS) * len(RATES + FORCES)
-    by_name = {name: [row for row in rows if row.found.name == name] for name in RATES + FORCES}
+    by_name = {name: [row for row in rows if row.result.name == name] for name in RATES + FORCES}
     shares = {name: float(np.mean([row.inside for row in each])) for name, each in by_name.items()}
-    halves = {name: float(np.median([r.found.high - r.found.value for r in each])) for name, each in by_name.items()}
+    halves = {
+        name: float(np.median([r.result.high - r.result.value for r in each])) for name, each in by_name.items()
+    }
     for name, share in shares.items():
         sys.stdout.write(f"{name}: {100 * share:.0f} % of {len(FLIGHTS)} held, half interval {halves[name]:.2g}\n")
     assert min(shares.values()) >= 0.85

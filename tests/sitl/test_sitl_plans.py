@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from flown import RAVEN, flown
+from simulate import RAVEN, simulate
 
 from avionics import topics
 from avionics.messages import Breach, Mode, Stage
@@ -60,7 +60,7 @@ def test_a_plan_whose_leg_leads_out_of_its_fence_ends_at_its_rally_point(tmp_pat
     path.write_text(plan(TAKEOFF, away, circles=[circle], points=[[*place(*RALLY[:2]), RALLY[2]]]))
     loaded = load_flight_plan(path)
     scenario = Scenario(seed=1, duration=56.0)
-    flight = flown(RAVEN, scenario, loaded.mission, commands=plan_commands(loaded))
+    flight = simulate(RAVEN, scenario, loaded.mission, commands=plan_commands(loaded))
     truth, radius = flight.truth, load_vehicle(RAVEN).gains.navigation.loiter_radius
     time, north, east = truth["time_us"] * 1e-6, truth["north"], truth["east"]
     breached = flight.event_time("failsafe: returning, outside the fence")
@@ -113,7 +113,7 @@ def test_circle_without_a_place_is_flown_about_where_the_item_before_ended(tmp_p
     loaded = load_flight_plan(path)
     assert loaded.notes == ("passed over in flight: DO_SET_SERVO (183)",)
     assert [(each.here, each.altitude) for each in loaded.mission[2:]] == [(0, 15.0), (1, 15.0)]
-    flight = flown(RAVEN, Scenario(seed=1, duration=52.0), loaded.mission)
+    flight = simulate(RAVEN, Scenario(seed=1, duration=52.0), loaded.mission)
     time, truth = flight.truth["time_us"] * 1e-6, flight.truth
     begun, done = flight.event_time("waypoint 2 "), flight.event_time("waypoint 3 completed (circle")
     assert begun < done

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from flown import RAVEN, Flight, Underway, rms
 from memory_log import MemoryLog
+from simulate import RAVEN, Flight, Underway, rms
 
 from avionics import topics
 from avionics.autopilot import Autopilot
@@ -95,7 +95,7 @@ def test_straight_legs_are_held_with_the_receiver_of_the_data_sheet(wind: float,
     assert true < bound
 
 
-class Held(NamedTuple):
+class HoldQuality(NamedTuple):
     """One hold, from 5 s after 39 m on; empty when that height was not reached."""
 
     error: Any
@@ -105,7 +105,7 @@ class Held(NamedTuple):
 
 
 @cache
-def hold(wind: float, turbulence: str, seed: int, airtime: float = AIRTIME) -> Held:
+def hold_position(wind: float, turbulence: str, seed: int, airtime: float = AIRTIME) -> HoldQuality:
     """What came of a climb and a hold."""
     heading = math.radians((60 * seed) % 360 - 180)
     mission = (
@@ -122,9 +122,9 @@ def hold(wind: float, turbulence: str, seed: int, airtime: float = AIRTIME) -> H
     begun, ended = flight.air_time()
     reached = np.flatnonzero((time > begun) & (altitude > ALTITUDE - 1.0))
     if not len(reached):
-        return Held(np.empty(0), np.empty(0))
+        return HoldQuality(np.empty(0), np.empty(0))
     inside = (time > time[reached[0]] + ONTO_THE_LEG) & (time < ended)
-    return Held(altitude[inside] - ALTITUDE, flight.truth["wind_down"][inside])
+    return HoldQuality(altitude[inside] - ALTITUDE, flight.truth["wind_down"][inside])
 
 
 def out_of_reach(sinking: Any) -> Any:
@@ -138,42 +138,46 @@ def out_of_reach(sinking: Any) -> Any:
 
 
 def test_altitude_in_still_air() -> None:
-    errors = [hold(0.0, "none", seed).error for seed in SEEDS]
+    errors = [hold_position(0.0, "none", seed).error for seed in SEEDS]
     assert min(map(len, errors)) > 4000
     assert max(map(rms, errors)) < 0.5
 
 
-def holds(level: str) -> list[Held]:
+def is_held(level: str) -> list[HoldQuality]:
     """Eight long ones in 3 m/s of wind and gusts of a level, none of which ended early."""
-    flown = [hold(WIND, level, seed, LONG_AIRTIME) for seed in range(1, 9)]
-    print(f"altitude in {level}:", *(f"{rms(each.error):.2f}" for each in flown))  # noqa: T201
-    assert min(len(each.error) for each in flown) > 4000
-    return flown
+    simulate = [hold_position(WIND, level, seed, LONG_AIRTIME) for seed in range(1, 9)]
+    print(f"altitude in {level}:", *(f"{rms(each.error):.2f}" for each in simulate))  # noqa: T201
+    assert min(len(each.error) for each in simulate) > 4000
+    return simulate
 
 
 def test_altitude_in_wind_and_light_gusts_of_small_aircraft() -> None:
-    assert rms(np.concatenate([each.error for each in holds("small_uav_light")])) < 1.5
+    assert rms(np.concatenate([each.error for each in is_held("small_uav_light")])) < 1.5
 
 
 def test_altitude_in_wind_and_moderate_gusts_of_small_aircraft_beside_what_no_climb_can_hold() -> None:
     """Air that sinks faster than the vehicle climbs takes it down; the rest of the error is the flight computer's."""
-    flown = holds("small_uav_moderate")
-    ideal = [out_of_reach(each.sinking) for each in flown]
-    left = np.concatenate([each.error - errors for each, errors in zip(flown, ideal, strict=True)])
+    simulate = is_held("small_uav_moderate")
+    ideal = [out_of_reach(each.sinking) for each in simulate]
+    left = np.concatenate([each.error - errors for each, errors in zip(simulate, ideal, strict=True)])
     print(f"a perfect hold: {rms(np.concatenate(ideal)):.2f} m, beside it {rms(left):.2f} m")  # noqa: T201
-    assert float(np.median([rms(each.error) for each in flown])) < 1.5
+    assert float(np.median([rms(each.error) for each in simulate])) < 1.5
     assert rms(left) < 1.5
 
 
 @pytest.mark.xfail(strict=True, reason="4.3 m; of a perfect hold that climbs 1.5 m/s at most 3.8 m")
 def test_altitude_in_wind_and_moderate_gusts_of_small_aircraft() -> None:
-    assert rms(np.concatenate([each.error for each in holds("small_uav_moderate")])) < 1.5
+    assert rms(np.concatenate([each.error for each in is_held("small_uav_moderate")])) < 1.5
 
 
 @pytest.mark.xfail(strict=True, reason="2.2 m: it climbs 1.5 m/s at most, and gusts go down with 1.5 m/s RMS")
 def test_altitude_in_wind_and_moderate_gusts() -> None:
     """Of the holds that lasted (0.9, 1.0, 1.0, 1.3, 4.5 m): gusts of a 30 kt wind end some flights at the launch."""
-    errors = [errors for errors in (hold(WIND, "moderate", seed).error for seed in range(1, 9)) if len(errors) > 4000]
+    errors = [
+        errors
+        for errors in (hold_position(WIND, "moderate", seed).error for seed in range(1, 9))
+        if len(errors) > 4000
+    ]
     print(f"altitude in moderate gusts, {len(errors)} of 8 holds:", *(f"{rms(e):.2f}" for e in errors))  # noqa: T201
     assert len(errors) >= 3
     assert rms(np.concatenate(errors)) < 1.5

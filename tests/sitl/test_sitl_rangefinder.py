@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from flown import RAVEN, Flight, flown
+from simulate import RAVEN, Flight, simulate
 
 from avionics import topics
 from avionics.guidance.mission import ItemKind, MissionItem
@@ -91,7 +91,7 @@ def drifted(frame: SensorFrame) -> SensorFrame:
 
 @cache
 def hop(vehicle: str, *faults: Fault) -> Flight:
-    return flown(vehicle, Scenario(seed=1, duration=120.0, faults=faults), HOP, alter=drifted, avionics=RAVEN)
+    return simulate(vehicle, Scenario(seed=1, duration=120.0, faults=faults), HOP, alter=drifted, avionics=RAVEN)
 
 
 def flare_height(flight: Flight) -> float:

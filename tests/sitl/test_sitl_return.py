@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from flown import ARIZONA, RAVEN, flown
+from simulate import ARIZONA, RAVEN, simulate
 
 from avionics.guidance.mission import ItemKind, MissionItem
 from sim_bridge.flight.world import Scenario
@@ -27,7 +27,7 @@ DIRECTIONS = tuple(45.0 * k for k in range(8))
 def check_return(vehicle: str, wind: float, wind_from_deg: float, seed: int) -> None:
     gusts = "small_uav_light" if wind else "none"
     scenario = Scenario(seed=seed, wind_speed=wind, wind_from=math.radians(wind_from_deg), turbulence=gusts)
-    flight = flown(vehicle, scenario, OUT_AND_BACK)
+    flight = simulate(vehicle, scenario, OUT_AND_BACK)
     truth, touchdown = flight.truth, flight.touchdown()
     last = int(np.flatnonzero(truth["time_us"] * 1e-6 == flight.air_time()[1])[0])
     assert math.hypot(truth["north"][last], truth["east"][last]) < LIMIT

@@ -8,10 +8,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from flown import ARIZONA, RAVEN, Flight
 from memory_log import MemoryLog
 from scipy.interpolate import CubicSpline
 from scipy.signal import find_peaks
+from simulate import ARIZONA, RAVEN, Flight
 
 from avionics import topics
 from avionics.autopilot import Autopilot
@@ -60,7 +60,7 @@ class Failing:
 
     def __init__(self, both: bool) -> None:
         self.both = both
-        self.held: Any = None
+        self.fixed: Any = None
         self.lost = False
 
     def __call__(self, world: SimulatedWorld, frame: SensorFrame) -> SensorFrame:
@@ -71,14 +71,14 @@ class Failing:
             self.lost = True
         if now < DEAD_FROM:
             return frame
-        self.held = self.held or sample
+        self.fixed = self.fixed or sample
         if self.both:
-            return frame._replace(encoder=self.held._replace(time_us=frame.time_us))
-        left = {name: getattr(self.held, name) for name in sample._fields if name.startswith("left")}
+            return frame._replace(encoder=self.fixed._replace(time_us=frame.time_us))
+        left = {name: getattr(self.fixed, name) for name in sample._fields if name.startswith("left")}
         return frame._replace(encoder=sample._replace(**left))
 
 
-class Flown(NamedTuple):
+class FlightResult(NamedTuple):
     flight: Flight
     boot_share: float
     capacity: float
@@ -90,7 +90,7 @@ def flight_with_errors(
     boot_share: float,
     both_dead: bool | None,
     scenario: Scenario = CALM_AIR,
-) -> Flown:
+) -> FlightResult:
     """A circuit with the current sensor's zero wrong, a battery that is not full, and encoders that fail.
 
     ``both_dead`` None leaves the encoders whole. The scale errors of the power sensor are left out: what a
@@ -107,16 +107,16 @@ def flight_with_errors(
     autopilot = Autopilot(load_flight_vehicle(vehicle), items, log.publish)
     in_air = world if both_dead is None else ErringWorld(world, Failing(both_dead))
     fly(in_air, autopilot, scripted_start())
-    return Flown(Flight(log, items), boot_share, spec.battery.capacity)
+    return FlightResult(Flight(log, items), boot_share, spec.battery.capacity)
 
 
 @pytest.fixture(scope="module")
-def raven() -> Flown:
+def raven() -> FlightResult:
     return flight_with_errors(RAVEN, 2.0, 0.6, both_dead=False)
 
 
 @pytest.fixture(scope="module")
-def arizona() -> Flown:
+def arizona() -> FlightResult:
     return flight_with_errors(ARIZONA, -2.0, 0.8, both_dead=True)
 
 
@@ -144,7 +144,7 @@ class StrokeErrors(NamedTuple):
     """(n,) -; relative"""
 
 
-def told_by_good_encoders(flight: Flight) -> dict[str, Any]:
+def with_valid_encoders(flight: Flight) -> dict[str, Any]:
     """Columns of the wing states that perfect counters on the true wings would have given."""
     true = flight.columns(truth_topics.WING)
     state, states = wing_angle.State(), []
@@ -156,9 +156,9 @@ def told_by_good_encoders(flight: Flight) -> dict[str, Any]:
     return {name: np.array([message[i] for message in states]) for i, name in enumerate(states[0]._fields)}
 
 
-def stroke_errors(flight: Flight, told: Mapping[str, Any] | None = None) -> StrokeErrors:
+def stroke_errors(flight: Flight, stated: Mapping[str, Any] | None = None) -> StrokeErrors:
     """Of every wing state from the second true stroke on since the wings began to beat, while they beat."""
-    wing, crossings = told or flight.columns(topics.WING), true_crossings(flight)
+    wing, crossings = stated or flight.columns(topics.WING), true_crossings(flight)
     time = wing["time_us"] * 1e-6
     at = np.searchsorted(crossings, time, side="right") - 1
     periods = np.diff(crossings)
@@ -170,36 +170,36 @@ def stroke_errors(flight: Flight, told: Mapping[str, Any] | None = None) -> Stro
     return StrokeErrors(time, error, wing["frequency"][inside] * periods[at] - 1.0)
 
 
-def holding(flight: Flight) -> tuple[float, float]:
+def hold_phase(flight: Flight) -> tuple[float, float]:
     """When the mission's first HOLD began and ended (s)."""
     index = next(i for i, item in enumerate(flight.mission) if item.kind == ItemKind.HOLD)
     navigation = flight.columns(topics.NAVIGATION)
-    flown = (navigation["item"] == index) & (navigation["stage"] == Stage.EN_ROUTE)
-    begin, end = navigation["time_us"][flown][[0, -1]] * 1e-6
+    recording = (navigation["item"] == index) & (navigation["stage"] == Stage.EN_ROUTE)
+    begin, end = navigation["time_us"][recording][[0, -1]] * 1e-6
     return float(begin), float(end)
 
 
-def check_energy(flown: Flown) -> None:
-    measured, true = flown.flight.energy()
+def check_energy(recording: FlightResult) -> None:
+    measured, true = recording.flight.energy()
     assert true > 1000.0
     assert measured == pytest.approx(true, rel=0.01)
 
 
-def check_battery(flown: Flown) -> None:
+def check_battery(recording: FlightResult) -> None:
     """Within 3 % of what the battery holds, from a second after boot to the end."""
-    power, wing = flown.flight.columns(topics.POWER), flown.flight.columns(truth_topics.WING)
+    power, wing = recording.flight.columns(topics.POWER), recording.flight.columns(truth_topics.WING)
     drawn = np.interp(power["time_us"], wing["time_us"], np.cumsum(wing["current"]) * 0.005)
-    true = flown.boot_share - drawn / flown.capacity
+    true = recording.boot_share - drawn / recording.capacity
     assert np.abs(power["battery_remaining"] - true)[100:].max() < 0.03
 
 
-def test_energy_of_a_servo_drive_is_within_one_per_cent(raven: Flown) -> None:
+def test_energy_of_a_servo_drive_is_within_one_per_cent(raven: FlightResult) -> None:
     """GIVEN PWM, ten bits and a zero 2 sigma off THEN the energy is right: the zero was learned before arming."""
     check_energy(raven)
     assert raven.flight.of(topics.POWER)[-1].current_zero == pytest.approx(0.02, abs=0.003)
 
 
-def test_energy_of_a_motor_drive_is_within_one_per_cent(arizona: Flown) -> None:
+def test_energy_of_a_motor_drive_is_within_one_per_cent(arizona: FlightResult) -> None:
     check_energy(arizona)
     assert arizona.flight.of(topics.POWER)[-1].current_zero == pytest.approx(-0.04, abs=0.006)
     assert arizona.flight.of(topics.POWER)[-1].clipped == 0
@@ -212,31 +212,31 @@ def test_energy_in_gusts_is_within_one_per_cent(vehicle: str, seed: int) -> None
     check_energy(flight_with_errors(vehicle, 2.0, 0.8, both_dead=None, scenario=gusts))
 
 
-def test_a_battery_not_full_at_boot_is_known(raven: Flown, arizona: Flown) -> None:
+def test_a_battery_not_full_at_boot_is_known(raven: FlightResult, arizona: FlightResult) -> None:
     check_battery(raven)
     check_battery(arizona)
 
 
-def test_the_batterys_resistance_is_measured(raven: Flown, arizona: Flown) -> None:
-    for flown in (raven, arizona):
-        assert flown.flight.of(topics.POWER)[-1].resistance == pytest.approx(0.06, rel=0.05)
+def test_the_batterys_resistance_is_measured(raven: FlightResult, arizona: FlightResult) -> None:
+    for recording in (raven, arizona):
+        assert recording.flight.of(topics.POWER)[-1].resistance == pytest.approx(0.06, rel=0.05)
 
 
-def test_energy_per_stroke_is_the_mean_powers(raven: Flown) -> None:
+def test_energy_per_stroke_is_the_mean_powers(raven: FlightResult) -> None:
     """GIVEN a hold THEN the strokes' energies add up to what was drawn in it."""
-    begin, end = holding(raven.flight)
+    begin, end = hold_phase(raven.flight)
     power = raven.flight.columns(topics.POWER)
     inside = (power["time_us"] > begin * 1e6) & (power["time_us"] < end * 1e6)
     energy, stroke = power["energy"][inside], power["energy_per_stroke"][inside]
     # A new stroke's energy is told with the burst in which the next one began.
-    told = np.flatnonzero(np.diff(stroke)) + 1
-    assert len(told) > 15
-    assert stroke[told[1:]].sum() == pytest.approx(energy[told[-1]] - energy[told[0]], rel=0.02)
+    stated = np.flatnonzero(np.diff(stroke)) + 1
+    assert len(stated) > 15
+    assert stroke[stated[1:]].sum() == pytest.approx(energy[stated[-1]] - energy[stated[0]], rel=0.02)
 
 
-def test_phase_and_frequency_in_a_steady_flight(raven: Flown) -> None:
+def test_phase_and_frequency_in_a_steady_flight(raven: FlightResult) -> None:
     """GIVEN a hold THEN the phase is within 2 degrees and the frequency within 1 % of the true wings'."""
-    begin, end = holding(raven.flight)
+    begin, end = hold_phase(raven.flight)
     errors = stroke_errors(raven.flight)
     steady = (errors.time > begin + 3.0) & (errors.time < end)
     assert steady.sum() > 1000
@@ -254,7 +254,7 @@ def test_phase_and_frequency_over_the_flight(vehicle: str, request: pytest.Fixtu
     assert np.percentile(np.abs(errors.frequency[good]), 90) < 0.01
 
 
-def test_missed_counts_are_found_in_flight(raven: Flown) -> None:
+def test_missed_counts_are_found_in_flight(raven: FlightResult) -> None:
     wing, true = raven.flight.columns(topics.WING), raven.flight.columns(truth_topics.WING)
     when = raven.flight.event_time(f"encoder re-zeroed at its index: {LOST} counts missed, {LOST} since boot")
     assert LOST_AT <= when < LOST_AT + 0.5
@@ -263,7 +263,7 @@ def test_missed_counts_are_found_in_flight(raven: Flown) -> None:
     assert np.abs(wing["angle_left"][after] - angle).max() < 0.01
 
 
-def test_a_dead_encoder_costs_neither_phase_nor_attitude(raven: Flown) -> None:
+def test_a_dead_encoder_costs_neither_phase_nor_attitude(raven: FlightResult) -> None:
     """GIVEN the left encoder dead THEN it is said at once, frequency and phase stay, and the flight lands.
 
     Strokes differ from one to the next here, on the way down: the measure is what two good encoders would have told.
@@ -271,7 +271,7 @@ def test_a_dead_encoder_costs_neither_phase_nor_attitude(raven: Flown) -> None:
     when = raven.flight.event_time("left encoder rejected: stuck or reversed")
     assert DEAD_FROM <= when < DEAD_FROM + 0.5
     flight = raven.flight
-    one, two = stroke_errors(flight), stroke_errors(flight, told_by_good_encoders(flight))
+    one, two = stroke_errors(flight), stroke_errors(flight, with_valid_encoders(flight))
     for errors, bound in (("phase_deg", 0.5), ("frequency", 0.001)):
         ours, best = (
             np.percentile(np.abs(getattr(each, errors)[(each.time > when + 1.0) & (each.time < 86.0)]), (50, 90))
@@ -281,7 +281,7 @@ def test_a_dead_encoder_costs_neither_phase_nor_attitude(raven: Flown) -> None:
     check_landed(flight)
 
 
-def test_without_encoders_the_commanded_frequency_times_the_averages(arizona: Flown) -> None:
+def test_without_encoders_the_commanded_frequency_times_the_averages(arizona: FlightResult) -> None:
     """GIVEN both encoders dead THEN flapping is told at the commanded frequency, and the attitude holds."""
     wing, flap = arizona.flight.columns(topics.WING), arizona.flight.columns(topics.FLAP)
     dead = (wing["valid_left"] == 0) & (wing["valid_right"] == 0)

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from flown import ARIZONA, RAVEN, Alter, Flight, flown, rms
 from scipy.spatial.transform import Rotation
+from simulate import ARIZONA, RAVEN, Alter, Flight, rms, simulate
 
 from avionics import topics
 from avionics.messages import SensorFrame
@@ -92,7 +92,7 @@ def turned_at(flight: Flight) -> float:
 @pytest.mark.parametrize("offset_deg_s", [5.7, 20.0])
 def test_gyro_offset_is_calibrated_in_the_hand(offset_deg_s: float) -> None:
     """GIVEN a gyro offset at boot THEN it is armed, level within 2 degrees and its heading stands still."""
-    flight = flown(RAVEN, Scenario(seed=1, duration=IN_HAND), alter=gyro_error(offset_deg_s))
+    flight = simulate(RAVEN, Scenario(seed=1, duration=IN_HAND), alter=gyro_error(offset_deg_s))
     assert refusal(flight) == ""
     time, error = errors(flight)
     assert np.abs(error[time > 1.6, :2]).max() < 2.0
@@ -114,7 +114,7 @@ def test_gyro_offset_is_calibrated_in_the_hand(offset_deg_s: float) -> None:
     ],
 )
 def test_errors_observable_at_rest_forbid_arming(vehicle: str, alter: Alter, sensor: str) -> None:
-    flight = flown(vehicle, Scenario(seed=1, duration=ARMED + 0.1), alter=alter)
+    flight = simulate(vehicle, Scenario(seed=1, duration=ARMED + 0.1), alter=alter)
     assert sensor in refusal(flight)
 
 
@@ -123,19 +123,19 @@ def test_errors_observable_at_rest_forbid_arming(vehicle: str, alter: Alter, sen
 def test_healthy_vehicle_in_gusts_is_armed(vehicle: str, seeds: range) -> None:
     for seed in seeds:
         air = {"wind_speed": 3.0, "wind_from": 1.3 * seed, "turbulence": "small_uav_light"}
-        flight = flown(vehicle, Scenario(seed=seed, duration=ARMED + 0.1, **air))  # type: ignore[arg-type]
+        flight = simulate(vehicle, Scenario(seed=seed, duration=ARMED + 0.1, **air))  # type: ignore[arg-type]
         assert refusal(flight) == ""
 
 
 @pytest.mark.parametrize("corner_seed", range(1, 4))
 def test_two_sigma_of_every_sensor_is_armed(corner_seed: int) -> None:
-    flight = flown(RAVEN, Scenario(seed=corner_seed, duration=ARMED + 0.1, sensor_corner=2.0))
+    flight = simulate(RAVEN, Scenario(seed=corner_seed, duration=ARMED + 0.1, sensor_corner=2.0))
     assert refusal(flight) == ""
 
 
 def test_launch_corrects_a_turned_compass() -> None:
     """GIVEN a hard iron that turns the field by 71 degrees WHEN it is thrown THEN the heading is right 1 s later."""
-    flight = flown(RAVEN, Scenario(seed=1, duration=14.0), alter=turning_iron(RAVEN, 71.0))
+    flight = simulate(RAVEN, Scenario(seed=1, duration=14.0), alter=turning_iron(RAVEN, 71.0))
     assert refusal(flight) == ""
     time, error = errors(flight)
     launch, _ = flight.air_time()
@@ -150,7 +150,7 @@ def test_launch_corrects_a_turned_compass() -> None:
 @pytest.mark.parametrize("seed", [1, 2])
 @pytest.mark.parametrize("offset_deg_s", [5.7, 20.0])
 def test_flight_with_a_gyro_offset(vehicle: str, seed: int, offset_deg_s: float) -> None:
-    flight = flown(vehicle, Scenario(seed=seed, duration=60.0), alter=gyro_error(offset_deg_s))
+    flight = simulate(vehicle, Scenario(seed=seed, duration=60.0), alter=gyro_error(offset_deg_s))
     assert refusal(flight) == ""
     time, error = errors(flight)
     flying = time > flight.air_time()[0]
@@ -163,7 +163,7 @@ def test_flight_with_a_gyro_offset(vehicle: str, seed: int, offset_deg_s: float)
 @pytest.mark.parametrize("seed", [1, 2])
 @pytest.mark.parametrize("angle_deg", [-71.0, 12.0, 71.0])
 def test_flight_with_a_turned_compass(vehicle: str, seed: int, angle_deg: float) -> None:
-    flight = flown(vehicle, Scenario(seed=seed, duration=60.0), alter=turning_iron(vehicle, angle_deg))
+    flight = simulate(vehicle, Scenario(seed=seed, duration=60.0), alter=turning_iron(vehicle, angle_deg))
     assert refusal(flight) == ""
     time, error = errors(flight)
     flying = time > flight.air_time()[0] + 1.0
@@ -181,7 +181,7 @@ def test_flight_with_a_horizontal_accelerometer_offset(
 ) -> None:
     """GIVEN 150 mg across the field's meridian, which rest does not show THEN not armed, or estimated in a turn."""
     scenario = Scenario(seed=seed, duration=75.0, wind_from=wind_from)
-    flight = flown(vehicle, scenario, alter=imu_error(**{axis: offset * G}))
+    flight = simulate(vehicle, scenario, alter=imu_error(**{axis: offset * G}))
     if refusal(flight):
         return
     time, error = errors(flight)

@@ -9,8 +9,8 @@ import threading
 from pathlib import Path
 
 import pytest
-from flown import RAVEN
 from ports import free_port
+from simulate import RAVEN
 
 from avionics import topics
 from avionics.board import boards

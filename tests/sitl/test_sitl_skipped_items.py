@@ -1,7 +1,7 @@
 """Mission items that are passed over do not change the path."""
 
 import numpy as np
-from flown import RAVEN, flown
+from simulate import RAVEN, simulate
 
 from avionics import topics
 from avionics.guidance.mission import ItemKind, MissionItem
@@ -16,8 +16,8 @@ JUMP = MissionItem(ItemKind.JUMP, jump_to=1, repeats=1)
 def test_items_that_are_passed_over_do_not_change_the_path() -> None:
     """GIVEN a mission with and without such items, one of them the aim of a jump THEN both paths are the same."""
     scenario = Scenario(seed=4, duration=42.0)
-    plain = flown(RAVEN, scenario, (TAKEOFF, *PATH, JUMP))
-    crowded = flown(RAVEN, scenario, (TAKEOFF, SKIPPED, PATH[0], SKIPPED, SKIPPED, PATH[1], JUMP, SKIPPED))
+    plain = simulate(RAVEN, scenario, (TAKEOFF, *PATH, JUMP))
+    crowded = simulate(RAVEN, scenario, (TAKEOFF, SKIPPED, PATH[0], SKIPPED, SKIPPED, PATH[1], JUMP, SKIPPED))
     assert len(plain.truth["north"]) == len(crowded.truth["north"])
     for axis in ("north", "east", "down"):
         np.testing.assert_array_equal(plain.truth[axis], crowded.truth[axis])

@@ -18,7 +18,7 @@ import llvmlite.binding
 import numba
 import numpy as np
 import pytest
-from flown import DETERMINISTIC, RAVEN, flown
+from simulate import DETERMINISTIC, RAVEN, simulate
 
 from sim_bridge.flight.world import Scenario
 from wingbeat.message import Event, Text
@@ -46,7 +46,7 @@ def digest(column: tuple[Any, ...]) -> str:
 @cache
 def columns(duration: float) -> dict[str, Any]:
     """Number of messages and digests of the columns, by topic, in the order of the fields."""
-    flight = flown(RAVEN, Scenario(seed=1, duration=duration))
+    flight = simulate(RAVEN, Scenario(seed=1, duration=duration))
     found = {topic.name: flight.of(topic) for topic in DETERMINISTIC if topic.message not in (Event, Text)}
     return {
         name: {

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 import pytest
-from flown import RAVEN, Flight, Underway, flown
+from simulate import RAVEN, Flight, Underway, simulate
 
 from avionics.guidance.mission import ItemKind, MissionItem
 from avionics.missions import load_mission
@@ -56,7 +56,7 @@ def test_a_spiral_ends_because_its_thrust_does(turning: Underway, rate: float) -
 
 def test_against_a_wind_of_its_cruise_it_flies_faster_and_comes_on() -> None:
     ahead = (MissionItem(ItemKind.TAKEOFF, altitude=15.0), MissionItem(ItemKind.WAYPOINT, north=300.0, altitude=15.0))
-    flight = flown(RAVEN, Scenario(seed=2, wind_speed=WIND, wind_from=0.0, duration=50.0), ahead)
+    flight = simulate(RAVEN, Scenario(seed=2, wind_speed=WIND, wind_from=0.0, duration=50.0), ahead)
     truth = flight.truth
     last = truth["time_us"] >= 35e6
     assert truth["v_north"][last].mean() > 2.0

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from as_table import as_table, imported
 from consistency import Consistency
-from flown import ARIZONA, RAVEN, Flight, flown
 from identified import INPUTS_OVER, Result, identified
+from simulate import ARIZONA, RAVEN, Flight, simulate
 
 from avionics import topics
 from avionics.guidance.mission import completion_text
@@ -31,14 +31,14 @@ FIRST_INPUT = 57.0
 
 @pytest.fixture(scope="module")
 def raven() -> Flight:
-    return flown(RAVEN, Scenario(seed=1))
+    return simulate(RAVEN, Scenario(seed=1))
 
 
-def check_hold(flight: Flight, lasting: float) -> None:
-    hold = flight.hold()
-    assert hold.duration >= lasting
-    assert hold.altitude_rms < 1.0
-    assert math.degrees(hold.course_rms) < 5.0
+def check_hold_segment(flight: Flight, lasting: float) -> None:
+    hold_position = flight.hold_position()
+    assert hold_position.duration >= lasting
+    assert hold_position.altitude_rms < 1.0
+    assert math.degrees(hold_position.course_rms) < 5.0
 
 
 def check_sensing(flight: Flight) -> None:
@@ -66,7 +66,7 @@ def check_air_time(flight: Flight, vehicle: str) -> None:
     assert least <= touchdown - launch <= most
 
 
-def check_wings_still(flight: Flight) -> None:
+def check_wings_at_rest(flight: Flight) -> None:
     end = flight.truth["time_us"][-1]
     wing = flight.columns(truth_topics.WING)
     last_second = wing["time_us"] > end - 1_000_000
@@ -92,7 +92,7 @@ def check_doublets(flight: Flight) -> None:
 
 
 def test_altitude_and_heading_are_held(raven: Flight) -> None:
-    check_hold(raven, 5.0)
+    check_hold_segment(raven, 5.0)
 
 
 def test_attitude_airspeed_and_energy_are_measured_while_flapping(raven: Flight) -> None:
@@ -101,15 +101,15 @@ def test_attitude_airspeed_and_energy_are_measured_while_flapping(raven: Flight)
 
 def test_variances_are_honest(raven: Flight) -> None:
     """Twice or half of a sigma would fail; zero, drift and slow error are one draw: see `test_sitl_consistency`."""
-    told = Consistency(raven)
-    assert all(0.4 < value < 1.6 for value in told.innovations().values()), told.innovations()
-    fast = {name: value for name, value in told.errors().items() if name in ("velocity", "climb")}
+    stated = Consistency(raven)
+    assert all(0.4 < value < 1.6 for value in stated.innovations().values()), stated.innovations()
+    fast = {name: value for name, value in stated.errors().items() if name in ("velocity", "climb")}
     assert all(0.3 < value < 3.0 for value in fast.values()), fast
 
 
 def test_it_lands_softly_disarms_and_stops_its_wings(raven: Flight) -> None:
     check_landing(raven)
-    check_wings_still(raven)
+    check_wings_at_rest(raven)
 
 
 def test_it_is_in_the_air_for_about_ninety_seconds(raven: Flight) -> None:
@@ -176,8 +176,8 @@ def test_the_flight_as_a_table_without_its_excitation_gives_the_same_short_perio
 
 @pytest.mark.validate
 def test_the_crank_driven_ornithopter_is_launched_climbs_and_holds() -> None:
-    flight = flown(ARIZONA, Scenario(seed=1, duration=45.0))
-    check_hold(flight, 5.0)
+    flight = simulate(ARIZONA, Scenario(seed=1, duration=45.0))
+    check_hold_segment(flight, 5.0)
     check_sensing(flight)
 
 
@@ -185,11 +185,11 @@ def test_the_crank_driven_ornithopter_is_launched_climbs_and_holds() -> None:
 @pytest.mark.parametrize("vehicle", [RAVEN, ARIZONA])
 @pytest.mark.parametrize(("seed", "wind"), [(1, 0.0), (2, 0.0), (3, 0.0), (4, 3.0)])
 def test_both_vehicles_fly_the_circuit_from_the_hand_to_the_ground(vehicle: str, seed: int, wind: float) -> None:
-    flight = flown(vehicle, Scenario(seed=seed, wind_speed=wind))
-    check_hold(flight, 5.0)
+    flight = simulate(vehicle, Scenario(seed=seed, wind_speed=wind))
+    check_hold_segment(flight, 5.0)
     check_sensing(flight)
     check_doublets(flight)
     check_landing(flight)
-    check_wings_still(flight)
+    check_wings_at_rest(flight)
     if not wind:
         check_air_time(flight, vehicle)

@@ -139,18 +139,18 @@ def rally() -> list[PlanItem]:
     return [PlanItem(_ABOVE_HOME, mavlink.MAV_CMD_NAV_RALLY_POINT, _NOTHING, X + 9_000, Y, 2 * ALTITUDE)]
 
 
-def say(line: str) -> None:
+def send_text(line: str) -> None:
     """Tell a measurement."""
     sys.stdout.write(line + "\n")
 
 
-def assert_same(there: Sequence[PlanItem], wanted: Sequence[PlanItem], begin: int = 0) -> None:
+def assert_same(there: Sequence[PlanItem], wanted_value: Sequence[PlanItem], begin: int = 0) -> None:
     """Every number is the same from item ``begin`` on; home before it is where the vehicle has it.
 
     MAVProxy cuts the last digit of a place off.
     """
-    assert [(item.frame, item.command) for item in there] == [(item.frame, item.command) for item in wanted]
-    for one, other in zip(there[begin:], wanted[begin:], strict=True):
+    assert [(item.frame, item.command) for item in there] == [(item.frame, item.command) for item in wanted_value]
+    for one, other in zip(there[begin:], wanted_value[begin:], strict=True):
         assert (*one.params, one.z) == pytest.approx((*other.params, other.z), rel=1e-7, nan_ok=True)
         assert (one.x, one.y) == pytest.approx((other.x, other.y), rel=0.0, abs=1.0)
 
@@ -170,7 +170,7 @@ class Started:
         command = [sys.executable, "-m", "groundstation.command.main", *words]
         self._process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
 
-    def hear(self, text: str) -> None:
+    def receive(self, text: str) -> None:
         """Wait until it says a line with ``text`` in it."""
         assert self._process.stderr is not None
         enable_busy_poll = threading.Timer(PATIENCE, self._process.kill)
@@ -207,7 +207,7 @@ def aircraft(link: Addresses, profile: Profile, folder: Path, speed: float = SPE
         Started(["avionics", "--vehicle", VEHICLE, *computer, "--gcs", link.vehicle]),
     ]
     try:
-        started[1].hear("waiting for the board")
+        started[1].receive("waiting for the board")
         yield
     finally:
         failures = [failure for one in started if (failure := one.end())]

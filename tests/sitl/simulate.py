@@ -55,7 +55,7 @@ class AlteredWorld:
         self._world.record()
 
 
-class Hold(NamedTuple):
+class HoldSegment(NamedTuple):
     """What was kept from the capture of a HOLD to its end."""
 
     duration: float
@@ -126,12 +126,12 @@ class Flight:
         """True altitude (m) above the altitude at boot, one per truth message."""
         return self.truth["down"][0] - self.truth["down"]
 
-    def hold(self) -> Hold:
+    def hold_position(self) -> HoldSegment:
         """Of the mission's HOLD, from its capture to its end."""
         index = next(i for i, item in enumerate(self.mission) if item.kind == ItemKind.HOLD)
         wanted, navigation = self.mission[index], self.columns(topics.NAVIGATION)
-        flown = (navigation["item"] == index) & (navigation["stage"] == Stage.EN_ROUTE)
-        begin, end = navigation["time_us"][flown][[0, -1]]
+        simulate = (navigation["item"] == index) & (navigation["stage"] == Stage.EN_ROUTE)
+        begin, end = navigation["time_us"][simulate][[0, -1]]
         truth = self.truth
         inside = (truth["time_us"] >= begin) & (truth["time_us"] <= end)
         altitude_error = wanted.altitude - self.altitude()[inside]
@@ -141,7 +141,7 @@ class Flight:
         assert captured.any(), "the hold was never captured"
         first = int(np.argmax(captured))
         duration = (end - truth["time_us"][inside][first]) * 1e-6
-        return Hold(float(duration), rms(altitude_error[first:]), rms(course_error[first:]))
+        return HoldSegment(float(duration), rms(altitude_error[first:]), rms(course_error[first:]))
 
     def attitude_error(self) -> tuple[float, float]:
         """RMS error (rad) of the estimated roll and pitch while flapping in the air."""
@@ -210,7 +210,7 @@ def unaltered(frame: SensorFrame) -> SensorFrame:
     return frame
 
 
-def flown(
+def simulate(
     vehicle: str,
     scenario: Scenario,
     mission: str | Mission = "circuit",
