@@ -109,6 +109,19 @@ def test_tune_designs_for_the_control_law_that_flies() -> None:
     np.testing.assert_allclose(weighted, filtered, rtol=1e-9)
 
 
+def test_a_slower_pitch_law_needs_less_of_the_pitch_in_the_climb_loop() -> None:
+    """GIVEN I-PD and the answer of the pitch to climb errors that suits PID THEN tune says what to change."""
+    name = VEHICLES[0]
+    gains = vehicle(name).gains
+    gains = gains._replace(pitch=gains.pitch._replace(law="i_pd"))
+    with pytest.raises(InputError, match=r"^climb: .*; try altitude.pitch_error below 0.08 rad s/m, down to 0$"):
+        design(model(name), vehicle(name)._replace(gains=gains))
+    calm = gains._replace(altitude=gains.altitude._replace(pitch_error=0.0))
+    found = design(model(name), vehicle(name)._replace(gains=calm))
+    assert [loop.name for loop in found.after] == [part.name for part in PARTS]
+    assert all(loop.margins.stable for loop in found.after)
+
+
 def test_a_key_that_the_file_leaves_to_its_default_is_added(tmp_path: Path) -> None:
     name = VEHICLES[0]
     lines = vehicle(name).file.text.splitlines(keepends=True)

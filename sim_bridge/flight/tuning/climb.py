@@ -15,6 +15,7 @@ from sim_bridge.flight.tuning.ranges import greatest
 from sim_bridge.tuning import blocks
 from sim_bridge.tuning.loop import LoopSpec, Process, Terms, pick, search
 from sim_bridge.tuning.margins import GUIDANCE
+from wingbeat.errors import InputError
 
 RATE = 50.0
 """Hz; of the loop"""
@@ -79,6 +80,12 @@ def tuned(aircraft: Aircraft) -> Aircraft:
         greatest(altitude.Gains, "throttle_error", "throttle_integral"),
         aircraft.gains.altitude.pitch_error,
     )
-    found = search(process(aircraft), LoopSpec(fastest, True, False, ranges, held, regulates=True, limits=GUIDANCE))
+    spec = LoopSpec(fastest, True, False, ranges, held, regulates=True, limits=GUIDANCE)
+    try:
+        found = search(process(aircraft), spec)
+    except InputError as error:
+        # The pitch's answer to the climb error is the file's, and part of the loop.
+        hint = f"; try altitude.pitch_error below {held:g} rad s/m, down to 0" if held > 0.0 else ""
+        raise InputError(f"{error}{hint}") from None
     gains = aircraft.gains.altitude._replace(throttle_error=found.proportional, throttle_integral=found.integral)
     return aircraft._replace(gains=aircraft.gains._replace(altitude=gains))
