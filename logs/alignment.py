@@ -165,9 +165,7 @@ def _time_base(times: list[Times], rate: float | None, start: float | None, end:
 def _multiples(rate: float, low: int, high: int) -> Times:
     rows = (high - low) * 1e-9 * rate
     if rows > MOST_ROWS:
-        raise InputError(
-            f"{rate:g} Hz over {(high - low) * 1e-9:.6g} s are {rows:.3g} rows: ask for less than {MOST_ROWS:.0e}"
-        )
+        raise InputError(f"{rate:g} Hz over {(high - low) * 1e-9:.6g} s are {rows:.3g} rows: maximum {MOST_ROWS:.0e}")
     # One more on either side: which of them lie in the window is asked of the rounded times.
     numbers = np.arange(math.floor(low * 1e-9 * rate) - 1, math.ceil(high * 1e-9 * rate) + 2)
     times: Times = np.rint(numbers * (1e9 / rate)).astype(np.int64)

@@ -52,7 +52,7 @@ _ZSTD_NAME = b"\x04\x00\x00\x00zstd"
 _NAME_OFFSET = HEAD.size + 28
 """Bytes between the start of a chunk record and the name of its compression."""
 
-ALTERED = "something beside the messages and attachments does not match the file's checksum"
+ALTERED = "data other than messages and attachments do not match the checksum"
 _BLOCK = 1 << 20
 """Bytes read at a time."""
 MAX_DEFINITION_BYTES = 16 << 20

@@ -42,7 +42,7 @@ def join(parts: Sequence[Path], out: Path, faults: Mapping[str, str] | None = No
     if out.exists():
         raise InputError(f"{out} exists: it is not overwritten")
     if not parts:
-        raise InputError(f"there is nothing to join to {out}")
+        raise InputError(f"no recordings to join to {out}")
     opened = [Part(data, read_index(data)) for data in map(map_file, parts)]
     _check_flown_together(parts, opened)
     kept = [

@@ -456,7 +456,7 @@ class LogFile:
         try:
             return read()
         except Damage as damage:
-            raise InputError(f"{self.path}: {damage} (wingbeat log recover keeps what is whole)") from None
+            raise InputError(f"{self.path}: {damage} (wingbeat log recover repairs it)") from None
 
 
 def map_file(path: Path) -> mmap.mmap:

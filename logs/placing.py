@@ -97,9 +97,9 @@ def why_not(folder: Path, *, made: bool = False) -> str:
     while made and not folder.exists() and folder != folder.parent:
         folder = folder.parent
     if not folder.exists():
-        return f"there is no folder {folder}"
+        return f"folder {folder} not found"
     if not folder.is_dir():
-        return f"{folder} is no folder"
+        return f"{folder} is not a folder"
     try:
         tempfile.TemporaryFile(dir=folder).close()
     except OSError as error:

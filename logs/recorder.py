@@ -339,7 +339,7 @@ class McapRecorder:
             self._open_for_writing = False
         if self._backlog is not None and not self._backlog.close():
             self.failure = (
-                self.failure or f"recording to {self.path} ended: the disk does not answer for {PATIENCE:g} s"
+                self.failure or f"recording to {self.path} ended: the disk did not respond for {PATIENCE:g} s"
             )
             return
         self._attempt(self._volumes.finish)

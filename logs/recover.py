@@ -132,7 +132,7 @@ def _locked(path: Path) -> Iterator[None]:
         with path.open("rb") as file:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             if os.fstat(file.fileno()).st_ino != path.stat().st_ino:
-                raise InputError(f"{path} was replaced just now: try again")
+                raise InputError(f"{path} was replaced by another program: retry")
             yield
     except BlockingIOError:
         raise InputError(f"{path} is being recorded or repaired: it cannot be repaired now") from None

@@ -77,7 +77,7 @@ def encode_rrd(log: Log, show: Show = lambda done, total, what: None) -> bytes:
     tables = read_tables(log, lambda done, note: show(0.5 * done, 1.0, note))
     events = log.events()
     if not tables and not events:
-        raise InputError(f"{log.path} has none of the topics that are shown, such as /attitude/ahrs")
+        raise InputError(f"{log.path} has no topics to show, such as /attitude/ahrs")
     recording = sdk.RecordingStream("wingbeat", recording_id=f"{log.path.stem}-{log.start_ns}")
     kept = recording.memory_recording()
     recording.send_recording_name(f"{vehicle(log) or 'unknown vehicle'}, {log.path.name}")

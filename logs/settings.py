@@ -235,7 +235,7 @@ def _items(log: LogFile, data: bytes) -> list[Item]:
     except ValueError:
         items = None
     if not isinstance(items, list) or not all(isinstance(item, dict) for item in items):
-        raise InputError(f"{log.path}: its {MISSION} is no list of mission items")
+        raise InputError(f"{log.path}: its {MISSION} is not a list of mission items")
     return items
 
 

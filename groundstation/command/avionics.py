@@ -74,7 +74,7 @@ JSON_KEYS = {
 
 def build_parser() -> options.Parser:
     """The subcommand's parser."""
-    summary = "The flight computer alone: sensors and servos over a board, ground stations over MAVLink."
+    summary = "Flight computer only: sensors and servos over a board, ground stations over MAVLink."
     parser = options.build_parser("avionics", summary, EXAMPLES, JSON_KEYS)
     options.add_vehicle(parser)
     parser.add_argument("--board", required=True, metavar="ADDRESS", help=board_help())
@@ -82,14 +82,12 @@ def build_parser() -> options.Parser:
     options.add_mission(parser)
     options.add_gcs(parser)
     options.add_identity(parser)
-    options.add_signing_key(parser, "kept in the user's folder")
+    options.add_signing_key(parser, "in the user's state folder")
     parser.add_argument("--log", type=Path, metavar="FILE", help="a new file (default: recordings/VEHICLE-TIME.mcap)")
     options.add_log_size(parser)
-    options.add_parameters(parser, "kept in the user's folder")
+    options.add_parameters(parser, "in the user's state folder")
     parser.add_argument("--start", action="store_true", help="arm and switch to AUTO 2 s after boot")
-    parser.add_argument(
-        "--real-time", action="store_true", help="run before other programs, where the system allows it"
-    )
+    parser.add_argument("--real-time", action="store_true", help="request real-time scheduling priority if permitted")
     options.add_json(parser)
     parser.add_argument("--fault", action="append", default=[], type=options.fault, help=argparse.SUPPRESS)
     parser.add_argument("--epoch-ns", type=int, metavar="NS", help=argparse.SUPPRESS)
@@ -114,7 +112,7 @@ class Outcome(NamedTuple):
 
 def board_help() -> str:
     """The forms of a board's address, in one sentence."""
-    return "where sensors and servos are: " + "; ".join(f"{kind.form} {kind.help}" for kind in boards.KINDS)
+    return "board with sensors and servos: " + "; ".join(f"{kind.form} {kind.help}" for kind in boards.KINDS)
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -185,7 +183,7 @@ def _over(outcome: Outcome, account: Account, paths: str) -> int:
     """
     if outcome.silent:
         raise InputError(outcome.ended)
-    account.report(f"over after {outcome.flight.time:.1f} s: {outcome.ended}; recorded in {paths}")
+    account.report(f"ended after {outcome.flight.time:.1f} s: {outcome.ended}; recorded in {paths}")
     if outcome.ended.startswith(WORDS):
         raise KeyboardInterrupt
     return 0
@@ -193,7 +191,7 @@ def _over(outcome: Outcome, account: Account, paths: str) -> int:
 
 def opening(chosen: argparse.Namespace, vehicle: FlightVehicle, items: int, path: Path) -> list[str]:
     """What is said before the board answers: who flies, and over which links."""
-    links = [f"ground stations on {url}" for url in chosen.gcs] or ["no link for a ground station: --gcs opens one"]
+    links = [f"ground stations on {url}" for url in chosen.gcs] or ["no link for a ground station (--gcs)"]
     return [
         f"{vehicle.title}, mission {chosen.mission} of {pluralize(items, 'item')}",
         *links,

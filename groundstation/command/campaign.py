@@ -63,18 +63,20 @@ def build_parser() -> options.Parser:
     """The subcommand's parser."""
     summary = (
         "Fly every flight of a campaign, a TOML file with a grid or a draw over vehicle values, gains, wind, faults"
-        " and more (logs/campaigns/README.md), into a Parquet table. Stopped on the way, the same command goes on."
-        " wingbeat campaign report TABLE says what came of it."
+        " and more (logs/campaigns/README.md), into a Parquet table. After an interruption the same command resumes."
+        " wingbeat campaign report TABLE summarizes it."
     )
     parser = options.build_parser("campaign", summary, EXAMPLES, JSON_KEYS)
     parser.add_argument("file", type=Path, metavar="FILE.toml", help="the campaign")
     parser.add_argument(
         "--out", type=Path, metavar="TABLE.parquet", help="a new table (default: recordings/NAME.parquet)"
     )
-    parser.add_argument("--workers", type=_count, metavar="N", help="processes on this machine (its cores)")
-    parser.add_argument("--scheduler", metavar="URL", help="fly on the Dask cluster of this scheduler instead")
-    parser.add_argument("--logs", choices=LOGS, default="none", help="which flights leave a recording (none)")
-    parser.add_argument("--flight", type=_count, metavar="N", help="fly this one alone, in this process")
+    parser.add_argument(
+        "--workers", type=_count, metavar="N", help="worker processes on this machine (default: cores)"
+    )
+    parser.add_argument("--scheduler", metavar="URL", help="Dask scheduler of a cluster to use")
+    parser.add_argument("--logs", choices=LOGS, default="none", help="flights to record (default: none)")
+    parser.add_argument("--flight", type=_count, metavar="N", help="run only this flight, in this process")
     parser.add_argument("--log", type=Path, metavar="FILE", help="a new recording of --flight (default: none)")
     options.add_json(parser)
     return parser
@@ -108,8 +110,8 @@ def run(arguments: Sequence[str]) -> int:
         places.table.parent.mkdir(parents=True, exist_ok=True)
         return _fly(chosen, campaign, places)
     if read_table(places.table).about.digest != campaign.digest():
-        raise InputError(f"{places.table} is the table of another campaign, or of this one before its files changed:"
-                       " name another --out")  # fmt: skip
+        raise InputError(f"{places.table} belongs to another campaign, or to this one before its files changed:"
+                       " choose another --out")  # fmt: skip
     if chosen.logs != "none" and not places.logs.exists():
         print(words.too_late_for_logs(places.table), file=sys.stderr)
     return _report_done(chosen, campaign, places)
@@ -117,11 +119,11 @@ def run(arguments: Sequence[str]) -> int:
 
 def _check_options(chosen: argparse.Namespace) -> None:
     if chosen.workers is not None and chosen.scheduler is not None:
-        raise InputError("--workers are of this machine, --scheduler is another's: give one of them")
+        raise InputError("--workers and --scheduler exclude each other")
     if chosen.flight is None and chosen.log is not None:
-        raise InputError("--log goes with --flight; --logs keeps those of a whole campaign")
+        raise InputError("--log requires --flight; use --logs for a campaign")
     if chosen.flight is not None and (chosen.workers or chosen.scheduler or chosen.out or chosen.logs != "none"):
-        raise InputError("--workers, --scheduler, --out and --logs are for a whole campaign, not for --flight")
+        raise InputError("--workers, --scheduler, --out and --logs do not apply to --flight")
 
 
 def _places(chosen: argparse.Namespace, campaign: Campaign) -> _Places:
@@ -164,7 +166,7 @@ def _check_folder(chosen: argparse.Namespace, places: _Places) -> None:
         InputError: recordings of another campaign may lie in it.
     """
     if chosen.logs != "none" and not places.journal.exists() and places.logs.exists():
-        raise InputError(f"{places.logs} exists: recordings of another campaign may be in it; name another --out")
+        raise InputError(f"{places.logs} exists and may have recordings of another campaign; choose another --out")
 
 
 def _logs(chosen: argparse.Namespace, places: _Places) -> Logs:

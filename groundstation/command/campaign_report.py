@@ -48,13 +48,17 @@ JSON_KEYS = {
 def build_parser() -> options.Parser:
     """The subcommand's parser."""
     summary = (
-        "What a campaign's table says: outcomes, spreads, what matters, the worst flights and how to fly them again."
+        "Report of a campaign: outcomes, statistics, correlations, worst flights and the commands that repeat them."
     )
     parser = options.build_parser("campaign report", summary, EXAMPLES, JSON_KEYS)
     parser.add_argument("table", type=Path, metavar="TABLE.parquet", help="written by wingbeat campaign")
-    parser.add_argument("--out", type=Path, metavar="PAGE.html", help="a new page (default: beside the table)")
-    parser.add_argument("--by", metavar="METRIC", help="orders the flights that did not fail (the first there is)")
-    parser.add_argument("--worst", type=_count, default=10, metavar="N", help="flights that are listed (10)")
+    parser.add_argument("--out", type=Path, metavar="PAGE.html", help="new page (default: next to the table)")
+    parser.add_argument(
+        "--by", metavar="METRIC", help="metric that ranks flights without failure (default: the first)"
+    )
+    parser.add_argument(
+        "--worst", type=_count, default=10, metavar="N", help="number of listed flights (default: 10)"
+    )
     options.add_json(parser)
     return parser
 
@@ -94,7 +98,7 @@ def _table(path: Path) -> Table:
         InputError: neither is there.
     """
     if path.is_dir():
-        raise InputError(f"{path} is a folder: give a campaign's table, such as {path / 'CAMPAIGN.parquet'}")
+        raise InputError(f"{path} is a folder: specify the table, such as {path / 'CAMPAIGN.parquet'}")
     journal = path.with_name(path.name + ENDING)
     return unfinished_table(journal) if journal.exists() and not path.exists() else read_table(path)
 
@@ -104,8 +108,10 @@ def _changed(table: Table) -> str:
     try:
         same = load_campaign(Path(table.about.file)).digest() == table.about.digest
     except InputError as error:
-        return f"the flights cannot be flown again: {error}"
-    return "" if same else f"{table.about.file}, or a file that it names, has changed: the commands fly other flights"
+        return f"the flights cannot be repeated: {error}"
+    return (
+        "" if same else f"{table.about.file}, or a file that it names, has changed: the commands give other flights"
+    )
 
 
 def _document(table: Table, by: str | None, results: Sequence[Worst]) -> dict[str, Any]:

@@ -13,10 +13,10 @@ from sim_bridge.compiled import on_compilation
 from sim_bridge.plant import Plant, physics_compiled
 from sim_bridge.vehicles import SimulatedVehicle
 
-COMPILING = "compiling the physics, once: about half a minute"
-COMPILING_AIR = "compiling the aerodynamic model, once: about half a minute"
+COMPILING = "compiling the physics (once, about half a minute)"
+COMPILING_AIR = "compiling the aerodynamic model (once, about half a minute)"
 _told: set[str] = set()
-COMPILING_METHODS = "compiling methods at their first use: up to half a minute"
+COMPILING_METHODS = "compiling methods at first use (up to half a minute)"
 
 
 def load_physics(vehicle: SimulatedVehicle, quiet: bool = False) -> None:

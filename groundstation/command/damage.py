@@ -26,4 +26,4 @@ def damage_notices(logs: Sequence[Log], done: str) -> Iterator[None]:
         raise InputError(f"{error} (damaged: {wrong})") from None
     for log in logs:
         if log.damage:
-            print(f"wingbeat: {log.path}: {'; '.join(log.damage)}; what is whole was {done}", file=sys.stderr)
+            print(f"wingbeat: {log.path}: {'; '.join(log.damage)}; readable data were {done}", file=sys.stderr)

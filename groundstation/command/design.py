@@ -71,32 +71,45 @@ def build_parser() -> options.Parser:
         " in the short period and every derivative, the greatest amplitude within limits, and how to fly it."
     )
     parser = options.build_parser("design", summary, EXAMPLES, JSON_KEYS)
-    parser.add_argument("subject", metavar="MODEL|VEHICLE", help="file of a linear model, or a vehicle to linearise")
-    parser.add_argument("--vehicle", metavar="V|DIR", help="whose sensors and tail fly, with a MODEL")
-    parser.add_argument("--airspeed", type=options.positive, metavar="M/S", help="of a VEHICLE's trim (its cruise)")
-    parser.add_argument("--input", choices=tuple(SHAPES), default="3211", help="its shape (3211)")
-    parser.add_argument("--amplitude", type=options.positive, metavar="DEG", help="as given, not by the limits")
-    parser.add_argument("--duration", type=options.positive, metavar="S", help="of a step, a sweep, a period")
-    parser.add_argument("--repeats", type=_count, metavar="N", help="how often it is flown (1)")
-    parser.add_argument("--frequency-error", type=options.positive, metavar="%", help="asked of the mode's frequency")
+    parser.add_argument("subject", metavar="MODEL|VEHICLE", help="file of a linear model, or vehicle to linearize")
+    parser.add_argument("--vehicle", metavar="V|DIR", help="vehicle with the sensors and tail for a MODEL")
+    parser.add_argument(
+        "--airspeed", type=options.positive, metavar="M/S", help="airspeed of a VEHICLE's trim (default: cruise)"
+    )
+    parser.add_argument("--input", choices=tuple(SHAPES), default="3211", help="shape of the input (default: 3211)")
+    parser.add_argument(
+        "--amplitude", type=options.positive, metavar="DEG", help="amplitude (default: from the limits)"
+    )
+    parser.add_argument(
+        "--duration", type=options.positive, metavar="S", help="width of a step, duration of a sweep, or period"
+    )
+    parser.add_argument("--repeats", type=_count, metavar="N", help="number of repetitions (default: 1)")
+    parser.add_argument(
+        "--frequency-error",
+        type=options.positive,
+        metavar="%",
+        help="required standard error of the short-period frequency",
+    )
     parser.add_argument("--damping-error", type=options.positive, metavar="X", help="asked of the damping ratio")
-    parser.add_argument("--settle", type=options.not_negative, metavar="S", help="before and after (by the damping)")
+    parser.add_argument(
+        "--settle", type=options.not_negative, metavar="S", help="pause before and after (default: from the damping)"
+    )
     limits = parser.add_argument_group("limits, as changes from the trim")
     for name, unit, words in (
-        ("--elevator", "DEG", "of the command (20)"),
+        ("--elevator", "DEG", "maximum elevator (default: 20)"),
         ("--pitch", "DEG", "0.8 of the vehicle's envelope"),
-        ("--load", "M/S2", f"of a_z at the IMU ({LOAD:g})"),
-        ("--alpha", "DEG", "of the angle of attack (8.6)"),
+        ("--load", "M/S2", f"maximum change of a_z at the IMU (default: {LOAD:g})"),
+        ("--alpha", "DEG", "maximum change of the angle of attack (default: 8.6)"),
         ("--speed-change", "M/S", "0.8 of the vehicle's envelope"),
     ):
         limits.add_argument(name, type=options.positive, metavar=unit, help=words)
     parser.add_argument(
         "--noise", nargs=3, type=options.positive, metavar=("Q", "AX", "AZ"),
-        help="of one sample, rad/s and m/s^2 (the vehicle's sensors)",
+        help="noise of one sample, rad/s and m/s^2 (default: the vehicle's sensors)",
     )  # fmt: skip
-    parser.add_argument("--rate", type=options.positive, default=0.0, metavar="HZ", help="of the samples (200)")
+    parser.add_argument("--rate", type=options.positive, default=0.0, metavar="HZ", help="sample rate (default: 200)")
     parser.add_argument("--gust", type=options.positive, metavar="M/S", help="gusts of this standard deviation")
-    parser.add_argument("--out", type=Path, metavar="FILE", help="a new file for the mission's item")
+    parser.add_argument("--out", type=Path, metavar="FILE", help="new file for the mission item")
     options.add_json(parser)
     return parser
 
@@ -137,18 +150,16 @@ def _subject(chosen: argparse.Namespace) -> _Subject:
     path = Path(chosen.subject)
     if not is_model_file(path):
         if chosen.vehicle is not None:
-            raise InputError("--vehicle goes with a MODEL; a VEHICLE has its own sensors")
+            raise InputError("--vehicle goes with a MODEL only")
         world = load_world(options.vehicle_files(chosen.subject)[0])
         vehicle = _flight_vehicle(chosen.subject)
         return _Subject(linearised(world, chosen.airspeed), _aircraft(vehicle, world), vehicle, world)
     if chosen.airspeed is not None:
-        raise InputError("--airspeed goes with a VEHICLE; a MODEL is about its own trim")
+        raise InputError("--airspeed goes with a VEHICLE only; a MODEL has its own trim")
     model = load_model(path)
     name = chosen.vehicle or model.vehicle
     if not name and not chosen.noise:
-        raise InputError(
-            f"{path} names no vehicle: say with --vehicle whose sensors fly, or their noise with --noise"
-        )
+        raise InputError(f"{path} names no vehicle: specify --vehicle for its sensors, or --noise")
     if not name:
         return _Subject(model, Aircraft(tail_time_constant=0.0), None, None)
     try:
@@ -180,7 +191,7 @@ def _aircraft(vehicle: FlightVehicle | None, world: SimulatedVehicle) -> Aircraf
 
 def _noise(subject: _Subject) -> tuple[float, float, float]:
     if subject.world is None:
-        raise InputError("no vehicle tells the sensors' noise: say it with --noise")
+        raise InputError("sensor noise unknown: specify --noise")
     return sensor_noise(subject.world)
 
 

@@ -123,7 +123,7 @@ class Plan(NamedTuple):
 
 def build_parser() -> options.Parser:
     """The subcommand's parser."""
-    summary = "Fly a modelled ornithopter: two processes in lockstep over MAVLink, recorded and identified."
+    summary = "Fly a modeled ornithopter: two processes in lockstep over MAVLink, recorded and identified."
     parser = options.build_parser("fly", summary, EXAMPLES, JSON_KEYS)
     options.add_vehicle(parser)
     options.add_aerodynamics(parser)
@@ -167,7 +167,7 @@ def _name(log: Path | None, plan: Plan) -> Iterator[Path]:
         return
     with held(log) as ours:
         if not ours:
-            raise InputError(f"{log} is taken: another flight is being recorded there")
+            raise InputError(f"{log} is in use: another flight is being recorded there")
         _check_log(log)  # again: who held the name before may have left files of it
         yield log
 
@@ -384,7 +384,7 @@ def _keep(plan: Plan, faults: Mapping[str, str]) -> None:
     parts = [part for part in plan.parts if part.exists()]
     if parts:
         _report_kept(join(parts, plan.log, faults))
-        print(f"stopped; the flight so far is in {plan.log}", file=sys.stderr)
+        print(f"stopped; recorded so far: {plan.log}", file=sys.stderr)
 
 
 def _joined(plan: Plan, faults: Mapping[str, str]) -> list[Kept]:
@@ -396,13 +396,13 @@ def _joined(plan: Plan, faults: Mapping[str, str]) -> list[Kept]:
     try:
         return join(plan.parts, plan.log, faults)
     except InputError as reason:
-        raise InputError(f"{reason} (the recordings are kept: {', '.join(map(str, plan.parts))})") from None
+        raise InputError(f"{reason} (recordings: {', '.join(map(str, plan.parts))})") from None
 
 
 def _report_kept(kept: Sequence[Kept]) -> None:
     """Say which recordings ended before the flight did: what is summed up is only what they hold."""
     for part in kept:
-        print(f"wingbeat: a recording ended early and is kept: {part.path}: {part.damage}", file=sys.stderr)
+        print(f"wingbeat: a recording ended early: {part.path}: {part.damage}", file=sys.stderr)
 
 
 def _identified(log: Log) -> Identification | str:
@@ -488,7 +488,7 @@ def _outcome(kept: Sequence[Kept], summary: FlightSummary | None, results: Ident
 
 def _report_identified(plan: Plan, results: Identification | str, console: Console) -> None:
     if isinstance(results, str):
-        console.print(f"nothing was identified: {results}", style="dim")
+        console.print(f"identification failed: {results}", style="dim")
     else:
         from groundstation.views.identification import identification_summary
 

@@ -72,12 +72,18 @@ def add_foreign(parser: argparse.ArgumentParser) -> None:
         "--ardupilot", action="store_true", help=f"serve ArduPilot's JSON interface: UDP {ardupilot.PORT}"
     )
     parser.add_argument(
-        "--instance", type=int, default=0, metavar="N", help="of PX4 (port + N) or ArduPilot (port + 10 N) (0)"
+        "--instance",
+        type=int,
+        default=0,
+        metavar="N",
+        help="instance N of PX4 (port + N) or ArduPilot (port + 10 N) (default: 0)",
     )
     parser.add_argument(
-        "--channels", metavar="NAME=N,...", help=f"outputs of PX4 or ArduPilot, -N reversed, 0 none ({Channels()})"
+        "--channels",
+        metavar="NAME=N,...",
+        help=f"outputs of PX4 or ArduPilot, -N reversed, 0 none (default: {Channels()})",
     )
-    parser.add_argument("--pwm", metavar="LOW:HIGH", help="ends of ArduPilot's pulses in us (1100:1900)")
+    parser.add_argument("--pwm", metavar="LOW:HIGH", help="limits of ArduPilot's pulses in us (default: 1100:1900)")
     parser.add_argument(
         "--launch",
         choices=[one.value for one in Launch],

@@ -1,4 +1,4 @@
-"""``wingbeat gcs``: watch and command any MAVLink vehicle. Each group of verbs has a module of its own."""
+"""``wingbeat gcs``: monitor and command any MAVLink vehicle. Each group of verbs has a module of its own."""
 
 from __future__ import annotations
 
@@ -47,8 +47,7 @@ EXAMPLES = (
     "wingbeat gcs udpin:0.0.0.0:14550 joystick",
 )
 URL_HELP = (
-    "udpin:HOST:PORT or tcpin: waits for a vehicle that calls, udpout: or tcp: calls one that waits;"
-    " serial:DEVICE,BAUD is a radio"
+    "udpin:HOST:PORT or tcpin: waits for a vehicle, udpout: or tcp: connects to one; serial:DEVICE,BAUD is a radio"
 )
 GROUPS: tuple[ModuleType, ...] = (
     gcs_monitor, gcs_status, gcs_order, gcs_param, gcs_mission, gcs_excite, gcs_calibrate, gcs_joystick,
@@ -65,17 +64,21 @@ PREPARATIONS = (
 def build_parser() -> options.Parser:
     """The subcommand's parser."""
     keys = {verbs: text for group in GROUPS for verbs, text in group.JSON_KEYS.items()}
-    parser = options.build_parser("gcs", "Watch and command any MAVLink vehicle.", EXAMPLES, keys)
+    parser = options.build_parser("gcs", "Monitor and command any MAVLink vehicle.", EXAMPLES, keys)
     parser.add_argument("url", metavar="URL", help=URL_HELP)
     parser.add_argument(
-        "--timeout", type=options.positive, default=5.0, metavar="S", help="wait for a heartbeat (5 s)"
+        "--timeout",
+        type=options.positive,
+        default=5.0,
+        metavar="S",
+        help="timeout for the first heartbeat (default: 5)",
     )
-    options.add_signing_key(parser, "none: nothing is signed")
+    options.add_signing_key(parser, "default: no signing")
     parser.add_argument(
         "--record-to",
         type=Path,
         metavar="FOLDER",
-        help="record there (recordings/, and recordings/gcs-DATE/ for questions and orders)",
+        help="folder of the recording (default: recordings/, recordings/gcs-DATE/ for short verbs)",
     )
     parser.add_argument("--no-record", action="store_true", help="leave no recording")
     options.add_json(parser)
@@ -142,11 +145,11 @@ def _recording(chosen: argparse.Namespace) -> Recording | None:
         InputError: two options, or a verb and an option, that exclude each other.
     """
     if chosen.no_record and chosen.record_to is not None:
-        raise InputError("--record-to and --no-record are one too many")
+        raise InputError("--record-to and --no-record exclude each other")
     if chosen.verb == "record":
         if chosen.no_record or chosen.record_to is not None:
             option = "--no-record" if chosen.no_record else "--record-to"
-            raise InputError(f"record and {option} are one too many")
+            raise InputError(f"record and {option} exclude each other")
         return Recording(Where(chosen.url, chosen.file))
     if chosen.no_record:
         return None
@@ -171,7 +174,7 @@ def _close(recording: Recording | None, quiet: bool) -> None:
         return
     recording.close()
     if recording.failure:
-        print(f"wingbeat: nothing is recorded: {recording.failure}", file=sys.stderr)
+        print(f"wingbeat: recording failed: {recording.failure}", file=sys.stderr)
     elif not quiet:
         for file in recording.files:
             print(f"recorded in {file}", file=sys.stderr)

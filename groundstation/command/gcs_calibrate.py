@@ -40,12 +40,12 @@ PREFLIGHT: dict[str, tuple[float, ...]] = {
 }
 """parameters of MAV_CMD_PREFLIGHT_CALIBRATION, which any autopilot understands"""
 KINDS = {
-    "accel": "accelerometer, still on each of its six sides",
-    "level": "accelerometer, level and still",
+    "accel": "accelerometer, at rest on each of its six sides",
+    "level": "accelerometer, level and at rest",
     "mag": "magnetometer, turned about all axes",
-    "airspeed": "pitot at rest, covered; with --in-flight its scale, over a circle or both ways",
+    "airspeed": "pitot, covered, at rest; with --in-flight its scale, in a circle or both directions",
     "wings": "both wings at rest, level or at --angle",
-    "battery": "drives at rest; with --voltage as measured at its terminals",
+    "battery": "battery with drives at rest; --voltage: measured at its terminals",
     "cancel": "end the calibration that runs",
 }
 
@@ -58,12 +58,20 @@ def add_verbs(verbs: Any) -> None:
     parser = verbs.add_parser("calibrate", help="calibrate a sensor aboard")
     kinds = parser.add_subparsers(dest="kind", required=True, metavar="|".join(KINDS), parser_class=VerbParser)
     added = {kind: kinds.add_parser(kind, help=text) for kind, text in KINDS.items()}
-    added["airspeed"].add_argument("--in-flight", action="store_true", help="the scale, against the GPS")
+    added["airspeed"].add_argument("--in-flight", action="store_true", help="calibrate the scale from GPS velocity")
     added["wings"].add_argument(
-        "--angle", type=options.number, default=0.0, metavar="DEG", help="at which both rest, up is positive (0)"
+        "--angle",
+        type=options.number,
+        default=0.0,
+        metavar="DEG",
+        help="angle of both wings, up positive (default: 0)",
     )
     added["battery"].add_argument(
-        "--voltage", type=options.positive, default=0.0, metavar="V", help="of the battery (leaves the scale)"
+        "--voltage",
+        type=options.positive,
+        default=0.0,
+        metavar="V",
+        help="battery voltage (default: scale unchanged)",
     )
 
 
@@ -129,8 +137,8 @@ def _cancellation(session: Session) -> CommandExchange:
 
 def _outcome(cancelled: bool) -> str:
     if cancelled:
-        return "calibration cancelled"
-    return "the vehicle does not confirm that the calibration is cancelled: it may go on"
+        return "calibration canceled"
+    return "cancellation not confirmed: the calibration may continue"
 
 
 def _cancel(session: Session) -> None:

@@ -52,14 +52,18 @@ def add_verbs(verbs: Any) -> None:
 def _add_single(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("channel", choices=tuple(CHANNELS), metavar="CHANNEL", help=", ".join(CHANNELS))
     parser.add_argument(
-        "--amplitude", type=options.positive, required=True, metavar="A", help="degrees, or a share of throttle"
+        "--amplitude", type=options.positive, required=True, metavar="A", help="deg, or fraction of throttle"
     )
 
 
 def _add_pacing(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--settle", type=options.not_negative, default=1.0, metavar="S", help="before and after (1)")
-    parser.add_argument("--repeats", type=int, default=1, metavar="N", help="how often it is flown (1)")
-    parser.add_argument("--loops", choices=("frozen", "active"), default="frozen", help="frozen, or flying on")
+    parser.add_argument(
+        "--settle", type=options.not_negative, default=1.0, metavar="S", help="pause before and after (default: 1)"
+    )
+    parser.add_argument("--repeats", type=int, default=1, metavar="N", help="number of repetitions (default: 1)")
+    parser.add_argument(
+        "--loops", choices=("frozen", "active"), default="frozen", help="loops during the input: frozen or active"
+    )
 
 
 def prepare(chosen: argparse.Namespace) -> None:

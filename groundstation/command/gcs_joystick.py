@@ -53,14 +53,18 @@ def add_verbs(verbs: Any) -> None:
         "--config", type=Path, metavar="FILE", help=f"settings file (default: {default_path().name} of the user)"
     )
     parser.add_argument(
-        "--rate", type=_rate, default=DEFAULT_RATE, metavar="HZ", help=f"of MANUAL_CONTROL ({DEFAULT_RATE:g})"
+        "--rate",
+        type=_rate,
+        default=DEFAULT_RATE,
+        metavar="HZ",
+        help=f"rate of MANUAL_CONTROL (default: {DEFAULT_RATE:g})",
     )
     parser.add_argument(
         "--duration",
         type=options.positive,
         default=math.inf,
         metavar="S",
-        help="print lines instead of the screen, and end after so long",
+        help="print lines instead of the screen and end after this time",
     )
 
 
@@ -97,7 +101,7 @@ def prepare(chosen: argparse.Namespace) -> None:
     if chosen.list and chosen.calibrate:
         raise InputError("--list and --calibrate exclude each other")
     if chosen.calibrate and chosen.json:
-        raise InputError("--calibrate is a dialog on the terminal: leave --json out")
+        raise InputError("--calibrate is a dialog on the terminal, without --json")
     creates = chosen.list or chosen.calibrate or chosen.config is None
     chosen.config = chosen.config or default_path()
     chosen.entries = load_settings(chosen.config, must_exist=not creates)

@@ -121,7 +121,7 @@ def watch(session: Session) -> None:
     session.connection.listen(session.chosen.duration, enough)
     if not watcher.lines:
         names = ", ".join(sorted({field.message for field in session.chosen.asked}))
-        raise NoAnswer(f"the vehicle said nothing of {names} in {session.chosen.duration:g} s: ask with --rate")
+        raise NoAnswer(f"no {names} received within {session.chosen.duration:g} s; request the message with --rate")
 
 
 def _attend(session: Session) -> HeartbeatMonitor:
@@ -147,7 +147,7 @@ def _request_rate(session: Session, rate: float) -> None:
         number = float(message_class(name).id)  # type: ignore[union-attr]
         wanted = (number, 1e6 / rate)
         command = CommandExchange(session.target, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, wanted)
-        session.run_exchange(command, f"asking for {name}")
+        session.run_exchange(command, f"requesting {name}")
 
 
 def record(session: Session) -> None:

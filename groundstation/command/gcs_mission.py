@@ -49,7 +49,7 @@ def add_verbs(verbs: Any) -> None:
     for action, text in (
         ("download", "write it to a new file"),
         ("upload", "send a mission file"),
-        ("diff", "what differs from a file; exit code 1 if anything does"),
+        ("diff", "differences from a file; exit code 1 if there are any"),
     ):
         actions.add_parser(action, help=text).add_argument("file", type=Path, metavar="FILE")
 

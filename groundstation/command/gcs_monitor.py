@@ -21,9 +21,9 @@ JSON_KEYS = {"monitor": "one object a line, as status"}
 
 def add_verbs(verbs: Any) -> None:
     """The verb, which is the one when none is given."""
-    parser = verbs.add_parser("monitor", help="live screen of the flight, until q or Ctrl-C; the verb without a verb")
+    parser = verbs.add_parser("monitor", help="live screen of the flight, until q or Ctrl-C (default verb)")
     parser.add_argument(
-        "--plot", action="append", default=[], metavar="MSG.FIELD", help="begin with a plot of it; may be repeated"
+        "--plot", action="append", default=[], metavar="MSG.FIELD", help="plot this field at the start (repeatable)"
     )
 
 

@@ -34,14 +34,14 @@ def add_verbs(verbs: Any) -> None:
     """The orders."""
     verbs.add_parser("arm", help="let the wings move")
     disarm = verbs.add_parser("disarm", help="stop the wings")
-    disarm.add_argument("--force", action="store_true", help="even in flight: it falls")
+    disarm.add_argument("--force", action="store_true", help="force disarm in flight: wings stop, the vehicle falls")
     verbs.add_parser("mode", help="change the flight mode").add_argument("name", metavar="NAME")
-    takeoff = verbs.add_parser("takeoff", help="climb from the ground or the hand; it has to be armed")
+    takeoff = verbs.add_parser("takeoff", help="climb after launch; requires an armed vehicle")
     takeoff.add_argument(
         "--altitude",
         type=options.positive,
         metavar="M",
-        help="above home, to climb to (as its mission says; PX4, copters: 20; ArduPlane: its TKOFF_ALT)",
+        help="altitude above home (default: that of its mission; PX4, copters: 20; ArduPlane: TKOFF_ALT)",
     )
     _add_goto(verbs.add_parser("goto", help="fly to a place and circle there"))
     verbs.add_parser("return", help="come back home")
@@ -51,10 +51,14 @@ def add_verbs(verbs: Any) -> None:
 def _add_goto(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("latitude", nargs="?", type=options.number, metavar="LAT", help="degrees")
     parser.add_argument("longitude", nargs="?", type=options.number, metavar="LON", help="degrees")
-    parser.add_argument("--north", type=options.number, metavar="M", help="of home, instead of LAT and LON")
-    parser.add_argument("--east", type=options.number, metavar="M", help="of home, instead of LAT and LON")
-    parser.add_argument("--altitude", type=options.number, metavar="M", help="above home (as it is)")
-    parser.add_argument("--radius", type=options.positive, metavar="M", help="of the circle (the vehicle's own)")
+    parser.add_argument(
+        "--north", type=options.number, metavar="M", help="distance from home, instead of LAT and LON"
+    )
+    parser.add_argument("--east", type=options.number, metavar="M", help="distance from home, instead of LAT and LON")
+    parser.add_argument("--altitude", type=options.number, metavar="M", help="altitude above home (default: current)")
+    parser.add_argument(
+        "--radius", type=options.positive, metavar="M", help="radius of the circle (default: the vehicle's)"
+    )
 
 
 def prepare(chosen: argparse.Namespace) -> None:
@@ -76,10 +80,10 @@ def prepare(chosen: argparse.Namespace) -> None:
 
 def _check_on_globe(latitude: float, longitude: float) -> None:
     if not (-90.0 <= latitude <= 90.0 and -180.0 <= longitude <= 180.0):
-        raise InputError(f"{latitude:g}, {longitude:g} is no place on the globe")
+        raise InputError(f"{latitude:g}, {longitude:g} is not a position on the globe")
     # On the wire whole numbers of 1e-7 degrees, of which two zeros mean: where you are.
     if round(1e7 * latitude) == 0 == round(1e7 * longitude):
-        raise InputError("goto 0 0: a vehicle takes latitude and longitude 0 for the place where it is")
+        raise InputError("goto 0 0: latitude and longitude 0 mean the current position")
 
 
 def arm(session: Session) -> None:
@@ -95,7 +99,7 @@ def arm(session: Session) -> None:
     )
     session.connection.listen(SHOWN, lambda state: state.armed == arming)
     if session.state.armed != arming:
-        raise NoAnswer(f"the vehicle accepted to {session.chosen.verb}, but its heartbeat does not show it")
+        raise NoAnswer(f"{session.chosen.verb} accepted, but not confirmed by the heartbeat")
     session.done("armed" if arming else "disarmed")
 
 
@@ -158,7 +162,7 @@ def obey(session: Session, order: Exchange, verb: str, where: str = "") -> None:
     session.connection.listen(SHOWN, shown)
     if wanted and session.state.custom_mode not in wanted:
         mode = modes.mode_name(session.state)
-        raise NoAnswer(f"the vehicle accepted {verb}, but its heartbeat shows the mode {mode}")
+        raise NoAnswer(f"{verb} accepted, but the heartbeat shows {mode}")
     session.done(f"{verb}{where} accepted")
 
 
@@ -178,9 +182,9 @@ def goto(session: Session) -> None:
     session.connection.listen(3.0, lambda state: chosen.altitude is not None or state.altitude is not None)
     altitude = session.state.altitude if chosen.altitude is None else chosen.altitude
     if altitude is None:
-        raise NoAnswer("the vehicle does not say how high it is: give --altitude")
+        raise NoAnswer("altitude unknown: specify --altitude")
     if chosen.altitude is None and altitude < LOWEST:
-        raise InputError(f"the vehicle is {altitude:.1f} m above home, too low to circle at: give --altitude")
+        raise InputError(f"the vehicle is {altitude:.1f} m above home, too low for a circle: specify --altitude")
     home = session.home() if orders.counts_from_the_sea(session.state) else None
     place = orders.Place(latitude, longitude, altitude, math.nan if chosen.radius is None else chosen.radius)
     where = f" {latitude:.6f} {longitude:.6f} at {altitude:.0f} m"

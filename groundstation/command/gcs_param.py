@@ -38,7 +38,7 @@ def add_verbs(verbs: Any) -> None:
     setting.add_argument("name", metavar="NAME")
     setting.add_argument("value", metavar="VALUE", type=options.number)
     for action, text in (
-        ("diff", "what differs from a file; exit code 1 if anything does"),
+        ("diff", "differences from a file; exit code 1 if there are any"),
         ("save", "write all to a new file"),
         ("load", "set those of a file that differ"),
     ):
@@ -78,7 +78,7 @@ def _list(session: Session) -> None:
     requested = [parameter for parameter in _download(session) if pattern.lower() in parameter.name.lower()]
     print_parameters(session, requested)
     if not requested and not session.json:
-        print(f"no parameter's name contains {pattern!r}", file=sys.stderr)
+        print(f"no parameter name contains {pattern!r}", file=sys.stderr)
 
 
 def _read(session: Session, encoding: bool) -> parameters.Parameter:
@@ -88,7 +88,7 @@ def _read(session: Session, encoding: bool) -> parameters.Parameter:
     except NoAnswer as refusal:
         raise NoAnswer(f"{refusal}{_near(session, name)}") from None
     if known is None:
-        raise NoAnswer(f"no answer about parameter {name}")
+        raise NoAnswer(f"no response for parameter {name}")
     return known
 
 

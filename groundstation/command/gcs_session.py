@@ -102,7 +102,7 @@ class Session(NamedTuple):
         self.request(mavlink.MAVLINK_MSG_ID_HOME_POSITION, lambda state: state.home is not None)
         home = self.state.home
         if home is None:
-            raise NoAnswer("the vehicle does not say where its home is: wait for the GPS")
+            raise NoAnswer("home position unknown: wait for a GPS fix")
         return home
 
     def done(self, text: str) -> None:

@@ -19,7 +19,7 @@ LISTENED = 2.0
 
 def add_verbs(verbs: Any) -> None:
     """The verb."""
-    verbs.add_parser("status", help="listen for two seconds, print what the vehicle says")
+    verbs.add_parser("status", help="receive for two seconds and print the telemetry")
 
 
 def show(session: Session) -> None:

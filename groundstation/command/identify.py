@@ -137,7 +137,7 @@ def build_parser() -> options.Parser:
         type=Path,
         default=[],
         metavar="LOG",
-        help="a flight of modes that is held out: predicted, not fitted, told by Theil's inequality; may be repeated",
+        help="a flight of modes that is held out: predicted, not fitted, told by Theil's inequality; repeatable",
     )
     parser.add_argument(
         "--validate-share",

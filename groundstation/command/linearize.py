@@ -35,9 +35,9 @@ JSON_KEYS = STEADY_KEYS | {
 
 def build_parser() -> options.Parser:
     """The subcommand's parser."""
-    summary = "Linearise a vehicle about a steady flight: Floquet modes of the stroke, stroke-averaged A and B."
+    summary = "Linearize a vehicle about a steady flight: Floquet modes of the stroke, stroke-averaged A and B."
     parser = steady_parser("linearize", summary, EXAMPLES, JSON_KEYS)
-    parser.add_argument("--out", type=Path, metavar="FILE", help="a new TOML file: the model of all axes, for tune")
+    parser.add_argument("--out", type=Path, metavar="FILE", help="new TOML file of the model of all axes, for tune")
     return parser
 
 

@@ -29,7 +29,7 @@ def add_live(parser: argparse.ArgumentParser) -> None:
         nargs="?",
         const=f"{HOST}:{PORT}",
         metavar="HOST:PORT",
-        help=f"show it to Foxglove and Lichtblick while it goes on, at ws://HOST:PORT ({HOST}:{PORT}; port 0: any)",
+        help=f"serve it live to Foxglove and Lichtblick at ws://HOST:PORT (default: {HOST}:{PORT}; port 0: any)",
     )
 
 
@@ -39,7 +39,7 @@ def add_address(parser: argparse.ArgumentParser) -> None:
         "--at",
         default=f"{HOST}:{PORT}",
         metavar="HOST:PORT",
-        help=f"where viewers connect ({HOST}:{PORT}; port 0: any)",
+        help=f"address for viewers (default: {HOST}:{PORT}; port 0: any)",
     )
 
 
@@ -72,7 +72,7 @@ def follow(path: Path, address: str) -> None:
     """
     present = recorded_file(path)
     if present is None:
-        raise InputError(f"{path} is not being recorded: Foxglove and Lichtblick open it as it is")
+        raise InputError(f"{path} is not being recorded: open the file in Foxglove or Lichtblick")
     while present is not None:
         with shown_live(address, [present], ALONE):
             while is_recorded(present):
@@ -93,5 +93,5 @@ def recorded_file(path: Path) -> Path | None:
 def _shortfall(server: LiveServer) -> list[str]:
     """What was not shown, in words."""
     skipped = pluralize(server.skipped, "message")
-    lines = [f"live: {skipped} not shown: too many at once; they are in the log"] if server.skipped else []
+    lines = [f"live: {skipped} not shown (too many at once); they are in the log"] if server.skipped else []
     return lines + ([f"live: ended early: {server.failure}"] if server.failure else [])

@@ -58,17 +58,17 @@ JSON_KEYS = {
 }
 TEXTS = {
     "info": "what it holds",
-    "view": "show the flight as one page of HTML: track, bird, plots, events",
-    "live": "show it to Foxglove and Lichtblick while it is recorded",
+    "view": "write the flight as one HTML page: track, vehicle, plots, events",
+    "live": "serve it to Foxglove and Lichtblick while it is recorded",
     "export": f"write it as {', '.join(FORMS)}",
-    "recover": "repair it, or join the recordings that its killed flight left (NAME.world.mcap, NAME.avionics.mcap)",
+    "recover": "repair it, or join the recordings of a killed flight (NAME.world.mcap, NAME.avionics.mcap)",
 }
 EVENTS_SHOWN = 20
 
 
 def build_parser() -> options.Parser:
     """The subcommand's parser."""
-    summary = "Look into a log, show it as a page, export it, import one of another program, repair it."
+    summary = "Inspect a log, view it as a page, export it, import one of another program, or repair it."
     parser = options.build_parser("log", summary, EXAMPLES, JSON_KEYS)
     verbs = parser.add_subparsers(
         dest="verb",
@@ -94,7 +94,7 @@ def build_parser() -> options.Parser:
             )
             one.add_argument("--open", action="store_true", help="show the page in the browser")
         if verb == "info":
-            one.add_argument("--flight", action="store_true", help="sum up the flight, however long the log is")
+            one.add_argument("--flight", action="store_true", help="summarize the flight of a long log too")
         if verb == "live":
             add_address(one)
         if verb == "export":
@@ -108,19 +108,19 @@ def _add_export(parser: argparse.ArgumentParser) -> None:
         "--to",
         type=Path,
         metavar="PATH",
-        help="a file whose ending tells the format, or a folder for a CSV or Parquet file per topic",
+        help="file whose extension sets the format, or folder for a CSV or Parquet file per topic",
     )
-    parser.add_argument("--format", choices=FORMS, help="where the ending does not tell it (csv)")
+    parser.add_argument("--format", choices=FORMS, help="format if not set by the extension (default: csv)")
     parser.add_argument(
         "--topic",
         action="append",
         metavar="NAME",
-        help="only this topic, with --rate NAME.FIELD too; may be repeated",
+        help="only this topic, with --rate also NAME.FIELD (repeatable)",
     )
     parser.add_argument("--start", type=options.number, metavar="S", help="from so many seconds since boot on")
     parser.add_argument("--end", type=options.number, metavar="S", help="to so many seconds since boot")
     parser.add_argument(
-        "--rate", type=options.positive, metavar="HZ", help="one table of all topics, at the multiples of 1/HZ"
+        "--rate", type=options.positive, metavar="HZ", help="one table of all topics at multiples of 1/HZ"
     )
 
 
@@ -154,9 +154,9 @@ def _info(chosen: argparse.Namespace) -> None:
     else:
         _print_info(document, chosen.file, flights)
         for line in undecodable:
-            print(f"left out: {line}", file=sys.stderr)
+            print(f"omitted: {line}", file=sys.stderr)
         if long and not chosen.flight:
-            print("a long log: its flight is summed up with --flight")
+            print("long log: use --flight for a summary of the flight")
 
 
 def _print_info(document: dict[str, Any], file: Path, flights: FlightSummary | None) -> None:
@@ -169,7 +169,7 @@ def _print_info(document: dict[str, Any], file: Path, flights: FlightSummary | N
         )
     )
     if document["dropped"]:
-        lost = f"{pluralize(document['dropped'], 'message')} left out while recording: the disk was too slow"
+        lost = f"{pluralize(document['dropped'], 'message')} dropped while recording: disk too slow"
         console.print(lost, style="yellow")
     for name, damage in document["incomplete"].items():
         console.print(f"{name} ended early: {damage}", style="yellow")
@@ -232,16 +232,14 @@ def _export(chosen: argparse.Namespace) -> None:
     for file in done.files:
         print(file)
     for line in done.left_out:
-        print(f"left out: {line}", file=sys.stderr)
+        print(f"omitted: {line}", file=sys.stderr)
 
 
 def _check_window(log: Log, start: float | None, end: float | None) -> None:
     first, last = ((moment - log.boot_ns) * 1e-9 for moment in (log.start_ns, log.end_ns))
     begin, stop = first if start is None else start, last + 1.0 if end is None else end
     if begin >= stop or begin > last or stop <= first:
-        raise InputError(
-            f"nothing lies between {begin:g} and {stop:g} s: the log goes from {first:.3f} to {last:.3f} s"
-        )
+        raise InputError(f"no data between {begin:g} and {stop:g} s: the log covers {first:.3f} to {last:.3f} s")
 
 
 def _recover(chosen: argparse.Namespace) -> None:
@@ -252,11 +250,11 @@ def _recover(chosen: argparse.Namespace) -> None:
     if done.joined:
         print(f"joined {' and '.join(part.name for part in done.joined)} to {chosen.file}")
     elif not done.damage:
-        print(f"{chosen.file} is whole: {pluralize(done.messages, 'message')}; nothing was changed")
+        print(f"{chosen.file} is complete: {pluralize(done.messages, 'message')}; not changed")
         return
     for line in done.damage:
         print(f"repaired: {line}")
-    kept = f"; {wording.size(done.torn_bytes)} that cannot be read are in {done.torn}" if done.torn else ""
+    kept = f"; {wording.size(done.torn_bytes)} unreadable data are in {done.torn}" if done.torn else ""
     print(f"{pluralize(done.messages, 'message')} kept{kept}")
 
 

@@ -34,16 +34,16 @@ def add_verb(verbs: Any) -> None:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     one.add_argument("file", type=Path, metavar="FILE")
-    one.add_argument("--to", type=Path, metavar="OUT.mcap", help="the new log (FILE with the ending .mcap)")
-    one.add_argument("--map", type=Path, metavar="MAP.toml", help="what the columns of a table are; see below")
+    one.add_argument("--to", type=Path, metavar="OUT.mcap", help="new log (default: FILE with extension .mcap)")
+    one.add_argument("--map", type=Path, metavar="MAP.toml", help="mapping of the columns of a table, see below")
     one.add_argument(
-        "--clock", choices=CLOCKS, default="vehicle", help="whose times a .tlog is written with (vehicle)"
+        "--clock", choices=CLOCKS, default="vehicle", help="clock of the times of a .tlog (default: vehicle)"
     )
     one.add_argument(
         "--onboard",
         type=Path,
         metavar="LOG.mcap",
-        help="a log of the same flight: the new one is put on its clock by the angular rate that both measured",
+        help="log of the same flight; the new log is aligned to its clock by the angular rate",
     )
     options.add_json(one)
 

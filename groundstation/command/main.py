@@ -33,20 +33,22 @@ class Subcommand(NamedTuple):
 
 
 SUBCOMMANDS: dict[str, Subcommand] = {
-    "fly": Subcommand("groundstation.command.fly", "fly a modelled ornithopter: world, flight computer, view, log"),
-    "sim": Subcommand("groundstation.command.sim", "the world alone, waiting for a flight computer"),
-    "avionics": Subcommand("groundstation.command.avionics", "the flight computer alone, on a board"),
-    "gcs": Subcommand("groundstation.command.gcs", "watch and command any MAVLink vehicle"),
-    "log": Subcommand("groundstation.command.log", "look into a log, show, export, import or repair one"),
-    "replay": Subcommand("groundstation.command.replay", "fly a recorded flight again, or play it"),
+    "fly": Subcommand(
+        "groundstation.command.fly", "fly a modeled ornithopter: simulator, flight computer, view, log"
+    ),
+    "sim": Subcommand("groundstation.command.sim", "simulator only, waiting for a flight computer"),
+    "avionics": Subcommand("groundstation.command.avionics", "flight computer only, on a board"),
+    "gcs": Subcommand("groundstation.command.gcs", "monitor and command any MAVLink vehicle"),
+    "log": Subcommand("groundstation.command.log", "inspect, view, export, import or repair a log"),
+    "replay": Subcommand("groundstation.command.replay", "replay a recorded flight, or play it to a ground station"),
     "identify": Subcommand("groundstation.command.identify", "identify servo, power and short period from a log"),
     "trim": Subcommand("groundstation.command.trim", "find the steady flight at an airspeed and climb rate"),
     "linearize": Subcommand("groundstation.command.linearize", "modes, A and B of the motion about a steady flight"),
     "tune": Subcommand("groundstation.command.tune", "gains of every loop: margins, file, flights before and after"),
     "design": Subcommand("groundstation.command.design", "plan an identification input and the errors it will leave"),
-    "campaign": Subcommand("groundstation.command.campaign", "thousands of flights, and what they say together"),
+    "campaign": Subcommand("groundstation.command.campaign", "many flights of a sweep and their statistics"),
     "validate": Subcommand("groundstation.command.validate", "every published figure beside ours"),
-    "vehicles": Subcommand("groundstation.command.vehicles", "the vehicles that can be flown, and their sources"),
+    "vehicles": Subcommand("groundstation.command.vehicles", "vehicles and the sources of their values"),
 }
 
 
@@ -82,7 +84,7 @@ def dispatch(arguments: Sequence[str]) -> int:
     name = arguments[0]
     if name not in SUBCOMMANDS:
         raise InputError(
-            f"there is no command {name!r}{did_you_mean(name, SUBCOMMANDS)}; commands: {', '.join(SUBCOMMANDS)}"
+            f"unknown command {name!r}{did_you_mean(name, SUBCOMMANDS)}; commands: {', '.join(SUBCOMMANDS)}"
         )
     with ending.importing():
         module = importlib.import_module(SUBCOMMANDS[name].module)

@@ -113,7 +113,7 @@ def add_vehicle(parser: argparse.ArgumentParser) -> None:
         "--vehicle",
         default=DEFAULT_VEHICLE,
         metavar="V|PATH",
-        help=f"name, file or folder of a vehicle ({DEFAULT_VEHICLE})",
+        help=f"name, file or folder of a vehicle (default: {DEFAULT_VEHICLE})",
     )
 
 
@@ -148,7 +148,7 @@ def add_aerodynamics(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--aerodynamics",
         metavar="MODEL",
-        help="of the wings, one that the vehicle's file has a section of (default: what the file chooses)",
+        help="aerodynamic model of the wings with a section in the vehicle file (default: that of the file)",
     )
 
 
@@ -158,7 +158,7 @@ def add_mission(parser: argparse.ArgumentParser) -> None:
         "--mission",
         default=DEFAULT_MISSION,
         metavar="FILE",
-        help=f"name or file of a mission: .toml, .plan, .waypoints ({DEFAULT_MISSION})",
+        help=f"name or file of a mission: .toml, .plan, .waypoints (default: {DEFAULT_MISSION})",
     )
 
 
@@ -167,7 +167,7 @@ def add_parameters(parser: argparse.ArgumentParser, default: str) -> None:
     parser.add_argument(
         "--parameters",
         metavar="FILE|none",
-        help=f"where changed parameters and calibrations are kept ({default}); none keeps nothing",
+        help=f"file of changed parameters and calibrations (default: {default}); none: not stored",
     )
 
 
@@ -185,7 +185,7 @@ def log_size(text: str) -> int:
     match = re.fullmatch(r"(\d+(?:\.\d*)?)([kMG]?)", text)
     size = round(float(match[1]) * SIZES[match[2]]) if match else 0
     if size < LEAST_LOG:
-        raise argparse.ArgumentTypeError(f"{text!r} is no size of a file from 1M on, such as 500M or 2G")
+        raise argparse.ArgumentTypeError(f"{text!r} is not a file size of at least 1M, such as 500M or 2G")
     return size
 
 
@@ -201,7 +201,7 @@ def add_log_size(parser: argparse.ArgumentParser) -> None:
         type=log_size,
         default=0,
         metavar="SIZE",
-        help="begin a new file (-2, -3 ...) when one has reached this size, such as 500M (default: one of any size)",
+        help="start a new file (-2, -3 ...) at this size, such as 500M (default: no limit)",
     )
 
 
@@ -212,7 +212,7 @@ def add_gcs(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="URL",
-        help=f"a link for a ground station; may be repeated. Behind a ? may follow {OPTIONS}, joined by &",
+        help=f"link for a ground station (repeatable). Options follow a ?, joined by &: {OPTIONS}",
     )
 
 
@@ -222,7 +222,7 @@ def add_identity(parser: argparse.ArgumentParser) -> None:
         "--identity",
         default=DEFAULT_IDENTITY,
         metavar="P",
-        help=f"autopilot that ground stations take it for: {', '.join(PROFILES)} ({DEFAULT_IDENTITY})",
+        help=f"autopilot type reported to ground stations: {', '.join(PROFILES)} (default: {DEFAULT_IDENTITY})",
     )
 
 
@@ -231,7 +231,7 @@ def add_signing_key(parser: argparse.ArgumentParser, default: str) -> None:
     parser.add_argument(
         "--signing-key",
         metavar="FILE|none",
-        help=f"key of MAVLink's message signing: 64 hexadecimal digits, or 'passphrase' and a text ({default})",
+        help=f"file with the MAVLink signing key: 64 hexadecimal digits, or 'passphrase' and a text ({default})",
     )
 
 
@@ -253,21 +253,23 @@ def key_file(chosen: str | None, default: Path | None) -> KeyFile | None:
 def add_world(parser: argparse.ArgumentParser, duration: float) -> None:
     """Offer what the world is made of: duration, speed, seed, wind, gusts."""
     parser.add_argument(
-        "--duration", type=positive, default=duration, metavar="S", help=f"end after so many seconds ({duration:g})"
+        "--duration", type=positive, default=duration, metavar="S", help=f"maximum duration (default: {duration:g})"
     )
     parser.add_argument(
-        "--speed", type=speed, default=math.inf, metavar="X|max", help="times real time; 1 is real time (max)"
+        "--speed", type=speed, default=math.inf, metavar="X|max", help="multiple of real time (default: max)"
     )
-    parser.add_argument("--seed", type=seed, default=1, metavar="N", help="of sensor noise and wind (1)")
-    parser.add_argument("--wind", type=not_negative, default=0.0, metavar="M/S", help="steady wind (0)")
+    parser.add_argument(
+        "--seed", type=seed, default=1, metavar="N", help="random seed for sensor noise and wind (default: 1)"
+    )
+    parser.add_argument("--wind", type=not_negative, default=0.0, metavar="M/S", help="steady wind (default: 0)")
     parser.add_argument(
         "--wind-from",
         type=direction,
         default=0.0,
         metavar="DEG",
-        help="where it comes from (0: north); launched into it",
+        help="direction from which the wind comes, 0 is north (default: 0); launch is into the wind",
     )
-    gusts = f"Dryden gusts: {LEVELS_TOLD} (none)"
+    gusts = f"Dryden gusts: {LEVELS_TOLD} (default: none)"
     parser.add_argument("--turbulence", type=level, default="none", metavar="LEVEL", help=gusts)
 
 
@@ -281,7 +283,7 @@ def add_faults(parser: argparse.ArgumentParser) -> None:
         default=[],
         type=fault,
         metavar="NAME@T[-T2]",
-        help=f"what fails, from T to T2 seconds since boot; may be repeated. NAME: {', '.join(FAULTS)}",
+        help=f"fault from T to T2 seconds since boot (repeatable). NAME: {', '.join(FAULTS)}",
     )
 
 

@@ -27,12 +27,12 @@ def put_right(folder: Path) -> None:
     """Repair what a flight that was cut off left in ``folder``, join its two recordings, and say so on stderr."""
     pairs = list(_left_separate(folder))
     for path, done in recover_left(folder):
-        print(f"repaired {path}, which was cut off: {pluralize(done.messages, 'message')} kept", file=sys.stderr)
+        print(f"repaired truncated recording {path}: {pluralize(done.messages, 'message')} kept", file=sys.stderr)
     for parts, flight in pairs:
         with suppress(InputError, OSError), held(flight) as ours:
             if ours:
                 join(parts, flight)
-                print(f"joined {flight}, which its flight had left in two recordings", file=sys.stderr)
+                print(f"joined two recordings to {flight}", file=sys.stderr)
     _unmark(folder)
 
 
@@ -70,7 +70,5 @@ def format_recording_paths(recorder: McapRecorder) -> str:
     """The files of a recording, and why it ended early if it did."""
     first, *others = map(str, recorder.paths)
     more = f" and {pluralize(len(others), 'more file')} up to {others[-1]}" if others else ""
-    left_out = (
-        f"; {pluralize(recorder.dropped, 'message')} left out: the disk was too slow" if recorder.dropped else ""
-    )
+    left_out = f"; {pluralize(recorder.dropped, 'message')} dropped: disk too slow" if recorder.dropped else ""
     return f"{first}{more}{left_out}" + (f"; {recorder.failure}" if recorder.failure else "")

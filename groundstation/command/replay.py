@@ -48,8 +48,8 @@ SHOWN = 3
 def build_parser() -> options.Parser:
     """The subcommand's parser."""
     summary = (
-        "Fly a recorded flight through the flight code again and say what differs, or IMU recordings with a reference"
-        " orientation (BROAD's .npz) through its attitude filter."
+        "Replay a recorded flight through the flight code and list the differences, or replay IMU recordings with a"
+        " reference attitude (BROAD .npz) through the attitude filter."
     )
     parser = options.build_parser("replay", summary, EXAMPLES, JSON_KEYS)
     parser.add_argument("file", nargs="?", type=Path, metavar="FILE", help="a log of a Wingbeat flight computer")
@@ -68,10 +68,13 @@ def _add_flight(parser: options.Parser) -> None:
         default=[],
         type=setting,
         metavar="GAIN=VALUE",
-        help="with another gain, by its place in the vehicle file or its parameter's name; may be repeated",
+        help="gain to change, by section.key or parameter name (repeatable)",
     )
     parser.add_argument(
-        "--start", type=options.not_negative, metavar="S", help="s since boot; from the last snapshot before it"
+        "--start",
+        type=options.not_negative,
+        metavar="S",
+        help="start in s since boot; replay begins at the last snapshot before it",
     )
     parser.add_argument("--end", type=options.positive, metavar="S", help="s since boot")
     parser.add_argument(
@@ -79,21 +82,23 @@ def _add_flight(parser: options.Parser) -> None:
         action="append",
         default=[],
         metavar="URL",
-        help="play it to ground stations on this link instead, such as udpout:127.0.0.1:14550; may be repeated",
+        help="play it to ground stations on this link, such as udpout:127.0.0.1:14550 (repeatable)",
     )
-    parser.add_argument("--speed", type=options.positive, metavar="X", help="of playing, in flight time (1)")
+    parser.add_argument(
+        "--speed", type=options.positive, metavar="X", help="playback speed, multiple of real time (default: 1)"
+    )
 
 
 def _add_filter(parser: options.Parser) -> None:
     """Offer the recordings that the attitude filter alone is played."""
     parser.add_argument(
-        "--imu", action="append", default=[], type=Path, metavar="FILE|DIR", help="recordings; may be repeated"
+        "--imu", action="append", default=[], type=Path, metavar="FILE|DIR", help="IMU recordings (repeatable)"
     )
     parser.add_argument(
         "--method",
         choices=tuple(METHODS),
         default="averages",
-        help="corrections of the filter: averages over time, as flown, or the classic ones of the Razor, to compare",
+        help="method of the filter: averages (as in flight) or the DCM of the Razor",
     )
 
 
@@ -107,7 +112,7 @@ def setting(text: str) -> tuple[str, float]:
     try:
         return name.strip(), float(value)
     except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is no GAIN=VALUE, such as pitch.proportional=0.5") from None
+        raise argparse.ArgumentTypeError(f"{text!r} is not GAIN=VALUE, such as pitch.proportional=0.5") from None
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -118,7 +123,7 @@ def run(arguments: Sequence[str]) -> int:
     """
     chosen = build_parser().parse_args(arguments)
     if bool(chosen.file) == bool(chosen.imu):
-        raise InputError("either a log FILE or --imu is replayed (see wingbeat replay --help)")
+        raise InputError("specify a log FILE or --imu (see wingbeat replay --help)")
     if chosen.imu:
         _replay_imu(chosen)
     elif chosen.mavlink:
@@ -135,7 +140,7 @@ def _play(chosen: argparse.Namespace) -> None:
         InputError: other options than a player has.
     """
     if chosen.set or chosen.end or chosen.json:
-        raise InputError("--set, --end and --json are not for playing over --mavlink")
+        raise InputError("--set, --end and --json do not apply to --mavlink")
     identity = load_identity(chosen.identity)
     with open_log(chosen.file) as log:
         flight = recorded_flight(log)
@@ -171,7 +176,7 @@ def _print_flight(done: Replayed) -> None:
         console.print(done.late, highlight=False)
     span = f"{pluralize(done.ticks, 'tick')} from {done.start:.3f} to {done.end:.3f} s since boot"
     if done.same:
-        said = f"the flight code said the same in every bit: {pluralize(messages, 'message')}"
+        said = f"identical in every bit: {pluralize(messages, 'message')}"
         console.print(f"{span}: {said} of {pluralize(len(done.differences), 'topic')}", highlight=False)
         return
     console.print(span, highlight=False)
@@ -190,7 +195,7 @@ def _print_flight(done: Replayed) -> None:
         )
     console.print(table)
     alike = sum(each.same for each in done.differences)
-    console.print(f"{alike} of {pluralize(len(done.differences), 'topic')} the same in every bit", highlight=False)
+    console.print(f"{alike} of {pluralize(len(done.differences), 'topic')} identical in every bit", highlight=False)
 
 
 def _foremost(each: TopicDifference) -> list[FieldDifference]:

@@ -53,7 +53,7 @@ def play(player: Player, playing: Playing, clock: Callable[[], float] = time.mon
             _loop(player, link, pressed, clock)
     finally:
         link.close()
-    print(f"over at {wording.clock(player.time)}", file=sys.stderr)
+    print(f"ended at {wording.clock(player.time)}", file=sys.stderr)
 
 
 def _loop(

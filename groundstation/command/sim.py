@@ -1,4 +1,4 @@
-"""``wingbeat sim``: the world alone, waiting for a flight computer."""
+"""``wingbeat sim``: simulator only, waiting for a flight computer."""
 
 from __future__ import annotations
 
@@ -47,13 +47,13 @@ EXAMPLES = (
     "wingbeat sim --ardupilot --launch throw --channels aileron=0",
     "wingbeat sim --ardupilot --launch throw --write-parameters raven.parm",
 )
-WAITING = "the vehicle is thrown once it has been armed for 5 s, 8 s after boot at the earliest"
+WAITING = "the vehicle is launched after 5 s armed, 8 s after boot at the earliest"
 REAL_TIME = 1.0
 """-; a flight up to that speed leaves room for other programs though it runs before them"""
-HURRIED = "; who arms by hand needs --speed 1"
+HURRIED = "; use --speed 1 when arming manually"
 LISTEN = (
-    f"tcp:HOST:PORT ({DEFAULT_URL}); serial:DEVICE,BAUD plays a microcontroller that waits for nobody,"
-    " pty does so on a pseudo terminal that is made for it"
+    f"tcp:HOST:PORT ({DEFAULT_URL}); serial:DEVICE,BAUD simulates a microcontroller without lockstep,"
+    " pty does so on a new pseudo terminal"
 )
 WRITING = Writing(IN_FLIGHT, account=topics.RECORDER)
 DURATION = 600.0
@@ -62,7 +62,7 @@ DURATION = 600.0
 
 def build_parser() -> options.Parser:
     """The subcommand's parser."""
-    summary = "The world alone: waits for a flight computer on TCP and flies it in lockstep over MAVLink."
+    summary = "Simulator only: waits for a flight computer on TCP and runs in lockstep over MAVLink."
     parser = options.build_parser("sim", summary, EXAMPLES)
     options.add_vehicle(parser)
     options.add_aerodynamics(parser)
@@ -141,7 +141,7 @@ def _scenario(chosen: argparse.Namespace) -> Scenario:
     faults, of_flight = divided(chosen.fault)
     if of_flight:
         raise InputError(
-            f"fault {of_flight[0].name} enters the flight computer, not the world: wingbeat fly has both"
+            f"fault {of_flight[0].name} affects the flight computer, not the simulator: use wingbeat fly"
         )
     return Scenario(chosen.seed, chosen.wind, chosen.wind_from, chosen.turbulence, chosen.duration, faults=faults)
 
@@ -261,10 +261,10 @@ def print_events(topic: Topic[Any], message: Any) -> None:
 
 def _report_end(world: SimulatedWorld, ended: str, recorded: str) -> None:
     end = world.time_us * 1e-6
-    never = "" if world.launched else ", never thrown"
-    print(f"over after {end:.1f} s{never}: {ended}; recorded in {recorded}", file=sys.stderr)
+    never = "" if world.launched else ", not launched"
+    print(f"ended after {end:.1f} s{never}: {ended}; recorded in {recorded}", file=sys.stderr)
     for name in options.missed(world.scenario.faults, end):
-        print(f"fault {name} never came: the flight was over before", file=sys.stderr)
+        print(f"fault {name} did not occur: the flight ended before", file=sys.stderr)
 
 
 def _server(address: str, speed: float | None) -> BridgeServer | SerialPeer:

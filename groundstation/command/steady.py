@@ -49,8 +49,10 @@ def steady_parser(name: str, summary: str, examples: Sequence[str], keys: Mappin
     """A parser that takes the vehicle, ``--airspeed``, ``--climb``, ``--aerodynamics`` and ``--json``."""
     parser = options.build_parser(name, summary, examples, keys)
     parser.add_argument("vehicle", metavar="VEHICLE", help="name, file or folder of a vehicle, see wingbeat vehicles")
-    parser.add_argument("--airspeed", type=options.positive, metavar="M/S", help="the vehicle's cruise by default")
-    parser.add_argument("--climb", type=options.number, metavar="M/S", help="climb rate, up positive (its cruise's)")
+    parser.add_argument("--airspeed", type=options.positive, metavar="M/S", help="airspeed (default: cruise)")
+    parser.add_argument(
+        "--climb", type=options.number, metavar="M/S", help="climb rate, up positive (default: that of the cruise)"
+    )
     options.add_aerodynamics(parser)
     options.add_json(parser)
     return parser

@@ -82,15 +82,25 @@ def build_parser() -> options.Parser:
     parser.add_argument(
         "subject", metavar="VEHICLE|MODEL", help="name or folder of a vehicle, or file of a linear model"
     )
-    parser.add_argument("--vehicle", metavar="V|DIR", help="whose gains, with a MODEL (default: the one it names)")
-    parser.add_argument("--airspeed", type=options.positive, metavar="M/S", help="of the trim (the vehicle's cruise)")
+    parser.add_argument(
+        "--vehicle", metavar="V|DIR", help="vehicle of the gains for a MODEL (default: the one it names)"
+    )
+    parser.add_argument(
+        "--airspeed", type=options.positive, metavar="M/S", help="airspeed of the trim (default: cruise)"
+    )
     options.add_aerodynamics(parser)
     parser.add_argument(
-        "--out", type=Path, metavar="DIR", help="new folder for world.toml and avionics.toml, or a new FILE.toml"
+        "--out", type=Path, metavar="DIR", help="new folder for world.toml and avionics.toml, or new FILE.toml"
     )
     parser.add_argument("--force", action="store_true", help="write the files even if the flight after is worse")
     parser.add_argument("--no-fly", action="store_true", help="leave out the flights before and after")
-    parser.add_argument("--seed", type=options.seed, default=SCENARIO.seed, metavar="N", help="of the flights (1)")
+    parser.add_argument(
+        "--seed",
+        type=options.seed,
+        default=SCENARIO.seed,
+        metavar="N",
+        help="random seed of the flights (default: 1)",
+    )
     options.add_json(parser)
     return parser
 
@@ -154,16 +164,16 @@ def _subject(chosen: argparse.Namespace) -> _Chosen:
     path = Path(chosen.subject)
     if not is_model_file(path):
         if chosen.vehicle is not None:
-            raise InputError("--vehicle goes with a MODEL; a VEHICLE is tuned on its own")
+            raise InputError("--vehicle applies to a MODEL only")
         vehicle = _flight_vehicle(chosen.subject)
         world = _world(chosen.subject, chosen.aerodynamics)
         return _Chosen(linearised(world, chosen.airspeed), vehicle, world)
     if chosen.airspeed is not None or chosen.aerodynamics is not None:
-        raise InputError("--airspeed and --aerodynamics go with a VEHICLE; a MODEL is about its own trim")
+        raise InputError("--airspeed and --aerodynamics go with a VEHICLE only; a MODEL has its own trim")
     model = load_model(path)
     name = chosen.vehicle or model.vehicle
     if not name:
-        raise InputError(f"{path} names no vehicle: say with --vehicle whose gains are designed")
+        raise InputError(f"{path} names no vehicle: specify --vehicle")
     vehicle = _flight_vehicle(name)
     try:
         return _Chosen(model, vehicle, _world(name, None))
@@ -185,7 +195,7 @@ def _flight_vehicle(name: str) -> FlightVehicle:
     except InputError as error:
         if world == avionics:
             load_world(world)  # refuses a vehicle that nobody knows in its own words
-            raise InputError(f"{name} has no file for the flight computer: there are no gains to tune") from None
+            raise InputError(f"{name} has no file for the flight computer, so there are no gains to tune") from None
         raise error
 
 

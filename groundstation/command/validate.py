@@ -53,7 +53,7 @@ JSON_KEYS = {
 
 def build_parser() -> options.Parser:
     """The subcommand's parser."""
-    summary = "Compute every published figure and print it beside the paper's; nothing is stored or tuned."
+    summary = "Compute every published figure and compare it with the paper; nothing is stored or tuned."
     parser = options.build_parser("validate", summary, EXAMPLES, JSON_KEYS)
     parser.add_argument("--only", choices=PAPERS, metavar="PAPER", help=f"one paper: {', '.join(PAPERS)}")
     parser.add_argument("--studies", action="store_true", help="also compute the rows that take minutes")
@@ -116,7 +116,7 @@ def drawn(names: Sequence[str], folder: Path) -> list[Path]:
     """
     having = [name for name in names if name in PICTURES]
     if not having:
-        raise InputError(f"{names[0]} has no pictures to draw; {' and '.join(PICTURES)} have")
+        raise InputError(f"{names[0]} has no pictures; {' and '.join(PICTURES)} have")
     with ProgressBar("drawing") as bar:
         return [
             path
@@ -132,7 +132,7 @@ def record_scene(names: Sequence[str], path: Path) -> None:
         InputError: the lattice is not among the papers, or the file exists or cannot be written.
     """
     if "lattice" not in names:
-        raise InputError(f"{names[0]} has no scene to record; lattice has")
+        raise InputError(f"{names[0]} has no scene; only lattice has one")
     if path.exists():
         raise InputError(f"{path} exists: it is not overwritten")
     with ProgressBar("recording") as bar:

@@ -35,7 +35,7 @@ JSON_KEYS = {
 
 def build_parser() -> options.Parser:
     """The subcommand's parser."""
-    summary = "List the modelled vehicles; with a name, every value with its source."
+    summary = "List the vehicles; with a name, every value with its source."
     parser = options.build_parser("vehicles", summary, EXAMPLES, JSON_KEYS)
     parser.add_argument("name", nargs="?", metavar="V|PATH", help="a vehicle of the list, a file or a folder")
     options.add_json(parser)

@@ -60,8 +60,8 @@ class CommandExchange(NamedTuple):
         if self.in_progress:
             return Progress(self.percent, 100)
         if self.rejected_at is not None and not self.finished:
-            return Progress(0, 1, f"{self.awaited}; trying again" if self.awaited else "")
-        note = f"no answer to {command_name(self.command)} yet, retrying" if self.timer.attempts > 1 else ""
+            return Progress(0, 1, f"{self.awaited}; retrying" if self.awaited else "")
+        note = f"no response to {command_name(self.command)} yet, retrying" if self.timer.attempts > 1 else ""
         return Progress(int(self.finished), 1, "" if self.finished or self.result is not None else note)
 
     def step(self, now: float, message: Any | None) -> tuple[CommandExchange, Outgoing]:
@@ -77,7 +77,7 @@ class CommandExchange(NamedTuple):
         if not self.timer.due(now, LONG_WAIT if self.in_progress else RETRY):
             return self, ()
         if self.timer.spent or self.in_progress:
-            return self._replace(failure=f"no answer to {command_name(self.command)}"), ()
+            return self._replace(failure=f"no response to {command_name(self.command)}"), ()
         return self._again(now)
 
     def _again(self, now: float) -> tuple[CommandExchange, Outgoing]:
@@ -167,4 +167,4 @@ def refusal(command: int, result: int, reason: str) -> str:
     """One line that says who refused what, and the vehicle's own words where it gave any."""
     entry = mavlink.enums["MAV_RESULT"].get(result)
     name = str(entry.name).removeprefix("MAV_RESULT_").lower().replace("_", " ") if entry else f"result {result}"
-    return f"the vehicle refused {command_name(command)}: {reason or name}"
+    return f"{command_name(command)} denied: {reason or name}"

@@ -200,7 +200,7 @@ class Connection:
         deadline = self._clock() + timeout
         while self.state.system is None:
             if self._clock() >= deadline:
-                raise LinkSilent(f"no vehicle answers on {self.url}: {self._silence(timeout)}")
+                raise LinkSilent(f"no vehicle on {self.url}: {self._silence(timeout)}")
             self.receive()
             self.wait()
         return self.state
@@ -211,14 +211,16 @@ class Connection:
             return self._transport.trouble.lower()
         said = f"no heartbeat for {timeout:g} s"
         if self.refused:
-            return f"{said}; {pluralize(self.refused, 'frame')} refused by their signature"
+            return f"{said}; {pluralize(self.refused, 'frame')} rejected by signature"
         if self._on_message or not self.url.startswith("udpout:"):
             return said
         # Who waits on UDP with a key set does not even answer without it.
         advice = (
-            "has the vehicle the key of --signing-key?" if self._signing.active else "does it need a --signing-key?"
+            "check that the vehicle has this signing key"
+            if self._signing.active
+            else "check if it needs --signing-key"
         )
-        return f"{said}, nor anything else; {advice}"
+        return f"{said}, no other messages; {advice}"
 
     def run(
         self,
@@ -242,7 +244,7 @@ class Connection:
                 watch(exchange)
             if self._clock() >= deadline:
                 note = exchange.progress().note or "the vehicle"
-                raise NoAnswer(f"{note}: not finished after {timeout:g} s{self._hint()}")
+                raise NoAnswer(f"{note}: timed out after {timeout:g} s{self._hint()}")
             if not exchange.finished:
                 self.wait()
         if exchange.failure:
@@ -252,7 +254,7 @@ class Connection:
     def _hint(self) -> str:
         """What may be behind silence: a vehicle that signs hears nobody who does not."""
         unsigned = self._signed and not self._signing.active
-        return "; the vehicle signs what it says and may hear only who does: --signing-key" if unsigned else ""
+        return "; the vehicle signs its messages and may require --signing-key" if unsigned else ""
 
     def _send_all(self, outgoing: tuple[Any, ...]) -> None:
         for message in outgoing:

@@ -48,7 +48,7 @@ def parse_field(text: str) -> Field:
     message, name, index = match[1].upper(), match[2].lower(), match[3]
     kind = message_class(message)
     if kind is None:
-        raise InputError(f"there is no message {message}{did_you_mean(message, message_names())}")
+        raise InputError(f"unknown message {message}{did_you_mean(message, message_names())}")
     names = {field.lower(): field for field in kind.fieldnames}
     if name not in names:
         raise InputError(

@@ -32,7 +32,7 @@ class HeartbeatMonitor:
         silence = arrival.at - self._received_at
         if silence >= NOTICED:
             self.total += silence
-            self._news.append(f"the vehicle speaks again after {silence:.0f} s of silence")
+            self._news.append(f"telemetry resumed after {silence:.0f} s")
         self._received_at, self._due = arrival.at, arrival.at + NOTICED
 
     def silence(self, now: float) -> float:
@@ -46,5 +46,5 @@ class HeartbeatMonitor:
         if now >= self._due:
             silence = now - self._received_at
             self._due = self._received_at + AGAIN * (silence // AGAIN + 1)
-            told.append(f"the vehicle is silent for {silence:.0f} s")
+            told.append(f"no telemetry for {silence:.0f} s")
         return told

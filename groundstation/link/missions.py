@@ -77,7 +77,7 @@ class MissionDownload(NamedTuple):
         if self.finished or not self.timer.due(now):
             return self, ()
         if self.timer.spent:
-            return self._replace(failure=f"{self.progress().note.removesuffix(', retrying')}, then silence"), ()
+            return self._replace(failure=f"{self.progress().note.removesuffix(', retrying')}, then timed out"), ()
         return self._replace(timer=self.timer.again(now)), (self._request(),)
 
     def _on_message(self, now: float, message: Any) -> tuple[MissionDownload, Outgoing]:
@@ -89,9 +89,7 @@ class MissionDownload(NamedTuple):
         if kind == "MISSION_ITEM_INT" and self.total is not None and message.seq == len(self.items):
             return self._replace(items=(*self.items, item_of(message)), timer=Timer())._next(now)
         if kind == "MISSION_ACK" and message.type != mavlink.MAV_MISSION_ACCEPTED:
-            return self._replace(
-                failure=f"the vehicle refused to send its mission: {mission_result(message.type)}"
-            ), ()
+            return self._replace(failure=f"mission download denied: {mission_result(message.type)}"), ()
         return self, ()
 
     def _next(self, now: float) -> tuple[MissionDownload, Outgoing]:
@@ -179,8 +177,8 @@ class MissionUpload(NamedTuple):
 
     def _silence(self) -> str:
         if self.offers:
-            return f"sent all {len(self.items)} mission items, but the vehicle does not confirm them"
-        return f"{self.progress().note}, then silence"
+            return f"sent all {len(self.items)} mission items, not confirmed by the vehicle"
+        return f"{self.progress().note}, then timed out"
 
     def _offer_again(self) -> MissionUpload:
         if self.offers == OFFERS:
@@ -220,7 +218,7 @@ class MissionUpload(NamedTuple):
         if not self.reason and not self.timer.due(now, EXPLANATION):
             return self
         reason = f": {self.reason.strip()}" if self.reason else ""
-        return self._replace(failure=f"the vehicle refused the mission: {mission_result(self.result or 0)}{reason}")
+        return self._replace(failure=f"mission rejected: {mission_result(self.result or 0)}{reason}")
 
     def _item(self, sequence: int) -> Any:
         item = self.items[sequence]

@@ -48,5 +48,5 @@ def read(path: Path) -> dict[str, float]:
             raise InputError(f"{path}, line {number}: {name} is not a finite number")
         values[name] = value
     if not values:
-        raise InputError(f"{path} holds no parameters")
+        raise InputError(f"{path} has no parameters")
     return values

@@ -108,7 +108,7 @@ class ParameterDownload(NamedTuple):
         if self.finished or not self.timer.due(now):
             return self, ()
         if self.timer.spent:
-            return self._replace(failure=f"{self.progress().note.removesuffix(', retrying')}, then silence"), ()
+            return self._replace(failure=f"{self.progress().note.removesuffix(', retrying')}, then timed out"), ()
         asked = self._replace(timer=self.timer.again(now), retrying=self.timer.attempts > 0 or self.total is not None)
         return asked, self._requests()
 
@@ -128,7 +128,7 @@ class ParameterDownload(NamedTuple):
 
 
 def _retrying(timer: Timer, name: str) -> str:
-    return f"no answer about {name} yet, retrying" if timer.attempts > 1 else ""
+    return f"no response for {name} yet, retrying" if timer.attempts > 1 else ""
 
 
 class ParameterRead(NamedTuple):
@@ -157,7 +157,7 @@ class ParameterRead(NamedTuple):
         if self.finished or not self.timer.due(now):
             return self, ()
         if self.timer.spent:
-            return self._replace(failure=f"no answer about parameter {self.name}: does it exist?"), ()
+            return self._replace(failure=f"no response for parameter {self.name}: check its name"), ()
         request = mavlink.MAVLink_param_request_read_message(*self.target, self.name.encode(), -1)
         return self._replace(timer=self.timer.again(now)), (request,)
 
@@ -207,7 +207,7 @@ class ParameterWrite(NamedTuple):
         if self.finished or not self.timer.due(now):
             return self, ()
         if self.timer.spent:
-            return self._replace(failure=f"no answer to setting {self.known.name}"), ()
+            return self._replace(failure=f"no response to setting {self.known.name}"), ()
         return self._replace(timer=self.timer.again(now)), (self._request(),)
 
     def _on_message(self, now: float, message: Any) -> ParameterWrite:
@@ -233,8 +233,8 @@ class ParameterWrite(NamedTuple):
 
     def _denial(self) -> str:
         if self.error is not None or self.kept is None:
-            return f"the vehicle refused to set {self.known.name} = {self.value:g}"
-        return f"the vehicle kept {self.known.name} = {self.kept.value:g}, not {self.value:g}"
+            return f"parameter rejected: {self.known.name} = {self.value:g}"
+        return f"{self.known.name} is {self.kept.value:g} after the request of {self.value:g}"
 
     def _because(self) -> str:
         entry = None if self.error is None else mavlink.enums["MAV_PARAM_ERROR"].get(self.error)

@@ -94,7 +94,7 @@ def read_upload(path: Path, convention: Convention, home: Home | None = None) ->
         items = tuple(item_of(line.item, line.autocontinue) for line in lines)
         return Upload(items if listed is not None else _behind(None, items), notes=texts)
     if len(sent) < len(lines):
-        texts = (f"the first line of {path.name} is home: it is not sent", *texts)
+        texts = (f"the first line of {path.name} is home and is not sent", *texts)
     return Upload(tuple(item_of(line.item, line.autocontinue) for line in sent), notes=texts)
 
 

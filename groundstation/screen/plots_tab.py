@@ -57,7 +57,7 @@ class PlotsTab(Vertical):
         """The line, the plots, and what to do while there is none."""
         yield Input(placeholder="MESSAGE.field, such as ATTITUDE.pitch", id="choice")
         yield Label(
-            "no plots yet: p asks for a field, enter on a field of tab 2 plots it, x takes the last away",
+            "no plots: p adds a field, enter on a field of tab 2 plots it, x removes the last",
             id="no-plots",
         )
 

@@ -49,7 +49,7 @@ def stopped(done: int, size: int) -> str:
 
 def too_late_for_logs(table: Path) -> str:
     """Said when flights are to be recorded that have been flown before."""
-    return f"{table} is whole: --logs records nothing more; --flight N --log FILE flies one again and records it"
+    return f"{table} is complete: --logs has no effect; --flight N --log FILE repeats and records one flight"
 
 
 def summary(name: str, table: Path, outcomes: Mapping[str, int], done: tuple[int, float]) -> RenderableType:

@@ -33,7 +33,7 @@ def field_plot(trace: Trace, now: float, columns: int, rows: int, color: str = C
     points = [point for point in trace.points if math.isfinite(point[1])]
     text = _title(trace, points, columns, color)
     if not points:
-        return text.append("\n  nothing heard yet", style=FAINT)
+        return text.append("\n  nothing received yet", style=FAINT)
     low, high = _bounds([value for _, value in points])
     start = min(points[0][0], now - 10.0)
     lines = braille.draw([points], braille.Window(start, now, low, high), columns - AXIS - 1, rows - 2)

@@ -20,7 +20,7 @@ def log_line(path: Path) -> Text:
 
 def missed_line(fault: str, end: float) -> Text:
     """A fault, as it was asked for, whose time lay after the ``end`` (s since boot) of the flight."""
-    return Text.assemble(("fault".ljust(12), "dim"), f"{fault} never came: the flight was over at {end:.1f} s")
+    return Text.assemble(("fault".ljust(12), "dim"), f"{fault} did not occur: the flight ended at {end:.1f} s")
 
 
 def flight_metrics_table(summary: FlightSummary) -> RenderableType:
@@ -34,13 +34,13 @@ def flight_metrics_table(summary: FlightSummary) -> RenderableType:
         ("drive", _drive(summary)),
         ("estimate", _estimate(summary.estimate)),
         ("touchdown", _touchdown(summary.touchdown)),
-        ("landed", "" if summary.landed is None else f"at {summary.landed:.1f} s for the flight computer"),
+        ("landed", "" if summary.landed is None else f"at {summary.landed:.1f} s, detected by the flight computer"),
     ]
     for label, text in rows:
         if text:
             table.add_row(label, text)
     note = (
-        "" if summary.against_truth else "errors are against the flight computer's own estimate: the log has no truth"
+        "" if summary.against_truth else "errors relative to the estimate of the flight computer: no truth in the log"
     )
     return Group(table, Text(note, style="dim")) if note else table
 

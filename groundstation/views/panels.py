@@ -56,7 +56,7 @@ def _link_note(picture: Picture) -> tuple[str, str]:
     if picture.silence is None:
         return f"waiting for a vehicle on {picture.url}", CAUTION
     if picture.silence > SILENT_AFTER:
-        return f"silent for {picture.silence:.0f} s", BAD
+        return f"no telemetry for {picture.silence:.0f} s", BAD
     return _fix(picture.state), LABEL
 
 

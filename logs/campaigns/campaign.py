@@ -98,9 +98,7 @@ def load_campaign(path: Path) -> Campaign:
 
 def _campaign(path: Path, document: Mapping[str, Any]) -> Campaign:
     if not document:
-        raise InputError(
-            "the file is empty: [grid] or [draw] says what varies from flight to flight, flights how many"
-        )
+        raise InputError("the file is empty: specify [grid] or [draw], and flights")
     check_keys(document, (*PLAIN, *SECTIONS))
     for section in SECTIONS:
         check_table(document.get(section, {}), section)

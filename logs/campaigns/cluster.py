@@ -86,7 +86,7 @@ def existing_cluster(address: str) -> Iterator[Any]:
     try:
         client = distributed.Client(address, timeout=CONNECTING)
     except (OSError, ValueError, ImportError) as error:
-        raise InputError(f"no Dask scheduler answers at {address}: {' '.join(str(error).split())}") from None
+        raise InputError(f"no Dask scheduler at {address}: {' '.join(str(error).split())}") from None
     try:
         _check_workers(client, address)
         yield client
@@ -111,9 +111,7 @@ def _check_workers(client: Any, address: str) -> None:
     ours = flight_code()
     others = [worker for worker, code in codes.items() if code != ours]
     if others:
-        raise InputError(
-            f"{others[0]} has another version of Wingbeat's sources: its flights would not be those of this machine"
-        )
+        raise InputError(f"{others[0]} has another version of Wingbeat's sources: its flights would differ")
 
 
 def flight_code() -> str:

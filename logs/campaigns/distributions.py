@@ -84,7 +84,7 @@ def _within(where: str, name: str, numbers: Sequence[Any], within: Any) -> tuple
         raise InputError(f"{where}: within = {within}: {wrong}")
     bell = NormalDist(*numbers)
     if not bell.cdf(within[1]) > bell.cdf(within[0]):
-        raise InputError(f"{where}: within = {within}: nothing of the distribution lies there")
+        raise InputError(f"{where}: within = {within}: no part of the distribution is in this range")
     return float(within[0]), float(within[1])
 
 

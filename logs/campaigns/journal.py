@@ -42,7 +42,7 @@ class Journal:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
             self._file.close()
-            raise InputError(f"{path}: another command is flying this campaign") from None
+            raise InputError(f"{path}: in use by another command of this campaign") from None
         try:
             self._read(digest, file)
         except BaseException:
@@ -77,7 +77,8 @@ class Journal:
         if begun != digest:
             if lines:
                 raise InputError(
-                    f"{self.path} is of another campaign, or of this one before its files changed: name another --out"
+                    f"{self.path} belongs to another campaign, or to this one before its files changed:"
+                    " choose another --out"
                 )
             self._file.truncate(0)
             self._write({"campaign": digest} | ({} if file is None else {"file": str(file)}))
@@ -150,4 +151,4 @@ def _parsed(path: Path, number: int, line: str) -> Any:
 
 
 def _damaged(path: Path, reason: str) -> InputError:
-    return InputError(f"{path} is damaged, or not a campaign's journal ({reason}): name another --out")
+    return InputError(f"{path} is damaged, or not a campaign's journal ({reason}): choose another --out")

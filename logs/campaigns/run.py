@@ -60,7 +60,7 @@ def fly_campaign(campaign: Campaign, numbers: Sequence[int], client: Any, logs: 
                 yield _row(future, flying.pop(future), logs)
             alone = 0 if workers_of(client) else alone + 1
             if alone > PATIENCE or client.status != "running":
-                raise InputError("the cluster has gone; the same command goes on where it ended")
+                raise InputError("cluster disconnected; the same command resumes")
     finally:
         with contextlib.suppress(Exception):
             client.cancel(list(flying))
@@ -76,7 +76,7 @@ def _row(future: Any, number: int, logs: Logs) -> Row:
         row: Row = future.result()
         return row
     if future.status == "cancelled":
-        raise InputError("the cluster has gone; the same command goes on where it ended")
+        raise InputError("cluster disconnected; the same command resumes")
     error = future.exception()
     if isinstance(error, CannotRecord):
         raise InputError(f"{error}; the same command goes on when it can be")

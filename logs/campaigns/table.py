@@ -105,7 +105,7 @@ def read_table(path: Path) -> Table:
     except (OSError, pyarrow.ArrowException) as error:
         raise InputError(f"cannot read {path}: {' '.join(str(error).split())}") from None
     except (KeyError, ValueError, TypeError, AttributeError):
-        raise InputError(f"{path} is no table of a campaign") from None
+        raise InputError(f"{path} is not a campaign table") from None
     units = {field.name: (field.metadata or {}).get(b"unit", b"-").decode() for field in table.schema}
     return Table(found, table.to_pydict(), units)
 

@@ -90,5 +90,5 @@ def _times(vehicle: SimulatedVehicle, document: Mapping[str, Any], place: str, f
     old = entry["value"] if index is None else entry["value"][index]
     numbers = old if isinstance(old, list) else [old]
     if any(isinstance(number, bool | str) for number in numbers):
-        raise InputError(f"scale.vehicle.{place}: {old!r} is no number")
+        raise InputError(f"scale.vehicle.{place}: {old!r} is not a number")
     return [number * factor for number in old] if isinstance(old, list) else old * factor

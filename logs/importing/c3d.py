@@ -60,7 +60,7 @@ def read_c3d(data: bytes) -> Source:
     except (struct.error, ValueError, IndexError) as error:
         if isinstance(error, InputError):
             raise
-        raise InputError("it is no whole C3D file") from None
+        raise InputError("not a complete C3D file") from None
 
 
 def _head(data: bytes, order: str) -> Head:

@@ -85,7 +85,7 @@ def _not_mapped(table: Table, chosen: TableMapping) -> list[str]:
 
 def _damage(table: Table) -> tuple[str, ...]:
     told = {
-        f"{pluralize(table.strange, 'cell')} with something that is no number": table.strange,
+        f"{pluralize(table.strange, 'cell')} without a number": table.strange,
         f"{pluralize(table.short, 'row')} with fewer cells than there are names of columns": table.short,
     }
     return tuple(line for line, count in told.items() if count)
@@ -145,8 +145,8 @@ def decoded(data: bytes, encoding: Any) -> str:
     try:
         return data.decode("utf-8-sig" if encoding == "utf-8" else encoding)
     except UnicodeDecodeError:
-        hint = "" if encoding != "utf-8" else ': the mapping can say [table] encoding = "latin-1"'
-        raise InputError(f"it is no text in {encoding.upper()}{hint}") from None
+        hint = "" if encoding != "utf-8" else ': set [table] encoding = "latin-1"'
+        raise InputError(f"not text in {encoding.upper()}{hint}") from None
     except (LookupError, TypeError):
         raise InputError(f"[table] encoding {encoding!r} is not known") from None
 
@@ -171,7 +171,7 @@ def _times(table: Table, chosen: TimeSection) -> Series:
     else:
         known = conversion(chosen.unit)
         if known.unit != "s":
-            raise InputError(f"unit {chosen.unit!r} of time is none of time")
+            raise InputError(f"unit {chosen.unit!r} of time is not a unit of time")
         seconds = (_column(table, chosen.column) - chosen.start) * known.factor
     rows = np.flatnonzero(np.isfinite(seconds) & (seconds >= 0.0) & (seconds < 1e12))
     if not len(rows):
@@ -183,7 +183,7 @@ def _column(table: Table, name: Any) -> NDArray[np.float64]:
     if not isinstance(name, str) or name not in table.columns:
         raise InputError(f"the table has no column {name!r}; it has: {', '.join(table.columns)}")
     if name in table.twice:
-        raise InputError(f"the table has several columns {name!r}: it cannot be told which is meant")
+        raise InputError(f"the table has several columns {name!r}: rename one of them")
     return table.columns[name]
 
 

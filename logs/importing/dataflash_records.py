@@ -75,7 +75,7 @@ def find_records(data: bytes) -> Records:
             continue
         at = _skip(data, at, lost)
     size = sum(last - first for first, last in lost)
-    told = f"{pluralize(size, 'byte')} in {pluralize(len(lost), 'place')} that are no whole record" if lost else ""
+    told = f"{pluralize(size, 'byte')} in {pluralize(len(lost), 'place')} outside of records" if lost else ""
     return Records(kinds, places, tuple(filter(None, (told, cut))))
 
 

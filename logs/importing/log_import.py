@@ -163,7 +163,7 @@ def _read(choice: Choice, data: bytes) -> Source:
         raise InputError("it is empty")
     suffix = choice.source.suffix.lower()
     if choice.mapping is not None and (suffix in (".bin", ".ulg", ".tlog") or ulog.is_ulog(data)):
-        raise InputError("it tells itself what is in it: --map is for tables of columns")
+        raise InputError("--map applies to tables only")
     if ulog.is_ulog(data):
         return ulog.read_ulog(data)
     if dataflash_records.is_dataflash(data):
@@ -183,7 +183,7 @@ def _read(choice: Choice, data: bytes) -> Source:
     suffix = ".csv" if choice.mapping is not None and suffix not in named else suffix
     if suffix not in named:
         raise InputError(
-            "it is no log that is known; known: .bin, .ulg, .tlog, .c3d, captures of a Razor, any table with --map"
+            "unknown log format; known: .bin, .ulg, .tlog, .c3d, captures of a Razor, any table with --map"
         )
     return named[suffix]()
 

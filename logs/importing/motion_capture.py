@@ -132,7 +132,7 @@ def motive_tracks(rows: Rows) -> list[Track]:
     head = dict(zip(rows[0][::2], rows[0][1::2], strict=False))
     at = next((n for n, row in enumerate(rows) if row and row[0].strip() == "Frame"), None)
     if at is None or at < 4:
-        raise InputError("there is no line of column names (Frame, Time) below the head")
+        raise InputError("no line of column names (Frame, Time) after the header")
     unit = head.get("Length Units", "Meters").strip()
     if unit not in _LENGTHS:
         raise InputError(f"its Length Units are {unit!r}; known: {', '.join(_LENGTHS)}")

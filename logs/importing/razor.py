@@ -61,7 +61,7 @@ def read_razor(data: bytes) -> Source:
     reader = Reader(output)
     frames = _frames(data, output, reader)
     if not frames:
-        raise InputError("there is no whole frame of a Razor in it" + _why(output))
+        raise InputError("no complete frame of a Razor found" + _why(output))
     lost = reader.count.lost
     damage = [f"{pluralize(lost, 'frame')} damaged, {pluralize(reader.count.bad_bytes, 'byte')}"] if lost else []
     if reader.waiting:
@@ -73,7 +73,7 @@ def read_razor(data: bytes) -> Source:
 
 
 def _why(output: Output) -> str:
-    return " between two synch tokens (ask for them with #s00 while you capture)" if output.size else ""
+    return " between two synch tokens (send #s00 during the capture)" if output.size else ""
 
 
 def _frames(data: bytes, output: Output, reader: Reader) -> list[Frame]:

@@ -60,7 +60,7 @@ def read_tlog(data: bytes, clock: str = "vehicle") -> Source:
     """
     heard, damage = _frames(data)
     if not heard:
-        raise InputError("there is no whole MAVLink frame behind a time stamp in it")
+        raise InputError("no complete MAVLink frame after a time stamp found")
     vehicle = vehicle_of(heard)
     times = VehicleClock.of(heard, vehicle) if clock == "vehicle" else VehicleClock.on_the_ground(heard)
     series = _series(heard, vehicle, times)
@@ -100,10 +100,10 @@ def _frames(data: bytes) -> tuple[list[Heard], tuple[str, ...]]:
 def _told(lost: int, places: int, unknown: Counter[int]) -> tuple[str, ...]:
     damage: list[str] = []
     if lost:
-        damage.append(f"{pluralize(lost, 'byte')} in {pluralize(places, 'place')} that are no whole frame")
+        damage.append(f"{pluralize(lost, 'byte')} in {pluralize(places, 'place')} outside of frames")
     if unknown:
         ids = ", ".join(str(number) for number in sorted(unknown))
-        damage.append(f"{pluralize(unknown.total(), 'message')} that no dialect at hand knows (ids {ids})")
+        damage.append(f"{pluralize(unknown.total(), 'message')} of unknown dialects (ids {ids})")
     return tuple(damage)
 
 

@@ -45,7 +45,7 @@ class TopicDifference(NamedTuple):
     replayed: int
     """-; messages"""
     differing: int
-    """-; messages that are not the same in every bit"""
+    """-; messages that are not identical in every bit"""
     first: float | None
     """s; since boot, of the first such message; None where there is none"""
     fields: tuple[FieldDifference, ...]
@@ -53,7 +53,7 @@ class TopicDifference(NamedTuple):
 
     @property
     def same(self) -> bool:
-        """Whether every message is the same in every bit, and none is missing or too many."""
+        """Whether every message is identical in every bit, and none is missing or too many."""
         return not self.differing and self.recorded == self.replayed
 
 

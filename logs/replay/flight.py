@@ -39,7 +39,7 @@ class Replayed(NamedTuple):
 
     @property
     def same(self) -> bool:
-        """Whether the flight computer said the same in every bit."""
+        """Whether all messages are identical in every bit."""
         return all(each.same for each in self.differences)
 
 
@@ -87,7 +87,7 @@ def replay_flight(
 def _nothing(flight: RecordedFlight, start: float, end: float) -> str:
     first, last = (tick.frame.time_us * 1e-6 for tick in (flight.ticks[0], flight.ticks[-1]))
     asked = f"from {start:g} s on" if math.isinf(end) else f"from {start:g} to {end:g} s"
-    return f"nothing was flown {asked}: the log goes from {first:.3f} to {last:.3f} s"
+    return f"no ticks {asked}: the log covers {first:.3f} to {last:.3f} s"
 
 
 def step(autopilot: Autopilot, tick: Tick) -> None:

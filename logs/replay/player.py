@@ -13,7 +13,7 @@ from wingbeat.topic import Topic
 
 MOST = 400
 """-; ticks in one go: who cannot keep up plays slower, and serves its links meanwhile"""
-OBEYS_NOBODY = "this is a replay: it obeys nobody"
+OBEYS_NOBODY = "replay: commands are denied"
 
 
 class ReplayView(FlightView):

@@ -48,7 +48,7 @@ class RecordedFlight(NamedTuple):
         if self.from_boot:
             return ""
         first = self.snapshots[0].time_us * 1e-6
-        return f"the file begins in flight: it is flown again from its first snapshot on, {first:.3f} s since boot"
+        return f"the file starts in flight: replayed from its first snapshot, {first:.3f} s since boot"
 
 
 def recorded_flight(log: Log) -> RecordedFlight:
@@ -62,13 +62,11 @@ def recorded_flight(log: Log) -> RecordedFlight:
         raise InputError(f"{log.path}: flown by {log.metadata[AUTOPILOT]['autopilot']}, no Wingbeat flight to replay")
     vehicle = flight_vehicle(log)
     if vehicle is None or topics.IMU.name not in log.topics:
-        raise InputError(f"{log.path} cannot be flown again: it holds no raw sensors of a Wingbeat flight computer")
+        raise InputError(f"{log.path} cannot be replayed: no raw sensors of a Wingbeat flight computer")
     texts = log.texts(topics.SNAPSHOTS) if topics.SNAPSHOTS.name in log.topics else []
     from_boot = _from_boot(log)
     if not (from_boot or texts):
-        raise InputError(
-            f"{log.path} cannot be flown again by itself: it begins in flight and holds no snapshot of the memory"
-        )
+        raise InputError(f"{log.path} cannot be replayed alone: it starts in flight and has no snapshot")
     return RecordedFlight(vehicle, recorded_mission(log), list(_ticks(log)), texts, from_boot)
 
 

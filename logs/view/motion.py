@@ -91,11 +91,11 @@ def _true_body(state: Table, tables: Tables) -> Body:
 def _estimated_body(tables: Tables) -> tuple[Body | None, list[str]]:
     attitude = tables.get(topics.ATTITUDE.name)
     if attitude is None or not {"roll", "pitch", "yaw"} <= set(attitude.fields):
-        return None, ["attitude (no bird can be drawn)"]
+        return None, ["attitude (the vehicle is not drawn)"]
     time = _grid(attitude.time, BODY_RATE, BODY_ROWS)
     (level, height), missing = _level(time, tables), []
     if level is None:
-        missing.append("position (the bird stays in one place)")
+        missing.append("position (the vehicle does not move)")
     if height is None:
         missing.append("altitude")
     parts = [*(level if level is not None else np.zeros((2, len(time)))), _or_zero(height, time)]

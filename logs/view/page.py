@@ -72,7 +72,7 @@ def flight_document(log: Log, tables: Tables, packer: Packer) -> dict[str, Any]:
         InputError: a part of the log is damaged, or it has nothing to show.
     """
     if not tables:
-        raise InputError(f"{log.path} has none of the topics that a page shows, such as /attitude/ahrs")
+        raise InputError(f"{log.path} has no topics for a page, such as /attitude/ahrs")
     start, end = (log.start_ns - log.boot_ns) * 1e-9, (log.end_ns - log.boot_ns) * 1e-9
     motion = motion_of(tables)
     shape, known = shape_in(log)
@@ -189,7 +189,7 @@ def _missing(tables: Tables, motion: Motion, panels: list[dict[str, Any]], modes
     out += motion.missing
     out += [panel.title.lower() for panel in PANELS if panel.title not in shown and panel.title != WING_ANGLE]
     out += [] if modes else ["modes"]
-    out += [] if known or motion.body is None else ["the vehicle's shape (a plain bird is drawn)"]
+    out += [] if known or motion.body is None else ["the vehicle's shape (a generic vehicle is drawn)"]
     return list(dict.fromkeys(out))
 
 

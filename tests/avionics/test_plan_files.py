@@ -335,7 +335,7 @@ def test_home_is_not_sent_to_our_vehicle(tmp_path: Path) -> None:
     path = written(tmp_path, LIST, "field.waypoints")
     ours = waypoints.read_upload(path, waypoints.convention_of(0))
     assert [item.command for item in ours.mission] == [22, 16, 19, 177, 20]
-    assert ours.notes == ("the first line of field.waypoints is home: it is not sent",)
+    assert ours.notes == ("the first line of field.waypoints is home and is not sent",)
     assert ours.mission[3].parameters[0] == 1.0
     assert len(waypoints.read(path)) == 6
 

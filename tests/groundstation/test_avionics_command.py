@@ -57,7 +57,7 @@ def test_it_says_who_flies_what_it_waits_for_what_happens_and_why_it_ended(
         "first sensor frame at 0.005 s",
         "   2.0 s  armed",
         "   2.0 s  mode AUTO",
-        f"over after 2.5 s: simulation ended; recorded in {tmp_path / 'flight.mcap'}",
+        f"ended after 2.5 s: simulation ended; recorded in {tmp_path / 'flight.mcap'}",
     ]
 
 
@@ -99,7 +99,7 @@ def test_without_a_link_it_says_how_to_open_one(
     tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     flown(tmp_path, monkeypatch)
-    assert "no link for a ground station: --gcs opens one" in capsys.readouterr().err.splitlines()
+    assert "no link for a ground station (--gcs)" in capsys.readouterr().err.splitlines()
 
 
 @contextlib.contextmanager

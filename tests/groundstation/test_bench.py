@@ -51,7 +51,7 @@ def test_the_attitude_is_told_in_lines_where_there_is_no_terminal(
     said = capsys.readouterr()
     assert all("roll" in line and "Hz" in line for line in said.out.splitlines()) and said.out
     assert re.search(r"roll +\+17\.\d°  pitch +-11\.\d°", said.out)
-    assert said.err.splitlines()[-1].startswith("over after 2.0 s: the time is up; recorded in ")
+    assert said.err.splitlines()[-1].startswith("ended after 2.0 s: the time is up; recorded in ")
     assert "failsafe" not in said.err
 
 

@@ -88,7 +88,7 @@ def test_a_campaign_is_a_table_and_the_same_command_flies_nothing_again(folder: 
     assert main(["campaign", "short.toml", "--json", "--logs", "all"]) == 0
     said = capsys.readouterr()
     assert json.loads(said.out) == again
-    assert "recordings/short.parquet is whole: --logs records nothing more" in said.err
+    assert "recordings/short.parquet is complete: --logs has no effect" in said.err
 
 
 def test_an_interrupted_campaign_goes_on_and_its_table_is_that_of_one_run(
@@ -150,7 +150,7 @@ def test_a_campaign_stopped_before_its_first_flight_ended_goes_on_with_its_logs(
 def test_logs_never_go_to_a_folder_that_was_there_before(folder: Path, capsys: Capture) -> None:
     (folder / "recordings/short").mkdir(parents=True)
     for _ in range(2):
-        assert "name another --out" in refused(capsys, "campaign", "short.toml", "--logs", "all")
+        assert "choose another --out" in refused(capsys, "campaign", "short.toml", "--logs", "all")
     assert [path.name for path in (folder / "recordings").iterdir()] == ["short"]
 
 
@@ -159,10 +159,10 @@ def test_a_table_or_journal_of_another_campaign_is_left_alone(folder: Path, caps
     capsys.readouterr()
     table = (folder / "recordings/short.parquet").read_bytes()
     (folder / "short.toml").write_text(SHORT.replace("[0, 3]", "[0, 4]"))
-    assert "table of another campaign" in refused(capsys, "campaign", "short.toml")
+    assert "belongs to another campaign" in refused(capsys, "campaign", "short.toml")
     assert (folder / "recordings/short.parquet").read_bytes() == table
     (folder / "recordings/short").mkdir()
-    assert "name another --out" in refused(capsys, "campaign", "short.toml", "--logs", "all")
+    assert "choose another --out" in refused(capsys, "campaign", "short.toml", "--logs", "all")
 
 
 def test_the_report_names_the_worst_flights_and_its_commands_fly_them_again(folder: Path, capsys: Capture) -> None:
@@ -214,9 +214,9 @@ def test_one_flight_for_people(folder: Path, capsys: Capture) -> None:
     ("words", "line"),
     [
         (("--workers", "0"), "whole number from 1"),
-        (("--workers", "2", "--scheduler", "tcp://127.0.0.1:1"), "give one of them"),
-        (("--log", "x.mcap"), "--log goes with --flight"),
-        (("--flight", "1", "--workers", "2"), "not for --flight"),
+        (("--workers", "2", "--scheduler", "tcp://127.0.0.1:1"), "exclude each other"),
+        (("--log", "x.mcap"), "--log requires --flight"),
+        (("--flight", "1", "--workers", "2"), "do not apply to --flight"),
         (("--out", "table.csv"), "must end in .parquet"),
         (("--logs", "some"), "invalid choice"),
     ],
@@ -229,7 +229,7 @@ def test_options_that_do_not_go_together_are_refused(
 
 
 def test_a_folder_is_no_table(folder: Path, capsys: Capture) -> None:
-    assert "is a folder: give a campaign's table" in refused(capsys, "campaign", "report", ".")
+    assert "is a folder: specify the table" in refused(capsys, "campaign", "report", ".")
 
 
 def test_what_is_not_installed_is_named_with_the_command_that_installs_it(
@@ -256,7 +256,7 @@ def test_a_scheduler_that_is_not_there_is_told_in_a_line(tmp_path: Path, capsys:
         )  # fmt: skip
     finally:
         cluster.CONNECTING = before
-    assert "no Dask scheduler answers at tcp://127.0.0.1:9" in said
+    assert "no Dask scheduler at tcp://127.0.0.1:9" in said
 
 
 @pytest.mark.parametrize(

@@ -99,7 +99,7 @@ def test_the_overview_imports_nothing_heavy() -> None:
 @pytest.mark.parametrize(
     ("words", "part"),
     [
-        (["soar"], "there is no command 'soar'; commands: fly,"),
+        (["soar"], "unknown command 'soar'; commands: fly,"),
         (["fly", "--vehicle", "no_such_bird"], "no_such_bird"),
         (["fly", "--mission", "no_such_mission"], "no mission no_such_mission"),
         (["fly", "--speed", "fast"], "fast is not a number"),
@@ -133,7 +133,7 @@ def test_the_overview_imports_nothing_heavy() -> None:
             "several logs give their modes together (wingbeat identify a.mcap b.mcap modes)",
         ),
         (["identify", "a.mcap", "b.mcap", "aero"], "aero is of one log at a time"),
-        (["identify", "a.mcap", "b.mcap", "modes", "--report", "no/r.html"], "no/r.html: there is no folder no"),
+        (["identify", "a.mcap", "b.mcap", "modes", "--report", "no/r.html"], "no/r.html: folder no not found"),
         (["identify", "a.mcap", "a.mcap", "modes"], "a.mcap is named twice"),
         (["identify", "a.mcap", "modes", "--validate", "a.mcap"], "every log is held out for validation"),
         (["identify", "a.mcap", "aero", "--validate", "b.mcap"], "aero is of one log at a time"),
@@ -149,7 +149,7 @@ def test_the_overview_imports_nothing_heavy() -> None:
         (["log", "import", "."], "cannot read .: it is a folder"),
         (["replay"], "--imu"),
         (["vehicles", "no_such_bird"], "no_such_bird"),
-        (["fyl"], "there is no command 'fyl' (meant 'fly'?); commands: fly,"),
+        (["fyl"], "unknown command 'fyl' (meant 'fly'?); commands: fly,"),
         (["trim", "robo_raven_ii"], "unknown vehicle 'robo_raven_ii' (meant 'robo_raven_ii_d'?); known:"),
         (["fly", "--vehicle", "arizona_100"], "(meant 'arizona_100cm'?)"),
         (["fly", "--mision", "circuit"], "--mision circuit (meant '--mission'?) (see wingbeat fly --help)"),
@@ -162,7 +162,7 @@ def test_the_overview_imports_nothing_heavy() -> None:
         (["tune", "no.toml"], "cannot read vehicle file no.toml: there is no such file\n"),
         (["tune", "no.json"], "unknown vehicle 'no.json'"),
         (["campaign", "no.toml"], "cannot read campaign no.toml: there is no such file\n"),
-        (["design", "robo_raven_ii_d", "--out", "no/x.toml"], "cannot write no/x.toml: there is no folder no\n"),
+        (["design", "robo_raven_ii_d", "--out", "no/x.toml"], "cannot write no/x.toml: folder no not found\n"),
     ],
 )
 def test_bad_input_is_one_line_and_exit_code_2(
@@ -413,7 +413,7 @@ def test_a_folder_that_cannot_be_written_to_is_one_clear_line(
     (tmp_path / "recordings").write_text("a file where the folder would be")
     campaign = [str(Path(__file__).parents[2] / "docs" / "examples" / "gusts.toml")]
     assert main([*command, *(campaign if command == ["campaign"] else [])]) == 2
-    assert "recordings is no folder" in complaint(capsys)
+    assert "recordings is not a folder" in complaint(capsys)
 
 
 def test_a_file_that_the_system_refuses_is_told_with_what_was_wanted_of_it(capsys: Capture) -> None:
@@ -469,4 +469,4 @@ def _listening(pid: int) -> bool:
 @pytest.mark.parametrize("window", [("--start", "50", "--end", "20"), ("--start", "500"), ("--end", "-1")])
 def test_a_window_without_anything_is_not_exported(log: Path, window: tuple[str, ...], capsys: Capture) -> None:
     assert main(["log", "export", str(log), "--to", str(log.with_suffix(".npz")), *window]) == 2
-    assert "nothing lies between" in complaint(capsys) and not log.with_suffix(".npz").exists()
+    assert "no data between" in complaint(capsys) and not log.with_suffix(".npz").exists()

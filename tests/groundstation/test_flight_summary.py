@@ -150,7 +150,7 @@ def test_when_the_flight_computer_was_sure_of_the_landing(tmp_path: Path, truth:
     console = Console(width=160, record=True, file=io.StringIO())
     console.print(flight_metrics_table(summary))
     told = console.export_text()
-    assert "landed" in told and "at 35.0 s for the flight computer" in told
+    assert "landed" in told and "at 35.0 s, detected by the flight computer" in told
     assert ("at 34.0 s, first contact" in told) == truth
 
 

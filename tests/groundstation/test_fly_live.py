@@ -176,7 +176,7 @@ def test_what_nobody_records_is_not_followed(tmp_path: Path, capsys: Capture) ->
     assert main(["log", "live", str(path)]) == 2
     gone, over = capsys.readouterr().err.splitlines()
     assert gone == f"wingbeat: cannot read {path}: No such file or directory"
-    assert over == f"wingbeat: {path} is not being recorded: Foxglove and Lichtblick open it as it is"
+    assert over == f"wingbeat: {path} is not being recorded: open the file in Foxglove or Lichtblick"
 
 
 def test_a_recording_of_several_files_is_followed_in_the_one_that_grows(tmp_path: Path) -> None:

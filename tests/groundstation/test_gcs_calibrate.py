@@ -113,7 +113,7 @@ def test_ctrl_c_ends_the_calibration_aboard_too(
     monkeypatch.setattr(gcs_calibrate, "ProgressBar", Interrupted)
     with aboard(tmp_path / "raven.json") as url:
         assert gcs(url, "calibrate", "mag") == 130
-        assert capsys.readouterr().err == "calibration cancelled\n"
+        assert capsys.readouterr().err == "calibration canceled\n"
         monkeypatch.undo()
         monkeypatch.chdir(tmp_path)
         # One that still ran would refuse the next.
@@ -123,7 +123,7 @@ def test_ctrl_c_ends_the_calibration_aboard_too(
 def test_a_calibration_is_cancelled_by_a_verb_of_its_own(tmp_path: Path, capsys: Capture) -> None:
     with aboard(tmp_path / "raven.json") as url:
         assert gcs(url, "calibrate", "cancel") == 0
-    assert capsys.readouterr().out == "calibration cancelled\n"
+    assert capsys.readouterr().out == "calibration canceled\n"
 
 
 class Forgetful(LossyVehicle):
@@ -143,7 +143,9 @@ class Forgetful(LossyVehicle):
         return [mavlink.MAVLink_command_ack_message(message.command, 0)] if self.confirms else []
 
 
-@pytest.mark.parametrize(("confirms", "said"), [(True, "; calibration cancelled"), (False, ": it may go on")])
+@pytest.mark.parametrize(
+    ("confirms", "said"), [(True, "; calibration canceled"), (False, ": the calibration may continue")]
+)
 def test_who_gives_up_waiting_cancels(
     confirms: bool, said: str, capsys: Capture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -152,5 +154,5 @@ def test_who_gives_up_waiting_cancels(
     with on_the_air(vehicle) as url:
         assert gcs(url, "--no-record", "calibrate", "mag") == 1
     text = capsys.readouterr().err
-    assert text.startswith("wingbeat: no answer to PREFLIGHT_CALIBRATION; ") and text.endswith(f"{said}\n")
+    assert text.startswith("wingbeat: no response to PREFLIGHT_CALIBRATION; ") and text.endswith(f"{said}\n")
     assert (vehicle.cancelled == 1) is confirms

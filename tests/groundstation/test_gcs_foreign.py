@@ -160,7 +160,7 @@ def test_an_order_is_done_when_its_mode_is_shown(
     with on_the_air(vehicle) as url:
         assert gcs(url, verb, *place) == 1
     said = capsys.readouterr()
-    assert f"the vehicle accepted {verb}, but its heartbeat shows the mode " in said.err and not said.out
+    assert f"{verb} accepted, but the heartbeat shows " in said.err and not said.out
 
 
 @BOTH
@@ -244,7 +244,7 @@ def test_a_place_that_is_none_is_told_before_the_vehicle_is_spoken_to(capsys: Ca
     for words in (("47.4",), ("97.4", "8.5"), ("--north", "1"), ("47.4", "8.5", "--north", "1", "--east", "2")):
         assert gcs("udpout:127.0.0.1:9", "--timeout", "0.1", "goto", *words) == 2
     lines = capsys.readouterr().err.splitlines()
-    assert len(lines) == 4 and not any("no vehicle answers" in line for line in lines)
+    assert len(lines) == 4 and not any("no vehicle on" in line for line in lines)
 
 
 def test_a_message_of_another_dialect_is_read_in_its_place() -> None:

@@ -30,7 +30,7 @@ def test_silence_is_told_after_five_seconds_then_once_a_minute() -> None:
     quiet = listening()
     told = {second: quiet.news(100.0 + second) for second in range(200)}
     assert {second: lines for second, lines in told.items() if lines} == {
-        second: [f"the vehicle is silent for {second} s"] for second in (5, 60, 120, 180)
+        second: [f"no telemetry for {second} s"] for second in (5, 60, 120, 180)
     }
 
 
@@ -38,13 +38,13 @@ def test_who_speaks_again_is_told_and_the_silence_counted() -> None:
     quiet = listening()
     quiet.handle_frame(frame(101.0))
     assert quiet.news(105.9) == [] and quiet.silence(105.9) == 0.0
-    assert quiet.news(106.0) == ["the vehicle is silent for 5 s"] and quiet.silence(107.0) == 6.0
+    assert quiet.news(106.0) == ["no telemetry for 5 s"] and quiet.silence(107.0) == 6.0
     quiet.handle_frame(frame(108.0, system=7))
     assert quiet.news(118.0) == []
     quiet.handle_frame(frame(119.0))
-    assert quiet.news(119.0) == ["the vehicle speaks again after 18 s of silence"]
+    assert quiet.news(119.0) == ["telemetry resumed after 18 s"]
     assert (quiet.news(123.0), quiet.silence(123.0)) == ([], 18.0)
-    assert quiet.news(124.0) == ["the vehicle is silent for 5 s"]
+    assert quiet.news(124.0) == ["no telemetry for 5 s"]
 
 
 @pytest.fixture
@@ -58,9 +58,9 @@ def test_watch_and_record_say_that_the_vehicle_is_silent(tmp_path: Path, capsys:
     with on_the_air(LossyVehicle()) as url:
         assert main(["gcs", url, "--no-record", "watch", "HEARTBEAT.type", "--duration", "1.3"]) == 0
         said = capsys.readouterr()
-        assert "the vehicle is silent for 0 s" in said.err and "the vehicle speaks again after 1 s" in said.err
+        assert "no telemetry for 0 s" in said.err and "telemetry resumed after 1 s" in said.err
         assert main(["gcs", url, "record", str(tmp_path / "a.mcap"), "--duration", "1.3"]) == 0
         said = capsys.readouterr()
-        assert "the vehicle is silent for 0 s" in said.err and ", silent for " in said.out
+        assert "no telemetry for 0 s" in said.err and ", silent for " in said.out
         assert main(["gcs", url, "record", str(tmp_path / "b.mcap"), "--duration", "1.3", "--json"]) == 0
     assert 0.4 <= json.loads(capsys.readouterr().out)["silence"] < 1.4

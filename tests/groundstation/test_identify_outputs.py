@@ -68,7 +68,7 @@ def test_a_damaged_log_says_so_beside_what_it_gives(
     assert identify.run([str(path), "servo", "--json"]) == 0
     told = capsys.readouterr()
     assert json.loads(told.out)
-    assert told.err.startswith(f"wingbeat: {path}: ") and told.err.endswith("what is whole was identified\n")
+    assert told.err.startswith(f"wingbeat: {path}: ") and told.err.endswith("readable data were identified\n")
 
 
 def test_an_elevator_is_not_made_where_the_log_tells_its_angle(tmp_path: Path) -> None:

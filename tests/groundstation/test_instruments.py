@@ -180,7 +180,7 @@ def test_status_says_who_what_and_how_far() -> None:
 
 
 def test_silence_and_a_running_order_are_said() -> None:
-    assert "silent for 12 s" in panels.status_line(PICTURE._replace(silence=12.3), 100).plain
+    assert "no telemetry for 12 s" in panels.status_line(PICTURE._replace(silence=12.3), 100).plain
     assert "arm …" in panels.status_line(PICTURE._replace(busy="arm"), 100).plain
     assert "waiting for a vehicle on tcp:x" in panels.status_line(Picture("tcp:x"), 100).plain
 

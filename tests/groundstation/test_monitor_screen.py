@@ -152,7 +152,7 @@ def test_a_refusal_is_told_in_the_vehicles_words(key: str, command: str) -> None
         await pilot.press(key)
         await until(pilot, lambda: bool(station.picture().notes))
         note = station.picture().notes[-1]
-        assert note.failed and note.text.startswith("the vehicle refused") and "MAV" not in note.text
+        assert note.failed and " denied: " in note.text and "MAV" not in note.text
         await until(pilot, lambda: note.text in shown(pilot))
 
     on_screen(script)

@@ -50,4 +50,4 @@ def test_a_stock_client_sees_the_flight_from_where_it_was_asked_for_and_commands
 @pytest.mark.parametrize("extra", [["--json"], ["--set", "pitch.damping=0.1"], ["--end", "3"]])
 def test_a_player_has_no_comparison(extra: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert main.main(["replay", "flight.mcap", "--mavlink", "udpout:127.0.0.1:1", *extra]) == 2
-    assert "not for playing" in capsys.readouterr().err
+    assert "do not apply to --mavlink" in capsys.readouterr().err

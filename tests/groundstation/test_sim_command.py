@@ -44,7 +44,7 @@ def test_a_world_alone_says_what_the_launcher_does_and_when_a_fault_comes(
     assert said.err.splitlines() == [
         f"Robo Raven II with wing D (Gerdes, Bruck, Gupta 2017), waiting for a flight computer on {url}",
         f"{sim.WAITING}{sim.HURRIED}",
-        "   0.2 s  armed: the launcher throws in 8 s",
+        "   0.2 s  armed: launch in 8 s",
         "   0.5 s  fault gps_lost: no GPS fix",
-        f"over after 1.0 s, never thrown: the simulation finished; recorded in {log}",
+        f"ended after 1.0 s, not launched: the simulation finished; recorded in {log}",
     ]

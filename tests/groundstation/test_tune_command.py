@@ -104,7 +104,7 @@ def test_tuning_flies_before_and_after_and_tells_programs(capsys: Capture, tmp_p
         (["tune", "robo_raven_ii_a"], "robo_raven_ii_a has no file for the flight computer"),
         (["tune", "arizona_100cm", "--airspeed", "16"], "no trim at 16 m/s"),
         (["tune", "arizona_100cm", "--airspeed", "0"], "0 is not above 0"),
-        (["tune", "arizona_100cm", "--vehicle", "arizona_100cm"], "--vehicle goes with a MODEL"),
+        (["tune", "arizona_100cm", "--vehicle", "arizona_100cm"], "--vehicle applies to a MODEL"),
         (["tune", RAVEN, "--airspeed", "7"], "go with a VEHICLE"),
         (["tune", RAVEN, "--vehicle", "no_such_bird"], "unknown vehicle 'no_such_bird'"),
         (["tune", "no_such_model.json"], "unknown vehicle 'no_such_model.json'"),
@@ -129,7 +129,7 @@ def test_an_existing_vehicle_is_never_overwritten(taken: str, capsys: Capture, t
 
 @pytest.mark.parametrize(
     ("out", "part"),
-    [("file/bird", "file is no folder"), ("file/deep/bird", "file is no folder"), ("no/bird.toml", None)],
+    [("file/bird", "file is not a folder"), ("file/deep/bird", "file is not a folder"), ("no/bird.toml", None)],
 )
 def test_a_place_that_cannot_be_written_is_told_before_the_work(
     out: str, part: str | None, capsys: Capture, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -139,7 +139,7 @@ def test_the_polar_plots_are_drawn_once(tmp_path: Path, capsys: Capture, monkeyp
 def test_a_paper_without_pictures_says_which_have_some(tmp_path: Path, capsys: Capture) -> None:
     assert main(["validate", "--only", "sibilski", "--plots", str(tmp_path)]) == 2
     said = capsys.readouterr()
-    assert said.err.endswith("sibilski has no pictures to draw; grauer and lattice have\n") and not said.out
+    assert said.err.endswith("sibilski has no pictures; grauer and lattice have\n") and not said.out
     assert list(tmp_path.iterdir()) == []
 
 
@@ -148,7 +148,7 @@ def test_the_wake_is_recorded_once_and_with_the_lattice_alone(
 ) -> None:
     path = tmp_path / "wake.mcap"
     assert main(["validate", "--only", "sibilski", "--scene", str(path)]) == 2
-    assert "sibilski has no scene to record; lattice has" in capsys.readouterr().err and not path.exists()
+    assert "sibilski has no scene; only lattice has one" in capsys.readouterr().err and not path.exists()
     monkeypatch.setitem(PAPERS, "lattice", PAPERS["lattice"]._replace(checks=()))
     begun = wing()._replace(nodes=wing().nodes + 1.0)
     blank = np.zeros((3, 1, 13)), np.zeros((0, 12))

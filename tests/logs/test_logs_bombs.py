@@ -193,7 +193,7 @@ def test_undecodable_message_costs_itself_alone(
         assert len(log.columns("/good").time) == 50
         assert log.undecodable == {"/odd": 1}
     assert main(["log", "export", str(one_bad_message), "--to", str(tmp_path / "a.npz")]) == 0
-    assert "left out: /odd: 1 message that cannot be decoded" in capsys.readouterr().err
+    assert "omitted: /odd: 1 message that cannot be decoded" in capsys.readouterr().err
 
 
 def test_parquet_of_empty_lists_is_read_back(tmp_path: Path) -> None:

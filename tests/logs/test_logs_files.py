@@ -119,7 +119,7 @@ def test_a_part_that_is_no_log_stops_the_joining(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"world\.part is empty"):
         join(parts, tmp_path / "flight.mcap")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["avionics.part", "world.part"]
-    with pytest.raises(InputError, match="nothing to join"):
+    with pytest.raises(InputError, match="no recordings to join"):
         join([], tmp_path / "flight.mcap")
 
 

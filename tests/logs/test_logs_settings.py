@@ -154,7 +154,7 @@ def test_what_cannot_be_read_is_one_line(tmp_path: Path) -> None:
     log = open_log(tmp_path / "a.mcap")
     with pytest.raises(InputError, match="PITCH_P is not a number: 'fast'"):
         log.parameters.at(0.0)
-    with pytest.raises(InputError, match=r"mission\.json is no list of mission items"):
+    with pytest.raises(InputError, match=r"mission\.json is not a list of mission items"):
         tuple(log.missions)
     command = Command(1, CommandKind.SET_MISSION, payload=[[1, 2]])
     texts = [

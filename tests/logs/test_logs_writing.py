@@ -150,7 +150,7 @@ def test_the_end_does_not_wait_for_ever_for_a_dead_disk(
     go.clear()
     recorder.record(*flight(1.0, IMU_ALONE)[0])
     recorder.close()
-    assert "the disk does not answer" in recorder.failure and "\n" not in recorder.failure
+    assert "the disk did not respond" in recorder.failure and "\n" not in recorder.failure
     go.set()
 
 

@@ -194,7 +194,7 @@ def test_what_is_not_known_is_at_rest_and_said(tmp_path: Path) -> None:
 
 def test_without_an_attitude_there_is_no_bird(tmp_path: Path) -> None:
     found = believed(tmp_path, topics.ATTITUDE)
-    assert found.body is None and found.missing == ["attitude (no bird can be drawn)"]
+    assert found.body is None and found.missing == ["attitude (the vehicle is not drawn)"]
 
 
 def test_fixes_tell_the_place_where_no_estimate_does(tmp_path: Path) -> None:
@@ -285,7 +285,7 @@ def test_a_vehicle_file_of_another_version_does_not_keep_a_flight_from_being_see
             recorder.record(topic, message)
     with open_log(recorder.path) as log:
         page = write_page(log, tmp_path / "a.html")
-    assert page.missing == ["the vehicle's shape (a plain bird is drawn)"]
+    assert page.missing == ["the vehicle's shape (a generic vehicle is drawn)"]
     assert described(page.path)["vehicle"] == "unknown vehicle"
 
 

@@ -157,14 +157,14 @@ def test_a_torn_log_is_replayed_up_to_where_it_ends(
 def test_the_command_tells_people_and_programs(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main.main(["replay", str(recording), "--end", "4"]) == 0
     reports = capsys.readouterr().out
-    assert "the flight code said the same in every bit" in reports and "begins in flight" not in reports
+    assert "s since boot: identical in every bit: " in reports and "begins in flight" not in reports
     assert main.main(["replay", str(recording), "--end", "9", "--set", "pitch.proportional=0.2", "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
     assert not document["same"] and document["end"] == pytest.approx(9.0, abs=0.006)
     assert main.main(["replay", str(recording), "--end", "9", "--set", "pitch.proportional=0.2"]) == 0
     told = capsys.readouterr().out
     assert (
-        "/stabilization/pitch" in told and "the same in every bit" in told and max(map(len, told.splitlines())) < 160
+        "/stabilization/pitch" in told and "identical in every bit" in told and max(map(len, told.splitlines())) < 160
     )
 
 

@@ -114,7 +114,7 @@ REFUSED = {
     "twice": ('[flight]\n"wind.from" = 1\n[grid]\n"wind.from_deg" = [2]', "wind.from is set 2 times"),
     "ends the wrong way": ('flights = 2\n[draw]\n"wind.speed" = { uniform = [3, 1] }', "the first must be below"),
     "nothing within": (
-        'flights = 2\n[draw]\n"wind.speed" = { normal = [2, 0.01], within = [8, 9] }', "nothing of the distribution",
+        'flights = 2\n[draw]\n"wind.speed" = { normal = [2, 0.01], within = [8, 9] }', "no part of the distribution",
     ),
     "a wind of no sense": ('[grid]\n"wind.speed" = [1, -2]', "wind.speed = -2 must be 0 m/s or more"),
     "degrees for an angle": ('[grid]\n"wind.from" = [90]', "rad; wind.from_deg is in degrees"),

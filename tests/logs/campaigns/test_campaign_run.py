@@ -106,7 +106,7 @@ def test_a_journal_keeps_rows_and_forgets_a_torn_last_line(tmp_path: Path) -> No
     with Journal(path, "abc") as journal:
         journal.add(rows[2])
         journal.add(rows[1])
-        with pytest.raises(InputError, match="another command is flying this campaign"):
+        with pytest.raises(InputError, match="in use by another command of this campaign"):
             Journal(path, "abc")
     whole = path.read_bytes()
     path.write_bytes(whole + b'{"flight": 3, "ba')
@@ -136,7 +136,7 @@ OTHERS = (
 def test_a_journal_of_something_else_is_refused_and_left_alone(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "table.parquet.flights"
     path.write_bytes(content)
-    with pytest.raises(InputError, match="name another --out"):
+    with pytest.raises(InputError, match="choose another --out"):
         Journal(path, "abc")
     assert path.read_bytes() == content
 
@@ -164,7 +164,7 @@ def test_a_table_is_never_overwritten_and_another_file_is_none(tmp_path: Path) -
     import pyarrow.parquet
 
     pyarrow.parquet.write_table(pyarrow.table({"flight": [1]}), tmp_path / "other.parquet")
-    with pytest.raises(InputError, match="no table of a campaign"):
+    with pytest.raises(InputError, match="not a campaign table"):
         read_table(tmp_path / "other.parquet")
 
 

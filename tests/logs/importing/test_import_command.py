@@ -60,7 +60,7 @@ def test_the_same_source_gives_the_same_file(source: Path, tmp_path: Path) -> No
     [
         (b"\xa3\x95\x80 damaged", "x.bin", "no whole record"),
         (b"", "x.ulg", "empty"),
-        (b"words", "x.txt", "no log that is known"),
+        (b"words", "x.txt", "unknown log format"),
         (b"t,x\n1,2\n", "x.csv", "needs --map"),
     ],
 )

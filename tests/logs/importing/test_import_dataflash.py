@@ -108,7 +108,7 @@ def test_bytes_between_records_are_told_and_the_records_around_them_kept() -> No
     torn = find_records(log.data[:at] + b"\x13\x37\xa3\x95\xff garbage" + log.data[at:])
     # The record in front of the garbage is not followed by another, so that it may be damaged itself.
     assert sum(map(len, torn.places.values())) == sum(map(len, whole.places.values())) - 1
-    assert torn.damage[0].endswith("in 1 place that are no whole record")
+    assert torn.damage[0].endswith("in 1 place outside of records")
 
 
 def test_a_format_that_comes_twice_is_the_first(tmp_path: Path) -> None:

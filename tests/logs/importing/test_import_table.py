@@ -297,7 +297,7 @@ def test_cells_that_are_no_number_and_rows_out_of_range_are_told(tmp_path: Path)
     )
     source, chosen = mapped(tmp_path, table, mapping)
     out, report = imported(source, tmp_path, mapping=chosen)
-    assert report.damage == ("1 cell with something that is no number",)
+    assert report.damage == ("1 cell without a number",)
     assert {(one.reason, one.rows) for one in report.dropped} == {
         ("gyro_y out of range", 1),
         ("gyro_y not finite", 1),
@@ -317,7 +317,7 @@ WHOLE = '[time]\nrate = 10.0\n[topics."/sensors/imu"]\ngyro_y = { column = "Q", 
         ("[time]\nrate = 1.0\n", "no topic in it"),
         (WHOLE.replace("rate = 10.0", ""), "either a column or a rate"),
         (WHOLE.replace("rate = 10.0", "rate = -1.0"), "above 0"),
-        (WHOLE.replace("rate = 10.0", 'column = "Q"\nunit = "m"'), "none of time"),
+        (WHOLE.replace("rate = 10.0", 'column = "Q"\nunit = "m"'), "not a unit of time"),
         (WHOLE.replace("[time]", "[times]"), r"unknown key times"),
         (WHOLE.replace("rate = 10.0", "rate = 10.0\nzero = 1"), "unknown key time.zero"),
         (WHOLE.replace('"Q"', '"P"'), "no column 'P'; it has: Q"),
@@ -353,7 +353,7 @@ def test_a_table_without_a_mapping_or_without_rows_is_refused(tmp_path: Path) ->
     with pytest.raises(InputError, match="needs --map"):
         imported(source, tmp_path)
     source.write_bytes(b"\xff\xfe\0Q")
-    with pytest.raises(InputError, match="no text in UTF-8"):
+    with pytest.raises(InputError, match="not text in UTF-8"):
         imported(source, tmp_path, mapping=chosen)
     with pytest.raises(InputError, match="cannot read mapping"):
         load_mapping(tmp_path / "none.toml")
@@ -387,7 +387,7 @@ def test_a_table_of_another_encoding_says_which(tmp_path: Path) -> None:
         tmp_path, "", '[time]\ncolumn = "t"\n[topics."/csv/a"]\npitch = { column = "pitch °", unit = "deg" }\n'
     )
     table.write_bytes("t,pitch °\n0,90\n1,45\n".encode("latin-1"))
-    with pytest.raises(InputError, match=r'no text in UTF-8: the mapping can say \[table\] encoding = "latin-1"'):
+    with pytest.raises(InputError, match=r'not text in UTF-8: set \[table\] encoding = "latin-1"'):
         imported(table, tmp_path, mapping=mapping)
     text = mapping.read_text()
     for encoding in ("elvish", "hex"):

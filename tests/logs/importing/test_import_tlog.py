@@ -81,7 +81,7 @@ def test_noise_and_a_cut_are_told_and_cost_themselves_alone(tmp_path: Path) -> N
     source = tmp_path / "noisy.tlog"
     source.write_bytes(data[:frame] + b"noise on the line" + data[frame:-3])
     out, report = imported(source, tmp_path)
-    assert report.damage[0] == "17 bytes in 1 place that are no whole frame"
+    assert report.damage[0] == "17 bytes in 1 place outside of frames"
     assert report.damage[1].startswith("cut off in the middle of a frame")
     with open_log(out) as log:
         assert len(log.columns(topics.ATTITUDE).time) == 99
@@ -96,8 +96,8 @@ def test_a_message_that_no_dialect_knows_is_counted_and_noise_is_not_one(tmp_pat
     source.write_bytes(data[:frame] + stamp + strange + stamp + strange + b"noise" + data[frame:])
     _, report = imported(source, tmp_path)
     assert report.damage == (
-        f"{8 + len(strange) + 5} bytes in 1 place that are no whole frame",
-        "1 message that no dialect at hand knows (ids 54321)",
+        f"{8 + len(strange) + 5} bytes in 1 place outside of frames",
+        "1 message of unknown dialects (ids 54321)",
     )
 
 
@@ -131,6 +131,6 @@ def test_what_is_no_telemetry_log_is_refused_in_one_line(tmp_path: Path) -> None
     source = tmp_path / "no.tlog"
     for data in (b"\0" * 64, struct.pack(">Q", BOOT_US) + b"\xfd\x09", b"text and nothing else"):
         source.write_bytes(data)
-        with pytest.raises(InputError, match="no whole MAVLink frame"):
+        with pytest.raises(InputError, match="no complete MAVLink frame"):
             imported(source, tmp_path)
     assert list(tmp_path.iterdir()) == [source]
