@@ -111,7 +111,7 @@ def _position(state: VehicleState) -> list[Row]:
         ("climb", wording.number(state.climb_rate, "+z.1f", "m/s"), ""),
         ("airspeed", wording.number(state.airspeed, ".1f", "m/s"), home),
         (
-            "item",
+            "waypoint",
             wording.number(state.item, "d"),
             wording.number(state.distance, ".0f", "m to go") if state.distance else "",
         ),
@@ -210,7 +210,7 @@ def _event(status_texts: Heard, width: int) -> Text:
 def progress_line(state: VehicleState, mode: str) -> str:
     """One plain line of the flight, for where there is no terminal."""
     stage = "" if state.stage is None else wording.words(Stage(state.stage).name)
-    item = "" if state.item is None else f"item {state.item}"
+    item = "" if state.item is None else f"waypoint {state.item}"
     parts = (
         f"{wording.number(state.time, '6.1f', 's')}",
         f"{mode:<13} {stage:<10}",
