@@ -71,7 +71,7 @@ def change_a_parameter(mavproxy: Console) -> None:
     before = parameter_values()["NAV_LOITER_TIME"]
     mavproxy.request("param show NAV_LOITER_TIME", rf"NAV_LOITER_TIME +{before:.1f}")
     mavproxy.send("param set NAV_LOITER_TIME 20")
-    mavproxy.wait_for("NAV_LOITER_TIME = 20 s")
+    mavproxy.wait_for("NAV_LOITER_TIME set to 20 s")
     mavproxy.send("param fetch NAV_LOITER_TIME")
     mavproxy.wait_for(r"NAV_LOITER_TIME = 20\.0")
 
@@ -81,7 +81,7 @@ def exchange_a_mission(mavproxy: Console, profile: Profile, folder: Path) -> Non
     write_plan(wanted_value, folder / "wanted.txt")
     mavproxy.send(f"wp load {folder / 'wanted.txt'}")
     mavproxy.wait_for(f"Loaded {len(wanted_value)} waypoints in")
-    mavproxy.wait_for(f"mission accepted ({len(wanted_value) - profile.first_item} items)")
+    mavproxy.wait_for(rf"mission accepted \({len(wanted_value) - profile.first_item} items\)")
     mavproxy.send(f"wp save {there}")
     mavproxy.wait_for(f"Requesting {len(wanted_value)} waypoints")
     mavproxy.wait_for(f"Saved {len(wanted_value)} waypoints to")
@@ -132,7 +132,7 @@ def test_mavproxy_sets_a_key_and_goes_on_signed(tmp_path: Path) -> None:
         change_a_parameter(mavproxy)
         mavproxy.send("signing disable")
         mavproxy.send("arm throttle")
-        mavproxy.wait_for("unsigned frames are refused")
+        mavproxy.wait_for("unsigned frames rejected")
         assert "ARMED" not in mavproxy.printed
 
 
