@@ -133,7 +133,7 @@ def test_the_overview_imports_nothing_heavy() -> None:
             "several logs give their modes together (wingbeat identify a.mcap b.mcap modes)",
         ),
         (["identify", "a.mcap", "b.mcap", "aero"], "aero is of one log at a time"),
-        (["identify", "a.mcap", "b.mcap", "modes", "--report", "no/r.html"], "no/r.html: folder no not found"),
+        (["identify", "a.mcap", "b.mcap", "modes", "--report", "no/r.html"], "no/r.html: there is no folder no"),
         (["identify", "a.mcap", "a.mcap", "modes"], "a.mcap is named twice"),
         (["identify", "a.mcap", "modes", "--validate", "a.mcap"], "every log is held out for validation"),
         (["identify", "a.mcap", "aero", "--validate", "b.mcap"], "aero is of one log at a time"),
@@ -162,7 +162,7 @@ def test_the_overview_imports_nothing_heavy() -> None:
         (["tune", "no.toml"], "cannot read vehicle file no.toml: there is no such file\n"),
         (["tune", "no.json"], "unknown vehicle 'no.json'"),
         (["campaign", "no.toml"], "cannot read campaign no.toml: there is no such file\n"),
-        (["design", "robo_raven_ii_d", "--out", "no/x.toml"], "cannot write no/x.toml: folder no not found\n"),
+        (["design", "robo_raven_ii_d", "--out", "no/x.toml"], "cannot write no/x.toml: there is no folder no\n"),
     ],
 )
 def test_bad_input_is_one_line_and_exit_code_2(

@@ -74,7 +74,7 @@ def test_the_layout_does_not_jump_between_two_pictures() -> None:
 def test_progress_line() -> None:
     assert progress_line(FLYING, "AUTO") == (
         "  62.3 s  AUTO          en route    altitude  40.2 m  airspeed  6.8 m/s  heading 092°  flapping 3.62 Hz"
-        "  power 14.2 W  item 2"
+        "  power 14.2 W  waypoint 2"
     )
     assert "altitude –" in progress_line(VehicleState(), "")
 
