@@ -577,7 +577,7 @@ class CalibrationStatus(NamedTuple):
     """-; 1 while samples are gathered"""
     progress: float
     """-; 0 to 1"""
-    begun: Number
+    calibration_count: Number
     """-; calibrations since boot, this one included"""
     succeeded: Number
     """-; 1 when the last one that ended set its parameters"""

@@ -41,7 +41,7 @@ class _Places(NamedTuple):
     """-; of the way from the one to the other, 0 to 1"""
     between: Known
     """the row lies between two messages, or on one, and in no gap"""
-    held: Known
+    previous: Known
     """the last message still tells a flag, a state or a count"""
 
 
@@ -59,12 +59,12 @@ def aligned(
             raise InputError(f"the {what} of a table must be above 0, not {value:g}")
     if rate is not None and rate < SLOWEST:
         raise InputError(f"the rate of a table must be at least {SLOWEST:g} Hz, not {rate:g}")
-    wanted = _selected_fields(log, [topic if isinstance(topic, str) else topic.name for topic in topics])
-    tables = {name: _ordered(columns) for name, columns in log.tables(wanted).items()}
+    requested = _selected_fields(log, [topic if isinstance(topic, str) else topic.name for topic in topics])
+    tables = {name: _ordered(columns) for name, columns in log.tables(requested).items()}
     boot = log.boot_ns
     base = _time_base([times for _, times in tables.values()], rate, start, end)
     out = Columns(ALIGNED, {}, {}, base + boot, boot)
-    for name, fields in wanted.items():
+    for name, fields in requested.items():
         columns, times = tables[name]
         chosen = _fields(log, name, columns, fields)
         # A topic without a rate has a message for each change: what it told holds until the next.
@@ -99,17 +99,17 @@ def quaternions(columns: Columns) -> list[tuple[str, str, str, str]]:
 
 def _selected_fields(log: LogFile, names: list[str]) -> dict[str, list[str] | None]:
     """Fields by topic in the order asked, None for all of them."""
-    wanted: dict[str, list[str] | None] = {}
+    requested: dict[str, list[str] | None] = {}
     for name in names:
         topic, field = _split(log, name)
-        fields = wanted.setdefault(topic, [])
+        fields = requested.setdefault(topic, [])
         if field is None:
-            wanted[topic] = None
+            requested[topic] = None
         elif fields is not None and field not in fields:
             fields.append(field)
-    if not wanted:
+    if not requested:
         raise InputError("no topic to align was named")
-    return wanted
+    return requested
 
 
 def _split(log: LogFile, name: str) -> tuple[str, str | None]:
@@ -213,7 +213,7 @@ def _sample(columns: Columns, name: str, places: _Places) -> Array:
     if not len(values):
         return np.full((len(places.before), *values.shape[1:]), np.nan)
     if values.dtype.kind != "f" or name in columns.labels:
-        return _held(values, places)
+        return _previous_values(values, places)
     if values.shape[1:] == (4,) and (name == "q" or name.endswith("quaternion")):
         return _quaternion(values, places)
     low = wraps_from(columns, name)
@@ -261,15 +261,15 @@ def _continuous(rows: Array) -> Array:
     return rows
 
 
-def _held(values: Array, places: _Places) -> Array:
+def _previous_values(values: Array, places: _Places) -> Array:
     """The last message's; whole numbers become floating point where one is missing."""
     found = values[places.before]
-    if places.held.all():
+    if places.previous.all():
         return found
     if found.dtype == object:
-        found[~places.held] = None
+        found[~places.previous] = None
         return found
-    return _known(found.astype(np.float64), places.held)
+    return _known(found.astype(np.float64), places.previous)
 
 
 def _add(out: Columns, name: str, columns: Columns, field: str, values: Any) -> None:

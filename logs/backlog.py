@@ -38,18 +38,18 @@ class Backlog:
         """Bytes that wait or are being written."""
         return self._bytes
 
-    def offer(self, job: Callable[[], None], size: int, patience: float = 0.0) -> bool:
+    def offer(self, job: Callable[[], None], size: int, timeout: float = 0.0) -> bool:
         """Queue a job of ``size`` bytes; False, and nothing is queued, where there is no room for it in time.
 
         A job that is larger than the queue is taken when nothing else waits, none when the thread has ended;
-        ``patience`` in s.
+        ``timeout`` in s.
         """
 
-        def room() -> bool:
+        def has_capacity() -> bool:
             return self._dead or not self._bytes or self._bytes + size <= self._capacity
 
         with self._turn:
-            found = room() or (patience and self._turn.wait_for(room, patience))
+            found = has_capacity() or (timeout and self._turn.wait_for(has_capacity, timeout))
             if self._dead or not found:
                 return False
             self._jobs.append((job, size))

@@ -84,7 +84,7 @@ class OversizedChunk(Damage):
     """A chunk declares more uncompressed bytes than are allowed; its length in the file can be trusted."""
 
 
-class Told(NamedTuple):
+class IndexedChunk(NamedTuple):
     """What a summary tells of a chunk; see `ChunkSpan`."""
 
     start_ns: int
@@ -101,8 +101,10 @@ class Contents(NamedTuple):
     entries: dict[int, Entries]
 
 
-def chunk_at(data: Buffer, span: Span, told: Told | None = None, max_chunk_size: int = MAX_CHUNK_SIZE) -> ChunkSpan:
-    """The chunk at ``span``, still packed; what a summary ``told`` of it counts more than its own header.
+def chunk_at(
+    data: Buffer, span: Span, indexed: IndexedChunk | None = None, max_chunk_size: int = MAX_CHUNK_SIZE
+) -> ChunkSpan:
+    """The chunk at ``span``, still packed; what a summary ``indexed`` of it counts more than its own header.
 
     Raises:
         Damage: its header contradicts its length, or declares more than ``max_chunk_size`` uncompressed bytes.
@@ -122,7 +124,7 @@ def chunk_at(data: Buffer, span: Span, told: Told | None = None, max_chunk_size:
             f"chunk at byte {span.offset} declares {size / 1e6:.0f} MB uncompressed, over the limit of"
             f" {max_chunk_size / 1e6:.0f} MB (--max-chunk-size)"
         )
-    start, end, places, index_size = told or Told(start, end, b"", 0)
+    start, end, places, index_size = indexed or IndexedChunk(start, end, b"", 0)
     return ChunkSpan(span, place + 8, data_size, size, crc, name, start, end, places, {}, index_size)
 
 

@@ -27,6 +27,10 @@ _BLOCK = 256
 """Rows checked at a time: they stay in the processor's cache."""
 
 
+RENAMED = {"/system/calibration": {"calibration_count": "begun", "begun": "calibration_count"}}
+"""other name of a renamed field, by topic: recordings and scripts of either version can be read"""
+
+
 @dataclass(frozen=True)
 class Columns(Mapping[str, Array]):
     """A topic as columns: ``columns["pitch"]`` is an array with one row per message, in order of log time.
@@ -48,6 +52,10 @@ class Columns(Mapping[str, Array]):
     descriptions: dict[str, str] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> Array:
+        if name not in self.fields:
+            other = RENAMED.get(self.topic, {}).get(name, "")
+            if other in self.fields:
+                return self.fields[other]
         return self.fields[name]
 
     def __iter__(self) -> Iterator[str]:
@@ -130,7 +138,7 @@ def moment(time: float, most: int = LATEST_NS) -> int:
     return round(min(max(time, -most * 1e-9), most * 1e-9) * 1e9)
 
 
-def believed(times: NDArray[np.uint64], topic: str) -> NDArray[np.int64]:
+def signed_log_times(times: NDArray[np.uint64], topic: str) -> NDArray[np.int64]:
     """Log times (ns) of a topic's messages as they are reckoned with.
 
     Raises:

@@ -14,8 +14,8 @@ import numpy as np
 from logs.columns import Columns
 from logs.flat import distinct, split, split_units, texts, with_time
 from logs.matlab import write_mat
+from logs.new_files import claim, draft, settle
 from logs.parquet import write_parquet
-from logs.placing import claim, draft, settle
 from logs.reader import Log
 from wingbeat.errors import InputError
 from wingbeat.text import pluralize

@@ -30,8 +30,8 @@ from logs.chunks import (
     MAX_CHUNK_SIZE,
     PLACE_TYPE,
     ChunkSpan,
+    IndexedChunk,
     OversizedChunk,
-    Told,
     chunk_at,
     loose_messages,
     stored_entries,
@@ -85,7 +85,7 @@ class Index:
     """messages by channel"""
     checksums: Checksums | None = None
     """of what is under no CRC of MCAP's own; None where the file has none"""
-    beside: dict[int, int] = field(default_factory=dict)
+    metadata_checksums: dict[int, int] = field(default_factory=dict)
     """CRCs that stand behind the metadata records, by the offset of these"""
     data_end: Span | None = None
     """the record that ends the data and has their CRC; None where there is none, or none was passed yet"""
@@ -171,7 +171,7 @@ def _take_summary_record(index: Index, data: Buffer, span: Span, stop: int) -> N
 
 def _vouched(index: Index, data: Buffer, span: Span) -> bool:
     """Whether a metadata record is what its checksum says, if there is one; what it says where it is not."""
-    tables = [table for table in (index.beside, index.checksums and index.checksums.metadata) if table]
+    tables = [table for table in (index.metadata_checksums, index.checksums and index.checksums.metadata) if table]
     told = [table.get(span.offset, -1) for table in tables]
     if not (told or index.checksums) or crc32(data[span.offset : span.end]) in told:
         return True
@@ -228,7 +228,7 @@ def _indexed_chunk(data: Buffer, span: Span, stop: int, max_chunk_size: int) -> 
         raise Damage(f"chunk index at byte {span.offset} has lengths that contradict each other")
     # The header of a chunk is under no CRC of its own, the summary is.
     (index_size,) = _INDEX_SIZE.unpack_from(data, end)
-    told = Told(start_ns, end_ns, places, index_size)
+    told = IndexedChunk(start_ns, end_ns, places, index_size)
     return chunk_at(data, expected(data, Opcode.CHUNK, place, stop), told, max_chunk_size)
 
 
@@ -358,12 +358,12 @@ def _pass(index: Index, data: Buffer, span: Span) -> None:
         raise Damage(f"record of unknown kind {span.opcode} at byte {span.offset}")
 
 
-def _take_checksums(index: Index, found: Checksums | None, span: Span) -> None:
+def _take_checksums(index: Index, sums: Checksums | None, span: Span) -> None:
     """Enter those of the summary or behind a metadata record; another program's have their place in the summary."""
     if index.data_end is not None:
-        index.checksums = found
-    elif found is not None:
-        index.beside |= found.metadata
+        index.checksums = sums
+    elif sums is not None:
+        index.metadata_checksums |= sums.metadata
     else:
         raise Damage(f"record of unknown kind {span.opcode} at byte {span.offset}")
 

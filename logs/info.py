@@ -27,8 +27,8 @@ _TOLD_BY = (truth_topics.STATE, topics.NAVIGATION)
 """topics that say whether it is in the air"""
 
 
-def summary(log: Log, flown: FlightSummary | None = None) -> dict[str, Any]:
-    """Everything ``wingbeat log info`` shows, ready for JSON; ``flown`` is what `flown_in` gives.
+def summary(log: Log, flight: FlightSummary | None = None) -> dict[str, Any]:
+    """Everything ``wingbeat log info`` shows, ready for JSON; ``flight`` is what `flight_summary` gives.
 
     Keys: ``file``, ``complete``, ``damage`` (lines), ``incomplete`` (what was wrong with recordings that it was
     joined of, by their names), ``flight`` (see `FlightSummary`), ``vehicle`` (None when not noted),
@@ -52,7 +52,7 @@ def summary(log: Log, flown: FlightSummary | None = None) -> dict[str, Any]:
         "duration": log.duration,
         "messages": sum(info.messages for info in log.topics.values()),
         "dropped": dropped(log),
-        "flight": _plain(flown),
+        "flight": _plain(flight),
         "topics": rows,
         "events": [
             {"time": time_us * 1e-6, "severity": severity.name, "source": source, "text": text}
@@ -66,7 +66,7 @@ def summary(log: Log, flown: FlightSummary | None = None) -> dict[str, Any]:
     }
 
 
-def flown_in(log: Log, however_long: bool = False) -> FlightSummary | None:
+def flight_summary(log: Log, however_long: bool = False) -> FlightSummary | None:
     """The flight in a log; None where nothing tells it, or where the log is long and that was not asked for.
 
     Raises:

@@ -14,7 +14,7 @@ from logs.copying import Part, copy
 from logs.index import read_index
 from logs.log_file import map_file
 from logs.names import FAULTS, JOINED
-from logs.placing import claim, draft, settle
+from logs.new_files import claim, draft, settle
 from logs.recorder import RECORDING
 from logs.records import Damage, parse
 from wingbeat.errors import InputError
@@ -44,7 +44,7 @@ def join(parts: Sequence[Path], out: Path, faults: Mapping[str, str] | None = No
     if not parts:
         raise InputError(f"no recordings to join to {out}")
     opened = [Part(data, read_index(data)) for data in map(map_file, parts)]
-    _check_flown_together(parts, opened)
+    _check_same_flight(parts, opened)
     kept = [
         Kept(path, "; ".join(part.index.damage))
         for path, part in zip(parts, opened, strict=True)
@@ -69,7 +69,7 @@ def join(parts: Sequence[Path], out: Path, faults: Mapping[str, str] | None = No
     return kept
 
 
-def _check_flown_together(paths: Sequence[Path], parts: Sequence[Part]) -> None:
+def _check_same_flight(paths: Sequence[Path], parts: Sequence[Part]) -> None:
     """Refuse recordings whose vehicle's clocks were not zero at the same nanosecond, as those of one flight are.
 
     Raises:

@@ -38,7 +38,7 @@ class Listing(NamedTuple):
     counts: Counts
     """how many of them lie in each chunk"""
 
-    def lies_inside(self, sizes: NDArray[np.int64], length: int) -> bool:
+    def is_inside(self, sizes: NDArray[np.int64], length: int) -> bool:
         """Whether records of so many bytes at the offsets end inside their chunks of so many bytes."""
         last = np.repeat(sizes - length, self.counts)
         return bool(np.all(last >= 0) and np.all(self.offsets <= last.astype(np.uint64)))
@@ -61,7 +61,7 @@ class Places:
         """Channels that have a message index here."""
         return [int(channel) for channel in np.unique(self._channel)]
 
-    def holding(self, channels: Iterable[int]) -> list[ChunkSpan]:
+    def chunks_of(self, channels: Iterable[int]) -> list[ChunkSpan]:
         """The chunks that have messages of any of the channels."""
         if self._walked:
             return [chunk for chunk in self.chunks if not chunk.entries.keys().isdisjoint(channels)]
@@ -75,7 +75,7 @@ class Places:
             counts, places = found
             raw = np.frombuffer(data, np.uint8)
             offsets = _gathered(raw, places + _NUMBER.itemsize, _NUMBER)
-            if _go_forward(offsets, counts):
+            if _is_monotonic(offsets, counts):
                 return Listing(_gathered(raw, places, _NUMBER), offsets, counts)
         return self._one_by_one(data, channel)
 
@@ -113,7 +113,7 @@ class Places:
         return Listing(entries["time"], entries["offset"], np.array([len(part) for part in known], np.int64))
 
 
-def _go_forward(offsets: NDArray[np.uint64], counts: Counts) -> bool:
+def _is_monotonic(offsets: NDArray[np.uint64], counts: Counts) -> bool:
     """Whether no message of a chunk is named twice, or before one that it follows."""
     chunk = np.repeat(np.arange(len(counts)), counts)
     return bool(np.all((offsets[1:] > offsets[:-1]) | (chunk[1:] > chunk[:-1])))

@@ -17,18 +17,18 @@ from numpy.typing import NDArray
 
 from logs.chunks import BEYOND_NS, ChunkSpan, Entries, bodies, entries_of, unpack
 from logs.codecs import decode_event, decode_text, value_decoder
+from logs.column_batches import Table, fill
 from logs.columns import (
     LATEST_NS,
     Columns,
     Stamped,
-    believed,
     fixed_columns,
     free_columns,
     layout_in_file,
     moment,
+    signed_log_times,
 )
 from logs.frames import frame
-from logs.gathering import Table, fill
 from logs.index import ALTERED, Index, data_intact, indexes_intact, max_records
 from logs.layout import Layout
 from logs.listing import Places
@@ -216,7 +216,7 @@ class LogFile:
         if times is None:
             parts = [entries[channel.id]["time"] for entries in self._looked_up if channel.id in entries]
             times = np.concatenate([np.empty(0, np.uint64), *parts])
-        return believed(times, channel.topic)
+        return signed_log_times(times, channel.topic)
 
     @cached_property
     def _places(self) -> Places:
@@ -224,7 +224,7 @@ class LogFile:
 
     @cached_property
     def _indexes_intact(self) -> bool:
-        """Whether the message indexes may be believed without a look at the messages."""
+        """Whether the message indexes may be signed_log_times without a look at the messages."""
         return indexes_intact(self._data, self._index)
 
     @cached_property
@@ -256,7 +256,7 @@ class LogFile:
         """
         channels = [self._channels(topic if isinstance(topic, str) else topic.name)[0].id for topic in topics]
         kinds, times = [np.empty(0, np.int64)], [np.empty(0, np.uint64)]
-        for chunk in self._places.holding(channels):
+        for chunk in self._places.chunks_of(channels):
             here = chunk.channels
             present = [(i, channel) for i, channel in enumerate(channels) if channel in here]
             looked_up = self._checked(partial(self._entries, chunk, [channel for _, channel in present]))
@@ -418,7 +418,7 @@ class LogFile:
             return free_columns(name, boot, layout, self._checked(lambda: self._decoded(channels, window)))
         # A time is under the chunk's CRC, what the message index says of it is not: so they are cut when all agree.
         found = [part.between(*window) for part in parts]
-        times = self._checked(lambda: believed(_joined([times for times, _ in found]), name))
+        times = self._checked(lambda: signed_log_times(_joined([times for times, _ in found]), name))
         fields = {item.name: _joined([values[item.name] for _, values in found]) for item in layout.fields}
         return fixed_columns(name, boot, layout, times, fields)
 
@@ -435,7 +435,7 @@ class LogFile:
         for chunk in self._between(window, [channel.id]):
             content = unpack(self._data, chunk)
             entries = _inside(entries_of(self._data, chunk, content, channel.id), chunk, window)
-            believed(entries["time"], channel.topic)
+            signed_log_times(entries["time"], channel.topic)
             yield from zip(entries["time"].tolist(), bodies(content, entries), strict=True)
 
     def _messages(self, topic: str) -> list[tuple[int, bytes]]:
@@ -446,7 +446,7 @@ class LogFile:
 
     def _between(self, window: tuple[int, int], channels: Iterable[int]) -> list[ChunkSpan]:
         """The chunks that have messages of any of the channels and may have some of the window."""
-        held = self._places.holding(channels)
+        held = self._places.chunks_of(channels)
         return [chunk for chunk in held if chunk.start_ns < window[1] and chunk.end_ns >= window[0]]
 
     def _schema(self, channel: Channel) -> Schema | None:

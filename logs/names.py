@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from datetime import datetime
 from pathlib import Path
 
-from logs.placing import held, numbered
+from logs.new_files import locked_name, numbered
 
 RECORDINGS = Path("recordings")
 
@@ -65,7 +65,7 @@ def reserved(vehicle: str, when: datetime | None = None, folder: Path = RECORDIN
         InputError: the folder cannot be made or written to.
     """
     for path in _free(vehicle, when, folder):
-        with held(path) as ours:
+        with locked_name(path) as ours:
             # Looked at again: who held the name before may have left files of it.
             if ours and not any(file.exists() for file in files_of(path)):
                 yield path

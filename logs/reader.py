@@ -14,7 +14,7 @@ from logs.log_file import LogFile, map_file
 from wingbeat.topic import Topic
 
 if TYPE_CHECKING:
-    from logs.settings import FlownMission, Parameters
+    from logs.settings import ActiveMission, Parameters
 
 
 class Log(LogFile):
@@ -34,7 +34,7 @@ class Log(LogFile):
         return parameters_of(self)
 
     @property
-    def missions(self) -> tuple[FlownMission, ...]:
+    def missions(self) -> tuple[ActiveMission, ...]:
         """The mission at boot and those that replaced it, each with the time from which it held.
 
         Raises:

@@ -123,9 +123,9 @@ class McapRecorder:
         self._buffer = bytearray()
         self._last_ns = self.start_epoch_ns
         self._oldest_ns = self._youngest_ns = 0
-        self._flush_clock, self._patience = math.inf, 0.0
+        self._flush_clock, self._timeout = math.inf, 0.0
         self._compressor = zstandard.ZstdCompressor(level=ZSTD_LEVEL)
-        self._writing, self._told = writing, (0, 0)
+        self._writing, self._reported = writing, (0, 0)
         self._open_for_writing, self._closed = True, False
         self._volumes = self._begin()
         self._backlog = (
@@ -270,7 +270,7 @@ class McapRecorder:
             stream.index = []
         if not self._hand_over(work, size):
             self.dropped += count
-        self._tell_drops()
+        self._report_drops()
 
     def _flush_overdue(self) -> None:
         """Close an open chunk whose time is over though no message comes that would do it.
@@ -333,7 +333,7 @@ class McapRecorder:
                 return
             self._closed = True
             # Nobody flies any more: what is left waits for the disk, and so does what is told of the drops.
-            self._patience = PATIENCE
+            self._timeout = PATIENCE
             self.flush()
             self.flush()
             self._open_for_writing = False
@@ -403,7 +403,7 @@ class McapRecorder:
             self._attempt(lambda: self._volumes.write(work, everywhere))
 
         if self._backlog is not None:
-            return self._backlog.offer(job, size, self._patience)
+            return self._backlog.offer(job, size, self._timeout)
         job()
         return True
 
@@ -446,12 +446,12 @@ class McapRecorder:
 
         return written
 
-    def _tell_drops(self) -> None:
+    def _report_drops(self) -> None:
         """Log what was left out, once after each time it was more."""
         account, now = self._writing.account, (self.dropped, self._refused)
-        if account is None or now == self._told:
+        if account is None or now == self._reported:
             return
-        self._told = now
+        self._reported = now
         waiting = self._backlog.waiting if self._backlog else 0
         time_us = (self._last_ns - self.start_epoch_ns) // 1000
         self.record(account, RecorderStatus(time_us, self.dropped, self._refused, waiting, self._volumes.written))

@@ -20,7 +20,7 @@ from logs.index import Index, scan
 from logs.join import join
 from logs.log_file import map_file
 from logs.names import parts_of
-from logs.placing import claim, draft, held, numbered, settle
+from logs.new_files import claim, draft, locked_name, numbered, settle
 from logs.reader import open_log
 from wingbeat.errors import InputError
 
@@ -62,7 +62,7 @@ def recover(path: Path | str, max_chunk_size: int = MAX_CHUNK_SIZE) -> Recovery:
 
 def _join_parts(path: Path, parts: Sequence[Path], max_chunk_size: int) -> Recovery:
     """Repair the parts of a flight that were not joined, and join them to ``path``."""
-    with held(path) as ours:
+    with locked_name(path) as ours:
         if not ours:
             raise InputError(f"{path} is being recorded: it cannot be repaired now")
         done, damage = {}, []

@@ -54,7 +54,7 @@ class _Stream(NamedTuple):
     sdk: Any
     recording: Any
 
-    def still(self, entity: str, what: Any) -> None:
+    def log_static(self, entity: str, what: Any) -> None:
         """What holds at all times."""
         self.recording.log(entity, what, static=True, strict=True)
 
@@ -85,7 +85,7 @@ def encode_rrd(log: Log, show: Show = lambda done, total, what: None) -> bytes:
     stream, motion = _Stream(sdk, recording), motion_of(tables)
     _draw(stream, motion, shape_in(log)[0])
     titles = [panel.title for panel in PANELS if _plot(stream, panel, tables, motion)]
-    _tell(stream, events)
+    _log_events(stream, events)
     recording.send_blueprint(_layout(sdk, titles, motion.body is not None))
     return bytes(kept.drain_as_bytes())
 
@@ -94,7 +94,7 @@ def encode_rrd(log: Log, show: Show = lambda done, total, what: None) -> bytes:
 
 
 def _draw(stream: _Stream, motion: Motion, shape: Shape) -> None:
-    stream.still("/world", stream.sdk.ViewCoordinates.RIGHT_HAND_Z_UP)
+    stream.log_static("/world", stream.sdk.ViewCoordinates.RIGHT_HAND_Z_UP)
     body = motion.body
     if body is None:
         return
@@ -122,20 +122,20 @@ def _draw_wings(stream: _Stream, wings: Wings, shape: Shape) -> None:
 
 
 def _draw_track(stream: _Stream, entity: str, place: Array, color: Vector) -> None:
-    stream.still(entity, stream.sdk.LineStrips3D([place.T], colors=[color]))
+    stream.log_static(entity, stream.sdk.LineStrips3D([place.T], colors=[color]))
 
 
 def _draw_parts(stream: _Stream, shape: Shape) -> None:
     length = shape.nose - shape.tail[0]
     middle, half = (0.5 * (shape.nose + shape.tail[0]), 0.0, 0.0), (0.5 * length, 0.03 * length, 0.04 * length)
     fuselage = stream.sdk.Boxes3D(centers=[middle], half_sizes=[half], colors=[(65, 65, 70)], fill_mode="solid")
-    stream.still(f"{BIRD}/fuselage", fuselage)
+    stream.log_static(f"{BIRD}/fuselage", fuselage)
     for name, plates in outlines(shape).items():
         corners = np.array(plates).reshape(-1, 3)
         triangles = [[4 * n, 4 * n + i, 4 * n + i + 1] for n in range(len(plates)) for i in (1, 2)]
         colors = [_PARTS[name]] * len(corners)
         mesh = stream.sdk.Mesh3D(vertex_positions=corners, triangle_indices=triangles, vertex_colors=colors)
-        stream.still(f"{BIRD}/{name}", mesh)
+        stream.log_static(f"{BIRD}/{name}", mesh)
 
 
 def _move(
@@ -156,7 +156,7 @@ def _plot(stream: _Stream, panel: Panel, tables: Tables, motion: Motion) -> bool
     lines = list(_wing_lines(motion) if panel.title == WING_ANGLE else _panel_lines(panel, tables))
     for name, style, time, values in lines:
         entity = f"{_entity(panel.title)}/{name.replace(' ', '_')}"
-        stream.still(entity, stream.sdk.SeriesLines(colors=[COLORS[style]], names=[name]))
+        stream.log_static(entity, stream.sdk.SeriesLines(colors=[COLORS[style]], names=[name]))
         stream.moving(entity, time, stream.sdk.Scalars.columns(scalars=panel.factor * values))
     return bool(lines)
 
@@ -184,7 +184,7 @@ def _wing_lines(motion: Motion) -> Iterator[tuple[str, str, Array, Array]]:
             yield side, side, motion.wings.time, flap
 
 
-def _tell(stream: _Stream, events: list[Event]) -> None:
+def _log_events(stream: _Stream, events: list[Event]) -> None:
     levels = [_LEVELS.get(Severity(event.severity), "ERROR") for event in events]
     texts = [f"{event.source}: {event.text}" for event in events]
     time = np.array([event.time_us * 1e-6 for event in events])

@@ -263,10 +263,10 @@ class SceneRecorder:
 
     def _shown_of(self, channel: int, message: Any) -> Sequence[Said]:
         if self._guard is None:
-            return self._seen(channel, message)
-        return self._guard.run(self._seen, channel, message) or ()
+            return self._updates_of(channel, message)
+        return self._guard.run(self._updates_of, channel, message) or ()
 
-    def _seen(self, channel: int, message: Any) -> Sequence[Said]:
+    def _updates_of(self, channel: int, message: Any) -> Sequence[Said]:
         """What one message of a watched channel lets see."""
         seen: Sequence[Said] = ()
         # A flight goes on, whatever a viewer would have made of this.

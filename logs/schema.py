@@ -126,15 +126,15 @@ def _length(field: FieldDescriptorProto, lengths: Mapping[str, Any]) -> int | No
         return None
     if field.label != FieldDescriptorProto.LABEL_REPEATED:
         return 0 if field.proto3_optional else None
-    told = lengths.get(field.name)
-    return told if type(told) is int and told > 0 else None
+    document = lengths.get(field.name)
+    return document if type(document) is int and document > 0 else None
 
 
-def _labels(told: Any) -> dict[int, str]:
+def _labels(document: Any) -> dict[int, str]:
     """Names of values from a JSON object with a number in each key; none where it is something else."""
-    if not isinstance(told, dict) or not all(isinstance(label, str) for label in told.values()):
+    if not isinstance(document, dict) or not all(isinstance(label, str) for label in document.values()):
         return {}
     try:
-        return {int(value): label for value, label in told.items()}
+        return {int(value): label for value, label in document.items()}
     except ValueError:
         return {}

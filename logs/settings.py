@@ -48,7 +48,7 @@ class Parameters(NamedTuple):
         return self.initial | {change.name: change.value for change in self.changes if change.time <= time}
 
 
-class FlownMission(NamedTuple):
+class ActiveMission(NamedTuple):
     """A mission that held from some time on."""
 
     time: float
@@ -86,10 +86,10 @@ def parameters_of(log: LogFile) -> Parameters:
     return Parameters(initial, tuple(sorted(changes, key=lambda change: change.time)))
 
 
-def missions_of(log: LogFile) -> tuple[FlownMission, ...]:
+def missions_of(log: LogFile) -> tuple[ActiveMission, ...]:
     """The missions of a flight; see `logs.reader.Log.missions`."""
     loaded = [item.data for item in log.attachments if item.name == MISSION]
-    first = [FlownMission(0.0, tuple(_items(log, loaded[0])))] if loaded else []
+    first = [ActiveMission(0.0, tuple(_items(log, loaded[0])))] if loaded else []
     documents = list(_changes(log))
     if documents:
         accepted = Counter((time_us, each["mission"]) for time_us, each in documents if "mission" in each)
@@ -102,7 +102,7 @@ def missions_of(log: LogFile) -> tuple[FlownMission, ...]:
             if accepted[key] > 0:
                 accepted[key] -= 1
                 items = tuple(mission_document(_mission(log, command.payload)))
-                flown.append(FlownMission(command.time_us * 1e-6, items))
+                flown.append(ActiveMission(command.time_us * 1e-6, items))
     return (*first, *flown)
 
 

@@ -131,17 +131,17 @@ def strokes_of(phase: Array) -> Array:
     return strokes
 
 
-def time_at(time: Array, strokes: Array, wanted: Array) -> Array:
-    """Time (s) at which the stroke count ``strokes`` (N,) passed ``wanted`` (M,); NaN outside the record."""
+def time_at(time: Array, strokes: Array, stroke_counts: Array) -> Array:
+    """Time (s) at which the stroke count ``strokes`` (N,) passed ``stroke_counts`` (M,); NaN outside the record."""
     rising = np.concatenate(([True], np.diff(strokes) > 1e-9))
-    found: Array = np.interp(wanted, strokes[rising], time[rising], left=np.nan, right=np.nan)
+    found: Array = np.interp(stroke_counts, strokes[rising], time[rising], left=np.nan, right=np.nan)
     return found
 
 
 def stroke_cuts(time: Array, strokes: Array) -> Array:
     """Times (s) at which a whole stroke ended and the next began."""
-    wanted = np.arange(np.ceil(strokes[0]), np.floor(strokes[-1]) + 1)
-    return time_at(time, strokes, wanted)
+    stroke_counts = np.arange(np.ceil(strokes[0]), np.floor(strokes[-1]) + 1)
+    return time_at(time, strokes, stroke_counts)
 
 
 def integral(time: Array, values: Array, at: Array) -> Array:

@@ -45,7 +45,7 @@ class Touchdown(NamedTuple):
     """rad; nose up is positive"""
 
 
-class Hold(NamedTuple):
+class AltitudeHold(NamedTuple):
     """Altitude and heading kept, from the first capture to the end of the hold."""
 
     start: float
@@ -86,7 +86,7 @@ class FlightSummary(NamedTuple):
     """s; since boot"""
     airtime: float | None
     """s; from launch to touchdown, or to the end of the log"""
-    hold: Hold | None
+    hold: AltitudeHold | None
     """the longest hold"""
     highest: float | None
     """m; above the altitude at boot"""
@@ -153,7 +153,7 @@ def summary_of(tables: dict[str, Columns], duration: float) -> FlightSummary:
         log_duration=duration,
         launch=launch,
         airtime=None if launch is None or end is None else end - launch,
-        hold=_longest_hold(flight),
+        hold=_longest_altitude_hold(flight),
         highest=_highest(flight),
         distance=_distance(flight),
         airspeed=_mean_in_air(flight, topics.AIR_DATA, "airspeed"),
@@ -217,20 +217,20 @@ def _landed(flight: _Flight) -> float | None:
     navigation = flight.get(topics.NAVIGATION)
     if navigation is None or flight.launch is None:
         return None
-    found = np.flatnonzero((navigation["stage"] == Stage.LANDED) & (navigation.time > flight.launch))
-    return float(navigation.time[found[0]]) if len(found) else None
+    selected = np.flatnonzero((navigation["stage"] == Stage.LANDED) & (navigation.time > flight.launch))
+    return float(navigation.time[selected[0]]) if len(selected) else None
 
 
 # --- the hold ------------------------------------------------------------------------------------------------
 
 
-def _longest_hold(flight: _Flight) -> Hold | None:
+def _longest_altitude_hold(flight: _Flight) -> AltitudeHold | None:
     navigation = flight.get(topics.NAVIGATION)
     if navigation is None:
         return None
     spans = _constant_spans(navigation)
-    holds = [hold for start, end in spans if (hold := _hold(flight, navigation, start, end)) is not None]
-    return max(holds, key=lambda hold: hold.duration, default=None)
+    holds = [one for start, end in spans if (one := _altitude_hold(flight, navigation, start, end)) is not None]
+    return max(holds, key=lambda one: one.duration, default=None)
 
 
 def _constant_spans(navigation: Columns) -> list[tuple[int, int]]:
@@ -245,10 +245,10 @@ def _constant_spans(navigation: Columns) -> list[tuple[int, int]]:
     return [(start, end) for start, end in spans if time[end] - time[start] >= HOLD_AT_LEAST]
 
 
-def _hold(flight: _Flight, navigation: Columns, start: int, end: int) -> Hold | None:
+def _altitude_hold(flight: _Flight, navigation: Columns, start: int, end: int) -> AltitudeHold | None:
     begin, finish = float(navigation.time[start]), min(float(navigation.time[end]), flight.end or math.inf)
     wanted = float(navigation["altitude_setpoint"][start]), float(navigation["heading_setpoint"][start])
-    flown = _flown(flight)
+    flown = _flight_path(flight)
     if flown is None:
         return None
     time, altitude, course = flown
@@ -260,10 +260,12 @@ def _hold(flight: _Flight, navigation: Columns, start: int, end: int) -> Hold | 
         return None
     first = int(np.argmax(captured))
     since = float(time[inside][first])
-    return Hold(begin, since - begin, finish - since, _rms(altitude_error[first:]), _rms(heading_error[first:]))
+    return AltitudeHold(
+        begin, since - begin, finish - since, _rms(altitude_error[first:]), _rms(heading_error[first:])
+    )
 
 
-def _flown(flight: _Flight) -> tuple[Array, Array, Array] | None:
+def _flight_path(flight: _Flight) -> tuple[Array, Array, Array] | None:
     """Time (s), altitude above the altitude at boot (m) and course over ground (rad) on one time base."""
     truth = flight.get(truth_topics.STATE)
     if truth is not None:
@@ -279,37 +281,37 @@ def _flown(flight: _Flight) -> tuple[Array, Array, Array] | None:
 
 
 def _highest(flight: _Flight) -> float | None:
-    flown = _flown(flight)
+    flown = _flight_path(flight)
     return None if flown is None or flight.launch is None else float(np.max(flown[1]))
 
 
 def _distance(flight: _Flight) -> float | None:
-    found = flight.in_air(truth_topics.STATE) or flight.in_air(topics.POSITION)
-    if found is None:
+    selected = flight.in_air(truth_topics.STATE) or flight.in_air(topics.POSITION)
+    if selected is None:
         return None
-    columns, inside = found
+    columns, inside = selected
     return float(np.sum(np.hypot(np.diff(columns["north"][inside]), np.diff(columns["east"][inside]))))
 
 
 def _mean_in_air(flight: _Flight, topic: Topic[Any], name: str) -> float | None:
-    found = flight.in_air(topic)
-    return None if found is None else float(np.mean(found[0][name][found[1]]))
+    selected = flight.in_air(topic)
+    return None if selected is None else float(np.mean(selected[0][name][selected[1]]))
 
 
 def _frequency(flight: _Flight) -> float | None:
-    found = flight.in_air(topics.WING)
-    if found is None:
+    selected = flight.in_air(topics.WING)
+    if selected is None:
         return None
-    columns, inside = found
+    columns, inside = selected
     flapping = columns["frequency"][inside & (columns["flapping"] == 1)]
     return float(np.mean(flapping)) if len(flapping) else None
 
 
 def _energy(flight: _Flight) -> float | None:
-    found = flight.in_air(topics.POWER)
-    if found is None:
+    selected = flight.in_air(topics.POWER)
+    if selected is None:
         return None
-    energy = found[0]["energy"][found[1]]
+    energy = selected[0]["energy"][selected[1]]
     return float(energy[-1] - energy[0])
 
 
@@ -321,11 +323,11 @@ def _manoeuvres(flight: _Flight) -> int:
 
 
 def _estimate_error(flight: _Flight) -> EstimateError | None:
-    truth, found = flight.get(truth_topics.STATE), flight.in_air(topics.ATTITUDE)
+    truth, selected = flight.get(truth_topics.STATE), flight.in_air(topics.ATTITUDE)
     altitude, air = flight.in_air(topics.ALTITUDE), flight.in_air(topics.AIR_DATA)
-    if truth is None or found is None or altitude is None or air is None:
+    if truth is None or selected is None or altitude is None or air is None:
         return None
-    attitude, inside = found
+    attitude, inside = selected
     roll, pitch, yaw = (
         _rms(_wrapped(attitude[name][inside] - np.interp(attitude.time[inside], truth.time, np.unwrap(true))))
         for name, true in zip(("roll", "pitch", "yaw"), _euler(truth, slice(None)), strict=True)
@@ -339,8 +341,8 @@ def _estimate_error(flight: _Flight) -> EstimateError | None:
     )
 
 
-def _difference(found: tuple[Columns, NDArray[np.bool_]], name: str, time: Array, true: Array) -> float:
-    columns, inside = found
+def _difference(selected: tuple[Columns, NDArray[np.bool_]], name: str, time: Array, true: Array) -> float:
+    columns, inside = selected
     return _rms(columns[name][inside] - np.interp(columns.time[inside], time, true))
 
 

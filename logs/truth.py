@@ -34,7 +34,7 @@ def known_truths(log: Log, modes: bool = True) -> dict[str, float]:
     if not modes:
         return truths
     try:
-        mode = short_period_of(stroke_averaged_model(vehicle, trim(vehicle, *_flown(log, vehicle))))
+        mode = short_period_of(stroke_averaged_model(vehicle, trim(vehicle, *_operating_point(log, vehicle))))
     except InputError:
         return truths  # no steady flight at that speed: there is no mode to compare with
     return truths | {"short_period_frequency": mode.natural_frequency, "short_period_damping": mode.damping}
@@ -55,7 +55,7 @@ def throttle_truths(log: Log, model: FrequencyModel) -> dict[str, float]:
     return frequency_truth(model, np.linspace(0.0, 1.0, len(frequencies)), frequencies)
 
 
-def _flown(log: Log, vehicle: SimulatedVehicle) -> tuple[float, float]:
+def _operating_point(log: Log, vehicle: SimulatedVehicle) -> tuple[float, float]:
     """Airspeed and climb rate in m/s to linearise about."""
     cruise = vehicle.cruise.airspeed, vehicle.cruise.climb_rate
     if not all(topic.name in log.topics for topic in (topics.EXCITATION, truth.STATE)):

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import IO
 
 from logs.container import Container
-from logs.placing import numbered
+from logs.new_files import numbered
 from wingbeat.errors import InputError
 
 Work = Callable[[Container], None]

@@ -13,8 +13,8 @@ from avionics.vehicles import load_vehicle
 from logs.container import Container
 from logs.copying import Part, copy
 from logs.index import read_index
-from logs.noted import note_inputs
 from logs.recorder import McapRecorder
+from logs.recording_notes import note_inputs
 from sim_bridge.flight.flight import fly
 from sim_bridge.flight.world import Scenario, SimulatedWorld
 from sim_bridge.vehicles import load_vehicle as load_world_vehicle

@@ -100,6 +100,7 @@ ALLOWED_NAMES = frozenset({"HOLD", "SUSPECT"})
 
 ALLOWED_IN = frozenset(
     {
+        ("logs/summary.py", "hold"),  # key of the JSON summary of a flight
         ("logs/identification/tables/map.py", "hold"),  # key of the user's map file; alias it before renaming
     }
 )

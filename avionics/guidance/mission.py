@@ -75,14 +75,14 @@ class Excitation(NamedTuple):
     """Hz; where a sweep begins, or the lowest frequency of a multisine"""
     high: float = 0.0
     """Hz; where a sweep ends, or the highest frequency of a multisine"""
-    beside: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    other_amplitudes: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """rad, -, rad; of a multisine on elevator, throttle and rudder beside that on ``channel``"""
     loops: int = 0
     """-; 1 when the loops fly on, 0 when they are frozen"""
 
     def amplitudes(self) -> tuple[float, float, float]:
         """Greatest excursion of elevator (rad), throttle (-) and rudder (rad)."""
-        elevator, throttle, rudder = self.beside
+        elevator, throttle, rudder = self.other_amplitudes
         if self.channel == Channel.ELEVATOR:
             return elevator + self.amplitude, throttle, rudder
         if self.channel == Channel.THROTTLE:

@@ -83,7 +83,9 @@ def on_channels(requested: Excitation, amplitudes: Mapping[Channel, float]) -> E
     """``requested`` with these amplitudes (rad, -, rad), that of the first used channel as its own."""
     own = min((channel for channel, amplitude in amplitudes.items() if amplitude), default=requested.channel)
     elevator, throttle, rudder = (0.0 if c == own else amplitudes.get(c, 0.0) for c in Channel)
-    return requested._replace(channel=own, amplitude=amplitudes.get(own, 0.0), beside=(elevator, throttle, rudder))
+    return requested._replace(
+        channel=own, amplitude=amplitudes.get(own, 0.0), other_amplitudes=(elevator, throttle, rudder)
+    )
 
 
 def _repeats(entries: Mapping[str, float]) -> int:
@@ -122,7 +124,7 @@ def _numbers_of(requested: Excitation) -> list[tuple[str, float, Key]]:
 
 
 def _amplitude_refusal(requested: Excitation) -> str:
-    if any(requested.beside) and requested.shape != Shape.MULTISINE:
+    if any(requested.other_amplitudes) and requested.shape != Shape.MULTISINE:
         return "only a multisine is flown on several channels at once"
     for channel, amplitude in zip(Channel, requested.amplitudes(), strict=True):
         name, key = AMPLITUDES[channel]

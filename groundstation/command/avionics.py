@@ -36,8 +36,8 @@ from groundstation.command.ending import WORDS
 from groundstation.command.recordings import begin_recording, format_recording_paths, put_right
 from groundstation.views.json_document import print_document
 from logs.names import RECORDINGS
-from logs.noted import note_inputs
 from logs.recorder import IN_FLIGHT, Writing
+from logs.recording_notes import note_inputs
 from logs.scene import FLOWN, PLAIN_BIRD, SceneRecorder
 from sim_bridge.flight.faults import fault_commands
 from wingbeat.errors import InputError

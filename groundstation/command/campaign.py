@@ -20,13 +20,13 @@ from groundstation.views.progress import ProgressBar
 from groundstation.views.terminal import open_console
 from logs.campaigns.campaign import Campaign, flight_values, load_campaign
 from logs.campaigns.cluster import dask, existing_cluster, local_cluster
-from logs.campaigns.flown import Recording, Row, flown
 from logs.campaigns.journal import ENDING, Journal
 from logs.campaigns.outcome import Outcome
 from logs.campaigns.run import LOGS, Logs, fly_campaign, order_of
+from logs.campaigns.single_flight import Recording, Row, fly_one
 from logs.campaigns.table import arrow, read_table, write_table
 from logs.names import RECORDINGS
-from logs.placing import why_not
+from logs.new_files import why_not
 from wingbeat.errors import InputError
 
 EXAMPLES = (
@@ -257,7 +257,7 @@ def _fly_one(chosen: argparse.Namespace, campaign: Campaign) -> int:
     if chosen.log is not None and chosen.log.exists():
         raise InputError(f"{chosen.log} exists: it is not overwritten")
     load_physics(_first_vehicle(campaign), chosen.json)
-    row = flown(order_of(campaign, chosen.flight, chosen.log and Recording(chosen.log)))
+    row = fly_one(order_of(campaign, chosen.flight, chosen.log and Recording(chosen.log)))
     if chosen.json:
         told = {"file": campaign.path, "flight": chosen.flight, "values": values, "row": row, "log": chosen.log}
         print_document(told)

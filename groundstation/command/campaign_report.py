@@ -18,7 +18,7 @@ from logs.campaigns.journal import ENDING
 from logs.campaigns.page import write
 from logs.campaigns.statistics import Worst, chosen_metric, sensitivities, spreads, worst
 from logs.campaigns.table import Table, read_table, unfinished_table
-from logs.placing import numbered
+from logs.new_files import numbered
 from wingbeat.errors import InputError
 
 EXAMPLES = (

@@ -12,7 +12,7 @@ from avionics.board.board import Board
 from avionics.isolation import Guard, Isolation
 from avionics.messages import ActuatorCommand, PowerState, SensorFrame, Stage
 from avionics.view import FlightView
-from groundstation.link.vehicle_state import Heard, VehicleState
+from groundstation.link.vehicle_state import StatusLine, VehicleState
 from groundstation.views.flight_view import event_line, progress_line
 from wingbeat.message import Event
 
@@ -101,7 +101,7 @@ class ReportingBoard:
         self._reported += len(events)
         self._reported_links += len(announced)
         for event in (*events, *announced):
-            self._account.report(event_line(Heard(event.time_us * 1e-6, event.severity, event.text)))
+            self._account.report(event_line(StatusLine(event.time_us * 1e-6, event.severity, event.text)))
 
     def close(self) -> None:
         """See `Board.close`."""

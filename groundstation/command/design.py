@@ -24,7 +24,7 @@ from logs.identification.input_design.plan import Asked, Plan, plan
 from logs.identification.input_design.prediction import Gust
 from logs.identification.input_design.prior import Prior, prior_of, sensor_noise
 from logs.identification.input_design.wording import command_line, mission_item
-from logs.placing import check_new
+from logs.new_files import check_new
 from sim_bridge.tuning.model import LinearModel, is_model_file, load_model
 from sim_bridge.vehicles import SimulatedVehicle
 from sim_bridge.vehicles import load_vehicle as load_world

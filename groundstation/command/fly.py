@@ -41,7 +41,7 @@ from groundstation.views.json_document import print_document
 from groundstation.views.terminal import open_console
 from logs.join import Kept, join
 from logs.names import files_of, reserved
-from logs.placing import check_new, held
+from logs.new_files import check_new, locked_name
 from logs.reader import Log, open_log
 from logs.summary import FlightSummary, summarize
 from sim_bridge.aerodynamics.models import is_compiled_separately
@@ -165,7 +165,7 @@ def _name(log: Path | None, plan: Plan) -> Iterator[Path]:
         with reserved(plan.name) as path:
             yield path
         return
-    with held(log) as ours:
+    with locked_name(log) as ours:
         if not ours:
             raise InputError(f"{log} is in use: another flight is being recorded there")
         _check_log(log)  # again: who held the name before may have left files of it
@@ -342,11 +342,11 @@ class _Speed:
 
     def note(self, state: VehicleState) -> str:
         """Words for the header."""
-        if state.time is None or state.heard_at is None:
+        if state.time is None or state.received_at is None:
             return "starting"
         if self._first is None:
-            self._first = (state.heard_at, state.time)
-        elapsed = state.heard_at - self._first[0]
+            self._first = (state.received_at, state.time)
+        elapsed = state.received_at - self._first[0]
         return f"{(state.time - self._first[1]) / elapsed:.1f} × real time" if elapsed > 0.5 else ""
 
 
@@ -369,7 +369,7 @@ def _watch_lines(children: Children, connection: Connection, console: Console) -
         state = connection.state
         for heard in new_events(state, said):
             console.print(event_line(heard), soft_wrap=True)
-        said = state.said
+        said = state.text_count
         if state.time is not None and state.time >= due:
             line = progress_line(state, modes.mode_name(state))
             console.print(line, soft_wrap=True)

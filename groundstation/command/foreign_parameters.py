@@ -15,7 +15,7 @@ from groundstation.command import options
 from groundstation.command.compiling import load_physics
 from groundstation.command.foreign import Foreign
 from groundstation.views.progress import ProgressBar
-from logs.placing import check_new, claim, draft, settle
+from logs.new_files import check_new, claim, draft, settle
 from sim_bridge.bridge.foreign import mixer
 from sim_bridge.bridge.foreign.launch import Launch, Push
 from sim_bridge.bridge.foreign.parameters import (

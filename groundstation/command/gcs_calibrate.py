@@ -16,7 +16,7 @@ from groundstation.command.gcs_session import Session, Verb, VerbParser
 from groundstation.link.answers import NoAnswer
 from groundstation.link.commands import CalibrationExchange, CommandExchange
 from groundstation.link.exchange import Target
-from groundstation.link.vehicle_state import Heard, new_events
+from groundstation.link.vehicle_state import StatusLine, new_events
 from groundstation.views import tables
 from groundstation.views.json_document import print_document
 from groundstation.views.progress import ProgressBar
@@ -99,7 +99,7 @@ def run(session: Session) -> None:
         changed = _calibrate(session, listener).changed
     if session.json:
         records = [tables.parameter_record(parameter) for parameter in changed]
-        print_document({"kind": kind, "said": listener.said, "parameters": records})
+        print_document({"kind": kind, "said": listener.texts, "parameters": records})
     else:
         print_parameters(session, changed)
     return None
@@ -156,22 +156,22 @@ class _Listener:
     """
 
     def __init__(self, session: Session, bar: ProgressBar) -> None:
-        self.said: list[str] = []
+        self.texts: list[str] = []
         self.ended = False
         """whether the vehicle itself ended or refused it"""
         self._session, self._bar = session, bar
-        self._received = session.state.said
-        self._waiting: list[Heard] = []
+        self._received = session.state.text_count
+        self._waiting: list[StatusLine] = []
         self._since = 0.0
 
     def handle_event(self, exchange: CalibrationExchange) -> None:
         """Print what is new."""
         state, now = self._session.state, self._session.connection.now()
         if new := new_events(state, self._received):
-            self.said += [event.text for event in new]
+            self.texts += [event.text for event in new]
             self._waiting += new
             self._since = now
-        self._received = state.said
+        self._received = state.text_count
         self.ended = exchange.request.result is not None
         if not self._session.json and (exchange.request.in_progress or exchange.request.accepted):
             self._print(at_once=exchange.request.accepted or now - self._since >= HELD)

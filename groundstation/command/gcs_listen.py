@@ -185,7 +185,7 @@ def record(session: Session) -> None:
 
 def _progress(station: Station, elapsed: float) -> str:
     quality = station.picture().quality
-    return f"recording {wording.duration(elapsed)}, {quality.heard} messages, {monitor.link_note(quality)}"
+    return f"recording {wording.duration(elapsed)}, {quality.received} messages, {monitor.link_note(quality)}"
 
 
 VERBS: dict[str, Verb] = {"watch": watch, "record": record}

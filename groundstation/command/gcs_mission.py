@@ -75,7 +75,7 @@ def run(session: Session) -> int | None:
 
 def _convention(session: Session) -> waypoints.Convention:
     session.identify_vehicle()
-    return waypoints.convention_of(session.state.autopilot, session.state.ours)
+    return waypoints.convention_of(session.state.autopilot, session.state.is_wingbeat)
 
 
 def _content(session: Session) -> waypoints.Upload:
@@ -92,12 +92,12 @@ def _upload(session: Session) -> None:
     """The mission; fence and rally points where the file has them."""
     content = _content(session)
     sent: list[str] = []
-    said = session.state.said
+    said = session.state.text_count
     for part, mission_type, name, noun in PARTS:
         items = getattr(content, part)
         if items:
             # The fence is checked against the mission that it replaces too: only the last part's remarks count.
-            said = session.state.said
+            said = session.state.text_count
             try:
                 session.run_exchange(
                     missions.MissionUpload(session.target, items, mission_type=mission_type), f"sending {name}"

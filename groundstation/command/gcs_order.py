@@ -18,7 +18,7 @@ from groundstation.command.gcs_session import Session, Verb
 from groundstation.link import modes, orders, parameters
 from groundstation.link.answers import NoAnswer
 from groundstation.link.exchange import Exchange
-from groundstation.link.vehicle_state import VehicleState, is_ours
+from groundstation.link.vehicle_state import VehicleState, is_wingbeat_vehicle
 from wingbeat.errors import InputError
 
 ALTITUDE = 20.0
@@ -124,7 +124,7 @@ def takeoff(session: Session) -> None:
         _set_takeoff_altitude(session, altitude)
     home = session.home() if orders.counts_from_the_sea(session.state) else None
     if altitude is None:
-        altitude = math.nan if is_ours(session.state) else ALTITUDE
+        altitude = math.nan if is_wingbeat_vehicle(session.state) else ALTITUDE
     obey(session, orders.takeoff(session.connection, altitude, home), "takeoff")
 
 

@@ -12,7 +12,7 @@ from groundstation.command import options
 from groundstation.command.gcs_session import Session, Verb, VerbParser, check_new
 from groundstation.link import parameter_list, parameters
 from groundstation.link.answers import NoAnswer
-from groundstation.link.vehicle_state import is_ours
+from groundstation.link.vehicle_state import is_wingbeat_vehicle
 from groundstation.views import tables
 from groundstation.views.json_document import print_document
 from wingbeat.errors import InputError
@@ -94,7 +94,7 @@ def _read(session: Session, encoding: bool) -> parameters.Parameter:
 
 def _near(session: Session, name: str) -> str:
     """The name of ours that may have been meant, in words; nothing for a vehicle whose names are not known here."""
-    if not is_ours(session.connection.state):
+    if not is_wingbeat_vehicle(session.connection.state):
         return ""
     from avionics.parameters import parameter_table
     from avionics.vehicles import load_vehicle

@@ -17,7 +17,7 @@ from groundstation.link.connection import AnyExchange, Connection
 from groundstation.link.exchange import Target
 from groundstation.link.mode_change import request_mode_names
 from groundstation.link.recording import Recording
-from groundstation.link.vehicle_state import VehicleState, is_ours
+from groundstation.link.vehicle_state import VehicleState, is_wingbeat_vehicle
 from groundstation.views.json_document import print_document
 from groundstation.views.progress import ProgressBar
 from wingbeat.errors import InputError
@@ -86,7 +86,7 @@ class Session(NamedTuple):
 
     def identify_vehicle(self) -> None:
         """Learn whether the vehicle is ours, which may call itself another autopilot."""
-        if not is_ours(self.state):
+        if not is_wingbeat_vehicle(self.state):
             self.request_version()
 
     def request_version(self) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from groundstation.command.gcs_session import Session, Verb
-from groundstation.link.traffic import Traffic
+from groundstation.link.traffic import Traffic, quality_record
 from groundstation.views import monitor
 from groundstation.views.json_document import print_document
 
@@ -32,7 +32,7 @@ def show(session: Session) -> None:
     quality = traffic.quality(session.connection.now())
     if session.json:
         bad_bytes = session.connection.bad_bytes
-        print_document({**monitor.state_record(state), "link": quality._replace(bad_bytes=bad_bytes)._asdict()})
+        print_document({**monitor.state_record(state), "link": quality_record(quality._replace(bad_bytes=bad_bytes))})
     else:
         monitor.print_once(session.connection.url, state, quality)
 

@@ -122,9 +122,11 @@ def _model(
     if estimates.modes is None:
         why = "; ".join(one.reason for one in estimates.missing)
         raise InputError(f"--model {chosen.model}: no modes were identified{why and f': {why}'}")
-    held = {one.flight.name for one in estimates.modes.held_out if one.flight is not None}
+    locked_name = {one.flight.name for one in estimates.modes.held_out if one.flight is not None}
     fitted = [
-        (one, name, sum_) for one, name, sum_ in zip(logs, names_of(logs), digests, strict=True) if name not in held
+        (one, name, sum_)
+        for one, name, sum_ in zip(logs, names_of(logs), digests, strict=True)
+        if name not in locked_name
     ]
     densities = [density for one, _, _ in fitted if (density := _density(one)) is not None]
     log, names, sums = fitted[0][0], (name for _, name, _ in fitted), (sum_ for _, _, sum_ in fitted)

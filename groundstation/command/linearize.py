@@ -10,7 +10,7 @@ from groundstation.command import options
 from groundstation.command.steady import STEADY_KEYS, Answer, answer, steady_parser
 from groundstation.views.linear_motion import linear_tables
 from groundstation.views.progress import ProgressBar
-from logs.placing import check_new
+from logs.new_files import check_new
 from sim_bridge.flight_mechanics.averaged import AveragedModel, stroke_averaged_model
 from sim_bridge.flight_mechanics.averaged_axes import axes_model
 from sim_bridge.flight_mechanics.linear import Linearization, averaged_modes, warnings

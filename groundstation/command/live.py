@@ -13,7 +13,7 @@ from typing import Any
 
 from logs.live.follower import is_recorded
 from logs.live.server import ALONE, HOST, PORT, LiveServer, parse_address
-from logs.placing import numbered
+from logs.new_files import numbered
 from wingbeat.errors import InputError
 from wingbeat.text import pluralize
 from wingbeat.topic import Topic

@@ -20,8 +20,8 @@ from groundstation.views.progress import ProgressBar
 from groundstation.views.terminal import open_console
 from logs.chunks import MAX_CHUNK_SIZE
 from logs.export import EACH, FORMS, Part, export, undecodable_lines
-from logs.info import flown_in, is_long, summary
-from logs.placing import numbered
+from logs.info import flight_summary, is_long, summary
+from logs.new_files import numbered
 from logs.reader import Log, open_log
 from logs.recover import recover
 from wingbeat.errors import InputError
@@ -146,7 +146,7 @@ def _chunk_limit(chosen: argparse.Namespace) -> int:
 
 def _info(chosen: argparse.Namespace) -> None:
     with _open(chosen) as log:
-        flights, long = flown_in(log, chosen.flight), is_long(log)
+        flights, long = flight_summary(log, chosen.flight), is_long(log)
         document = summary(log, flights)
         undecodable = undecodable_lines(log)
     if chosen.json:

@@ -337,7 +337,7 @@ def fault_name(one: Fault) -> str:
 
 def fault_words(faults: Iterable[Fault]) -> list[str]:
     """The command line that gives ``faults`` to another process."""
-    from logs.noted import exact_fault
+    from logs.recording_notes import exact_fault
 
     return [word for one in faults for word in ("--fault", exact_fault(one))]
 

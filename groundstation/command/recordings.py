@@ -11,7 +11,7 @@ from pathlib import Path
 from logs.join import join
 from logs.live.follower import is_recorded
 from logs.names import PARTS, reserved
-from logs.placing import HELD, held
+from logs.new_files import HELD, locked_name
 from logs.recorder import McapRecorder, Writing
 from logs.recover import recover_left
 from wingbeat.errors import InputError
@@ -29,7 +29,7 @@ def put_right(folder: Path) -> None:
     for path, done in recover_left(folder):
         print(f"repaired truncated recording {path}: {pluralize(done.messages, 'message')} kept", file=sys.stderr)
     for parts, flight in pairs:
-        with suppress(InputError, OSError), held(flight) as ours:
+        with suppress(InputError, OSError), locked_name(flight) as ours:
             if ours:
                 join(parts, flight)
                 print(f"joined two recordings to {flight}", file=sys.stderr)
@@ -39,7 +39,7 @@ def put_right(folder: Path) -> None:
 def _unmark(folder: Path) -> None:
     """Take away the marks of names that nobody holds any more: commands that were killed left them."""
     for mark in folder.glob(f".*{HELD}"):
-        with suppress(InputError, OSError), held(mark.with_name(f"{mark.name[1:].removesuffix(HELD)}.mcap")):
+        with suppress(InputError, OSError), locked_name(mark.with_name(f"{mark.name[1:].removesuffix(HELD)}.mcap")):
             pass
 
 

@@ -16,10 +16,10 @@ from groundstation.command import foreign, foreign_parameters, options
 from groundstation.command.compiling import COMPILING, announced_air, load_physics
 from groundstation.command.recordings import begin_recording, format_recording_paths, put_right
 from logs.names import RECORDINGS, STICKS
-from logs.noted import note_autopilot, note_scenario
+from logs.new_files import numbered
 from logs.outline import shape_of
-from logs.placing import numbered
 from logs.recorder import IN_FLIGHT, McapRecorder, Writing
+from logs.recording_notes import note_autopilot, note_scenario
 from logs.scene import SceneRecorder
 from sim_bridge import topics
 from sim_bridge.bridge.foreign.launch import Launch

@@ -24,7 +24,7 @@ from groundstation.views.tuning import (
     withheld_line,
     written_line,
 )
-from logs.placing import check_new
+from logs.new_files import check_new
 from sim_bridge.flight.tuning.cascade import Design, Loop, design
 from sim_bridge.flight.tuning.proof import SCENARIO, Comparison, FlightQuality, Proof, fly_quality
 from sim_bridge.flight.tuning.vehicle_file import Places, places, write

@@ -72,7 +72,7 @@ class ModeNames(NamedTuple):
     names: Mapping[int, str] = {}
     """custom mode to name"""
     total: int | None = None
-    heard_at: float | None = None
+    received_at: float | None = None
     failure: str = ""
     given_up: bool = False
 
@@ -90,9 +90,9 @@ class ModeNames(NamedTuple):
         if message is not None and message.get_type() == "AVAILABLE_MODES":
             name = str(message.mode_name).partition("\0")[0].strip()
             names = {**self.names, message.custom_mode: name}
-            return self._replace(names=names, total=message.number_modes, heard_at=now), ()
+            return self._replace(names=names, total=message.number_modes, received_at=now), ()
         request, outgoing = self.request.step(now, message)
-        quiet = self.heard_at is not None and now - self.heard_at > 2 * RETRY
+        quiet = self.received_at is not None and now - self.received_at > 2 * RETRY
         return self._replace(request=request, given_up=bool(request.failure) or quiet), outgoing
 
 

@@ -90,7 +90,7 @@ def counts_from_the_sea(state: VehicleState) -> bool:
 def flies_by_modes(state: VehicleState) -> bool:
     """Whether takeoff and landing are modes and no commands: of an ArduPlane without rotors to hover on."""
     fixed = state.vehicle_type == mavlink.MAV_TYPE_FIXED_WING
-    return fixed and state.autopilot == modes.ARDUPILOT and not state.ours
+    return fixed and state.autopilot == modes.ARDUPILOT and not state.is_wingbeat
 
 
 def landing_mode(state: VehicleState) -> str:

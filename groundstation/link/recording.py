@@ -267,4 +267,4 @@ class Recording:
         for heard in new_events(self._state, self._announced):
             at = time_us if heard.time is None else round(heard.time * 1e6)
             self._systems.record(vehicle_topics.EVENTS, Event(at, heard.severity, "vehicle", heard.text))
-        self._announced = self._state.said
+        self._announced = self._state.text_count

@@ -18,7 +18,7 @@ from groundstation.link.missions import Item, MissionDownload
 from groundstation.link.mode_change import ModeNames, request_mode_names
 from groundstation.link.stream_request import StreamRequest, too_slow
 from groundstation.link.traffic import Quality, Traffic
-from groundstation.link.vehicle_state import VehicleState, is_ours
+from groundstation.link.vehicle_state import VehicleState, is_wingbeat_vehicle
 
 NOTES_KEPT = 50
 LOOK = 3.0
@@ -100,7 +100,7 @@ class Station:
 
     def _meet(self) -> None:
         """Ask who it is first: ours may call itself another's, and need not be asked for what it sends anyway."""
-        if is_ours(self.connection.state):
+        if is_wingbeat_vehicle(self.connection.state):
             self._request_modes(None)
             return
         wanted = (float(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION),)
@@ -115,7 +115,7 @@ class Station:
         """Ask a vehicle that is not ours for what comes too seldom, one question at a time."""
         self._look_at = math.inf
         state, now = self.connection.state, self._clock()
-        if is_ours(state):
+        if is_wingbeat_vehicle(state):
             return
         rates = {row.name: row.rate for row in self.traffic.rows(now) if row.sender[0] == state.system}
         slow = tuple(too_slow(rates, self._refused))
@@ -159,7 +159,7 @@ class Station:
             self.connection.url,
             state,
             quality._replace(latency=self._latency.value(now), bad_bytes=self.connection.bad_bytes),
-            None if state.heard_at is None else now - state.heard_at,
+            None if state.received_at is None else now - state.received_at,
             self._mission,
             self._notes,
             ", ".join(label for label, _ in self._running),

@@ -32,12 +32,17 @@ class Quality(NamedTuple):
     """-; frames that were never heard"""
     doubled: int = 0
     """-; frames that were heard again"""
-    heard: int = 0
+    received: int = 0
     """-; frames"""
     latency: float | None = None
     """s; from our question to the vehicle's answer; None where it answers none"""
     bad_bytes: int = 0
     """-; bytes that belonged to no frame"""
+
+
+def quality_record(quality: Quality) -> dict[str, Any]:
+    """Return the quality as a JSON object; the key ``heard`` has the number of frames received."""
+    return {"heard" if name == "received" else name: value for name, value in quality._asdict().items()}
 
 
 class MessageRow(NamedTuple):
@@ -138,7 +143,7 @@ class Traffic:
             loss=lost / (lost + count) if lost + count else None,
             lost=self._lost,
             doubled=self._doubled,
-            heard=self._counts,
+            received=self._counts,
         )
 
     def rows(self, now: float) -> list[MessageRow]:

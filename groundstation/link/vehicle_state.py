@@ -26,8 +26,8 @@ _OUR_HARDWARE = Identity().uid
 _OUR_WORDS = "WINGBEAT_"
 
 
-class Heard(NamedTuple):
-    """One line the vehicle said."""
+class StatusLine(NamedTuple):
+    """One line of text from the vehicle."""
 
     time: float | None
     """s; of the vehicle since boot, None before its first time stamp"""
@@ -44,7 +44,7 @@ class VehicleState(NamedTuple):
     """-; MAVLink system id"""
     autopilot: int | None = None
     """-; MAV_AUTOPILOT"""
-    ours: bool = False
+    is_wingbeat: bool = False
     """-; a Wingbeat flight computer, whatever autopilot it calls itself: it said so in AUTOPILOT_VERSION, or speaks
     our dialect"""
     vehicle_type: int | None = None
@@ -57,7 +57,7 @@ class VehicleState(NamedTuple):
     """-; True when the wings may move"""
     time: float | None = None
     """s; of the vehicle since boot"""
-    heard_at: float | None = None
+    received_at: float | None = None
     """s; of the ground's monotonic clock, the last message"""
     messages: int = 0
     """-; messages heard"""
@@ -136,10 +136,10 @@ class VehicleState(NamedTuple):
     """-; MAV_PROTOCOL_CAPABILITY"""
     home: Home | None = None
     """where north and east are counted from"""
-    events: tuple[Heard, ...] = ()
-    """what the vehicle said, oldest first, at most `EVENTS_KEPT`"""
-    said: int = 0
-    """-; lines the vehicle said since the link was opened"""
+    events: tuple[StatusLine, ...] = ()
+    """lines received, oldest first, at most `EVENTS_KEPT`"""
+    text_count: int = 0
+    """-; lines received since the link was opened"""
     mode_names: tuple[tuple[int, str], ...] = ()
     """custom modes the vehicle announced with AVAILABLE_MODES"""
     sentence: tuple[int, str] | None = None
@@ -148,14 +148,14 @@ class VehicleState(NamedTuple):
     """s; of the vehicle since boot, in the SYSTEM_TIME just before: that of the STATUSTEXT that follows"""
 
 
-def is_ours(state: VehicleState) -> bool:
+def is_wingbeat_vehicle(state: VehicleState) -> bool:
     """Whether it is a Wingbeat flight computer, as far as it is known; what is generic is taken for one."""
-    return state.ours or state.autopilot == mavlink.MAV_AUTOPILOT_GENERIC
+    return state.is_wingbeat or state.autopilot == mavlink.MAV_AUTOPILOT_GENERIC
 
 
-def new_events(state: VehicleState, said: int) -> tuple[Heard, ...]:
-    """What was said since the count of lines was ``said``."""
-    return state.events[-(state.said - said) :] if state.said > said else ()
+def new_events(state: VehicleState, count: int) -> tuple[StatusLine, ...]:
+    """Return the lines received after the first ``count`` lines."""
+    return state.events[-(state.text_count - count) :] if state.text_count > count else ()
 
 
 Receiver = Callable[[VehicleState, Any], VehicleState]
@@ -172,11 +172,11 @@ def receive(state: VehicleState, message: Any, now: float) -> VehicleState:
     if kind == "HEARTBEAT" and not is_autopilot(message):
         return state
     receiver = RECEIVERS.get(kind)
-    state = state._replace(messages=state.messages + 1, heard_at=now)
+    state = state._replace(messages=state.messages + 1, received_at=now)
     if kind != "STATUSTEXT" and state.stamp is not None:
         state = state._replace(stamp=None)
-    if not state.ours and kind.startswith(_OUR_WORDS):
-        state = state._replace(ours=True)
+    if not state.is_wingbeat and kind.startswith(_OUR_WORDS):
+        state = state._replace(is_wingbeat=True)
     if receiver is None:
         return state
     milliseconds = getattr(message, "time_boot_ms", None)
@@ -229,7 +229,7 @@ def _home(state: VehicleState, message: Any) -> VehicleState:
 
 def _local_position(state: VehicleState, message: Any) -> VehicleState:
     """Of ours the origin is home; others put it where they began, so that their altitude comes with the globe's."""
-    altitude = -message.z if is_ours(state) else state.altitude
+    altitude = -message.z if is_wingbeat_vehicle(state) else state.altitude
     return state._replace(north=message.x, east=message.y, altitude=altitude)
 
 
@@ -335,8 +335,8 @@ def _mission_current(state: VehicleState, message: Any) -> VehicleState:
 
 
 def _version(state: VehicleState, message: Any) -> VehicleState:
-    ours = state.ours or message.uid == _OUR_HARDWARE
-    return state._replace(capabilities=message.capabilities, ours=ours)
+    ours = state.is_wingbeat or message.uid == _OUR_HARDWARE
+    return state._replace(capabilities=message.capabilities, is_wingbeat=ours)
 
 
 def _navigation_output(state: VehicleState, message: Any) -> VehicleState:
@@ -366,10 +366,12 @@ def _status_text(state: VehicleState, message: Any) -> VehicleState:
         if len(message.text) == 50 and "\0" not in message.text:
             return state._replace(sentence=(number, text))
     clean = "".join(letter if letter.isprintable() else " " for letter in text).strip()
-    heard = Heard(
+    heard = StatusLine(
         state.time if state.stamp is None else state.stamp, Severity(min(max(message.severity, 0), 7)), clean
     )
-    return state._replace(events=(*state.events, heard)[-EVENTS_KEPT:], said=state.said + 1, sentence=None)
+    return state._replace(
+        events=(*state.events, heard)[-EVENTS_KEPT:], text_count=state.text_count + 1, sentence=None
+    )
 
 
 def _available_mode(state: VehicleState, message: Any) -> VehicleState:

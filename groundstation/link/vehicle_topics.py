@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from avionics import messages as m
 from avionics import topics as t
 from avionics.link.vehicle import PROFILES
-from groundstation.link.vehicle_state import VehicleState, is_ours
+from groundstation.link.vehicle_state import VehicleState, is_wingbeat_vehicle
 from wingbeat.rotations import quaternion_from_euler
 from wingbeat.topic import Topic
 
@@ -51,7 +51,7 @@ def _position(message: Any, time_us: int, state: VehicleState) -> m.Position:
 
 def _air_data(message: Any, time_us: int, state: VehicleState) -> m.AirData | None:
     """Of our own vehicle alone: what others call airspeed there is indicated, not true."""
-    if not is_ours(state):
+    if not is_wingbeat_vehicle(state):
         return None
     return m.AirData(time_us, message.airspeed, *(NAN,) * 9)
 
@@ -108,21 +108,21 @@ def _same_names(kind: Any) -> Builder:
     return build
 
 
-def _as_heard(topic: Topic[Any]) -> Topic[Any]:
+def _as_received(topic: Topic[Any]) -> Topic[Any]:
     return topic._replace(rate=topic.telemetry_rate, deterministic=False)
 
 
-EVENTS = _as_heard(t.EVENTS)
+EVENTS = _as_received(t.EVENTS)
 BUILDERS: dict[str, tuple[Topic[Any], Builder]] = {
-    "ATTITUDE": (_as_heard(t.ATTITUDE), _attitude),
-    "GLOBAL_POSITION_INT": (_as_heard(t.ALTITUDE), _altitude),
-    "LOCAL_POSITION_NED": (_as_heard(t.POSITION), _position),
-    "VFR_HUD": (_as_heard(t.AIR_DATA), _air_data),
-    "GPS_RAW_INT": (_as_heard(t.GPS), _gps),
-    "WINGBEAT_WING_STATE": (_as_heard(t.WING), _same_names(m.WingState)),
-    "WINGBEAT_POWER": (_as_heard(t.POWER), _same_names(m.PowerState)),
-    "WINGBEAT_NAVIGATION": (_as_heard(t.NAVIGATION), _navigation),
-    "WINGBEAT_EXCITATION": (_as_heard(t.EXCITATION), _same_names(m.ExcitationStatus)),
+    "ATTITUDE": (_as_received(t.ATTITUDE), _attitude),
+    "GLOBAL_POSITION_INT": (_as_received(t.ALTITUDE), _altitude),
+    "LOCAL_POSITION_NED": (_as_received(t.POSITION), _position),
+    "VFR_HUD": (_as_received(t.AIR_DATA), _air_data),
+    "GPS_RAW_INT": (_as_received(t.GPS), _gps),
+    "WINGBEAT_WING_STATE": (_as_received(t.WING), _same_names(m.WingState)),
+    "WINGBEAT_POWER": (_as_received(t.POWER), _same_names(m.PowerState)),
+    "WINGBEAT_NAVIGATION": (_as_received(t.NAVIGATION), _navigation),
+    "WINGBEAT_EXCITATION": (_as_received(t.EXCITATION), _same_names(m.ExcitationStatus)),
 }
 """MAVLink message to the topic that it gives, and how"""
 

@@ -12,9 +12,9 @@ from rich.padding import Padding
 from rich.text import Text
 
 from groundstation.views.tables import NUMBER, UNIT, plain_table
-from logs.campaigns.comparison import Comparison, comparisons, flown_with, told_pairs, told_quartiles
+from logs.campaigns.comparison import Comparison, comparisons, conditions_text, pairs_text, quartile_texts
 from logs.campaigns.metrics import METRICS
-from logs.campaigns.statistics import Sensitivity, Worst, alike, sensitivities, spreads
+from logs.campaigns.statistics import Sensitivity, Worst, format_column, sensitivities, spreads
 from logs.campaigns.table import Table
 from wingbeat.text import pluralize
 
@@ -53,7 +53,7 @@ def _spreads(table: Table) -> RenderableType:
         ("5 %", "right"), ("median", "right"), ("95 %", "right"), ("greatest", "right"),
     )  # fmt: skip
     for one in spreads(table):
-        told = alike([math.degrees(value) if one.unit == "rad" else value for value in one[3:]])
+        told = format_column([math.degrees(value) if one.unit == "rad" else value for value in one[3:]])
         rows.add_row(one.name, _unit(one.unit), str(one.flights), *told)
     return rows
 
@@ -69,7 +69,7 @@ def _compared(results: Comparison) -> list[RenderableType]:
     )  # fmt: skip
     rows.add_row("failed", "", *(f"{a} of {b}" for a, b in zip(results.failed, results.flights, strict=True)))
     for one in shown:
-        rows.add_row(one.metric, _unit(one.unit), *told_quartiles(one), *map(told_pairs, one.pairs))
+        rows.add_row(one.metric, _unit(one.unit), *quartile_texts(one), *map(pairs_text, one.pairs))
     stars = any(pair.beyond_chance for one in shown for pair in one.pairs)
     against = f"better than {results.values[0]} in pairs of flights that are equal in all else"
     note = against + ("; * more often than chance makes of so many" if stars else ", no more often than chance makes")
@@ -97,7 +97,7 @@ def _worst(table: Table, one: Worst) -> RenderableType:
     else:
         unit = METRICS[one.why].unit
         why = f"{one.why} {_number(one.value, unit)} {_unit(unit)}".rstrip()
-    lines = Text.assemble(flown_with(table, one.values), (f"\n{one.command}", "cyan"))
+    lines = Text.assemble(conditions_text(table, one.values), (f"\n{one.command}", "cyan"))
     return Group(Text.assemble((f"{one.flight:6d}  ", "dim"), why), Padding(lines, (0, 0, 0, 8)))
 
 

@@ -10,7 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from groundstation.views import wording
-from logs.summary import EstimateError, FlightSummary, Hold, Touchdown
+from logs.summary import AltitudeHold, EstimateError, FlightSummary, Touchdown
 
 
 def log_line(path: Path) -> Text:
@@ -57,7 +57,7 @@ def _flight(summary: FlightSummary) -> str:
     return _joined(parts)
 
 
-def _level_cells(level_flight: Hold | None) -> str:
+def _level_cells(level_flight: AltitudeHold | None) -> str:
     if level_flight is None:
         return ""
     return _joined(

@@ -14,7 +14,7 @@ from rich.table import Table
 from rich.text import Text
 
 from avionics.messages import Stage
-from groundstation.link.vehicle_state import Heard, VehicleState
+from groundstation.link.vehicle_state import StatusLine, VehicleState
 from groundstation.views import braille, wording
 from groundstation.views.history import History
 from wingbeat.message import Severity
@@ -199,7 +199,7 @@ def _track_plot(history: History, columns: int, rows: int) -> Text:
 SEVERITY_STYLE = {Severity.WARNING: "yellow", Severity.NOTICE: "", Severity.INFO: QUIET, Severity.DEBUG: QUIET}
 
 
-def _event(status_texts: Heard, width: int) -> Text:
+def _event(status_texts: StatusLine, width: int) -> Text:
     style = SEVERITY_STYLE.get(status_texts.severity, "red")
     line = Text(f"  {wording.clock(status_texts.time)}  ", style=QUIET)
     line.append(status_texts.text, style=style)
@@ -224,6 +224,6 @@ def progress_line(state: VehicleState, mode: str) -> str:
     return "  ".join(part for part in parts if part.strip()).rstrip()
 
 
-def event_line(status_texts: Heard) -> str:
+def event_line(status_texts: StatusLine) -> str:
     """One plain line of what the vehicle said."""
     return f"{wording.number(status_texts.time, '6.1f', 's')}  {wording.one_line(status_texts.text)}"

@@ -6,7 +6,7 @@ from typing import Any
 
 from groundstation.link import modes
 from groundstation.link.station import Station
-from groundstation.link.traffic import Quality
+from groundstation.link.traffic import Quality, quality_record
 from groundstation.link.vehicle_state import VehicleState, new_events
 from groundstation.views.flight_view import FlightView, Header, event_line, progress_line
 from groundstation.views.json_document import print_line
@@ -28,21 +28,25 @@ def watch_lines(station: Station, as_json: bool) -> None:
             continue
         due += LINE_EVERY
         state = connection.state
-        if state.heard_at is None:
+        if state.received_at is None:
             continue
         if as_json:
-            print_line({**state_record(state), "link": station.picture().quality._asdict()})
+            print_line({**state_record(state), "link": quality_record(station.picture().quality)})
             continue
         for heard in new_events(state, said):
             print(event_line(heard))
-        said = state.said
+        said = state.text_count
         print(progress_line(state, modes.mode_name(state)), flush=True)
+
+
+JSON_KEYS = {"text_count": "said"}
+"""fields of `VehicleState` whose key in JSON documents has another name"""
 
 
 def state_record(state: VehicleState) -> dict[str, Any]:
     """The telemetry as a JSON object: SI and radians, null where nothing was heard."""
-    hidden = ("sentence", "mode_names", "heard_at", "events", "stage", "home", "stamp", "ours", "beats")
-    record = {key: value for key, value in state._asdict().items() if key not in hidden}
+    hidden = ("sentence", "mode_names", "received_at", "events", "stage", "home", "stamp", "is_wingbeat", "beats")
+    record = {JSON_KEYS.get(key, key): value for key, value in state._asdict().items() if key not in hidden}
     return {
         "mode": modes.mode_key(state),
         "modes": sorted(modes.known_modes(state)),

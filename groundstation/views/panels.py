@@ -186,7 +186,7 @@ def link(picture: Picture, columns: int, rows: int) -> RenderableType:
     loss = quality.loss
     style = VALUE if loss is None else GOOD if loss < 0.02 else CAUTION if loss < 0.1 else BAD
     share = wording.UNKNOWN if loss is None else f"{100.0 * loss:.1f} %"
-    counts = (f"{quality.lost} of {quality.lost + quality.heard} lost", f"{quality.lost} lost")
+    counts = (f"{quality.lost} of {quality.lost + quality.received} lost", f"{quality.lost} lost")
     lost = Text(share, style=style).append(f"  {_fitting(columns, share, *counts)}", style=FAINT)
     rate, frames = _rate(quality.bytes_per_s), f"{quality.messages_per_s:.0f}"
     latency = None if quality.latency is None else 1e3 * quality.latency

@@ -124,9 +124,9 @@ def flight_code() -> str:
     import logs
     import sim_bridge
     import wingbeat
-    from logs.campaigns import flown
+    from logs.campaigns import single_flight
 
-    digest = hashlib.sha256(flown.__name__.encode())
+    digest = hashlib.sha256(single_flight.__name__.encode())
     for package in (wingbeat, avionics, logs, sim_bridge):
         root = Path(package.__path__[0])
         for path in sorted(path for path in root.rglob("*") if path.suffix in (".py", ".toml", ".xml", ".json")):

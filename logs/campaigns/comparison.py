@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from logs.campaigns.metrics import METRICS
-from logs.campaigns.statistics import CHANCE, Array, alike, finite, metrics_of, numbers
+from logs.campaigns.statistics import CHANCE, Array, finite, format_column, metrics_of, numbers
 from logs.campaigns.table import Table
 
 MOST_VALUES = 12
@@ -92,20 +92,20 @@ def written(table: Table, name: str, value: Any) -> str:
     return f"{value:.4g}" if unit == "-" else f"{value:.4g} {unit}"
 
 
-def flown_with(table: Table, values: Mapping[str, Any]) -> str:
+def conditions_text(table: Table, values: Mapping[str, Any]) -> str:
     """What a flight was flown with, on a line."""
     return ", ".join(f"{name} {written(table, name, value)}" for name, value in values.items())
 
 
-def told_quartiles(one: Compared) -> list[str]:
+def quartile_texts(one: Compared) -> list[str]:
     """Median and quartiles of each value, angles in degrees; empty where no flight has the metric."""
     factor = math.degrees(1.0) if one.unit == "rad" else 1.0
-    told = alike([factor * number for each in one.groups for number in (each.median, each.low, each.high)])
+    told = format_column([factor * number for each in one.groups for number in (each.median, each.low, each.high)])
     triples = zip(told[0::3], told[1::3], told[2::3], strict=True)
     return [f"{median} ({low} to {high})" if median else "" for median, low, high in triples]
 
 
-def told_pairs(one: Pairs) -> str:
+def pairs_text(one: Pairs) -> str:
     """In how many pairs the value was better, a star where that is beyond chance; empty without pairs."""
     if not one.pairs:
         return ""

@@ -10,7 +10,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import IO, Any, NamedTuple, Self
 
-from logs.campaigns.flown import Row, is_row
+from logs.campaigns.single_flight import Row, is_row
 from wingbeat.documents import parse_json
 from wingbeat.errors import DocumentError, InputError
 
@@ -93,7 +93,7 @@ class Journal:
         self._file.close()
 
 
-class Begun(NamedTuple):
+class JournalHeader(NamedTuple):
     """What a journal tells whoever finds it alone."""
 
     digest: str
@@ -103,7 +103,7 @@ class Begun(NamedTuple):
     """of finished flights, by their number"""
 
 
-def read_journal(path: Path) -> Begun:
+def read_journal(path: Path) -> JournalHeader:
     """Read a journal and leave it as it is, whoever may be writing it.
 
     Raises:
@@ -116,7 +116,7 @@ def read_journal(path: Path) -> Begun:
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror}") from None
     head = _head(path, lines[0]) if lines else {"campaign": ""}
-    return Begun(head["campaign"], head.get("file", ""), _rows(path, lines[1:]))
+    return JournalHeader(head["campaign"], head.get("file", ""), _rows(path, lines[1:]))
 
 
 def _ended(text: str) -> str:

@@ -40,7 +40,7 @@ FINE = (Outcome.LANDED, Outcome.AIRBORNE)
 """every other is a failed flight"""
 
 
-class Verdict(NamedTuple):
+class Evaluation(NamedTuple):
     """The judgement."""
 
     outcome: Outcome
@@ -74,18 +74,20 @@ class Judged(NamedTuple):
     """whether a transmitter flew it: then it may come down in any stage"""
 
 
-def verdict(flight: Judged) -> Verdict:
+def judge(flight: Judged) -> Evaluation:
     """What became of a flight whose numbers are finite."""
     summary = flight.summary
     if summary.launch is None:
-        return Verdict(Outcome.NOT_LAUNCHED, f"not launched within {summary.log_duration:.0f} s")
+        return Evaluation(Outcome.NOT_LAUNCHED, f"not launched within {summary.log_duration:.0f} s")
     away, fence = farthest(flight.tables[STATE.name]), flight.fence
     if away > fence.fence_radius or (summary.highest or 0.0) > fence.fence_altitude:
-        return Verdict(Outcome.ASTRAY, f"out of the fence, {away:.0f} m away, up to {summary.highest or 0.0:.0f} m")
+        return Evaluation(
+            Outcome.ASTRAY, f"out of the fence, {away:.0f} m away, up to {summary.highest or 0.0:.0f} m"
+        )
     if summary.touchdown is None:
-        return Verdict(Outcome.AIRBORNE)
+        return Evaluation(Outcome.AIRBORNE)
     reason = _crash(flight)
-    return Verdict(Outcome.CRASHED, reason) if reason else Verdict(Outcome.LANDED)
+    return Evaluation(Outcome.CRASHED, reason) if reason else Evaluation(Outcome.LANDED)
 
 
 def farthest(truth: Columns) -> float:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from logs.campaigns.comparison import Comparison, comparisons, flown_with, told_pairs, told_quartiles
+from logs.campaigns.comparison import Comparison, comparisons, conditions_text, pairs_text, quartile_texts
 from logs.campaigns.metrics import METRICS
 from logs.campaigns.statistics import (
     TAILS,
@@ -18,8 +18,8 @@ from logs.campaigns.statistics import (
     Sensitivity,
     Spread,
     Worst,
-    alike,
     finite,
+    format_column,
     inputs_of,
     metrics_of,
     numbers,
@@ -87,17 +87,17 @@ def _worst(table: Table, worst: Sequence[Worst]) -> Chapter:
         unit = METRICS[one.why].unit if one.value is not None else "-"
         value = one.value if one.value is None or unit != "rad" else math.degrees(one.value)
         named = one.why if one.value is None else f"{one.why} ({'°' if unit == 'rad' else unit})"
-        rows.append((str(one.flight), named, value, flown_with(table, one.values), one.command))
+        rows.append((str(one.flight), named, value, conditions_text(table, one.values), one.command))
     note = "Each command flies its flight again, bit for bit, and records it."
     heads = ("flight", "why", "", "flown with", "flown again by")
     return Chapter("Worst flights", (note,), (Rows(heads, tuple(rows)),))
 
 
 def _distributions(table: Table) -> Chapter:
-    found = spreads(table)
-    tails = any(math.isfinite(one.low) for one in found)
+    ranges = spreads(table)
+    tails = any(math.isfinite(one.low) for one in ranges)
     heads = ["metric", "unit", "flights", "mean", "sigma", "least", "5 %", "median", "95 %", "greatest", ""]
-    rows = [_spread_row(one) for one in found]
+    rows = [_spread_row(one) for one in ranges]
     if not tails:
         heads, rows = [head for head in heads if "%" not in head], [(*row[:6], row[7], *row[9:]) for row in rows]
     notes = () if tails else (f"What 5 % and 95 % of the flights lie below is told from {TAILS} flights on.",)
@@ -108,7 +108,7 @@ def _distributions(table: Table) -> Chapter:
 def _spread_row(one: Spread) -> tuple[Cell, ...]:
     in_degrees = one.unit == "rad"
     told = [math.degrees(value) if in_degrees else value for value in one[3:]]
-    cells = (text or None for text in alike(told))
+    cells = (text or None for text in format_column(told))
     return (one.name, "°" if in_degrees else one.unit, f"{one.flights}", *cells, METRICS[one.name].text)
 
 
@@ -139,11 +139,11 @@ def _bars(edges: Array, values: Array, label: str, role: str) -> Series:
 
 
 def _sensitivity(table: Table) -> Chapter:
-    found = sensitivities(table)
-    if not found:
+    correlations = sensitivities(table)
+    if not correlations:
         note = "Too few flights, or no number was swept: no rank correlations."
         return Chapter("What matters", (note,))
-    strong = [one for one in found if one.beyond_chance and one.metric != "failed"]
+    strong = [one for one in correlations if one.beyond_chance and one.metric != "failed"]
     notes = (
         "Spearman's rank correlation of each swept number with each metric: 1 where more of one always goes with more"
         " of the other, 0 where they have nothing to do with each other. In brackets what chance may make of so many"
@@ -152,12 +152,12 @@ def _sensitivity(table: Table) -> Chapter:
     plots = [_scatter(table, one) for one in strong[:MOST_PLOTS]]
     if any(table.columns["failed"]):
         plots = [*(_failures(table, name) for name in inputs_of(table)), *plots]
-    return Chapter("What matters", notes, (_correlations(inputs_of(table), found),), tuple(plots))
+    return Chapter("What matters", notes, (_correlations(inputs_of(table), correlations),), tuple(plots))
 
 
-def _correlations(inputs: Sequence[str], found: Sequence[Sensitivity]) -> Rows:
-    metrics = [name for name in ("failed", *METRICS) if any(one.metric == name for one in found)]
-    known = {(one.input, one.metric): one for one in found}
+def _correlations(inputs: Sequence[str], sensitivities: Sequence[Sensitivity]) -> Rows:
+    metrics = [name for name in ("failed", *METRICS) if any(one.metric == name for one in sensitivities)]
+    known = {(one.input, one.metric): one for one in sensitivities}
     rows = tuple((metric, *(_correlation(known.get((name, metric))) for name in inputs)) for metric in metrics)
     return Rows(("metric", *inputs), rows)
 
@@ -171,16 +171,16 @@ def _correlation(one: Sensitivity | None) -> Cell:
 
 def _compared(table: Table) -> Chapter | None:
     """Medians and quartiles by the values of each grid, and in how many pairs which value was better."""
-    found = comparisons(table)
-    if not found:
+    compared = comparisons(table)
+    if not compared:
         return None
     notes = ["Medians, and in brackets the quartiles: half of the flights lie between them."]
-    if any(one.pairs for each in found for one in each.metrics):
+    if any(one.pairs for each in compared for one in each.metrics):
         notes.append(
             "Flights are paired that are equal in all else, gusts and draws too; * marks what is better more often"
             " than chance makes of so many pairs."
         )
-    return Chapter("Compared", tuple(notes), tuple(_by_value(one) for one in found))
+    return Chapter("Compared", tuple(notes), tuple(_by_value(one) for one in compared))
 
 
 def _by_value(one: Comparison) -> Rows:
@@ -192,8 +192,8 @@ def _by_value(one: Comparison) -> Rows:
     ]
     for each in one.metrics:
         named = {"rad": " (°)", "-": ""}.get(each.unit, f" ({each.unit})")
-        pairs = [told_pairs(pair) for pair in each.pairs]
-        rows.append((each.metric + named, *told_quartiles(each), *pairs, *[None] * (paired - len(pairs))))
+        pairs = [pairs_text(pair) for pair in each.pairs]
+        rows.append((each.metric + named, *quartile_texts(each), *pairs, *[None] * (paired - len(pairs))))
     heads = (f"{value} better" for value in one.values[1 : 1 + paired])
     return Rows((f"median by {one.input}", *one.values, *heads), tuple(rows))
 

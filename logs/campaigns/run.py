@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 
 from logs.campaigns.campaign import Campaign
 from logs.campaigns.cluster import dask, workers_of
-from logs.campaigns.flown import UNFINISHED, CannotRecord, Order, Recording, Row, flown, row_of
-from logs.campaigns.outcome import Outcome, Verdict
+from logs.campaigns.outcome import Evaluation, Outcome
+from logs.campaigns.single_flight import UNFINISHED, CannotRecord, Order, Recording, Row, fly_one, row_of
 from wingbeat.errors import InputError
 
 LOGS = ("none", "failed", "all")
@@ -53,7 +53,7 @@ def fly_campaign(campaign: Campaign, numbers: Sequence[int], client: Any, logs: 
             while left and len(flying) < max(workers_of(client), 1):
                 number = left.pop()
                 order = order_of(campaign, number, logs.of(number))
-                flying[client.submit(flown, order, key=f"{campaign.name}-{number}", pure=False, retries=0)] = number
+                flying[client.submit(fly_one, order, key=f"{campaign.name}-{number}", pure=False, retries=0)] = number
             with contextlib.suppress(TimeoutError):
                 wait_for(list(flying), timeout=LOOK, return_when="FIRST_COMPLETED")
             for future in [one for one in flying if one.done()]:
@@ -81,9 +81,9 @@ def _row(future: Any, number: int, logs: Logs) -> Row:
     if isinstance(error, CannotRecord):
         raise InputError(f"{error}; the same command goes on when it can be")
     if type(error).__name__ == "KilledWorker":
-        judged = Verdict(Outcome.KILLED, "the process that flew it was ended from outside")
+        judged = Evaluation(Outcome.KILLED, "the process that flew it was ended from outside")
     else:
-        judged = Verdict(Outcome.ERROR, f"{type(error).__name__}: {' '.join(str(error).split())}")
+        judged = Evaluation(Outcome.ERROR, f"{type(error).__name__}: {' '.join(str(error).split())}")
     return row_of(number, judged) | {"log": _kept(number, logs)}
 
 

@@ -111,7 +111,7 @@ def _spread(name: str, unit: str, values: Array) -> Spread:
     return Spread(name, unit, len(values), mean, sigma, least, low, median, high, greatest)
 
 
-def alike(values: Sequence[float]) -> list[str]:
+def format_column(values: Sequence[float]) -> list[str]:
     """Numbers of one metric with decimals in common, `DIGITS` digits of the largest; empty for NaN."""
     largest = max((abs(one) for one in values if math.isfinite(one)), default=0.0)
     places = max(DIGITS - 1 - math.floor(math.log10(largest)), 0) if largest else 0
@@ -151,18 +151,18 @@ def ranks(values: Array) -> Array:
     return middle
 
 
-def chosen_metric(table: Table, asked: str | None) -> str | None:
+def chosen_metric(table: Table, requested: str | None) -> str | None:
     """The metric by which flights are ordered; None where no flight has any.
 
     Raises:
         InputError: there is no metric of that name in the table.
     """
     present = metrics_of(table)
-    if asked is None:
+    if requested is None:
         return next((name for name in (*BY, *present) if name in present), None)
-    if asked not in present:
-        raise InputError(f"no flight has a metric {asked}; metrics: {', '.join(present) or 'none'}")
-    return asked
+    if requested not in present:
+        raise InputError(f"no flight has a metric {requested}; metrics: {', '.join(present) or 'none'}")
+    return requested
 
 
 def worst(table: Table, by: str | None, most: int) -> list[Worst]:

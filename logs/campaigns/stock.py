@@ -62,13 +62,13 @@ def load_stock(folder: Path, vehicles: Iterable[str], missions: Iterable[str], s
         InputError: one cannot be used.
     """
     return Stock(
-        {name: _pair(found(folder, name)) for name in vehicles},
-        {name: _planned(found(folder, name)) for name in missions},
-        {name: load_script(found(folder, name)) for name in sticks},
+        {name: _pair(resolve_path(folder, name)) for name in vehicles},
+        {name: _planned(resolve_path(folder, name)) for name in missions},
+        {name: load_script(resolve_path(folder, name)) for name in sticks},
     )
 
 
-def found(folder: Path, name: str) -> str:
+def resolve_path(folder: Path, name: str) -> str:
     """The file or folder of that name beside the campaign's, or the name itself."""
     beside = folder / name
     return str(beside) if name and beside.exists() else name

@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from logs.campaigns.campaign import Campaign, load_campaign
-from logs.campaigns.flown import OWN, Row
-from logs.campaigns.journal import Begun, read_journal
+from logs.campaigns.journal import JournalHeader, read_journal
 from logs.campaigns.keys import unit_of
 from logs.campaigns.metrics import METRICS
+from logs.campaigns.single_flight import OWN, Row
 from logs.extras import load_extra
-from logs.placing import claim, draft, settle
+from logs.new_files import claim, draft, settle
 from wingbeat.documents import parse_json
 from wingbeat.errors import InputError
 from wingbeat.text import pluralize
@@ -72,7 +72,7 @@ def write_table(path: Path, campaign: Campaign, rows: Mapping[int, Row]) -> None
     inputs = [campaign.values(number) for number in numbers]
     arrays = {"flight": pyarrow.array(numbers, pyarrow.int64())}
     arrays |= {key: _swept(pyarrow, [values[key] for values in inputs]) for key in campaign.swept}
-    arrays |= {name: _own(pyarrow, name, [rows[number][name] for number in numbers]) for name in _results()}
+    arrays |= {name: _column_array(pyarrow, name, [rows[number][name] for number in numbers]) for name in _results()}
     fields = [pyarrow.field(name, array.type, metadata=_about_column(name)) for name, array in arrays.items()]
     schema = pyarrow.schema(fields, metadata={ABOUT: json.dumps(about(campaign)._asdict())})
     table = pyarrow.Table.from_arrays(list(arrays.values()), schema=schema)
@@ -123,28 +123,28 @@ def unfinished_table(path: Path) -> Table:
     Raises:
         InputError: no flight has ended, the journal is none, or its campaign's file is gone or has changed.
     """
-    begun = read_journal(path)
-    if not begun.rows:
-        raise InputError(f"{path}: no flight of this campaign has ended yet{_going_on(begun)}")
-    told = f"{path} holds {pluralize(len(begun.rows), 'flight')} of a campaign that is not flown to its end"
+    header = read_journal(path)
+    if not header.rows:
+        raise InputError(f"{path}: no flight of this campaign has ended yet{_resume_hint(header)}")
+    told = f"{path} holds {pluralize(len(header.rows), 'flight')} of a campaign that is not flown to its end"
     try:
-        campaign = load_campaign(Path(begun.file)) if begun.file else None
+        campaign = load_campaign(Path(header.file)) if header.file else None
     except InputError as error:
         raise InputError(f"{told}, and {error}") from None
-    if campaign is None or campaign.digest() != begun.digest:
+    if campaign is None or campaign.digest() != header.digest:
         why = "or a file that it names, has changed" if campaign else "goes on by the same command"
-        raise InputError(f"{told}, whose file, {begun.file}, {why}" if campaign else f"{told}: it {why}")
-    numbers = sorted(begun.rows)
+        raise InputError(f"{told}, whose file, {header.file}, {why}" if campaign else f"{told}: it {why}")
+    numbers = sorted(header.rows)
     inputs = [campaign.values(number) for number in numbers]
     columns: dict[str, list[Any]] = {"flight": list(numbers)}
     columns |= {key: [values[key] for values in inputs] for key in campaign.swept}
-    columns |= {name: [begun.rows[number][name] for number in numbers] for name in _results()}
+    columns |= {name: [header.rows[number][name] for number in numbers] for name in _results()}
     units = {name: _about_column(name)["unit"] for name in columns}
     return Table(about(campaign), columns, units, campaign.size)
 
 
-def _going_on(begun: Begun) -> str:
-    return f"; wingbeat campaign {begun.file} goes on" if begun.file else ""
+def _resume_hint(header: JournalHeader) -> str:
+    return f"; wingbeat campaign {header.file} goes on" if header.file else ""
 
 
 def _results() -> Sequence[str]:
@@ -159,7 +159,7 @@ def _swept(pyarrow: Any, values: list[Any]) -> Any:
         return pyarrow.array([json.dumps(value) for value in values])
 
 
-def _own(pyarrow: Any, name: str, values: list[Any]) -> Any:
+def _column_array(pyarrow: Any, name: str, values: list[Any]) -> Any:
     kind = pyarrow.bool_() if name == "failed" else pyarrow.string() if name in OWN else pyarrow.float64()
     return pyarrow.array(values, kind)
 

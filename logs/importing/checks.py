@@ -53,7 +53,7 @@ def _verdicts(series: Series, trusted: bool) -> Iterator[tuple[str, Mask]]:
         if not mask.all():
             yield f"{name} out of range", mask
             kept[kept] = mask
-    order = going_on(series.time_us[kept])
+    order = monotonic_rows(series.time_us[kept])
     yield BACKWARDS, order
     kept[kept] = order
     yield ELSEWHERE, together(series.time_us[kept])
@@ -89,7 +89,7 @@ def within(
             yield name, np.asarray(mask if mask.ndim == 1 else mask.all(axis=1), bool)
 
 
-def going_on(times: NDArray[np.int64]) -> Mask:
+def monotonic_rows(times: NDArray[np.int64]) -> Mask:
     """The most rows whose times never run backwards: one false stamp costs one row, wherever it points."""
     if not len(times) or np.all(np.diff(times) >= 0):
         return np.ones(len(times), bool)

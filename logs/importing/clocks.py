@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.signal import correlate
 
 from avionics import topics as t
-from logs.importing.source import Own
+from logs.importing.source import ImportedTopic
 from logs.reader import Log
 from wingbeat.errors import InputError
 
@@ -58,14 +58,14 @@ def of_log(log: Log) -> Signal:
     raise InputError(f"{log.path} has no angular rate to align with: neither {t.IMU.name} nor {t.ATTITUDE.name}")
 
 
-def of_import(own: list[Own]) -> Signal:
+def of_import(imported: list[ImportedTopic]) -> Signal:
     """The angular rate among imported topics.
 
     Raises:
         InputError: there is none.
     """
     for topic, names in ((t.IMU, _GYRO), (t.ATTITUDE, _RATES)):
-        for one in own:
+        for one in imported:
             if one.topic is topic:
                 signal = _signal(one.series.time_us * 1e-6, np.stack([one.series.columns[name] for name in names]))
                 if len(signal.time):

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from avionics import topics as t
 from logs.importing.checks import Mask, within
-from logs.importing.source import Array, Dropped, Own, Series
+from logs.importing.source import Array, Dropped, ImportedTopic, Series
 from logs.importing.units import LIMITS, conversion
 from logs.layout import Field, layout_of
 from wingbeat.atmosphere import SEA_LEVEL_DENSITY
@@ -70,7 +70,7 @@ class View:
         """NaN for every row."""
         return np.full(len(self.here.time_us), np.nan)
 
-    def held(self, name: str, column: str, part: int | None = None) -> Array:
+    def latest_value(self, name: str, column: str, part: int | None = None) -> Array:
         """A column of another series, held since its last row; NaN before that, and where there is none.
 
         ``part`` is the place in an array.
@@ -112,9 +112,9 @@ class Counterpart(NamedTuple):
     """fields from columns; raises `KeyError` where the source lacks one"""
 
 
-def make_all(table: Sequence[Counterpart], series: Mapping[str, Series]) -> list[Own]:
+def make_all(table: Sequence[Counterpart], series: Mapping[str, Series]) -> list[ImportedTopic]:
     """The first counterpart of each topic that the series give."""
-    made: dict[Topic[Any], Own] = {}
+    made: dict[Topic[Any], ImportedTopic] = {}
     for counterpart in table:
         if counterpart.topic in made or counterpart.source not in series:
             continue
@@ -123,9 +123,9 @@ def make_all(table: Sequence[Counterpart], series: Mapping[str, Series]) -> list
             _check_shapes(counterpart.topic, columns)
         except (KeyError, IndexError, ValueError):
             continue  # another version of the source: no such column, another unit, an array for a number
-        own = checked(counterpart.topic, series[counterpart.source], columns)
-        if len(own.series.time_us):
-            made[counterpart.topic] = own
+        imported = checked(counterpart.topic, series[counterpart.source], columns)
+        if len(imported.series.time_us):
+            made[counterpart.topic] = imported
     return list(made.values())
 
 
@@ -137,7 +137,7 @@ def _check_shapes(topic: Topic[Any], columns: Columns) -> None:
             raise ValueError(name)
 
 
-def checked(topic: Topic[Any], source: Series, columns: Columns) -> Own:
+def checked(topic: Topic[Any], source: Series, columns: Columns) -> ImportedTopic:
     """A topic of ``columns`` at the times of ``source``, without the rows that cannot be true."""
     columns = {name: np.asarray(values) for name, values in columns.items()}
     kept = np.ones(len(source.time_us), bool)
@@ -148,7 +148,7 @@ def checked(topic: Topic[Any], source: Series, columns: Columns) -> Own:
         if lost:
             dropped.append(Dropped(topic.name, reason, lost))
     whole = Series(topic.name, source.time_us, _completed(topic, columns, len(kept)), {})
-    return Own(topic, source.name, whole.taken(kept), kept, tuple(dropped))
+    return ImportedTopic(topic, source.name, whole.taken(kept), kept, tuple(dropped))
 
 
 def _verdicts(topic: Topic[Any], columns: Columns) -> list[tuple[str, Mask]]:

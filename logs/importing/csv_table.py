@@ -20,7 +20,7 @@ from avionics import topics
 from logs.importing.checks import sound
 from logs.importing.counterparts import checked, fields_of
 from logs.importing.mapping import FieldEntry, TableMapping, TableSection, TimeSection, TopicSection, load_mapping
-from logs.importing.source import Array, Dropped, Own, Series, Source
+from logs.importing.source import Array, Dropped, ImportedTopic, Series, Source
 from logs.importing.units import conversion
 from logs.layout import Field
 from wingbeat.errors import InputError
@@ -71,7 +71,7 @@ def read_table(data: bytes, mapping: Path | None) -> Source:
     except InputError as reason:
         raise InputError(f"{reason} (mapping {mapping})") from None
     series = {one.name: one for one in found if isinstance(one, Series)}
-    made = tuple(one for one in found if isinstance(one, Own))
+    made = tuple(one for one in found if isinstance(one, ImportedTopic))
     notes = {"mapping": mapping.name, "columns_not_mapped": ", ".join(_not_mapped(table, chosen))}
     return Source("csv", series, notes=notes, damage=_damage(table), dropped=tuple(dropped), made=made)
 
@@ -187,7 +187,9 @@ def _column(table: Table, name: Any) -> NDArray[np.float64]:
     return table.columns[name]
 
 
-def _topic(name: str, section: TopicSection, table: Table, times: NDArray[np.int64], rows: Array) -> Own | Series:
+def _topic(
+    name: str, section: TopicSection, table: Table, times: NDArray[np.int64], rows: Array
+) -> ImportedTopic | Series:
     """One topic of the mapping: one of the project's, or one that the mapping makes up."""
     topic = KNOWN_TOPICS.get(name)
     if topic is None and not (name.startswith(OWN_PREFIX) and len(name) > len(OWN_PREFIX)):

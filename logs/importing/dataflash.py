@@ -138,9 +138,11 @@ def _units(tables: Mapping[str, Columns], kinds: Mapping[int, Kind]) -> dict[str
     return found
 
 
-def _units_of(kind: Kind, told: tuple[str, str], labels: Mapping[str, str], factors: Mapping[str, float]) -> Told:
+def _units_of(
+    kind: Kind, definitions: tuple[str, str], labels: Mapping[str, str], factors: Mapping[str, float]
+) -> Told:
     found: dict[str, tuple[str, float]] = {}
-    for (column, letter), unit, factor in zip(kind.codes.items(), *told, strict=False):
+    for (column, letter), unit, factor in zip(kind.codes.items(), *definitions, strict=False):
         if unit == "#":
             found["#"] = column, 1.0
         else:
@@ -161,19 +163,23 @@ def _letter(number: Any) -> str:
     return chr(int(number) & 127) if isinstance(number, int) else ""
 
 
-def _scaled(name: str, times: NDArray[np.int64], columns: Columns, told: Told) -> Series:
+def _scaled(name: str, times: NDArray[np.int64], columns: Columns, definitions: Told) -> Series:
     """A series in the units that the file tells, or that logs of its time had."""
     out: Columns = {}
-    units = {column: unit for column, unit in UNTOLD.get(name, {}).items() if column in columns} if not told else {}
+    units = (
+        {column: unit for column, unit in UNTOLD.get(name, {}).items() if column in columns}
+        if not definitions
+        else {}
+    )
     for column, values in columns.items():
-        unit, factor = told.get(column, ("", 1.0))
+        unit, factor = definitions.get(column, ("", 1.0))
         out[column] = values if factor == 1.0 or values.dtype.kind not in "iuf" else values * factor
         if unit:
             units[column] = _UNITS.get(unit, unit)
-    own = [column for column in ("TimeUS", "TimeMS") if column in out and not (name[:3] == "GPS" and "T" in out)]
-    for column in own:
+    imported = [column for column in ("TimeUS", "TimeMS") if column in out and not (name[:3] == "GPS" and "T" in out)]
+    for column in imported:
         del out[column]
-    instance = told.get("#", ("", 1.0))[0]
+    instance = definitions.get("#", ("", 1.0))[0]
     return Series(name, times, out, units | ({"#": instance} if instance else {}))
 
 
@@ -218,8 +224,10 @@ def _happened(series: Mapping[str, Series]) -> Iterator[Event]:
 
 
 def _parameters(tables: Mapping[str, Columns]) -> dict[str, float]:
-    told = _rows(tables, "PARM", "Name", "Value")
-    return {str(name): value for name, value in told if name and isinstance(value, float) and np.isfinite(value)}
+    definitions = _rows(tables, "PARM", "Name", "Value")
+    return {
+        str(name): value for name, value in definitions if name and isinstance(value, float) and np.isfinite(value)
+    }
 
 
 def _vehicle(texts: tuple[Event, ...]) -> str:

@@ -13,18 +13,19 @@ from wingbeat.atmosphere import GAS_CONSTANT
 def _imu(view: View) -> Columns:
     columns = {f"accel_{axis}": view[f"Acc{axis.upper()}"] for axis in "xyz"}
     columns |= {f"gyro_{axis}": view[f"Gyr{axis.upper()}"] for axis in "xyz"}
-    return columns | {f"mag_{axis}": view.held("MAG", f"Mag{axis.upper()}") for axis in "xyz"}
+    return columns | {f"mag_{axis}": view.latest_value("MAG", f"Mag{axis.upper()}") for axis in "xyz"}
 
 
 def _attitude(view: View) -> Columns:
     rates = {
-        f"{name}_rate": view.held("IMU", f"Gyr{axis}") for name, axis in (("roll", "X"), ("pitch", "Y"), ("yaw", "Z"))
+        f"{name}_rate": view.latest_value("IMU", f"Gyr{axis}")
+        for name, axis in (("roll", "X"), ("pitch", "Y"), ("yaw", "Z"))
     }
     return {"roll": view["Roll"], "pitch": view["Pitch"], "yaw": view["Yaw"]} | rates
 
 
 def _air_data(view: View) -> Columns:
-    pressure, temperature = view.held("BARO", "Press"), view.held("BARO", "Temp")
+    pressure, temperature = view.latest_value("BARO", "Press"), view.latest_value("BARO", "Temp")
     density = pressure / (GAS_CONSTANT * temperature)
     return {
         "airspeed": true_airspeed(view["Airspeed"], density),
@@ -32,7 +33,7 @@ def _air_data(view: View) -> Columns:
         "static_pressure": pressure,
         "temperature": temperature,
         "density": density,
-        "pressure_altitude": view.held("BARO", "Alt"),
+        "pressure_altitude": view.latest_value("BARO", "Alt"),
     }
 
 
@@ -46,7 +47,7 @@ def _filter_altitude(view: View) -> Columns:
 
 def _position(view: View) -> Columns:
     named = {"north": "PN", "east": "PE", "v_north": "VN", "v_east": "VE"}
-    place = {"latitude": view.held("POS", "Lat"), "longitude": view.held("POS", "Lng")}
+    place = {"latitude": view.latest_value("POS", "Lat"), "longitude": view.latest_value("POS", "Lng")}
     return {field: view[column] for field, column in named.items()} | place
 
 
@@ -72,8 +73,8 @@ def _gps(view: View) -> Columns:
         "v_north": north,
         "v_east": east,
         "v_down": view.get("VZ"),
-        "horizontal_accuracy": view.held("GPA", "HAcc"),
-        "vertical_accuracy": view.held("GPA", "VAcc"),
+        "horizontal_accuracy": view.latest_value("GPA", "HAcc"),
+        "vertical_accuracy": view.latest_value("GPA", "VAcc"),
         "fix_type": np.where(status >= 2, status, 0),
         "satellites": view.get("NSats"),
     }

@@ -28,8 +28,8 @@ from logs.importing import (
 from logs.importing.checks import BEHIND, LATE_US, LATEST_US, Mask, end_of, not_behind, sound
 from logs.importing.clocks import align, of_import, of_log
 from logs.importing.counterparts import Counterpart, make_all
-from logs.importing.source import Dropped, Own, Series, Source, shifted
-from logs.importing.writing import Extras, Progress, own_stream, source_streams, topic_name, write_log
+from logs.importing.source import Dropped, ImportedTopic, Series, Source, shifted
+from logs.importing.writing import Extras, Progress, imported_stream, source_streams, topic_name, write_log
 from logs.names import PARAMETERS
 from logs.reader import open_log
 from wingbeat.errors import InputError
@@ -101,7 +101,7 @@ class ImportReport(NamedTuple):
 class Checked(NamedTuple):
     """What is left of a source."""
 
-    own: list[Own]
+    imported: list[ImportedTopic]
     """the project's topics"""
     series: dict[str, Series]
     """the source's own"""
@@ -135,18 +135,21 @@ def import_log(choice: Choice, progress: Progress = lambda done, total: None) ->
     try:
         with np.errstate(all="ignore"):  # garbage overflows; what comes of it is looked at
             source = _read(choice, data)
-            found = _checked(source)
-        if not found.own and not found.series:
-            raise InputError(f"no row of it can be true{_reasons(found.dropped)}")
+            checked = _checked(source)
+        if not checked.imported and not checked.series:
+            raise InputError(f"no row of it can be true{_reasons(checked.dropped)}")
     except InputError as reason:
         raise InputError(f"{choice.source}: {_line(str(reason))}") from None
     if choice.onboard is not None:
-        source, found = _on_clock_of(choice.onboard, source, found)
-    report = _report(choice, data, source, found)
-    streams = [*map(own_stream, found.own), *source_streams(FORMATS[source.format].topics, found.series)]
+        source, checked = _on_clock_of(choice.onboard, source, checked)
+    report = _report(choice, data, source, checked)
+    streams = [
+        *map(imported_stream, checked.imported),
+        *source_streams(FORMATS[source.format].topics, checked.series),
+    ]
     epoch_ns = source.epoch_ns if 0 <= source.epoch_ns < LATEST_NS else 0
     documents = {REPORT: lambda added: _json(_with_added(report, added))}
-    extras = Extras(epoch_ns, found.events, _notes(report, source), documents)
+    extras = Extras(epoch_ns, checked.events, _notes(report, source), documents)
     return _with_added(report, write_log(choice.target, streams, extras, progress))
 
 
@@ -208,9 +211,9 @@ def _checked(source: Source) -> Checked:
             series[name] = whole
     end = _end(source, series)
     dropped += _drop_behind(series, known.topics, end)
-    own = [*source.made, *make_all(known.counterparts, series)]
+    imported = [*source.made, *make_all(known.counterparts, series)]
     masks: dict[str, Mask] = {}
-    for made in own:
+    for made in imported:
         dropped += made.dropped
         if made.source not in series:
             continue  # made of what is not kept beside it
@@ -219,35 +222,35 @@ def _checked(source: Source) -> Checked:
     events = [event for event in source.events if 0 <= event.time_us <= end + LATE_US]
     if len(events) < len(source.events):
         dropped.append(Dropped(EVENTS.name, "time outside of the log", len(source.events) - len(events)))
-    return Checked(own, series, events, dropped)
+    return Checked(imported, series, events, dropped)
 
 
-def _on_clock_of(onboard: Path, source: Source, found: Checked) -> tuple[Source, Checked]:
+def _on_clock_of(onboard: Path, source: Source, checked: Checked) -> tuple[Source, Checked]:
     """All times on the clock of another log of the same flight; what lies before its boot is dropped.
 
     Raises:
         InputError: the two did not measure the same motion.
     """
     with open_log(onboard) as log:
-        aligned = align(of_import(found.own), of_log(log))
+        aligned = align(of_import(checked.imported), of_log(log))
         epoch_ns = log.boot_ns
     shift = round(aligned.offset * 1e6)
-    own: list[Own] = []
+    imported: list[ImportedTopic] = []
     series: dict[str, Series] = {}
-    dropped = list(found.dropped)
-    for made in found.own:
+    dropped = list(checked.dropped)
+    for made in checked.imported:
         moved, lost = sound(shifted(made.series, shift), made.topic.name, trusted=True)
-        own += [made._replace(series=moved)] if len(moved.time_us) else []
+        imported += [made._replace(series=moved)] if len(moved.time_us) else []
         dropped += lost
-    for name, one in found.series.items():
+    for name, one in checked.series.items():
         moved, lost = sound(shifted(one, shift), topic_name(FORMATS[source.format].topics, name), trusted=True)
         series |= {name: moved} if len(moved.time_us) else {}
         dropped += lost
-    events = [event._replace(time_us=event.time_us + shift) for event in found.events if event.time_us + shift >= 0]
+    events = [event._replace(time_us=event.time_us + shift) for event in checked.events if event.time_us + shift >= 0]
     clock = (
         f"that of {onboard.name}, by the angular rate: {aligned.offset:+.4f} s, correlation {aligned.correlation:.3f}"
     )
-    return source._replace(epoch_ns=epoch_ns, clock=clock), Checked(own, series, events, dropped)
+    return source._replace(epoch_ns=epoch_ns, clock=clock), Checked(imported, series, events, dropped)
 
 
 def _end(source: Source, series: Mapping[str, Series]) -> int:
@@ -274,15 +277,15 @@ def _reasons(dropped: Sequence[Dropped]) -> str:
     return "".join(f"; {one.topic}: {one.reason} ({one.rows})" for one in dropped[:3])
 
 
-def _report(choice: Choice, data: bytes, source: Source, found: Checked) -> ImportReport:
+def _report(choice: Choice, data: bytes, source: Source, checked: Checked) -> ImportReport:
     known = FORMATS[source.format]
-    topics = [TopicCount(one.topic.name, one.source, len(one.series.time_us)) for one in found.own]
-    kept = sorted(found.series.items())
+    topics = [TopicCount(one.topic.name, one.source, len(one.series.time_us)) for one in checked.imported]
+    kept = sorted(checked.series.items())
     topics += [TopicCount(topic_name(known.topics, name), "", len(one.time_us)) for name, one in kept]
     return ImportReport(
         str(choice.target), choice.source.name, known.name, hashlib.sha256(data).hexdigest(), version("wingbeat"),
-        source.vehicle, sum(topic.messages for topic in topics), tuple(topics), len(found.events),
-        len(source.parameters), source.damage, tuple(found.dropped),
+        source.vehicle, sum(topic.messages for topic in topics), tuple(topics), len(checked.events),
+        len(source.parameters), source.damage, tuple(checked.dropped),
     )  # fmt: skip
 
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from avionics import topics as t
 from logs.importing.counterparts import Columns, checked
 from logs.importing.rigid_body import find_rigid_body
-from logs.importing.source import Dropped, Own, Series, Source
+from logs.importing.source import Dropped, ImportedTopic, Series, Source
 from logs.importing.units import conversion
 from wingbeat.errors import InputError
 
@@ -80,7 +80,7 @@ def source_of(tracks: Sequence[Track], system: str, damage: tuple[str, ...] = ()
     Raises:
         InputError: there is none.
     """
-    tracks = [track for track in tracks if _seen(track).any()]
+    tracks = [track for track in tracks if _tracked(track).any()]
     if not tracks:
         raise InputError("no body and no marker was seen in it")
     notes = {"system": system}
@@ -89,7 +89,7 @@ def source_of(tracks: Sequence[Track], system: str, damage: tuple[str, ...] = ()
         body, markers = found
         tracks, bodies = [*tracks, body], [body]
         notes["body"] = f"found among the markers: {', '.join(markers)}"
-    dropped = [Dropped(f"/mocap/{one.name}", "not seen", int((~_seen(one)).sum())) for one in tracks]
+    dropped = [Dropped(f"/mocap/{one.name}", "not seen", int((~_tracked(one)).sum())) for one in tracks]
     return Source(
         "motion capture",
         {track.name: _series(track) for track in tracks},
@@ -97,7 +97,7 @@ def source_of(tracks: Sequence[Track], system: str, damage: tuple[str, ...] = ()
         notes=notes,
         damage=damage,
         dropped=tuple(one for one in dropped if one.rows),
-        made=_own(bodies[0]) if bodies else (),
+        made=_topics_of(bodies[0]) if bodies else (),
         clock="since the first frame of the capture",
     )
 
@@ -115,7 +115,7 @@ def _body_of_markers(tracks: Sequence[Track]) -> tuple[Track, list[str]] | None:
     return Track(name, time, found.position, found.quaternion), [tracks[marker].name for marker in found.markers]
 
 
-def _seen(track: Track) -> NDArray[np.bool_]:
+def _tracked(track: Track) -> NDArray[np.bool_]:
     whole = np.isfinite(track.position).all(axis=1)
     return np.asarray(whole if track.quaternion is None else whole & np.isfinite(track.quaternion).all(axis=1), bool)
 
@@ -199,9 +199,9 @@ def _nexus_part(rows: Rows, bodies: bool) -> list[Track]:
     return tracks
 
 
-def _scale(name: str, axis: str, told: Sequence[str]) -> float:
-    """What a column is multiplied by to be in SI; ``told`` is its unit, or nothing where the line is short."""
-    unit = "".join(told).strip().replace("°", "deg")
+def _scale(name: str, axis: str, unit_text: Sequence[str]) -> float:
+    """What a column is multiplied by to be in SI; ``unit_text`` is its unit, or nothing where the line is short."""
+    unit = "".join(unit_text).strip().replace("°", "deg")
     known, expected = conversion(unit), (_BODY_AXES | _MARKER_AXES)[axis]
     if known.unit != expected:
         raise InputError(f"{axis} of {name.strip()} is in {unit!r}, where a unit of {expected} must be")
@@ -272,7 +272,7 @@ def _series(track: Track) -> Series:
     units = dict.fromkeys(columns, "m")
     if track.quaternion is not None:
         columns |= dict(zip([f"quaternion_{axis}" for axis in "wxyz"], track.quaternion.T, strict=True))
-    return Series(track.name, _stamps(track), columns, units).taken(_seen(track))
+    return Series(track.name, _stamps(track), columns, units).taken(_tracked(track))
 
 
 def _stamps(track: Track) -> NDArray[np.int64]:
@@ -280,12 +280,12 @@ def _stamps(track: Track) -> NDArray[np.int64]:
     return np.nan_to_num(np.rint(track.time * 1e6), nan=-1.0).clip(-1, 2**62).astype(np.int64)
 
 
-def _own(track: Track) -> tuple[Own, ...]:
+def _topics_of(track: Track) -> tuple[ImportedTopic, ...]:
     """Attitude, position and altitude of a body, at the frames in which it was seen."""
-    seen = _seen(track) & (_stamps(track) >= 0)
-    track = track._replace(time=track.time[seen], position=track.position[seen])
+    tracked = _tracked(track) & (_stamps(track) >= 0)
+    track = track._replace(time=track.time[tracked], position=track.position[tracked])
     assert track.quaternion is not None
-    quaternion = track.quaternion[seen]
+    quaternion = track.quaternion[tracked]
     rates, velocity = body_rates(track.time, quaternion), _velocity(track)
     series = Series(track.name, _stamps(track), {}, {})
     names = [f"quaternion_{axis}" for axis in "wxyz"]

@@ -15,7 +15,7 @@ from avionics import topics as t
 from avionics.board.razor import FrameClock
 from avionics.board.razor_protocol import OUTPUTS, TOKEN, Output, Reader, Reading
 from logs.importing.counterparts import Columns, checked
-from logs.importing.source import Own, Series, Source
+from logs.importing.source import ImportedTopic, Series, Source
 from wingbeat.errors import InputError
 from wingbeat.text import pluralize
 
@@ -67,7 +67,7 @@ def read_razor(data: bytes) -> Source:
     if reader.waiting:
         damage.append(f"{pluralize(reader.waiting, 'byte')} at the end that no synch token confirms")
     notes = {"output": next(name for name, one in OUTPUTS.items() if one is output)}
-    made = [own for own in (_imu(frames), _attitude(frames)) if own is not None]
+    made = [imported for imported in (_imu(frames), _attitude(frames)) if imported is not None]
     clock = "since the first frame, by the firmware's raster of 20 ms"
     return Source("razor", {}, "Razor 9DOF", notes=notes, damage=tuple(damage), made=tuple(made), clock=clock)
 
@@ -86,7 +86,7 @@ def _frames(data: bytes, output: Output, reader: Reader) -> list[Frame]:
     return frames
 
 
-def _imu(frames: list[Frame]) -> Own | None:
+def _imu(frames: list[Frame]) -> ImportedTopic | None:
     found = [(one.time_us, one.reading) for one in frames if one.reading.accel and one.reading.gyro]
     if not found:
         return None
@@ -97,7 +97,7 @@ def _imu(frames: list[Frame]) -> Own | None:
     return checked(t.IMU, Series("frames", np.array([at for at, _ in found], np.int64), columns, {}), columns)
 
 
-def _attitude(frames: list[Frame]) -> Own | None:
+def _attitude(frames: list[Frame]) -> ImportedTopic | None:
     found = [(one.time_us, one.reading.angles) for one in frames if one.reading.angles]
     if not found:
         return None

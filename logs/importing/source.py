@@ -48,7 +48,7 @@ class Dropped(NamedTuple):
     rows: int
 
 
-class Own(NamedTuple):
+class ImportedTopic(NamedTuple):
     """One of the project's topics, made and checked."""
 
     topic: Topic[Any]
@@ -79,7 +79,7 @@ class Source(NamedTuple):
     """what was wrong with the file, one line each"""
     dropped: tuple[Dropped, ...] = ()
     """what the reader itself left out"""
-    made: tuple[Own, ...] = ()
+    made: tuple[ImportedTopic, ...] = ()
     """the project's topics that the reader itself made"""
     clock: str = OF_BOOT
     """-; what the times count"""

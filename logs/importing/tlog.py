@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from avionics.link.dialect import mavlink
 from avionics.link.framing import MARKER_V1, MARKER_V2, SIGNED
-from logs.importing.checks import LATEST_US, going_on
+from logs.importing.checks import LATEST_US, monotonic_rows
 from logs.importing.counterparts import Columns
 from logs.importing.source import Array, Series, Source
 from wingbeat.errors import InputError
@@ -43,7 +43,7 @@ Sender = tuple[int, int]
 """system and component"""
 
 
-class Heard(NamedTuple):
+class ReceivedMessage(NamedTuple):
     """One message."""
 
     ground_us: int
@@ -58,22 +58,22 @@ def read_tlog(data: bytes, clock: str = "vehicle") -> Source:
     Raises:
         InputError: there is no whole frame in it.
     """
-    heard, damage = _frames(data)
-    if not heard:
+    received, damage = _frames(data)
+    if not received:
         raise InputError("no complete MAVLink frame after a time stamp found")
-    vehicle = vehicle_of(heard)
-    times = VehicleClock.of(heard, vehicle) if clock == "vehicle" else VehicleClock.on_the_ground(heard)
-    series = _series(heard, vehicle, times)
-    spoken = [one for one in heard if one.sender == vehicle]
+    vehicle = vehicle_of(received)
+    times = VehicleClock.of(received, vehicle) if clock == "vehicle" else VehicleClock.on_the_ground(received)
+    series = _series(received, vehicle, times)
+    spoken = [one for one in received if one.sender == vehicle]
     stamps = times.at(spoken)
     return Source(
         "tlog", series, _name(spoken), times.boot_us * 1000, tuple(_events(spoken, stamps)), _parameters(spoken),
-        {"system": str(vehicle[0]), "component": str(vehicle[1])}, damage, clock=times.told, checksummed=True,
+        {"system": str(vehicle[0]), "component": str(vehicle[1])}, damage, clock=times.description, checksummed=True,
     )  # fmt: skip
 
 
-def _frames(data: bytes) -> tuple[list[Heard], tuple[str, ...]]:
-    heard: list[Heard] = []
+def _frames(data: bytes) -> tuple[list[ReceivedMessage], tuple[str, ...]]:
+    received: list[ReceivedMessage] = []
     lost = places = at = 0
     unknown: Counter[int] = Counter()
     whole = True
@@ -85,19 +85,22 @@ def _frames(data: bytes) -> tuple[list[Heard], tuple[str, ...]]:
         decoded = _decode(frame, unknown, followed) if frame and stamp < LATEST_US else None
         if decoded is None:
             if whole and end > len(data) > at + STAMP.size:
-                return heard, (*_told(lost, places, unknown), f"cut off in the middle of a frame, at byte {at}")
+                return received, (
+                    *_damage_texts(lost, places, unknown),
+                    f"cut off in the middle of a frame, at byte {at}",
+                )
             lost, places, whole, at = lost + 1, places + whole, False, at + 1
             continue
         sender, message = decoded
         if message is not None:
-            heard.append(Heard(stamp, sender, message))
+            received.append(ReceivedMessage(stamp, sender, message))
         whole, at = True, end
     rest = len(data) - at
     cut = (f"cut off in the middle of a frame, {pluralize(rest, 'byte')} before the end",) if rest else ()
-    return heard, (*_told(lost, places, unknown), *cut)
+    return received, (*_damage_texts(lost, places, unknown), *cut)
 
 
-def _told(lost: int, places: int, unknown: Counter[int]) -> tuple[str, ...]:
+def _damage_texts(lost: int, places: int, unknown: Counter[int]) -> tuple[str, ...]:
     damage: list[str] = []
     if lost:
         damage.append(f"{pluralize(lost, 'byte')} in {pluralize(places, 'place')} outside of frames")
@@ -147,16 +150,16 @@ def _decoder(dialect: Any) -> Any:
     return dialect.MAVLink(None)
 
 
-def vehicle_of(heard: Sequence[Heard]) -> Sender:
+def vehicle_of(received: Sequence[ReceivedMessage]) -> Sender:
     """Who sends an autopilot's heartbeats, the most of them; without any, who says the most."""
     autopilots = Counter(
         one.sender
-        for one in heard
+        for one in received
         if one.message.get_type() == "HEARTBEAT"
         and one.message.autopilot != NO_AUTOPILOT
         and one.message.type not in NOT_VEHICLES
     )
-    return (autopilots or Counter(one.sender for one in heard)).most_common(1)[0][0]
+    return (autopilots or Counter(one.sender for one in received)).most_common(1)[0][0]
 
 
 class VehicleClock(NamedTuple):
@@ -168,24 +171,24 @@ class VehicleClock(NamedTuple):
     """us; that the ground's clock is before the vehicle's, at each of them"""
     stamped: bool
     """whether messages are taken at their own stamps"""
-    told: str
+    description: str
     """-; in words"""
 
     @classmethod
-    def of(cls, heard: Sequence[Heard], vehicle: Sender) -> VehicleClock:
+    def of(cls, received: Sequence[ReceivedMessage], vehicle: Sender) -> VehicleClock:
         """By all stamps of the vehicle that go on; the ground's clock from the first frame on where it has none."""
-        pairs = [(one.ground_us, _boot_us(one.message)) for one in heard if one.sender == vehicle]
+        pairs = [(one.ground_us, _boot_us(one.message)) for one in received if one.sender == vehicle]
         stamped = np.array([pair for pair in pairs if pair[1]], np.int64).reshape(-1, 2)
-        stamped = stamped[going_on(stamped[:, 1])]
-        stamped = stamped[going_on(stamped[:, 0])]
+        stamped = stamped[monotonic_rows(stamped[:, 1])]
+        stamped = stamped[monotonic_rows(stamped[:, 0])]
         if not len(stamped):
-            return cls.on_the_ground(heard)
+            return cls.on_the_ground(received)
         return cls(stamped[:, 0], stamped[:, 0] - stamped[:, 1], True, "since the vehicle's boot, by its stamps")
 
     @classmethod
-    def on_the_ground(cls, heard: Sequence[Heard]) -> VehicleClock:
+    def on_the_ground(cls, received: Sequence[ReceivedMessage]) -> VehicleClock:
         """The ground's clock, from the first frame on."""
-        first = min(one.ground_us for one in heard)
+        first = min(one.ground_us for one in received)
         return cls(np.array([first]), np.array([first]), False, "the ground computer's clock, since the first frame")
 
     @property
@@ -193,16 +196,16 @@ class VehicleClock(NamedTuple):
         """us since 1970; of the moment that times count from."""
         return max(int(np.median(self.offset_us)), 0)
 
-    def at(self, heard: Sequence[Heard]) -> NDArray[np.int64]:
+    def at(self, received: Sequence[ReceivedMessage]) -> NDArray[np.int64]:
         """us since boot of each message: its own stamp, or the ground's time less the last known offset."""
-        ground = np.array([one.ground_us for one in heard], np.int64)
+        ground = np.array([one.ground_us for one in received], np.int64)
         last = np.maximum(np.searchsorted(self.ground_us, ground, side="right") - 1, 0)
         times: NDArray[np.int64] = np.maximum(ground - self.offset_us[last], 0)
         if not self.stamped:
             return times
-        own = np.array([_boot_us(one.message) for one in heard], np.int64)
+        imported = np.array([_boot_us(one.message) for one in received], np.int64)
         passed: NDArray[np.int64] = np.maximum.accumulate(times)
-        return np.where(own > 0, own, passed)
+        return np.where(imported > 0, imported, passed)
 
 
 def _boot_us(message: Any) -> int:
@@ -210,14 +213,14 @@ def _boot_us(message: Any) -> int:
     return 0 if message.get_type() == "SYSTEM_TIME" else 1000 * int(getattr(message, "time_boot_ms", 0))
 
 
-def _series(heard: Sequence[Heard], vehicle: Sender, clock: VehicleClock) -> dict[str, Series]:
-    groups: dict[str, list[Heard]] = {}
-    for one in heard:
+def _series(received: Sequence[ReceivedMessage], vehicle: Sender, clock: VehicleClock) -> dict[str, Series]:
+    groups: dict[str, list[ReceivedMessage]] = {}
+    for one in received:
         groups.setdefault(_series_name(one, vehicle), []).append(one)
     return {name: _one_series(name, members, clock) for name, members in groups.items()}
 
 
-def _series_name(one: Heard, vehicle: Sender) -> str:
+def _series_name(one: ReceivedMessage, vehicle: Sender) -> str:
     kind = one.message.get_type()
     if one.sender == vehicle:
         return str(kind)
@@ -225,7 +228,7 @@ def _series_name(one: Heard, vehicle: Sender) -> str:
     return f"component_{component}/{kind}" if system == vehicle[0] else f"system_{system}/{kind}"
 
 
-def _one_series(name: str, members: list[Heard], clock: VehicleClock) -> Series:
+def _one_series(name: str, members: list[ReceivedMessage], clock: VehicleClock) -> Series:
     kind = type(members[0].message)
     columns: Columns = {}
     units: dict[str, str] = {}
@@ -242,21 +245,21 @@ def _texts(values: list[Any]) -> Array:
 
 
 def _text(value: Any) -> str:
-    told = value.decode("utf-8", "replace") if isinstance(value, bytes | bytearray) else str(value)
-    return told.partition("\0")[0]
+    description = value.decode("utf-8", "replace") if isinstance(value, bytes | bytearray) else str(value)
+    return description.partition("\0")[0]
 
 
-def _name(spoken: Sequence[Heard]) -> str:
+def _name(spoken: Sequence[ReceivedMessage]) -> str:
     """Kind of the vehicle and its number, as ``QUADROTOR 1``."""
     beat = next((one.message for one in spoken if one.message.get_type() == "HEARTBEAT"), None)
     if beat is None:
         return ""
     entry = _dialects()[1].enums["MAV_TYPE"].get(beat.type)
-    told = entry.name.removeprefix("MAV_TYPE_") if entry else str(beat.type)
-    return f"{told} {spoken[0].sender[0]}"
+    description = entry.name.removeprefix("MAV_TYPE_") if entry else str(beat.type)
+    return f"{description} {spoken[0].sender[0]}"
 
 
-def _events(spoken: Sequence[Heard], stamps: NDArray[np.int64]) -> Iterator[Event]:
+def _events(spoken: Sequence[ReceivedMessage], stamps: NDArray[np.int64]) -> Iterator[Event]:
     """Texts, and changes of mode and arming."""
     before = ""
     for one, at in zip(spoken, stamps.tolist(), strict=True):
@@ -279,7 +282,7 @@ def _mode(beat: Any) -> str:
     return f"mode {beat.custom_mode}, {'armed' if beat.base_mode & 128 else 'disarmed'}"
 
 
-def _parameters(spoken: Sequence[Heard]) -> dict[str, float]:
+def _parameters(spoken: Sequence[ReceivedMessage]) -> dict[str, float]:
     """First value heard of each."""
     bytewise = any(one.message.get_type() == "HEARTBEAT" and one.message.autopilot == PX4 for one in spoken)
     found: dict[str, float] = {}

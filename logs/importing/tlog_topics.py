@@ -30,8 +30,8 @@ def _altitude(view: View) -> Columns:
 
 def _local_position(view: View) -> Columns:
     place = {
-        "latitude": view.held("GLOBAL_POSITION_INT", "lat"),
-        "longitude": view.held("GLOBAL_POSITION_INT", "lon"),
+        "latitude": view.latest_value("GLOBAL_POSITION_INT", "lat"),
+        "longitude": view.latest_value("GLOBAL_POSITION_INT", "lon"),
     }
     return {"north": view["x"], "east": view["y"], "v_north": view["vx"], "v_east": view["vy"]} | place
 

@@ -16,7 +16,8 @@ def _axes(name: str, values: Array) -> Columns:
 
 def _imu(view: View) -> Columns:
     field = {
-        f"mag_{axis}": view.held("vehicle_magnetometer", "magnetometer_ga", place) for place, axis in enumerate("xyz")
+        f"mag_{axis}": view.latest_value("vehicle_magnetometer", "magnetometer_ga", place)
+        for place, axis in enumerate("xyz")
     }
     return _axes("accel", view["accelerometer_m_s2"]) | _axes("gyro", view["gyro_rad"]) | field
 
@@ -25,22 +26,22 @@ def _attitude(view: View) -> Columns:
     columns = {f"quaternion_{axis}": view["q"][:, place] for place, axis in enumerate("wxyz")}
     for place, name in enumerate(("roll", "pitch", "yaw")):
         old = f"{name}speed"
-        now = view.held("vehicle_angular_velocity", "xyz", place)
+        now = view.latest_value("vehicle_angular_velocity", "xyz", place)
         columns[f"{name}_rate"] = view[old] if old in view.here.columns else now
     for place, axis in enumerate("xyz"):
-        columns[f"bias_{axis}"] = np.nan_to_num(view.held("estimator_sensor_bias", "gyro_bias", place))
+        columns[f"bias_{axis}"] = np.nan_to_num(view.latest_value("estimator_sensor_bias", "gyro_bias", place))
     return columns
 
 
 def _air_data(view: View) -> Columns:
     told = "true_airspeed_m_s" if "true_airspeed_m_s" in view.here.columns else "true_airspeed"
-    density = view.held("vehicle_air_data", "rho")
+    density = view.latest_value("vehicle_air_data", "rho")
     known = told in view.here.columns
     return {
         "airspeed": view[told] if known else true_airspeed(view["indicated_airspeed_m_s"], density),
-        "dynamic_pressure": view.held("differential_pressure", "differential_pressure_pa"),
-        "static_pressure": view.held("vehicle_air_data", "baro_pressure_pa"),
-        "temperature": view.held("vehicle_air_data", "baro_temp_celcius"),
+        "dynamic_pressure": view.latest_value("differential_pressure", "differential_pressure_pa"),
+        "static_pressure": view.latest_value("vehicle_air_data", "baro_pressure_pa"),
+        "temperature": view.latest_value("vehicle_air_data", "baro_temp_celcius"),
         "density": density,
     }
 
@@ -56,10 +57,10 @@ def _position(view: View) -> Columns:
         "east": view["y"],
         "v_north": view["vx"],
         "v_east": view["vy"],
-        "wind_north": view.held(wind, "windspeed_north"),
-        "wind_east": view.held(wind, "windspeed_east"),
-        "latitude": np.radians(view.held("vehicle_global_position", "lat")),
-        "longitude": np.radians(view.held("vehicle_global_position", "lon")),
+        "wind_north": view.latest_value(wind, "windspeed_north"),
+        "wind_east": view.latest_value(wind, "windspeed_east"),
+        "latitude": np.radians(view.latest_value("vehicle_global_position", "lat")),
+        "longitude": np.radians(view.latest_value("vehicle_global_position", "lon")),
         "valid": view["xy_valid"],
     }
 

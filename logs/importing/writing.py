@@ -14,9 +14,9 @@ import numpy as np
 from avionics.topics import EVENTS
 from logs.batches import batched
 from logs.codecs import Document
-from logs.importing.source import Array, Own, Series
+from logs.importing.source import Array, ImportedTopic, Series
 from logs.layout import Field, Layout
-from logs.placing import claim, settle
+from logs.new_files import claim, settle
 from logs.recorder import McapRecorder
 from logs.scene import PLAIN_BIRD, SceneRecorder
 from wingbeat.errors import InputError
@@ -50,10 +50,10 @@ class Extras(NamedTuple):
     """JSON documents by name, each made of how many messages were added for viewers, by topic"""
 
 
-def own_stream(own: Own) -> Stream:
+def imported_stream(imported: ImportedTopic) -> Stream:
     """One of the project's topics with the rate that the source had."""
-    rate = rate_of(own.series)
-    return Stream(own.topic._replace(rate=rate), own.series)
+    rate = rate_of(imported.series)
+    return Stream(imported.topic._replace(rate=rate), imported.series)
 
 
 def source_streams(format_name: str, series: Mapping[str, Series]) -> list[Stream]:

@@ -68,20 +68,20 @@ class Follower:
         """the writer has closed the file"""
         self._file: IO[bytes] | None = None
         self._rest = b""
-        self._begun = self._skipping = False
+        self._has_magic = self._skipping = False
 
-    def read(self, wanted: Callable[[int], bool] = lambda channel: True) -> list[Message]:
-        """What is new of the channels that are ``wanted``, in the order of the file; for none nothing is unpacked.
+    def read(self, is_requested: Callable[[int], bool] = lambda channel: True) -> list[Message]:
+        """Return the new messages of the requested channels in file order; without one nothing is unpacked.
 
         Raises:
             Damage: the file is no MCAP file.
         """
         data = self._rest + self._news()
-        start = 0 if self._begun else self._begin(data)
-        spans = list(records(data, start, len(data))) if self._begun else []
+        start = 0 if self._has_magic else self._begin(data)
+        spans = list(records(data, start, len(data))) if self._has_magic else []
         self._rest = data[spans[-1].end :] if spans else data[start:]
         room = _first_of_newest(spans)
-        return [message for span in spans for message in self._take(data, span, room, wanted)]
+        return [message for span in spans for message in self._take(data, span, room, is_requested)]
 
     def close(self) -> None:
         """Release the file."""
@@ -100,18 +100,18 @@ class Follower:
         """Bytes of MCAP's magic at the file's start; 0 while it is not all there."""
         if not MCAP0_MAGIC.startswith(data[: len(MCAP0_MAGIC)]):
             raise Damage(f"{self.path} is not an MCAP log")
-        self._begun = len(data) >= len(MCAP0_MAGIC)
-        return len(MCAP0_MAGIC) if self._begun else 0
+        self._has_magic = len(data) >= len(MCAP0_MAGIC)
+        return len(MCAP0_MAGIC) if self._has_magic else 0
 
-    def _take(self, data: bytes, span: Span, first: int, wanted: Callable[[int], bool]) -> Iterator[Message]:
+    def _take(self, data: bytes, span: Span, first: int, is_requested: Callable[[int], bool]) -> Iterator[Message]:
         """Enter one record; chunks before the byte ``first`` are left out."""
         if span.opcode == Opcode.CHUNK:
             chunk = chunk_at(data, span)
             self.end_ns = max(self.end_ns, chunk.end_ns)
-            asked = any(map(wanted, self.channels))
+            asked = any(map(is_requested, self.channels))
             self._skipping = asked and span.offset < first
             if asked and not self._skipping:
-                yield from self._unpacked(data, chunk, wanted)
+                yield from self._unpacked(data, chunk, is_requested)
         elif span.opcode == Opcode.MESSAGE_INDEX and self._skipping:
             self.skipped += _INDEX.unpack_from(data, span.body)[1] // ENTRY_TYPE.itemsize
         else:
@@ -128,7 +128,7 @@ class Follower:
         elif span.opcode == Opcode.FOOTER:
             self.finished = True
 
-    def _unpacked(self, data: bytes, chunk: ChunkSpan, wanted: Callable[[int], bool]) -> Iterator[Message]:
+    def _unpacked(self, data: bytes, chunk: ChunkSpan, is_requested: Callable[[int], bool]) -> Iterator[Message]:
         try:
             content = unpack(data, chunk)
         except Damage:
@@ -137,7 +137,7 @@ class Follower:
         for span in records(content, 0, len(content)):
             if span.opcode == Opcode.MESSAGE:
                 channel, _, log_ns, _ = _MESSAGE.unpack_from(content, span.body)
-                if wanted(channel):
+                if is_requested(channel):
                     yield Message(log_ns, channel, content[span.body + _MESSAGE.size : span.end])
 
 

@@ -157,7 +157,7 @@ class LiveServer:
 
     def _show(self, dt: float, last: bool = False) -> None:
         for follower in self._followers:
-            messages = follower.read(self._is_wanted)
+            messages = follower.read(self._has_subscriber)
             for channel in follower.channels.values():
                 if self._declared.get(channel.id) != channel:
                     self._offer(channel, follower.schemas.get(channel.schema_id))
@@ -171,7 +171,7 @@ class LiveServer:
         if last and due:
             time.sleep(FAREWELL)
 
-    def _is_wanted(self, channel: int) -> bool:
+    def _has_subscriber(self, channel: int) -> bool:
         shown = self._channels.get(channel)
         return shown is not None and bool(shown.has_sinks())
 

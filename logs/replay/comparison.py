@@ -66,9 +66,11 @@ class _Field:
         self.finite = 0
         self.last_bit = 0.0
 
-    def take(self, told: NDArray[Any], was: NDArray[Any], times: NDArray[Any], differing: NDArray[np.bool_]) -> None:
-        change = told.astype(np.float64) - was.astype(np.float64)
-        both_missing = np.isnan(told.astype(np.float64)) & np.isnan(was.astype(np.float64))
+    def take(
+        self, replayed: NDArray[Any], was: NDArray[Any], times: NDArray[Any], differing: NDArray[np.bool_]
+    ) -> None:
+        change = replayed.astype(np.float64) - was.astype(np.float64)
+        both_missing = np.isnan(replayed.astype(np.float64)) & np.isnan(was.astype(np.float64))
         change = np.where(both_missing, 0.0, np.where(np.isfinite(change), change, np.inf))
         if change.ndim > 1:
             change = np.abs(change).max(axis=1)
@@ -83,7 +85,7 @@ class _Field:
         if abs(change[place]) > abs(self.largest):
             self.largest, self.at = float(change[place]), float(times[place])
 
-    def told(self, name: str, unit: str) -> FieldDifference:
+    def result(self, name: str, unit: str) -> FieldDifference:
         rms = float(np.sqrt(self.squares / self.finite)) if self.finite else 0.0
         rounding = abs(self.largest) <= LAST_BITS * self.last_bit
         return FieldDifference(name, unit, self.differing, self.largest, self.at, rms, rounding)
@@ -111,10 +113,12 @@ class TopicComparison:
         if len(self._waiting) >= BLOCK:
             self._compare()
 
-    def told(self) -> TopicDifference:
+    def result(self) -> TopicDifference:
         """What was found."""
         self._compare()
-        fields = tuple(found.told(name, self._units[name]) for name, found in self._fields.items() if found.differing)
+        fields = tuple(
+            found.result(name, self._units[name]) for name, found in self._fields.items() if found.differing
+        )
         return TopicDifference(
             self._topic.name, self._end - self._first, self._replayed, self._differing, self._at, fields
         )
@@ -132,12 +136,12 @@ class TopicComparison:
         for name, found in self._fields.items():
             place = names.index(name)
             was = self._columns[name][rows]
-            told = np.array([message[place] for message in block], was.dtype)
-            differs = ~((told == was) | ((told != told) & (was != was)))
+            replayed = np.array([message[place] for message in block], was.dtype)
+            differs = ~((replayed == was) | ((replayed != replayed) & (was != was)))
             if differs.ndim > 1:
                 differs = differs.any(axis=1)
             if differs.any():
-                found.take(told, was, times, differs)
+                found.take(replayed, was, times, differs)
                 any_differs |= differs
             else:
                 found.finite += count
@@ -164,7 +168,7 @@ class TextComparison:
             self._differing += 1
             self._at = message.time_us * 1e-6 if self._at is None else self._at
 
-    def told(self) -> TopicDifference:
+    def result(self) -> TopicDifference:
         """What was found."""
         return TopicDifference(self._topic.name, len(self._recorded), self._replayed, self._differing, self._at, ())
 

@@ -80,7 +80,7 @@ def replay_flight(
         step(autopilot, tick)
         if progress is not None and done % PROGRESS == 0:
             progress(done, len(ticks))
-    told = tuple(each.told() for each in compared.values())
+    told = tuple(each.result() for each in compared.values())
     return Replayed(max(began, 0) * 1e-6, last, len(ticks), told, flight.late)
 
 

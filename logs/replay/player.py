@@ -32,7 +32,7 @@ class Player:
 
         ``speed`` in s of flight per s of the clock.
         """
-        self.view = ReplayView(flight.vehicle, flight.mission, _nobody)
+        self.view = ReplayView(flight.vehicle, flight.mission, _discard)
         self.paused = False
         self._ticks, self._speed = flight.ticks, speed
         self._times = [tick.frame.time_us for tick in flight.ticks]
@@ -91,5 +91,5 @@ class Player:
         self._next += 1
 
 
-def _nobody(topic: Topic[Any], message: object) -> None:
+def _discard(topic: Topic[Any], message: object) -> None:
     pass

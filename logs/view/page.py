@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 
 from logs.attached import simulated_vehicle
 from logs.info import vehicle
+from logs.new_files import claim, draft, settle
 from logs.outline import shape_of
-from logs.placing import claim, draft, settle
 from logs.reader import Log
 from logs.scene import PLAIN_BIRD, Shape, outlines
 from logs.view.motion import Motion, motion_of

@@ -143,7 +143,7 @@ def test_every_calibration_on_the_bench_ends_well_and_says_what_it_left() -> Non
     assert [text.split(" ")[0] for text in reports] == list(kinds)
     assert all("calibrated: residual" in text for text in reports)
     ended = [status for status in bench.statuses() if not status.running]  # type: ignore[attr-defined]
-    assert [(status.begun, status.succeeded) for status in ended] == [(n, 1) for n in range(1, 6)]  # type: ignore[attr-defined]
+    assert [(status.calibration_count, status.succeeded) for status in ended] == [(n, 1) for n in range(1, 6)]  # type: ignore[attr-defined]
     assert "pose 6 of 6: left side up" in bench.events()
 
 

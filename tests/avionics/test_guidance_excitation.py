@@ -33,7 +33,9 @@ GAINS = excitation.Gains(
 FLOWN = excitation.EnvelopeState(0.3, 0.0, 7.5, 40.0)
 DT = 0.01
 SWEEP = Excitation(Channel.ELEVATOR, Shape.LINEAR_SWEEP, 0.1, 10.0, 0.5, 1, 0.5, 3.0)
-THREE = Excitation(Channel.ELEVATOR, Shape.MULTISINE, 0.06, 10.0, 1.0, 1, 0.3, 2.6, beside=(0.0, 0.08, 0.1), loops=1)
+THREE = Excitation(
+    Channel.ELEVATOR, Shape.MULTISINE, 0.06, 10.0, 1.0, 1, 0.3, 2.6, other_amplitudes=(0.0, 0.08, 0.1), loops=1
+)
 """24 harmonics of 10 s, eight on each channel"""
 
 

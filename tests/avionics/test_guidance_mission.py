@@ -15,7 +15,7 @@ from avionics.guidance.mission import (
     completion_text,
 )
 
-INPUT = Excitation(Channel.ELEVATOR, Shape.DOUBLET, 0.1, 0.5, 2.0, 1, beside=(0.0, 0.1, 0.0))
+INPUT = Excitation(Channel.ELEVATOR, Shape.DOUBLET, 0.1, 0.5, 2.0, 1, other_amplitudes=(0.0, 0.1, 0.0))
 
 
 @pytest.mark.parametrize(

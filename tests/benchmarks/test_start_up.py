@@ -11,8 +11,8 @@ import pytest
 from rows import Row, leave
 
 from logs.campaigns.campaign import load_campaign
-from logs.campaigns.flown import Recording, flown
 from logs.campaigns.run import order_of
+from logs.campaigns.single_flight import Recording, flown
 
 TIMES = 7
 """-; that each is started: what the machine does beside it only ever adds"""

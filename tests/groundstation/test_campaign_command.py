@@ -22,9 +22,9 @@ from groundstation.command import campaign, campaign_report
 from groundstation.command.main import main
 from logs import extras
 from logs.campaigns.cluster import existing_cluster, flight_code
-from logs.campaigns.flown import row_of
-from logs.campaigns.outcome import Outcome, Verdict
+from logs.campaigns.outcome import Evaluation, Outcome
 from logs.campaigns.run import fly_campaign
+from logs.campaigns.single_flight import row_of
 from logs.campaigns.table import read_table
 from logs.reader import open_log
 from wingbeat.errors import InputError
@@ -123,7 +123,7 @@ def test_an_unfinished_campaign_that_cannot_be_told_says_why(
     assert "no flight of this campaign has ended yet; wingbeat campaign short.toml goes on" in refused(
         capsys, "campaign", "report", "short.parquet"
     )
-    row = json.dumps(row_of(1, Verdict(Outcome.LANDED)))
+    row = json.dumps(row_of(1, Evaluation(Outcome.LANDED)))
     journal.write_text('{"campaign": "a", "file": "short.toml"}\n' + row + '\n{"fli')
     assert "holds 1 flight" in refused(capsys, "campaign", "report", "short.parquet")
     assert "short.toml, or a file that it names, has changed" in refused(

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from avionics.messages import Stage
-from groundstation.link.vehicle_state import Heard, VehicleState
+from groundstation.link.vehicle_state import StatusLine, VehicleState
 from groundstation.views import braille, wording
 from groundstation.views.flight_view import FlightView, Header, bar, progress_line
 from groundstation.views.history import POINTS, History, remember
@@ -21,7 +21,7 @@ FLYING = VehicleState(
     climb_rate=0.1, throttle=0.62, north=30.0, east=40.0, satellites=9, voltage=7.9, current=1.8, power=14.2,
     battery_remaining=0.92, flap_frequency=3.62, flap_amplitude=0.6, stage=Stage.EN_ROUTE, item=2, distance=33.0,
     altitude_setpoint=40.0, heading_setpoint=1.57, exciting=True,
-    events=(Heard(22.3, Severity.WARNING, "link [bold]lost"),),
+    events=(StatusLine(22.3, Severity.WARNING, "link [bold]lost"),),
 )  # fmt: skip
 HISTORY = History(tuple((t * 0.2, 40 - t * 0.1) for t in range(300)), tuple((0.3 * t, 0.1 * t) for t in range(300)))
 

@@ -31,12 +31,12 @@ from groundstation.command.recordings import COMPUTER, WORLD, put_right
 from groundstation.views.flight_report import missed_line
 from logs.attached import simulated_vehicle
 from logs.campaigns.campaign import load_campaign
-from logs.campaigns.flown import Recording, flown
 from logs.campaigns.run import order_of
+from logs.campaigns.single_flight import Recording, flown
 from logs.info import summary
 from logs.join import join
 from logs.names import FAULTS
-from logs.placing import held
+from logs.new_files import held
 from logs.reader import open_log
 from logs.recorder import McapRecorder
 from logs.scene import LOCATION, SCENE, TRANSFORMS

@@ -22,7 +22,7 @@ from groundstation.command.main import main
 from groundstation.link.frames import Arrival, GroundReader, read
 from groundstation.link.recording import Recording, Where
 from logs.info import summary
-from logs.placing import held
+from logs.new_files import held
 from logs.reader import open_log
 
 Capture = pytest.CaptureFixture[str]

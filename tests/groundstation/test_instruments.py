@@ -14,7 +14,7 @@ from avionics.messages import Stage
 from groundstation.link.missions import Item
 from groundstation.link.station import Note, Picture
 from groundstation.link.traffic import MessageRow, Quality
-from groundstation.link.vehicle_state import Heard, VehicleState
+from groundstation.link.vehicle_state import StatusLine, VehicleState
 from groundstation.screen.panel import View
 from groundstation.views import inspector, panels
 from groundstation.views.field_plot import Trace, field_plot
@@ -23,11 +23,11 @@ from groundstation.views.tape import AIRSPEED, ALTITUDE, BUG, WINDOW, tape
 from wingbeat.message import Severity
 
 STATE = VehicleState(
-    system=1, autopilot=0, vehicle_type=16, custom_mode=4 << 16 | 4 << 24, armed=True, time=83.4, heard_at=10.0,
+    system=1, autopilot=0, vehicle_type=16, custom_mode=4 << 16 | 4 << 24, armed=True, time=83.4, received_at=10.0,
     roll=0.1, pitch=0.2, yaw=1.0, airspeed=7.5, altitude=40.2, climb_rate=0.6, throttle=0.5, voltage=7.9, current=2.0,
     power=15.8, energy=3600.0, battery_remaining=0.18, flap_frequency=4.2, flap_left=0.4, flap_right=0.4,
     flap_phase=math.pi / 2, flap_amplitude=0.5, stage=Stage.EN_ROUTE, item=1, items=3, distance=55.0, north=30.0,
-    east=40.0, fix_type=3, satellites=9, events=(Heard(80.0, Severity.CRITICAL, "battery low"),),
+    east=40.0, fix_type=3, satellites=9, events=(StatusLine(80.0, Severity.CRITICAL, "battery low"),),
 )  # fmt: skip
 MISSION = tuple(Item(3, 16, (0.0,) * 4, 10 * n, 10, 30.0 + n) for n in range(3))
 PICTURE = Picture(
@@ -216,7 +216,7 @@ def test_the_mission_marks_the_item_that_is_flown() -> None:
 def test_sayings_are_in_the_order_of_their_times_and_the_newest_stay() -> None:
     lines = drawn(panels.sayings(PICTURE, 60, 5))
     assert [line.split()[1] for line in lines] == ["critical", "gcs"]
-    many = STATE._replace(events=tuple(Heard(float(n), Severity.INFO, f"line {n}") for n in range(20)))
+    many = STATE._replace(events=tuple(StatusLine(float(n), Severity.INFO, f"line {n}") for n in range(20)))
     assert [line.split()[-1] for line in drawn(panels.sayings(Picture(state=many), 60, 4))] == [
         "16",
         "17",

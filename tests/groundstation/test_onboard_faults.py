@@ -19,9 +19,9 @@ from avionics.runtime.flight_computer import UNRECORDED, FlightComputer
 from avionics.vehicles import load_vehicle
 from groundstation.command.console_status import Account, ReportingBoard
 from groundstation.command.sim import IsolatedOutputs
-from logs.noted import note_inputs
 from logs.reader import open_log
 from logs.recorder import McapRecorder
+from logs.recording_notes import note_inputs
 from logs.replay.flight import replay_flight
 from logs.scene import PLAIN_BIRD, SceneRecorder
 from sim_bridge import topics as truth_topics

@@ -140,8 +140,8 @@ def test_our_vehicle_is_known_by_its_id_and_by_its_words() -> None:
         for uid in (0x77696E67, 7)
     )
     words = mavlink.MAVLink_wingbeat_excitation_message(1, 0, 0, 0, 0, 0, 0)
-    assert heard(beat, version).ours and heard(beat, words).ours
-    assert not heard(beat, other).ours and not heard(beat).ours
+    assert heard(beat, version).is_wingbeat and heard(beat, words).is_wingbeat
+    assert not heard(beat, other).is_wingbeat and not heard(beat).is_wingbeat
 
 
 def test_an_unknown_stage_is_no_crash() -> None:
@@ -165,9 +165,9 @@ def test_control_characters_do_not_reach_the_terminal() -> None:
 def test_events_are_bounded_and_new_ones_are_found() -> None:
     many = [mavlink.MAVLink_statustext_message(6, f"line {n}".encode()) for n in range(EVENTS_KEPT + 5)]
     state = heard(*many)
-    assert len(state.events) == EVENTS_KEPT and state.said == EVENTS_KEPT + 5
-    assert [event.text for event in new_events(state, state.said - 2)] == ["line 203", "line 204"]
-    assert new_events(state, state.said) == ()
+    assert len(state.events) == EVENTS_KEPT and state.text_count == EVENTS_KEPT + 5
+    assert [event.text for event in new_events(state, state.text_count - 2)] == ["line 203", "line 204"]
+    assert new_events(state, state.text_count) == ()
 
 
 def test_announced_modes_win_over_known_ones() -> None:

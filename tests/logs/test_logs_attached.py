@@ -12,9 +12,9 @@ from avionics.vehicles import load_vehicle
 from groundstation.command.identify import identified
 from logs.attached import aircraft_of, flight_vehicle
 from logs.names import FLIGHT_VEHICLE, PARAMETERS
-from logs.noted import note_inputs
 from logs.reader import open_log
 from logs.recorder import McapRecorder
+from logs.recording_notes import note_inputs
 from wingbeat.errors import InputError
 
 RAVEN = load_vehicle("robo_raven_ii_d")

@@ -23,11 +23,11 @@ from recorded import ALL_TOPICS, EPOCH_NS, FIXED_TOPICS, flight, record
 from avionics import messages as m
 from avionics import topics
 from logs.export import csv_header, export_csv, export_npz
-from logs.info import flown_in, summary, topic_row
+from logs.info import flight_summary, summary, topic_row
 from logs.join import join
 from logs.log_file import TopicInfo
 from logs.names import JOINED, PARTS, reserved
-from logs.placing import claim, draft, held
+from logs.new_files import claim, draft, held
 from logs.reader import open_log
 from sim_bridge import topics as truth_topics
 from wingbeat.errors import InputError
@@ -167,7 +167,7 @@ def test_a_name_that_is_held_is_nobody_elses_and_leaves_no_mark(tmp_path: Path) 
 def test_a_name_whose_holder_was_killed_is_free_again(tmp_path: Path) -> None:
     path = tmp_path / "bird.mcap"
     code = (
-        "import os, signal, sys\nfrom pathlib import Path\nfrom logs.placing import held\n"
+        "import os, signal, sys\nfrom pathlib import Path\nfrom logs.new_files import held\n"
         "with held(Path(sys.argv[1])) as ours:\n    print(ours, flush=True)\n    os.kill(os.getpid(), signal.SIGKILL)"
     )
     done = subprocess.run([sys.executable, "-c", code, str(path)], capture_output=True, text=True, check=False)
@@ -201,7 +201,7 @@ def test_summary_measures_rates_and_gaps(tmp_path: Path) -> None:
         if not (topic is topics.IMU and 1_000_000 < message.time_us <= 1_100_000)
     ]
     with open_log(record(tmp_path / "a.mcap", messages)) as log:
-        found = summary(log, flown_in(log))
+        found = summary(log, flight_summary(log))
     assert json.loads(json.dumps(found)) == found and found["flight"]["log_duration"] == found["duration"]
     assert (found["vehicle"], found["complete"], found["messages"]) == ("robo_raven_ii_d", True, len(messages))
     rows = {row["topic"]: row for row in found["topics"]}

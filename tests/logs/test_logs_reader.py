@@ -20,6 +20,7 @@ from recorded import ALL_TOPICS, EPOCH_NS, FIXED_TOPICS, flight, record
 
 from avionics import messages as m
 from avionics import topics
+from logs.columns import Columns
 from logs.index import read_index
 from logs.layout import Field, Layout, layout_of
 from logs.log_file import TEXT_SCHEMA
@@ -459,3 +460,13 @@ def test_any_number_is_a_time(sample: tuple[Path, list[Any]], start: float | Non
 def test_no_number_is_no_time(sample: tuple[Path, list[Any]]) -> None:
     with pytest.raises(InputError, match="nan s is no time"):
         open_log(sample[0]).columns(topics.IMU, math.nan)
+
+
+@pytest.mark.parametrize("recorded", ["begun", "calibration_count"])
+def test_renamed_field_is_read_by_both_names(recorded: str) -> None:
+    counts = np.array([1, 2])
+    columns = Columns(topics.CALIBRATION.name, {recorded: counts}, {}, np.zeros(2, np.int64), 0)
+    assert columns["begun"] is counts and columns["calibration_count"] is counts
+    assert "begun" in columns and list(columns) == [recorded]
+    with pytest.raises(KeyError):
+        Columns("/other", {recorded: counts}, {}, np.zeros(2, np.int64), 0)["start"]

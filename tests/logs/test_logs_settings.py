@@ -19,9 +19,9 @@ from avionics.messages import Command, CommandKind, ImuSample, SensorFrame
 from avionics.topics import EVENTS, INPUTS, SNAPSHOTS
 from avionics.vehicles import load_vehicle
 from logs.names import MISSION, PARAMETERS
-from logs.noted import note_inputs
 from logs.reader import Log, open_log
 from logs.recorder import McapRecorder
+from logs.recording_notes import note_inputs
 from logs.settings import Change, mission_document
 from wingbeat.errors import InputError
 from wingbeat.message import Event, Severity, Text

@@ -104,9 +104,9 @@ def test_a_message_that_no_other_follows_is_written_all_the_same(tmp_path: Path)
     recorder.close()
 
 
-def written(path: Path, patience: float) -> list[int]:
-    """Times in us of the messages in a file that grows, as soon as there are any, within ``patience`` seconds."""
-    end = time.monotonic() + patience
+def written(path: Path, timeout: float) -> list[int]:
+    """Times in us of the messages in a file that grows, as soon as there are any, within ``timeout`` seconds."""
+    end = time.monotonic() + timeout
     # The declarations are there a moment before the messages.
     while not (found := told(path)) and time.monotonic() < end:
         time.sleep(0.01)
@@ -226,7 +226,7 @@ def test_a_thread_that_ends_tells_why_and_takes_nothing_more() -> None:
         raise SystemExit("enough")
 
     assert backlog.offer(exits, 60)
-    assert not backlog.offer(lambda: done.append(1), 60, patience=30.0)
+    assert not backlog.offer(lambda: done.append(1), 60, timeout=30.0)
     assert backlog.close()
     assert [str(error) for error in told] == ["enough"] and not done and backlog.waiting == 0
 

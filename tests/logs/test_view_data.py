@@ -173,27 +173,27 @@ def test_the_believed_track_is_shown_beside_the_true_one(true_tables: Tables) ->
     assert track == pytest.approx(np.array([wanted[1], wanted[0], -wanted[2]]), abs=0.02)
 
 
-def believed(tmp_path: Path, *left_out: Topic) -> Motion:
+def estimated_motion(tmp_path: Path, *left_out: Topic) -> Motion:
     chosen = tuple(topic for topic in ONBOARD if topic not in left_out)
     return motion_of(tables_of(tmp_path / "a.mcap", messages(5.0, chosen)))
 
 
 def test_without_truth_the_bird_is_where_it_was_believed_to_be(tmp_path: Path) -> None:
-    found = believed(tmp_path)
+    found = estimated_motion(tmp_path)
     assert found.body is not None and found.estimated is None and found.missing == []
     north, east, _ = place(float(found.body.time[-1]))
     assert found.body.place[:, -1] == pytest.approx([east, north, 2.5], abs=0.1)
 
 
 def test_what_is_not_known_is_at_rest_and_said(tmp_path: Path) -> None:
-    found = believed(tmp_path, topics.POSITION, topics.ALTITUDE, topics.WING)
+    found = estimated_motion(tmp_path, topics.POSITION, topics.ALTITUDE, topics.WING)
     assert found.body is not None and found.wings is None
     assert np.all(found.body.place == 0.0)
     assert [words.split(" (")[0] for words in found.missing] == ["position", "altitude", "wing angles"]
 
 
 def test_without_an_attitude_there_is_no_bird(tmp_path: Path) -> None:
-    found = believed(tmp_path, topics.ATTITUDE)
+    found = estimated_motion(tmp_path, topics.ATTITUDE)
     assert found.body is None and found.missing == ["attitude (the vehicle is not drawn)"]
 
 

@@ -84,7 +84,7 @@ def test_a_difference_in_the_last_bits_is_told_from_one_that_means_something(lar
     was = np.linspace(-0.2, 0.2, 11)
     field = comparison._Field()
     field.take(was + largest * (np.arange(11) == 10), was, np.arange(11.0), np.arange(11) == 10)
-    told = field.told("pitch", "rad")
+    told = field.result("pitch", "rad")
     assert told.rounding is rounding and told.largest > 0.0
     assert ("in the last bits alone" in replay._difference_text(told)) is rounding
 

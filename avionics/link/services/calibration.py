@@ -79,12 +79,12 @@ class CalibrationRequests:
         if pending is None:
             return []
         status: CalibrationStatus | None = self._vehicle.latest(topics.CALIBRATION)
-        if status is None or status.begun < pending.calibration_number:
+        if status is None or status.calibration_count < pending.calibration_number:
             if now - pending.requested_at < CONFIRM:
                 return []
             return self._end(pending, mavlink.MAV_RESULT_FAILED)
-        if not status.running or status.begun > pending.calibration_number:
-            done = status.succeeded and status.begun == pending.calibration_number
+        if not status.running or status.calibration_count > pending.calibration_number:
+            done = status.succeeded and status.calibration_count == pending.calibration_number
             return self._end(pending, mavlink.MAV_RESULT_ACCEPTED if done else mavlink.MAV_RESULT_FAILED)
         if now - pending.acknowledged_at < TELL_EVERY:
             return []
@@ -98,7 +98,7 @@ class CalibrationRequests:
 
 def _calibration_count(vehicle: VehicleView) -> int:
     status: CalibrationStatus | None = vehicle.latest(topics.CALIBRATION)
-    return 0 if status is None else status.begun
+    return 0 if status is None else status.calibration_count
 
 
 def _requested_kind(request: Request) -> tuple[Calibration, float]:

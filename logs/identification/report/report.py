@@ -31,7 +31,7 @@ from logs.identification.report.numbers import POWER_TRUTH, Identification, dete
 from logs.identification.report.numbers import rows as all_rows
 from logs.identification.report.words import sentence
 from logs.identification.results import Array, Fitted
-from logs.placing import claim, draft, settle
+from logs.new_files import claim, draft, settle
 from wingbeat.errors import InputError
 from wingbeat.text import pluralize
 

@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 from short_campaigns import HEAD, SHORT, campaign_of, cluster_in_process
 
-from logs.campaigns.flown import row_of
 from logs.campaigns.journal import Journal
-from logs.campaigns.outcome import Outcome, Verdict
+from logs.campaigns.outcome import Evaluation, Outcome
 from logs.campaigns.run import Logs, fly_campaign, order_of
+from logs.campaigns.single_flight import row_of
 from logs.campaigns.table import read_table, write_table
 from wingbeat.errors import InputError
 
@@ -102,7 +102,7 @@ def test_a_killed_worker_is_a_row_and_what_it_had_recorded_is_kept(
 
 def test_a_journal_keeps_rows_and_forgets_a_torn_last_line(tmp_path: Path) -> None:
     path = tmp_path / "table.parquet.flights"
-    rows = {number: row_of(number, Verdict(Outcome.LANDED)) | {"highest": 0.1 + 0.2} for number in (1, 2, 3)}
+    rows = {number: row_of(number, Evaluation(Outcome.LANDED)) | {"highest": 0.1 + 0.2} for number in (1, 2, 3)}
     with Journal(path, "abc") as journal:
         journal.add(rows[2])
         journal.add(rows[1])
@@ -125,8 +125,10 @@ OTHERS = (
     b'{"campaign": "abc"}\n{"height": 1}\n',
     b'{"campaign": "abc"}\n{"flight": []}\n',
     b'{"campaign": "abc"}\n{"flight": 1}\n',
-    b'{"campaign": ["abc"]}\n' + json.dumps(row_of(1, Verdict(Outcome.LANDED))).encode() + b"\n",
-    b'{"campaign": "abc"}\n' + json.dumps(row_of(1, Verdict(Outcome.LANDED)) | {"highest": "far"}).encode() + b"\n",
+    b'{"campaign": ["abc"]}\n' + json.dumps(row_of(1, Evaluation(Outcome.LANDED))).encode() + b"\n",
+    b'{"campaign": "abc"}\n'
+    + json.dumps(row_of(1, Evaluation(Outcome.LANDED)) | {"highest": "far"}).encode()
+    + b"\n",
     b'{"campaign": "abc"}\n' + b"[" * 5000 + b"]" * 5000 + b"\n",
     b'{"campaign": "abc"}\n{"flight": ' + b"9" * 5000 + b"}\n",
 )

@@ -13,7 +13,7 @@ from recorded import EPOCH_NS, FIXED_TOPICS, flight, record
 
 from avionics import messages as m
 from avionics import topics
-from logs import gathering
+from logs import column_batches
 from logs.index import read_index
 from logs.layout import layout_of
 from logs.listing import Places
@@ -44,7 +44,7 @@ def test_batches_of_any_size_give_the_same(
     """GIVEN a file whose chunks fit into one batch WHEN they are read as many THEN no value differs."""
     with open_log(path) as log, open_log(path) as whole:
         expected = whole.tables(FIXED_TOPICS, **window)
-        monkeypatch.setattr(gathering, "BATCH_BYTES", size)
+        monkeypatch.setattr(column_batches, "BATCH_BYTES", size)
         same(log, whole, **window)
         for topic in FIXED_TOPICS:
             times = expected[topic.name].time
@@ -59,17 +59,17 @@ def test_damage_in_any_batch_is_one_line(path: Path, tmp_path: Path, monkeypatch
         data[chunk.end - 100] ^= 1
     damaged = tmp_path / "a.mcap"
     damaged.write_bytes(data)
-    monkeypatch.setattr(gathering, "BATCH_BYTES", 1)
+    monkeypatch.setattr(column_batches, "BATCH_BYTES", 1)
     with open_log(damaged) as log, pytest.raises(InputError, match=f"chunk at byte {chunks[2].offset} "):
         log.tables()
 
 
 def test_on_one_core_no_thread_is_begun(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(gathering, "BATCH_BYTES", 1)
+    monkeypatch.setattr(column_batches, "BATCH_BYTES", 1)
     with open_log(path) as log, open_log(path) as other:
         expected = other.columns(topics.IMU)
-        monkeypatch.setattr(gathering.os, "cpu_count", lambda: 1)
-        monkeypatch.setattr(gathering, "ThreadPoolExecutor", None)
+        monkeypatch.setattr(column_batches.os, "cpu_count", lambda: 1)
+        monkeypatch.setattr(column_batches, "ThreadPoolExecutor", None)
         assert np.array_equal(log.columns(topics.IMU)["accel_x"], expected["accel_x"])
 
 

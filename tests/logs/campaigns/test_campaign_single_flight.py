@@ -11,11 +11,11 @@ from short_campaigns import SHORT, campaign_of
 from avionics import topics
 from avionics.messages import Stage
 from avionics.vehicles import load_vehicle
-from logs.campaigns import flown as module
-from logs.campaigns.flown import CannotRecord, Recording, flown
+from logs.campaigns import single_flight as module
 from logs.campaigns.metrics import METRICS, measured
-from logs.campaigns.outcome import Judged, Landing, Outcome, Verdict, verdict
+from logs.campaigns.outcome import Evaluation, Judged, Landing, Outcome, verdict
 from logs.campaigns.run import order_of
+from logs.campaigns.single_flight import CannotRecord, Recording, fly_one
 from logs.columns import Columns
 from logs.reader import open_log
 from logs.recorder import McapRecorder
@@ -32,7 +32,7 @@ def test_the_numbers_of_a_flight_are_those_of_its_log_and_the_log_can_be_replaye
     text = '[flight]\nduration = 11\n"scale.gains.pitch.damping" = 1.3\n"wind.speed" = 1\n"throw.bank_deg" = 8\n'
     campaign = campaign_of(tmp_path, text)
     path = tmp_path / "flight.mcap"
-    row = flown(order_of(campaign, 1, Recording(path)))
+    row = fly_one(order_of(campaign, 1, Recording(path)))
     assert (row["outcome"], row["failed"], row["log"]) == ("airborne", False, "flight.mcap")
     assert [p.name for p in tmp_path.glob("flight*")] == ["flight.mcap"]
     with open_log(path) as log:
@@ -41,15 +41,15 @@ def test_the_numbers_of_a_flight_are_those_of_its_log_and_the_log_can_be_replaye
         assert {name: row[name] for name in METRICS} == pytest.approx(measured(summary, tables), nan_ok=True)
         assert replay_flight(log).same, "the gains of the campaign are in the log"
     assert row["bank"] > 0.1 and row["airtime"] == pytest.approx(11 - row["launch"])
-    assert flown(order_of(campaign, 1)) == row | {"log": ""}, "without a log it is the same flight"
+    assert fly_one(order_of(campaign, 1)) == row | {"log": ""}, "without a log it is the same flight"
 
 
 def test_a_log_is_kept_of_failed_flights_alone_where_that_was_asked(tmp_path: Path) -> None:
     campaign = campaign_of(tmp_path, SHORT)
-    row = flown(order_of(campaign, 1, Recording(tmp_path / "failed.mcap", failed_only=True)))
+    row = fly_one(order_of(campaign, 1, Recording(tmp_path / "failed.mcap", failed_only=True)))
     assert (row["failed"], row["log"]) == (True, "failed.mcap")
     fine = campaign_of(tmp_path, "[flight]\nduration = 8.5\n")
-    row = flown(order_of(fine, 1, Recording(tmp_path / "fine.mcap", failed_only=True)))
+    row = fly_one(order_of(fine, 1, Recording(tmp_path / "fine.mcap", failed_only=True)))
     assert (row["failed"], row["log"]) == (False, "")
     assert sorted(path.name for path in tmp_path.glob("*.mcap*")) == ["failed.mcap"]
 
@@ -67,20 +67,20 @@ def test_a_log_that_cannot_be_written_is_no_fault_of_the_flight(
 ) -> None:
     campaign = campaign_of(tmp_path, SHORT)
     with pytest.raises(CannotRecord, match=r"cannot record to .*: Not a directory"):
-        flown(order_of(campaign, 1, Recording(tmp_path / "short.toml" / "flight.mcap")))
+        fly_one(order_of(campaign, 1, Recording(tmp_path / "short.toml" / "flight.mcap")))
     monkeypatch.setattr(module, "McapRecorder", FullDisk)
     with pytest.raises(CannotRecord, match="No space left"):
-        flown(order_of(campaign, 1, Recording(tmp_path / "flight.mcap")))
+        fly_one(order_of(campaign, 1, Recording(tmp_path / "flight.mcap")))
 
 
 def test_a_flight_that_is_never_launched_fails_and_says_so(tmp_path: Path) -> None:
-    row = flown(order_of(campaign_of(tmp_path, SHORT), 1))
+    row = fly_one(order_of(campaign_of(tmp_path, SHORT), 1))
     assert (row["outcome"], row["failed"]) == ("not launched", True) and "0 s" in row["reason"]
 
 
 def test_values_that_meet_badly_are_a_row(tmp_path: Path) -> None:
     order = order_of(campaign_of(tmp_path, SHORT), 1)
-    row = flown(order._replace(values={**order.values, "vehicle.bodies.fuselage.mass": -1.0}))
+    row = fly_one(order._replace(values={**order.values, "vehicle.bodies.fuselage.mass": -1.0}))
     assert (row["outcome"], row["failed"]) == ("refused", True) and "outside" in row["reason"]
     assert all(row[name] is None for name in METRICS)
 
@@ -91,7 +91,7 @@ def test_an_exception_in_flight_is_a_row(tmp_path: Path, monkeypatch: pytest.Mon
 
     monkeypatch.setattr(module, "fly", broken)
     recording = Recording(tmp_path / "broken.mcap")
-    row = flown(order_of(campaign_of(tmp_path, SHORT), 1, recording))
+    row = fly_one(order_of(campaign_of(tmp_path, SHORT), 1, recording))
     assert (row["outcome"], row["reason"]) == ("error", "ZeroDivisionError: a b")
     assert row["log"] == "broken.mcap" and recording.path.exists()
 
@@ -105,7 +105,7 @@ def test_a_vehicle_that_is_nowhere_ends_its_flight(tmp_path: Path, monkeypatch: 
         return step(self, *arguments)  # type: ignore[arg-type]
 
     monkeypatch.setattr(SimulatedWorld, "advance", lost)
-    row = flown(order_of(campaign_of(tmp_path, "[flight]\nduration = 300\n"), 1))
+    row = fly_one(order_of(campaign_of(tmp_path, "[flight]\nduration = 300\n"), 1))
     assert (row["outcome"], row["failed"]) == ("not a number", True)
 
 
@@ -114,7 +114,7 @@ def table(topic: Topic, **fields: list[float]) -> Columns:
     return Columns(topic.name, columns, {}, (columns["time_us"] * 1000).astype(np.int64), 0)
 
 
-def judged(stage: Stage, sink: float, bank: float, north: float = 50.0, by_hand: bool = False) -> Verdict:
+def judged(stage: Stage, sink: float, bank: float, north: float = 50.0, by_hand: bool = False) -> Evaluation:
     summary = FlightSummary(
         True, 60.0, 8.0, 40.0, None, 30.0, 200.0, 7.0, 4.0, 1.0, 1.0, 0, None,
         Touchdown(50.0, sink, 5.0, bank, 0.0), None,

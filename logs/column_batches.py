@@ -50,7 +50,7 @@ class Table:
         self.kind: RowType = row_type(layout, channel)
         self.times = listing.times
         """ns; log time"""
-        self.fits = listing.lies_inside(sizes, self.kind.kind.itemsize)
+        self.fits = listing.is_inside(sizes, self.kind.kind.itemsize)
         """no message has been found to have another layout, or not to be where the message index says"""
         rows = len(self.times) if self.fits else 0
         self.fields = {item.name: np.empty((rows, *item.shape), column_type(item)) for item in layout.fields}

@@ -13,13 +13,13 @@ from logs.batches import batched
 from logs.campaigns.keys import Values
 from logs.campaigns.memory import Memory
 from logs.campaigns.metrics import METRICS, measured
-from logs.campaigns.outcome import Judged, Landing, Outcome, Verdict, verdict
+from logs.campaigns.outcome import Evaluation, Judged, Landing, Outcome, judge
 from logs.campaigns.prepared import Prepared, prepare
 from logs.campaigns.stock import Stock
 from logs.names import STICKS
-from logs.noted import note_inputs, note_scenario
 from logs.outline import shape_of
 from logs.recorder import McapRecorder
+from logs.recording_notes import note_inputs, note_scenario
 from logs.scene import SceneRecorder
 from logs.summary import summary_of
 from sim_bridge.flight.flight import fly
@@ -89,14 +89,14 @@ class _World(SimulatedWorld):
         return self._memory.broken or super().finished
 
 
-def flown(order: Order) -> Row:
+def fly_one(order: Order) -> Row:
     """Fly one flight and measure it.
 
     Raises:
         CannotRecord: its log cannot be written; all else that goes wrong is a row.
     """
     recording = order.recording
-    row = row_of(order.number, *_flown(order))
+    row = row_of(order.number, *_outcome_of(order))
     if recording is None:
         return row
     unfinished = recording.path.with_name(recording.path.name + UNFINISHED)
@@ -107,17 +107,17 @@ def flown(order: Order) -> Row:
     return row | {"log": recording.path.name if kept else ""}
 
 
-def row_of(number: int, judged: Verdict, metrics: dict[str, float | None] | None = None) -> Row:
+def row_of(number: int, judged: Evaluation, metrics: dict[str, float | None] | None = None) -> Row:
     """A flight's row; without metrics where there are none."""
     told = {"failed": judged.failed, "outcome": judged.outcome.value, "reason": judged.reason, "log": ""}
     return {"flight": number, **told, **(metrics or dict.fromkeys(METRICS))}
 
 
-def _flown(order: Order) -> tuple[Verdict, dict[str, float | None] | None]:
+def _outcome_of(order: Order) -> tuple[Evaluation, dict[str, float | None] | None]:
     try:
         flight = prepare(order.stock, order.values)
     except InputError as reason:
-        return Verdict(Outcome.REFUSED, str(reason)), None
+        return Evaluation(Outcome.REFUSED, str(reason)), None
     memory = Memory()
     try:
         with _recorded(order, flight) as publish:
@@ -130,26 +130,26 @@ def _flown(order: Order) -> tuple[Verdict, dict[str, float | None] | None]:
         if not memory.broken:
             return _raised(error), None
     if memory.broken:
-        return Verdict(Outcome.NOT_A_NUMBER, "the vehicle's place was no number"), None
+        return Evaluation(Outcome.NOT_A_NUMBER, "the vehicle's place was no number"), None
     return _judged(order, flight, memory)
 
 
-def _raised(error: Exception) -> Verdict:
+def _raised(error: Exception) -> Evaluation:
     """An exception as a row tells it: in one line."""
     if isinstance(error, InputError):
-        return Verdict(Outcome.REFUSED, str(error))
+        return Evaluation(Outcome.REFUSED, str(error))
     text = " ".join(str(error).split())
-    return Verdict(Outcome.ERROR, f"{type(error).__name__}: {text}" if text else type(error).__name__)
+    return Evaluation(Outcome.ERROR, f"{type(error).__name__}: {text}" if text else type(error).__name__)
 
 
-def _judged(order: Order, flight: Prepared, memory: Memory) -> tuple[Verdict, dict[str, float | None] | None]:
+def _judged(order: Order, flight: Prepared, memory: Memory) -> tuple[Evaluation, dict[str, float | None] | None]:
     tables = memory.tables()
     times = [columns.time for columns in tables.values()]
     if not times:
-        return Verdict(Outcome.NOT_LAUNCHED, "it ended before it began"), None
+        return Evaluation(Outcome.NOT_LAUNCHED, "it ended before it began"), None
     summary = summary_of(tables, float(max(time[-1] for time in times)))
     by_hand = flight.sticks is not None
-    found = verdict(Judged(summary, tables, flight.computer.gains.modes, order.landing, by_hand))
+    found = judge(Judged(summary, tables, flight.computer.gains.modes, order.landing, by_hand))
     return found, measured(summary, tables)
 
 

@@ -26,7 +26,7 @@ def numbered(path: Path) -> Iterator[Path]:
 
 
 @contextlib.contextmanager
-def held(path: Path) -> Iterator[bool]:
+def locked_name(path: Path) -> Iterator[bool]:
     """Hold the name of a recording, for all files of it; False where another program does.
 
     A mark beside it, which is gone with the context, is made by who is first and locked as long as it is held: one
