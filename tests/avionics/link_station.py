@@ -92,4 +92,4 @@ def settle(client: Any) -> None:
     """Wait until the vehicle has applied all that was sent: the second answer comes after the first's tick."""
     for number in (1, 2):
         client.mav.ping_send(0, number, 0, 0)
-        expect(client, "PING", lambda ping, wanted_value=number: ping.seq == wanted_value)
+        expect(client, "PING", lambda ping, number_expected=number: ping.seq == number_expected)

@@ -12,7 +12,7 @@ from rows import Row, leave
 
 from logs.campaigns.campaign import load_campaign
 from logs.campaigns.run import order_of
-from logs.campaigns.single_flight import Recording, flown
+from logs.campaigns.single_flight import Recording, fly_one
 
 TIMES = 7
 """-; that each is started: what the machine does beside it only ever adds"""
@@ -44,5 +44,5 @@ def test_the_list_of_commands() -> None:
 def test_a_look_into_a_log(tmp_path: Path) -> None:
     (tmp_path / "one.toml").write_text("[flight]\nduration = 60.0\n")
     log = tmp_path / "flight.mcap"
-    assert not flown(order_of(load_campaign(tmp_path / "one.toml"), 1, Recording(log)))["failed"]
+    assert not fly_one(order_of(load_campaign(tmp_path / "one.toml"), 1, Recording(log)))["failed"]
     report("wingbeat log info", started("log", "info", str(log)), 0.6)

@@ -144,13 +144,13 @@ def send_text(line: str) -> None:
     sys.stdout.write(line + "\n")
 
 
-def assert_same(there: Sequence[PlanItem], wanted_value: Sequence[PlanItem], begin: int = 0) -> None:
+def assert_same(there: Sequence[PlanItem], target: Sequence[PlanItem], begin: int = 0) -> None:
     """Every number is the same from item ``begin`` on; home before it is where the vehicle has it.
 
     MAVProxy cuts the last digit of a place off.
     """
-    assert [(item.frame, item.command) for item in there] == [(item.frame, item.command) for item in wanted_value]
-    for one, other in zip(there[begin:], wanted_value[begin:], strict=True):
+    assert [(item.frame, item.command) for item in there] == [(item.frame, item.command) for item in target]
+    for one, other in zip(there[begin:], target[begin:], strict=True):
         assert (*one.params, one.z) == pytest.approx((*other.params, other.z), rel=1e-7, nan_ok=True)
         assert (one.x, one.y) == pytest.approx((other.x, other.y), rel=0.0, abs=1.0)
 

@@ -50,11 +50,11 @@ def test_mavproxy_flies_from_the_hand_to_the_ground(transport: str, identity: st
 
 def check_parameters(mavproxy: Console) -> float:
     """Seconds from where it begins to connect, its modules being loaded, to the last parameter."""
-    wanted_value = len(parameter_values())
+    target = len(parameter_values())
     mavproxy.wait_for("Connect ")
     began = time.monotonic()
     mavproxy.wait_for("Detected vehicle 1:1")
-    mavproxy.wait_for(f"Received {wanted_value} parameters")
+    mavproxy.wait_for(f"Received {target} parameters")
     return time.monotonic() - began
 
 
@@ -77,15 +77,15 @@ def change_a_parameter(mavproxy: Console) -> None:
 
 
 def exchange_a_mission(mavproxy: Console, profile: Profile, folder: Path) -> None:
-    wanted_value, there = plan(profile), folder / "there.txt"
-    write_plan(wanted_value, folder / "wanted.txt")
+    target, there = plan(profile), folder / "there.txt"
+    write_plan(target, folder / "wanted.txt")
     mavproxy.send(f"wp load {folder / 'wanted.txt'}")
-    mavproxy.wait_for(f"Loaded {len(wanted_value)} waypoints in")
-    mavproxy.wait_for(rf"mission accepted \({len(wanted_value) - profile.first_item} items\)")
+    mavproxy.wait_for(f"Loaded {len(target)} waypoints in")
+    mavproxy.wait_for(rf"mission accepted \({len(target) - profile.first_item} items\)")
     mavproxy.send(f"wp save {there}")
-    mavproxy.wait_for(f"Requesting {len(wanted_value)} waypoints")
-    mavproxy.wait_for(f"Saved {len(wanted_value)} waypoints to")
-    assert_same(read_plan(there), wanted_value, profile.first_item)
+    mavproxy.wait_for(f"Requesting {len(target)} waypoints")
+    mavproxy.wait_for(f"Saved {len(target)} waypoints to")
+    assert_same(read_plan(there), target, profile.first_item)
 
 
 def arm_and_disarm(mavproxy: Console) -> None:

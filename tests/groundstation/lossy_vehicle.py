@@ -36,10 +36,10 @@ class LossyVehicle:
         self.armed = False
         self.leads_to = dict(LEADS_TO)
         self.results: dict[int, int] = {}
-        self.says: list[str] = []
+        self.reports: list[str] = []
         self.requests: list[str] = []
         self.limits: dict[str, float] = {}
-        self.wanted_items = 0
+        self.expected_items = 0
         self.incoming: list[Item] = []
 
     def lost(self) -> bool:
@@ -52,7 +52,7 @@ class LossyVehicle:
         return [] if answer is None else answer(message)
 
     def _command_long(self, message: Any) -> list[Any]:
-        said = [mavlink.MAVLink_statustext_message(4, text.encode()) for text in self.says]
+        said = [mavlink.MAVLink_statustext_message(4, text.encode()) for text in self.reports]
         result = self.results.get(message.command, mavlink.MAV_RESULT_ACCEPTED)
         if message.command == mavlink.MAV_CMD_COMPONENT_ARM_DISARM and result == mavlink.MAV_RESULT_ACCEPTED:
             self.armed = bool(message.param1)
@@ -96,7 +96,7 @@ class LossyVehicle:
         return [mavlink.MAVLink_mission_item_int_message(*head, *item.parameters, item.x, item.y, item.z)]
 
     def _mission_count(self, message: Any) -> list[Any]:
-        self.wanted_items, self.incoming = message.count, []
+        self.expected_items, self.incoming = message.count, []
         return [mavlink.MAVLink_mission_request_int_message(255, 190, 0)]
 
     def _mission_item_int(self, message: Any) -> list[Any]:
@@ -104,13 +104,13 @@ class LossyVehicle:
             parameters = (message.param1, message.param2, message.param3, message.param4)
             place = (message.x, message.y, message.z)
             self.incoming.append(Item(message.frame, message.command, parameters, *place))
-        return self.ask_again()
+        return self.repeat_request()
 
-    def ask_again(self) -> list[Any]:
+    def repeat_request(self) -> list[Any]:
         """What a vehicle repeats by itself while an upload is under way."""
-        if not self.wanted_items:
+        if not self.expected_items:
             return []
-        if len(self.incoming) == self.wanted_items:
+        if len(self.incoming) == self.expected_items:
             self.mission = self.incoming
             return [mavlink.MAVLink_mission_ack_message(255, 190, mavlink.MAV_MISSION_ACCEPTED)]
         return [mavlink.MAVLink_mission_request_int_message(255, 190, len(self.incoming))]
@@ -148,7 +148,7 @@ def converse(
     while not running.finished:
         now += STEP
         if round(now / STEP) % 20 == 0:
-            down.send(now - STEP, [vehicle.heartbeat(), *vehicle.ask_again()])
+            down.send(now - STEP, [vehicle.heartbeat(), *vehicle.repeat_request()])
         for message in [*down.arrived(now), None]:
             running, sent = running.step(now, message)
             up.send(now, list(sent))

@@ -26,7 +26,7 @@ Capture = pytest.CaptureFixture[str]
 RAVEN = "robo_raven_ii_d"
 
 
-def flown(folder: Path, monkeypatch: pytest.MonkeyPatch, *words: str) -> tuple[int, str]:
+def simulate(folder: Path, monkeypatch: pytest.MonkeyPatch, *words: str) -> tuple[int, str]:
     """The command on a world of 2.5 s; its exit code and the board's address."""
     monkeypatch.setattr(avionics, "pin_to_core", lambda core: None)
     server = BridgeServer(f"tcp:127.0.0.1:{free_port(socket.SOCK_STREAM)}")
@@ -46,7 +46,7 @@ def flown(folder: Path, monkeypatch: pytest.MonkeyPatch, *words: str) -> tuple[i
 def test_it_says_who_flies_what_it_waits_for_what_happens_and_why_it_ended(
     tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    code, board = flown(tmp_path, monkeypatch, "--start", "--gcs", "udpout:127.0.0.1:9")
+    code, board = simulate(tmp_path, monkeypatch, "--start", "--gcs", "udpout:127.0.0.1:9")
     said = capsys.readouterr()
     assert (code, said.out) == (0, "")
     assert said.err.splitlines() == [
@@ -66,21 +66,21 @@ def test_on_a_terminal_it_says_now_and_then_where_it_is(
 ) -> None:
     monkeypatch.setattr(avionics, "LINE_EVERY", 1.0)
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
-    assert flown(tmp_path, monkeypatch, "--start")[0] == 0
+    assert simulate(tmp_path, monkeypatch, "--start")[0] == 0
     lines = [line for line in capsys.readouterr().err.splitlines() if "altitude" in line]
     assert [line.split("  altitude")[0].split() for line in lines] == [
         ["1.0", "s", "MANUAL", "on", "ground"],
         ["2.0", "s", "AUTO", "on", "ground"],
     ]
     assert all(re.search(r"altitude +-?\d+\.\d m +airspeed +\d+\.\d m/s +heading", line) for line in lines)
-    assert flown(tmp_path / "json", monkeypatch, "--start", "--json")[0] == 0
+    assert simulate(tmp_path / "json", monkeypatch, "--start", "--json")[0] == 0
     assert capsys.readouterr().err == ""
 
 
 def test_with_json_it_says_one_document_at_the_end(
     tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    code, board = flown(tmp_path, monkeypatch, "--start", "--json")
+    code, board = simulate(tmp_path, monkeypatch, "--start", "--json")
     said = capsys.readouterr()
     document = json.loads(said.out)
     assert (code, said.err, set(document)) == (0, "", set(avionics.JSON_KEYS))
@@ -98,7 +98,7 @@ def test_with_json_it_says_one_document_at_the_end(
 def test_without_a_link_it_says_how_to_open_one(
     tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    flown(tmp_path, monkeypatch)
+    simulate(tmp_path, monkeypatch)
     assert "no link for a ground station (--gcs)" in capsys.readouterr().err.splitlines()
 
 
@@ -132,5 +132,5 @@ def test_who_is_refused_for_want_of_a_key_is_told_once_though_nobody_is_answered
         probe.bind(("127.0.0.1", 0))
         port = int(probe.getsockname()[1])
     with unsigned_station(port):
-        flown(tmp_path, monkeypatch, "--gcs", f"udpin:127.0.0.1:{port}", "--signing-key", str(key))
+        simulate(tmp_path, monkeypatch, "--gcs", f"udpin:127.0.0.1:{port}", "--signing-key", str(key))
     assert capsys.readouterr().err.count(f"unsigned frames rejected on udpin:127.0.0.1:{port}") == 1

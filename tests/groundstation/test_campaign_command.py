@@ -309,7 +309,7 @@ def workers_of(parent: int) -> list[int]:
     return found
 
 
-def flown_until(process: subprocess.Popen[bytes], journal: Path, flights: int) -> None:
+def fly_until(process: subprocess.Popen[bytes], journal: Path, flights: int) -> None:
     deadline = time.monotonic() + 120.0
     while not journal.exists() or len(journal.read_bytes().splitlines()) <= flights:
         assert process.poll() is None and time.monotonic() < deadline
@@ -326,7 +326,7 @@ def test_a_campaign_that_is_killed_goes_on_with_other_workers_to_the_same_bytes(
     journal = tmp_path / "parts.parquet.flights"
     for flights, by in ((1, signal.SIGINT), (2, signal.SIGKILL)):
         process = subprocess.Popen([*command, "--workers", "1"], cwd=tmp_path)
-        flown_until(process, journal, flights)
+        fly_until(process, journal, flights)
         left = workers_of(process.pid)
         process.send_signal(by)
         assert process.wait(30.0) == (130 if by == signal.SIGINT else -by)
@@ -344,7 +344,7 @@ def test_a_worker_that_is_killed_costs_its_flight_alone(tmp_path: Path) -> None:
     (tmp_path / "longer.toml").write_text(LONGER)
     command = [*WINGBEAT, "campaign", "longer.toml", "--workers", "1", "--json"]
     process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE)
-    flown_until(process, tmp_path / "recordings" / "longer.parquet.flights", 2)
+    fly_until(process, tmp_path / "recordings" / "longer.parquet.flights", 2)
     (worker,) = workers_of(process.pid)
     os.kill(worker, signal.SIGKILL)
     out, _ = process.communicate(timeout=120.0)

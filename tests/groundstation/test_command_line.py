@@ -40,7 +40,7 @@ def log(tmp_path: Path) -> Path:
     return path
 
 
-def complaint(capsys: Capture) -> str:
+def error_text(capsys: Capture) -> str:
     """The one line on stderr; nothing may be on stdout."""
     said = capsys.readouterr()
     assert said.out == ""
@@ -170,7 +170,7 @@ def test_bad_input_is_one_line_and_exit_code_2(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert main(words) == 2
-    assert part in complaint(capsys)
+    assert part in error_text(capsys)
     assert not any(tmp_path.iterdir()), "bad input must leave nothing behind"
 
 
@@ -178,7 +178,7 @@ def test_a_malformed_mission_names_item_key_and_range(tmp_path: Path, capsys: Ca
     mission = tmp_path / "bad.toml"
     mission.write_text('[[item]]\nkind = "takeoff"\naltitude = -4\n')
     assert main(["fly", "--mission", str(mission)]) == 2
-    line = complaint(capsys)
+    line = error_text(capsys)
     assert "item 1" in line and "altitude" in line and "1 to 1000 m" in line
 
 
@@ -186,7 +186,7 @@ def test_a_malformed_vehicle_names_the_key(tmp_path: Path, capsys: Capture) -> N
     vehicle = tmp_path / "bird.toml"
     vehicle.write_text("[wings]\n")
     assert main(["fly", "--vehicle", str(vehicle)]) == 2
-    assert "unknown section [wings]" in complaint(capsys)
+    assert "unknown section [wings]" in error_text(capsys)
 
 
 @pytest.mark.parametrize("command", ["fly", "sim"])
@@ -201,7 +201,7 @@ def test_bodies_that_make_no_vehicle_are_told_before_anything_is_recorded(
     (folder / "world.toml").write_text(text.replace('mirror_of = "right_wing"', 'mirror_of = "wing"'))
     (folder / "avionics.toml").write_text((COMPUTERS / "robo_raven_ii_d.toml").read_text(encoding="utf-8"))
     assert main([command, "--vehicle", str(folder if command == "fly" else folder / "world.toml")]) == 2
-    assert "bodies.left_wing.mirror_of" in complaint(capsys)
+    assert "bodies.left_wing.mirror_of" in error_text(capsys)
     assert not any(started.iterdir())
 
 
@@ -213,7 +213,7 @@ def test_what_is_no_log_is_refused_and_kept(verb: list[str], content: bytes, tmp
     path = tmp_path / "x.mcap"
     path.write_bytes(content)
     assert main([*verb, str(path)]) == 2
-    complaint(capsys)
+    error_text(capsys)
     assert path.read_bytes() == content
     assert list(tmp_path.iterdir()) == [path]
 
@@ -236,11 +236,11 @@ def test_what_makes_a_log_of_another_file_is_told(
     monkeypatch.chdir(tmp_path)
     (tmp_path / name).write_bytes(content)
     assert main([*verb, name]) == 2
-    told = complaint(capsys)
+    told = error_text(capsys)
     assert told.startswith(f"wingbeat: {name} is not an MCAP log: ") and told.endswith(part)
     (tmp_path / "a.csv").write_text("t,a\n1,2\n")
     assert main([*verb, "a.csv"]) == 2
-    assert "--map MAP.toml" in complaint(capsys)
+    assert "--map MAP.toml" in error_text(capsys)
 
 
 @pytest.mark.parametrize("command", [["fly"], ["avionics", "--board", "hil:tcp:127.0.0.1:9"]])
@@ -252,7 +252,7 @@ def test_the_parameters_of_another_vehicle_are_refused_and_left_alone(
     ParameterFile(path, load_vehicle("robo_raven_ii_d")).save({"PITCH_P": 0.7})
     before = path.read_bytes()
     assert main([*command, "--vehicle", "arizona_100cm", "--parameters", "raven.json"]) == 2
-    assert "raven.json belongs to vehicle robo_raven_ii_d and is not changed" in complaint(capsys)
+    assert "raven.json belongs to vehicle robo_raven_ii_d and is not changed" in error_text(capsys)
     assert list(tmp_path.iterdir()) == [path] and path.read_bytes() == before
 
 
@@ -266,7 +266,7 @@ def test_an_existing_log_is_never_overwritten(command: list[str], tmp_path: Path
             probe.bind(("127.0.0.1", 0))
             where[1] = f"tcp:127.0.0.1:{probe.getsockname()[1]}"
     assert main([*command, *where, "--log", str(path)]) == 2
-    assert str(path) in complaint(capsys)
+    assert str(path) in error_text(capsys)
     assert path.read_bytes() == b"precious"
     assert list(tmp_path.iterdir()) == [path]
 
@@ -279,13 +279,13 @@ def test_a_port_in_use_is_told_before_anything_is_recorded(
         taken.bind(("127.0.0.1", 0))
         port = taken.getsockname()[1]
         assert main(["fly", "--gcs", f"udpin:127.0.0.1:{port}"]) == 2
-        assert f"cannot listen on port {port}" in complaint(capsys)
+        assert f"cannot listen on port {port}" in error_text(capsys)
         assert main(["gcs", f"udpin:127.0.0.1:{port}", "monitor"]) == 2
-        assert f"cannot listen on port {port}" in complaint(capsys)
+        assert f"cannot listen on port {port}" in error_text(capsys)
     with socket.create_server(("127.0.0.1", 0)) as listening:
         port = listening.getsockname()[1]
         assert main(["sim", "--listen", f"tcp:127.0.0.1:{port}"]) == 2
-        assert f"cannot listen on port {port}" in complaint(capsys)
+        assert f"cannot listen on port {port}" in error_text(capsys)
     assert not any(tmp_path.iterdir())
 
 
@@ -301,9 +301,9 @@ def test_log_info_and_export(log: Path, tmp_path: Path, capsys: Capture) -> None
     (file,) = json.loads(capsys.readouterr().out)["files"]
     assert len(Path(file).read_text().splitlines()) == 401
     assert main(["log", "export", str(log), "--topic", "/nope"]) == 2
-    assert "/nope; it has" in complaint(capsys)
+    assert "/nope; it has" in error_text(capsys)
     assert main(["log", "export", str(log), "--topic", "/attitude/ahsr"]) == 2
-    assert "/attitude/ahsr (meant '/attitude/ahrs'?); it has" in complaint(capsys)
+    assert "/attitude/ahsr (meant '/attitude/ahrs'?); it has" in error_text(capsys)
 
 
 def test_a_part_of_a_log_is_exported_in_the_form_asked_for(log: Path, tmp_path: Path, capsys: Capture) -> None:
@@ -319,11 +319,11 @@ def test_a_part_of_a_log_is_exported_in_the_form_asked_for(log: Path, tmp_path: 
     assert (log.with_suffix("") / "attitude_ahrs.csv").exists()
     capsys.readouterr()
     assert main(["log", "export", str(log), "--format", "xls"]) == 2
-    assert "invalid choice: 'xls'" in complaint(capsys)
+    assert "invalid choice: 'xls'" in error_text(capsys)
     assert main(["log", "export", str(log), "--to", str(tmp_path / "b.csv"), "--rate", "0"]) == 2
-    assert "0 is not above 0" in complaint(capsys)
+    assert "0 is not above 0" in error_text(capsys)
     assert main(["log", "export", str(log), "--to", str(tmp_path / "a.csv"), *part]) == 2
-    assert "exists: it is not overwritten" in complaint(capsys)
+    assert "exists: it is not overwritten" in error_text(capsys)
 
 
 def test_log_view_writes_a_page_beside_the_log_and_never_over_another(
@@ -357,12 +357,12 @@ def test_a_log_that_was_cut_off_says_so_and_is_recovered(log: Path, capsys: Capt
 
 def test_a_log_without_an_excitation_is_refused_with_the_reason(log: Path, capsys: Capture) -> None:
     assert main(["identify", str(log), "modes"]) == 2
-    assert "excitation" in complaint(capsys)
+    assert "excitation" in error_text(capsys)
 
 
 def test_a_vehicle_without_a_flight_computer_is_not_flown(capsys: Capture) -> None:
     assert main(["fly", "--vehicle", "slow_hawk"]) == 2
-    assert "slow_hawk has no flight-computer file: it can be trimmed and linearized" in complaint(capsys)
+    assert "slow_hawk has no flight-computer file: it can be trimmed and linearized" in error_text(capsys)
 
 
 def test_vehicles_lists_values_with_sources(capsys: Capture) -> None:
@@ -400,7 +400,7 @@ def test_a_folder_is_a_vehicle_of_the_list_too(tmp_path: Path, capsys: Capture) 
         assert ("the flight computer's file has" in capsys.readouterr().out) is flies
     (folder / "avionics.toml").unlink()
     assert main(["fly", "--vehicle", str(folder)]) == 2
-    assert complaint(capsys) == (
+    assert error_text(capsys) == (
         f"wingbeat: cannot read vehicle file {folder / 'avionics.toml'}: there is no such file\n"
     )
 
@@ -413,12 +413,12 @@ def test_a_folder_that_cannot_be_written_to_is_one_clear_line(
     (tmp_path / "recordings").write_text("a file where the folder would be")
     campaign = [str(Path(__file__).parents[2] / "docs" / "examples" / "gusts.toml")]
     assert main([*command, *(campaign if command == ["campaign"] else [])]) == 2
-    assert "recordings is not a folder" in complaint(capsys)
+    assert "recordings is not a folder" in error_text(capsys)
 
 
 def test_a_file_that_the_system_refuses_is_told_with_what_was_wanted_of_it(capsys: Capture) -> None:
     assert main(["validate", "--only", "grauer", "--plots", "/dev/null/pictures"]) == 2
-    assert complaint(capsys) == "wingbeat: cannot read or write /dev/null/pictures: Not a directory\n"
+    assert error_text(capsys) == "wingbeat: cannot read or write /dev/null/pictures: Not a directory\n"
 
 
 def test_the_help_of_gcs_names_the_verbs_as_they_are_written(capsys: Capture) -> None:
@@ -469,4 +469,4 @@ def _listening(pid: int) -> bool:
 @pytest.mark.parametrize("window", [("--start", "50", "--end", "20"), ("--start", "500"), ("--end", "-1")])
 def test_a_window_without_anything_is_not_exported(log: Path, window: tuple[str, ...], capsys: Capture) -> None:
     assert main(["log", "export", str(log), "--to", str(log.with_suffix(".npz")), *window]) == 2
-    assert "no data between" in complaint(capsys) and not log.with_suffix(".npz").exists()
+    assert "no data between" in error_text(capsys) and not log.with_suffix(".npz").exists()

@@ -32,11 +32,11 @@ from groundstation.views.flight_report import missed_line
 from logs.attached import simulated_vehicle
 from logs.campaigns.campaign import load_campaign
 from logs.campaigns.run import order_of
-from logs.campaigns.single_flight import Recording, flown
+from logs.campaigns.single_flight import Recording, fly_one
 from logs.info import summary
 from logs.join import join
 from logs.names import FAULTS
-from logs.new_files import held
+from logs.new_files import locked_name
 from logs.reader import open_log
 from logs.recorder import McapRecorder
 from logs.scene import LOCATION, SCENE, TRANSFORMS
@@ -60,10 +60,10 @@ def fly(folder: Path, *words: str, starter: tuple[str, ...] = ()) -> subprocess.
     )
 
 
-def wait_for(path: Path, size: int, patience: float = 90.0) -> None:
-    deadline = time.monotonic() + patience
+def wait_for(path: Path, size: int, time_limit: float = 90.0) -> None:
+    deadline = time.monotonic() + time_limit
     while not (path.exists() and path.stat().st_size > size):
-        assert time.monotonic() < deadline, f"{path} did not grow for {patience} s"
+        assert time.monotonic() < deadline, f"{path} did not grow for {time_limit} s"
         time.sleep(0.05)
 
 
@@ -181,7 +181,7 @@ def payloads(path: Path) -> dict[str, str]:
 def in_one_process(folder: Path, text: str) -> dict[str, str]:
     """Digests as of `payloads`, of the flight that a campaign's file means, without a socket."""
     (folder / "one.toml").write_text(text)
-    flown(order_of(load_campaign(folder / "one.toml"), 1, Recording(folder / "one.mcap")))
+    fly_one(order_of(load_campaign(folder / "one.toml"), 1, Recording(folder / "one.mcap")))
     return payloads(folder / "one.mcap")
 
 
@@ -429,7 +429,7 @@ def test_a_flight_whose_name_is_held_is_joined_by_its_own_command(tmp_path: Path
         with McapRecorder(part, start_epoch_ns=1) as recorder:
             recorder.record(topics.IMU, zero(topics.IMU.message)._replace(time_us=5000))
         os.utime(part, (1e9, 1e9))
-    with held(tmp_path / "a.mcap") as ours:
+    with locked_name(tmp_path / "a.mcap") as ours:
         put_right(tmp_path)
         assert ours and all(part.exists() for part in parts)
     put_right(tmp_path)
@@ -466,7 +466,7 @@ def test_two_flights_that_begin_in_the_same_second_are_two_logs(tmp_path: Path) 
 
 def test_a_log_that_another_flight_records_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "flight.mcap"
-    with held(path) as ours:
+    with locked_name(path) as ours:
         assert ours and main(["fly", "--log", str(path)]) == 2
     assert "another flight is being recorded there" in capsys.readouterr().err
     assert not any(tmp_path.iterdir())
@@ -480,10 +480,10 @@ def test_a_log_that_another_flight_leaves_before_its_name_is_ours_is_refused(
     @contextmanager
     def late(log: Path) -> Iterator[bool]:
         path.write_bytes(b"of another")
-        with held(log) as ours:
+        with locked_name(log) as ours:
             yield ours
 
-    monkeypatch.setattr("groundstation.command.fly.held", late)
+    monkeypatch.setattr("groundstation.command.fly.locked_name", late)
     monkeypatch.setattr("groundstation.command.fly._run", lambda *_: 0)
     assert main(["fly", "--log", str(path)]) == 2
     assert f"{path} exists: it is not overwritten" in capsys.readouterr().err

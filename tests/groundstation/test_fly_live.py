@@ -35,7 +35,7 @@ EPOCH_NS = 1_700_000_000_000_000_000
 _DATA = struct.Struct("<BIQ")
 
 
-class Seen(NamedTuple):
+class Observed(NamedTuple):
     """What a viewer was told and sent."""
 
     channels: dict[str, dict[str, Any]]
@@ -46,28 +46,28 @@ class Seen(NamedTuple):
     """ns since 1970; the server's time"""
 
 
-def watch(url: str, seen: Seen) -> None:
+def watch(url: str, observed: Observed) -> None:
     """Subscribe to `WANTED` as soon as they are there; ends with the connection."""
     with websockets.connect(url, subprotocols=[SUBPROTOCOL], max_size=None, open_timeout=PATIENCE) as viewer:
         names: dict[int, str] = {}
         try:
             for heard in viewer:
                 if isinstance(heard, str):
-                    _subscribe(viewer, json.loads(heard), seen, names)
+                    _subscribe(viewer, json.loads(heard), observed, names)
                 elif heard[0] == 2:
-                    seen.clock.append(struct.unpack_from("<Q", heard, 1)[0])
+                    observed.clock.append(struct.unpack_from("<Q", heard, 1)[0])
                 else:
                     _, number, log_ns = _DATA.unpack_from(heard)
-                    seen.messages.append((names[number], log_ns, heard[_DATA.size :]))
+                    observed.messages.append((names[number], log_ns, heard[_DATA.size :]))
         except websockets.ConnectionClosed:
             return
 
 
-def _subscribe(viewer: Any, told: dict[str, Any], seen: Seen, names: dict[int, str]) -> None:
-    if told["op"] != "advertise":
+def _subscribe(viewer: Any, stated: dict[str, Any], observed: Observed, names: dict[int, str]) -> None:
+    if stated["op"] != "advertise":
         return
-    new = {channel["topic"]: channel for channel in told["channels"]}
-    seen.channels.update(new)
+    new = {channel["topic"]: channel for channel in stated["channels"]}
+    observed.channels.update(new)
     asked = [new[topic]["id"] for topic in WANTED if topic in new]
     names |= {number: topic for topic in WANTED if topic in new for number in [new[topic]["id"]]}
     if asked:
@@ -75,19 +75,19 @@ def _subscribe(viewer: Any, told: dict[str, Any], seen: Seen, names: dict[int, s
         viewer.send(json.dumps({"op": "subscribe", "subscriptions": subscriptions}))
 
 
-class Flown(NamedTuple):
+class FlightResult(NamedTuple):
     """A flight that was watched."""
 
     log: Path
     code: int
     out: str
-    told: list[str]
+    stated: list[str]
     """lines on stderr"""
-    seen: Seen
+    observed: Observed
 
 
 @pytest.fixture(scope="module")
-def flown(tmp_path_factory: pytest.TempPathFactory) -> Flown:
+def recording(tmp_path_factory: pytest.TempPathFactory) -> FlightResult:
     log = tmp_path_factory.mktemp("live") / "flight.mcap"
     words = ["fly", "--live", "127.0.0.1:0", "--duration", "6", "--json", "--log", str(log)]
     flight = subprocess.Popen(
@@ -98,66 +98,66 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Flown:
         text=True,
     )
     assert flight.stderr is not None
-    told = [flight.stderr.readline().rstrip()]
-    seen = Seen({}, [], [])
-    viewer = threading.Thread(target=watch, args=(told[0].split()[2], seen), daemon=True)
+    stated = [flight.stderr.readline().rstrip()]
+    observed = Observed({}, [], [])
+    viewer = threading.Thread(target=watch, args=(stated[0].split()[2], observed), daemon=True)
     viewer.start()
     out, rest = flight.communicate(timeout=180)
     viewer.join(PATIENCE)
     assert not viewer.is_alive()
-    return Flown(log, flight.returncode, out, [*told, *rest.splitlines()], seen)
+    return FlightResult(log, flight.returncode, out, [*stated, *rest.splitlines()], observed)
 
 
-def test_where_to_look_is_told_once_and_the_flight_is_as_ever(flown: Flown) -> None:
-    assert (flown.code, json.loads(flown.out)["log"]) == (0, str(flown.log))
-    assert len(flown.told) == 1, flown.told
-    (line,) = flown.told
+def test_where_to_look_is_told_once_and_the_flight_is_as_ever(recording: FlightResult) -> None:
+    assert (recording.code, json.loads(recording.out)["log"]) == (0, str(recording.log))
+    assert len(recording.stated) == 1, recording.stated
+    (line,) = recording.stated
     assert line.startswith("live: open ws://127.0.0.1:") and line.endswith(" in Foxglove or Lichtblick")
-    assert [path.name for path in flown.log.parent.iterdir()] == ["flight.mcap"]
+    assert [path.name for path in recording.log.parent.iterdir()] == ["flight.mcap"]
 
 
-def test_every_topic_of_both_processes_is_offered_as_the_file_has_it(flown: Flown) -> None:
-    with flown.log.open("rb") as file:
+def test_every_topic_of_both_processes_is_offered_as_the_file_has_it(recording: FlightResult) -> None:
+    with recording.log.open("rb") as file:
         summary = make_reader(file).get_summary()
     assert summary is not None
-    offered = flown.seen.channels
+    offered = recording.observed.channels
     # Those that say nothing in this flight are offered too: a layout can be made before it begins.
     assert set(offered) == {topic.name for topic in KNOWN} >= {c.topic for c in summary.channels.values()}
     for channel in summary.channels.values():
-        schema, told = summary.schemas[channel.schema_id], offered[channel.topic]
-        assert (told["encoding"], told["schemaName"]) == (channel.message_encoding, schema.name)
-        assert told["schemaEncoding"] == schema.encoding and told["metadata"] == channel.metadata
+        schema, stated = summary.schemas[channel.schema_id], offered[channel.topic]
+        assert (stated["encoding"], stated["schemaName"]) == (channel.message_encoding, schema.name)
+        assert stated["schemaEncoding"] == schema.encoding and stated["metadata"] == channel.metadata
 
 
-def test_a_viewer_is_sent_what_is_recorded(flown: Flown) -> None:
-    with flown.log.open("rb") as file:
+def test_a_viewer_is_sent_what_is_recorded(recording: FlightResult) -> None:
+    with recording.log.open("rb") as file:
         recorded = [(c.topic, m.log_time, m.data) for _, c, m in make_reader(file).iter_messages(topics=list(WANTED))]
-    seen = flown.seen.messages
-    assert len(set(seen)) == len(seen) and set(seen) <= set(recorded)
+    observed = recording.observed.messages
+    assert len(set(observed)) == len(observed) and set(observed) <= set(recorded)
     for topic in WANTED[:3]:
-        ours, theirs = ([one for one in some if one[0] == topic] for some in (recorded, seen))
+        ours, theirs = ([one for one in some if one[0] == topic] for some in (recorded, observed))
         # From the moment at which it had subscribed nothing is missing, to the last message of the flight.
         assert len(theirs) > 0.5 * len(ours) and theirs == ours[-len(theirs) :]
-    frames = FrameTransforms.FromString(next(data for topic, _, data in seen if topic == "/view/transforms"))
+    frames = FrameTransforms.FromString(next(data for topic, _, data in observed if topic == "/view/transforms"))
     assert [frame.child_frame_id for frame in frames.transforms] == ["body", "left_wing", "right_wing", "tail"]
 
 
-def test_the_viewers_clock_is_the_flights(flown: Flown) -> None:
-    times, clock = [log_ns for _, log_ns, _ in flown.seen.messages], flown.seen.clock
+def test_the_viewers_clock_is_the_flights(recording: FlightResult) -> None:
+    times, clock = [log_ns for _, log_ns, _ in recording.observed.messages], recording.observed.clock
     assert clock == sorted(clock) and times[0] <= clock[-1] and abs(clock[-1] - max(times)) < 10**7
     assert len(set(clock)) > 10
 
 
 def test_a_recording_of_another_process_is_shown_until_it_ends(tmp_path: Path) -> None:
-    path, seen = tmp_path / "bench.mcap", Seen({}, [], [])
+    path, observed = tmp_path / "bench.mcap", Observed({}, [], [])
     command = [sys.executable, "-m", "groundstation.command.main", "log", "live", str(path), "--at", "127.0.0.1:0"]
     with McapRecorder(path, start_epoch_ns=EPOCH_NS) as recorder:
         shown = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         assert shown.stderr is not None
-        viewer = threading.Thread(target=watch, args=(shown.stderr.readline().split()[2], seen), daemon=True)
+        viewer = threading.Thread(target=watch, args=(shown.stderr.readline().split()[2], observed), daemon=True)
         viewer.start()
         tick, until = 0, time.monotonic() + PATIENCE
-        while len(seen.messages) < 100:
+        while len(observed.messages) < 100:
             assert viewer.is_alive() and time.monotonic() < until
             tick += 1
             recorder.record(topics.EVENTS, Event(tick * 50_000, Severity.INFO, "bench", f"word {tick}"))
@@ -165,8 +165,8 @@ def test_a_recording_of_another_process_is_shown_until_it_ends(tmp_path: Path) -
     out, err = shown.communicate(timeout=PATIENCE)
     viewer.join(PATIENCE)
     assert (shown.returncode, out, err) == (0, "", "")
-    assert seen.messages[-1][:2] == ("/system/events", EPOCH_NS + tick * 50_000_000)
-    assert {topic.name for topic in ALONE} == set(seen.channels)
+    assert observed.messages[-1][:2] == ("/system/events", EPOCH_NS + tick * 50_000_000)
+    assert {topic.name for topic in ALONE} == set(observed.channels)
 
 
 def test_what_nobody_records_is_not_followed(tmp_path: Path, capsys: Capture) -> None:

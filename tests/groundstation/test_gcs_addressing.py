@@ -34,8 +34,8 @@ class Air:
     def __init__(self, *answers: Said) -> None:
         self.now = 0.0
         self.answers = answers
-        self.asked: list[Any] = []
-        self._said: list[Said] = [(1, 1, beat())]
+        self.requested: list[Any] = []
+        self._reports: list[Said] = [(1, 1, beat())]
         self._reader = FrameReader()
 
     def clock(self) -> float:
@@ -44,19 +44,19 @@ class Air:
     def pause(self, seconds: float) -> None:
         self.now += seconds
 
-    def say(self, *said: Said) -> None:
-        self._said.extend(said)
+    def send_text(self, *reports: Said) -> None:
+        self._reports.extend(reports)
 
     def send(self, data: bytes) -> None:
         questions = [message for message in map(decode, self._reader.feed(data)) if message.get_type() != "HEARTBEAT"]
-        self.asked += questions
+        self.requested += questions
         if questions:
-            self.say(*self.answers)
+            self.send_text(*self.answers)
 
     def receive(self, now: float) -> list[Packet]:
         """One message at a time, so that nothing waits for what comes behind it."""
-        said, self._said = self._said[:1], self._said[1:]
-        return [Packet(message.pack(mavlink.MAVLink(None, *who)), ("air", 1)) for *who, message in said]
+        reports, self._reports = self._reports[:1], self._reports[1:]
+        return [Packet(message.pack(mavlink.MAVLink(None, *who)), ("air", 1)) for *who, message in reports]
 
     def register_peer(self, peer: Any) -> None:
         pass
@@ -141,16 +141,16 @@ def test_a_mission_that_another_station_reads_is_not_ours(connect: Any) -> None:
 def test_the_autopilot_is_found_among_the_components_of_the_vehicle_alone(connect: Any) -> None:
     air = Air()
     connection = connect(air)
-    air.say((2, 25, beat()), (1, 154, beat(mavlink.MAV_AUTOPILOT_INVALID)), (1, 26, beat()))
+    air.send_text((2, 25, beat()), (1, 154, beat(mavlink.MAV_AUTOPILOT_INVALID)), (1, 26, beat()))
     connection.listen(1.0)
     assert connection.target == Target(1, 1)
 
 
 def test_component_1_is_the_autopilot_where_another_spoke_first(connect: Any) -> None:
     air = Air()
-    air._said = [(1, 26, beat())]
+    air._reports = [(1, 26, beat())]
     connection = connect(air)
     assert connection.target == Target(1, 26)
-    air.say((1, 1, beat()))
+    air.send_text((1, 1, beat()))
     connection.receive()
     assert connection.target == Target(1, 1)

@@ -54,13 +54,13 @@ def test_a_calibration_is_told_kept_and_flown_after_a_restart(tmp_path: Path, ca
 def test_a_refusal_is_one_line(tmp_path: Path, capsys: Capture) -> None:
     with aboard(tmp_path / "raven.json") as url:
         assert gcs(url, "calibrate", "airspeed", "--in-flight") == 1
-        said = capsys.readouterr()
-        assert said.err.endswith("calibration denied: not in flight\n") and said.out == ""
+        reports = capsys.readouterr()
+        assert reports.err.endswith("calibration denied: not in flight\n") and reports.out == ""
         assert gcs(url, "calibrate", "battery", "--voltage", "20") == 1
-        said = capsys.readouterr()
-        assert said.err.count("\n") == 1
-        assert said.err.endswith("BATTERY calibration failed: given 20.00 V differs from measured 8.00 V\n")
-        assert said.out.startswith("battery: keep the drives at rest") and "failed" not in said.out
+        reports = capsys.readouterr()
+        assert reports.err.count("\n") == 1
+        assert reports.err.endswith("BATTERY calibration failed: given 20.00 V differs from measured 8.00 V\n")
+        assert reports.out.startswith("battery: keep the drives at rest") and "failed" not in reports.out
 
 
 def test_what_is_out_of_range_is_told_in_the_unit_in_which_it_was_given(tmp_path: Path, capsys: Capture) -> None:
@@ -144,15 +144,15 @@ class Forgetful(LossyVehicle):
 
 
 @pytest.mark.parametrize(
-    ("confirms", "said"), [(True, "; calibration canceled"), (False, ": the calibration may continue")]
+    ("confirms", "reports"), [(True, "; calibration canceled"), (False, ": the calibration may continue")]
 )
 def test_who_gives_up_waiting_cancels(
-    confirms: bool, said: str, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+    confirms: bool, reports: str, capsys: Capture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(commands, "LONG_WAIT", 0.3)
     vehicle = Forgetful(confirms)
     with on_the_air(vehicle) as url:
         assert gcs(url, "--no-record", "calibrate", "mag") == 1
     text = capsys.readouterr().err
-    assert text.startswith("wingbeat: no response to PREFLIGHT_CALIBRATION; ") and text.endswith(f"{said}\n")
+    assert text.startswith("wingbeat: no response to PREFLIGHT_CALIBRATION; ") and text.endswith(f"{reports}\n")
     assert (vehicle.cancelled == 1) is confirms

@@ -141,18 +141,18 @@ class Strict(LossyVehicle):
 
 
 @pytest.mark.parametrize(
-    ("why", "told"),
+    ("why", "stated"),
     [
         ("GAIN_3 must be within 0 and 5 rad/s", "GAIN_3 must be within 0 and 5 rad/s"),
         ("GAIN_3 must be within -1.23456e-07 and 1.23456e+07 kg m^2/s^2", "-1.23456e-07 and 1.23456e+07 kg m^2/s^2"),
         ("", "value out of range"),
     ],
 )
-def test_a_value_out_of_range_is_refused_with_the_range_that_the_vehicle_tells(why: str, told: str) -> None:
+def test_a_value_out_of_range_is_refused_with_the_range_that_the_vehicle_tells(why: str, stated: str) -> None:
     written = converse(
         parameters.ParameterWrite(TARGET, parameters.Parameter("GAIN_3", 3.0, 9, 3), 99.0), Strict(why)
     )
-    assert written.failure.startswith("parameter rejected: GAIN_3 = 99: ") and written.failure.endswith(told)
+    assert written.failure.startswith("parameter rejected: GAIN_3 = 99: ") and written.failure.endswith(stated)
     assert written.answer is None
 
 
@@ -170,7 +170,7 @@ def test_mission_round_trip(loss: float, seed: int) -> None:
     vehicle = LossyVehicle(loss, seed)
     assert not converse(missions.MissionUpload(TARGET, MISSION), vehicle).failure
     assert tuple(vehicle.mission) == MISSION
-    vehicle.wanted_items = 0
+    vehicle.expected_items = 0
     assert converse(missions.MissionDownload(TARGET), vehicle).items == MISSION
 
 
@@ -197,8 +197,8 @@ def test_a_refused_mission_waits_for_the_reason_that_follows() -> None:
         text = mavlink.MAVLink_statustext_message(4, part.encode(), 7, int(part == "aid none"))
         upload, _ = upload.step(0.2, text)
     upload, _ = upload.step(0.2, None)
-    told = "invalid param1: mission item 3: a circle needs a radius, of which it said none"
-    assert upload.failure == f"mission rejected: {told}"
+    stated = "invalid param1: mission item 3: a circle needs a radius, of which it said none"
+    assert upload.failure == f"mission rejected: {stated}"
 
 
 def test_a_mission_refused_without_a_word_ends_soon() -> None:
@@ -218,16 +218,16 @@ class Curt(LossyVehicle):
         self.repeated, self.acks_lost, self.refuses = repeated, acks_lost, False
 
     def _mission_item_int(self, message: Any) -> list[Any]:
-        if self.wanted_items:
+        if self.expected_items:
             return super()._mission_item_int(message)
         repeated = self.repeated
         return [] if repeated is None else [mavlink.MAVLink_mission_ack_message(255, 190, repeated)]
 
-    def ask_again(self) -> list[Any]:
-        answer = super().ask_again()
-        if not self.wanted_items or len(self.incoming) < self.wanted_items:
+    def repeat_request(self) -> list[Any]:
+        answer = super().repeat_request()
+        if not self.expected_items or len(self.incoming) < self.expected_items:
             return answer
-        self.wanted_items, self.acks_lost = 0, self.acks_lost - 1
+        self.expected_items, self.acks_lost = 0, self.acks_lost - 1
         if self.refuses:
             self.mission = []
             answer = [mavlink.MAVLink_mission_ack_message(255, 190, mavlink.MAV_MISSION_INVALID)]
@@ -309,7 +309,7 @@ def test_mode_change_is_confirmed_by_heartbeat(loss: float, seed: int) -> None:
 
 def test_an_acknowledged_mode_that_never_comes_is_a_failure() -> None:
     vehicle = LossyVehicle()
-    vehicle.says = ["no GPS fix"]
+    vehicle.reports = ["no GPS fix"]
     change = mode_change.change_mode(TARGET, 7, False)
     ended = converse(change, vehicle, limit=20.0)
     assert ended.failure == "the vehicle accepted the mode but did not change to it: no GPS fix"
@@ -318,10 +318,10 @@ def test_an_acknowledged_mode_that_never_comes_is_a_failure() -> None:
 def test_a_refused_command_gives_the_vehicles_words_even_behind_the_acknowledgement() -> None:
     vehicle = LossyVehicle()
     vehicle.results[400] = mavlink.MAV_RESULT_DENIED
-    vehicle.says = ["not level"]
+    vehicle.reports = ["not level"]
     ended = converse(commands.CommandExchange(TARGET, 400, (1.0,)), vehicle)
     assert ended.failure == "COMPONENT_ARM_DISARM denied: not level"
-    vehicle.says = []
+    vehicle.reports = []
     ended = converse(commands.CommandExchange(TARGET, 400, (1.0,)), vehicle)
     assert ended.failure == "COMPONENT_ARM_DISARM denied: denied"
 
@@ -331,7 +331,7 @@ class Booting(LossyVehicle):
 
     def __init__(self, rejects: int) -> None:
         super().__init__()
-        self.rejects, self.says = rejects, ["no sensor frames"]
+        self.rejects, self.reports = rejects, ["no sensor frames"]
 
     def _command_long(self, message: Any) -> list[Any]:
         self.rejects -= 1
@@ -362,8 +362,8 @@ def test_that_it_is_asked_again_is_said_once_with_the_reason() -> None:
             order, sent = order.step(now, message)
             inbox = [answer for asked in sent for answer in vehicle.answers(asked)]
         notes.append(order.progress().note)
-    told = "COMPONENT_ARM_DISARM denied: no sensor frames; retrying"
-    assert {note for note in notes if note} == {told}
+    stated = "COMPONENT_ARM_DISARM denied: no sensor frames; retrying"
+    assert {note for note in notes if note} == {stated}
 
 
 def test_a_command_in_progress_is_waited_for() -> None:
@@ -423,6 +423,6 @@ def test_everything_transfers_whole_over_a_bad_radio(seed: int) -> None:
     assert vehicle.values["GAIN_3"] == 0.7
     assert not converse(missions.MissionUpload(TARGET, MISSION), vehicle, **radio).failure
     assert tuple(vehicle.mission) == MISSION
-    vehicle.wanted_items = 0
+    vehicle.expected_items = 0
     assert converse(missions.MissionDownload(TARGET), vehicle, **radio).items == MISSION
     assert converse(mode_change.change_mode(TARGET, 4 << 16, True), vehicle, **radio).confirmed

@@ -44,7 +44,7 @@ def test_arm_and_disarm_wait_for_the_heartbeat(capsys: Capture) -> None:
 def test_a_refusal_is_one_line_and_exit_code_1(capsys: Capture) -> None:
     vehicle = LossyVehicle()
     vehicle.results[400] = mavlink.MAV_RESULT_DENIED
-    vehicle.says = ["arming denied: battery 3 %, minimum 30 %"]
+    vehicle.reports = ["arming denied: battery 3 %, minimum 30 %"]
     with on_the_air(vehicle) as url:
         assert gcs(url, "arm") == 1
     said = capsys.readouterr()

@@ -28,13 +28,13 @@ def gcs(*words: str) -> int:
 @BOTH
 def test_whole_numbers_are_read_and_set_in_the_vehicles_encoding(kind: type[ForeignVehicle], capsys: Capture) -> None:
     vehicle = kind()
-    held = dict(vehicle.whole)
+    known = dict(vehicle.whole)
     with on_the_air(vehicle) as url:
         assert gcs(url, "param", "list", "--json") == 0
         listed = json.loads(capsys.readouterr().out)["parameters"]
         assert gcs(url, "param", "set", "COUNT", "1234567") == 0
         assert gcs(url, "param", "set", "COUNT", "0.5") == 2
-    assert {row["name"]: row["value"] for row in listed if row["type"] == "int32"} == held
+    assert {row["name"]: row["value"] for row in listed if row["type"] == "int32"} == known
     assert vehicle.whole["COUNT"] == 1234567
 
 
@@ -44,8 +44,8 @@ def test_whole_numbers_survive_a_lossy_link(kind: type[ForeignVehicle], seed: in
     vehicle = kind(0.3, seed)
     encoding = parameters.is_bytewise(VehicleState(autopilot=kind.autopilot, capabilities=kind.capabilities))
     ended = converse(parameters.ParameterDownload(missions.Target(), encoding), vehicle)
-    held = {parameter.name: parameter.value for parameter in ended.values.values()}
-    assert held == {**vehicle.values, **vehicle.whole}
+    known = {parameter.name: parameter.value for parameter in ended.values.values()}
+    assert known == {**vehicle.values, **vehicle.whole}
 
 
 @BOTH
@@ -56,10 +56,10 @@ def test_lists_settings_and_missions_are_whole_over_a_bad_radio(kind: type[Forei
     vehicle, target = kind(0.3, seed), missions.Target()
     encoding = parameters.is_bytewise(VehicleState(autopilot=kind.autopilot, capabilities=kind.capabilities))
     listed = converse(parameters.ParameterDownload(target, encoding), vehicle, **radio)
-    held = {parameter.name: parameter for parameter in listed.values.values()}
-    assert {name: parameter.value for name, parameter in held.items()} == {**vehicle.values, **vehicle.whole}
+    known = {parameter.name: parameter for parameter in listed.values.values()}
+    assert {name: parameter.value for name, parameter in known.items()} == {**vehicle.values, **vehicle.whole}
     for name, value in (("COUNT", 1234567), ("GAIN_7", 0.25)):
-        assert not converse(parameters.ParameterWrite(target, held[name], value, encoding), vehicle, **radio).failure
+        assert not converse(parameters.ParameterWrite(target, known[name], value, encoding), vehicle, **radio).failure
     assert (vehicle.whole["COUNT"], vehicle.values["GAIN_7"]) == (1234567, 0.25)
     vehicle.mission = [missions.Item(3, 16, (0.0,) * 4, HOME[0] + 900 * n, HOME[1], 30.0 + n) for n in range(15)]
     download = converse(missions.MissionDownload(target), vehicle, **radio)
@@ -122,12 +122,12 @@ def test_a_mode_that_is_announced_by_another_name_has_its_usual_one_too(
 
 
 @pytest.mark.parametrize(
-    ("announced", "mode", "said"),
+    ("announced", "mode", "reports"),
     [(ARDUPILOT_SAYS, 26, ""), ({}, 11, "the vehicle has no mode AUTOLAND: RTL\n")],
     ids=["with AUTOLAND", "without"],
 )
 def test_an_aeroplane_of_ardupilot_takes_off_and_lands_by_its_modes(
-    announced: dict[int, str], mode: int, said: str, capsys: Capture
+    announced: dict[int, str], mode: int, reports: str, capsys: Capture
 ) -> None:
     vehicle = ArduPlane()
     vehicle.announced = announced
@@ -137,7 +137,7 @@ def test_an_aeroplane_of_ardupilot_takes_off_and_lands_by_its_modes(
         assert vehicle.custom_mode == 13 and vehicle.values["TKOFF_ALT"] == 50.0
         assert gcs(url, "land") == 0
     assert vehicle.custom_mode == mode and not vehicle.takeoffs
-    assert capsys.readouterr().err == said
+    assert capsys.readouterr().err == reports
 
 
 @BOTH
@@ -159,8 +159,8 @@ def test_an_order_is_done_when_its_mode_is_shown(
     vehicle.custom_mode, vehicle.leads_to = 0, dict.fromkeys(vehicle.leads_to, 0)
     with on_the_air(vehicle) as url:
         assert gcs(url, verb, *place) == 1
-    said = capsys.readouterr()
-    assert f"{verb} accepted, but the heartbeat shows " in said.err and not said.out
+    reports = capsys.readouterr()
+    assert f"{verb} accepted, but the heartbeat shows " in reports.err and not reports.out
 
 
 @BOTH

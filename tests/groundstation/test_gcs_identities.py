@@ -113,7 +113,7 @@ def test_modes_and_parameters_go_by_our_names(vehicle: str, capsys: Capture) -> 
     assert gcs(vehicle, "param", "set", "PITCH_P", "0.5") == 0
 
 
-def told(identity: Identity, *messages: Any) -> VehicleState:
+def stated(identity: Identity, *messages: Any) -> VehicleState:
     """What is known of a vehicle in mode AUTO."""
     beat = mavlink.MAVLink_heartbeat_message(
         identity.type, identity.autopilot, 0, identity.numbers(Mode.AUTO).custom_mode, 4, 3
@@ -128,7 +128,7 @@ def told(identity: Identity, *messages: Any) -> VehicleState:
 @EVERY_IDENTITY
 def test_recordings_have_our_mode_and_our_airspeed(identity: Identity) -> None:
     navigation = mavlink.MAVLink_wingbeat_navigation_message(1, 0, 0, 40, 0, 2, 3, 0)
-    state = told(identity, navigation)
+    state = stated(identity, navigation)
     entry = entry_of(navigation, 1000, state)
     assert entry is not None and entry.message.mode == Mode.AUTO
     entry = entry_of(mavlink.MAVLink_vfr_hud_message(7.5, 6.5, 90, 62, 40.0, -0.5), 1000, state)

@@ -44,8 +44,8 @@ def test_who_has_the_key_is_heard(url: str, tmp_path: Path, capsys: Capture) -> 
 @pytest.mark.validate
 def test_who_has_none_is_told_what_it_needs(url: str, capsys: Capture) -> None:
     assert gcs(url, "param", "get", "PITCH_P") == 1
-    said = capsys.readouterr().err.splitlines()
-    assert said[-1].startswith("wingbeat: ") and said[-1].endswith("may hear only who does: --signing-key")
+    reports = capsys.readouterr().err.splitlines()
+    assert reports[-1].startswith("wingbeat: ") and reports[-1].endswith("may hear only who does: --signing-key")
 
 
 def test_a_wrong_key_hears_nobody(url: str, tmp_path: Path, capsys: Capture) -> None:
@@ -64,14 +64,14 @@ def test_a_key_that_is_none_is_one_line(tmp_path: Path, capsys: Capture) -> None
 
 
 @pytest.mark.parametrize(
-    ("given", "said"),
+    ("given", "reports"),
     [(None, "check if it needs --signing-key"), ("the goose is gone", "check that the vehicle has this signing key")],
 )
 def test_a_vehicle_that_waits_and_hears_no_stranger_is_told_from_a_dead_one(
-    given: str | None, said: str, tmp_path: Path, capsys: Capture
+    given: str | None, reports: str, tmp_path: Path, capsys: Capture
 ) -> None:
     right = KeyFile(Path(key(tmp_path / "right.key", "the goose is loose")))
     words = ("--signing-key", key(tmp_path / "wrong.key", given)) if given else ()
     with aboard(tmp_path / "raven.json", Signing(time.time, right.load_key())) as url:
         assert gcs(url, *words, "--timeout", "0.3", "status") == 2
-    assert capsys.readouterr().err.endswith(f"no heartbeat for 0.3 s, no other messages; {said}\n")
+    assert capsys.readouterr().err.endswith(f"no heartbeat for 0.3 s, no other messages; {reports}\n")

@@ -24,8 +24,8 @@ class Wire:
 
     datagrams = True
 
-    def __init__(self, vehicle: LossyVehicle, own_rate: float = 0.0) -> None:
-        self.vehicle, self.own_rate, self.now = vehicle, own_rate, 0.0
+    def __init__(self, vehicle: LossyVehicle, default_rate: float = 0.0) -> None:
+        self.vehicle, self.default_rate, self.now = vehicle, default_rate, 0.0
         self._reader, self._packer = FrameReader(), mavlink.MAVLink(None, 1, 1)
         self._answers: list[Any] = []
         self._beat = self._turn = 0.0
@@ -42,7 +42,7 @@ class Wire:
 
     def _rate(self) -> float:
         interval = getattr(self.vehicle, "intervals", {}).get(ATTITUDE)
-        return self.own_rate if interval is None else 1e6 / interval
+        return self.default_rate if interval is None else 1e6 / interval
 
     def receive(self, now: float) -> list[Packet]:
         said, self._answers = self._answers, []
@@ -72,12 +72,12 @@ def watched(wire: Wire, monkeypatch: pytest.MonkeyPatch, until: float) -> Statio
 
 
 @pytest.mark.parametrize("kind", [ArduPlane, Px4])
-@pytest.mark.parametrize("own_rate", [0.0, 1.0])
+@pytest.mark.parametrize("default_rate", [0.0, 1.0])
 def test_a_vehicle_that_says_little_is_asked_for_what_the_screen_shows(
-    kind: type[ForeignVehicle], own_rate: float, monkeypatch: pytest.MonkeyPatch
+    kind: type[ForeignVehicle], default_rate: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     vehicle = kind()
-    station = watched(Wire(vehicle, own_rate), monkeypatch, LOOK + 6.0)
+    station = watched(Wire(vehicle, default_rate), monkeypatch, LOOK + 6.0)
     assert vehicle.intervals == {stream.number: 1e6 / stream.rate for stream in STREAMS}
     assert station.connection.state.roll is not None
     (row,) = [row for row in station.traffic.rows(LOOK + 6.0) if row.name == "ATTITUDE"]

@@ -89,7 +89,7 @@ def test_what_never_comes_is_said(capsys: Capture) -> None:
 
 
 @pytest.mark.parametrize(
-    ("field", "said"),
+    ("field", "reports"),
     [
         ("pitch", "'pitch' is not MESSAGE.FIELD"),
         ("ATITUDE.pitch", "unknown message ATITUDE (meant 'ATTITUDE'?)"),
@@ -99,10 +99,10 @@ def test_what_never_comes_is_said(capsys: Capture) -> None:
         ("ATTITUDE.pitch[0]", "ATTITUDE.pitch is no array"),
     ],
 )
-def test_a_wrong_field_is_one_line_that_helps(field: str, said: str, capsys: Capture) -> None:
+def test_a_wrong_field_is_one_line_that_helps(field: str, reports: str, capsys: Capture) -> None:
     assert gcs("udpout:127.0.0.1:9", "watch", field) == 2
     text = capsys.readouterr().err
-    assert said in text and text.count("\n") == 1
+    assert reports in text and text.count("\n") == 1
 
 
 def test_names_that_are_near_a_misspelt_one_are_offered(tmp_path: Path, capsys: Capture) -> None:
@@ -110,7 +110,7 @@ def test_names_that_are_near_a_misspelt_one_are_offered(tmp_path: Path, capsys: 
     file.write_text("1\t1\tGIAN_7\t1.0\t9\n")
     with on_the_air(LossyVehicle()) as url:
         assert gcs(url, "param", "get", "PICH_P") == 1
-        assert "PICH_P" in (said := capsys.readouterr().err) and "(meant 'PITCH_P'?)" in said
+        assert "PICH_P" in (reports := capsys.readouterr().err) and "(meant 'PITCH_P'?)" in reports
         assert gcs(url, "param", "load", str(file)) == 2
         assert f"no parameter GIAN_7 of {file} (meant 'GAIN_7'?)" in capsys.readouterr().err
         assert gcs(url, "mode", "LOITTER") == 2
@@ -185,9 +185,9 @@ def test_progress_is_a_line_on_stderr_where_there_is_no_terminal(capsys: Capture
 def test_a_lossy_link_says_that_it_retries_and_gets_all(capsys: Capture) -> None:
     with on_the_air(Deaf()) as url:
         assert gcs(url, "param", "list", "--json") == 0
-    said = capsys.readouterr()
-    assert len(json.loads(said.out)["parameters"]) == 40
-    assert "got 20 of 40 parameters, retrying" in said.err.splitlines()
+    reports = capsys.readouterr()
+    assert len(json.loads(reports.out)["parameters"]) == 40
+    assert "got 20 of 40 parameters, retrying" in reports.err.splitlines()
 
 
 class Deaf(LossyVehicle):
@@ -195,21 +195,21 @@ class Deaf(LossyVehicle):
 
     def __init__(self) -> None:
         super().__init__()
-        self.unheard = 3 * 12
+        self.silent_link = 3 * 12
 
     def _param_request_list(self, message: object) -> list[object]:
         return super()._param_request_list(message)[:20]
 
     def _param_request_read(self, message: object) -> list[object]:
-        self.unheard -= 1
-        return [] if self.unheard >= 0 else super()._param_request_read(message)
+        self.silent_link -= 1
+        return [] if self.silent_link >= 0 else super()._param_request_read(message)
 
 
 @pytest.mark.parametrize("place", [("0", "0"), ("0.00000004", "-0.0")])
 def test_a_place_that_means_here_on_the_wire_is_refused(place: tuple[str, str], capsys: Capture) -> None:
     assert gcs("udpout:127.0.0.1:9", "--timeout", "0.1", "goto", *place, "--altitude", "30") == 2
-    said = capsys.readouterr().err
-    assert "latitude and longitude 0 mean the current position" in said and said.count("\n") == 1
+    reports = capsys.readouterr().err
+    assert "latitude and longitude 0 mean the current position" in reports and reports.count("\n") == 1
 
 
 class Standing(LossyVehicle):
@@ -248,15 +248,15 @@ def test_loaded_parameters_are_told_with_what_they_were_before(tmp_path: Path, c
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "reports"),
     [
         (("mission", "download", "m.toml"), "m.toml: its name must end in .waypoints or "),
         (("record", "q.txt"), "q.txt: its name must end in .mcap"),
     ],
 )
 def test_a_file_is_written_in_the_format_of_its_name_alone(
-    words: tuple[str, ...], said: str, capsys: Capture
+    words: tuple[str, ...], reports: str, capsys: Capture
 ) -> None:
     assert main(["gcs", "udpout:127.0.0.1:9", *words]) == 2
     text = capsys.readouterr().err
-    assert said in text and text.count("\n") == 1
+    assert reports in text and text.count("\n") == 1

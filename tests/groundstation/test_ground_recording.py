@@ -22,7 +22,7 @@ from groundstation.command.main import main
 from groundstation.link.frames import Arrival, GroundReader, read
 from groundstation.link.recording import Recording, Where
 from logs.info import summary
-from logs.new_files import held
+from logs.new_files import locked_name
 from logs.reader import open_log
 
 Capture = pytest.CaptureFixture[str]
@@ -184,7 +184,7 @@ def test_two_that_begin_in_the_same_second_have_two_files(tmp_path: Path, monkey
     """Given another program that holds the name without a file of it yet, a further one is taken."""
     ground = Ground(tmp_path)
     monkeypatch.setattr("logs.names.datetime", SimpleNamespace(now=lambda: datetime(2026, 11, 21, 13, 15, 0)))
-    with held(tmp_path / "gcs-flapping_wing-1-20261121-131500.mcap") as ours:
+    with locked_name(tmp_path / "gcs-flapping_wing-1-20261121-131500.mcap") as ours:
         assert ours
         ground.fly(0.5)
     ground.recording.close()

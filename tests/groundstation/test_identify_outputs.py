@@ -20,7 +20,7 @@ from wingbeat.message import Event, Severity
 
 
 @pytest.mark.parametrize(
-    ("option", "name", "told"),
+    ("option", "name", "stated"),
     [
         ("--report", "kept.html", r"kept.html exists: it is not overwritten$"),
         ("--model", "kept.toml", r"kept.toml exists: it is not overwritten$"),
@@ -30,12 +30,12 @@ from wingbeat.message import Event, Severity
     ],
 )
 def test_a_file_that_exists_is_refused_before_the_log_is_opened(
-    tmp_path: Path, option: str, name: str, told: str
+    tmp_path: Path, option: str, name: str, stated: str
 ) -> None:
     for kept in ("kept.html", "kept.toml"):
         (tmp_path / kept).write_text("mine", encoding="utf-8")
     (tmp_path / "bird").mkdir()
-    with pytest.raises(InputError, match=told) as refused:
+    with pytest.raises(InputError, match=stated) as refused:
         identify.run([str(tmp_path / "no_such_log.mcap"), option, str(tmp_path / name)])
     assert "\n" not in str(refused.value)
     assert (tmp_path / "kept.html").read_text(encoding="utf-8") == "mine"
@@ -66,9 +66,9 @@ def test_a_damaged_log_says_so_beside_what_it_gives(
     assert capsys.readouterr().err == ""
     path.write_bytes(whole[: len(whole) // 2])
     assert identify.run([str(path), "servo", "--json"]) == 0
-    told = capsys.readouterr()
-    assert json.loads(told.out)
-    assert told.err.startswith(f"wingbeat: {path}: ") and told.err.endswith("readable data were identified\n")
+    stated = capsys.readouterr()
+    assert json.loads(stated.out)
+    assert stated.err.startswith(f"wingbeat: {path}: ") and stated.err.endswith("readable data were identified\n")
 
 
 def test_an_elevator_is_not_made_where_the_log_tells_its_angle(tmp_path: Path) -> None:
@@ -94,11 +94,11 @@ def test_what_a_damaged_log_lacks_is_refused_with_the_damage(tmp_path: Path) -> 
 
 def test_held_out_logs_stand_behind_the_others() -> None:
     files = [Path(f"{name}.mcap") for name in "abc"]
-    every, held = identify._held_out(files, [Path("a.mcap"), Path("d.mcap")], None)
-    assert [one.stem for one in every] == ["b", "c", "a", "d"] and held == [2, 3]
-    every, held = identify._held_out(files, [], 0.3)
+    every, held_out = identify._held_out(files, [Path("a.mcap"), Path("d.mcap")], None)
+    assert [one.stem for one in every] == ["b", "c", "a", "d"] and held_out == [2, 3]
+    every, held_out = identify._held_out(files, [], 0.3)
     backwards, _ = identify._held_out(files[::-1], [], 0.3)
-    assert sorted(every) == files and held == [2] and every[2] == backwards[2]
+    assert sorted(every) == files and held_out == [2] and every[2] == backwards[2]
 
 
 def test_help_has_both_options_with_an_example(capsys: pytest.CaptureFixture[str]) -> None:

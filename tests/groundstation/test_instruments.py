@@ -63,11 +63,11 @@ def colors(text: Text, columns: int) -> list[list[tuple[int, int, int] | None]]:
     return cells
 
 
-@pytest.mark.parametrize(("columns", "beside"), [(24, "mean"), (32, "mean  0.35 Wh"), (44, "mean  0.35 Wh drawn")])
-def test_the_power_says_that_it_is_a_mean_and_is_not_cut(columns: int, beside: str) -> None:
+@pytest.mark.parametrize(("columns", "adjacent"), [(24, "mean"), (32, "mean  0.35 Wh"), (44, "mean  0.35 Wh drawn")])
+def test_the_power_says_that_it_is_a_mean_and_is_not_cut(columns: int, adjacent: str) -> None:
     state = VehicleState(voltage=8.0, current=4.0, power=32.0, energy=1260.0, mean_supply=True)
     lines = drawn(panels.power(Picture(state=state), columns, 3), columns)
-    assert lines[2].split(maxsplit=1)[1].strip() == f"32.0 W  {beside}"
+    assert lines[2].split(maxsplit=1)[1].strip() == f"32.0 W  {adjacent}"
     assert "8.00 V  4.00 A" in lines[1] and not any("…" in line for line in lines)
 
 

@@ -15,7 +15,7 @@ BOARD = ["--board", "hil:tcp:127.0.0.1:9"]
 
 @pytest.mark.parametrize("run", [avionics.run, fly.run])
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "reports"),
     [
         (["--identity", "betaflight"], "generic, ardupilot, px4"),
         (["--signing-key", "no-such.key"], "no such file"),
@@ -23,12 +23,12 @@ BOARD = ["--board", "hil:tcp:127.0.0.1:9"]
     ],
 )
 def test_what_cannot_be_is_refused_before_anything_begins(
-    run: object, words: list[str], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    run: object, words: list[str], reports: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("WINGBEAT_STATE", str(tmp_path / "state"))
     assert callable(run)
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(InputError, match=reports):
         run([*(BOARD if run is avionics.run else []), *words])
 
 

@@ -148,7 +148,7 @@ def test_a_mode_is_chosen_from_the_list() -> None:
 def test_a_refusal_is_told_in_the_vehicles_words(key: str, command: str) -> None:
     async def script(pilot: Pilot[None], station: Station, vehicle: LossyVehicle) -> None:
         vehicle.results[getattr(mavlink, command)] = mavlink.MAV_RESULT_DENIED
-        vehicle.says = ["not in flight"]
+        vehicle.reports = ["not in flight"]
         await pilot.press(key)
         await until(pilot, lambda: bool(station.picture().notes))
         note = station.picture().notes[-1]
@@ -192,7 +192,7 @@ def test_a_field_is_named_by_hand_and_a_wrong_name_is_refused() -> None:
             line.value = f"attitude.{name}"
             await pilot.press("enter")
             expected = min(number + 1, MOST)
-            await until(pilot, lambda wanted=expected: len(pilot.app.query(Plot)) == wanted)
+            await until(pilot, lambda target=expected: len(pilot.app.query(Plot)) == target)
         # Letters are typed into the line, and are keys again behind it.
         await pilot.press("x")
         await until(pilot, lambda: len(pilot.app.query(Plot)) == MOST - 1)

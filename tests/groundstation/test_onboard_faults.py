@@ -81,7 +81,7 @@ class Flight:
         return [message for topic, message in self.memory.kept if topic is topics.LINK_EVENTS]
 
     def texts(self) -> str:
-        return "".join(each.text for each in self.ear.heard if each.get_type() == "STATUSTEXT")
+        return "".join(each.text for each in self.ear.received if each.get_type() == "STATUSTEXT")
 
 
 def once(owner: Any, name: str) -> None:
@@ -118,7 +118,7 @@ def test_a_part_that_raises_costs_no_tick_and_is_reported_once(part: str) -> Non
     assert errors[0].text in flight.texts()
     shown = "\n".join(flight.lines)
     assert errors[0].text in shown and "Traceback" not in shown
-    beats = [each for each in flight.ear.heard if each.get_type() == "HEARTBEAT"]
+    beats = [each for each in flight.ear.received if each.get_type() == "HEARTBEAT"]
     assert len(beats) >= TICKS * TICK_US * 1e-6 - 2.0
     imu = [message.time_us for topic, message in flight.memory.kept if topic is topics.IMU]
     assert TICKS - len(imu) <= (part == "recorder")

@@ -39,11 +39,11 @@ class Ear:
 
     def __init__(self) -> None:
         self.url = parse_url("udpin:127.0.0.1:14550")
-        self.heard: list[Any] = []
+        self.received: list[Any] = []
         self._station = FrameWriter(255, 190)
         self._waiting: list[Packet] = []
 
-    def say(self, message: Any) -> None:
+    def send_text(self, message: Any) -> None:
         self._waiting.append(Packet(self._station.pack(message), "station"))
 
     def receive(self, now: float) -> list[Packet]:
@@ -54,7 +54,7 @@ class Ear:
         pass
 
     def send(self, data: bytes, peer: Peer | None = None) -> None:
-        self.heard += [decode(frame) for frame in FrameReader().feed(data)]
+        self.received += [decode(frame) for frame in FrameReader().feed(data)]
 
     def close(self) -> None:
         pass
@@ -81,18 +81,18 @@ class Bench(Rest):
     def fly(self) -> None:
         self.onboard.fly(self, GroundLink([self.ear], self.onboard.view))
 
-    def ask(self, command: int, *params: float) -> None:
-        self.ear.say(mavlink.MAVLink_command_long_message(1, 1, command, 0, *(*params, *(0.0,) * 7)[:7]))
+    def request(self, command: int, *params: float) -> None:
+        self.ear.send_text(mavlink.MAVLink_command_long_message(1, 1, command, 0, *(*params, *(0.0,) * 7)[:7]))
 
-    def heard(self, kind: str) -> list[Any]:
-        return [each for each in self.ear.heard if each.get_type() == kind]
+    def received(self, kind: str) -> list[Any]:
+        return [each for each in self.ear.received if each.get_type() == kind]
 
     def acks(self) -> list[tuple[int, int]]:
-        return [(each.command, each.result) for each in self.heard("COMMAND_ACK")]
+        return [(each.command, each.result) for each in self.received("COMMAND_ACK")]
 
     def texts(self) -> list[str]:
         """What was said of the silence."""
-        return [each.text for each in self.heard("STATUSTEXT") if "no sensor frames" in each.text]
+        return [each.text for each in self.received("STATUSTEXT") if "no sensor frames" in each.text]
 
     def obeyed(self) -> list[tuple[str, int]]:
         """Kinds of the commands that entered, and the tick in which they did."""
@@ -121,16 +121,16 @@ def idle(duration: float) -> Iterator[float]:
 
 
 def stabilize(board: Bench) -> None:
-    board.ask(mavlink.MAV_CMD_DO_SET_MODE, 1.0, 7 << 16)
+    board.request(mavlink.MAV_CMD_DO_SET_MODE, 1.0, 7 << 16)
 
 
 def test_a_command_while_the_board_is_silent_is_refused_and_not_obeyed_later() -> None:
     def meanwhile(board: Bench) -> Iterator[float]:
         yield from idle(1.0)
-        board.ask(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
+        board.request(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
         stabilize(board)
-        board.ear.say(mavlink.MAVLink_set_mode_message(1, 1, 7 << 16))
-        board.ear.say(mavlink.MAVLink_mission_set_current_message(1, 1, 2))
+        board.ear.send_text(mavlink.MAVLink_set_mode_message(1, 1, 7 << 16))
+        board.ear.send_text(mavlink.MAVLink_mission_set_current_message(1, 1, 2))
         yield from idle(20.0)
 
     board = bench(meanwhile)
@@ -196,7 +196,7 @@ def test_what_stops_the_wings_waits_and_is_obeyed_at_the_first_tick_once(
     def meanwhile(board: Bench) -> Iterator[float]:
         yield from idle(1.0)
         for _ in range(3):
-            board.ask(command, *params)
+            board.request(command, *params)
             yield from idle(3.0)
 
     board = bench(meanwhile)
@@ -206,19 +206,19 @@ def test_what_stops_the_wings_waits_and_is_obeyed_at_the_first_tick_once(
 
 def test_old_sticks_are_not_flown_and_fresh_ones_are() -> None:
     def stick(board: Bench) -> None:
-        board.ear.say(mavlink.MAVLink_manual_control_message(1, 500, 0, 500, 0, 0))
+        board.ear.send_text(mavlink.MAVLink_manual_control_message(1, 500, 0, 500, 0, 0))
 
     def fallen_silent(board: Bench) -> Iterator[float]:
         stick(board)
         yield from idle(2.0)
 
-    def held(board: Bench) -> Iterator[float]:
+    def fixed(board: Bench) -> Iterator[float]:
         for _ in range(40):
             stick(board)
             yield POLL
 
     assert bench(fallen_silent).sticks() == []
-    sticks = bench(held).sticks()
+    sticks = bench(fixed).sticks()
     assert set(sticks) == {20} and len(sticks) <= 11
 
 
@@ -226,7 +226,7 @@ def test_a_kill_switch_among_old_channels_still_kills() -> None:
     def meanwhile(board: Bench) -> Iterator[float]:
         board.onboard.view.autopilot.memory.modes = board.onboard.view.autopilot.memory.modes._replace(armed=1)
         yield from idle(1.0)
-        board.ear.say(
+        board.ear.send_text(
             mavlink.MAVLink_rc_channels_override_message(1, 1, 1500, 1500, 1000, 1500, 1000, 1000, KILL_ON, 1000)
         )
         yield from idle(5.0)
@@ -240,28 +240,28 @@ def test_parameters_and_missions_are_refused_too_and_what_is_only_asked_is_answe
 
     def meanwhile(board: Bench) -> Iterator[float]:
         yield from idle(1.0)
-        board.ear.say(mavlink.MAVLink_param_set_message(1, 1, b"NAV_LOITER_TIME", 20.0, 9))
-        board.ear.say(mavlink.MAVLink_mission_count_message(1, 1, 1))
-        board.ear.say(mavlink.MAVLink_mission_clear_all_message(1, 1, mavlink.MAV_MISSION_TYPE_ALL))
-        board.ask(mavlink.MAV_CMD_REQUEST_MESSAGE, float(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION))
-        board.ask(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, float(mavlink.MAVLINK_MSG_ID_ATTITUDE), 1e5)
+        board.ear.send_text(mavlink.MAVLink_param_set_message(1, 1, b"NAV_LOITER_TIME", 20.0, 9))
+        board.ear.send_text(mavlink.MAVLink_mission_count_message(1, 1, 1))
+        board.ear.send_text(mavlink.MAVLink_mission_clear_all_message(1, 1, mavlink.MAV_MISSION_TYPE_ALL))
+        board.request(mavlink.MAV_CMD_REQUEST_MESSAGE, float(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION))
+        board.request(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, float(mavlink.MAVLINK_MSG_ID_ATTITUDE), 1e5)
         yield from idle(3.0)
 
     board = bench(meanwhile)
     assert board.obeyed() == []
-    assert [each.param_value for each in board.heard("PARAM_VALUE")] == [30.0]
-    assert [each.error for each in board.heard("PARAM_ERROR")] == [mavlink.MAV_PARAM_ERROR_PERMISSION_DENIED]
-    assert [each.type for each in board.heard("MISSION_ACK")] == [mavlink.MAV_MISSION_DENIED] * 2
-    assert [result for _, result in board.acks()] == [ACCEPTED, ACCEPTED] and board.heard("AUTOPILOT_VERSION")
+    assert [each.param_value for each in board.received("PARAM_VALUE")] == [30.0]
+    assert [each.error for each in board.received("PARAM_ERROR")] == [mavlink.MAV_PARAM_ERROR_PERMISSION_DENIED]
+    assert [each.type for each in board.received("MISSION_ACK")] == [mavlink.MAV_MISSION_DENIED] * 2
+    assert [result for _, result in board.acks()] == [ACCEPTED, ACCEPTED] and board.received("AUTOPILOT_VERSION")
 
 
 def test_when_the_board_is_back_commands_are_taken_again() -> None:
     board: Bench
 
-    def ask() -> Iterator[float]:
+    def request() -> Iterator[float]:
         stabilize(board)
         yield 0.0
 
-    board = Bench(40, {20: lambda: idle(30.0), 25: ask})
+    board = Bench(40, {20: lambda: idle(30.0), 25: request})
     board.fly()
     assert board.acks() == [(mavlink.MAV_CMD_DO_SET_MODE, ACCEPTED)] and board.obeyed() == [("SET_MODE", 26)]

@@ -17,12 +17,12 @@ HELD = 30
 """frames before it arms"""
 
 
-def fly(url: str, heard: list[int]) -> None:
+def fly(url: str, received: list[int]) -> None:
     """A flight computer that arms after `HELD` frames and answers until the world ends."""
     board = HilBoard(url)
     while (frame := board.read()) is not None:
-        heard.append(frame.time_us)
-        board.write(NEUTRAL._replace(time_us=frame.time_us, armed=int(len(heard) > HELD)))
+        received.append(frame.time_us)
+        board.write(NEUTRAL._replace(time_us=frame.time_us, armed=int(len(received) > HELD)))
     board.close()
 
 
@@ -33,14 +33,14 @@ def test_a_world_alone_says_what_the_launcher_does_and_when_a_fault_comes(
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         url = f"tcp:127.0.0.1:{probe.getsockname()[1]}"
-    heard: list[int] = []
-    computer = threading.Thread(target=fly, args=(url, heard))
+    received: list[int] = []
+    computer = threading.Thread(target=fly, args=(url, received))
     computer.start()
     log = tmp_path / "world.mcap"
     code = main(["sim", "--listen", url, "--log", str(log), "--duration", "1", "--fault", "gps_lost@0.5"])
     computer.join(20.0)
     said = capsys.readouterr()
-    assert (code, said.out, len(heard)) == (0, "", 200)
+    assert (code, said.out, len(received)) == (0, "", 200)
     assert said.err.splitlines() == [
         f"Robo Raven II with wing D (Gerdes, Bruck, Gupta 2017), waiting for a flight computer on {url}",
         f"{sim.WAITING}{sim.HURRIED}",

@@ -38,12 +38,12 @@ def shown(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[list[tupl
     cells: list[tuple[str, str]] = []
     add_row = tables.PlainTable.add_row
 
-    def noted(self: tables.PlainTable, *row: str | Text) -> None:
+    def recorded(self: tables.PlainTable, *row: str | Text) -> None:
         plain = (one.plain if isinstance(one, Text) else one for one in row)
         cells.extend((kind, cell) for (_, kind), cell in zip(self._columns, plain, strict=False))
         add_row(self, *row)
 
-    monkeypatch.setattr(tables.PlainTable, "add_row", noted)
+    monkeypatch.setattr(tables.PlainTable, "add_row", recorded)
     monkeypatch.setattr(campaign_report, "read_table", lambda path: campaign_table())
     monkeypatch.chdir(tmp_path)
     yield cells

@@ -24,7 +24,7 @@ def frames_of(count: int, start: int = 0) -> list[Any]:
     return GroundReader().feed(data)
 
 
-def heard(frames: list[Any], period: float = 0.02, decoded: bool = False) -> tuple[Traffic, float]:
+def received(frames: list[Any], period: float = 0.02, decoded: bool = False) -> tuple[Traffic, float]:
     traffic = Traffic()
     for number, frame in enumerate(frames):
         traffic.handle_frame(Arrival(frame, read(frame) if decoded else None, number * period))
@@ -35,12 +35,12 @@ def heard(frames: list[Any], period: float = 0.02, decoded: bool = False) -> tup
 @settings(max_examples=40, deadline=None)
 def test_what_is_missing_from_the_count_is_lost(start: int, dropped: set[int]) -> None:
     frames = [frame for number, frame in enumerate(frames_of(300, start)) if number not in dropped]
-    traffic, now = heard(frames)
+    traffic, now = received(frames)
     assert traffic.quality(now).lost == len(dropped)
 
 
 def test_nothing_is_lost_on_a_perfect_link_beyond_255() -> None:
-    traffic, now = heard(frames_of(1000))
+    traffic, now = received(frames_of(1000))
     assert traffic.quality(now).lost == 0 and traffic.quality(now).loss == 0.0
 
 
@@ -49,7 +49,7 @@ def test_what_comes_late_or_twice_is_not_lost() -> None:
     frames[100], frames[101] = frames[101], frames[100]
     frames.insert(50, frames[49])
     frames.insert(200, frames[150])
-    quality = heard(frames)[0].quality(6.0)
+    quality = received(frames)[0].quality(6.0)
     assert (quality.lost, quality.doubled) == (0, 2)
 
 
@@ -57,7 +57,7 @@ def test_what_comes_late_or_twice_is_not_lost() -> None:
 def test_loss_is_that_of_the_last_seconds(loss: float) -> None:
     every = round(1 / loss) if loss else 10**9
     frames = [frame for number, frame in enumerate(frames_of(1000)) if number % every or number < 500]
-    traffic, now = heard(frames)
+    traffic, now = received(frames)
     assert traffic.quality(now).loss == pytest.approx(loss, abs=0.02)
 
 
@@ -67,11 +67,11 @@ def test_two_senders_have_counts_of_their_own() -> None:
     for frame in frames_of(100):
         other.seq = (other.seq + 1) % 256
         mixed += [frame, *GroundReader().feed(mavlink.MAVLink_ping_message(1, 1, 0, 0).pack(other))]
-    assert heard(mixed)[0].quality(4.0).lost == 0
+    assert received(mixed)[0].quality(4.0).lost == 0
 
 
 def test_rates_are_measured_and_silence_is_none() -> None:
-    traffic, now = heard(frames_of(500), 0.02, decoded=True)
+    traffic, now = received(frames_of(500), 0.02, decoded=True)
     (row,) = traffic.rows(now)
     assert (row.name, row.sender, row.total) == ("ATTITUDE", (1, 1), 500)
     assert row.rate == pytest.approx(50.0) and row.age == 0.0
@@ -84,7 +84,7 @@ def test_rates_are_measured_and_silence_is_none() -> None:
 
 
 def test_a_field_is_remembered_with_its_times() -> None:
-    traffic, _ = heard(frames_of(10), 0.5, decoded=True)
+    traffic, _ = received(frames_of(10), 0.5, decoded=True)
     series = traffic.series("ATTITUDE", "roll")
     assert [at for at, _ in series] == [0.5 * n for n in range(10)]
     assert [value for _, value in series] == pytest.approx([0.1 * n for n in range(10)])

@@ -71,10 +71,10 @@ def test_what_was_written_is_tuned_no_more(capsys: Capture, tmp_path: Path) -> N
     assert main(["tune", ARIZONA, "--no-fly", "--out", str(out)]) == 0
     capsys.readouterr()
     assert main(["tune", ARIZONA, "--vehicle", str(out), "--no-fly", "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    for loop in told["loops"]:
+    stated = json.loads(capsys.readouterr().out)
+    for loop in stated["loops"]:
         assert loop["before"]["keeps"], loop["name"]
-    inner = [loop for loop in told["loops"] if loop["name"] in ("pitch", "roll")]
+    inner = [loop for loop in stated["loops"] if loop["name"] in ("pitch", "roll")]
     assert all(loop["before"]["gains"] == loop["after"]["gains"] for loop in inner)
 
 
@@ -82,12 +82,12 @@ def test_what_was_written_is_tuned_no_more(capsys: Capture, tmp_path: Path) -> N
 def test_tuning_flies_before_and_after_and_tells_programs(capsys: Capture, tmp_path: Path) -> None:
     bird = badly_tuned("arizona_100cm", tmp_path / "sharp")
     assert main(["tune", ARIZONA, "--vehicle", bird, "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert set(told) == {name for key in tune.JSON_KEYS for name in key.split(", ")}
-    assert all(loop["after"]["keeps"] and loop["after"]["stable"] for loop in told["loops"])
-    assert not all(loop["before"]["keeps"] for loop in told["loops"])
-    assert told["written"] == []
-    before, after = told["flights"]["before"], told["flights"]["after"]
+    stated = json.loads(capsys.readouterr().out)
+    assert set(stated) == {name for key in tune.JSON_KEYS for name in key.split(", ")}
+    assert all(loop["after"]["keeps"] and loop["after"]["stable"] for loop in stated["loops"])
+    assert not all(loop["before"]["keeps"] for loop in stated["loops"])
+    assert stated["written"] == []
+    before, after = stated["flights"]["before"], stated["flights"]["after"]
     assert set(before) == set(FlightQuality._fields)
     for flight in (before, after):
         assert flight["holds"] == 2 and flight["airtime"] == pytest.approx(36.0) and not flight["touched"]
@@ -134,7 +134,9 @@ def test_an_existing_vehicle_is_never_overwritten(taken: str, capsys: Capture, t
 def test_a_place_that_cannot_be_written_is_told_before_the_work(
     out: str, part: str | None, capsys: Capture, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(tune, "design", lambda model, vehicle, told: pytest.fail("designed") if part else kept(model))
+    monkeypatch.setattr(
+        tune, "design", lambda model, vehicle, stated: pytest.fail("designed") if part else kept(model)
+    )
     (tmp_path / "file").write_text("mine")
     assert main(["tune", RAVEN, "--no-fly", "--out", str(tmp_path / out)]) == (2 if part else 0)
     said = capsys.readouterr()
@@ -159,7 +161,7 @@ def test_a_model_that_cannot_be_written_is_told_before_the_work(
 def test_that_nothing_was_written_is_said_with_the_words_that_write(
     capsys: Capture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(tune, "design", lambda model, vehicle, told: kept(model))
+    monkeypatch.setattr(tune, "design", lambda model, vehicle, stated: kept(model))
     assert main(["tune", RAVEN, "--no-fly"]) == 0
     last = capsys.readouterr().out.splitlines()[-1]
     assert last.startswith("nothing was written; ") and f"wingbeat tune {RAVEN} --no-fly --out DIR" in last

@@ -26,14 +26,14 @@ Capture = pytest.CaptureFixture[str]
 
 
 @pytest.fixture(autouse=True)
-def untold(monkeypatch: pytest.MonkeyPatch) -> None:
+def unreported(monkeypatch: pytest.MonkeyPatch) -> None:
     """What is said on stderr does not hang on what the cache of kernels has."""
     monkeypatch.setattr(validate, "announced", lambda quiet: nullcontext())
 
 
-@pytest.mark.parametrize(("words", "said"), [([], f"{COMPILING_METHODS}\n"), (["--json"], "")])
+@pytest.mark.parametrize(("words", "reports"), [([], f"{COMPILING_METHODS}\n"), (["--json"], "")])
 def test_a_compilation_is_announced_once_and_not_to_programs(
-    words: list[str], said: str, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+    words: list[str], reports: str, capsys: Capture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     kernels = [numba.njit(lambda x: x + 1), numba.njit(lambda x: x + 2)]
 
@@ -45,28 +45,28 @@ def test_a_compilation_is_announced_once_and_not_to_programs(
     monkeypatch.setattr(validate, "announced", announced)
     monkeypatch.setitem(PAPERS, "sibilski", PAPERS["sibilski"]._replace(checks=(check,)))
     assert main(["validate", "--only", "sibilski", *words]) == 0
-    assert capsys.readouterr().err == said
+    assert capsys.readouterr().err == reports
 
 
 def test_one_paper_is_told_to_people(capsys: Capture) -> None:
     assert main(["validate", "--only", "yeo"]) == 0
-    said = capsys.readouterr()
-    assert said.err == ""
-    assert "Yeo, Atkins, Shyy 2011" in said.out and "Gerdes" not in said.out
-    assert "within 5 %" in said.out and "falls short of" in said.out and "4 figures: within 3" in said.out
+    reports = capsys.readouterr()
+    assert reports.err == ""
+    assert "Yeo, Atkins, Shyy 2011" in reports.out and "Gerdes" not in reports.out
+    assert "within 5 %" in reports.out and "falls short of" in reports.out and "4 figures: within 3" in reports.out
 
 
 def test_one_paper_is_told_to_programs(capsys: Capture, monkeypatch: pytest.MonkeyPatch) -> None:
     quick = tuple(check for check in PAPERS["gerdes"].checks if not check.slow)
     monkeypatch.setitem(PAPERS, "gerdes", PAPERS["gerdes"]._replace(checks=quick))
     assert main(["validate", "--only", "gerdes", "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert set(told) | {"rows"} == set(validate.JSON_KEYS)
-    assert [one["paper"] for one in told["left_out"]] == ["gerdes"]
-    (paper,) = told["papers"]
+    stated = json.loads(capsys.readouterr().out)
+    assert set(stated) | {"rows"} == set(validate.JSON_KEYS)
+    assert [one["paper"] for one in stated["left_out"]] == ["gerdes"]
+    (paper,) = stated["papers"]
     assert paper["name"] == "gerdes" and paper["title"] == PAPERS["gerdes"].title
-    assert sum(told["counts"].values()) == len(paper["rows"])
-    assert set(told["counts"]) == set(OUTCOMES)
+    assert sum(stated["counts"].values()) == len(paper["rows"])
+    assert set(stated["counts"]) == set(OUTCOMES)
     for row in paper["rows"]:
         assert all(key in validate.JSON_KEYS["rows"] for key in row)
         low, high = row["published"]
@@ -81,9 +81,9 @@ def test_the_table_says_every_verdict_and_note_at_any_width(columns: int) -> Non
     rows = [row for check in PAPERS["gerdes"].checks if not check.slow for row in check.rows()]
     console = Console(width=columns, record=True, file=io.StringIO())
     console.print(validation_table({"gerdes": rows}))
-    told = console.export_text()
-    assert max(map(len, told.splitlines())) <= columns and "…" not in told
-    whole = " ".join(told.split())
+    stated = console.export_text()
+    assert max(map(len, stated.splitlines())) <= columns and "…" not in stated
+    whole = " ".join(stated.split())
     notes = list(dict.fromkeys(row.why for row in rows if row.why))
     for number, words in enumerate(notes, start=1):
         assert f"[{number}] {words}" in whole
@@ -107,22 +107,22 @@ def test_slow_rows_are_announced(capsys: Capture, monkeypatch: pytest.MonkeyPatc
 
 def test_studies_are_named_and_computed_when_asked_for(capsys: Capture, monkeypatch: pytest.MonkeyPatch) -> None:
     check = PAPERS["sibilski"].checks[0]
-    study = Study("the same at length", lambda told: check.rows())
+    study = Study("the same at length", lambda stated: check.rows())
     monkeypatch.setitem(PAPERS, "sibilski", PAPERS["sibilski"]._replace(checks=(), studies=(study,)))
     assert main(["validate", "--only", "sibilski"]) == 0
-    said = capsys.readouterr()
-    assert said.err == "" and "0 figures" in said.out
-    assert "not computed, minutes: sibilski, the same at length (--studies)" in said.out
+    reports = capsys.readouterr()
+    assert reports.err == "" and "0 figures" in reports.out
+    assert "not computed, minutes: sibilski, the same at length (--studies)" in reports.out
     assert main(["validate", "--only", "sibilski", "--studies"]) == 0
-    said = capsys.readouterr()
-    assert said.err == "sibilski: the same at length, which takes minutes\n"
-    assert f"{len(check.rows())} figures" in said.out and "not computed" not in said.out
+    reports = capsys.readouterr()
+    assert reports.err == "sibilski: the same at length, which takes minutes\n"
+    assert f"{len(check.rows())} figures" in reports.out and "not computed" not in reports.out
 
 
 def test_an_unknown_paper_is_one_line(capsys: Capture) -> None:
     assert main(["validate", "--only", "lilienthal"]) == 2
-    said = capsys.readouterr()
-    assert said.out == "" and "lilienthal" in said.err and said.err.count("\n") == 1
+    reports = capsys.readouterr()
+    assert reports.out == "" and "lilienthal" in reports.err and reports.err.count("\n") == 1
 
 
 def test_the_polar_plots_are_drawn_once(tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -138,8 +138,8 @@ def test_the_polar_plots_are_drawn_once(tmp_path: Path, capsys: Capture, monkeyp
 
 def test_a_paper_without_pictures_says_which_have_some(tmp_path: Path, capsys: Capture) -> None:
     assert main(["validate", "--only", "sibilski", "--plots", str(tmp_path)]) == 2
-    said = capsys.readouterr()
-    assert said.err.endswith("sibilski has no pictures; grauer and lattice have\n") and not said.out
+    reports = capsys.readouterr()
+    assert reports.err.endswith("sibilski has no pictures; grauer and lattice have\n") and not reports.out
     assert list(tmp_path.iterdir()) == []
 
 
@@ -153,7 +153,7 @@ def test_the_wake_is_recorded_once_and_with_the_lattice_alone(
     begun = wing()._replace(nodes=wing().nodes + 1.0)
     blank = np.zeros((3, 1, 13)), np.zeros((0, 12))
     monkeypatch.setattr(
-        validate, "wake_course", lambda every, told: [Snapshot(0.0, begun.nodes, np.zeros(72), *blank)]
+        validate, "wake_course", lambda every, stated: [Snapshot(0.0, begun.nodes, np.zeros(72), *blank)]
     )
     words = ["validate", "--only", "lattice", "--json", "--scene", str(path)]
     assert main(words) == 0

@@ -29,7 +29,7 @@ def find_browser() -> str | None:
 
 
 class Browser:
-    """One page; `seen` has every event that the browser told."""
+    """One page; `observed` has every event that the browser told."""
 
     def __init__(self, program: str, profile: Path) -> None:
         ours_in, theirs_out = os.pipe()
@@ -55,14 +55,14 @@ class Browser:
         self._rest = b""
         self._number = 0
         self._session = ""
-        self.seen: list[dict[str, Any]] = []
-        page = next(t for t in self.ask("Target.getTargets")["targetInfos"] if t["type"] == "page")
-        attached = self.ask("Target.attachToTarget", targetId=page["targetId"], flatten=True)
+        self.observed: list[dict[str, Any]] = []
+        page = next(t for t in self.send_request("Target.getTargets")["targetInfos"] if t["type"] == "page")
+        attached = self.send_request("Target.attachToTarget", targetId=page["targetId"], flatten=True)
         self._session = attached["sessionId"]
         for domain in ("Page", "Runtime", "Log", "Network"):
-            self.ask(f"{domain}.enable")
+            self.send_request(f"{domain}.enable")
 
-    def ask(self, method: str, **parameters: Any) -> Any:
+    def send_request(self, method: str, **parameters: Any) -> Any:
         """The answer to one request."""
         self._number += 1
         request: dict[str, Any] = {"id": self._number, "method": method, "params": parameters}
@@ -74,11 +74,11 @@ class Browser:
             if answer.get("id") == self._number:
                 assert "error" not in answer, f"{method}: {answer['error']}"
                 return answer["result"]
-            self.seen.append(answer)
+            self.observed.append(answer)
 
     def open(self, path: Path) -> None:
         """Load a file and wait until its script has put the page together, or has failed to."""
-        self.ask("Page.navigate", url=path.resolve().as_uri())
+        self.send_request("Page.navigate", url=path.resolve().as_uri())
         ready = "document.getElementById('vehicle')?.textContent !== '' && document.readyState === 'complete'"
         limit = time.monotonic() + PATIENCE
         while not self.value(ready):
@@ -86,19 +86,19 @@ class Browser:
 
     def value(self, expression: str) -> Any:
         """What an expression is worth in the page; a promise is waited for."""
-        done = self.ask("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
+        done = self.send_request("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
         assert "exceptionDetails" not in done, done["exceptionDetails"]
         return done["result"].get("value")
 
     def events(self, *methods: str) -> list[Any]:
         """Parameters of the events of these names so far."""
-        return [event["params"] for event in self.seen if event.get("method") in methods]
+        return [event["params"] for event in self.observed if event.get("method") in methods]
 
     def close(self) -> None:
         """End the browser."""
         self._session = ""
         with contextlib.suppress(OSError, AssertionError):
-            self.ask("Browser.close")
+            self.send_request("Browser.close")
         for end in (self._in, self._out):
             os.close(end)
         try:

@@ -250,7 +250,7 @@ def test_a_topic_without_a_message_is_unknown_everywhere(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize(
-    ("topics_asked", "options", "part"),
+    ("requested_topics", "options", "part"),
     [
         ([], {}, "no topic to align"),
         (["/nowhere"], {}, "no topic /nowhere; it has: /sensors/imu"),
@@ -265,8 +265,8 @@ def test_a_topic_without_a_message_is_unknown_everywhere(tmp_path: Path) -> None
     ],
 )
 def test_what_cannot_be_aligned_is_one_line(
-    tmp_path: Path, topics_asked: list[str], options: dict[str, float], part: str
+    tmp_path: Path, requested_topics: list[str], options: dict[str, float], part: str
 ) -> None:
     log = open_log(record(tmp_path / "a.mcap", flight(0.5, (topics.IMU,))))
     with pytest.raises(InputError, match=part):
-        log.aligned(topics_asked, **options)
+        log.aligned(requested_topics, **options)

@@ -60,9 +60,9 @@ def counts_of(log: Log) -> dict[str, Any]:
 
 
 def columns_of(log: Log) -> dict[str, Any]:
-    found = attempt(log.tables)
-    if not isinstance(found, Refused):
-        return dict(found)
+    result = attempt(log.tables)
+    if not isinstance(result, Refused):
+        return dict(result)
     return {name: attempt(lambda n=name: log.columns(n)) for name in log.topics}
 
 
@@ -121,14 +121,14 @@ def same(one: Any, other: Any) -> bool:
     return bool(one == other or (one != one and other != other))
 
 
-def differs(found: Any, whole: Any, path: str = "") -> Iterator[str]:
+def differs(result: Any, whole: Any, path: str = "") -> Iterator[str]:
     """Where an answer that was not refused is not the whole file's."""
-    if isinstance(found, Refused):
+    if isinstance(result, Refused):
         return
-    if type(found) is dict and type(whole) is dict and found.keys() == whole.keys():
-        for key in found:
-            yield from differs(found[key], whole[key], f"{path}.{key}")
-    elif not same(found, whole):
+    if type(result) is dict and type(whole) is dict and result.keys() == whole.keys():
+        for key in result:
+            yield from differs(result[key], whole[key], f"{path}.{key}")
+    elif not same(result, whole):
         yield path
 
 
@@ -137,31 +137,31 @@ def rows(columns: Columns) -> list[Any]:
     return [repr(row) for row in zip(columns.log_time_ns.tolist(), *fields, strict=True)]
 
 
-def parts_of(whole: Iterable[Any], found: Iterable[Any]) -> bool:
+def parts_of(whole: Iterable[Any], result: Iterable[Any]) -> bool:
     """Whether everything found is in the whole, as often at most."""
     left = sorted(map(repr, whole))
-    for one in sorted(map(repr, found)):
+    for one in sorted(map(repr, result)):
         place = np.searchsorted(np.array(left, object), one) if left else 0
         if place == len(left) or left.pop(int(place)) != one:
             return False
     return True
 
 
-def strangers(found: Reading, whole: Reading) -> Iterator[str]:
+def strangers(result: Reading, whole: Reading) -> Iterator[str]:
     """What the readings of a file that says it is damaged have and the whole file has not."""
-    for name, columns in found["columns"].items():
+    for name, columns in result["columns"].items():
         known = whole["columns"].get(name)
         if not isinstance(columns, Refused) and not (known and _within(columns, known)):
             yield f"columns.{name}"
     for key in ("events", "attachments"):
-        if not isinstance(found[key], Refused) and not parts_of(whole[key], found[key]):
+        if not isinstance(result[key], Refused) and not parts_of(whole[key], result[key]):
             yield key
-    for name, texts in found["texts"].items():
+    for name, texts in result["texts"].items():
         if not isinstance(texts, Refused) and not parts_of(whole["texts"][name], texts):
             yield f"texts.{name}"
-    if not isinstance(found["metadata"], Refused):
+    if not isinstance(result["metadata"], Refused):
         yield from (
-            f"metadata.{name}" for name, v in found["metadata"].items() if not same(v, whole["metadata"].get(name))
+            f"metadata.{name}" for name, v in result["metadata"].items() if not same(v, whole["metadata"].get(name))
         )
 
 
@@ -181,18 +181,18 @@ def check(path: Path, whole: Reading) -> Reading:
     if isinstance(log, Refused):
         return {}
     with log:
-        found = everything(log)
+        result = everything(log)
         assert all("\n" not in line for line in log.damage)
-        wrong = list(strangers(found, whole) if log.damage else differs(found, whole))
+        wrong = list(strangers(result, whole) if log.damage else differs(result, whole))
         assert not wrong, f"{wrong} wrong, and of damage it says: {log.damage}"
-    return found
+    return result
 
 
 # --- the study ------------------------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
-def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two seconds as ``wingbeat fly`` records them: two parts, joined."""
     path = tmp_path_factory.mktemp("flown") / "flown.mcap"
     command = [sys.executable, "-m", "groundstation.command.main", "fly", "--duration", "2", "--log", str(path)]
@@ -249,19 +249,19 @@ def check_repair(path: Path, before: Reading, whole: Reading) -> None:
 def check_again(path: Path, whole: Reading) -> Reading:
     """The readings of a repaired file, which no longer says what it lacks."""
     with open_log(path) as log:
-        found = everything(log)
-    assert not list(strangers(found, whole))
-    return found
+        result = everything(log)
+    assert not list(strangers(result, whole))
+    return result
 
 
 def cut_anywhere(folder: Path, data: bytes, whole: Reading, cuts: Iterable[int]) -> None:
     for cut in cuts:
         path = folder / f"cut_{cut}.mcap"
         path.write_bytes(data[:cut])
-        found = check(path, whole)
-        assert found or cut < 8, f"a file of {cut} bytes was refused"
-        if found:
-            check_repair(path, found, whole)
+        result = check(path, whole)
+        assert result or cut < 8, f"a file of {cut} bytes was refused"
+        if result:
+            check_repair(path, result, whole)
         for left in folder.glob(f"{path.name}*"):
             left.unlink()
 
@@ -277,16 +277,16 @@ def flip_anywhere(folder: Path, data: bytes, whole: Reading, bits: Iterable[int]
 
 
 @pytest.mark.validate
-def test_a_flown_file_cut_at_a_thousand_random_bytes(tmp_path: Path, flown: Path) -> None:
-    data, source = flown.read_bytes(), random.Random(1)
-    cut_anywhere(tmp_path, data, read(flown), (source.randrange(len(data)) for _ in range(1000)))
+def test_a_flown_file_cut_at_a_thousand_random_bytes(tmp_path: Path, recording: Path) -> None:
+    data, source = recording.read_bytes(), random.Random(1)
+    cut_anywhere(tmp_path, data, read(recording), (source.randrange(len(data)) for _ in range(1000)))
 
 
 @pytest.mark.validate
-def test_a_flown_file_with_a_thousand_random_bits_flipped(tmp_path: Path, flown: Path) -> None:
-    data = flown.read_bytes()
+def test_a_flown_file_with_a_thousand_random_bits_flipped(tmp_path: Path, recording: Path) -> None:
+    data = recording.read_bytes()
     assert {str(int(Opcode.METADATA)), str(int(Opcode.ATTACHMENT)), str(CHECKSUMS)} <= spans_by_kind(data).keys()
-    flip_anywhere(tmp_path, data, read(flown), places(data, 1000, random.Random(2)))
+    flip_anywhere(tmp_path, data, read(recording), places(data, 1000, random.Random(2)))
 
 
 def test_a_recording_of_every_topic_with_a_few_cuts_and_flips(tmp_path: Path) -> None:

@@ -27,7 +27,7 @@ from logs.info import flight_summary, summary, topic_row
 from logs.join import join
 from logs.log_file import TopicInfo
 from logs.names import JOINED, PARTS, reserved
-from logs.new_files import claim, draft, held
+from logs.new_files import claim, draft, locked_name
 from logs.reader import open_log
 from sim_bridge import topics as truth_topics
 from wingbeat.errors import InputError
@@ -156,7 +156,7 @@ def test_a_name_that_is_held_is_nobody_elses_and_leaves_no_mark(tmp_path: Path) 
     when = datetime(2026, 11, 21, 13, 15, 0)
     with reserved("bird", when, tmp_path) as first, reserved("bird", when, tmp_path) as second:
         assert (first.name, second.name) == ("bird-20261121-131500.mcap", "bird-20261121-131500-2.mcap")
-        with held(first) as ours:
+        with locked_name(first) as ours:
             assert not ours
         second.touch()
     with reserved("bird", when, tmp_path) as first, reserved("bird", when, tmp_path) as third:
@@ -167,12 +167,13 @@ def test_a_name_that_is_held_is_nobody_elses_and_leaves_no_mark(tmp_path: Path) 
 def test_a_name_whose_holder_was_killed_is_free_again(tmp_path: Path) -> None:
     path = tmp_path / "bird.mcap"
     code = (
-        "import os, signal, sys\nfrom pathlib import Path\nfrom logs.new_files import held\n"
-        "with held(Path(sys.argv[1])) as ours:\n    print(ours, flush=True)\n    os.kill(os.getpid(), signal.SIGKILL)"
+        "import os, signal, sys\nfrom pathlib import Path\nfrom logs.new_files import locked_name\n"
+        "with locked_name(Path(sys.argv[1])) as ours:\n    print(ours, flush=True)\n"
+        "    os.kill(os.getpid(), signal.SIGKILL)"
     )
     done = subprocess.run([sys.executable, "-c", code, str(path)], capture_output=True, text=True, check=False)
     assert done.stdout == "True\n" and len(list(tmp_path.iterdir())) == 1, "its mark is left"
-    with held(path) as ours:
+    with locked_name(path) as ours:
         assert ours
     assert not any(tmp_path.iterdir())
 

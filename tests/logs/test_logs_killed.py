@@ -70,13 +70,13 @@ def killed(path: Path, pace: Pace, after: float) -> Killed:
     command = [sys.executable, str(CHILD), str(path), pace.rate, str(pace.speed)]
     with subprocess.Popen(command, stdout=subprocess.PIPE) as child:
         assert child.stdout is not None
-        told = _read(child.stdout, PATIENCE, TOLD.size)
-        told += _read(child.stdout, after)
+        stated = _read(child.stdout, PATIENCE, TOLD.size)
+        stated += _read(child.stdout, after)
         at = time.monotonic()
         child.kill()
-        told += child.stdout.read()
-    whole = len(told) // TOLD.size * TOLD.size
-    table = np.frombuffer(told[:whole], np.dtype([("channel", "<u2"), ("time_us", "<i8"), ("wall", "<f8")]))
+        stated += child.stdout.read()
+    whole = len(stated) // TOLD.size * TOLD.size
+    table = np.frombuffer(stated[:whole], np.dtype([("channel", "<u2"), ("time_us", "<i8"), ("wall", "<f8")]))
     return Killed(table["channel"].astype(np.int64), table["time_us"], table["wall"], at)
 
 
@@ -97,7 +97,7 @@ def in_file(log: Log) -> set[tuple[int, int]]:
     return {(log.topics[name].channel, time) for name, table in tables.items() for time in table["time_us"].tolist()}
 
 
-def lost(path: Path, told: Killed) -> tuple[float, float]:
+def lost(path: Path, stated: Killed) -> tuple[float, float]:
     """Flight time and wall time (s) from the first message that is not in the file to the end; 0 for none."""
     with open_log(path) as log:
         *torn, cut_off = log.damage
@@ -108,12 +108,12 @@ def lost(path: Path, told: Killed) -> tuple[float, float]:
         found = in_file(log)
         if topics.RECORDER.name in log.topics:
             assert not log.columns(topics.RECORDER)["dropped"].any()
-    pairs = zip(told.channel.tolist(), told.time_us.tolist(), strict=True)
+    pairs = zip(stated.channel.tolist(), stated.time_us.tolist(), strict=True)
     missing = np.array([pair not in found for pair in pairs])
     if not missing.any():
         return 0.0, 0.0
     first = int(np.argmax(missing))
-    return float(told.time_us[-1] - told.time_us[first]) * 1e-6, told.at - float(told.wall[first])
+    return float(stated.time_us[-1] - stated.time_us[first]) * 1e-6, stated.at - float(stated.wall[first])
 
 
 def check(path: Path, pace: Pace, after: float) -> None:
@@ -145,7 +145,7 @@ def test_killed_at_twenty_random_moments(tmp_path: Path, pace: Pace) -> None:
 # --- a flight ---------------------------------------------------------------------------------------------
 
 
-class Heard(NamedTuple):
+class Received(NamedTuple):
     """What telemetry said of the time of the flight."""
 
     wall: list[float]
@@ -159,9 +159,9 @@ class Heard(NamedTuple):
         return min(self.time[-1] - MOST_LOST, self.time[earlier])
 
 
-def listened(connection: Connection, seconds: float) -> Heard:
+def listened(connection: Connection, seconds: float) -> Received:
     """Listen to a flight for so long from its first message on."""
-    heard, end = Heard([], []), time.monotonic() + PATIENCE
+    heard, end = Received([], []), time.monotonic() + PATIENCE
     while (now := time.monotonic()) < end:
         connection.listen(0.01)
         if connection.state.time is not None:
@@ -198,7 +198,7 @@ def killed_flight(folder: Path, speed: str, seconds: float) -> float:
     return heard.surely_recorded(at)
 
 
-def check_flown(log: Log, until: float) -> None:
+def check_recording(log: Log, until: float) -> None:
     """Every topic that comes regularly has come without a pause until then."""
     # Run times, which are not deterministic, come once a second, five at a time.
     known = {name: info for name, info in log.topics.items() if info.rate and info.layout is not None}
@@ -222,11 +222,11 @@ def test_a_killed_flight_lacks_half_a_second_at_most(
     for part in parts:
         with open_log(part) as log:
             assert not log.complete
-            check_flown(log, until)
+            check_recording(log, until)
     put_right(tmp_path / "recordings")
     said = capsys.readouterr().err.splitlines()
     assert len(said) == 2 and all("repaired" in line and "cut off" in line for line in said)
     assert join(parts, tmp_path / "flight.mcap") == []
     with open_log(tmp_path / "flight.mcap") as log:
         assert log.complete and log.verify() == []
-        check_flown(log, until)
+        check_recording(log, until)

@@ -135,28 +135,28 @@ def test_a_place_that_cannot_be_written_is_bad_input(tmp_path: Path) -> None:
 
 
 class FullDisk:
-    """An unbuffered file on a disk that takes ``room`` more bytes, the last of them as a short write."""
+    """An unbuffered file on a disk that takes ``capacity`` more bytes, the last of them as a short write."""
 
-    def __init__(self, file: Any, room: int) -> None:
-        self.file, self.room = file, room
+    def __init__(self, file: Any, capacity: int) -> None:
+        self.file, self.capacity = file, capacity
 
     def write(self, data: Any) -> int:
-        if not self.room:
+        if not self.capacity:
             raise OSError(errno.ENOSPC, "No space left on device")
-        written = self.file.write(data[: self.room])
-        self.room -= written
+        written = self.file.write(data[: self.capacity])
+        self.capacity -= written
         return int(written)
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.file, name)
 
 
-@pytest.mark.parametrize("room", [120_000, 200_001, 333_333])
+@pytest.mark.parametrize("capacity", [120_000, 200_001, 333_333])
 def test_a_full_disk_ends_the_recording_not_the_flight(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, room: int
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capacity: int
 ) -> None:
     create = recorder_module._create
-    monkeypatch.setattr(recorder_module, "_create", lambda path: FullDisk(create(path), room))
+    monkeypatch.setattr(recorder_module, "_create", lambda path: FullDisk(create(path), capacity))
     messages = flight(3.0)
     recorder = McapRecorder(tmp_path / "a.mcap", start_epoch_ns=EPOCH_NS, clock=lambda: 0.0)
     for topic, message in messages:
@@ -258,7 +258,7 @@ class Repairing:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, attempts: int) -> None:
         self.pauses, self._attempts = 0, attempts
-        self._held: Any = None
+        self._locked: Any = None
         monkeypatch.setattr(Path, "open", self._opened(Path.open))
         monkeypatch.setattr("logs.recorder.time.sleep", self._sleep)
 
@@ -266,16 +266,16 @@ class Repairing:
         def opened(path: Path, mode: str = "r", *rest: Any, **options: Any) -> Any:
             file = before(path, mode, *rest, **options)
             if mode == "xb":
-                self._held = before(path, "rb")
-                fcntl.flock(self._held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                self._locked = before(path, "rb")
+                fcntl.flock(self._locked, fcntl.LOCK_EX | fcntl.LOCK_NB)
             return file
 
         return opened
 
     def _sleep(self, seconds: float) -> None:
         self.pauses += 1
-        if self.pauses == self._attempts and self._held is not None:
-            self._held.close()
+        if self.pauses == self._attempts and self._locked is not None:
+            self._locked.close()
 
 
 def test_a_lock_that_is_held_for_a_moment_is_waited_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -56,7 +56,7 @@ class Drawn:
 
 
 @pytest.fixture(scope="module")
-def flown(tmp_path_factory: pytest.TempPathFactory) -> Log:
+def flight(tmp_path_factory: pytest.TempPathFactory) -> Log:
     path = tmp_path_factory.mktemp("rrd") / "flight.mcap"
     with McapRecorder(path, start_epoch_ns=EPOCH_NS, clock=lambda: 0.0) as recorder:
         recorder.note("flight", {"vehicle": "robo_raven_ii_d"})
@@ -69,8 +69,8 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Log:
 
 
 @pytest.fixture(scope="module")
-def drawn(flown: Log) -> Drawn:
-    (path,) = export(flown, flown.path.with_suffix(".rrd")).files
+def drawn(flight: Log) -> Drawn:
+    (path,) = export(flight, flight.path.with_suffix(".rrd")).files
     return Drawn(path)
 
 
@@ -81,8 +81,8 @@ def transforms(log: Log) -> list[Any]:
         return [decoded for *_, decoded in reader.iter_decoded_messages(topics=["/view/transforms"])]
 
 
-def test_the_bird_moves_as_the_logs_transforms_say(flown: Log, drawn: Drawn) -> None:
-    bodies = [frames.transforms[0] for frames in transforms(flown)]
+def test_the_bird_moves_as_the_logs_transforms_say(flight: Log, drawn: Drawn) -> None:
+    bodies = [frames.transforms[0] for frames in transforms(flight)]
     times = np.array([body.timestamp.ToNanoseconds() - EPOCH_NS for body in bodies]) * 1e-9
     places = np.array([(b.translation.x, b.translation.y, b.translation.z) for b in bodies])
     turned = np.array([(b.rotation.x, b.rotation.y, b.rotation.z, b.rotation.w) for b in bodies])
@@ -92,8 +92,8 @@ def test_the_bird_moves_as_the_logs_transforms_say(flown: Log, drawn: Drawn) -> 
     assert np.abs(np.sum(found * turned, axis=1)) == pytest.approx(np.ones(len(times)), abs=1e-5)
 
 
-def test_the_wings_flap_about_their_hinges_as_they_were_recorded(flown: Log, drawn: Drawn) -> None:
-    wing = flown.columns(truth_topics.WING)
+def test_the_wings_flap_about_their_hinges_as_they_were_recorded(flight: Log, drawn: Drawn) -> None:
+    wing = flight.columns(truth_topics.WING)
     for name, side in (("left_wing", 1), ("right_wing", -1)):
         angles = zip(wing[f"angle_{name[:-5]}"], wing[f"twist_{name[:-5]}"], strict=True)
         w, x, y, z = np.array([wing_in_body(flap, twist, side) for flap, twist in angles]).T
@@ -105,8 +105,8 @@ def test_the_wings_flap_about_their_hinges_as_they_were_recorded(flown: Log, dra
         assert corners == pytest.approx(np.array(outlines(SHAPE)[name][0]))
 
 
-def test_plots_events_and_track_are_the_logs(flown: Log, drawn: Drawn) -> None:
-    power, attitude = flown.columns(topics.POWER), flown.columns(topics.ATTITUDE)
+def test_plots_events_and_track_are_the_logs(flight: Log, drawn: Drawn) -> None:
+    power, attitude = flight.columns(topics.POWER), flight.columns(topics.ATTITUDE)
     assert drawn.columns["/voltage/measured scalars"] == pytest.approx(power["voltage"])
     assert drawn.times["/voltage/measured"] == pytest.approx(power.time)
     assert drawn.columns["/pitch/estimate scalars"] == pytest.approx(np.degrees(attitude["pitch"]))
@@ -116,9 +116,9 @@ def test_plots_events_and_track_are_the_logs(flown: Log, drawn: Drawn) -> None:
     assert track == pytest.approx(drawn.columns[f"{PLACE} translation"], abs=1e-5)
 
 
-def test_it_takes_no_part_and_shows_nothing_of_nothing(flown: Log, tmp_path: Path) -> None:
+def test_it_takes_no_part_and_shows_nothing_of_nothing(flight: Log, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="rrd holds the whole flight: it takes no topics, times or rate"):
-        export(flown, tmp_path / "a.rrd", Part(start=1.0))
+        export(flight, tmp_path / "a.rrd", Part(start=1.0))
     with McapRecorder(tmp_path / "empty.mcap", start_epoch_ns=EPOCH_NS):
         pass
     with open_log(tmp_path / "empty.mcap") as empty, pytest.raises(InputError, match="none of the topics"):

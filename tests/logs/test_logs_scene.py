@@ -88,7 +88,7 @@ def test_batches_show_what_messages_show_one_by_one(tmp_path: Path) -> None:
     fixes = [
         (topic, fix._replace(fix_type=number % 4)) for number, (topic, fix) in enumerate(flight(1.0, (topics.GPS,)))
     ]
-    messages = sorted([*flight(2.0, SHOWN), *fixes], key=lambda said: said[1].time_us)
+    messages = sorted([*flight(2.0, SHOWN), *fixes], key=lambda reports: reports[1].time_us)
     files = []
     for size in (1, 300):
         recorder = McapRecorder(tmp_path / f"{size}.mcap", start_epoch_ns=EPOCH_NS, clock=lambda: 0.0)

@@ -33,7 +33,7 @@ CLIMB = (MissionItem(ItemKind.TAKEOFF, altitude=20.0), MissionItem(ItemKind.HOLD
 INPUT = Excitation(Excited.ELEVATOR, Shape.DOUBLET, 0.1, 0.5, 2.0, 3)
 
 
-def flown(path: Path, commands: Sequence[Command], ticks: int = 200) -> tuple[Log, Autopilot]:
+def simulate(path: Path, commands: Sequence[Command], ticks: int = 200) -> tuple[Log, Autopilot]:
     """What the flight computer recorded on the bench while it got ``commands``, each at its time."""
     with McapRecorder(path, start_epoch_ns=10**18) as recorder:
         autopilot = Autopilot(RAVEN, CLIMB, recorder.record)
@@ -60,7 +60,7 @@ def test_parameters_are_those_at_boot_and_what_was_taken(tmp_path: Path) -> None
         setting(300_000, "NO_SUCH", 1.0),
         setting(300_000, "ROLL_P", float("nan")),
     ]
-    log, autopilot = flown(tmp_path / "a.mcap", commands)
+    log, autopilot = simulate(tmp_path / "a.mcap", commands)
     found = log.parameters
     assert found.initial == {name: parameters.get(RAVEN.gains, each) for name, each in TABLE.items()}
     assert found.changes == (
@@ -76,7 +76,7 @@ def test_parameters_are_those_at_boot_and_what_was_taken(tmp_path: Path) -> None
 def test_what_a_calibration_set_shows_in_the_next_snapshot(tmp_path: Path) -> None:
     """GIVEN a calibration between two snapshots, and a parameter that was set behind it."""
     settings = (Setting("imu", "accel_offset", 0, 0.25), Setting("imu", "accel_offset", 1, -0.125))
-    _, autopilot = flown(tmp_path / "a.mcap", [])
+    _, autopilot = simulate(tmp_path / "a.mcap", [])
     memory = autopilot.state
     before = snapshot_of(memory)
     memory.gains = applied(memory.gains, settings)
@@ -88,21 +88,21 @@ def test_what_a_calibration_set_shows_in_the_next_snapshot(tmp_path: Path) -> No
         (EVENTS, Event(3_000_000, Severity.INFO, "parameters", "PITCH_P = 0.5")),
         (SNAPSHOTS, Text(11_000_000, snapshot_of(memory))),
     ]
-    found = noted(tmp_path / "b.mcap", messages).parameters
+    found = recorded(tmp_path / "b.mcap", messages).parameters
     assert found.changes == (
         Change(pytest.approx(2.0), "IMU_ACCEL_OFS_1", 0.25, "calibration"),
         Change(pytest.approx(2.0), "IMU_ACCEL_OFS_2", -0.125, "calibration"),
         Change(pytest.approx(3.0), "PITCH_P", 0.5, "udpin"),
     )
     other = [(topic, m._replace(text='{"gains":[[1]]}') if topic is SNAPSHOTS else m) for topic, m in messages]
-    assert [change.source for change in noted(tmp_path / "c.mcap", other).parameters.changes] == ["udpin"]
+    assert [change.source for change in recorded(tmp_path / "c.mcap", other).parameters.changes] == ["udpin"]
 
 
 def snapshot_of(memory: Any) -> str:
     return snapshot.encode(memory)
 
 
-def noted(path: Path, messages: Sequence[tuple[Topic, Any]]) -> Log:
+def recorded(path: Path, messages: Sequence[tuple[Topic, Any]]) -> Log:
     with McapRecorder(path, start_epoch_ns=10**18) as recorder:
         note_inputs(recorder, RAVEN, CLIMB)
         for topic, message in messages:
@@ -121,7 +121,7 @@ def test_settings_of_recordings_without_changes_topic(tmp_path: Path) -> None:
     ]
     messages: list[tuple[Topic, Any]] = [(INPUTS, Text(each.time_us, encode_command(each))) for each in commands]
     messages += [(EVENTS, Event(time_us, severity, source, text)) for time_us, source, severity, text in texts]
-    log = noted(tmp_path / "a.mcap", messages)
+    log = recorded(tmp_path / "a.mcap", messages)
     assert log.parameters.changes == (Change(pytest.approx(1.0), "PITCH_P", 10.0, "udpin"),)
     assert [mission.time for mission in log.missions] == [0.0, pytest.approx(3.0)]
 
@@ -133,7 +133,7 @@ def test_missions_are_the_one_at_boot_and_those_that_were_taken(tmp_path: Path) 
         Command(100_000, CommandKind.SET_MISSION, payload=asked, source="script"),
         Command(200_000, CommandKind.SET_MISSION, payload=empty, source="script"),
     ]
-    log, autopilot = flown(tmp_path / "a.mcap", commands)
+    log, autopilot = simulate(tmp_path / "a.mcap", commands)
     assert autopilot.memory.mission == asked
     first, second = log.missions
     assert (first.time, list(first.items)) == (0.0, mission_document(CLIMB))
@@ -163,4 +163,4 @@ def test_what_cannot_be_read_is_one_line(tmp_path: Path) -> None:
         (EVENTS, Event(1, Severity.INFO, "mission", "mission of 1 item")),
     ]
     with pytest.raises(InputError, match="of another version of the flight computer"):
-        tuple(noted(tmp_path / "b.mcap", texts).missions)
+        tuple(recorded(tmp_path / "b.mcap", texts).missions)

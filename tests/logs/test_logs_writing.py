@@ -30,13 +30,13 @@ IMU_ALONE = (topics.IMU,)
 
 
 class SlowDisk:
-    """An unbuffered file that takes nothing until ``go`` is set."""
+    """An unbuffered file that takes nothing until ``release`` is set."""
 
-    def __init__(self, file: Any, go: threading.Event) -> None:
-        self.file, self.go = file, go
+    def __init__(self, file: Any, release: threading.Event) -> None:
+        self.file, self.release = file, release
 
     def write(self, data: Any) -> int:
-        self.go.wait(30.0)
+        self.release.wait(30.0)
         return int(self.file.write(data))
 
     def __getattr__(self, name: str) -> Any:
@@ -44,7 +44,7 @@ class SlowDisk:
 
 
 @pytest.fixture
-def go(monkeypatch: pytest.MonkeyPatch) -> threading.Event:
+def release(monkeypatch: pytest.MonkeyPatch) -> threading.Event:
     """The switch of a disk that every recorder gets."""
     switch, create = threading.Event(), recorder_module._create
     switch.set()
@@ -69,17 +69,17 @@ def test_behind_the_flights_back_the_same_bytes_are_written(tmp_path: Path) -> N
 
 @pytest.mark.parametrize("queue", [0, 10**6])
 def test_ctrl_c_while_a_recording_is_closed_waits_until_the_file_is_whole(
-    tmp_path: Path, go: threading.Event, queue: int
+    tmp_path: Path, release: threading.Event, queue: int
 ) -> None:
     recorder = recorder_at(tmp_path / "a.mcap", Writing(queue))
     for topic, message in flight(0.2, IMU_ALONE):
         recorder.record(topic, message)
-    go.clear()
+    release.clear()
 
     def interrupt() -> None:
         os.kill(os.getpid(), signal.SIGINT)
         time.sleep(0.1)
-        go.set()
+        release.set()
 
     pressing = threading.Timer(0.1, interrupt)
     pressing.start()
@@ -108,28 +108,28 @@ def written(path: Path, timeout: float) -> list[int]:
     """Times in us of the messages in a file that grows, as soon as there are any, within ``timeout`` seconds."""
     end = time.monotonic() + timeout
     # The declarations are there a moment before the messages.
-    while not (found := told(path)) and time.monotonic() < end:
+    while not (found := stated(path)) and time.monotonic() < end:
         time.sleep(0.01)
     return found
 
 
-def told(path: Path) -> list[int]:
+def stated(path: Path) -> list[int]:
     log = open_log(path)
     return imu_times(log) if topics.IMU.name in log.topics else []
 
 
 def test_a_disk_that_stands_still_costs_what_does_not_fit_the_queue_and_that_is_logged(
-    tmp_path: Path, go: threading.Event
+    tmp_path: Path, release: threading.Event
 ) -> None:
     """GIVEN a queue of 200 kB and a disk that stops WHEN 20 s are recorded THEN nothing waits."""
     messages = flight(20.0, IMU_ALONE)
     recorder = recorder_at(tmp_path / "a.mcap", Writing(200_000, account=topics.RECORDER))
-    go.clear()
+    release.clear()
     for topic, message in messages:
         recorder.record(topic, message)
     dropped = recorder.dropped
     assert 0 < dropped < len(messages)
-    go.set()
+    release.set()
     for topic, message in flight(1.0, IMU_ALONE):
         recorder.record(topic, message._replace(time_us=message.time_us + 20_000_000))
     recorder.close()
@@ -137,21 +137,21 @@ def test_a_disk_that_stands_still_costs_what_does_not_fit_the_queue_and_that_is_
     log = open_log(recorder.path)
     assert log.complete and log.verify() == []
     assert len(imu_times(log)) == len(messages) + 200 - recorder.dropped
-    told = log.columns(topics.RECORDER)
-    assert int(told["dropped"][-1]) <= recorder.dropped
-    assert int(told["dropped"].max()) > 0 and int(told["waiting"].max()) <= 200_000
+    stated = log.columns(topics.RECORDER)
+    assert int(stated["dropped"][-1]) <= recorder.dropped
+    assert int(stated["dropped"].max()) > 0 and int(stated["waiting"].max()) <= 200_000
 
 
 def test_the_end_does_not_wait_for_ever_for_a_dead_disk(
-    tmp_path: Path, go: threading.Event, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, release: threading.Event, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(backlog_module, "PATIENCE", 0.2)
     recorder = recorder_at(tmp_path / "a.mcap", Writing(200_000))
-    go.clear()
+    release.clear()
     recorder.record(*flight(1.0, IMU_ALONE)[0])
     recorder.close()
     assert "the disk did not respond" in recorder.failure and "\n" not in recorder.failure
-    go.set()
+    release.set()
 
 
 def test_a_full_disk_behind_the_flights_back_ends_the_recording_and_says_so(
@@ -218,9 +218,9 @@ def test_what_ends_the_thread_while_it_waits_is_told_too(tmp_path: Path, monkeyp
 
 
 def test_a_thread_that_ends_tells_why_and_takes_nothing_more() -> None:
-    told: list[BaseException] = []
+    stated: list[BaseException] = []
     done: list[int] = []
-    backlog = Backlog(100, lambda: None, 10.0, told.append)
+    backlog = Backlog(100, lambda: None, 10.0, stated.append)
 
     def exits() -> None:
         raise SystemExit("enough")
@@ -228,7 +228,7 @@ def test_a_thread_that_ends_tells_why_and_takes_nothing_more() -> None:
     assert backlog.offer(exits, 60)
     assert not backlog.offer(lambda: done.append(1), 60, timeout=30.0)
     assert backlog.close()
-    assert [str(error) for error in told] == ["enough"] and not done and backlog.waiting == 0
+    assert [str(error) for error in stated] == ["enough"] and not done and backlog.waiting == 0
 
 
 def test_one_recording_in_several_files(tmp_path: Path) -> None:
@@ -278,17 +278,19 @@ def test_every_file_has_its_declarations_under_a_checksum(tmp_path: Path) -> Non
             assert 0 < log.topics[name].messages <= whole.topics[name].messages
 
 
-def test_what_is_declared_in_a_chunk_that_is_left_out_is_declared_again(tmp_path: Path, go: threading.Event) -> None:
+def test_what_is_declared_in_a_chunk_that_is_left_out_is_declared_again(
+    tmp_path: Path, release: threading.Event
+) -> None:
     """GIVEN a disk that stands still when a topic begins WHEN it goes on THEN its declaration is in a chunk."""
     messages = flight(3.0, IMU_ALONE)
     recorder = recorder_at(tmp_path / "a.mcap", Writing(60_000))
-    go.clear()
+    release.clear()
     for topic, message in flight(3.0, (topics.WING,)):
         recorder.record(topic, message)
     for topic, message in messages:
         recorder.record(topic, message._replace(time_us=message.time_us + 3_000_000))
     dropped = recorder.dropped
-    go.set()
+    release.set()
     for topic, message in flight(20.0, IMU_ALONE):
         recorder.record(topic, message._replace(time_us=message.time_us + 10_000_000))
     recorder.close()

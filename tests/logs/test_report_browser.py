@@ -96,9 +96,11 @@ OVERLAPPING = """[...document.querySelectorAll('svg')].flatMap(svg => {
 @pytest.mark.parametrize("width", [1300, 800, 400])
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_nothing_is_clipped_or_overlaps_at_any_width(browser: Browser, report: Path, width: int, scheme: str) -> None:
-    browser.seen.clear()
-    browser.ask("Emulation.setDeviceMetricsOverride", width=width, height=900, deviceScaleFactor=1, mobile=False)
-    browser.ask("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
+    browser.observed.clear()
+    browser.send_request(
+        "Emulation.setDeviceMetricsOverride", width=width, height=900, deviceScaleFactor=1, mobile=False
+    )
+    browser.send_request("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
     browser.open(report)
     assert browser.events("Runtime.exceptionThrown", "Runtime.consoleAPICalled", "Log.entryAdded") == []
     asked = [request["request"]["url"] for request in browser.events("Network.requestWillBeSent")]
@@ -111,8 +113,10 @@ def test_nothing_is_clipped_or_overlaps_at_any_width(browser: Browser, report: P
 
 @pytest.mark.parametrize("width", [1300, 400])
 def test_nothing_is_clipped_on_the_page_of_a_table(browser: Browser, table_page: Path, width: int) -> None:
-    browser.seen.clear()
-    browser.ask("Emulation.setDeviceMetricsOverride", width=width, height=900, deviceScaleFactor=1, mobile=False)
+    browser.observed.clear()
+    browser.send_request(
+        "Emulation.setDeviceMetricsOverride", width=width, height=900, deviceScaleFactor=1, mobile=False
+    )
     browser.open(table_page)
     assert browser.events("Runtime.exceptionThrown", "Runtime.consoleAPICalled", "Log.entryAdded") == []
     asked = [request["request"]["url"] for request in browser.events("Network.requestWillBeSent")]
@@ -124,10 +128,10 @@ def test_nothing_is_clipped_on_the_page_of_a_table(browser: Browser, table_page:
 
 
 def test_it_prints_black_on_white(browser: Browser, report: Path) -> None:
-    browser.ask(
+    browser.send_request(
         "Emulation.setEmulatedMedia", media="print", features=[{"name": "prefers-color-scheme", "value": "dark"}]
     )
     browser.open(report)
     assert browser.value("getComputedStyle(document.body).color") == "rgb(0, 0, 0)"
     assert browser.value("getComputedStyle(document.documentElement).backgroundColor") == "rgb(255, 255, 255)"
-    browser.ask("Emulation.setEmulatedMedia", media="", features=[])
+    browser.send_request("Emulation.setEmulatedMedia", media="", features=[])

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from browser import Browser, find_browser, opened
 from circling import ONBOARD, messages
-from test_view_data import flown
+from test_view_data import simulate
 
 from avionics import topics
 from logs.reader import open_log
@@ -37,7 +37,7 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
 
 def written(folder: Path, chosen: tuple[Topic, ...] = ()) -> Path:
     """The page of a flight of 20 s of the chosen topics (all by default)."""
-    path = flown(folder / "a.mcap", messages(20.0, chosen) if chosen else messages(20.0), EVENTS)
+    path = simulate(folder / "a.mcap", messages(20.0, chosen) if chosen else messages(20.0), EVENTS)
     with open_log(path) as log:
         return write_page(log, folder / "a.html").path
 
@@ -50,13 +50,15 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def shown(browser: Browser, page: Path, width: int = 1400) -> Browser:
     """A page, open in a window so wide."""
-    browser.seen.clear()
-    browser.ask("Emulation.setDeviceMetricsOverride", width=width, height=900, deviceScaleFactor=1, mobile=False)
+    browser.observed.clear()
+    browser.send_request(
+        "Emulation.setDeviceMetricsOverride", width=width, height=900, deviceScaleFactor=1, mobile=False
+    )
     browser.open(page)
     return browser
 
 
-def complaints(browser: Browser) -> list[Any]:
+def error_lines(browser: Browser) -> list[Any]:
     return browser.events("Runtime.exceptionThrown", "Runtime.consoleAPICalled", "Log.entryAdded")
 
 
@@ -66,7 +68,7 @@ def painted(browser: Browser, where: str) -> tuple[int, int]:
 
 
 def mouse(browser: Browser, kind: str, x: float, y: float, **more: Any) -> None:
-    browser.ask("Input.dispatchMouseEvent", type=kind, x=x, y=y, **more)
+    browser.send_request("Input.dispatchMouseEvent", type=kind, x=x, y=y, **more)
 
 
 def place_of(browser: Browser, where: str) -> tuple[float, float, float, float]:
@@ -80,7 +82,7 @@ def test_nothing_goes_wrong_and_nothing_is_asked_of_a_network(browser: Browser, 
     browser.value("page.play(true)")
     browser.value(FRAMES)
     browser.value("page.play(false)")
-    assert complaints(browser) == []
+    assert error_lines(browser) == []
     asked = [request["request"]["url"] for request in browser.events("Network.requestWillBeSent")]
     assert asked == [whole.resolve().as_uri()]
 
@@ -122,12 +124,12 @@ def test_strokes_too_many_to_be_told_apart_are_a_shade_with_their_mean(browser: 
     shown(browser, whole)
     values = "Float32Array.from(time, (t) => 10 + 40 * Math.sin(8 * Math.PI * t))"
     made = f"const time = Float64Array.from({{ length: 20000 }}, (_, n) => 0.005 * n), low = {values};"
-    seen = f"""(([from, to]) => {{ {made} const line = {{ levels: levels(time, low, low) }};
+    observed = f"""(([from, to]) => {{ {made} const line = {{ levels: levels(time, low, low) }};
         const rows = visible(line, [from, to], 500), smooth = running(rows, 0.5);
         return [tallShare(rows, {{ y: (v) => 100 - v }}, 15), ...smooth.slice(2, -2)]; }})"""
-    share, *means = browser.value(f"{seen}([0, 100])")
+    share, *means = browser.value(f"{observed}([0, 100])")
     assert share > 0.9 and means == pytest.approx([10.0] * len(means), abs=6.0)
-    assert browser.value(f"{seen}([50, 51])")[0] == 0.0
+    assert browser.value(f"{observed}([50, 51])")[0] == 0.0
 
 
 def test_playing_goes_as_fast_as_chosen_and_ends_with_the_flight(browser: Browser, whole: Path) -> None:
@@ -204,16 +206,18 @@ def test_dark_and_light_are_the_systems(browser: Browser, whole: Path) -> None:
     shown(browser, whole)
     corners = []
     for scheme in ("light", "dark"):
-        browser.ask("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
+        browser.send_request(
+            "Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}]
+        )
         browser.value(FRAMES)
         corners.append(browser.value("scene.getContext('2d').getImageData(2, scene.height >> 1, 1, 1).data[0]"))
-    browser.ask("Emulation.setEmulatedMedia", features=[])
+    browser.send_request("Emulation.setEmulatedMedia", features=[])
     assert corners[0] > 150 > corners[1]
 
 
 def test_a_log_without_truth_and_wings_is_shown_and_says_so(browser: Browser, tmp_path: Path) -> None:
     shown(browser, written(tmp_path, tuple(topic for topic in ONBOARD if topic not in (topics.WING, topics.FLAP))))
-    assert complaints(browser) == [] and painted(browser, "#scene")[0] > 50
+    assert error_lines(browser) == [] and painted(browser, "#scene")[0] > 50
     words = browser.value("missing.textContent")
     assert "truth" in words and "wing angles" in words
     titles = browser.value("[...document.querySelectorAll('.title b')].map(title => title.textContent)")
@@ -222,6 +226,6 @@ def test_a_log_without_truth_and_wings_is_shown_and_says_so(browser: Browser, tm
 
 def test_a_log_without_an_attitude_has_plots_alone(browser: Browser, tmp_path: Path) -> None:
     shown(browser, written(tmp_path, (topics.ALTITUDE, topics.POWER)))
-    assert complaints(browser) == []
+    assert error_lines(browser) == []
     assert browser.value("space.hidden") is True
     assert browser.value("document.querySelectorAll('#panels canvas').length") == 4

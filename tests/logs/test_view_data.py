@@ -41,7 +41,7 @@ Array = NDArray[np.float64]
 NAN = math.nan
 
 
-def flown(path: Path, flight: Any, events: tuple[tuple[float, str], ...] = ()) -> Path:
+def simulate(path: Path, flight: Any, events: tuple[tuple[float, str], ...] = ()) -> Path:
     with McapRecorder(path, start_epoch_ns=EPOCH_NS, clock=lambda: 0.0) as recorder:
         recorder.note("flight", {"vehicle": "robo_raven_ii_d"})
         for topic, message in flight:
@@ -53,7 +53,7 @@ def flown(path: Path, flight: Any, events: tuple[tuple[float, str], ...] = ()) -
 
 
 def tables_of(path: Path, flight: Any) -> Tables:
-    with open_log(flown(path, flight)) as log:
+    with open_log(simulate(path, flight)) as log:
         return read_tables(log)
 
 
@@ -229,7 +229,7 @@ def test_wings_that_stand_still_are_not_redrawn(tmp_path: Path) -> None:
 
 def test_a_log_read_in_slices_is_the_log_read_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     told: list[float] = []
-    with open_log(flown(tmp_path / "a.mcap", messages(5.0))) as log:
+    with open_log(simulate(tmp_path / "a.mcap", messages(5.0))) as log:
         whole = read_tables(log)
         monkeypatch.setattr(view_tables, "SLICE", 0.7)
         sliced = read_tables(log, lambda done, note: told.append(done))
@@ -250,7 +250,7 @@ def test_modes_and_stages_are_stretches_with_their_names(true_tables: Tables) ->
 
 
 def test_a_page_brings_everything_with_it(tmp_path: Path) -> None:
-    with open_log(flown(tmp_path / "a.mcap", messages(5.0), ((1.0, "armed"), (3.0, "launched")))) as log:
+    with open_log(simulate(tmp_path / "a.mcap", messages(5.0), ((1.0, "armed"), (3.0, "launched")))) as log:
         page = write_page(log, tmp_path / "a.html")
     text = page.path.read_text(encoding="utf-8")
     assert not re.search(r"https?://|<link rel=\"stylesheet|\bsrc=|@import", text)
@@ -263,7 +263,7 @@ def test_a_page_brings_everything_with_it(tmp_path: Path) -> None:
 
 
 def test_true_and_measured_power_say_over_which_time_they_are_means(tmp_path: Path) -> None:
-    with open_log(flown(tmp_path / "a.mcap", messages(5.0))) as log:
+    with open_log(simulate(tmp_path / "a.mcap", messages(5.0))) as log:
         found = Series(read_tables(log), Packer()).panels()
     power = next(panel for panel in found if panel["title"] == "Power")
     assert [line["name"] for line in power["lines"]] == ["truth, mean of 5 ms", "measured, mean of 10 ms"]
@@ -271,7 +271,7 @@ def test_true_and_measured_power_say_over_which_time_they_are_means(tmp_path: Pa
 
 def test_a_real_aircrafts_page_says_what_its_log_lacks(tmp_path: Path) -> None:
     chosen = (topics.ATTITUDE, topics.ALTITUDE, topics.POSITION)
-    with open_log(flown(tmp_path / "a.mcap", messages(5.0, chosen))) as log:
+    with open_log(simulate(tmp_path / "a.mcap", messages(5.0, chosen))) as log:
         page = write_page(log, tmp_path / "a.html")
     assert page.panels == ["Roll", "Pitch", "Yaw", "Altitude above the place of boot"]
     assert page.missing[0] == "truth" and {"airspeed", "power", "battery", "modes"} <= set(page.missing)
@@ -291,14 +291,14 @@ def test_a_vehicle_file_of_another_version_does_not_keep_a_flight_from_being_see
 
 def test_what_an_event_says_cannot_leave_its_place(tmp_path: Path) -> None:
     text = '</script><script>alert("x")</script> @@NUMBERS@@'
-    with open_log(flown(tmp_path / "a.mcap", messages(1.0), ((0.5, text),))) as log:
+    with open_log(simulate(tmp_path / "a.mcap", messages(1.0), ((0.5, text),))) as log:
         page = write_page(log, tmp_path / "a.html")
     assert described(page.path)["events"][0]["text"] == text
     assert page.path.read_text(encoding="utf-8").count("<script") == 3
 
 
 def test_a_log_with_nothing_to_show_is_refused(tmp_path: Path) -> None:
-    path = flown(tmp_path / "a.mcap", (), ((0.5, "armed"),))
+    path = simulate(tmp_path / "a.mcap", (), ((0.5, "armed"),))
     with open_log(path) as log, pytest.raises(InputError, match="none of the topics"):
         write_page(log, tmp_path / "a.html")
     assert not (tmp_path / "a.html").exists()
@@ -306,7 +306,7 @@ def test_a_log_with_nothing_to_show_is_refused(tmp_path: Path) -> None:
 
 def test_an_existing_page_is_kept(tmp_path: Path) -> None:
     (tmp_path / "a.html").write_text("mine")
-    with open_log(flown(tmp_path / "a.mcap", messages(1.0))) as log, pytest.raises(InputError, match="exists"):
+    with open_log(simulate(tmp_path / "a.mcap", messages(1.0))) as log, pytest.raises(InputError, match="exists"):
         write_page(log, tmp_path / "a.html")
     assert (tmp_path / "a.html").read_text() == "mine"
 
@@ -316,7 +316,7 @@ def test_a_truth_without_an_attitude_gives_way_to_what_was_believed(tmp_path: Pa
         (topic, message._replace(quaternion_w=NAN) if topic is truth_topics.STATE else message)
         for topic, message in messages(2.0)
     ]
-    with open_log(flown(tmp_path / "a.mcap", flight)) as log:
+    with open_log(simulate(tmp_path / "a.mcap", flight)) as log:
         page = write_page(log, tmp_path / "a.html")
     document = described(page.path)
     assert page.missing == ["truth"] and document["motion"]["estimated"] is None

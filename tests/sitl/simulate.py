@@ -55,7 +55,7 @@ class AlteredWorld:
         self._world.record()
 
 
-class HoldSegment(NamedTuple):
+class AltitudeHold(NamedTuple):
     """What was kept from the capture of a HOLD to its end."""
 
     duration: float
@@ -126,7 +126,7 @@ class Flight:
         """True altitude (m) above the altitude at boot, one per truth message."""
         return self.truth["down"][0] - self.truth["down"]
 
-    def hold_position(self) -> HoldSegment:
+    def altitude_hold(self) -> AltitudeHold:
         """Of the mission's HOLD, from its capture to its end."""
         index = next(i for i, item in enumerate(self.mission) if item.kind == ItemKind.HOLD)
         wanted, navigation = self.mission[index], self.columns(topics.NAVIGATION)
@@ -141,7 +141,7 @@ class Flight:
         assert captured.any(), "the hold was never captured"
         first = int(np.argmax(captured))
         duration = (end - truth["time_us"][inside][first]) * 1e-6
-        return HoldSegment(float(duration), rms(altitude_error[first:]), rms(course_error[first:]))
+        return AltitudeHold(float(duration), rms(altitude_error[first:]), rms(course_error[first:]))
 
     def attitude_error(self) -> tuple[float, float]:
         """RMS error (rad) of the estimated roll and pitch while flapping in the air."""

@@ -49,10 +49,10 @@ def check_upright(flight: Flight, bank: float = 45.0) -> None:
 def test_in_a_wind_of_three_metres_a_second_altitude_and_course_are_held(vehicle: str) -> None:
     flight = simulate(vehicle, Scenario(seed=1, wind_speed=3.0, wind_from=1.2, duration=40.0), LOW_HOLD)
     check_upright(flight)
-    hold_position = flight.hold_position()
-    assert hold_position.duration > 10.0
-    assert hold_position.altitude_rms < 1.0
-    assert math.degrees(hold_position.course_rms) < 5.0
+    altitude_hold = flight.altitude_hold()
+    assert altitude_hold.duration > 10.0
+    assert altitude_hold.altitude_rms < 1.0
+    assert math.degrees(altitude_hold.course_rms) < 5.0
 
 
 @pytest.mark.validate

@@ -95,7 +95,7 @@ def test_straight_legs_are_held_with_the_receiver_of_the_data_sheet(wind: float,
     assert true < bound
 
 
-class HoldQuality(NamedTuple):
+class Precision(NamedTuple):
     """One hold, from 5 s after 39 m on; empty when that height was not reached."""
 
     error: Any
@@ -105,7 +105,7 @@ class HoldQuality(NamedTuple):
 
 
 @cache
-def hold_position(wind: float, turbulence: str, seed: int, airtime: float = AIRTIME) -> HoldQuality:
+def altitude_hold(wind: float, turbulence: str, seed: int, airtime: float = AIRTIME) -> Precision:
     """What came of a climb and a hold."""
     heading = math.radians((60 * seed) % 360 - 180)
     mission = (
@@ -122,9 +122,9 @@ def hold_position(wind: float, turbulence: str, seed: int, airtime: float = AIRT
     begun, ended = flight.air_time()
     reached = np.flatnonzero((time > begun) & (altitude > ALTITUDE - 1.0))
     if not len(reached):
-        return HoldQuality(np.empty(0), np.empty(0))
+        return Precision(np.empty(0), np.empty(0))
     inside = (time > time[reached[0]] + ONTO_THE_LEG) & (time < ended)
-    return HoldQuality(altitude[inside] - ALTITUDE, flight.truth["wind_down"][inside])
+    return Precision(altitude[inside] - ALTITUDE, flight.truth["wind_down"][inside])
 
 
 def out_of_reach(sinking: Any) -> Any:
@@ -138,26 +138,26 @@ def out_of_reach(sinking: Any) -> Any:
 
 
 def test_altitude_in_still_air() -> None:
-    errors = [hold_position(0.0, "none", seed).error for seed in SEEDS]
+    errors = [altitude_hold(0.0, "none", seed).error for seed in SEEDS]
     assert min(map(len, errors)) > 4000
     assert max(map(rms, errors)) < 0.5
 
 
-def is_held(level: str) -> list[HoldQuality]:
+def is_constant(level: str) -> list[Precision]:
     """Eight long ones in 3 m/s of wind and gusts of a level, none of which ended early."""
-    simulate = [hold_position(WIND, level, seed, LONG_AIRTIME) for seed in range(1, 9)]
+    simulate = [altitude_hold(WIND, level, seed, LONG_AIRTIME) for seed in range(1, 9)]
     print(f"altitude in {level}:", *(f"{rms(each.error):.2f}" for each in simulate))  # noqa: T201
     assert min(len(each.error) for each in simulate) > 4000
     return simulate
 
 
 def test_altitude_in_wind_and_light_gusts_of_small_aircraft() -> None:
-    assert rms(np.concatenate([each.error for each in is_held("small_uav_light")])) < 1.5
+    assert rms(np.concatenate([each.error for each in is_constant("small_uav_light")])) < 1.5
 
 
 def test_altitude_in_wind_and_moderate_gusts_of_small_aircraft_beside_what_no_climb_can_hold() -> None:
     """Air that sinks faster than the vehicle climbs takes it down; the rest of the error is the flight computer's."""
-    simulate = is_held("small_uav_moderate")
+    simulate = is_constant("small_uav_moderate")
     ideal = [out_of_reach(each.sinking) for each in simulate]
     left = np.concatenate([each.error - errors for each, errors in zip(simulate, ideal, strict=True)])
     print(f"a perfect hold: {rms(np.concatenate(ideal)):.2f} m, beside it {rms(left):.2f} m")  # noqa: T201
@@ -167,7 +167,7 @@ def test_altitude_in_wind_and_moderate_gusts_of_small_aircraft_beside_what_no_cl
 
 @pytest.mark.xfail(strict=True, reason="4.3 m; of a perfect hold that climbs 1.5 m/s at most 3.8 m")
 def test_altitude_in_wind_and_moderate_gusts_of_small_aircraft() -> None:
-    assert rms(np.concatenate([each.error for each in is_held("small_uav_moderate")])) < 1.5
+    assert rms(np.concatenate([each.error for each in is_constant("small_uav_moderate")])) < 1.5
 
 
 @pytest.mark.xfail(strict=True, reason="2.2 m: it climbs 1.5 m/s at most, and gusts go down with 1.5 m/s RMS")
@@ -175,7 +175,7 @@ def test_altitude_in_wind_and_moderate_gusts() -> None:
     """Of the holds that lasted (0.9, 1.0, 1.0, 1.3, 4.5 m): gusts of a 30 kt wind end some flights at the launch."""
     errors = [
         errors
-        for errors in (hold_position(WIND, "moderate", seed).error for seed in range(1, 9))
+        for errors in (altitude_hold(WIND, "moderate", seed).error for seed in range(1, 9))
         if len(errors) > 4000
     ]
     print(f"altitude in moderate gusts, {len(errors)} of 8 holds:", *(f"{rms(e):.2f}" for e in errors))  # noqa: T201

@@ -170,7 +170,7 @@ def stroke_errors(flight: Flight, stated: Mapping[str, Any] | None = None) -> St
     return StrokeErrors(time, error, wing["frequency"][inside] * periods[at] - 1.0)
 
 
-def hold_phase(flight: Flight) -> tuple[float, float]:
+def en_route_phase(flight: Flight) -> tuple[float, float]:
     """When the mission's first HOLD began and ended (s)."""
     index = next(i for i, item in enumerate(flight.mission) if item.kind == ItemKind.HOLD)
     navigation = flight.columns(topics.NAVIGATION)
@@ -224,7 +224,7 @@ def test_the_batterys_resistance_is_measured(raven: FlightResult, arizona: Fligh
 
 def test_energy_per_stroke_is_the_mean_powers(raven: FlightResult) -> None:
     """GIVEN a hold THEN the strokes' energies add up to what was drawn in it."""
-    begin, end = hold_phase(raven.flight)
+    begin, end = en_route_phase(raven.flight)
     power = raven.flight.columns(topics.POWER)
     inside = (power["time_us"] > begin * 1e6) & (power["time_us"] < end * 1e6)
     energy, stroke = power["energy"][inside], power["energy_per_stroke"][inside]
@@ -236,7 +236,7 @@ def test_energy_per_stroke_is_the_mean_powers(raven: FlightResult) -> None:
 
 def test_phase_and_frequency_in_a_steady_flight(raven: FlightResult) -> None:
     """GIVEN a hold THEN the phase is within 2 degrees and the frequency within 1 % of the true wings'."""
-    begin, end = hold_phase(raven.flight)
+    begin, end = en_route_phase(raven.flight)
     errors = stroke_errors(raven.flight)
     steady = (errors.time > begin + 3.0) & (errors.time < end)
     assert steady.sum() > 1000

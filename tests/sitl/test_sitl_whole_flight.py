@@ -34,11 +34,11 @@ def raven() -> Flight:
     return simulate(RAVEN, Scenario(seed=1))
 
 
-def check_hold_segment(flight: Flight, lasting: float) -> None:
-    hold_position = flight.hold_position()
-    assert hold_position.duration >= lasting
-    assert hold_position.altitude_rms < 1.0
-    assert math.degrees(hold_position.course_rms) < 5.0
+def check_altitude_hold(flight: Flight, lasting: float) -> None:
+    altitude_hold = flight.altitude_hold()
+    assert altitude_hold.duration >= lasting
+    assert altitude_hold.altitude_rms < 1.0
+    assert math.degrees(altitude_hold.course_rms) < 5.0
 
 
 def check_sensing(flight: Flight) -> None:
@@ -92,7 +92,7 @@ def check_doublets(flight: Flight) -> None:
 
 
 def test_altitude_and_heading_are_held(raven: Flight) -> None:
-    check_hold_segment(raven, 5.0)
+    check_altitude_hold(raven, 5.0)
 
 
 def test_attitude_airspeed_and_energy_are_measured_while_flapping(raven: Flight) -> None:
@@ -177,7 +177,7 @@ def test_the_flight_as_a_table_without_its_excitation_gives_the_same_short_perio
 @pytest.mark.validate
 def test_the_crank_driven_ornithopter_is_launched_climbs_and_holds() -> None:
     flight = simulate(ARIZONA, Scenario(seed=1, duration=45.0))
-    check_hold_segment(flight, 5.0)
+    check_altitude_hold(flight, 5.0)
     check_sensing(flight)
 
 
@@ -186,7 +186,7 @@ def test_the_crank_driven_ornithopter_is_launched_climbs_and_holds() -> None:
 @pytest.mark.parametrize(("seed", "wind"), [(1, 0.0), (2, 0.0), (3, 0.0), (4, 3.0)])
 def test_both_vehicles_fly_the_circuit_from_the_hand_to_the_ground(vehicle: str, seed: int, wind: float) -> None:
     flight = simulate(vehicle, Scenario(seed=seed, wind_speed=wind))
-    check_hold_segment(flight, 5.0)
+    check_altitude_hold(flight, 5.0)
     check_sensing(flight)
     check_doublets(flight)
     check_landing(flight)

@@ -13,7 +13,7 @@ from avionics.messages import Stage
 from avionics.vehicles import load_vehicle
 from logs.campaigns import single_flight as module
 from logs.campaigns.metrics import METRICS, measured
-from logs.campaigns.outcome import Evaluation, Judged, Landing, Outcome, verdict
+from logs.campaigns.outcome import Evaluation, Judged, Landing, Outcome, judge
 from logs.campaigns.run import order_of
 from logs.campaigns.single_flight import CannotRecord, Recording, fly_one
 from logs.columns import Columns
@@ -123,7 +123,7 @@ def judged(stage: Stage, sink: float, bank: float, north: float = 50.0, by_hand:
         STATE.name: table(STATE, time_us=[0.0, 5e7], north=[0.0, north], east=[0.0, 0.0]),
         topics.NAVIGATION.name: table(topics.NAVIGATION, time_us=[4e7, 4.99e7], stage=[float(stage)] * 2),
     }
-    return verdict(Judged(summary, tables, MODES, Landing(), by_hand))
+    return judge(Judged(summary, tables, MODES, Landing(), by_hand))
 
 
 def test_a_touchdown_is_a_landing_within_bounds_and_in_an_approach_alone() -> None:

@@ -18,7 +18,7 @@ from groundstation.views.campaign_report import report
 from logs.campaigns.comparison import comparisons
 from logs.campaigns.metrics import METRICS
 from logs.campaigns.page import write
-from logs.campaigns.statistics import alike, chosen_metric, inputs_of, ranks, sensitivities, spreads, worst
+from logs.campaigns.statistics import chosen_metric, format_column, inputs_of, ranks, sensitivities, spreads, worst
 from logs.campaigns.table import OWN, About, Table, about, read_table, write_table
 from wingbeat.errors import InputError
 
@@ -191,8 +191,8 @@ def test_below_twenty_flights_the_tails_are_not_told() -> None:
 
 
 def test_numbers_of_a_metric_have_decimals_in_common() -> None:
-    assert alike([0.41771, 0.5, 12.3456, math.nan]) == ["0.42", "0.50", "12.35", ""]
-    assert alike([1234.5, 3.0]) == ["1234", "3"]
+    assert format_column([0.41771, 0.5, 12.3456, math.nan]) == ["0.42", "0.50", "12.35", ""]
+    assert format_column([1234.5, 3.0]) == ["1234", "3"]
 
 
 def test_the_page_compares_a_grid_and_tells_what_the_worst_were_flown_with(tmp_path: Path) -> None:

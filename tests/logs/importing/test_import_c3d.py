@@ -15,23 +15,23 @@ from wingbeat.errors import InputError
 LABELS = ("nose", "tail")
 
 
-def parameter(order: str, group: int, name: str, texts: tuple[str, ...], told: tuple[int, ...] = ()) -> bytes:
-    """A parameter of characters; ``told`` are its dimensions where it lies."""
+def parameter(order: str, group: int, name: str, texts: tuple[str, ...], stated: tuple[int, ...] = ()) -> bytes:
+    """A parameter of characters; ``stated`` are its dimensions where it lies."""
     width = max(map(len, texts))
-    sizes = told or (width, len(texts))
+    sizes = stated or (width, len(texts))
     body = bytes([255, len(sizes), *sizes]) + b"".join(text.ljust(width).encode() for text in texts) + b"\0"
     return struct.pack("bb", len(name), group) + name.encode() + struct.pack(f"{order}H", 2 + len(body)) + body
 
 
 def c3d(
-    order: str, floats: bool, up: str = "+Z", unit: str = "mm", frames: int = 50, told: tuple[int, ...] = ()
+    order: str, floats: bool, up: str = "+Z", unit: str = "mm", frames: int = 50, stated: tuple[int, ...] = ()
 ) -> bytes:
     """Two markers at 100 Hz: one moves along x, one stands and is not seen in frames 10 to 19."""
     scale = -1.0 if floats else 0.5
     head = bytes([2, 0x50]) + struct.pack(f"{order}5HfHHf", 2, 0, 1, frames, 0, scale, 3, 0, 100.0)
     section = b"\1\x50\1" + bytes([84 if order == "<" else 86])
     section += struct.pack("bb", 5, -1) + b"POINT" + struct.pack(f"{order}H", 3) + b"\0"
-    section += parameter(order, 1, "LABELS", LABELS) + parameter(order, 1, "UNITS", (unit,), told)
+    section += parameter(order, 1, "LABELS", LABELS) + parameter(order, 1, "UNITS", (unit,), stated)
     section += parameter(order, 1, "Y_SCREEN", (up,)) + b"\0\0"
     data = b""
     for n in range(frames):
@@ -113,13 +113,13 @@ def test_dimensions_of_a_parameter_that_the_file_cannot_have_are_refused(
     tmp_path: Path, sizes: tuple[int, ...]
 ) -> None:
     """GIVEN dimensions that tell more texts than there are bytes THEN one line, not hours and all memory."""
-    source = written(tmp_path, c3d("<", True, frames=1, told=sizes))
+    source = written(tmp_path, c3d("<", True, frames=1, stated=sizes))
     with pytest.raises(InputError, match="POINT:UNITS has dimensions that do not fit into the file"):
         imported(source, tmp_path)
 
 
 def test_a_text_of_no_length_is_no_text_however_often(tmp_path: Path) -> None:
-    out, _ = imported(written(tmp_path, c3d("<", True, told=(0, 255, 255, 255, 255))), tmp_path)
+    out, _ = imported(written(tmp_path, c3d("<", True, stated=(0, 255, 255, 255, 255))), tmp_path)
     with open_log(out) as log:
         assert log.columns("/mocap/nose").units["north"] == "m"
 

@@ -159,13 +159,13 @@ aborted = { column = "aborted" }
 """
 
 
-def without(*topics_gone: str) -> str:
+def without(*removed_topics: str) -> str:
     """The mapping without some of its topics."""
     first, *sections = FLIGHT_MAPPING.split("[topics.")
-    return "[topics.".join([first, *(part for part in sections if part.split('"')[1] not in topics_gone)])
+    return "[topics.".join([first, *(part for part in sections if part.split('"')[1] not in removed_topics)])
 
 
-def flown_as_table(folder: Path, mapping: str, flight: Flight) -> Path:
+def flight_as_table(folder: Path, mapping: str, flight: Flight) -> Path:
     """A flight as a table with degrees, g and km/h, imported by its mapping."""
     data = fly(flight)
     columns = {
@@ -209,7 +209,7 @@ def test_a_flapping_flight_from_a_table_gives_the_mode_that_it_has(
 ) -> None:
     """The true short period lies in the interval of every method; the two with a physical model must give one."""
     flight = Flight(doublets=doublets)
-    with open_log(flown_as_table(tmp_path, mapping, flight)) as log:
+    with open_log(flight_as_table(tmp_path, mapping, flight)) as log:
         found = identify(log, "modes", AIRCRAFT).modes
     frequency, damping = short_period_of(model_of(flight).a)
     assert found is not None and [note.partition(":")[0] for note in found.notes] == notes
@@ -222,7 +222,7 @@ def test_a_flapping_flight_from_a_table_gives_the_mode_that_it_has(
 
 def test_an_imported_log_does_not_tell_its_aircraft_and_the_report_says_so(tmp_path: Path) -> None:
     """GIVEN a log without a vehicle's file THEN --vehicle tells where the IMU is, and what is assumed is told."""
-    with open_log(flown_as_table(tmp_path, FLIGHT_MAPPING, Flight(doublets=2))) as log:
+    with open_log(flight_as_table(tmp_path, FLIGHT_MAPPING, Flight(doublets=2))) as log:
         assumed, told = identified(log, "modes").modes, identified(log, "modes", "robo_raven_ii_d").modes
     assert assumed is not None and told is not None
     assert assumed.notes == (UNKNOWN,) and told.notes == ()
@@ -246,7 +246,7 @@ def test_the_elevator_can_be_made_of_a_pulse_width(tmp_path: Path) -> None:
     """GIVEN a servo's pulses alone THEN a scale makes an angle of them, and one that is wrong gives the same mode."""
     flight = Flight(doublets=4)
     per_unit = math.radians(0.1)  # ten microseconds a degree
-    with open_log(flown_as_table(tmp_path, PULSE_MAPPING, flight)) as log:
+    with open_log(flight_as_table(tmp_path, PULSE_MAPPING, flight)) as log:
         with pytest.raises(InputError, match="--elevator makes it"):
             identify(log, "modes", AIRCRAFT)
         right, wrong = (
@@ -275,7 +275,7 @@ def test_the_elevator_can_be_made_of_a_pulse_width(tmp_path: Path) -> None:
 def test_an_elevator_that_cannot_be_made_is_told_in_one_line(
     tmp_path: Path, words: tuple[str, str], reason: str
 ) -> None:
-    out = flown_as_table(tmp_path, PULSE_MAPPING, Flight(doublets=1))
+    out = flight_as_table(tmp_path, PULSE_MAPPING, Flight(doublets=1))
     with open_log(out) as log, pytest.raises(InputError, match=reason) as raised:
         identified(log, "modes", None, words)
     assert "\n" not in str(raised.value)
