@@ -14,38 +14,47 @@ import pytest
 from plant_bench import air, hold_position, vehicle
 
 from sim_bridge.plant import Plant
+from sim_bridge.vehicles import with_model
 
 ROOT = Path(__file__).parents[2]
 PRIVATE = ("numba.core", "llvmlite")
 TICKS = 30
 
 
-def last_state(name: str) -> list[float]:
-    """The state after 0.15 s of flapping."""
-    plant = Plant(vehicle(name))
-    plant.follow([hold_position(0.4 * math.sin(0.13 * i), 0.005) for i in range(TICKS)], air())
+def last_state(name: str, model: str = "strip_theory", ticks: int = TICKS) -> list[float]:
+    """The state after ``ticks`` of 5 ms of flapping."""
+    plant = Plant(with_model(vehicle(name), model))
+    plant.follow([hold_position(0.4 * math.sin(0.13 * i), 0.005) for i in range(ticks)], air())
     return [float(value) for value in plant.y]
 
 
-def last_state_with(switch: str, name: str) -> list[float]:
+def last_state_with(switch: str, *arguments: str | int) -> list[float]:
     """`last_state` in a process with an environment variable set to 1."""
     paths = [str(ROOT), str(ROOT / "tests"), str(ROOT / "tests" / "sim_bridge")]
-    code = f"import sys; sys.path[:0] = {paths!r}; import test_compiled_modes as t; print(*t.last_state({name!r}))"
+    code = (
+        f"import sys; sys.path[:0] = {paths!r}; import test_compiled_modes as t; print(*t.last_state(*{arguments!r}))"
+    )
     environment = os.environ | {switch: "1"}
     answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment)
     assert answer.returncode == 0, answer.stderr
     return [float(word) for word in answer.stdout.split()]
 
 
-@pytest.mark.parametrize("name", ["robo_raven_ii_d", "slow_hawk"])
-def test_kernels_run_as_python_functions_with_the_same_result(name: str) -> None:
-    np.testing.assert_allclose(last_state_with("NUMBA_DISABLE_JIT", name), last_state(name), rtol=1e-9, atol=1e-11)
+def check(switch: str, *arguments: str | int) -> None:
+    expected = last_state(*arguments)  # type: ignore[arg-type]
+    np.testing.assert_allclose(last_state_with(switch, *arguments), expected, rtol=1e-8, atol=1e-10)
 
 
-@pytest.mark.validate  # numba compiles for minutes without the tricks
-def test_plain_numba_gives_the_same_result() -> None:
-    name = "robo_raven_ii_d"
-    np.testing.assert_allclose(last_state_with("WINGBEAT_PLAIN_NUMBA", name), last_state(name), rtol=1e-9, atol=1e-11)
+@pytest.mark.parametrize(("name", "model"), [("robo_raven_ii_d", "strip_theory"), ("slow_hawk", "regression")])
+def test_kernels_run_as_python_functions_with_the_same_result(name: str, model: str) -> None:
+    check("NUMBA_DISABLE_JIT", name, model)
+
+
+@pytest.mark.validate  # minutes: numba compiles longer without the tricks, and Python is slow
+@pytest.mark.parametrize("switch", ["NUMBA_DISABLE_JIT", "WINGBEAT_PLAIN_NUMBA"])
+@pytest.mark.parametrize("model", ["strip_theory", "vortex_lattice"])
+def test_every_mode_gives_the_same_result(switch: str, model: str) -> None:
+    check(switch, "robo_raven_ii_d", model, 4)
 
 
 @pytest.mark.parametrize("switch", ["NUMBA_DISABLE_JIT", "WINGBEAT_PLAIN_NUMBA"])
