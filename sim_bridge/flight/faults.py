@@ -16,8 +16,8 @@ from avionics.messages import Command, CommandKind
 from avionics.missions.reader import find
 from sim_bridge.bridge.world import SimulationSilent
 from sim_bridge.sensors.frame import TICK_RATE, imu_on_the_wire
+from sim_bridge.sensors.optional import OPTIONAL
 from sim_bridge.sensors.receiver import ReceiverSpec
-from sim_bridge.sensors.suite import OPTIONAL
 from wingbeat.errors import InputError
 from wingbeat.samples import PressureSample, ReceiverSample, SensorFrame
 from wingbeat.schema import error_context, read_document, read_record

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Any, NamedTuple, Protocol, get_type_hints
+from typing import Any, NamedTuple, get_type_hints
 
 from sim_bridge.environment.home import Home
 from sim_bridge.observation import Observation, Vector
@@ -16,12 +16,11 @@ from sim_bridge.sensors.frame import TICK_RATE, imu_on_the_wire
 from sim_bridge.sensors.gps import Gps, GpsSpec
 from sim_bridge.sensors.gyroscope import Gyroscope, GyroscopeSpec
 from sim_bridge.sensors.magnetometer import Magnetometer, MagnetometerSpec
-from sim_bridge.sensors.noise import SensorSeed, sensor_seed
+from sim_bridge.sensors.noise import sensor_seed
+from sim_bridge.sensors.optional import OPTIONAL
 from sim_bridge.sensors.pitot import Pitot, PitotSpec
 from sim_bridge.sensors.power_sensor import PowerSensor, PowerSensorSpec
-from sim_bridge.sensors.rangefinder import Rangefinder, RangefinderSpec
 from sim_bridge.sensors.receiver import Pilot, Receiver, ReceiverSpec
-from sim_bridge.sensors.torque_cell import TorqueCell, TorqueCellSpec
 from wingbeat.errors import InputError
 from wingbeat.samples import AdcBurst, EncoderSample, GpsFix, ImuSample, PressureSample, SensorFrame
 
@@ -30,12 +29,10 @@ MAGNETOMETER_RATE = 75.0
 PRESSURE_RATE = 50.0
 """Hz"""
 POWER_RATE = 100.0
-"""Hz; torque cells also"""
+"""Hz"""
 GPS_RATE = 5.0
 """Hz"""
 RECEIVER_RATE = 50.0
-"""Hz"""
-RANGE_RATE = 50.0
 """Hz"""
 
 LARGEST = 1e6
@@ -78,39 +75,6 @@ class SensorSpec(NamedTuple):
     """specifications of the optional sensors that the vehicle carries, by section"""
 
 
-class OptionalSensor(Protocol):
-    """A sensor that a vehicle may lack."""
-
-    @property
-    def errors(self) -> Any:
-        """Errors of this unit for the whole flight, a NamedTuple in SI."""
-
-    def read(self, observation: Observation) -> Any:
-        """Return the sample of this tick, a field of `SensorFrame`, or None."""
-
-
-class OptionalRow(NamedTuple):
-    """One row of the table of optional sensors."""
-
-    section: str
-    """of the vehicle file"""
-    spec: type[Any]
-    """keys of the section"""
-    build: Callable[[Any, SensorSeed], OptionalSensor]
-    rate: float
-    """Hz"""
-    stream: int
-    """number of its random stream: a new sensor takes the next free one, so that the noise of the others stays"""
-    field: str
-    """of `SensorFrame`"""
-    fault: str = ""
-    """name of the fault that silences it; empty for none"""
-
-
-OPTIONAL: tuple[OptionalRow, ...] = (
-    OptionalRow("torque_cell", TorqueCellSpec, TorqueCell, POWER_RATE, 6, "torque"),
-    OptionalRow("rangefinder", RangefinderSpec, Rangefinder, RANGE_RATE, 9, "rangefinder", "rangefinder_lost"),
-)  # fmt: skip
 _REQUIRED = {name: hint for name, hint in get_type_hints(SensorSpec).items() if name != "optional"}
 SECTIONS: dict[str, type[Any]] = _REQUIRED | {row.section: row.spec for row in OPTIONAL}
 """Sections of a vehicle file that describe sensors, for `wingbeat.vehicle_file.read_vehicle_file`."""
