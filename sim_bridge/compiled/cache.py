@@ -50,17 +50,21 @@ def cache_root() -> Path:
 @cache
 def imported_files(path: Path) -> frozenset[Path]:
     """Return the files of the project that the text of ``path`` imports directly."""
-    return frozenset(file for name in _imported_names(path) if (file := _file_of(name)) is not None)
+    return frozenset(_imported(path))
 
 
-def _imported_names(path: Path) -> Iterator[str]:
-    """Possible module names: of ``from a import b`` both ``a`` and ``a.b``."""
+def _imported(path: Path) -> Iterator[Path]:
     for module, names, modules in _IMPORT.findall(path.read_text(encoding="utf-8")):
-        if module:
-            yield module
-            yield from (f"{module}.{name}" for name in re.findall(r"\w+", names))
-        else:
-            yield from re.findall(r"[\w.]+", modules)
+        for name in [module] if module else re.findall(r"[\w.]+", modules):
+            file = _file_of(name)
+            if file is None:
+                continue
+            yield file
+            if module and file.name == "__init__.py":  # of a package the names may be modules
+                for part in re.findall(r"\w+", names):
+                    inside = _file_of(f"{module}.{part}")
+                    if inside is not None:
+                        yield inside
 
 
 @cache
@@ -88,17 +92,15 @@ def dependencies(path: Path) -> tuple[Path, ...]:
 
 @cache
 def _digest_of_file(path: Path) -> bytes:
-    return hashlib.sha256(path.read_bytes()).digest()
+    """Digest of a file's name in the project and its contents."""
+    name = path.relative_to(_ROOT).as_posix() if path.is_relative_to(_ROOT) else path.name
+    return hashlib.sha256(name.encode() + b"\0" + path.read_bytes()).digest()
 
 
 @cache
 def source_digest(path: Path) -> str:
     """Return the digest of `dependencies`, 16 hexadecimal digits."""
-    digest = hashlib.sha256()
-    for file in dependencies(path):
-        digest.update(str(file.relative_to(_ROOT)).encode() if file.is_relative_to(_ROOT) else file.name.encode())
-        digest.update(_digest_of_file(file))
-    return digest.hexdigest()[:16]
+    return hashlib.sha256(b"".join(map(_digest_of_file, dependencies(path)))).hexdigest()[:16]
 
 
 def file_folder(path: Path) -> Path:
