@@ -1,1 +1,1 @@
-"""The person: the ``wingbeat`` command, the ground end of the MAVLink link, and the views."""
+"""The ``wingbeat`` command, the ground end of the MAVLink link, and the views."""

@@ -1,1 +1,1 @@
-"""The memory: flights recorded to MCAP, read back as columns, joined, repaired and exported."""
+"""Recording of flights to MCAP, reading, joining, repair and export."""

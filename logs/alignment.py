@@ -1,4 +1,4 @@
-"""Several topics on one time base: what every field was at the same moments."""
+"""Several topics on one time base."""
 
 from __future__ import annotations
 

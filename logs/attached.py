@@ -1,4 +1,4 @@
-"""Vehicle files that a log carries: what the world was, and what the flight computer believed."""
+"""Vehicle files attached to a log."""
 
 from __future__ import annotations
 

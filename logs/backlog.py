@@ -1,4 +1,4 @@
-"""Work done behind the back of who gives it: a flight does not wait for its disk."""
+"""Write queue in a thread, so that a flight does not wait for the disk."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Hands messages to their recorder some hundred at a time."""
+"""Batches of messages for a recorder."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""CRCs of what MCAP itself puts under none: message indexes and metadata.
+"""CRCs of message indexes and metadata, which MCAP does not protect.
 
 They stand in a private record of the summary, which the summary's own CRC vouches for and other readers pass over.
 Behind each metadata record stands another with that one's: a file that was cut off has no summary.

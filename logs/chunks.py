@@ -1,4 +1,4 @@
-"""Unpacks chunks and takes the messages of a channel out of them as rows of a NumPy record type."""
+"""Messages of a channel from chunks as rows of a NumPy record type."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How messages become bytes: one encoder for each kind of topic, and the decoding of those not of fixed layout."""
+"""Encoders of messages by kind of topic; decoders without fixed layout."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Messages of fixed layout as columns: taken out of many chunks at once, on every core.
+"""Parallel decoding of messages of fixed layout to columns.
 
 A chunk holds a few messages of each topic, too few for NumPy to be quick with. So chunks are unpacked some dozens at
 a time, a batch, and all messages that a channel has in it are copied, checked and written into the columns together.

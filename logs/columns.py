@@ -1,4 +1,4 @@
-"""Messages as columns: rows of fixed layout are decoded by NumPy, everything else one by one."""
+"""Messages as columns."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Writes the MCAP container: records one after another, chunks, indexes, summary (https://mcap.dev/spec).
+"""MCAP writer: records, chunks, indexes, summary (https://mcap.dev/spec).
 
 The records themselves are the `mcap` package's. Its `Writer` is not used because it numbers channels itself, and
 because joining and repairing files copies chunks without unpacking them.

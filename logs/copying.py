@@ -1,4 +1,4 @@
-"""Copies what is whole in one MCAP file into another without unpacking more than must be checked."""
+"""Copy of the readable parts of one MCAP file into another."""
 
 from __future__ import annotations
 

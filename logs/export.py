@@ -1,4 +1,4 @@
-"""Topics for other programs: CSV, NumPy's npz, Parquet, MATLAB; and the whole flight for Rerun."""
+"""Export of topics: CSV, npz, Parquet, MATLAB, Rerun."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Packages that Wingbeat reads and writes other formats with, loaded when they are asked for."""
+"""Optional packages, loaded on demand."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Columns as other programs know them: one number or text per cell, and a time in every table."""
+"""Flat tables: one number or text per cell, and time in every table."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Columns as a data frame of pandas or polars, whichever is asked for and installed."""
+"""Columns as a data frame of pandas or polars."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Finds what an MCAP file holds: from its summary, or record by record where the summary is missing or wrong.
+"""Index of an MCAP file: from its summary or record by record.
 
 A file that was cut off gives what lies before the cut; a damaged record is stepped over by looking for the next
 whole chunk.

@@ -1,4 +1,4 @@
-"""What a log holds, in numbers: vehicle, duration, topics with their measured rates and gaps, events, the flight."""
+"""Contents of a log: vehicle, duration, topics with rates and gaps, events."""
 
 from __future__ import annotations
 

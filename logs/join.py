@@ -1,4 +1,4 @@
-"""Joins the recordings of one flight: the flight computer and the world each write their own file."""
+"""Joining of the recordings of one flight."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From a message class to its constant layout: protobuf fields, packing format, NumPy record type.
+"""Constant layout of a message class: protobuf, struct and NumPy types.
 
 Every field of a data topic is written always and has a fixed width, so the protobuf encoding of a message has a
 constant length with the tags at constant places. `struct` then produces the bytes of the protobuf library, and

@@ -1,4 +1,4 @@
-"""Where the messages of a channel lie: its message indexes in many chunks, read all at once."""
+"""Message indexes of a channel over many chunks."""
 
 from __future__ import annotations
 

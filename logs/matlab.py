@@ -1,4 +1,4 @@
-"""Tables as a MATLAB file: version 5, which every MATLAB, Octave and SciPy reads."""
+"""MATLAB files, version 5."""
 
 from __future__ import annotations
 

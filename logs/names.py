@@ -1,4 +1,4 @@
-"""Names of new recordings, of what stands in one beside the messages, and of a vehicle's files."""
+"""Names of recordings, metadata, attachments and vehicle files."""
 
 from __future__ import annotations
 

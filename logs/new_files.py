@@ -1,4 +1,4 @@
-"""New files that appear whole or not at all, and never in the place of another."""
+"""Atomic creation of new files; existing files are never overwritten."""
 
 from __future__ import annotations
 

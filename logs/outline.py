@@ -1,4 +1,4 @@
-"""The outline of a simulated vehicle; apart from `logs.scene`, because vehicles bring their physics with them."""
+"""Outline of a simulated vehicle for viewers."""
 
 from __future__ import annotations
 

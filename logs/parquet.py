@@ -1,4 +1,4 @@
-"""A table as Apache Parquet; needs the ``pyarrow`` package."""
+"""Tables as Apache Parquet (``pyarrow``)."""
 
 from __future__ import annotations
 

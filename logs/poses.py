@@ -1,4 +1,4 @@
-"""Where a vehicle and its parts are, as the frames of viewers.
+"""Poses of a vehicle and its parts as frames of viewers.
 
 Viewers have z up, so frames turn here: world NED becomes ENU, body FRD becomes FLU (x forward, y left, z up); angles
 keep their meaning.

@@ -1,4 +1,4 @@
-"""Records a flight to an MCAP file."""
+"""Recorder of a flight to an MCAP file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a recording notes of how its flight began: the world's side, and the flight computer's."""
+"""Metadata of a recording about the start of the flight."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Places of records in an MCAP file and careful reading of them: nothing is believed before it is checked."""
+"""Positions of records in an MCAP file and checked reading of them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Repairs a log that was cut off or damaged."""
+"""Repair of truncated or damaged logs."""
 
 from __future__ import annotations
 

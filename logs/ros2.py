@@ -1,4 +1,4 @@
-"""Messages of ROS 2 in CDR, decoded with the ``mcap-ros2-support`` package by the definition in the file."""
+"""ROS 2 messages in CDR (``mcap-ros2-support``)."""
 
 from __future__ import annotations
 

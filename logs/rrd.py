@@ -1,4 +1,4 @@
-"""A flight for Rerun: the bird as meshes that move along its track, and the plots of the page, by ``rerun-sdk``.
+"""Export of a flight for Rerun: vehicle, track and plots (``rerun-sdk``).
 
 Rerun opens a log as it is, but draws no `foxglove.SceneUpdate`. Frames are those of `logs.scene`: ENU and FLU.
 """

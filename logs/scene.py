@@ -1,4 +1,4 @@
-"""For eyes: the bird flapping along its track in Foxglove, Lichtblick or Rerun.
+"""3D scene of the vehicle for Foxglove, Lichtblick and Rerun.
 
 `SceneRecorder` stands between a flight and its recorder and adds `foxglove.FrameTransforms` at 50 Hz,
 `foxglove.SceneUpdate` once a second and `foxglove.LocationFix` for every GPS fix. The time stamps inside these

@@ -1,4 +1,4 @@
-"""Layouts as protobuf descriptors, and back: what makes a log readable without Wingbeat."""
+"""Layouts as protobuf descriptors, and back."""
 
 from __future__ import annotations
 

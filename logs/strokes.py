@@ -1,4 +1,4 @@
-"""Strokes of the wing, cut by its phase: where each begins and ends, and what any signal did in it.
+"""Wing strokes: start, end, and signals in each stroke.
 
 A stroke runs from one phase 0 to the next: the wings pass the stroke's middle upwards. Flapping repeats itself every
 stroke, so the mean over exactly one removes it and all its harmonics.

@@ -1,4 +1,4 @@
-"""What was flown, from a log alone: errors of the hold, energy, flapping, attitude estimate, touchdown.
+"""Flight metrics of a log: altitude hold, energy, flapping, estimates, touchdown.
 
 Where the log carries the simulated world's truth, errors are against it; otherwise they are against the flight
 computer's own estimate, and ``against_truth`` says so.

@@ -1,4 +1,4 @@
-"""True values of a simulated flight, from what its log carries: the world's vehicle file and the flown airspeed."""
+"""True values of a simulated flight from its log."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The files of one recording: a new one begins where the last has reached its size."""
+"""Files of one recording, limited in size."""
 
 from __future__ import annotations
 

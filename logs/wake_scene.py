@@ -1,4 +1,4 @@
-"""For eyes: a prescribed motion's lattice and its wake over time, for Foxglove, Lichtblick or Rerun.
+"""3D scene of a lattice and its wake for viewers.
 
 `write_wake` makes a recording of one `foxglove.SceneUpdate` a step: wing and wake as triangles, the wake coloured by
 the strength of its rings, and its rows' edges as lines. `foxglove.FrameTransforms` carry the frame ``wing`` along

@@ -1,1 +1,1 @@
-"""The ``wingbeat`` command: one file for each subcommand."""
+"""The ``wingbeat`` command: one module per subcommand."""

@@ -1,4 +1,4 @@
-"""``wingbeat avionics``: the flight computer alone."""
+"""``wingbeat avionics``: the flight computer process."""
 
 from __future__ import annotations
 

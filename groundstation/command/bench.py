@@ -1,4 +1,4 @@
-"""What ``wingbeat avionics`` adds to a board: an end after a time, and a Razor's attitude on the terminal."""
+"""Bench mode of ``wingbeat avionics``: a time limit and the attitude of a Razor."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``wingbeat campaign``: thousands of flights over a grid or a draw, on all cores or on a cluster, in one table."""
+"""``wingbeat campaign``: many flights of a sweep in one table."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``wingbeat campaign report``: what a campaign's table says, on the terminal and as a page."""
+"""``wingbeat campaign report``: statistics of a campaign as text and HTML page."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The processes of a flight: started, watched, and ended together."""
+"""Child processes of a flight: start, supervision, common end."""
 
 from __future__ import annotations
 

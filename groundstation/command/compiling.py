@@ -1,4 +1,4 @@
-"""What is compiled at its first use and kept for every later run, and what is said before that."""
+"""Compilation at first use, and the message before it."""
 
 from __future__ import annotations
 

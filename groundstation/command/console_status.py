@@ -1,4 +1,4 @@
-"""What ``wingbeat avionics`` says while it flies: a line for each thing that happens aboard, and now and then."""
+"""Console output of ``wingbeat avionics``: events and periodic state."""
 
 from __future__ import annotations
 

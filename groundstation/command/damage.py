@@ -1,4 +1,4 @@
-"""What is said of logs that are damaged beside what their whole parts give, or why they give nothing."""
+"""Messages about damaged logs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``wingbeat design``: plan an identification input, and tell beforehand what it will leave uncertain."""
+"""``wingbeat design``: identification inputs and their predicted accuracy."""
 
 from __future__ import annotations
 

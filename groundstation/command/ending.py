@@ -1,4 +1,4 @@
-"""How a command is ended from outside: Ctrl-C, SIGTERM, SIGHUP, each as early as it comes and without a torn file.
+"""Signal handling of commands: Ctrl-C, SIGTERM, SIGHUP.
 
 A command that another has started as a part of its own ends with that one, whatever became of it: `follow_starter`.
 

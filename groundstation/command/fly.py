@@ -1,4 +1,4 @@
-"""``wingbeat fly``: the world and the flight computer as two processes, a view, one log, and what it says."""
+"""``wingbeat fly``: simulator and flight computer processes, view, report."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``wingbeat sim --px4`` and ``--ardupilot``: autopilots that are not ours on our world."""
+"""``wingbeat sim --px4`` and ``--ardupilot``: other autopilots on the simulator."""
 
 from __future__ import annotations
 

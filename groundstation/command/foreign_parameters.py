@@ -1,4 +1,4 @@
-"""``wingbeat sim --px4 --write-parameters FILE``, and ``--ardupilot``: the other autopilot's parameters in a file."""
+"""``wingbeat sim --write-parameters FILE``: parameters of PX4 or ArduPlane."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``wingbeat gcs``: monitor and command any MAVLink vehicle. Each group of verbs has a module of its own."""
+"""``wingbeat gcs``: monitor and command a MAVLink vehicle; verbs in modules."""
 
 from __future__ import annotations
 

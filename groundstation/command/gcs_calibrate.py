@@ -1,4 +1,4 @@
-"""``wingbeat gcs URL calibrate``: calibrations aboard, with what the vehicle says meanwhile."""
+"""``wingbeat gcs URL calibrate``: calibrations on board with their messages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``wingbeat gcs URL excite``: identification inputs commanded from the ground."""
+"""``wingbeat gcs URL excite``: identification inputs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``wingbeat gcs URL watch`` and ``record``: what a vehicle says, as lines and as a file."""
+"""``wingbeat gcs URL watch`` and ``record``: telemetry as lines or as a file."""
 
 from __future__ import annotations
 

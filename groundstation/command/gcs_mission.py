@@ -1,4 +1,4 @@
-"""``wingbeat gcs URL mission``: show, download, upload and compare the mission with its fence and rally points."""
+"""``wingbeat gcs URL mission``: show, download, upload and compare missions."""
 
 from __future__ import annotations
 

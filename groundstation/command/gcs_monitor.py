@@ -1,4 +1,4 @@
-"""``wingbeat gcs URL monitor``: the live screen on a terminal, lines where there is none."""
+"""``wingbeat gcs URL monitor``: live screen, or lines without a terminal."""
 
 from __future__ import annotations
 

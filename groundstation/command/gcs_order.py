@@ -1,4 +1,4 @@
-"""``wingbeat gcs URL arm|disarm|mode|takeoff|goto|return|land``: orders, until the heartbeat shows that it obeys.
+"""``wingbeat gcs URL arm|mode|takeoff|...``: commands confirmed by the heartbeat.
 
 The heartbeat has whether it is armed, and the mode that an order leads to: where the vehicle's modes have one of the
 names that autopilots give it, an order that does not lead there within `SHOWN` has failed. Else, and where it was in

@@ -1,4 +1,4 @@
-"""What the verbs of ``wingbeat gcs`` share: a vehicle on a link, what was chosen, how answers are shown."""
+"""Session of a ``wingbeat gcs`` verb: vehicle, options and output."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``wingbeat gcs URL status``: what a vehicle says, once."""
+"""``wingbeat gcs URL status``: the telemetry once."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``wingbeat identify``: drives, modes and the wings' coefficients from a log, or from tables that a map explains."""
+"""``wingbeat identify``: drives, modes and coefficients from logs or tables."""
 
 from __future__ import annotations
 

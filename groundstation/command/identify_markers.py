@@ -1,4 +1,4 @@
-"""``wingbeat identify CAPTURE markers --map MAP.toml``: a vehicle's motion from the markers of a motion capture."""
+"""``wingbeat identify CAPTURE markers``: motion from motion-capture markers."""
 
 from __future__ import annotations
 

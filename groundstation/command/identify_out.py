@@ -1,4 +1,4 @@
-"""``wingbeat identify --report`` and ``--model``: what is left of an identification beside its table."""
+"""``wingbeat identify --report`` and ``--model``: output files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``wingbeat identify TABLE --map MAP.toml``: modes and coefficients from tables of numbers."""
+"""``wingbeat identify TABLE --map MAP.toml``: identification from tables."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``wingbeat linearize``: modes of a steady flight, by the stroke map and by the stroke-averaged A and B."""
+"""``wingbeat linearize``: Floquet modes and stroke-averaged A and B."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``--live``: a recording shown to Foxglove and Lichtblick while it grows."""
+"""``--live``: a growing recording served to Foxglove and Lichtblick."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``wingbeat log``: look into a log, show it as a page, export it, import one of another program, repair it."""
+"""``wingbeat log``: inspect, view, export, import and repair logs."""
 
 from __future__ import annotations
 

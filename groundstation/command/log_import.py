@@ -1,4 +1,4 @@
-"""``wingbeat log import``: a log of another program becomes one that opens as a flown one does."""
+"""``wingbeat log import``: logs of other programs."""
 
 from __future__ import annotations
 

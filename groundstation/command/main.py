@@ -1,4 +1,4 @@
-"""``wingbeat``: finds the subcommand, imports that one alone, and turns every failure into one line and a code.
+"""``wingbeat``: subcommand selection; one line and an exit code per failure.
 
 Exit codes: 0 done; 1 the vehicle refused or did not answer; 2 the input cannot be used; 130 stopped
 with Ctrl-C, 143 with SIGTERM, 129 with SIGHUP.

@@ -1,4 +1,4 @@
-"""What the subcommands share: the parser that answers in one line, and common options."""
+"""Common options and the parser with one-line errors."""
 
 from __future__ import annotations
 

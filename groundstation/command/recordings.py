@@ -1,4 +1,4 @@
-"""What commands that record have in common: the last flight's file put right, and what is said of their own."""
+"""Recording paths of commands, and repair of the last flight's files."""
 
 from __future__ import annotations
 

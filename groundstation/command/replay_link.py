@@ -1,4 +1,4 @@
-"""``wingbeat replay FILE --mavlink URL``: a recorded flight to any ground station, steered by keys."""
+"""``wingbeat replay FILE --mavlink URL``: a recorded flight to a ground station."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What ``wingbeat trim`` and ``wingbeat linearize`` share: vehicle, speed, climb, the search, and how they answer."""
+"""Common parts of ``wingbeat trim`` and ``wingbeat linearize``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``wingbeat tune``: gains of the cascade from a linear model, their margins, the file, and the proof in flight."""
+"""``wingbeat tune``: gains from a linear model, margins, comparison flights."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``wingbeat validate``: every published figure beside ours."""
+"""``wingbeat validate``: published and computed figures."""
 
 from __future__ import annotations
 

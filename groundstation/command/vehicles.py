@@ -1,4 +1,4 @@
-"""``wingbeat vehicles``: what can be flown, and where every number comes from."""
+"""``wingbeat vehicles``: vehicles and the sources of their values."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Manual control of a vehicle: sticks at a fixed rate, buttons as orders, loss and return of the device."""
+"""Manual control: sticks at a fixed rate, button actions, device loss."""
 
 from __future__ import annotations
 

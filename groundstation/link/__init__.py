@@ -1,1 +1,1 @@
-"""The ground end of the MAVLink link: what the vehicle says, and conversations with it."""
+"""The ground end of the MAVLink link: telemetry and transactions."""

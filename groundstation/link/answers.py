@@ -1,4 +1,4 @@
-"""What a conversation with a vehicle can end with besides success; a leaf, so that catching it costs nothing."""
+"""Exceptions of failed transactions; a leaf module."""
 
 
 class NoAnswer(RuntimeError):

@@ -1,4 +1,4 @@
-"""Commands to a MAVLink vehicle, until it has done, refused or ignored them."""
+"""MAVLink command transactions until done, denied or timed out."""
 
 from __future__ import annotations
 

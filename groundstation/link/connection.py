@@ -1,4 +1,4 @@
-"""The ground's end of a link: frames in and out, our heartbeat, and the loop that drives an exchange."""
+"""Link of the ground station: frames, heartbeat, transaction loop."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What every conversation with a MAVLink vehicle is made of: requests, their retries, how far it is.
+"""Protocol of transactions with a vehicle: requests, retries, progress.
 
 An exchange is a value. ``step(now, message)`` takes the time (s, monotonic) and one message, or None when only time
 went by, and returns the next value and the messages to send. Nothing here owns a clock or a socket, so a test plays

@@ -1,4 +1,4 @@
-"""Fields of messages by their names: ``ATTITUDE.pitch``, ``BATTERY_STATUS.voltages[0]``."""
+"""Message fields by name: ``ATTITUDE.pitch``, ``BATTERY_STATUS.voltages[0]``."""
 
 from __future__ import annotations
 

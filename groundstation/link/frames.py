@@ -1,4 +1,4 @@
-"""Frames as a ground station reads them: those of other dialects too, which it shows and keeps but need not know."""
+"""Received frames of the own and of other dialects."""
 
 from __future__ import annotations
 

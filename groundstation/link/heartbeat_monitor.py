@@ -1,4 +1,4 @@
-"""A vehicle that falls silent while it is listened to: told once, then ever more rarely, and when it speaks again."""
+"""Heartbeat-loss monitor with rate-limited notices."""
 
 from __future__ import annotations
 

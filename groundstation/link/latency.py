@@ -1,4 +1,4 @@
-"""How long a question takes to the vehicle and back: TIMESYNC, and PING for who does not answer it."""
+"""Round-trip time of a link by TIMESYNC or PING."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""MAVLink messages as topics of a log: a channel for each kind, with the dialect's units and labels.
+"""MAVLink messages as log topics with units and labels of the dialect.
 
 A message of numbers has a constant layout as the flight computer's own messages have, so that its columns are read as
 fast. One with text in it is a document.

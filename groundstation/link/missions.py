@@ -1,4 +1,4 @@
-"""Missions, fences and rally points of a MAVLink vehicle: down and up."""
+"""Mission, fence and rally point transactions: download and upload."""
 
 from __future__ import annotations
 

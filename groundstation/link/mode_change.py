@@ -1,4 +1,4 @@
-"""Conversations about flight modes: a change until it is seen, and the names that a vehicle has for them."""
+"""Transactions of flight modes: change with confirmation, available names."""
 
 from __future__ import annotations
 

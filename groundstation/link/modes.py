@@ -1,4 +1,4 @@
-"""Names of flight modes: what the vehicle announced, else what its autopilot is known to use."""
+"""Names of flight modes: announced, or known for the autopilot."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a person orders a vehicle to do, as the conversation that does it; a command line and a screen share them."""
+"""Commands of a user as transactions, shared by command line and screen."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Parameter files of the ground: QGroundControl's list, tab-separated, which other ground stations read too."""
+"""Parameter files in QGroundControl's tab-separated format."""
 
 from __future__ import annotations
 

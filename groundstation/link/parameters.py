@@ -1,4 +1,4 @@
-"""Parameters of a MAVLink vehicle: the whole list, one of them, and setting one."""
+"""Parameter transactions: the list, one parameter, setting one."""
 
 from __future__ import annotations
 

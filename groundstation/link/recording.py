@@ -1,4 +1,4 @@
-"""Everything that is heard on a link, in an MCAP file that opens like a vehicle's log.
+"""MCAP recording of all messages of a link.
 
 Each kind of message has a channel ``/mavlink/NAME``; what no dialect knows is in ``/mavlink/unknown`` as it came,
 what we sent in ``/ground/sent``; the vehicle's own topics are beside them as far as its telemetry gives them.

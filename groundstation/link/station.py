@@ -1,4 +1,4 @@
-"""A ground station: a connection, what goes by on it, and what it asks a vehicle about by itself."""
+"""Ground-station session: connection, traffic statistics, automatic requests."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Asking a vehicle that is not ours for what the screen shows: their defaults may be once a second, or nothing."""
+"""Message requests to vehicles of other autopilots for the screen."""
 
 from __future__ import annotations
 

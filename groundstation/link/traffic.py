@@ -1,4 +1,4 @@
-"""What goes by on a link: rates of each message, bytes a second, and what was lost on the way.
+"""Link statistics: message rates, bytes per second, loss.
 
 A sender counts its frames from 0 to 255 and over again, so a gap in the count is what was lost of it.
 """

@@ -1,4 +1,4 @@
-"""Telemetry of any MAVLink vehicle, collected into one immutable state: SI and radians, as everywhere.
+"""Telemetry of a MAVLink vehicle as one immutable state in SI.
 
 ``receive(state, message, now)`` returns the next state; a table gives one small function to each MAVLink message.
 A quantity that was never heard is None, so a view can say so instead of showing a zero.

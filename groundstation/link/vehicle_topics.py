@@ -1,4 +1,4 @@
-"""The vehicle's own topics as far as telemetry gives them, so that a ground station's log opens like a vehicle's.
+"""Vehicle topics from telemetry, so that ground recordings open like flight logs.
 
 What telemetry does not carry is NaN, a flag or count 0. Rates are telemetry's.
 """

@@ -1,4 +1,4 @@
-"""Mission files of the ground: the plain ``QGC WPL 110`` list, QGroundControl's ``.plan``, and our own TOML.
+"""Mission files: ``QGC WPL 110``, QGroundControl's ``.plan``, TOML.
 
 Our own missions are metres from home, and are sent in the local frame.
 """

@@ -1,1 +1,1 @@
-"""The live screen of a ground station, on textual: what shows the views and takes the keys."""
+"""The live screen of the ground station (textual)."""

@@ -1,4 +1,4 @@
-"""Questions before something that cannot be undone, and the choice of a mode."""
+"""Confirmation dialogs and mode selection."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The first tab: horizon and tapes, what was said below them, the panels beside them."""
+"""The first tab: horizon, tapes, messages and panels."""
 
 from __future__ import annotations
 

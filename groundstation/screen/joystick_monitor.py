@@ -1,4 +1,4 @@
-"""The live screen of a vehicle that is flown with a joystick: the monitor with the sticks below its tabs."""
+"""The live screen with the sticks of a joystick."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The second tab: every message with its rate, and the fields of the one that is chosen."""
+"""The second tab: messages with rates and fields."""
 
 from __future__ import annotations
 

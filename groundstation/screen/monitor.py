@@ -1,4 +1,4 @@
-"""The live screen: three tabs, a line of state above them, the keys below."""
+"""The live screen: three tabs, state line and keys."""
 
 from __future__ import annotations
 

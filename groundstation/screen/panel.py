@@ -1,4 +1,4 @@
-"""A widget that shows a view: a pure function from what is known and the room there is to a renderable."""
+"""A widget that renders a view as a pure function of state and size."""
 
 from __future__ import annotations
 

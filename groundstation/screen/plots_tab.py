@@ -1,4 +1,4 @@
-"""The third tab: plots of the fields that a person chose."""
+"""The third tab: plots of selected fields."""
 
 from __future__ import annotations
 

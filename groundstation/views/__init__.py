@@ -1,1 +1,1 @@
-"""What a person sees: the flight view, plots in the terminal, reports."""
+"""Views: flight view, terminal plots, reports."""

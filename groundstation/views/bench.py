@@ -1,4 +1,4 @@
-"""The attitude of a board on a bench: the flight computer's beside the board's own."""
+"""Attitude of a board on a bench and of the flight computer."""
 
 from __future__ import annotations
 

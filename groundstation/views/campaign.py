@@ -1,4 +1,4 @@
-"""What is said of a campaign: how far it is, what came of it, one flight of it."""
+"""Progress and result of a campaign as text."""
 
 from __future__ import annotations
 

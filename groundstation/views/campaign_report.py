@@ -1,4 +1,4 @@
-"""What a campaign's table says, for a terminal."""
+"""Report of a campaign table as text."""
 
 from __future__ import annotations
 

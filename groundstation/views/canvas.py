@@ -1,4 +1,4 @@
-"""A picture in character cells whose halves have colours of their own: two square pixels to a cell."""
+"""A raster image in character cells, two pixels per cell."""
 
 from __future__ import annotations
 

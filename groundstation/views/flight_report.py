@@ -1,4 +1,4 @@
-"""What a flight came to, for people: where the log is, what was flown, what was identified."""
+"""Report of a flight: log, metrics, identified values."""
 
 from __future__ import annotations
 

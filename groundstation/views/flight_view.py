@@ -1,4 +1,4 @@
-"""The flight on the terminal: state on top, altitude over time and the track from above, then what was said.
+"""Flight view on the terminal: state, altitude, track, messages.
 
 `render` is a pure function of what is known; `fly` and `gcs monitor` show it with rich's Live.
 """

@@ -1,4 +1,4 @@
-"""What a plot remembers of the telemetry: a bounded number of points, thinner the longer it watches."""
+"""History of telemetry for plots with a bounded number of points."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The artificial horizon: sky and ground as seen over the nose, a ladder of pitch, a scale of bank."""
+"""Artificial horizon with pitch ladder and bank scale."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an import made of a log of another program, and what it left out."""
+"""Report of an import: topics and omissions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A planned identification input and what it will tell, for people."""
+"""Report of a designed identification input."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The message inspector: what is heard, how often, and what the last one says."""
+"""Message inspector: rates and last values of messages."""
 
 from __future__ import annotations
 

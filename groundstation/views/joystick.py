@@ -1,4 +1,4 @@
-"""Sticks of a joystick: bars for the screen, a line for people without a terminal, a JSON object."""
+"""Joystick deflections as bars, line or JSON object."""
 
 from __future__ import annotations
 

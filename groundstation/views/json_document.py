@@ -1,4 +1,4 @@
-"""JSON for programs: plain types, and null for what is not finite, because JSON has no word for it."""
+"""JSON documents of plain types; null for values that are not finite."""
 
 from __future__ import annotations
 

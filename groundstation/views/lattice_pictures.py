@@ -1,4 +1,4 @@
-"""Pictures of the vortex lattice's rows: the wake of Yeo's wing, and its lift beside strip theory and measurement."""
+"""Pictures of vortex lattice validation: wake and lift of Yeo's wing."""
 
 from __future__ import annotations
 

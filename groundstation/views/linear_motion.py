@@ -1,4 +1,4 @@
-"""The linear models of a steady flight, for people."""
+"""Report of linear models."""
 
 from __future__ import annotations
 

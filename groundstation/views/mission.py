@@ -1,4 +1,4 @@
-"""A vehicle's mission for people and for programs: what each item does, where, and with which numbers.
+"""Missions as text and JSON.
 
 The commands are MAVLink's own, of any vehicle, and those of our dialect; of one that is not known here the parameters
 are shown as they came.

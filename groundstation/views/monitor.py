@@ -1,4 +1,4 @@
-"""What is heard on a link as lines: for people without a terminal, and for programs."""
+"""Telemetry as lines or JSON objects."""
 
 from __future__ import annotations
 

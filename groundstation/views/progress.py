@@ -1,4 +1,4 @@
-"""A progress bar for work that takes over a second, on a terminal; elsewhere silence, or now and then a line."""
+"""Progress bar of long work on a terminal; occasional lines elsewhere."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A steady flight and its modes, for people."""
+"""Report of a steady flight and its modes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tables of what a vehicle holds and of what a flight came to: names, units and numbers are never cut."""
+"""Tables that never cut names, units or numbers."""
 
 from __future__ import annotations
 

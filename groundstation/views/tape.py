@@ -1,4 +1,4 @@
-"""Tapes: a scale that runs past a window with the value in it, as for airspeed and altitude."""
+"""Tape instruments for airspeed and altitude."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The console that everything is printed on."""
+"""The console of all output."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Designed gains, their margins, and the flights before and after, for people."""
+"""Report of designed gains, margins and comparison flights."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Published figures beside ours, for people."""
+"""Report of published and computed figures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The wake of a flapping wing and its mirror image as an SVG: rings seen at an angle, coloured by their strength."""
+"""SVG picture of the wake of a flapping wing."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Numbers as people read them: a unit behind each, degrees for angles, a dash for what was never heard."""
+"""Number formats: units, degrees, a dash for missing values."""
 
 from __future__ import annotations
 

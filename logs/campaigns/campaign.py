@@ -1,4 +1,4 @@
-"""A campaign: what its file says, and from that the values of each flight."""
+"""Campaign files and the values of each flight."""
 
 from __future__ import annotations
 

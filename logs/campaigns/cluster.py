@@ -1,4 +1,4 @@
-"""Where a campaign is flown: processes of this machine, or a Dask cluster that is there already."""
+"""Dask clusters of campaigns, local or external."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a campaign's table says of the values of a grid: metrics by value, and which value was better in pairs."""
+"""Paired comparison of metrics by the values of a grid."""
 
 from __future__ import annotations
 

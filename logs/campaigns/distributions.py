@@ -1,4 +1,4 @@
-"""Distributions that a campaign draws from: a value for each share of 0 to 1, the same on every machine."""
+"""Distributions of drawn values as quantile functions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What of a campaign is done: a line for each flight, on the disk at once, so that it can go on later."""
+"""Journal of finished flights for resuming a campaign."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a campaign may set in a flight, by name: a table of plain keys, and families of values by place in a file.
+"""Keys of campaign files: plain keys and values of vehicle files.
 
 An angle's key may end in ``_deg``; everything else is SI and radians.
 """

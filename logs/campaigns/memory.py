@@ -1,4 +1,4 @@
-"""The few columns of a flight that its metrics need, kept as numbers while it is flown: no file, little memory."""
+"""Columns of a flight that its metrics need, kept in memory."""
 
 from __future__ import annotations
 

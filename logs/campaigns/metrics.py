@@ -1,4 +1,4 @@
-"""The numbers of one flight: a column each in a campaign's table, with unit and meaning."""
+"""Metrics of one flight with unit and meaning."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What became of a flight, in a word and a reason: the same judgement for every campaign."""
+"""Classification of the outcome of a flight with its reason."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A campaign's table as one page of HTML: what came of the flights, their spread, what matters, the worst ones."""
+"""HTML report of a campaign table."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From the values of one flight to what flies: vehicle, flight computer, plan, scenario, commands."""
+"""Vehicle, flight computer, plan and scenario from the values of a flight."""
 
 from __future__ import annotations
 

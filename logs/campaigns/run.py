@@ -1,4 +1,4 @@
-"""Flies the flights of a campaign on a cluster, as many at a time as it has processes, and takes their rows."""
+"""Scheduling of the flights of a campaign on a cluster."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One flight of a campaign in one process: put together, flown, measured, judged; a row comes of it in any case."""
+"""One flight of a campaign in one process, with a row in any case."""
 
 from __future__ import annotations
 

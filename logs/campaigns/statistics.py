@@ -1,4 +1,4 @@
-"""What a campaign's table says: spreads, what an input has to do with a metric, and which flights were worst."""
+"""Summary statistics, rank correlations and worst flights."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The files that a campaign's flights are made of, read once and sent along: other machines need none of them."""
+"""Input files of a campaign, read once and sent to workers."""
 
 from __future__ import annotations
 

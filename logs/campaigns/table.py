@@ -1,4 +1,4 @@
-"""A campaign's table: a row for each flight, as Apache Parquet, with all that a reader must know in its metadata."""
+"""Campaign tables as Apache Parquet with metadata."""
 
 from __future__ import annotations
 

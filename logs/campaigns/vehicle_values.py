@@ -1,4 +1,4 @@
-"""A vehicle of the world with some values of its file replaced, read and checked like any other file."""
+"""Simulated vehicles with replaced values."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Logs of other programs as logs of this one."""
+"""Importers of logs of other programs."""

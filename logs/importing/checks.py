@@ -1,4 +1,4 @@
-"""Which rows of a foreign log can be true: time that goes on, and values within what is physically possible.
+"""Plausibility of rows: increasing time, values within physical limits.
 
 A damaged file gives rows of garbage without an error, so every row is looked at before it is kept.
 """

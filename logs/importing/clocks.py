@@ -1,4 +1,4 @@
-"""Two clocks put together by what both measured: the size of the angular rate, which needs no common axes."""
+"""Clock offset from the magnitude of the angular rate."""
 
 from __future__ import annotations
 

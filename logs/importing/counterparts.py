@@ -1,4 +1,4 @@
-"""The project's own topics, made of what a foreign log holds: SI and radians, NED and FRD, rows that can be true."""
+"""Wingbeat topics from the series of another log."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Any table of comma-separated values, with a mapping file that says what its columns are.
+"""Tables of comma-separated values with a mapping file.
 
 The mapping is TOML: how time is told, and for each topic its fields with column, unit, scale and offset.
 """

@@ -1,4 +1,4 @@
-"""The records of ArduPilot's dataflash logs: every one behind two magic bytes, its format told in the file.
+"""Records of ArduPilot dataflash logs.
 
 Records have no checksum. One is taken only where another record, or the end of the file, follows it; bytes between
 them are counted as damage. Formats: https://ardupilot.org/dev/docs/code-overview-adding-a-new-log-message.html

@@ -1,4 +1,4 @@
-"""What the project's own topics are made of in a dataflash log."""
+"""Wingbeat topics of a dataflash log."""
 
 from __future__ import annotations
 

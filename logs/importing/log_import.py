@@ -1,4 +1,4 @@
-"""``wingbeat log import``: a log of another program becomes one of the project's kind."""
+"""Import of a log of another program."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Mapping files: TOML that says what the columns of a table are."""
+"""Mapping files: TOML descriptions of table columns."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Captures of a Razor's serial line: whatever bytes it sent, in a file.
+"""Captures of a Razor's serial line.
 
 The firmware sends no time: frames stand in its raster of 20 ms, damaged ones included. Text tells which output it is;
 a binary capture is believed between two synch tokens, as `avionics.board.razor_protocol` does it.

@@ -1,4 +1,4 @@
-"""The body among the markers of a capture: those that keep their distances from each other, and how it turns."""
+"""The rigid body among markers and its attitude."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a foreign log comes to before it is checked and written: series of columns, events, parameters."""
+"""Common form of an imported log before checks and writing."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""MAVLink telemetry logs (``.tlog``): frames as a ground station heard and sent them, each behind its own clock.
+"""MAVLink telemetry logs (``.tlog``).
 
 The vehicle is who sends an autopilot's heartbeats; what others say stands apart. Times are the vehicle's: by the
 stamps that some of its messages carry, and between them by the ground's clock.

@@ -1,4 +1,4 @@
-"""What the project's own topics are made of in a MAVLink telemetry log."""
+"""Wingbeat topics of a MAVLink telemetry log."""
 
 from __future__ import annotations
 

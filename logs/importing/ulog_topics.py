@@ -1,4 +1,4 @@
-"""What the project's own topics are made of in a PX4 ULog."""
+"""Wingbeat topics of a PX4 ULog."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Units that logs are written in, what they are in SI, and how far a physical quantity can go."""
+"""Units of logs, their SI factors, and physical limits."""
 
 from __future__ import annotations
 

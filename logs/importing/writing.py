@@ -1,4 +1,4 @@
-"""Writes series of columns as an MCAP log of the project's kind."""
+"""Writer of imported series as an MCAP log."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""A flight while it is being recorded, for Foxglove and Lichtblick."""
+"""Live view of a recording for Foxglove and Lichtblick."""

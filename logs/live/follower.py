@@ -1,4 +1,4 @@
-"""Reads a recording while it grows: what its writer has flushed, as soon as it is there.
+"""Reader of a growing recording.
 
 The writer is not asked and never waits; it does not even know. What has been read is whole records: the rest of one
 that is still being written is read the next time.

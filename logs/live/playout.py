@@ -1,4 +1,4 @@
-"""Gives out what came in bursts at an even pace, by its own times: a wing that is shown in jerks does not flap."""
+"""Playout of bursts of messages at an even pace."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Serves a flight to Foxglove and Lichtblick while it is being recorded, by the ``foxglove-sdk`` package.
+"""Foxglove server of a growing recording (``foxglove-sdk``).
 
 A thread follows the files that the flight's processes write, and has no other tie to them: a viewer that is slow,
 absent or gone delays no tick and changes no byte of a recording. Schemas and messages go out as they stand there.

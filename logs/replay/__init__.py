@@ -1,1 +1,1 @@
-"""Recorded flights and recordings run through the flight code again."""
+"""Replay of recorded flights and sensors through the flight code."""

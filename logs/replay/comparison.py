@@ -1,4 +1,4 @@
-"""What a flight computer says in a replay beside what it said in the flight, message by message as they come."""
+"""Comparison of replayed and recorded messages."""
 
 from __future__ import annotations
 

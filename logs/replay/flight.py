@@ -1,4 +1,4 @@
-"""A recorded flight through the flight code again: with the gains it had, bit for bit, or with others, to compare."""
+"""Replay of a recorded flight, bit for bit or with other gains."""
 
 from __future__ import annotations
 

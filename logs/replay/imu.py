@@ -1,4 +1,4 @@
-"""Real IMU recordings through the flight's attitude filter, scored against an optical reference.
+"""Replay of IMU recordings through the attitude filter, with errors.
 
 The recordings are trials of BROAD (D. Laidig, M. Caruso, A. Cereatti, T. Seel, "BROAD - A Benchmark for Robust
 Inertial Orientation Estimation", Data 6(7):72, 2021), as ``.npz`` with the keys ``gyr`` (rad/s), ``acc`` (m/s^2,

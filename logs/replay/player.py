@@ -1,4 +1,4 @@
-"""A recorded flight at a speed of one's choice, with seek and pause, for whoever reads a flight computer's memory."""
+"""Player of a recorded flight with seek and pause."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What entered a recorded flight, tick by tick: sensor frames as they came, and what the ground sent with them."""
+"""Inputs of a recorded flight, tick by tick."""
 
 from __future__ import annotations
 

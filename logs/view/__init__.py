@@ -1,1 +1,1 @@
-"""A flight as one self-contained page: `write_page` of `logs.view.page`."""
+"""A flight as one HTML page: `write_page` of `logs.view.page`."""

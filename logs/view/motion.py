@@ -1,4 +1,4 @@
-"""Where the vehicle was and how its wings stood, on even grids of time, for a page to draw.
+"""Vehicle position, attitude and wings on even time grids for the page.
 
 As in `logs.scene`: the truth where it is recorded, else what the flight computer believed, in axes with z up (ENU and
 FLU). What nobody recorded is at rest, and said.

@@ -1,4 +1,4 @@
-"""Numbers for a page: quantised, as differences, compressed, as text.
+"""Numbers of the page as text: quantized, differenced, compressed.
 
 A column becomes whole numbers of 16 or 32 bits. What is stored are their differences, which are small and alike, all
 low bytes before all high bytes; zlib then leaves a half to a tenth. `decode.js` is the way back.

@@ -1,4 +1,4 @@
-"""One page of HTML with everything in it: needs no network, opens from the disk."""
+"""The HTML page of a flight, without network access."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is plotted over time: a table of panels, and modes and events on the same axis."""
+"""Panels of the page: plots, bands of modes, events."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a page needs of a log, read a few minutes at a time: only the fields that are shown are kept."""
+"""Fields of a log that the page needs, read in parts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Fewer points for the screen that look the same: the least and the greatest value of every few samples."""
+"""Minimum and maximum of groups of samples for plots."""
 
 from __future__ import annotations
 

@@ -163,7 +163,7 @@ def test_a_fault_that_came_too_late_is_named() -> None:
     faults = tuple(map(parse_fault, ("gps_lost@30", "gps_lost@30.1", "mag_disturbed@98.5-99", "link_lost@2")))
     assert options.missed(faults, end=30.0) == ("gps_lost@30.1", "mag_disturbed@98.5-99")
     assert missed_line("gps_lost@30.1", 30.0).plain.endswith(
-        "gps_lost@30.1 never came: the flight was over at 30.0 s"
+        "gps_lost@30.1 did not occur: the flight ended at 30.0 s"
     )
 
 
@@ -277,7 +277,7 @@ def test_ctrl_c_keeps_the_flight_so_far(tmp_path: Path) -> None:
     flight.send_signal(signal.SIGINT)
     _, err = flight.communicate(timeout=60)
     assert flight.returncode == 130
-    assert err == f"stopped; the flight so far is in {tmp_path / 'flight.mcap'}\n"
+    assert err == f"stopped; recorded so far: {tmp_path / 'flight.mcap'}\n"
     with open_log(tmp_path / "flight.mcap") as log:
         assert log.topics["/truth/state"].messages > 0 and log.topics["/attitude/ahrs"].messages > 0
 
@@ -289,7 +289,7 @@ def test_sigterm_keeps_the_flight_of_a_background_job(tmp_path: Path) -> None:
     flight.send_signal(signal.SIGTERM)
     _, err = flight.communicate(timeout=60)
     assert flight.returncode == 143
-    assert err == f"stopped; the flight so far is in {tmp_path / 'flight.mcap'}\n"
+    assert err == f"stopped; recorded so far: {tmp_path / 'flight.mcap'}\n"
     assert [path.name for path in tmp_path.iterdir() if not path.name.startswith(".")] == ["flight.mcap"]
     with open_log(tmp_path / "flight.mcap") as log:
         assert log.complete and not log.damage
@@ -334,7 +334,7 @@ def test_a_recording_that_ended_before_the_flight_is_told_and_kept(tmp_path: Pat
     out, err = flight.communicate(timeout=60)
     part = tmp_path / "flight.world.mcap"
     assert flight.returncode == 0 and part.stat().st_size <= 100_000
-    assert f"recording to {part} ended: File too large" in err and f"is kept: {part}: " in err
+    assert f"recording to {part} ended: File too large" in err and f"a recording ended early: {part}: " in err
     (kept,) = json.loads(out)["incomplete"]
     assert kept == {"path": str(part), "damage": "the file was cut off before its end"}
     with open_log(tmp_path / "flight.mcap") as log:
