@@ -97,7 +97,7 @@ def why_not(folder: Path, *, made: bool = False) -> str:
     while made and not folder.exists() and folder != folder.parent:
         folder = folder.parent
     if not folder.exists():
-        return f"folder {folder} not found"
+        return f"there is no folder {folder}"
     if not folder.is_dir():
         return f"{folder} is not a folder"
     try:

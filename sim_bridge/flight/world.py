@@ -351,7 +351,7 @@ class SimulatedWorld:
         if (ahead >= 0.0 and steady) or (waited >= 2.0 * LAUNCH_PATIENCE and facing) or waited >= LONGEST_WAIT:
             self._launched_at = now
             if self.scenario.waits_for_arming:
-                self._publish_event(Severity.NOTICE, "thrown")
+                self._publish_event(Severity.NOTICE, "released by the launcher")
 
     def _air(self) -> Air:
         return isa(self.scenario.home.altitude - self.plant.y.item(2))

@@ -388,7 +388,7 @@ def test_what_a_killed_flight_left_in_two_recordings_is_joined_at_the_next_start
     for part in parts:
         os.utime(part, (1e9, 1e9))
     put_right(tmp_path)
-    assert f"joined {tmp_path / 'a.mcap'}" in capsys.readouterr().err
+    assert f"joined two recordings to {tmp_path / 'a.mcap'}" in capsys.readouterr().err
     assert [path.name for path in sorted(tmp_path.glob("*.mcap"))] == ["a.mcap"]
     with open_log(tmp_path / "a.mcap") as log:
         assert {STATE.name, topics.IMU.name} <= set(log.topics)
@@ -405,7 +405,7 @@ def test_the_launcher_waits_for_arming_with_and_without_a_station(recorded: Reco
     assert with_station["/truth/state"] == without["/truth/state"]
     with open_log(tmp_path / "flight.mcap") as log, open_log(recorded.folder / "flight.mcap") as plain:
         said, usual = ([one.text for one in each.events() if one.source == "world"] for each in (log, plain))
-    assert said == usual == ["armed: the launcher throws in 6 s", "thrown"]
+    assert said == usual == ["armed: launch in 6 s", "released by the launcher"]
 
 
 def test_recordings_of_different_flights_are_never_joined(tmp_path: Path) -> None:

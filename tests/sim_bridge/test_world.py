@@ -115,10 +115,10 @@ def test_who_waits_for_arming_throws_an_armed_vehicle_alone_and_says_so() -> Non
         now = world.time_us * 1e-6
         world.step(glide(0) if any(begin <= now < end for begin, end in armed) else NEUTRAL)
     assert [text for _, text in said] == [
-        "armed: the launcher throws in 5 s",
+        "armed: launch in 5 s",
         "disarmed: launcher waiting",
-        "armed: the launcher throws in 5 s",
-        "thrown",
+        "armed: launch in 5 s",
+        "released by the launcher",
     ]
     assert [time for time, _ in said] == pytest.approx([2.0, 4.0, 5.0, 5.0 + ARMED_TIME], abs=0.02)
 
