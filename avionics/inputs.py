@@ -177,7 +177,7 @@ def _arm(s: AutopilotState, publish: Publish, command: Command) -> None:
         raise Refused("calibration", text)
     landed = s.modes.stage == Stage.LANDED or s.navigation.item >= len(s.mission)
     was_armed = s.modes.armed
-    breach = fence_border.mission_breach(s.fence, s.mission) if s.modes.mode == Mode.AUTO else ""
+    breach = s.mission_breach if s.modes.mode == Mode.AUTO else ""
     reasons = (*unready(s), *([breach] if breach else []))
     s.modes, notices = _taken(arming.arm(s.gains.modes, s.modes, conditions(s)._replace(unready=reasons)), s.modes)
     if s.modes.armed and not was_armed:
@@ -204,7 +204,7 @@ def _set_mode(s: AutopilotState, publish: Publish, command: Command) -> None:
     name = command.name.upper()
     if name not in Mode.__members__:
         raise Refused("modes", f"unknown mode {command.name}; known: {', '.join(Mode.__members__)}")
-    breach = fence_border.mission_breach(s.fence, s.mission) if name == Mode.AUTO.name else ""
+    breach = s.mission_breach if name == Mode.AUTO.name else ""
     if breach and s.modes.mode != Mode.AUTO:
         raise Refused("modes", f"mode AUTO denied: {breach}")
     before = s.offboard
@@ -256,7 +256,7 @@ def _set_fence(s: AutopilotState, publish: Publish, command: Command) -> None:
 
 def _warn_of_breach(s: AutopilotState, publish: Publish) -> None:
     """Report a mission that leaves the plan's fence, which denies AUTO, or the vehicle's, which does not."""
-    breach = fence_border.mission_breach(s.fence, s.mission)
+    breach = s.mission_breach = fence_border.mission_breach(s.fence, s.mission)
     if breach:
         breach = f"{breach}: AUTO will be denied"
     else:

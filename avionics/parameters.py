@@ -176,6 +176,8 @@ def short_name(section: str, key: str, index: int = -1) -> str:
     prefix = PREFIXES.get(section, section.upper())
     room = LONGEST_NAME - len(prefix) - 1 - len(tail)
     words = [WORDS.get(word, word.upper()) for word in key.split("_")]
+    if room < 2 * len(words) - 1:
+        raise ValueError(f"{section}.{key}: no room for a name of {LONGEST_NAME} characters, add a row to PREFIXES")
     while len("_".join(words)) > room:
         longest = max(range(len(words)), key=lambda i: len(words[i]))
         words[longest] = words[longest][:-1]

@@ -207,4 +207,5 @@ def surroundings(s: AutopilotState) -> navigation.Situation:
         rescued=s.modes.rescued,
         setpoint=s.offboard.setpoint,
         terrain=s.terrain,
+        mission_allowed=int(not s.mission_breach),
     )

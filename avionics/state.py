@@ -99,6 +99,8 @@ class AutopilotState:
     """may be changed in flight by SET_FENCE"""
     rally: Rally = ()
     """may be changed in flight by SET_RALLY"""
+    mission_breach: str = ""
+    """-; first mission item outside the plan's fence, which denies AUTO and the landing sequence; empty for none"""
     fence_clearance: float = math.inf
     """m; inside of the fence at the last step of the navigation, negative outside"""
     fence_state: m.FenceState = zero(m.FenceState)

@@ -51,6 +51,13 @@ class Columns(Mapping[str, Array]):
     """names of enumerations' values, by field"""
     descriptions: dict[str, str] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        tables: tuple[dict[str, Any], ...] = (self.units, self.labels, self.descriptions)
+        for table in tables:
+            for name, other in RENAMED.get(self.topic, {}).items():
+                if other in table:
+                    table.setdefault(name, table[other])
+
     def __getitem__(self, name: str) -> Array:
         if name not in self.fields:
             other = RENAMED.get(self.topic, {}).get(name, "")

@@ -224,7 +224,7 @@ class LogFile:
 
     @cached_property
     def _indexes_intact(self) -> bool:
-        """Whether the message indexes may be signed_log_times without a look at the messages."""
+        """Whether the message indexes can be trusted without reading the messages."""
         return indexes_intact(self._data, self._index)
 
     @cached_property

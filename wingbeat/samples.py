@@ -165,7 +165,7 @@ class RangeSample(NamedTuple):
     max_distance: float
     """m; greatest distance that the sensor can measure"""
     quality: Number
-    """%; of the signal, 0 without an echo"""
+    """%; of the signal, 0 without an echo, 255 if the sensor does not report it"""
 
 
 class SensorFrame(NamedTuple):

@@ -10,6 +10,7 @@ from typing import Annotated, NamedTuple
 
 from avionics.limits import clip, low_pass, slew
 from avionics.messages import AltitudeStatus
+from wingbeat.errors import InputError
 from wingbeat.units import Quantity
 from wingbeat.vehicle_file import Label
 
@@ -205,7 +206,7 @@ def with_airspeed_setpoint(
     """
     if setpoint == 0.0 or gains.speed_max == 0.0:
         return gains, state._replace(speed_integral=0.0) if state.speed_integral else state
-    error = clip(setpoint, gains.speed_min, gains.speed_max) - airspeed
+    error = _within_range(gains, setpoint) - airspeed
     limited = state.throttle >= gains.throttle_max if error > 0.0 else state.throttle <= gains.throttle_min
     integral = state.speed_integral if limited else state.speed_integral + error * dt
     most = (gains.pitch_max - gains.pitch_min) * gains.speed_time / max(gains.headwind_pitch, 1e-3)
@@ -214,13 +215,28 @@ def with_airspeed_setpoint(
     return gains._replace(pitch_trim=trim), state._replace(speed_integral=integral)
 
 
+def check(gains: Gains) -> None:
+    """Check that gains fit together.
+
+    Raises:
+        InputError: least above greatest airspeed setpoint.
+    """
+    if 0.0 < gains.speed_max < gains.speed_min:
+        raise InputError(f"speed_min {gains.speed_min:g} m/s is above speed_max {gains.speed_max:g} m/s")
+
+
+def _within_range(gains: Gains, setpoint: float) -> float:
+    """Limit an airspeed setpoint; the greatest airspeed holds if the limits are set the wrong way round."""
+    return clip(setpoint, min(gains.speed_min, gains.speed_max), gains.speed_max)
+
+
 def airspeed_text(gains: Gains, setpoint: float) -> str:
     """Event text of a change of the airspeed ``setpoint`` (m/s)."""
     if setpoint == 0.0:
-        return "airspeed: the vehicle's own"
+        return "airspeed setpoint cleared"
     if gains.speed_max == 0.0:
         return f"airspeed: {setpoint:g} m/s ignored, ALT_SPD_MAX is 0"
-    flown = clip(setpoint, gains.speed_min, gains.speed_max)
+    flown = _within_range(gains, setpoint)
     return f"airspeed: {flown:g} m/s" + ("" if flown == setpoint else f", {setpoint:g} m/s is outside its range")
 
 

@@ -19,9 +19,15 @@ def vehicle_fence(gains: Gains) -> Fence:
     return Fence((circle,), gains.fence_floor, gains.fence_altitude)
 
 
-def mission_breach(fence: Fence, mission: Mission) -> str:
-    """Why a mission leaves ``fence``: its first item outside, counted from 1; empty if there is none."""
-    for number, item in enumerate(mission, 1):
+def mission_breach(fence: Fence, mission: Mission, first: int = 0) -> str:
+    """Return which item of a mission is outside ``fence``; empty if none is.
+
+    Args:
+        fence: of the plan or of the vehicle.
+        mission: its items.
+        first: number of the first item in the text; events count from 0, messages about files from 1.
+    """
+    for number, item in enumerate(mission, first):
         reason = _item_breach(fence, item)
         if reason:
             return f"mission item {number} is {reason}"

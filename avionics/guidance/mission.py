@@ -159,6 +159,10 @@ def describe(item: MissionItem) -> str:
         ItemKind.TAKEOFF: f"takeoff {altitude}",
         ItemKind.HOLD: f"hold {math.degrees(item.heading) % 360.0:.0f} deg, {altitude}",
         ItemKind.EXCITE: "excitation" if item.excitation is None else f"{channel_names(item.excitation)} input",
+        ItemKind.SPEED: f"airspeed {item.airspeed:g} m/s" if item.airspeed else "default airspeed",
+        ItemKind.LAND_START: "landing sequence",
+        ItemKind.JUMP: f"jump to item {item.jump_to}",
+        ItemKind.RETURN: "return to launch",
         ItemKind.SKIP: f"command {item.skipped[1]:.0f}" if item.skipped else "command",
     }
     return descriptions.get(item.kind, item.kind.name.lower())
@@ -168,7 +172,8 @@ _COMPLETED = {
     ItemKind.CIRCLE: "completed",
     ItemKind.EXCITE: "completed",
     ItemKind.SPEED: "completed",
-    ItemKind.LAND_START: "passed",
+    ItemKind.LAND_START: "started",
+    ItemKind.JUMP: "completed",
     ItemKind.SKIP: "skipped",
 }
 

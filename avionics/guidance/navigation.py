@@ -258,7 +258,8 @@ def _return(gains: Gains, state: State, dt: float, mission: Mission, situation: 
         return _automatic(gains, state, dt, mission, situation)
     was_landing = state.landing
     state, target = _return_to_launch(gains, state, dt, situation)
-    start = landing_sequence(mission) if gains.return_type and situation.valid and not was_landing else None
+    allowed = gains.return_type and situation.valid and situation.mission_allowed and not was_landing
+    start = landing_sequence(mission) if allowed else None
     at_once = gains.return_type == AT_ONCE and situation.altitude >= least_altitude(gains, situation.ceiling)
     if start is not None and (at_once or state.landing):
         state = choose_item(state, start)._replace(landing=0, landing_sequence=1)

@@ -189,6 +189,8 @@ class Situation(NamedTuple):
     """-; of OFFBOARD, from `offboard.resolve`"""
     terrain: float = 0.0
     """m; altitude of the ground below the vehicle"""
+    mission_allowed: int = 1
+    """-; 0 while an item of the mission is outside the plan's fence"""
 
 
 class Target(NamedTuple):

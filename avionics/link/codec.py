@@ -111,7 +111,9 @@ class FrameAssembler:
         known = BY_MESSAGE.get(frame.message_id)
         if known is not None:
             field, decode = known
-            self._parts[field] = decode(frame.payload)
+            sample = decode(frame.payload)
+            if sample is not None:
+                self._parts[field] = sample
         return None
 
 

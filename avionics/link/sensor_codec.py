@@ -34,7 +34,8 @@ class SampleCodec(NamedTuple, Generic[T]):
 
     message_id: int
     encode: Callable[[T], bytes]
-    decode: Callable[[bytes], T]
+    decode: Callable[[bytes], T | None]
+    """gives None for a message of another sensor"""
 
 
 def layout_of(message_id: int) -> struct.Struct:
@@ -141,14 +142,17 @@ def encode_range(sample: RangeSample) -> bytes:
         0.0,
         0.0,
         *(0.0,) * 4,
-        max(sample.quality, 1),
+        0 if sample.quality == UNKNOWN_U8 else max(sample.quality, 1),
     )
 
 
-def decode_range(payload: bytes) -> RangeSample:
-    """From a payload of DISTANCE_SENSOR."""
-    time_ms, low, high, distance, *_, quality = padded(_RANGE, payload)
-    return RangeSample(time_ms * 1000, distance / 1e2, low / 1e2, high / 1e2, quality if quality > 1 else 0)
+def decode_range(payload: bytes) -> RangeSample | None:
+    """From a payload of DISTANCE_SENSOR; None for a sensor that does not look down."""
+    time_ms, low, high, distance, _, _, orientation, *_, quality = padded(_RANGE, payload)
+    if orientation != mavlink.MAV_SENSOR_ROTATION_PITCH_270:
+        return None
+    known = {0: UNKNOWN_U8, 1: 0}.get(quality, quality)
+    return RangeSample(time_ms * 1000, distance / 1e2, low / 1e2, high / 1e2, known)
 
 
 CONVERSIONS: dict[str, tuple[Callable[[Any], bytes], Callable[[bytes], Any]]] = {
@@ -226,7 +230,7 @@ def payloads(frame: SensorFrame) -> list[tuple[int, bytes]]:
 
 def quantized(frame: SensorFrame) -> SensorFrame:
     """``frame`` as the wire delivers it."""
-    samples = {
+    samples: dict[str, Any] = {
         sensor.field: sample and CODECS[sensor.field].decode(CODECS[sensor.field].encode(sample))
         for sensor in SENSORS
         for sample in [getattr(frame, sensor.field)]

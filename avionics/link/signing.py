@@ -111,7 +111,7 @@ class Signing:
         self.refused: Counter[Finding] = Counter()
         """frames that were not let in, on all links"""
         self.failure = ""
-        """why time stamps not stored, empty while they are"""
+        """reason why time stamps are not stored; empty if they are"""
 
     def __repr__(self) -> str:
         return f"Signing({'on' if self.active else 'off'})"

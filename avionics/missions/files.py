@@ -31,7 +31,9 @@ def load_flight_plan(name_or_path: str | Path) -> FlightPlan:
         plan = _from_list(path)
     else:
         plan = reader.load_plan(name_or_path)
-    refusal = reader.check_plan(plan) or check_climb(plan.mission) or mission_breach(plan.fence, plan.mission)
+    refusal = (
+        reader.check_plan(plan) or check_climb(plan.mission) or mission_breach(plan.fence, plan.mission, first=1)
+    )
     if refusal:
         raise InputError(f"{path}: {refusal}")
     return plan

@@ -25,6 +25,12 @@ MAX_TILT = 0.7
 """rad; greatest angle between beam and vertical at which a reading is used"""
 HOLD_TIME = 1.0
 """s; for which the terrain altitude holds without a reading, after that it is that of home: 8 m of way"""
+CONFIRMING = 5
+"""readings that agree after a gap before the terrain altitude is used: 0.1 s at 50 Hz"""
+AGREEMENT = 1.0
+"""m; greatest difference of such readings from their filtered terrain altitude"""
+LONGEST_STEP = 0.1
+"""s; greatest time step of the filter"""
 
 
 class State(NamedTuple):
@@ -36,6 +42,8 @@ class State(NamedTuple):
     """m; altitude of the ground below the vehicle"""
     time_us: int = -1
     """us; since boot, of the last reading that was used; -1 before the first"""
+    readings: int = 0
+    """-; agreeing readings since the last gap, at most `CONFIRMING`"""
 
 
 def is_plausible(gains: plausibility.Gains, state: plausibility.State, sample: RangeSample) -> bool:
@@ -53,20 +61,25 @@ def step(state: State, sample: RangeSample, vertical: float, altitude: float, at
         altitude: m; estimated, above home.
         at_rest: the vehicle is not in flight: the height is the reference.
     """
-    in_range = sample.min_distance <= sample.distance <= sample.max_distance and sample.quality > 0
-    if not in_range or vertical < cos(MAX_TILT):
+    # A distance below the least one is that of a vehicle on the ground.
+    distance = max(sample.distance, sample.min_distance)
+    if distance > sample.max_distance or sample.quality == 0 or vertical < cos(MAX_TILT):
         return state
-    height = sample.distance * vertical
+    height = distance * vertical
     if at_rest:
-        return State(reference=height, terrain=0.0, time_us=sample.time_us)
+        return State(height, 0.0, sample.time_us, CONFIRMING)
     dt = (sample.time_us - state.time_us) * 1e-6
-    if dt > HOLD_TIME:
-        return state._replace(terrain=altitude - (height - state.reference), time_us=sample.time_us)
-    error = altitude - (height - state.reference) - state.terrain
-    change = clip((1.0 - exp(-dt / TIME_CONSTANT)) * error, -MAX_RATE * dt, MAX_RATE * dt)
-    return state._replace(terrain=state.terrain + change, time_us=sample.time_us)
+    measured = altitude - (height - state.reference)
+    error = measured - state.terrain
+    confirmed = state.readings == CONFIRMING
+    if dt > HOLD_TIME or (not confirmed and abs(error) > AGREEMENT):
+        return State(state.reference, measured, sample.time_us, 1)
+    step = min(dt, LONGEST_STEP)
+    change = clip((1.0 - exp(-step / TIME_CONSTANT)) * error, -MAX_RATE * step, MAX_RATE * step)
+    return State(state.reference, state.terrain + change, sample.time_us, min(state.readings + 1, CONFIRMING))
 
 
 def terrain(state: State, time_us: int) -> float:
-    """Return the altitude (m) of the ground below the vehicle; 0, that of home, without a recent reading."""
-    return state.terrain if state.time_us >= 0 and time_us - state.time_us <= HOLD_TIME * 1e6 else 0.0
+    """Return the altitude (m) of the ground below the vehicle; 0, that of home, without recent readings."""
+    recent = state.readings == CONFIRMING and time_us - state.time_us <= HOLD_TIME * 1e6
+    return state.terrain if recent else 0.0

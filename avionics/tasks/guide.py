@@ -51,13 +51,17 @@ def note_breach(s: AutopilotState) -> None:
 def navigation(s: AutopilotState, publish: Publish) -> None:
     """Mission items and modes -> altitude and heading to fly."""
     if s.modes.stage == WAIT_LAUNCH or s.modes.stage in AIRBORNE:
-        item, airspeed = s.navigation.item, s.navigation.airspeed
+        before = s.navigation
         s.navigation, s.target = navigator.step(
             s.gains.navigation, s.navigation, s.clock.dt_20, s.mission, surroundings(s)
         )
-        if s.navigation.item != item:
-            publish_event(s, publish, Severity.INFO, "navigation", completion_text(item, s.mission[item]))
-        if s.navigation.airspeed != airspeed:
+        if s.navigation.landing_sequence > before.landing_sequence:
+            text = f"landing sequence started at item {s.navigation.item}"
+            publish_event(s, publish, Severity.INFO, "navigation", text)
+        elif s.navigation.item != before.item:
+            text = completion_text(before.item, s.mission[before.item])
+            publish_event(s, publish, Severity.INFO, "navigation", text)
+        if s.navigation.airspeed != before.airspeed:
             text = altitude_loop.airspeed_text(s.gains.altitude, s.navigation.airspeed)
             publish_event(s, publish, Severity.INFO, "navigation", text)
         if s.fence.zones:

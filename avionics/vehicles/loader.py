@@ -9,6 +9,7 @@ from typing import Any, NamedTuple, get_type_hints
 
 from avionics import control_laws
 from avionics.gains import FlightGains
+from avionics.guidance import altitude
 from avionics.mixing import flapping
 from avionics.vehicles.airframe import Airframe
 from wingbeat.errors import InputError
@@ -62,6 +63,7 @@ def load_vehicle(name_or_path: str | Path) -> FlightVehicle:
     )
     try:
         flapping.check(gains.flapping)
+        altitude.check(gains.altitude)
         control_laws.check(gains)
     except InputError as error:
         raise InputError(f"{file.path}: {error}") from None

@@ -98,7 +98,9 @@ def recorded_mission(log: Log) -> Mission:
 
 def _item(document: dict[str, Any]) -> MissionItem:
     document = document | {"kind": int(ItemKind[document["kind"]])}
-    item: MissionItem = snapshot.builder(MissionItem)([document[name] for name in MissionItem._fields])
+    # A recording of an earlier version has fewer fields, and the builder fills in the defaults of those at the end.
+    known = [document[name] for name in MissionItem._fields if name in document]
+    item: MissionItem = snapshot.builder(MissionItem)(known)
     return item
 
 

@@ -69,7 +69,7 @@ def test_a_fence_that_moves_and_turns_with_the_place_is_as_far_away(place, shift
 )
 def test_mission_item_outside_the_fence_is_named(item: MissionItem, reason: str) -> None:
     border = Fence((SQUARE, Zone(0, ((60.0, 0.0),), 20.0)), 10.0, 50.0)
-    expected = f"mission item 2 is {reason}" if reason else ""
+    expected = f"mission item 1 is {reason}" if reason else ""
     assert fence.mission_breach(border, (MissionItem(ItemKind.TAKEOFF, altitude=20.0), item)) == expected
 
 
@@ -88,10 +88,10 @@ def test_mission_outside_its_fence_denies_auto_and_arming() -> None:
     auto, arm = Command(0, CommandKind.SET_MODE, "AUTO"), Command(0, CommandKind.ARM)
     step(Command(0, CommandKind.SET_MISSION, payload=mission), auto, ticks=600)
     step(Command(0, CommandKind.SET_FENCE, payload=Fence((SQUARE,))))
-    assert said[-1] == "mission item 2 is outside the fence: AUTO will be denied"
-    assert not step(arm).state.modes.armed and "arming denied: mission item 2 is outside the fence" in said
+    assert said[-1] == "mission item 1 is outside the fence: AUTO will be denied"
+    assert not step(arm).state.modes.armed and "arming denied: mission item 1 is outside the fence" in said
     step(Command(0, CommandKind.SET_MODE, "MANUAL"), auto)
-    assert autopilot.state.modes.mode == Mode.MANUAL and said[-1].startswith("mode AUTO denied: mission item 2")
+    assert autopilot.state.modes.mode == Mode.MANUAL and said[-1].startswith("mode AUTO denied: mission item 1")
     step(Command(0, CommandKind.SET_FENCE, payload=Fence()), auto, arm)
     assert autopilot.state.modes.armed and autopilot.state.modes.mode == Mode.AUTO
 

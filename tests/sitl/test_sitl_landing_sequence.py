@@ -8,7 +8,7 @@ import pytest
 from simulate import RAVEN, Flight, simulate
 
 from avionics import topics
-from avionics.guidance.mission import ItemKind, MissionItem
+from avionics.guidance.mission import Fence, ItemKind, MissionItem, Zone
 from avionics.messages import Command, CommandKind, Mode, Stage
 from sim_bridge.flight.world import Scenario
 
@@ -61,3 +61,37 @@ def test_return_lands_as_its_type_says(return_type: int, place: tuple[float, flo
     assert navigation["stage"][-1] == Stage.LANDED and navigation["mode"][-1] == Mode.RETURN
     assert math.dist(landed_at(flight), place) < 40.0
     assert (nearest_home(flight) < 30.0) == over_home
+    later = [event.text for event in flight.of(topics.EVENTS) if event.time_us > 30e6]
+    assert later.count("landing sequence started at item 2") == (return_type != 0)
+    assert not any(text.startswith(("waypoint 0", "waypoint 1")) for text in later)
+
+
+@pytest.mark.validate
+def test_return_after_the_end_of_the_mission_lands_by_its_sequence() -> None:
+    """GIVEN a mission that is at its end WHEN RETURN starts its landing sequence THEN the flight goes on."""
+    commands = [
+        command(1.0, CommandKind.SET_PARAMETER, "NAV_RETURN_TYPE", 2.0),
+        command(32.0, CommandKind.SET_MODE, Mode.RETURN.name),
+    ]
+    mission = (
+        MISSION[0],
+        MissionItem(ItemKind.JUMP, jump_to=5, repeats=1),
+        *MISSION[2:],
+        MissionItem(ItemKind.LOITER, 0.0, 40.0, 40.0, duration=1.0),
+    )
+    flight = simulate(RAVEN, Scenario(seed=2, duration=36.0), mission, commands)
+    navigation = flight.columns(topics.NAVIGATION)
+    assert len(mission) in navigation["item"][navigation["time_us"] < 32e6], "the mission has not ended"
+    assert "landing sequence started at item 2" in flight.events()
+
+
+def test_return_does_not_fly_a_sequence_outside_the_fence() -> None:
+    """GIVEN a mission with an item outside the fence WHEN RETURN begins THEN it lands at home."""
+    fence = Fence((Zone(1, ((0.0, 0.0),), 120.0),))
+    commands = [
+        command(1.0, CommandKind.SET_PARAMETER, "NAV_RETURN_TYPE", 2.0),
+        command(22.0, CommandKind.SET_FENCE, "")._replace(payload=fence),
+        command(23.0, CommandKind.SET_MODE, Mode.RETURN.name),
+    ]
+    flight = simulate(RAVEN, Scenario(seed=2, duration=26.0), MISSION, commands)
+    assert not any("landing sequence started" in text for text in flight.events())

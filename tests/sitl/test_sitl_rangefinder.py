@@ -12,6 +12,7 @@ from simulate import RAVEN, Flight, simulate
 from avionics import topics
 from avionics.guidance.mission import ItemKind, MissionItem
 from avionics.link import sensor_codec
+from avionics.link.dialect import mavlink
 from avionics.messages import SensorFrame, Stage
 from avionics.sensing import rangefinder
 from avionics.sensors import SENSORS
@@ -54,7 +55,30 @@ def test_false_reading_moves_the_terrain_by_its_greatest_rate() -> None:
     assert 0.0 < after.terrain <= rangefinder.MAX_RATE * 0.02 + 1e-9
 
 
-@pytest.mark.parametrize(("distance", "quality"), [(0.05, 100), (12.5, 100), (7.0, 0)])
+def test_false_readings_after_a_gap_are_not_used() -> None:
+    """GIVEN 12 m without an echo WHEN single false readings come THEN the terrain stays that of home."""
+    state = followed([0.0] * 200, altitude=10.0, quality=0)
+    for i in range(20):
+        distance = 1.5 if i % 4 == 0 else 12.0
+        state = rangefinder.step(state, sample(4.0 + 0.02 * (i + 1), distance), 1.0, 10.0, at_rest=False)
+        assert abs(rangefinder.terrain(state, state.time_us)) < 0.1, i
+
+
+def test_readings_that_agree_after_a_gap_are_used() -> None:
+    state = rangefinder.State(reference=2.0)
+    for i in range(rangefinder.CONFIRMING):
+        assert rangefinder.terrain(state, state.time_us) == 0.0
+        state = rangefinder.step(state, sample(9.0 + 0.02 * i, 7.0), 1.0, 8.0, at_rest=False)
+    assert rangefinder.terrain(state, state.time_us) == pytest.approx(3.0)
+
+
+def test_vehicle_on_the_ground_keeps_its_terrain() -> None:
+    """GIVEN a sensor that cannot measure below 0.1 m WHEN the vehicle stands THEN its readings are still used."""
+    state = followed([0.05] * 300, altitude=6.0)
+    assert rangefinder.terrain(state, state.time_us + 900_000) == pytest.approx(7.9, abs=0.01)
+
+
+@pytest.mark.parametrize(("distance", "quality"), [(12.5, 100), (7.0, 0)])
 def test_reading_out_of_range_or_without_echo_is_not_used(distance: float, quality: int) -> None:
     assert followed([distance] * 50, quality=quality).time_us == 0
 
@@ -133,3 +157,12 @@ def test_ground_station_receives_distance_sensor() -> None:
         1200,
     )
     assert message.orientation == 25 and message.signal_quality == 100
+
+
+def test_sensor_that_does_not_look_down_is_ignored() -> None:
+    forward = mavlink.MAVLink_distance_sensor_message(5, 10, 1200, 300, 0, 0, 0, 255)
+    down = mavlink.MAVLink_distance_sensor_message(5, 10, 1200, 300, 0, 0, 25, 255)
+    codec, sender = sensor_codec.CODECS["rangefinder"], mavlink.MAVLink(None, 1, 1)
+    payloads = [each.pack(sender)[10:-2] for each in (forward, down)]
+    assert codec.decode(payloads[0]) is None
+    assert codec.decode(payloads[1]) == RangeSample(5000, 3.0, 0.1, 12.0, 255), "no quality reported: it is used"
