@@ -71,17 +71,17 @@ def test_return_after_the_end_of_the_mission_lands_by_its_sequence() -> None:
     """GIVEN a mission that is at its end WHEN RETURN starts its landing sequence THEN the flight goes on."""
     commands = [
         command(1.0, CommandKind.SET_PARAMETER, "NAV_RETURN_TYPE", 2.0),
-        command(32.0, CommandKind.SET_MODE, Mode.RETURN.name),
+        command(60.0, CommandKind.SET_MODE, Mode.RETURN.name),
     ]
     mission = (
         MISSION[0],
         MissionItem(ItemKind.JUMP, jump_to=5, repeats=1),
         *MISSION[2:],
-        MissionItem(ItemKind.LOITER, 0.0, 40.0, 40.0, duration=1.0),
+        MissionItem(ItemKind.WAYPOINT, 60.0, 0.0, 40.0),
     )
-    flight = simulate(RAVEN, Scenario(seed=2, duration=36.0), mission, commands)
+    flight = simulate(RAVEN, Scenario(seed=2, duration=63.0), mission, commands)
     navigation = flight.columns(topics.NAVIGATION)
-    assert len(mission) in navigation["item"][navigation["time_us"] < 32e6], "the mission has not ended"
+    assert len(mission) in navigation["item"][navigation["time_us"] < 60e6], "the mission has not ended"
     assert "landing sequence started at item 2" in flight.events()
 
 
