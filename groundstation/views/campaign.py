@@ -38,13 +38,13 @@ def duration(seconds: float) -> str:
 
 
 def in_progress(done: int, size: int) -> str:
-    """Said when a campaign was begun before."""
-    return f"going on: {done} of {pluralize(size, 'flight')} were flown before"
+    """Return the line of a campaign that is resumed."""
+    return f"resuming: {done} of {pluralize(size, 'flight')} complete"
 
 
 def stopped(done: int, size: int) -> str:
-    """Said when a campaign is stopped on the way."""
-    return f"stopped: {done} of {pluralize(size, 'flight')} are flown and kept; the same command goes on"
+    """Return the line of a campaign that was interrupted."""
+    return f"stopped: {done} of {pluralize(size, 'flight')} complete and stored; run the same command to resume"
 
 
 def too_late_for_logs(table: Path) -> str:

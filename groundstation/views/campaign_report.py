@@ -42,7 +42,7 @@ def _heading(table: Table) -> Text:
     name = f"{table.about.name}: {table.about.title}" if table.about.title else table.about.name
     flights = pluralize(table.size, "flight")
     if table.planned is not None:
-        going_on = f"\nunfinished: {flights} of {table.planned}; wingbeat campaign {table.about.file} goes on"
+        going_on = f"\nunfinished: {flights} of {table.planned}; resume with wingbeat campaign {table.about.file}"
         return Text.assemble((name, "bold"), (going_on, "yellow"), f"\n{flights}: {told}")
     return Text.assemble((name, "bold"), f"\n{flights}: {told}")
 

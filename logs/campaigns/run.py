@@ -79,7 +79,7 @@ def _row(future: Any, number: int, logs: Logs) -> Row:
         raise InputError("cluster disconnected; the same command resumes")
     error = future.exception()
     if isinstance(error, CannotRecord):
-        raise InputError(f"{error}; the same command goes on when it can be")
+        raise InputError(f"{error}; run the same command to resume after that")
     if type(error).__name__ == "KilledWorker":
         judged = Evaluation(Outcome.KILLED, "the process that flew it was ended from outside")
     else:

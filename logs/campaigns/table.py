@@ -132,7 +132,7 @@ def unfinished_table(path: Path) -> Table:
     except InputError as error:
         raise InputError(f"{told}, and {error}") from None
     if campaign is None or campaign.digest() != header.digest:
-        why = "or a file that it names, has changed" if campaign else "goes on by the same command"
+        why = "or a file that it names, has changed" if campaign else "can be resumed by the same command"
         raise InputError(f"{told}, whose file, {header.file}, {why}" if campaign else f"{told}: it {why}")
     numbers = sorted(header.rows)
     inputs = [campaign.values(number) for number in numbers]
@@ -144,7 +144,7 @@ def unfinished_table(path: Path) -> Table:
 
 
 def _resume_hint(header: JournalHeader) -> str:
-    return f"; wingbeat campaign {header.file} goes on" if header.file else ""
+    return f"; resume with wingbeat campaign {header.file}" if header.file else ""
 
 
 def _results() -> Sequence[str]:

@@ -46,7 +46,7 @@ class Bird:
         self.v_before = (0.0, 0.0, 0.0)
         self.tick = 0
         self.gps_on = True
-        self.airborne_flight = 0.0
+        self.launch_speed = 0.0
 
     def throw(self) -> None:
         """A push of 3.5 g up to 7 m/s begins."""
@@ -75,8 +75,8 @@ class Bird:
             self._fly(command)
 
     def _fly(self, command: ActuatorCommand) -> None:
-        if self.airborne_flight < 7.0:
-            self.airborne_flight = self.speed = self.speed + 35.0 * DT
+        if self.launch_speed < 7.0:
+            self.launch_speed = self.speed = self.speed + 35.0 * DT
             self._move()
             return
         dynamic = 0.5 * DENSITY * self.speed**2 * AREA

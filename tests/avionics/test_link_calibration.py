@@ -29,7 +29,7 @@ def requested(*params: float, sender: Sender = STATION, command: int = CALIBRATI
     return Request(command, (*params, *(0.0,) * (7 - len(params))), sender)
 
 
-def continues(vehicle: FakeVehicle, running: int, progress: float, started: int = 1, succeeded: int = 0) -> None:
+def set_progress(vehicle: FakeVehicle, running: int, progress: float, started: int = 1, succeeded: int = 0) -> None:
     vehicle.topics[t.CALIBRATION.name] = CalibrationStatus(
         0, Calibration.MAGNETOMETER, running, progress, started, succeeded, 0.0
     )
@@ -69,12 +69,12 @@ def test_it_is_in_progress_until_the_core_has_ended_it() -> None:
     requests = CalibrationRequests(vehicle)
     requests.answer(requested(0, 1))
     assert requests.step(10.0) == []
-    continues(vehicle, running=1, progress=0.4)
+    set_progress(vehicle, running=1, progress=0.4)
     assert requests.step(10.5) == []
     assert acks(requests.step(11.1)) == [(IN_PROGRESS, 40)]
     assert requests.answer(requested(0, 1)).result == IN_PROGRESS
     assert requests.answer(requested(0, 1)).outputs == ()
-    continues(vehicle, running=0, progress=1.0, succeeded=1)
+    set_progress(vehicle, running=0, progress=1.0, succeeded=1)
     ended = requests.step(11.2)
     assert acks(ended) == [(ACCEPTED, 100)]
     assert ended[0].to == STATION
@@ -86,7 +86,7 @@ def test_a_calibration_that_fails_or_never_begins_is_told_as_failed() -> None:
     requests = CalibrationRequests(vehicle)
     requests.answer(requested(0, 1))
     requests.step(10.0)
-    continues(vehicle, running=0, progress=0.0, succeeded=0)
+    set_progress(vehicle, running=0, progress=0.0, succeeded=0)
     assert acks(requests.step(10.2)) == [(FAILED, 100)]
     silent = CalibrationRequests(FakeVehicle())
     silent.answer(requested(0, 1))
@@ -96,13 +96,13 @@ def test_a_calibration_that_fails_or_never_begins_is_told_as_failed() -> None:
 
 def test_the_success_of_an_earlier_one_is_not_taken_for_this_ones() -> None:
     vehicle = FakeVehicle()
-    continues(vehicle, running=0, progress=1.0, started=4, succeeded=1)
+    set_progress(vehicle, running=0, progress=1.0, started=4, succeeded=1)
     requests = CalibrationRequests(vehicle)
     requests.answer(requested(0, 1))
     assert requests.step(10.0) == []
-    continues(vehicle, running=1, progress=0.1, started=5, succeeded=1)
+    set_progress(vehicle, running=1, progress=0.1, started=5, succeeded=1)
     assert requests.step(10.1) == []
-    continues(vehicle, running=0, progress=0.0, started=5, succeeded=0)
+    set_progress(vehicle, running=0, progress=0.0, started=5, succeeded=0)
     assert acks(requests.step(10.2)) == [(FAILED, 100)]
 
 

@@ -101,16 +101,16 @@ def test_an_interrupted_campaign_goes_on_and_its_table_is_that_of_one_run(
     assert main(["campaign", "short.toml", "--out", "whole.parquet"]) == 0
     monkeypatch.setattr(campaign, "fly_campaign", interrupted)
     assert main(["campaign", "short.toml", "--out", "parts.parquet"]) == 130
-    assert "stopped: 3 of 4 flights are flown and kept; the same command goes on" in capsys.readouterr().err
+    assert "stopped: 3 of 4 flights complete and stored; run the same command to resume" in capsys.readouterr().err
     assert not (folder / "parts.parquet").exists()
     assert main(["campaign", "report", "parts.parquet"]) == 0
-    assert "unfinished: 3 flights of 4; wingbeat campaign short.toml goes on" in capsys.readouterr().out
+    assert "unfinished: 3 flights of 4; resume with wingbeat campaign short.toml" in capsys.readouterr().out
     assert "unfinished: of 4 flights these are flown" in (folder / "parts.html").read_text()
     assert document(capsys, "campaign", "report", "parts.parquet", "--json")["planned"] == 4
     monkeypatch.setattr(campaign, "fly_campaign", fly_campaign)
     assert main(["campaign", "short.toml", "--out", "parts.parquet"]) == 0
     said = capsys.readouterr().out
-    assert "going on: 3 of 4 flights were flown before" in said and "1 flown in" in said
+    assert "resuming: 3 of 4 flights complete" in said and "1 flown in" in said
     assert (folder / "parts.parquet").read_bytes() == (folder / "whole.parquet").read_bytes()
     assert not (folder / "parts.parquet.flights").exists()
 
@@ -120,7 +120,7 @@ def test_an_unfinished_campaign_that_cannot_be_told_says_why(
 ) -> None:
     journal = folder / "short.parquet.flights"
     journal.write_text('{"campaign": "a", "file": "short.toml"}\n')
-    assert "no flight of this campaign has ended yet; wingbeat campaign short.toml goes on" in refused(
+    assert "no flight of this campaign has ended yet; resume with wingbeat campaign short.toml" in refused(
         capsys, "campaign", "report", "short.parquet"
     )
     row = json.dumps(row_of(1, Evaluation(Outcome.LANDED)))
@@ -130,7 +130,7 @@ def test_an_unfinished_campaign_that_cannot_be_told_says_why(
         capsys, "campaign", "report", "short.parquet"
     )
     journal.write_text('{"campaign": "a"}\n' + row + "\n")
-    assert "goes on by the same command" in refused(capsys, "campaign", "report", "short.parquet")
+    assert "can be resumed by the same command" in refused(capsys, "campaign", "report", "short.parquet")
 
 
 def test_a_campaign_stopped_before_its_first_flight_ended_goes_on_with_its_logs(

@@ -143,31 +143,31 @@ def test_altitude_in_still_air() -> None:
     assert max(map(rms, errors)) < 0.5
 
 
-def is_constant(level: str) -> list[Precision]:
+def long_flights(level: str) -> list[Precision]:
     """Eight long ones in 3 m/s of wind and gusts of a level, none of which ended early."""
-    simulate = [altitude_hold(WIND, level, seed, LONG_AIRTIME) for seed in range(1, 9)]
-    print(f"altitude in {level}:", *(f"{rms(each.error):.2f}" for each in simulate))  # noqa: T201
-    assert min(len(each.error) for each in simulate) > 4000
-    return simulate
+    flights = [altitude_hold(WIND, level, seed, LONG_AIRTIME) for seed in range(1, 9)]
+    print(f"altitude in {level}:", *(f"{rms(each.error):.2f}" for each in flights))  # noqa: T201
+    assert min(len(each.error) for each in flights) > 4000
+    return flights
 
 
 def test_altitude_in_wind_and_light_gusts_of_small_aircraft() -> None:
-    assert rms(np.concatenate([each.error for each in is_constant("small_uav_light")])) < 1.5
+    assert rms(np.concatenate([each.error for each in long_flights("small_uav_light")])) < 1.5
 
 
 def test_altitude_in_wind_and_moderate_gusts_of_small_aircraft_beside_what_no_climb_can_hold() -> None:
     """Air that sinks faster than the vehicle climbs takes it down; the rest of the error is the flight computer's."""
-    simulate = is_constant("small_uav_moderate")
-    ideal = [out_of_reach(each.sinking) for each in simulate]
-    left = np.concatenate([each.error - errors for each, errors in zip(simulate, ideal, strict=True)])
+    flights = long_flights("small_uav_moderate")
+    ideal = [out_of_reach(each.sinking) for each in flights]
+    left = np.concatenate([each.error - errors for each, errors in zip(flights, ideal, strict=True)])
     print(f"a perfect hold: {rms(np.concatenate(ideal)):.2f} m, beside it {rms(left):.2f} m")  # noqa: T201
-    assert float(np.median([rms(each.error) for each in simulate])) < 1.5
+    assert float(np.median([rms(each.error) for each in flights])) < 1.5
     assert rms(left) < 1.5
 
 
 @pytest.mark.xfail(strict=True, reason="4.3 m; of a perfect hold that climbs 1.5 m/s at most 3.8 m")
 def test_altitude_in_wind_and_moderate_gusts_of_small_aircraft() -> None:
-    assert rms(np.concatenate([each.error for each in is_constant("small_uav_moderate")])) < 1.5
+    assert rms(np.concatenate([each.error for each in long_flights("small_uav_moderate")])) < 1.5
 
 
 @pytest.mark.xfail(strict=True, reason="2.2 m: it climbs 1.5 m/s at most, and gusts go down with 1.5 m/s RMS")

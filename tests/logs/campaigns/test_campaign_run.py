@@ -80,7 +80,10 @@ class KillingClient:
 
 def test_a_log_that_cannot_be_written_stops_the_campaign(tmp_path: Path) -> None:
     campaign, logs = campaign_of(tmp_path, FIVE), Logs("all", tmp_path / "short.toml")
-    with cluster_in_process() as client, pytest.raises(InputError, match="Not a directory; the same command goes on"):
+    with (
+        cluster_in_process() as client,
+        pytest.raises(InputError, match="Not a directory; run the same command to resume"),
+    ):
         list(fly_campaign(campaign, [1, 2], client, logs))
 
 
