@@ -158,7 +158,7 @@ def test_a_flight_with_faults_is_recorded_and_replayed_bit_for_bit(tmp_path: Pat
         flight = Flight(seen, isolation)
 
         def inject(flight: Flight) -> None:
-            once(seen, "_seen")
+            once(seen, "_updates_of")
             once(flight.link._services["FTP"].service, "step")
             flight.link._services["heartbeat"].service.step = fail  # type: ignore[method-assign]
 

@@ -56,7 +56,7 @@ def test_damage_in_any_batch_is_one_line(path: Path, tmp_path: Path, monkeypatch
     data = bytearray(path.read_bytes())
     chunks = [span for span in records(bytes(data), 8, len(data)) if span.opcode == Opcode.CHUNK]
     for chunk in chunks[2], chunks[-1]:
-        data[chunk.end - 100] ^= 1
+        data[chunk.end - 100] ^= 0xFF
     damaged = tmp_path / "a.mcap"
     damaged.write_bytes(data)
     monkeypatch.setattr(column_batches, "BATCH_BYTES", 1)

@@ -54,17 +54,17 @@ def test_what_a_fault_makes_of_the_imu_can_be_carried_over_mavlink(name: str) ->
     [
         ("gps_lost", "NAME@T"),
         ("gps@3", "known: gps_lost, pitot_blocked"),
-        ("gps_lost@soon", "no time"),
-        ("gps_lost@5-3", "must end after"),
-        ("gps_lost@5-nan", "must end after"),
+        ("gps_lost@soon", "is not a time in seconds"),
+        ("gps_lost@5-3", "the end must be after the start"),
+        ("gps_lost@5-nan", "the end must be after the start"),
         ("gps_lost@nan", "must be 0 s or more since boot, not nan"),
         ("gps_lost@inf", "must be 0 s or more since boot, not inf"),
         ("gps_lost@-1", "must be 0 s or more since boot, not -1"),
         ("gps_lost@-5-3", "must be 0 s or more since boot, not -5"),
-        ("gps_lost@-", "no time"),
+        ("gps_lost@-", "is not a time in seconds"),
         ("gps_lost@-nan", "must be 0 s or more"),
-        ("battery_low@3-5", "does not end"),
-        ("sim_silent@3-5", "does not end"),
+        ("battery_low@3-5", "has no end: specify its start only"),
+        ("sim_silent@3-5", "has no end: specify its start only"),
     ],
 )
 def test_what_cannot_fail_is_refused_in_one_line(text: str, reason: str) -> None:

@@ -139,12 +139,12 @@ def test_offboard_attitude_is_flown_within_limits() -> None:
 def test_offboard_is_denied_without_a_setpoint_stream() -> None:
     old = command(BEGIN - 1.5, CommandKind.SET_SETPOINT, payload=Setpoint(Path.CIRCLE_HERE))
     flight = simulate(RAVEN, Scenario(seed=3, duration=13.0), MISSION, [offboard(10.4), old, offboard(BEGIN)])
-    assert flight.events().count("mode OFFBOARD refused: no recent setpoint") == 2
+    assert flight.events().count("mode OFFBOARD denied: no recent setpoint") == 2
     assert modes_at(flight, 12.9) == [Mode.AUTO]
 
 
 def test_setpoints_on_the_ground_are_preparation_only() -> None:
     prepared = [*stream(0.5, 3.0, Setpoint(Path.CIRCLE_HERE)), offboard(1.5)]
     flight = simulate(RAVEN, Scenario(seed=3, duration=3.0), MISSION, prepared)
-    assert "mode OFFBOARD refused: not in flight" in flight.events()
+    assert "mode OFFBOARD denied: not in flight" in flight.events()
     assert modes_at(flight, 2.9) == [Mode.AUTO]

@@ -192,7 +192,7 @@ def test_what_is_printed_flies_the_planned_input(shape: Shape) -> None:
         PRIOR, Asked(shape, LIMITS, width=0.3 if shape <= Shape.MULTISTEP_3211 else 10.0, repeats=3)
     ).excitation
     (item,) = tomllib.loads(mission_item(flown))["item"]
-    read = read_excitation("item", item)
+    read = read_excitation(item)
     words = command_line(flown).split()[3:]
     parser = VerbParser()
     gcs_excite.add_verbs(parser.add_subparsers(dest="verb"))

@@ -96,12 +96,12 @@ def test_one_false_stamp_costs_one_row_wherever_it_points() -> None:
     for false in (0, 10**12):
         times = np.arange(100, 200)
         times[40] = false
-        mask = checks.going_on(times)
+        mask = checks.monotonic_rows(times)
         assert mask.sum() == 99 and not mask[40]
 
 
 def test_rows_are_kept_whose_times_stand_still() -> None:
-    assert checks.going_on(np.array([5, 5, 5, 6])).all() and checks.going_on(np.array([], np.int64)).all()
+    assert checks.monotonic_rows(np.array([5, 5, 5, 6])).all() and checks.monotonic_rows(np.array([], np.int64)).all()
 
 
 def test_the_longer_side_of_a_long_pause_is_kept() -> None:
