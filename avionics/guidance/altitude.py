@@ -1,7 +1,7 @@
-"""Altitude and climb loops in the structure of the Paparazzi autopilot (Malladi 2007, section IV.A).
+"""Altitude and climb loops with the structure of the Paparazzi autopilot.
 
-altitude error -> climb setpoint -> throttle (flapping) and pitch setpoint. The throttle has a trim and a
-feed-forward, so that the integral only carries what they miss.
+Malladi 2007, section IV.A: altitude error -> climb setpoint -> throttle (flapping) and pitch setpoint. The throttle
+has a trim and a feed-forward term, so that the integrator only carries the residual.
 """
 
 from __future__ import annotations
@@ -15,109 +15,109 @@ from wingbeat.units import Quantity
 from wingbeat.vehicle_file import Label
 
 STEEP, STEEPEST = 0.7, 1.0
-"""rad; bank from which thrust is given up, and at which nothing is left of it; beyond any bank asked for"""
+"""rad; bank at which the thrust limit starts to fall, and at which it reaches the minimum; above any bank setpoint"""
 CALM_SHARE = 0.5
-"""-; of the gains on altitude and climb while a trim is sought"""
+"""-; factor on the altitude and climb gains while a trim is established"""
 
 
 class Gains(NamedTuple):
-    """What the altitude and climb loops are tuned with."""
+    """Parameters of the altitude and climb loops."""
 
     proportional: Annotated[float, Quantity("1/s", 0.0, 5.0)]
     """1/s; climb setpoint per altitude error"""
     climb_max: Annotated[float, Quantity("m/s", 0.05, 10.0)]
-    """m/s; greatest climb setpoint"""
+    """m/s; maximum climb setpoint"""
     sink_max: Annotated[float, Quantity("m/s", 0.05, 10.0)]
-    """m/s; greatest sink setpoint, positive"""
+    """m/s; maximum sink setpoint, positive"""
     climb_rate_limit: Annotated[float, Quantity("m/s^2", 0.05, 50.0)]
-    """m/s^2; how fast the climb setpoint may change"""
+    """m/s^2; slew rate limit of the climb setpoint"""
     throttle_trim: Annotated[float, Quantity("-", 0.0, 1.0)]
-    """-; throttle of level flight"""
+    """-; throttle in level flight"""
     throttle_climb: Annotated[float, Quantity("s/m", 0.0, 1.0)]
-    """s/m; feed-forward, throttle per climb setpoint"""
+    """s/m; throttle feed-forward per climb setpoint"""
     throttle_error: Annotated[float, Quantity("s/m", 0.0, 2.0)]
     """s/m; throttle per climb error"""
     throttle_integral: Annotated[float, Quantity("1/m", 0.0, 2.0)]
-    """1/m; throttle per second and climb error"""
+    """1/m; throttle rate per climb error"""
     integral_max: Annotated[float, Quantity("-", 0.0, 1.0)]
-    """-; greatest share of the integral in the throttle"""
+    """-; limit of the throttle integrator"""
     throttle_min: Annotated[float, Quantity("-", 0.0, 1.0)]
-    """-; least throttle in flight"""
+    """-; minimum throttle in flight"""
     throttle_max: Annotated[float, Quantity("-", 0.0, 1.0)]
-    """-; greatest throttle in flight"""
+    """-; maximum throttle in flight"""
     throttle_rate: Annotated[float, Quantity("1/s", 0.05, 20.0)]
-    """1/s; how fast the throttle may change"""
+    """1/s; slew rate limit of the throttle"""
     pitch_trim: Annotated[float, Quantity("rad", -0.5, 1.2)]
-    """rad; pitch of level flight"""
+    """rad; pitch in level flight"""
     pitch_climb: Annotated[float, Quantity("rad s/m", -1.0, 1.0)]
     """rad s/m; pitch setpoint per climb setpoint"""
     pitch_error: Annotated[float, Quantity("rad s/m", -1.0, 1.0)]
-    """rad s/m; pitch setpoint per climb error: meets a gust before the throttle's energy does"""
+    """rad s/m; pitch setpoint per climb error; responds to gusts faster than the throttle"""
     pitch_min: Annotated[float, Quantity("rad", -1.0, 1.2)]
-    """rad; least pitch setpoint"""
+    """rad; minimum pitch setpoint"""
     pitch_max: Annotated[float, Quantity("rad", -1.0, 1.4)]
-    """rad; greatest pitch setpoint"""
+    """rad; maximum pitch setpoint"""
     pitch_rate: Annotated[float, Quantity("rad/s", 0.01, 10.0)]
-    """rad/s; how fast the pitch setpoint may change"""
+    """rad/s; slew rate limit of the pitch setpoint"""
     airspeed_min: Annotated[float, Quantity("m/s", 0.0, 20.0)]
-    """m/s; below it the nose is lowered"""
+    """m/s; airspeed below which the pitch setpoint is reduced"""
     airspeed_pitch: Annotated[float, Quantity("rad s/m", 0.0, 1.0)]
-    """rad s/m; pitch setpoint taken off per missing airspeed"""
+    """rad s/m; reduction of the pitch setpoint per airspeed below the minimum"""
     headwind: Annotated[float, Quantity("m/s", 0.0, 20.0)]
-    """m/s; wind from ahead beyond which it flies faster"""
+    """m/s; headwind above which the airspeed is increased"""
     headwind_pitch: Annotated[float, Quantity("rad s/m", 0.0, 0.2)]
-    """rad s/m; pitch setpoint taken off per headwind beyond that: the pitch of level flight falls with its speed"""
+    """rad s/m; reduction of the pitch trim per headwind above the threshold"""
     headwind_pitch_max: Annotated[float, Quantity("rad", 0.0, 0.5)]
-    """rad; most that is taken off so"""
+    """rad; maximum reduction of the pitch trim in headwind"""
     trim_time: Annotated[float, Quantity("s", 0.05, 60.0)]
-    """s; time constant of the mean throttle that a frozen loop holds"""
+    """s; time constant of the mean throttle that is applied while the loop is frozen"""
     speed_min: Annotated[float, Quantity("m/s", 0.0, 50.0)] = 0.0
-    """m/s; least airspeed setpoint"""
+    """m/s; minimum airspeed setpoint"""
     speed_max: Annotated[float, Quantity("m/s", 0.0, 50.0)] = 0.0
-    """m/s; greatest airspeed setpoint; 0 if no airspeed setpoint is accepted"""
+    """m/s; maximum airspeed setpoint; 0 if no airspeed setpoint is accepted"""
     speed_time: Annotated[float, Quantity("s", 0.5, 60.0)] = 4.0
-    """s; time constant with which the airspeed follows its setpoint"""
+    """s; time constant of the response to the airspeed setpoint"""
     law: Annotated[str, Label()] = "cascade"
     """-; control law of the loop, a name of the table in `avionics.control_laws`"""
 
 
 class State(NamedTuple):
-    """What the altitude and climb loops remember."""
+    """State of the altitude and climb loops."""
 
     climb_setpoint: float = 0.0
-    """m/s; last"""
+    """m/s; climb setpoint of the previous step"""
     integral: float = 0.0
-    """-; in throttle"""
+    """-; throttle integrator"""
     throttle: float = 0.0
-    """-; last"""
+    """-; throttle of the previous step"""
     pitch_setpoint: float = 0.0
-    """rad; last"""
+    """rad; pitch setpoint of the previous step"""
     throttle_mean: float = 0.0
     """-; low-passed throttle"""
     speed_integral: float = 0.0
-    """m; integral of the airspeed error, 0 without a setpoint"""
+    """m; integral of the airspeed error; 0 without a setpoint"""
 
 
 class Measured(NamedTuple):
-    """What the loops look at."""
+    """Measurements used by the altitude and climb loops."""
 
     altitude: float
     """m; positive up"""
     climb_rate: float
     """m/s; positive up"""
     airspeed: float
-    """m/s; true"""
+    """m/s; true airspeed"""
 
 
 def initial(gains: Gains, throttle: float = 0.0) -> State:
-    """State that continues from ``throttle`` and the trim pitch without a jump."""
+    """Return a state that starts from ``throttle`` and the trim pitch."""
     return State(0.0, 0.0, throttle, gains.pitch_trim, gains.throttle_trim)
 
 
 def step(
     gains: Gains, state: State, time_us: int, dt: float, altitude_setpoint: float, measured: Measured
 ) -> tuple[State, AltitudeStatus]:
-    """One step of both loops; ``dt`` in s, ``altitude_setpoint`` in m."""
+    """Advance both loops by ``dt`` (s) toward ``altitude_setpoint`` (m)."""
     altitude_error = altitude_setpoint - measured.altitude
     wanted = clip(gains.proportional * altitude_error, -gains.sink_max, gains.climb_max)
     climb_setpoint = slew(state.climb_setpoint, wanted, gains.climb_rate_limit, dt)
@@ -134,7 +134,10 @@ def step(
 def _throttle(
     gains: Gains, state: State, dt: float, climb_setpoint: float, climb_error: float
 ) -> tuple[float, float, int]:
-    """Throttle of the climb loop; the integral stops while it would push further into a limit."""
+    """Return integrator, throttle and saturation of the climb loop.
+
+    Integration stops while it would drive the throttle further into saturation (conditional anti-windup).
+    """
     forward = gains.throttle_trim + gains.throttle_climb * climb_setpoint + gains.throttle_error * climb_error
     grown = state.integral + gains.throttle_integral * climb_error * dt
     integral = clip(grown, -gains.integral_max, gains.integral_max)
@@ -147,11 +150,11 @@ def _throttle(
 
 
 def _pitch_setpoint(gains: Gains, state: State, dt: float, climb: tuple[float, float], airspeed: float) -> float:
-    """Pitch setpoint for ``climb``, the setpoint and the error of the climb loop."""
+    """Return the pitch setpoint for the setpoint and the error of the climb loop."""
     missing = gains.airspeed_min - airspeed
     wanted = gains.pitch_trim + gains.pitch_climb * climb[0] + gains.pitch_error * climb[1]
     if missing > 0.0:
-        # Taken off what the loop may ask at most: a wish far beyond that must not eat the protection up.
+        # Clip before the reduction, so that a large climb demand cannot cancel the airspeed protection.
         wanted = min(wanted, gains.pitch_max) - gains.airspeed_pitch * missing
     return slew(state.pitch_setpoint, clip(wanted, gains.pitch_min, gains.pitch_max), gains.pitch_rate, dt)
 
@@ -159,7 +162,10 @@ def _pitch_setpoint(gains: Gains, state: State, dt: float, climb: tuple[float, f
 def hold_trim(
     state: State, time_us: int, altitude_setpoint: float, measured: Measured
 ) -> tuple[State, AltitudeStatus]:
-    """Frozen for an excitation: the mean throttle, the last pitch setpoint, the integral kept."""
+    """Return the trim throttle and pitch setpoint while an excitation is active.
+
+    The throttle is its running mean and the pitch setpoint is the last one. The integrator is frozen.
+    """
     held = state._replace(throttle=state.throttle_mean)
     return held, AltitudeStatus(
         time_us,
@@ -174,9 +180,10 @@ def hold_trim(
 
 
 def calm(gains: Gains) -> Gains:
-    """Gains with which the loops come to a trim worth freezing: the pitch at its trim, the throttle by half.
+    """Return gains that settle the loops at a trim before they are frozen.
 
-    Quick gains swing throttle and pitch after each release, and freezing the swing's means makes the next one larger.
+    The pitch stays at its trim and the throttle gains are halved. With the full gains throttle and pitch oscillate
+    after each release, and a trim averaged over the oscillation amplifies the next one.
     """
     return gains._replace(
         proportional=CALM_SHARE * gains.proportional,
@@ -189,7 +196,10 @@ def calm(gains: Gains) -> Gains:
 
 
 def penetrating(gains: Gains, headwind: float) -> Gains:
-    """Gains with which the loops fly faster against a ``headwind`` (m/s): at its cruise a slow bird comes nowhere."""
+    """Return gains with a reduced pitch trim against ``headwind`` (m/s).
+
+    The airspeed rises, so that the vehicle makes progress over ground.
+    """
     taken = clip(gains.headwind_pitch * (headwind - gains.headwind), 0.0, gains.headwind_pitch_max)
     return gains._replace(pitch_trim=gains.pitch_trim - taken) if taken else gains
 
@@ -197,12 +207,12 @@ def penetrating(gains: Gains, headwind: float) -> Gains:
 def with_airspeed_setpoint(
     gains: Gains, state: State, dt: float, setpoint: float, airspeed: float
 ) -> tuple[Gains, State]:
-    """Gains and state with which the loops fly at an airspeed ``setpoint`` (m/s; 0: that of the trim pitch).
+    """Return gains and state for an airspeed ``setpoint`` (m/s).
 
-    The throttle holds the altitude, so that the pitch of level flight sets the airspeed. A PI controller on the
-    airspeed error moves the trim pitch; it cancels a first-order lag of ``speed_time`` and the slope
-    ``headwind_pitch`` (internal model control, Rivera et al. 1986, table I). The integral stops while the throttle
-    is at the limit that the airspeed requires.
+    A setpoint of 0 selects the airspeed of the trim pitch. The throttle controls the altitude, so that the pitch of
+    level flight sets the airspeed. A PI controller on the airspeed error moves the trim pitch; it cancels a
+    first-order lag of ``speed_time`` and the slope ``headwind_pitch`` (internal model control, Rivera et al. 1986,
+    table I). The integral stops while the throttle is at the limit that the airspeed requires.
     """
     if setpoint == 0.0 or gains.speed_max == 0.0:
         return gains, state._replace(speed_integral=0.0) if state.speed_integral else state
@@ -231,7 +241,7 @@ def _within_range(gains: Gains, setpoint: float) -> float:
 
 
 def airspeed_text(gains: Gains, setpoint: float) -> str:
-    """Event text of a change of the airspeed ``setpoint`` (m/s)."""
+    """Return the event text for a change of the airspeed ``setpoint`` (m/s)."""
     if setpoint == 0.0:
         return "airspeed setpoint cleared"
     if gains.speed_max == 0.0:
@@ -241,10 +251,10 @@ def airspeed_text(gains: Gains, setpoint: float) -> str:
 
 
 def righting(gains: Gains, bank: float) -> Gains:
-    """Gains with which the loops give thrust up at a steep ``bank`` (rad): level first, then up.
+    """Return gains with the maximum throttle reduced at a steep ``bank`` (rad).
 
-    Where a gust has thrown it on its side, thrust only makes it faster, and the faster the less its dihedral rolls it
-    back: a spiral into the ground.
+    The vehicle recovers to level flight before it climbs. At a steep bank thrust increases the airspeed, and a higher
+    airspeed reduces the restoring moment of the dihedral: the vehicle enters a spiral dive.
     """
     share = clip((abs(bank) - STEEP) / (STEEPEST - STEEP), 0.0, 1.0)
     if share == 0.0:
@@ -254,23 +264,23 @@ def righting(gains: Gains, bank: float) -> Gains:
 
 
 class Flare(NamedTuple):
-    """How the sink dies out above the landing place."""
+    """Parameters of the flare."""
 
     sink: float
-    """m/s; greatest at the landing place's altitude and below it"""
+    """m/s; maximum sink at and below the altitude of the landing point"""
     time: float
-    """s; altitude per greatest sink beyond that"""
+    """s; altitude per increase of the maximum sink"""
     throttle: float
-    """-; of the flare before any answer to an error: below the trim, so that it slows down"""
+    """-; throttle trim during the flare; below the level trim, so that the vehicle decelerates"""
     pitch_min: float
-    """rad; least pitch setpoint"""
+    """rad; minimum pitch setpoint"""
 
 
 def flaring(gains: Gains, flare: Flare, altitude: float) -> Gains:
-    """Gains with which the loops sink on at ``altitude`` (m above the landing place) without falling.
+    """Return gains for the flare at ``altitude`` (m above the landing point).
 
-    The sink shrinks with the altitude, so that the round-out takes the same time from any approach; throttle and
-    pitch go on answering the gusts.
+    The maximum sink decreases with altitude, so that the flare takes the same time from any approach. Throttle and
+    pitch still respond to gusts.
     """
     sink = min(flare.sink + max(altitude, 0.0) / flare.time, gains.sink_max)
     least = min(gains.throttle_min, flare.throttle)
@@ -280,18 +290,18 @@ def flaring(gains: Gains, flare: Flare, altitude: float) -> Gains:
 
 
 class DirectCommand(NamedTuple):
-    """Throttle and pitch setpoint that come from a stick or from the ground."""
+    """Throttle and pitch setpoint from a stick or from the ground station."""
 
     throttle: float
-    """-; 0 to 1"""
+    """-; from 0 to 1"""
     pitch_setpoint: float
-    """rad; nose up is positive"""
+    """rad; positive nose up"""
 
 
 def follow(
     gains: Gains, state: State, time_us: int, dt: float, direct: DirectCommand
 ) -> tuple[State, AltitudeStatus]:
-    """Pass on what was asked, so that the loops take over from there without a jump."""
+    """Track a direct command, so that the transfer to the loops is bumpless."""
     throttle = slew(state.throttle, clip(direct.throttle, 0.0, 1.0), gains.throttle_rate, dt)
     pitch_setpoint = slew(state.pitch_setpoint, direct.pitch_setpoint, gains.pitch_rate, dt)
     followed = State(0.0, 0.0, throttle, pitch_setpoint, gains.throttle_trim)

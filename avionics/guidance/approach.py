@@ -1,8 +1,8 @@
-"""Landing: to the head of a straight line down, down the line, flare.
+"""Landing approach: straight glide path and flare.
 
-The line ends before the landing place by the distance that the flare covers (the aim point of ArduPlane's landing).
-Both lengths are those of still air times the ratio of ground speed to airspeed in the mean wind, so that sink and
-flare take the same time in any wind.
+The glide path ends before the landing point by the distance that the flare covers (the aim point of ArduPlane's
+landing). Both lengths are those in still air times the ratio of ground speed to airspeed in the mean wind, so that
+descent and flare take the same time in any wind.
 """
 
 from __future__ import annotations
@@ -16,26 +16,32 @@ from avionics.limits import clip, wrap
 from avionics.messages import Stage
 
 FUNNEL = 0.25
-"""-; half width per way to go of the funnel in which an approach is joined, 14 degrees to each side"""
+"""-; half width of the approach funnel per remaining distance: 14 degrees to each side"""
 JOINING_TURN = 0.5
-"""rad; greatest turn with which it is joined"""
+"""rad; maximum course change at the intercept of the glide path"""
 SHORTEST, LONGEST = 0.5, 1.6
-"""-; of the line, in units of its length in still air: in the strongest wind against and from behind"""
+"""-; limits of the glide path length relative to still air, for the strongest headwind and tailwind"""
 
 
 def drift(gains: Gains, state: State, heading: float) -> float:
-    """Ratio of ground speed to airspeed on the line down at ``heading`` (rad), in the mean wind."""
+    """Return the ratio of ground speed to airspeed on the glide path in the mean wind.
+
+    ``heading`` (rad) is the course of the glide path.
+    """
     along = state.wind_north * math.cos(heading) + state.wind_east * math.sin(heading)
     return clip(1.0 + along / gains.approach_airspeed, SHORTEST, LONGEST)
 
 
 def slope_length(gains: Gains, state: State, heading: float) -> float:
-    """Length (m) of the line down at ``heading`` (rad)."""
+    """Return the length (m) of the glide path at ``heading`` (rad)."""
     return gains.approach_length * drift(gains, state, heading)
 
 
 def aim_point(gains: Gains, state: State, item: MissionItem) -> Place:
-    """End of the line down (north and east in m), from where the flare reaches the landing place of ``item``."""
+    """Return the end of the glide path (m, north and east).
+
+    The flare covers the distance from this point to the landing point of ``item``.
+    """
     reach = gains.flare_reach * drift(gains, state, item.heading)
     return item.north - reach * math.cos(item.heading), item.east - reach * math.sin(item.heading)
 
@@ -43,7 +49,10 @@ def aim_point(gains: Gains, state: State, item: MissionItem) -> Place:
 def land(
     gains: Gains, state: State, dt: float, item: MissionItem, situation: Situation
 ) -> tuple[State, Target, bool]:
-    """Fly to the head of the approach, then down its line; the touchdown ends it (`modes`)."""
+    """Fly to the start of the approach, then descend along the glide path.
+
+    The item ends at touchdown, which `modes` detects.
+    """
     if not state.final:
         state, target = _to_approach(gains, state, item, situation)
     else:
@@ -52,7 +61,7 @@ def land(
 
 
 def land_ahead(gains: Gains, state: State, situation: Situation) -> State:
-    """Begin the line down here, on the present course, at the usual angle."""
+    """Begin the descent at the present position and course, at the usual angle."""
     length = slope_length(gains, state, situation.heading)
     reach = length * max(situation.altitude, 0.0) / gains.approach_altitude
     return state._replace(
@@ -66,7 +75,7 @@ def land_ahead(gains: Gains, state: State, situation: Situation) -> State:
 
 
 def _to_approach(gains: Gains, state: State, item: MissionItem, situation: Situation) -> tuple[State, Target]:
-    """To the head of the line, then around a circle there until the line can be joined, from above or from aside."""
+    """Fly to the start of the glide path and circle there until the intercept."""
     length, aim = slope_length(gains, state, item.heading), aim_point(gains, state, item)
     head = (aim[0] - length * math.cos(item.heading), aim[1] - length * math.sin(item.heading))
     line = leg((state.from_north, state.from_east), head, here(situation))
@@ -87,10 +96,11 @@ def _to_approach(gains: Gains, state: State, item: MissionItem, situation: Situa
 
 
 def in_funnel(gains: Gains, aim: Place, length: float, heading: float, now: Situation) -> bool:
-    """Whether the line of ``length`` m down to ``aim`` at ``heading`` (rad) can be joined from here.
+    """Return whether the glide path can be intercepted from the present position.
 
-    The funnel opens backward from the end of the line to a lookahead before its head, by `FUNNEL` to each side;
-    inside it the course must be within `JOINING_TURN` of the line's.
+    The path of ``length`` (m) ends at ``aim`` with the course ``heading`` (rad). The funnel extends from the end of
+    the path to one lookahead distance before its start, with the half width `FUNNEL`. Inside the funnel the course
+    must be within `JOINING_TURN` of the course of the path.
     """
     to_go, cross = _remaining(aim, heading, now)
     along = 0.0 < to_go <= length + gains.lookahead and abs(cross) <= FUNNEL * to_go
@@ -98,20 +108,26 @@ def in_funnel(gains: Gains, aim: Place, length: float, heading: float, now: Situ
 
 
 def _low(gains: Gains, aim: Place, length: float, heading: float, now: Situation) -> bool:
-    """Whether the altitude is that of the line here, or above it by no more than the margin."""
+    """Return whether the altitude is at most the margin above the glide path."""
     to_go, _ = _remaining(aim, heading, now)
     return now.altitude <= gains.approach_altitude * clip(to_go / length, 0.0, 1.0) + gains.approach_margin
 
 
 def _remaining(place: Place, heading: float, situation: Situation) -> tuple[float, float]:
-    """Way to go (m) along the line that reaches ``place`` at ``heading``, and distance (m) to the right of it."""
+    """Return the distance (m) to ``place`` along the line, and to the right of it.
+
+    The line ends at ``place`` with the course ``heading`` (rad).
+    """
     c, s = math.cos(heading), math.sin(heading)
     dn, de = situation.north - place[0], situation.east - place[1]
     return -(dn * c + de * s), de * c - dn * s
 
 
 def _circle_at_head(gains: Gains, head: Place, heading: float, situation: Situation) -> float:
-    """Course of a clockwise circle that touches the approach line at its head: to lose altitude on."""
+    """Return the course of a circle for altitude loss at the start of the glide path.
+
+    The circle is clockwise and tangent to the glide path.
+    """
     north = head[0] - gains.loiter_radius * math.sin(heading)
     east = head[1] + gains.loiter_radius * math.cos(heading)
     return circle_course(
@@ -120,7 +136,11 @@ def _circle_at_head(gains: Gains, head: Place, heading: float, situation: Situat
 
 
 def down_the_line(gains: Gains, state: State, heading: float, situation: Situation) -> tuple[State, Target]:
-    """Altitude falls with the way to go; without a position straight down at the loop's greatest sink."""
+    """Descend along the glide path.
+
+    The altitude setpoint falls with the remaining distance. Without a valid position the vehicle descends on
+    ``heading`` at the maximum sink of the altitude loop.
+    """
     if state.flare or situation.altitude - situation.terrain <= gains.flare_altitude:
         return state._replace(flare=1), Target(Stage.FLARE, 0.0, heading)
     if not situation.valid:

@@ -1,4 +1,4 @@
-"""Arming, disarming and the kill: whether the wings may move."""
+"""Arming, disarming and kill: conditions under which the wings may move."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ NOT_ARMED = (Mode.RETURN, Mode.LAND, Mode.LOITER, Mode.OFFBOARD)
 
 
 def refusals(gains: Gains, state: State, conditions: Conditions) -> tuple[str, ...]:
-    """Why the vehicle must not be armed now; empty when it may."""
+    """Return the reasons why arming is denied now; empty if arming is permitted."""
     automatic = state.mode in GUIDED
     checks = (
         (not conditions.settled, "attitude not aligned: hold still"),
@@ -36,7 +36,7 @@ def refusals(gains: Gains, state: State, conditions: Conditions) -> tuple[str, .
 
 
 def arm(gains: Gains, state: State, conditions: Conditions) -> Outcome:
-    """Arm, or say why not."""
+    """Arm the vehicle, or return the denial reasons as a notice."""
     if state.armed:
         return state, (Notice(Severity.INFO, "already armed"),)
     reasons = refusals(gains, state, conditions)
@@ -59,7 +59,7 @@ def arm(gains: Gains, state: State, conditions: Conditions) -> Outcome:
 
 
 def disarm(state: State, forced: bool) -> Outcome:
-    """Disarm on the ground; in the air only when ``forced``."""
+    """Disarm on the ground; in flight only if ``forced``."""
     if not state.armed:
         return state, (Notice(Severity.INFO, "already disarmed"),)
     if state.stage not in AIRBORNE:
@@ -70,7 +70,10 @@ def disarm(state: State, forced: bool) -> Outcome:
 
 
 def kill(state: State, reason: str) -> Outcome:
-    """Stop the wings at once and put the tail at neutral, wherever it is; only arming anew ends it."""
+    """Stop the wings at once and center the tail, in any flight stage.
+
+    Only the next arming ends this state.
+    """
     if not state.armed:
         return state, ()
     stage = Stage.LANDED if state.stage in AIRBORNE else Stage.ON_GROUND

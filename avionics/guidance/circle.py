@@ -1,4 +1,7 @@
-"""Circles: joined from anywhere, flown for turns, a time, or to an altitude; without a position at a steady bank."""
+"""Circles: intercept from any position, end after turns, time or at an altitude.
+
+Without a valid position the vehicle flies at a constant bank.
+"""
 
 from __future__ import annotations
 
@@ -11,24 +14,27 @@ from avionics.limits import clip, wrap
 from avionics.messages import Stage
 
 JOINED = 0.4
-"""-; share of the radius within which the circle counts as joined"""
+"""-; fraction of the radius within which the circle counts as intercepted"""
 BLIND_TURN = 0.4
-"""rad; heading asked ahead of the present one to circle without a position: a steady bank, drifting with the wind"""
+"""rad; heading error applied without a valid position: constant bank, drift with the wind"""
 
 
 def tangent_circle_center(state: State, radius: float, situation: Situation) -> State:
-    """A circle that the present course touches: to the right for a positive ``radius`` (m), else to the left."""
+    """Start a circle tangent to the present course.
+
+    The circle is to the right if ``radius`` (m) is positive, else to the left.
+    """
     return centre_at(state, *tangent_center(radius, situation), radius, situation)
 
 
 def tangent_center(radius: float, situation: Situation) -> Place:
-    """North and east (m) of the center of that circle."""
+    """Return the center (m, north and east) of a circle tangent to the course."""
     heading = situation.heading
     return situation.north - radius * math.sin(heading), situation.east + radius * math.cos(heading)
 
 
 def centre_at(state: State, north: float, east: float, radius: float, situation: Situation) -> State:
-    """A circle about a place in m, not joined yet."""
+    """Start a circle about a center (m), not yet intercepted."""
     bearing = math.atan2(situation.east - east, situation.north - north)
     return state._replace(
         centre_north=north, centre_east=east, radius=radius, bearing=bearing, swept=0.0, arrived=0, elapsed=0.0
@@ -36,7 +42,10 @@ def centre_at(state: State, north: float, east: float, radius: float, situation:
 
 
 def around(gains: Gains, state: State, dt: float, altitude: float, situation: Situation) -> tuple[State, Target]:
-    """One step on the circle of ``state``: turns and time count from where it is joined."""
+    """Advance the circle of ``state`` by one step.
+
+    Turns and time count from the intercept.
+    """
     if not situation.valid:
         heading = wrap(situation.heading + math.copysign(BLIND_TURN, state.radius))
         return state, Target(Stage.EN_ROUTE, altitude, heading)
@@ -58,7 +67,10 @@ def around(gains: Gains, state: State, dt: float, altitude: float, situation: Si
 def item(
     gains: Gains, state: State, dt: float, requested: MissionItem, situation: Situation
 ) -> tuple[State, Target, bool]:
-    """A CIRCLE, a LOITER or a waypoint with a hold time; ``state.radius`` is 0 until it begins."""
+    """Fly a CIRCLE, a LOITER or a waypoint with a hold time.
+
+    ``state.radius`` is 0 until the circle begins.
+    """
     if state.radius == 0.0:
         state = centre_at(state, requested.north, requested.east, requested.radius or gains.loiter_radius, situation)
     state, target = around(gains, state, dt, requested.altitude, situation)

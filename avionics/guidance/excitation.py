@@ -1,8 +1,9 @@
-"""Identification inputs flown inside an envelope: doublets, 3-2-1-1 multisteps, frequency sweeps, multisines.
+"""Identification inputs inside a flight envelope.
 
-A manoeuvre is: settle, input, settle, with the loops frozen at their trim or flying on, as asked. Between repeats
-the loops fly for a recovery time. The start is spread over the wing stroke by the golden ratio, so that the
-response to the input does not line up with the flapping.
+The shapes are doublets, 3-2-1-1 multisteps, frequency sweeps and multisines. A maneuver consists of settling, input
+and settling, with the loops frozen at their trim or active. Between repeats the loops are active for a recovery time.
+The start times are distributed over the wing stroke by the golden ratio, so that the response to the input is not
+correlated with the flapping.
 """
 
 from __future__ import annotations
@@ -19,14 +20,14 @@ from wingbeat.units import Quantity
 
 GOLDEN_RATIO = 0.6180339887498949
 RESOLUTION = 1e-6
-"""s; of the time stamps, so that a sum of steps that misses an edge by rounding still meets it"""
+"""s; resolution of the timestamps; tolerance for rounding of summed time steps at an edge"""
 SEGMENTS: dict[Shape, tuple[tuple[int, float], ...]] = {
     Shape.DOUBLET: ((1, 1.0), (1, -1.0)),
     Shape.MULTISTEP_3211: ((3, 1.0), (2, -1.0), (1, 1.0), (1, -1.0)),
 }
 """(length in widths, sign) of each step of a shape"""
 FOLDED = 0.2
-"""-; of a turn, by which a period may miss a whole number of strokes and still fold lines onto lines"""
+"""-; tolerance, in strokes, within which a period counts as a whole number of strokes"""
 SWEEPS = (Shape.LINEAR_SWEEP, Shape.LOGARITHMIC_SWEEP)
 Inputs = tuple[float, float, float]
 """elevator (rad), throttle (-), rudder (rad)"""
@@ -34,31 +35,32 @@ NOTHING: Inputs = (0.0, 0.0, 0.0)
 
 
 class Gains(NamedTuple):
-    """Envelope and pacing of the identification inputs."""
+    """Envelope and timing of the identification inputs."""
 
     recovery: Annotated[float, Quantity("s", 0.0, 60.0)]
-    """s; the loops fly before each manoeuvre"""
+    """s; recovery time with active loops before each maneuver"""
     spread: Annotated[float, Quantity("s", 0.0, 5.0)] = 0.25
-    """s; the start is delayed by up to this, a different share each time. Default: one stroke at 4 Hz"""
+    """s; maximum start delay; the fraction differs for each maneuver. Default: one stroke at 4 Hz"""
     fade: Annotated[float, Quantity("s", 0.0, 30.0)] = 1.0
-    """s; over which a sweep fades in and out, at most half of it. Default: a sweep begins and ends within a stroke
-    or four, without a step"""
+    """s; fade-in and fade-out time of a sweep, limited to half its duration. Default: a sweep begins and ends within
+    one to four strokes, without a step"""
     pitch_max: Annotated[float, Quantity("rad", 0.02, 1.5)] = 0.5
-    """rad; a greater change of pitch since the start aborts. Default: stays short of the stall"""
+    """rad; change of pitch since the start above which the maneuver aborts. Default: below the stall"""
     roll_max: Annotated[float, Quantity("rad", 0.05, 1.5)] = 0.8
-    """rad; a greater bank aborts. Default: stays out of a spiral"""
+    """rad; bank above which the maneuver aborts. Default: below the onset of a spiral"""
     airspeed_min: Annotated[float, Quantity("m/s", 0.0, 20.0)] = 4.0
-    """m/s; less airspeed aborts. Default: above the stall"""
+    """m/s; airspeed below which the maneuver aborts. Default: above the stall"""
     airspeed_max: Annotated[float, Quantity("m/s", 1.0, 40.0)] = 13.0
-    """m/s; more airspeed aborts. Default: well above the cruise"""
+    """m/s; airspeed above which the maneuver aborts. Default: well above the cruise"""
     altitude_max: Annotated[float, Quantity("m", 0.5, 100.0)] = 8.0
-    """m; a greater change of altitude since the start aborts. Default: a fifth of the altitude flown"""
+    """m; change of altitude since the start above which the maneuver aborts. Default: a fifth of the flight altitude
+    """
     altitude_floor: Annotated[float, Quantity("m", 0.0, 500.0)] = 12.0
-    """m; no manoeuvre starts or goes on below it. Default: room to recover"""
+    """m; altitude below which no maneuver starts or continues. Default: margin for a recovery"""
 
 
 class Phase(IntEnum):
-    """Where a manoeuvre is."""
+    """Phase of a maneuver."""
 
     IDLE = 0
     RECOVER = 1
@@ -68,39 +70,39 @@ class Phase(IntEnum):
 
 
 IDLE, SETTLE = Phase.IDLE, Phase.SETTLE
-"""looked up once: a member of an enum costs as much as a call"""
+"""Cached members: access to an enum member costs as much as a call."""
 
 
 class State(NamedTuple):
-    """What the excitation remembers."""
+    """State of the excitation."""
 
     phase: int = Phase.IDLE
     """-; see `Phase`"""
     elapsed: float = 0.0
-    """s; since the phase began"""
+    """s; time since the phase began"""
     repeats_left: int = 0
-    """-; manoeuvres still to fly"""
+    """-; remaining maneuvers"""
     manoeuvre: int = 0
-    """-; manoeuvres since boot"""
+    """-; number of maneuvers since boot"""
     pitch: float = 0.0
-    """rad; at the start"""
+    """rad; pitch at the start"""
     altitude: float = 0.0
-    """m; at the start"""
+    """m; altitude at the start"""
     aborted: int = 0
-    """-; 1 when the last manoeuvre was aborted"""
+    """-; 1 if the last maneuver was aborted"""
     finished: int = 0
-    """-; excitations finished or aborted since boot"""
+    """-; number of excitations finished or aborted since boot"""
     requested_input: Excitation | None = None
-    """-; what is flown, None while idle"""
+    """-; active input; None while idle"""
     lines: tuple[multisine.Lines, ...] = ()
-    """rad/s, rad, rad or -; the sines of a multisine on elevator, throttle and rudder"""
+    """rad/s, rad, rad or -; sine components of a multisine on elevator, throttle and rudder"""
 
 
 class EnvelopeState(NamedTuple):
-    """What the envelope looks at."""
+    """Quantities monitored by the envelope."""
 
     pitch: float
-    """rad; stroke-filtered"""
+    """rad; stroke-filtered pitch"""
     roll: float
     """rad"""
     airspeed: float
@@ -110,13 +112,13 @@ class EnvelopeState(NamedTuple):
 
 
 def duration(excitation: Excitation) -> float:
-    """Length of the input alone, in s."""
+    """Return the duration (s) of the input without settling times."""
     segments = SEGMENTS.get(excitation.shape)
     return excitation.width * (sum(length for length, _ in segments) if segments else 1.0)
 
 
 def steps(shape: Shape, width: float, elapsed: float) -> float:
-    """A doublet or multistep of unit amplitude ``elapsed`` s after its start: -1, 0 or 1."""
+    """Return a unit doublet or multistep at ``elapsed`` s: -1, 0 or 1."""
     edge = 0.0
     for length, sign in SEGMENTS[shape]:
         edge += length * width
@@ -126,7 +128,10 @@ def steps(shape: Shape, width: float, elapsed: float) -> float:
 
 
 def sweep(excitation: Excitation, fade: float, elapsed: float) -> float:
-    """A sweep of unit amplitude ``elapsed`` s after its start; ``fade`` (s) is the rise and fall of its envelope."""
+    """Return a sweep of unit amplitude ``elapsed`` s after its start.
+
+    ``fade`` (s) is the rise and fall time of its envelope.
+    """
     low, high, length = excitation.low, excitation.high, excitation.width
     share = elapsed / length
     if not 0.0 <= share <= 1.0:
@@ -140,16 +145,17 @@ def sweep(excitation: Excitation, fade: float, elapsed: float) -> float:
 
 
 def _envelope(fade: float, since: float, left: float) -> float:
-    """Raised cosine from 0 to 1 over ``fade`` s at both ends."""
+    """Return a raised cosine from 0 to 1 over ``fade`` s at both ends."""
     near = min(since, left)
     return 1.0 if near >= fade else 0.5 - 0.5 * math.cos(math.pi * near / fade)
 
 
 def spectrum(excitation: Excitation) -> tuple[multisine.Lines, ...]:
-    """The sines of a multisine on each channel, nothing for any other shape.
+    """Return the sine components of a multisine on each channel.
 
-    Costs some 12 ms for each channel at the first call for an input; later calls are a look-up. What loads or
-    receives an input asks for it (`avionics.missions.check_mission`), so that no tick waits.
+    The result is empty for other shapes. The first call for an input takes about 12 ms for each channel; later calls
+    use a cache. The code that loads or receives an input calls this function (`avionics.missions.check_mission`), so
+    that no tick is delayed.
     """
     if excitation.shape != Shape.MULTISINE:
         return ()
@@ -164,7 +170,7 @@ def spectrum(excitation: Excitation) -> tuple[multisine.Lines, ...]:
 
 
 def harmonics(excitation: Excitation) -> tuple[int, int]:
-    """The lowest and the highest harmonic of a multisine's period within its band."""
+    """Return the lowest and the highest harmonic in the band of a multisine."""
     return (
         math.ceil(excitation.low * excitation.width - RESOLUTION),
         math.floor(excitation.high * excitation.width + RESOLUTION),
@@ -172,11 +178,12 @@ def harmonics(excitation: Excitation) -> tuple[int, int]:
 
 
 def unfolding_period(excitation: Excitation, frequency: float) -> float:
-    """A period (s) for a multisine that the wings' ``frequency`` (Hz) folds onto itself, 0 where it does not.
+    """Return a multisine period (s) without aliasing by the flapping, or 0.
 
-    What the wings make of an input comes at the flapping frequency less the input's own. Where a whole number of
-    periods fits between two strokes, one line's image lies on another line, and averages over strokes cannot tell
-    them apart; half a period more or less puts the images midway between the lines.
+    The result is 0 if the period needs no change. The wings modulate an input to the flapping ``frequency`` (Hz)
+    minus the frequency of the input. If the flapping frequency is a multiple of the line spacing, the image of one
+    line coincides with another line, and averages over strokes cannot separate them. A period longer by half a stroke
+    places the images midway between the lines.
     """
     if excitation.shape != Shape.MULTISINE or frequency <= 0.0:
         return 0.0
@@ -189,22 +196,25 @@ def unfolding_period(excitation: Excitation, frequency: float) -> float:
 
 
 def running(state: State) -> int:
-    """1 while a manoeuvre runs, its settling time included."""
+    """Return 1 while a maneuver runs, including its settling times."""
     return int(state.phase >= SETTLE)
 
 
 def recovering(state: State) -> bool:
-    """Whether the loops seek the trim that the manoeuvre to come will freeze."""
+    """Return whether the loops establish the trim for a maneuver with frozen loops."""
     return state.requested_input is not None and state.phase == Phase.RECOVER and not state.requested_input.loops
 
 
 def frozen(state: State) -> int:
-    """1 while the altitude and pitch loops are to hold their trim."""
+    """Return 1 while the altitude and pitch loops are frozen at their trim."""
     return int(state.requested_input is not None and state.phase >= SETTLE and not state.requested_input.loops)
 
 
 def roll_frozen(state: State) -> int:
-    """1 while the roll loop is to hold its trim: the rudder is excited, and a loop would fight it."""
+    """Return 1 while the roll loop is frozen at its trim.
+
+    It is frozen during rudder inputs, because an active roll loop would oppose them.
+    """
     return int(
         frozen(state)
         and state.requested_input is not None
@@ -213,7 +223,7 @@ def roll_frozen(state: State) -> int:
 
 
 def start(state: State, excitation: Excitation) -> State:
-    """Begin an excitation; one that runs is replaced."""
+    """Begin an excitation; an active one is replaced."""
     return state._replace(
         phase=int(Phase.RECOVER),
         elapsed=0.0,
@@ -225,7 +235,7 @@ def start(state: State, excitation: Excitation) -> State:
 
 
 def stop(state: State) -> State:
-    """End whatever runs, counted as finished; the loops fly again at once."""
+    """End the active excitation and count it as finished; the loops resume at once."""
     return state if state.phase == IDLE else _finish(state, aborted=0)
 
 
@@ -247,7 +257,10 @@ _new_excitation_status = constructor(ExcitationStatus)
 def step(
     gains: Gains, state: State, time_us: int, dt: float, requested: bool, envelope: EnvelopeState
 ) -> tuple[State, ExcitationStatus]:
-    """One step; what `start` began ends at once when it is no longer ``requested``."""
+    """Advance by one step of ``dt`` (s).
+
+    An active excitation ends at once if it is no longer ``requested``.
+    """
     if state.requested_input is None or not requested:
         state = stop(state)
         return state, _new_excitation_status(time_us, 0, state.manoeuvre, 0.0, 0.0, 0.0, state.aborted)
@@ -261,7 +274,7 @@ def step(
 
 
 def inputs(gains: Gains, state: State) -> Inputs:
-    """What is added to elevator, throttle and rudder now."""
+    """Return the present input increments to elevator, throttle and rudder."""
     requested_input, elapsed = state.requested_input, state.elapsed
     if state.phase != Phase.INPUT or requested_input is None:
         return NOTHING
@@ -279,7 +292,7 @@ def inputs(gains: Gains, state: State) -> Inputs:
 
 
 def outside(gains: Gains, state: State, envelope: EnvelopeState) -> bool:
-    """Whether a manoeuvre has left its envelope; a value that is not a number is outside."""
+    """Return whether a maneuver has left its envelope; a NaN counts as outside."""
     return running(state) == 1 and not (
         abs(envelope.pitch - state.pitch) <= gains.pitch_max
         and abs(envelope.roll) <= gains.roll_max
@@ -290,7 +303,7 @@ def outside(gains: Gains, state: State, envelope: EnvelopeState) -> bool:
 
 
 def _advance(gains: Gains, state: State, excitation: Excitation, envelope: EnvelopeState) -> State:
-    """Go to the next phase when the present one is over."""
+    """Enter the next phase if the present one is complete."""
     length = _phase_length(gains, state, excitation)
     if state.elapsed < length - RESOLUTION:
         return state

@@ -1,6 +1,6 @@
-"""Failsafes: which failures are present, what is told about them, what is done.
+"""Failsafes: detection of failures, their notices and actions.
 
-A failure is answered once; the operator may then choose another mode.
+The action of a failure is executed once; the operator may then select another mode.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ from avionics.messages import Failsafe, Mode, Stage
 from wingbeat.message import Severity
 
 RECEIVER_LOST = int(Failsafe.RECEIVER_LOST)
-"""looked up once: a member of an enum costs as much as a call"""
+"""Cached member: access to an enum member costs as much as a call."""
 
 
 class Action(IntEnum):
-    """What is done about a failure in the air; a later one outranks an earlier one."""
+    """Action for a failure in flight; a higher value has priority."""
 
     CARRY_ON = 0
     RETURN = 1
@@ -42,16 +42,16 @@ DOING = {Action.RETURN: "returning", Action.LAND: "landing", Action.CUT: "flappi
 
 
 class Failure(NamedTuple):
-    """One row of the table: what is told about a failure, and what is done."""
+    """Row of the failsafe table: notice and action of a failure."""
 
     flag: Failsafe
     text: str
-    """said after ``failsafe:``"""
+    """text after ``failsafe:``"""
     action: Action
     severity: Severity = Severity.WARNING
-    """of the words when it comes; those of the action are CRITICAL, those of the end INFO"""
+    """severity of the notice at the onset; notices of the action are CRITICAL, those of the end INFO"""
     clear: float = 0.0
-    """s; for which it must be absent until it is over"""
+    """s; time for which the failure must be absent before it is cleared"""
 
 
 FAILURES = (
@@ -75,27 +75,27 @@ FAILURES = (
     Failure(Failsafe.ENCODER_RIGHT, "right wing encoder lost", Action.CARRY_ON),
     Failure(Failsafe.BARO_REFUSED, "barometer rejected", Action.CARRY_ON, clear=3.0),
 )
-"""in the order in which they are answered"""
+"""failures in order of priority"""
 
 ANSWERED = sum(int(failure.flag) for failure in FAILURES if failure.action)
-"""flags of the failures about which something is done"""
+"""flags of the failures that have an action"""
 NO_RETURN = Failsafe.GPS_LOST | Failsafe.POSITION_LOST
 BATTERY_RECOVERY = 0.05
-"""-; of the battery, by which it must be above a threshold before that is over: a voltage under load flickers"""
+"""-; hysteresis of the battery thresholds against fluctuations of the voltage under load"""
 
 
 def set_link(state: State, lost: bool) -> Outcome:
-    """The ground side says that its link was lost or is back."""
+    """Set the state of the ground link, as reported by the ground task."""
     if lost == bool(state.link_lost):
         return state, ()
     notice = Notice(Severity.WARNING, "ground link lost") if lost else Notice(Severity.INFO, "ground link resumed")
-    # On the ground it is not back but no more missed.
+    # On the ground the flag clears without a resumed link.
     notices = (notice,) if lost or state.armed else ()
     return state._replace(link_lost=int(lost), link_time=0.0), notices
 
 
 def present(gains: Gains, state: State, conditions: Conditions) -> int:
-    """Flags of the failures that are present now."""
+    """Return the flags of the present failures."""
     room = fence.least_clearance(gains, state, conditions)
     return (
         conditions.sensed
@@ -109,7 +109,7 @@ def present(gains: Gains, state: State, conditions: Conditions) -> int:
 
 
 def _battery(gains: Gains, state: State, conditions: Conditions) -> int:
-    """What came at a threshold stays until the battery is `BATTERY_RECOVERY` above it."""
+    """Return the battery flags; each clears at `BATTERY_RECOVERY` above its threshold."""
     low = gains.battery_return + (BATTERY_RECOVERY if state.failsafe & Failsafe.BATTERY_LOW else 0.0)
     critical = gains.battery_land + (BATTERY_RECOVERY if state.failsafe & Failsafe.BATTERY_CRITICAL else 0.0)
     return (Failsafe.BATTERY_LOW if conditions.battery < low else 0) | (
@@ -118,7 +118,10 @@ def _battery(gains: Gains, state: State, conditions: Conditions) -> int:
 
 
 def _position_missed(gains: Gains, state: State, conditions: Conditions) -> int:
-    """A position that was there is gone; without a first fix only a guided flight misses it."""
+    """Return the flags of a lost position.
+
+    Before the first fix the flags are set only in a guided flight.
+    """
     guided = state.armed == 1 and state.mode in GUIDED
     if math.isinf(conditions.fix_age) and not guided:
         return 0
@@ -127,7 +130,7 @@ def _position_missed(gains: Gains, state: State, conditions: Conditions) -> int:
 
 
 def step(gains: Gains, state: State, dt: float, conditions: Conditions) -> Outcome:
-    """Watch for failures, say those that come and go, do what they ask for; ``dt`` in s."""
+    """Update the failures, report their changes and execute actions; ``dt`` in s."""
     if state.link_lost:
         state = state._replace(link_time=state.link_time + dt)
     state = fence.watch_floor(gains, _watch_pilot(state, dt, conditions), conditions)
@@ -146,7 +149,10 @@ def step(gains: Gains, state: State, dt: float, conditions: Conditions) -> Outco
 
 
 def pilot_missed(state: State, conditions: Conditions) -> bool:
-    """Whether sticks are missing that the flight needs, or needed until they were lost."""
+    """Return whether the stick inputs that the flight requires are missing.
+
+    Inputs required at their loss count as required until they resume.
+    """
     if not conditions.pilot_lost or state.armed == 0 or state.stage not in AIRBORNE:
         return False
     by_receiver = state.mode == Mode.ALTITUDE_HOLD and conditions.sensed & RECEIVER_LOST != 0
@@ -160,9 +166,11 @@ def _watch_pilot(state: State, dt: float, conditions: Conditions) -> State:
 
 
 def _leave_the_pilots_modes(gains: Gains, state: State, conditions: Conditions) -> Outcome:
-    """Without sticks: circle, after the delay of a lost link return; without a position hold the altitude, level.
+    """Respond to the loss of stick inputs.
 
-    Whoever was to land lands. The modes flown by throttle stick are left whatever was chosen before.
+    The vehicle circles, and returns after the delay of a lost link. Without a position it holds altitude with wings
+    level. If a landing was required since arming, it lands. Modes flown by throttle stick are left even if the
+    operator selected them.
     """
     if state.pilot_time == 0.0:
         return state, ()
@@ -182,19 +190,25 @@ def _leave_the_pilots_modes(gains: Gains, state: State, conditions: Conditions) 
 
 
 def _doomed(state: State) -> bool:
-    """Whether a failure asked for a landing since arming: nothing automatic does anything else any more."""
+    """Return whether a failure has required a landing since arming.
+
+    Other automatic modes are then excluded.
+    """
     return state.critical == 1 or state.cut == 1
 
 
 def _rescue(state: State, mode: Mode) -> Outcome:
-    """Enter ``mode``, or LAND, without sticks."""
+    """Enter ``mode``, or LAND if a landing is required, without stick inputs."""
     mode = Mode.LAND if _doomed(state) else mode
     doing = {Mode.RETURN: "returning", Mode.LAND: "landing"}.get(mode, mode.name)
     return enter(state._replace(rescued=1), mode, Severity.CRITICAL, f"failsafe: {doing}, manual control lost")
 
 
 def _watch_stranded(gains: Gains, state: State, dt: float, conditions: Conditions) -> Outcome:
-    """A return that no position allows becomes a landing, unless somebody flies by stick."""
+    """Replace a return without a position by a landing.
+
+    A pilot who flies by stick prevents the landing.
+    """
     if not _stranded(gains, state, conditions):
         return (state if state.stranded_time == 0.0 else state._replace(stranded_time=0.0)), ()
     state = state._replace(stranded_time=state.stranded_time + dt)
@@ -207,7 +221,7 @@ def _watch_stranded(gains: Gains, state: State, dt: float, conditions: Condition
 
 
 def _stranded(gains: Gains, state: State, conditions: Conditions) -> bool:
-    """Whether there is a reason to return that waits for a position, and nobody's stick."""
+    """Return whether a return is pending without a position and without sticks."""
     if conditions.fix_age <= gains.gps_loss_delay or not conditions.pilot_lost or state.mode == Mode.LAND:
         return False
     fresh = state.failsafe & ~state.answered
@@ -215,7 +229,10 @@ def _stranded(gains: Gains, state: State, conditions: Conditions) -> bool:
 
 
 def _settled(state: State, dt: float, now: int) -> tuple[int, tuple[float, ...]]:
-    """Flags with what has come at once and what has been absent for long enough; the times of the rest."""
+    """Return the failure flags and the times of absence of those about to clear.
+
+    A failure is set at once and cleared after an absence of its time ``clear``.
+    """
     if now == state.failsafe:
         return now, ()
     before = state.pending or (0.0,) * len(FAILURES)
@@ -233,7 +250,7 @@ def _settled(state: State, dt: float, now: int) -> tuple[int, tuple[float, ...]]
 
 
 def _announce(before: int, after: int) -> tuple[Notice, ...]:
-    """One notice for each failure that came or went."""
+    """Return one notice for each failure that was set or cleared."""
     if before == after:
         return ()
     came = tuple(Notice(f.severity, f"failsafe: {f.text}") for f in FAILURES if f.flag & after & ~before)
@@ -243,7 +260,10 @@ def _announce(before: int, after: int) -> tuple[Notice, ...]:
 
 
 def _answer(gains: Gains, state: State, flags: int, conditions: Conditions) -> Outcome:
-    """Do what the gravest failure that has not been answered asks for, once; the operator may then choose again."""
+    """Execute the action of the most severe new failure once.
+
+    The operator may then select another mode.
+    """
     if not flags & ~state.answered & ANSWERED:
         return state, ()
     fresh = [f for f in FAILURES if f.flag & flags & ~state.answered and f.action]
@@ -265,19 +285,26 @@ def _answer(gains: Gains, state: State, flags: int, conditions: Conditions) -> O
 
 
 def _by_receiver(state: State, conditions: Conditions) -> bool:
-    """A pilot who is heard by the receiver flies on without the ground's link."""
+    """Return whether a pilot flies by receiver, without need of the ground link."""
     return conditions.by_receiver == 1 and state.mode in BY_STICK
 
 
 def _returns_later(gains: Gains, state: State, flags: int, conditions: Conditions) -> bool:
-    """A return waits for a position and, after the throw, for room below; who is doomed to land needs no position."""
+    """Return whether a return is delayed.
+
+    A return requires a position and, after the launch, a minimum altitude. If a failure has required a landing, no
+    position is needed.
+    """
     low = state.stage == Stage.CLIMB_OUT and conditions.altitude < conditions.return_floor
     blind = flags & NO_RETURN != 0 or conditions.fix_age > gains.gps_loss_delay
     return low or (blind and not _doomed(state))
 
 
 def _answer_by_return(state: State, failure: Failure, conditions: Conditions) -> Outcome:
-    """RETURN, or LAND where that was asked before; neither on the line down, which is the shorter way."""
+    """Enter RETURN, or LAND if a landing is required.
+
+    The mode does not change on the glide path or in the flare, because the landing is the shorter path.
+    """
     on_the_line = state.stage == Stage.FLARE or (state.stage == Stage.APPROACH and conditions.final == 1)
     action = Action.LAND if _doomed(state) else Action.RETURN
     if on_the_line or state.mode == Mode.LAND or state.mode == Mode[action.name]:

@@ -1,4 +1,4 @@
-"""How far it is to a fence: to a plan's borders, and to the next limit of the vehicle's and the plan's together."""
+"""Geofence: clearance to the limits of the vehicle and of the plan."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ CLIMBING = (ItemKind.WAYPOINT, ItemKind.LOITER, ItemKind.CIRCLE)
 
 
 def vehicle_fence(gains: Gains) -> Fence:
-    """The vehicle's own limits as a fence."""
+    """Return the limits of the vehicle as a fence."""
     circle = Zone(1, ((0.0, 0.0),), gains.fence_radius)
     return Fence((circle,), gains.fence_floor, gains.fence_altitude)
 
@@ -45,7 +45,10 @@ def _item_breach(fence: Fence, item: MissionItem) -> str:
 
 
 def clearance(fence: Fence, north: float, east: float) -> float:
-    """Way (m) from a place to the nearest border of ``fence``, negative when outside; infinite without zones."""
+    """Return the distance (m) to the nearest border of ``fence``.
+
+    The distance is negative outside the fence, and infinite without zones.
+    """
     nearest = math.inf
     for zone in fence.zones:
         inside = depth(zone, (north, east))
@@ -54,7 +57,7 @@ def clearance(fence: Fence, north: float, east: float) -> float:
 
 
 def depth(zone: Zone, place: Place) -> float:
-    """Way (m) from a place inside of a zone to its border, negative from outside."""
+    """Return the distance (m) to the border of a zone; negative outside."""
     if zone.radius > 0.0:
         return zone.radius - math.dist(place, zone.places[0])
     away = min(_distance_to_edge(a, b, place) for a, b in _edges(zone.places))
@@ -62,7 +65,7 @@ def depth(zone: Zone, place: Place) -> float:
 
 
 def contains(corners: tuple[Place, ...], place: Place) -> bool:
-    """Whether a place is inside of a polygon: a ray from it crosses the border an odd number of times."""
+    """Return whether a position is inside a polygon (odd-even rule)."""
     north, east = place
     inside = False
     for (a_north, a_east), (b_north, b_east) in _edges(corners):
@@ -73,14 +76,17 @@ def contains(corners: tuple[Place, ...], place: Place) -> bool:
 
 
 def target_refusal(gains: Gains, fence: Fence, place: Place, altitude: float) -> str:
-    """Why a place (m from home) and an altitude (m above home) cannot be flown to; empty if they are inside."""
+    """Return why a target position and altitude is denied; empty if inside the fence.
+
+    ``place`` is in m from home and ``altitude`` in m above home.
+    """
     if math.hypot(*place) > gains.fence_radius or clearance(fence, *place) < 0.0:
         return "outside the fence"
     return altitude_refusal(gains, fence, altitude)
 
 
 def altitude_refusal(gains: Gains, fence: Fence, altitude: float) -> str:
-    """Why an altitude (m above home) cannot be flown to; empty if it is inside."""
+    """Return why an altitude (m above home) is denied; empty if inside the fence."""
     ceiling, floor = min(gains.fence_altitude, fence.ceiling or math.inf), max(gains.fence_floor, fence.floor)
     if altitude > ceiling:
         return f"{altitude:.0f} m is above the fence's ceiling of {ceiling:g} m"
@@ -88,12 +94,15 @@ def altitude_refusal(gains: Gains, fence: Fence, altitude: float) -> str:
 
 
 def least_clearance(gains: Gains, state: State, conditions: Conditions) -> float:
-    """Way (m) to the next limit of the vehicle's and the plan's fence, negative outside, infinite on the ground."""
+    """Return the distance (m) to the nearest limit of the fences of vehicle and plan.
+
+    The distance is negative outside, and infinite on the ground.
+    """
     return min(_clearances(gains, state, conditions)) if state.stage in AIRBORNE else math.inf
 
 
 def breach(gains: Gains, state: State, conditions: Conditions) -> Breach:
-    """What of the fence is passed furthest."""
+    """Return the fence limit with the largest violation; NONE inside the fence."""
     rooms = dict(
         zip((Breach.FLOOR, Breach.CEILING, Breach.BORDER), _clearances(gains, state, conditions), strict=True)
     )
@@ -101,7 +110,10 @@ def breach(gains: Gains, state: State, conditions: Conditions) -> Breach:
 
 
 def watch_floor(gains: Gains, state: State, conditions: Conditions) -> State:
-    """The fence's floor begins to hold when it was passed by the margin, and ends with the flight."""
+    """Enable the fence floor once the vehicle was above it by the margin.
+
+    The floor is disabled after the flight.
+    """
     floor = max(gains.fence_floor, conditions.fence_floor)
     up = state.stage in AIRBORNE and floor > 0.0
     passed = int(up and (state.above_floor == 1 or conditions.altitude > floor + gains.fence_margin))
@@ -109,7 +121,7 @@ def watch_floor(gains: Gains, state: State, conditions: Conditions) -> State:
 
 
 def _clearances(gains: Gains, state: State, conditions: Conditions) -> tuple[float, float, float]:
-    """m; above the floor, below the ceiling, inside of the border."""
+    """Return the clearances (m) to floor, ceiling and border."""
     ceiling = min(gains.fence_altitude, conditions.fence_ceiling or math.inf) - conditions.altitude
     border = min(gains.fence_radius - conditions.home_distance, conditions.fence_clearance)
     if not state.above_floor or state.stage in LANDING:

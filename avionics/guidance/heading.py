@@ -1,4 +1,7 @@
-"""Heading loop: course or heading error -> roll setpoint (Malladi 2007, section IV.A: proportional)."""
+"""Heading loop: course or heading error to roll setpoint.
+
+The control is proportional as in Malladi 2007, section IV.A.
+"""
 
 from __future__ import annotations
 
@@ -12,53 +15,57 @@ from wingbeat.vehicle_file import Label
 
 
 class Gains(NamedTuple):
-    """What the heading loop is tuned with."""
+    """Parameters of the heading loop."""
 
     proportional: Annotated[float, Quantity("-", 0.0, 5.0)]
     """-; roll setpoint per heading error"""
     integral: Annotated[float, Quantity("1/s", 0.0, 2.0)] = 0.0
-    """1/s; roll setpoint per second and heading error. Default: the course is steered, and the wind is in it"""
+    """1/s; roll setpoint rate per heading error. Default: the course is controlled, which includes the effect of wind
+    """
     integral_max: Annotated[float, Quantity("rad", 0.0, 0.5)] = 0.1
-    """rad; greatest share of the integral. Default: leaves the loop its authority"""
+    """rad; limit of the integrator. Default: leaves control authority to the proportional term"""
     roll_max: Annotated[float, Quantity("rad", 0.05, 1.2)] = 0.5
-    """rad; greatest bank asked for. Default: a load factor of 1.14"""
+    """rad; maximum roll setpoint. Default: a load factor of 1.14"""
     roll_rate: Annotated[float, Quantity("rad/s", 0.05, 10.0)] = 0.8
-    """rad/s; how fast the roll setpoint may change. Default: slower than the roll loop"""
+    """rad/s; slew rate limit of the roll setpoint. Default: slower than the roll loop"""
     course_speed: Annotated[float, Quantity("m/s", 0.0, 20.0)] = 2.5
-    """m/s; ground speed from which the course over ground is steered instead of the yaw. Default: the course is
-    known to 0.2 rad from there"""
+    """m/s; ground speed above which the course over ground is controlled instead of the yaw. Default: the error of
+    the course is 0.2 rad at this speed"""
     law: Annotated[str, Label()] = "pi"
     """-; control law of the loop, a name of the table in `avionics.control_laws`"""
 
 
 class State(NamedTuple):
-    """What the heading loop remembers."""
+    """State of the heading loop."""
 
     integral: float = 0.0
-    """rad; of roll setpoint"""
+    """rad; integrator of the roll setpoint"""
     roll_setpoint: float = 0.0
-    """rad; last"""
+    """rad; roll setpoint of the previous step"""
 
 
 class Measured(NamedTuple):
-    """What the loop looks at."""
+    """Measurements used by the heading loop."""
 
     yaw: float
-    """rad; of the nose"""
+    """rad; yaw"""
     v_north: float
-    """m/s; over ground"""
+    """m/s; north ground velocity"""
     v_east: float
-    """m/s; over ground"""
+    """m/s; east ground velocity"""
     valid: int
-    """-; 1 when the ground velocity can be trusted"""
+    """-; 1 if the ground velocity is valid"""
     bank: float = 0.0
-    """rad; that the curve of the path flown asks for by itself"""
+    """rad; feed-forward bank for the curvature of the path"""
     drift: float = 1.0
-    """-; ground speed in units of the airspeed, from 1"""
+    """-; ratio of ground speed to airspeed, at least 1"""
 
 
 def course(gains: Gains, measured: Measured) -> float:
-    """What is steered (rad): the course over ground, or the yaw while slow or without a position."""
+    """Return the controlled angle (rad): course over ground or yaw.
+
+    The yaw is used at low ground speed or without a position.
+    """
     fast = math.hypot(measured.v_north, measured.v_east) >= gains.course_speed
     return math.atan2(measured.v_east, measured.v_north) if measured.valid and fast else measured.yaw
 
@@ -66,9 +73,10 @@ def course(gains: Gains, measured: Measured) -> float:
 def step(
     gains: Gains, state: State, time_us: int, dt: float, heading_setpoint: float, measured: Measured
 ) -> tuple[State, HeadingStatus]:
-    """One step; ``dt`` in s, ``heading_setpoint`` in rad. The integral rests while the bank is limited.
+    """Advance the heading loop by ``dt`` (s) toward ``heading_setpoint`` (rad).
 
-    A course turns by g tan(bank) / V over ground: before the wind the same turn needs more bank.
+    Integration stops while the bank is saturated. The course rate is g tan(bank) / V with the ground speed V, so that
+    a turn with a tailwind needs more bank.
     """
     heading = course(gains, measured)
     error = wrap(heading_setpoint - heading)
@@ -85,6 +93,9 @@ def step(
 def follow(
     gains: Gains, state: State, time_us: int, dt: float, commanded_roll: float, measured: Measured
 ) -> tuple[State, HeadingStatus]:
-    """Pass on a bank (rad) from the stick or from the flare, at the loop's own rate."""
+    """Track a bank command (rad) of the stick or the flare.
+
+    The slew rate is that of the loop.
+    """
     roll_setpoint = slew(state.roll_setpoint, commanded_roll, gains.roll_rate, dt)
     return State(0.0, roll_setpoint), HeadingStatus(time_us, course(gains, measured), 0.0, roll_setpoint, 0)

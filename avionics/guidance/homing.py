@@ -1,4 +1,7 @@
-"""The way home: up to a safe altitude, straight home or to a rally point, a circle and the landing there."""
+"""Return flight: climb to a safe altitude, flight to the goal, circle, landing.
+
+The goal is home or a rally point.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +27,7 @@ CALM = 1.0
 
 
 def begin(gains: Gains, state: State, situation: Situation) -> State:
-    """Choose where to return to: the nearest rally point, or home where there is none."""
+    """Select the goal of the return: the nearest rally point, else home."""
     goal = min(situation.rally, key=lambda point: math.dist((point.north, point.east), here(situation)), default=None)
     north, east, altitude = (0.0, 0.0, gains.return_altitude) if goal is None else goal
     return state._replace(goal_north=north, goal_east=east, goal_altitude=altitude)
@@ -33,7 +36,10 @@ def begin(gains: Gains, state: State, situation: Situation) -> State:
 def return_home(
     gains: Gains, state: State, dt: float, item: MissionItem, situation: Situation
 ) -> tuple[State, Target, bool]:
-    """Climb straight ahead where it is too low, fly to the goal, circle there; blind, hold the heading."""
+    """Climb straight ahead if too low, fly to the goal and circle there.
+
+    Without a valid position the vehicle keeps its heading.
+    """
     altitude = gains.return_altitude
     if not situation.valid:
         return state, Target(Stage.EN_ROUTE, altitude, state.heading), False
@@ -54,7 +60,10 @@ def return_home(
 
 
 def _straight_home(state: State, goal: Place, situation: Situation) -> tuple[State, Leg]:
-    """The line home; a new one from here where the wind has carried it past the goal, whose old line leads away."""
+    """Return the line to the goal.
+
+    If the wind has carried the vehicle past the goal, a new line starts at the present position.
+    """
     line = leg((state.from_north, state.from_east), goal, here(situation))
     if state.via and line.along < line.length:
         return state, line
@@ -63,7 +72,10 @@ def _straight_home(state: State, goal: Place, situation: Situation) -> tuple[Sta
 
 
 def begin_landing(state: State, now: Situation) -> State:
-    """Plan the landing at the goal, into the mean wind: from the circle there to the one at the approach's head."""
+    """Plan a landing into the mean wind at the goal of the return.
+
+    The vehicle flies from the circle at the goal to the circle at the start of the approach.
+    """
     wind = math.hypot(state.wind_north, state.wind_east)
     heading = math.atan2(-state.wind_east, -state.wind_north) if wind >= CALM else now.heading
     return state._replace(started=1, landing=1, final=0, flare=0, arrived=1, heading=heading)

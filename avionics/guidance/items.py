@@ -1,6 +1,6 @@
-"""The plain kinds of item: take-off, hold, waypoint, excitation.
+"""Mission items for takeoff, hold, waypoint and excitation.
 
-Each function returns the target it asks for and whether the item is done.
+Each function returns the target and whether the item is complete.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ ItemFunction = Callable[[Gains, State, float, MissionItem, Situation], Outcome]
 
 
 def take_off(gains: Gains, state: State, dt: float, item: MissionItem, situation: Situation) -> Outcome:
-    """Straight ahead on the heading of the launch, climbing."""
+    """Climb straight ahead on the heading of the launch."""
     done = situation.altitude >= item.altitude - gains.capture_altitude
     return state, Target(Stage.CLIMB_OUT, item.altitude, state.heading), done
 
 
 def hold_heading(gains: Gains, state: State, dt: float, item: MissionItem, situation: Situation) -> Outcome:
-    """Hold altitude and heading for a time that begins when both have been captured."""
+    """Hold altitude and heading for a time that begins when both are captured."""
     captured = (
         state.elapsed > 0.0
         or state.waiting >= gains.capture_limit
@@ -40,10 +40,11 @@ def hold_heading(gains: Gains, state: State, dt: float, item: MissionItem, situa
 
 
 def waypoint(gains: Gains, state: State, dt: float, item: MissionItem, situation: Situation) -> Outcome:
-    """Fly the leg from the waypoint before, or from where the item began; without a position hold the heading.
+    """Fly the leg from the previous waypoint or from the start of the item.
 
-    The next leg is turned into before the waypoint, by up to half of this one. A waypoint with a hold time is
-    circled for that time, which begins on the circle.
+    Without a valid position the vehicle keeps its heading. The turn into the next leg begins before the waypoint, by
+    up to half the length of this leg. A waypoint with a hold time is circled for that time, which begins on the
+    circle.
     """
     if item.duration > 0.0:
         return circle.item(gains, state, dt, item, situation)
@@ -58,7 +59,7 @@ def waypoint(gains: Gains, state: State, dt: float, item: MissionItem, situation
 
 
 def excite(gains: Gains, state: State, dt: float, item: MissionItem, situation: Situation) -> Outcome:
-    """Hold what was held at the start until the excitation has finished or was aborted."""
+    """Hold altitude and heading until the excitation is finished or aborted."""
     done = situation.excitations > state.excitations
     asked = None if done else item.excitation
     return state, Target(Stage.EN_ROUTE, state.altitude, state.heading, excitation=asked), done

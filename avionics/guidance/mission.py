@@ -1,4 +1,4 @@
-"""What a mission is: a list of items, in metres from home."""
+"""Missions: lists of items with positions in meters from home."""
 
 from __future__ import annotations
 
@@ -8,32 +8,35 @@ from typing import NamedTuple
 
 
 class ItemKind(IntEnum):
-    """What an item asks for; the values are MAVLink's MAV_CMD numbers (private ones from 53000)."""
+    """Kinds of mission items; values are MAV_CMD numbers of MAVLink.
+
+    Private values start at 53000.
+    """
 
     WAYPOINT = 16
     LOITER = 17
-    """circle at a place without end"""
+    """unlimited circle at a position"""
     CIRCLE = 18
-    """circle at a place for some turns, for a time, or up or down to an altitude"""
+    """circle at a position for a number of turns, for a time, or until an altitude"""
     RETURN = 20
     LAND = 21
     TAKEOFF = 22
     JUMP = 177
-    """go on with another item, some times"""
+    """continue with another item, a limited number of times"""
     HOLD = 53001
     """hold altitude and heading for a duration"""
     EXCITE = 53000
     """identification input, see `Excitation`"""
     SPEED = 178
-    """change the airspeed from here on"""
+    """change of the airspeed for the following items"""
     LAND_START = 189
-    """mark of the place where the landing sequence begins"""
+    """marker of the start of the landing sequence"""
     SKIP = 53002
-    """a command that is kept in its place and passed over, see `MissionItem.skipped`"""
+    """unsupported command that keeps its index and is skipped, see `MissionItem.skipped`"""
 
 
 class Channel(IntEnum):
-    """What an excitation is added to."""
+    """Control channel of an excitation."""
 
     ELEVATOR = 0
     THROTTLE = 1
@@ -46,42 +49,42 @@ class Shape(IntEnum):
     DOUBLET = 0
     MULTISTEP_3211 = 1
     LINEAR_SWEEP = 2
-    """the frequency rises or falls evenly"""
+    """frequency linear in time"""
     LOGARITHMIC_SWEEP = 3
-    """every octave takes the same time"""
+    """frequency exponential in time: equal time for each octave"""
     MULTISINE = 4
-    """sines of one period, disjoint on every channel, see `multisine`"""
+    """sum of sines with one common period, disjoint between channels, see `multisine`"""
 
 
 class Excitation(NamedTuple):
-    """An identification input; while it lasts the loops are frozen at their trim, or fly on as asked.
+    """Identification input, with the loops frozen at their trim or active.
 
-    Frozen are the altitude and pitch loops, and the roll loop where the rudder is used.
+    If frozen, these are the altitude and pitch loops, and the roll loop if the rudder is excited.
     """
 
     channel: Channel
-    """-; what it is added to"""
+    """-; excited channel"""
     shape: Shape
-    """-; its course in time"""
+    """-; shape of the input over time"""
     amplitude: float
-    """rad (elevator, rudder) or - (throttle); greatest excursion"""
+    """rad (elevator, rudder) or - (throttle); peak amplitude"""
     width: float
-    """s; of one step, of a whole sweep, or the period of a multisine"""
+    """s; duration of one step or of a whole sweep, or period of a multisine"""
     settle: float
-    """s; before and after the input, the loops as during it"""
+    """s; settling time before and after the input, with the loops as during the input"""
     repeats: int
-    """-; how often it is repeated, a settling time between"""
+    """-; number of repetitions, separated by a settling time"""
     low: float = 0.0
-    """Hz; where a sweep begins, or the lowest frequency of a multisine"""
+    """Hz; initial frequency of a sweep, or lowest frequency of a multisine"""
     high: float = 0.0
-    """Hz; where a sweep ends, or the highest frequency of a multisine"""
+    """Hz; final frequency of a sweep, or highest frequency of a multisine"""
     other_amplitudes: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """rad, -, rad; of a multisine on elevator, throttle and rudder beside that on ``channel``"""
+    """rad, -, rad; amplitudes of a multisine on elevator, throttle and rudder in addition to ``channel``"""
     loops: int = 0
-    """-; 1 when the loops fly on, 0 when they are frozen"""
+    """-; 1 if the loops stay active, 0 if they are frozen"""
 
     def amplitudes(self) -> tuple[float, float, float]:
-        """Greatest excursion of elevator (rad), throttle (-) and rudder (rad)."""
+        """Return the peak amplitudes of elevator (rad), throttle (-) and rudder (rad)."""
         elevator, throttle, rudder = self.other_amplitudes
         if self.channel == Channel.ELEVATOR:
             return elevator + self.amplitude, throttle, rudder
@@ -91,49 +94,52 @@ class Excitation(NamedTuple):
 
 
 class MissionItem(NamedTuple):
-    """One item; fields that its kind does not use are 0."""
+    """Mission item; fields that its kind does not use are 0."""
 
     kind: ItemKind
-    """-; what to do"""
+    """-; kind of the item"""
     north: float = 0.0
-    """m; from home (WAYPOINT, LOITER, CIRCLE, LAND); of a TAKEOFF kept for who planned it, not flown to"""
+    """m; from home (WAYPOINT, LOITER, CIRCLE, LAND); stored but not used for a TAKEOFF"""
     east: float = 0.0
-    """m; from home (WAYPOINT, LOITER, CIRCLE, LAND); of a TAKEOFF kept for who planned it, not flown to"""
+    """m; from home (WAYPOINT, LOITER, CIRCLE, LAND); stored but not used for a TAKEOFF"""
     altitude: float = 0.0
     """m; above home (TAKEOFF, WAYPOINT, LOITER, CIRCLE, HOLD)"""
     heading: float = 0.0
-    """rad; to hold (HOLD), or of the final approach (LAND)"""
+    """rad; heading (HOLD) or course of the final approach (LAND)"""
     duration: float = 0.0
-    """s; to hold (HOLD), to circle (CIRCLE), to circle before the next item (WAYPOINT)"""
+    """s; hold time (HOLD), circle time (CIRCLE), circle time before the next item (WAYPOINT)"""
     excitation: Excitation | None = None
-    """-; what to fly (EXCITE)"""
+    """-; identification input (EXCITE)"""
     radius: float = 0.0
-    """m; positive clockwise, negative the other way, 0 for the vehicle's own (LOITER, CIRCLE)"""
+    """m; positive clockwise, negative counterclockwise, 0 for the default of the vehicle (LOITER, CIRCLE)"""
     turns: float = 0.0
-    """-; to fly (CIRCLE); without turns and duration the circle ends at its altitude"""
+    """-; number of turns (CIRCLE); without turns and duration the circle ends at its altitude"""
     jump_to: int = 0
-    """-; number of the item to go on with, from 0 (JUMP)"""
+    """-; index of the next item, from 0 (JUMP)"""
     repeats: int = 0
-    """-; how often it is jumped, -1 for ever (JUMP)"""
+    """-; number of jumps, -1 for no limit (JUMP)"""
     skipped: tuple[float, ...] = ()
-    """-; MAV_FRAME, MAV_CMD, four parameters, x, y and z as they were sent (SKIP, SPEED, LAND_START)"""
+    """-; MAV_FRAME, MAV_CMD, four parameters, x, y and z as received (SKIP, SPEED, LAND_START)"""
     here: int = 0
-    """-; 1 where the place is that of the aircraft when the item begins (WAYPOINT, LOITER, CIRCLE, LAND)"""
+    """-; 1 if the position is that of the vehicle at the start of the item (WAYPOINT, LOITER, CIRCLE, LAND)"""
     airspeed: float = 0.0
-    """m/s; setpoint, 0 for the vehicle's own (SPEED)"""
+    """m/s; setpoint, 0 for the default of the vehicle (SPEED)"""
 
 
 Mission = tuple[MissionItem, ...]
 
 INSTANT = (ItemKind.SPEED, ItemKind.LAND_START, ItemKind.SKIP)
-"""kinds that take no time"""
+"""kinds of items without duration"""
 
 
 _APPROACH = (ItemKind.WAYPOINT, ItemKind.CIRCLE, *INSTANT)
 
 
 def landing_sequence(mission: Mission) -> int | None:
-    """Number of the first LAND_START that waypoints and circles lead on to a landing; None if there is none."""
+    """Return the index of the first LAND_START of a landing sequence, or None.
+
+    A landing sequence leads from LAND_START by waypoints and circles to a LAND item.
+    """
     for start, marked in enumerate(mission):
         if marked.kind == ItemKind.LAND_START:
             onward = next((item for item in mission[start:] if item.kind not in _APPROACH), None)
@@ -143,13 +149,16 @@ def landing_sequence(mission: Mission) -> int | None:
 
 
 def channel_names(excitation: Excitation) -> str:
-    """Names of the channels that an excitation uses, for events."""
+    """Return the names of the channels that an excitation uses, for events."""
     used = zip(Channel, excitation.amplitudes(), strict=True)
     return " and ".join(channel.name.lower() for channel, amplitude in used if amplitude)
 
 
 def describe(item: MissionItem) -> str:
-    """Short description of an item for events: position in m from home, heading in deg, altitude in m."""
+    """Return a short description of an item for events.
+
+    Units: position in m from home, heading in deg, altitude in m.
+    """
     position = "" if item.here else f"{item.north:.0f} m N, {item.east:.0f} m E, "
     altitude = f"{item.altitude:.0f} m"
     descriptions = {
@@ -179,41 +188,41 @@ _COMPLETED = {
 
 
 def completion_text(number: int, item: MissionItem) -> str:
-    """Event text of a completed item; ``number`` counts from 0."""
+    """Return the event text of a completed item; ``number`` counts from 0."""
     return f"waypoint {number} {_COMPLETED.get(item.kind, 'reached')} ({describe(item)})"
 
 
 class RallyPoint(NamedTuple):
-    """A place to return to instead of home."""
+    """Alternative to home as the goal of a return."""
 
     north: float
     """m; from home"""
     east: float
     """m; from home"""
     altitude: float
-    """m; above home, at which it is circled there"""
+    """m; altitude of the circle at the rally point, above home"""
 
 
 Rally = tuple[RallyPoint, ...]
 
 
 class Zone(NamedTuple):
-    """A part of a fence: a circle or a polygon to stay inside of, or to keep out of."""
+    """Zone of a fence: circle or polygon, for inclusion or exclusion."""
 
     keep_in: int
-    """-; 1 to stay inside, 0 to stay outside"""
+    """-; 1 for an inclusion zone, 0 for an exclusion zone"""
     places: tuple[tuple[float, float], ...]
-    """m; north and east of home: the centre of a circle, or the corners of a polygon in their order"""
+    """m; north and east of home: the center of a circle, or the corners of a polygon in order"""
     radius: float = 0.0
-    """m; of a circle, 0 for a polygon"""
+    """m; radius of a circle, 0 for a polygon"""
 
 
 class Fence(NamedTuple):
-    """Where to fly, beside the vehicle's own limits: inside of every zone and between the altitudes."""
+    """Limits of a plan in addition to those of the vehicle: zones and altitudes."""
 
     zones: tuple[Zone, ...] = ()
     floor: float = 0.0
-    """m; above home, 0 for none; holds once it was passed on the way up, until an approach"""
+    """m; above home, 0 for none; active from the climb above it until an approach"""
     ceiling: float = 0.0
     """m; above home, 0 for none"""
 
@@ -222,10 +231,10 @@ NO_FENCE = Fence()
 
 
 class FlightPlan(NamedTuple):
-    """All that a plan file holds."""
+    """Content of a plan file."""
 
     mission: Mission = ()
     fence: Fence = NO_FENCE
     rally: Rally = ()
     notes: tuple[str, ...] = ()
-    """-; what of the file is not flown, for people"""
+    """-; notices about unsupported content of the file"""

@@ -1,10 +1,10 @@
-"""Orthogonal multisines: sums of harmonics of one period, each harmonic on one channel alone.
+"""Orthogonal multisines: sums of harmonics of one period, disjoint by channel.
 
-Inputs without a common harmonic are orthogonal over the period, so they may be flown at once and told apart
-(Morelli, "Multiple Input Design for Real-Time Parameter Estimation in the Frequency Domain", IFAC SYSID 2003). The
-phases begin as Schroeder's (IEEE Trans. Inf. Theory 16, 1970) and are then improved by clipping the signal and
-keeping the phases of what is left (van der Ouderaa et al., IEEE Trans. Instrum. Meas. 37, 1988), so that a given
-power needs little travel. All of it is computed when an input is built, never in a tick.
+Inputs without a common harmonic are orthogonal over the period, so that their responses can be separated after
+simultaneous excitation (Morelli, "Multiple Input Design for Real-Time Parameter Estimation in the Frequency Domain",
+IFAC SYSID 2003). The initial phases are those of Schroeder (IEEE Trans. Inf. Theory 16, 1970). Repeated clipping of
+the signal improves them (van der Ouderaa et al., IEEE Trans. Instrum. Meas. 37, 1988), so that a given power requires
+a small peak amplitude. The computation runs when an input is built, never in a tick.
 """
 
 from __future__ import annotations
@@ -20,30 +20,36 @@ Line = tuple[float, float, float]
 Lines = tuple[Line, ...]
 
 STARTS = (1.0, 0.5, 1.25, 0.75, 1.5, 0.9)
-"""Schroeder's phases, and how much more or less curved ones: clipping stays near where it begins"""
+"""factors on the curvature of the Schroeder phases: the clipping method converges near its initial phases"""
 ROUNDS = 200
-"""clippings from each start; together some 12 ms"""
+"""iterations of the clipping method for each start; about 12 ms in total"""
 COARSE, FINE = 8, 32
-"""samples per period of the highest harmonic: to improve the phases, and to measure the peak"""
+"""samples per period of the highest harmonic, for the phase iteration and for the peak"""
 DIGITS = 6
-"""of a phase: far below what changes the peak, and the same on every machine"""
+"""decimal digits of a phase: no effect on the peak, and identical on every machine"""
 
 Array = NDArray[np.float64]
 
 
 def channel_harmonics(first: int, last: int, channels: int) -> tuple[tuple[int, ...], ...]:
-    """The harmonics ``first`` to ``last`` dealt out to the ``channels`` in turn, so that none is on two."""
+    """Distribute the harmonics ``first`` to ``last`` alternately over ``channels``."""
     return tuple(tuple(range(first + channel, last + 1, channels)) for channel in range(channels))
 
 
 def relative_peak_factor(signal: Array) -> float:
-    """Range of a ``signal`` (N,) over that of a sine of the same power: 1 for a sine (Morelli 2003)."""
+    """Return the range of ``signal`` (N,) relative to a sine of the same power.
+
+    The relative peak factor of a sine is 1 (Morelli 2003).
+    """
     rms = math.sqrt(float(np.mean(np.square(signal))))
     return float(np.ptp(signal)) / (2.0 * math.sqrt(2.0) * rms)
 
 
 def design(harmonics: tuple[int, ...], period: float, amplitude: float) -> Lines:
-    """Sines of equal power at ``harmonics`` of ``period`` (s) whose sum begins at zero and peaks at ``amplitude``."""
+    """Return sines of equal power at ``harmonics`` of ``period`` (s).
+
+    Their sum begins at zero and its peak is ``amplitude``.
+    """
     phases, peak = _improved(harmonics)
     base = math.tau / period
     share = amplitude / peak
@@ -51,7 +57,7 @@ def design(harmonics: tuple[int, ...], period: float, amplitude: float) -> Lines
 
 
 def value(lines: Lines, elapsed: float) -> float:
-    """The sum of ``lines`` at ``elapsed`` s after the start."""
+    """Return the sum of ``lines`` at ``elapsed`` s after the start."""
     total = 0.0
     for frequency, phase, amplitude in lines:
         total += amplitude * math.sin(frequency * elapsed + phase)
@@ -60,7 +66,7 @@ def value(lines: Lines, elapsed: float) -> float:
 
 @lru_cache(maxsize=64)
 def _improved(harmonics: tuple[int, ...]) -> tuple[tuple[float, ...], float]:
-    """Phases (rad) of the harmonics as sines, and the peak of the sum of sines of amplitude 1."""
+    """Return optimized phases (rad) of unit sines and the peak of their sum."""
     numbers = np.array(harmonics)
     order = np.arange(1, len(harmonics) + 1)
     phases = -np.pi * np.outer(STARTS, order * (order - 1)) / len(harmonics)
@@ -78,7 +84,10 @@ def _improved(harmonics: tuple[int, ...]) -> tuple[tuple[float, ...], float]:
 
 
 def _sums(numbers: NDArray[np.int64], phases: Array, oversampling: int) -> Array:
-    """Sums of cosines (S, N) over one period, one row for each row of ``phases`` (S, harmonics)."""
+    """Return sums of cosines (S, N) over one period.
+
+    Each row belongs to a row of ``phases`` (S, harmonics).
+    """
     samples = 2 ** math.ceil(math.log2(oversampling * int(numbers[-1])))
     spectra = np.zeros((len(phases), samples // 2 + 1), dtype=np.complex128)
     spectra[:, numbers] = np.exp(1j * phases)
@@ -87,7 +96,10 @@ def _sums(numbers: NDArray[np.int64], phases: Array, oversampling: int) -> Array
 
 
 def _starting_at_zero(numbers: NDArray[np.int64], phases: Array, signal: Array) -> tuple[float, ...]:
-    """Phases of sines that sum to zero at the start: the same ``signal`` (N,), begun at a rise through zero."""
+    """Return phases of sines that sum to zero at the start.
+
+    The ``signal`` (N,) is shifted to start at a rising zero crossing.
+    """
     rises = np.flatnonzero((signal <= 0.0) & (np.roll(signal, -1) > 0.0))
     low = math.tau * float(rises[0]) / len(signal)
     high = low + math.tau / len(signal)

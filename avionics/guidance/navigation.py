@@ -1,8 +1,8 @@
-"""Navigation: from the mission's items and the mode to an altitude and a course to fly.
+"""Navigation: altitude and course setpoints from mission items and mode.
 
-One function per kind of item; each returns the target it asks for and whether the item is done. To add a
-kind: declare it in `mission.ItemKind`, write its function, enter it in ``ITEMS``. Lines and circles are in `path`,
-the other parts in `items`, `circle`, `homing`, `approach`; a survey is laid out by `survey` when its file is read.
+Each kind of item has one function that returns its target and whether the item is complete. To add a kind, declare it
+in `mission.ItemKind`, write its function and enter it in ``ITEMS``. Lines and circles are in `path`, the other parts
+in `items`, `circle`, `homing` and `approach`; `survey` computes the legs of a survey when its file is read.
 """
 
 from __future__ import annotations
@@ -48,16 +48,17 @@ ITEMS: dict[ItemKind, items.ItemFunction] = {
     ItemKind.LAND: approach.land,
 }
 CHOOSING = (ItemKind.RETURN, ItemKind.LAND)
-"""items whose altitudes are the vehicle's choice"""
+"""items with altitudes selected by the vehicle"""
 AT_ONCE = 2
-"""of `Gains.return_type`: a RETURN goes to the landing sequence and not home"""
+"""value of `Gains.return_type`: a RETURN flies the landing sequence instead of the return to home"""
 GO_HOME = MissionItem(ItemKind.RETURN)
 
 
 def step(gains: Gains, state: State, dt: float, mission: Mission, situation: Situation) -> tuple[State, Target]:
-    """One step; ``dt`` in s. A change of mode takes the present place, course and altitude as its start.
+    """Advance the navigation by ``dt`` (s).
 
-    What a mission's items or a stick ask for may be above the fence, what is chosen here may not.
+    A change of mode starts at the present position, course and altitude. Altitudes of mission items and sticks may
+    exceed the ceiling of the fence; altitudes selected by the navigation are limited to it.
     """
     state = _with_wind(state, dt, situation)
     if situation.mode != state.mode:
@@ -77,13 +78,13 @@ def step(gains: Gains, state: State, dt: float, mission: Mission, situation: Sit
 
 
 def _with_wind(state: State, dt: float, now: Situation) -> State:
-    """``state`` with the mean of the estimated wind, which follows every gust."""
+    """Return ``state`` with the low-passed wind estimate."""
     north = low_pass(state.wind_north, now.wind_north, WIND_TIME, dt)
     return state._replace(wind_north=north, wind_east=low_pass(state.wind_east, now.wind_east, WIND_TIME, dt))
 
 
 def begin_item(gains: Gains, state: State, item: int, situation: Situation) -> State:
-    """Make ``item`` the present one, starting here, on the course flown, at the altitude flown."""
+    """Begin ``item`` at the present position, course and altitude."""
     start = (state.from_north, state.from_east) if state.via else (situation.north, situation.east)
     started = state._replace(
         item=item,
@@ -106,12 +107,15 @@ def begin_item(gains: Gains, state: State, item: int, situation: Situation) -> S
 
 
 def choose_item(state: State, item: int) -> State:
-    """Make ``item`` the next one to be begun, from wherever it is then; jumps are counted anew."""
+    """Select ``item`` as the next one; jump counts are reset.
+
+    The item begins at the position of the vehicle at that time.
+    """
     return state._replace(item=item, started=0, via=0, jumps=(), landing_sequence=0)
 
 
 def excite(state: State, excitation: Excitation | None, situation: Situation) -> State:
-    """Fly an identification input now, on the present heading and at the present altitude."""
+    """Start an identification input at the present heading and altitude."""
     return state._replace(
         extra=excitation,
         heading=situation.heading,
@@ -122,7 +126,7 @@ def excite(state: State, excitation: Excitation | None, situation: Situation) ->
 
 
 def loiter_at(gains: Gains, state: State, requested: MissionItem, situation: Situation) -> State:
-    """Circle at the place, altitude and radius of ``requested`` from now on, in the mode LOITER."""
+    """Circle at the position, altitude and radius of ``requested`` in the mode LOITER."""
     started = begin_item(gains, state._replace(via=0), state.item, situation)
     started = started._replace(mode=int(Mode.LOITER), extra=None, altitude=requested.altitude)
     return circle.centre_at(
@@ -131,14 +135,14 @@ def loiter_at(gains: Gains, state: State, requested: MissionItem, situation: Sit
 
 
 def change_altitude(gains: Gains, state: State, altitude: float, situation: Situation) -> State:
-    """Hold ``altitude`` (m above home) from now on, on the present circle or course."""
+    """Set the altitude to ``altitude`` (m above home) on the present circle or course."""
     if situation.mode != state.mode:
         state = _enter_mode(gains, state, situation)
     return state._replace(altitude=altitude)
 
 
 def change_airspeed(gains: Gains, state: State, airspeed: float, situation: Situation) -> State:
-    """Fly at ``airspeed`` (m/s; 0 for the vehicle's own) until the mode changes."""
+    """Fly at ``airspeed`` (m/s; 0 for the default) until the mode changes."""
     if situation.mode != state.mode:
         state = _enter_mode(gains, state, situation)
     return state._replace(airspeed=airspeed)
@@ -157,7 +161,10 @@ def _enter_mode(gains: Gains, state: State, situation: Situation) -> State:
 
 
 def _loiter(gains: Gains, state: State, dt: float, situation: Situation) -> tuple[State, Target]:
-    """Circle; where a failsafe found it low (no circle was laid, radius 0) climb straight ahead first."""
+    """Circle; climb straight ahead first if a failsafe began at a low altitude.
+
+    The radius is 0 until the circle is defined.
+    """
     if state.radius != 0.0:
         state, target = circle.around(gains, state, dt, state.altitude, situation)
         return state, below_ceiling(target, situation) if situation.rescued else target
@@ -194,7 +201,7 @@ def _automatic(gains: Gains, state: State, dt: float, mission: Mission, situatio
 
 
 def _finish(state: State, item: MissionItem, target: Target) -> State:
-    """Go on with the next item; the leg after a waypoint begins at the waypoint, not at the cut corner."""
+    """Proceed to the next item; the leg after a waypoint begins at the waypoint."""
     state = state._replace(heading=target.heading, altitude=target.altitude, started=0, item=state.item + 1, via=0)
     if item.kind != ItemKind.WAYPOINT or item.duration > 0.0:
         return state
@@ -202,7 +209,10 @@ def _finish(state: State, item: MissionItem, target: Target) -> State:
 
 
 def _jump(state: State, mission: Mission) -> State:
-    """Follow jump and speed items until there is one to fly; a mission of nothing but jumps is at its end."""
+    """Execute jump and speed items up to the next item to fly.
+
+    A mission that contains only jumps is complete.
+    """
     for _ in mission:
         item = state.item
         airspeed = state.airspeed
@@ -225,14 +235,17 @@ def _jump(state: State, mission: Mission) -> State:
 
 
 def _begin_keeping_setpoints(gains: Gains, state: State, mission: Mission, situation: Situation) -> State:
-    """An excitation holds the setpoints of the item before it, so that no error is frozen into its trim."""
+    """Begin an item; an excitation keeps the setpoints of the item before it.
+
+    This prevents frozen errors in the trim of the excitation.
+    """
     started = _with_corner(begin_item(gains, state, state.item, situation), mission)
     after_another = state.item > 0 and mission[state.item].kind == ItemKind.EXCITE and state.altitude > 0.0
     return started._replace(heading=state.heading, altitude=state.altitude) if after_another else started
 
 
 def _with_corner(state: State, mission: Mission) -> State:
-    """Look ahead to the leg after this one, if there is one."""
+    """Store the turn into the leg after this one, if there is one."""
     item = mission[state.item]
     following = next((each for each in mission[state.item + 1 :] if each.kind not in INSTANT), None)
     legs = following is not None and item.kind == following.kind == ItemKind.WAYPOINT
@@ -253,7 +266,7 @@ def _extra_excitation(gains: Gains, state: State, dt: float, situation: Situatio
 
 
 def _return(gains: Gains, state: State, dt: float, mission: Mission, situation: Situation) -> tuple[State, Target]:
-    """RETURN: home and down there, or down by the landing sequence of the mission (`Gains.return_type`)."""
+    """Fly a RETURN to home or by the landing sequence (`Gains.return_type`)."""
     if state.landing_sequence:
         return _automatic(gains, state, dt, mission, situation)
     was_landing = state.landing
@@ -267,7 +280,7 @@ def _return(gains: Gains, state: State, dt: float, mission: Mission, situation: 
 
 
 def _return_to_launch(gains: Gains, state: State, dt: float, situation: Situation) -> tuple[State, Target]:
-    """Home, a loiter, then the landing there."""
+    """Fly home, circle there and land."""
     if not (state.started or state.final):
         state = begin_item(gains, state._replace(via=0), state.item, situation)
     if state.landing:
@@ -280,7 +293,10 @@ def _return_to_launch(gains: Gains, state: State, dt: float, situation: Situatio
 
 
 def _piloted(gains: Gains, state: State, dt: float, situation: Situation) -> tuple[State, Target]:
-    """Altitude hold: the pitch stick moves the altitude that is held; other modes use their sticks directly."""
+    """Fly ALTITUDE_HOLD: the pitch stick changes the altitude setpoint.
+
+    Other modes use their sticks directly.
+    """
     if state.extra is not None:
         return _extra_excitation(gains, state, dt, situation)
     stick = situation.stick_pitch if abs(situation.stick_pitch) > gains.stick_dead_band else 0.0

@@ -1,7 +1,7 @@
-"""OFFBOARD: fly the setpoints of an external controller; without new ones for too long, LOITER.
+"""OFFBOARD mode: setpoints of an external controller; LOITER after a timeout.
 
-A position is circled, as ArduPlane does in GUIDED; a velocity gives a course and a climb rate. The airspeed is the
-vehicle's own.
+A position setpoint is circled, as in GUIDED of ArduPlane; a velocity setpoint gives a course and a climb rate. The
+airspeed is the default of the vehicle.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from wingbeat.message import Severity
 
 
 def valid(gains: Gains, received: Received, time_us: int) -> int:
-    """1 if there is a setpoint that has not expired at ``time_us`` (since boot)."""
+    """Return 1 if a setpoint is available that has not expired at ``time_us``."""
     if received.setpoint is None:
         return 0
     return int(not received.setpoint.expires or (time_us - received.time_us) * 1e-6 <= gains.offboard_timeout)
@@ -31,10 +31,12 @@ def watch(state: modes.State, conditions: modes.Conditions) -> modes.Outcome:
 
 
 def resolve(gains: Gains, last: Setpoint | None, new: Setpoint, situation: Situation) -> Setpoint:
-    """Setpoint with explicit path: KEEP and CIRCLE_HERE become a circle at a position, or the path of ``last``.
+    """Return ``new`` with an explicit path.
+
+    KEEP and CIRCLE_HERE become a circle at a position, or the path of ``last``.
 
     Args:
-        last: the setpoint that is flown now, None if there is none.
+        last: the active setpoint, None if there is none.
     """
     path = new.path
     if path in (Path.COURSE, Path.ATTITUDE):
@@ -49,10 +51,10 @@ def resolve(gains: Gains, last: Setpoint | None, new: Setpoint, situation: Situa
 
 
 def fly(gains: Gains, state: State, dt: float, setpoint: Setpoint, situation: Situation) -> tuple[State, Target]:
-    """One step along a setpoint from `resolve`; ``dt`` in s.
+    """Advance along a setpoint of `resolve` by ``dt`` (s).
 
-    An altitude ramp stays between the least turning altitude and the fence's ceiling, and its rate within that of the
-    pitch stick in ALTITUDE_HOLD.
+    An altitude ramp is limited to the range from the least turning altitude to the ceiling of the fence, and its rate
+    to that of the pitch stick in ALTITUDE_HOLD.
     """
     if setpoint.path == Path.ATTITUDE:
         state = state._replace(radius=0.0, heading=situation.heading, altitude=situation.altitude)
@@ -68,7 +70,7 @@ def fly(gains: Gains, state: State, dt: float, setpoint: Setpoint, situation: Si
 
 
 def _altitude(gains: Gains, state: State, dt: float, setpoint: Setpoint, situation: Situation) -> float:
-    """Altitude setpoint (m)."""
+    """Return the altitude setpoint (m)."""
     if setpoint.altitude is not None:
         return setpoint.altitude
     if setpoint.climb_rate == 0.0:

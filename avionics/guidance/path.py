@@ -1,4 +1,4 @@
-"""Lines and circles over ground: where a place lies on them, and the course that leads onto them."""
+"""Lines and circles over ground: relative position and intercept course."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ Place = tuple[float, float]
 
 
 class Leg(NamedTuple):
-    """A straight line over ground, seen from a place."""
+    """Straight line over ground and a position relative to it."""
 
     course: float
-    """rad; of the leg"""
+    """rad; course of the leg"""
     length: float
     """m"""
     along: float
-    """m; the place's way along the leg"""
+    """m; distance of the position along the leg"""
     cross: float
-    """m; the place's distance to the right of the leg"""
+    """m; distance of the position to the right of the leg"""
 
 
 def leg(start: Place, end: Place, place: Place) -> Leg:
-    """The leg from ``start`` to ``end`` (north, east in m) as seen from ``place``."""
+    """Return the leg from ``start`` to ``end`` (m) relative to ``place``."""
     north, east = end[0] - start[0], end[1] - start[1]
     length = math.hypot(north, east)
     course = math.atan2(east, north)
@@ -35,19 +35,20 @@ def leg(start: Place, end: Place, place: Place) -> Leg:
 
 
 def course_to_leg(line: Leg, lookahead: float) -> float:
-    """Course (rad) that leads onto the leg: aims at the point ``lookahead`` m further along it."""
+    """Return the course (rad) toward a point on the leg ``lookahead`` m ahead."""
     return wrap(line.course - math.atan2(line.cross, lookahead))
 
 
 def reached(line: Leg, acceptance: float) -> bool:
-    """Whether the end of the leg is within ``acceptance`` m or has been passed abeam."""
+    """Return whether the end of the leg is within ``acceptance`` (m) or was passed."""
     return math.hypot(line.length - line.along, line.cross) <= acceptance or line.along >= line.length
 
 
 def circle_course(radius: float, lookahead: float, north: float, east: float) -> float:
-    """Course (rad) that joins a circle from (``north``, ``east``) m of its centre.
+    """Return the course (rad) that intercepts a circle.
 
-    ``radius`` in m, positive to be flown clockwise, negative the other way, as MAVLink writes it.
+    The position is (``north``, ``east``) m from the center. ``radius`` in m is positive clockwise and negative
+    counterclockwise, as in MAVLink.
     """
     outward = math.hypot(north, east) - abs(radius)
     turn = 0.5 * math.pi + math.atan2(outward, lookahead)

@@ -1,4 +1,4 @@
-"""What the navigation is tuned with, remembers, looks at and asks for; shared by the files of its parts."""
+"""Parameters, state, inputs and outputs of the navigation."""
 
 from __future__ import annotations
 
@@ -14,130 +14,130 @@ from wingbeat.constants import STANDARD_GRAVITY
 from wingbeat.units import Quantity
 
 TURN_BANK = 0.4
-"""rad; with which a corner is flown: short of every vehicle's greatest bank, to have some left for the wind"""
+"""rad; bank of a turn at a corner: below the maximum bank of every vehicle, with reserve for wind"""
 SHARPEST = 0.5 * math.pi
-"""rad; a sharper corner is begun no earlier than this one"""
+"""rad; limit of the corner angle in the computation of the turning distance"""
 WIND_TIME = 20.0
 """s; time constant of the mean wind: about one turn of a circle, over which errors of airspeed and heading cancel"""
 FASTEST_DRIFT = 2.0
-"""-; greatest ground speed, in units of the airspeed, that a following wind is believed to give"""
+"""-; limit of the ratio of ground speed to airspeed in a tailwind"""
 
 
 class Gains(NamedTuple):
-    """What the navigation is tuned with."""
+    """Parameters of the navigation."""
 
     lookahead: Annotated[float, Quantity("m", 1.0, 500.0)]
     """m; distance ahead on the path at which the course aims, in still air"""
     acceptance: Annotated[float, Quantity("m", 0.5, 200.0)]
     """m; radius at which a waypoint counts as reached"""
     capture_altitude: Annotated[float, Quantity("m", 0.1, 50.0)]
-    """m; altitude error at which a take-off or a climb on a circle is over and the time of a hold begins"""
+    """m; altitude error at which a takeoff or a climb on a circle is complete and the time of a hold begins"""
     capture_heading: Annotated[float, Quantity("rad", 0.02, 3.2)]
     """rad; heading error at which the time of a hold begins"""
     capture_limit: Annotated[float, Quantity("s", 0.0, 600.0)]
-    """s; after which the time of a hold begins anyway"""
+    """s; maximum delay of the start of a hold"""
     return_altitude: Annotated[float, Quantity("m", 2.0, 1000.0)]
-    """m; safe altitude of the way home"""
+    """m; altitude of the return"""
     return_floor: Annotated[float, Quantity("m", 0.0, 1000.0)]
-    """m; a return, or a circle that a failsafe asks for, from below it first climbs straight ahead, wings level"""
+    """m; altitude below which a return, or a circle of a failsafe, starts with a straight climb, wings level"""
     loiter_radius: Annotated[float, Quantity("m", 3.0, 500.0)]
-    """m; of the circle flown at home, and of every circle that names no radius"""
+    """m; radius of the circle at home and of circles without a specified radius"""
     loiter_time: Annotated[float, Quantity("s", 0.0, 36000.0)]
-    """s; circled at home before landing"""
+    """s; time on the circle at home before landing"""
     approach_length: Annotated[float, Quantity("m", 5.0, 2000.0)]
-    """m; of the straight line down to the landing place, in still air"""
+    """m; length of the straight glide path to the landing point, in still air"""
     approach_altitude: Annotated[float, Quantity("m", 2.0, 300.0)]
-    """m; at which that line begins"""
+    """m; altitude at the start of the glide path"""
     approach_margin: Annotated[float, Quantity("m", 0.1, 100.0)]
-    """m; above the head of the line from which it may be begun; from higher a circle is flown there first"""
+    """m; maximum altitude above the start of the glide path; at higher altitudes a circle is flown first"""
     flare_altitude: Annotated[float, Quantity("m", 0.0, 30.0)]
-    """m; below which the sink dies out towards the ground"""
+    """m; altitude below which the sink rate is reduced for the flare"""
     flare_sink: Annotated[float, Quantity("m/s", 0.05, 5.0)]
-    """m/s; greatest sink at the landing place's altitude and below it"""
+    """m/s; maximum sink at and below the altitude of the landing point"""
     flare_time: Annotated[float, Quantity("s", 0.1, 30.0)]
-    """s; altitude per greatest sink beyond that: the time constant of the round-out"""
+    """s; altitude per increase of the maximum sink: the time constant of the flare"""
     flare_throttle: Annotated[float, Quantity("-", 0.0, 1.0)]
-    """-; in the flare while the sink is as asked: less than level flight needs, so that it slows down"""
+    """-; throttle trim during the flare; below level flight, so that the vehicle decelerates"""
     flare_pitch: Annotated[float, Quantity("rad", -0.5, 1.2)]
-    """rad; least pitch setpoint in the flare"""
+    """rad; minimum pitch setpoint in the flare"""
     stick_climb: Annotated[float, Quantity("m/s", 0.0, 10.0)]
-    """m/s; change of the held altitude at full pitch stick (altitude hold)"""
+    """m/s; rate of the altitude setpoint at full pitch stick (altitude hold)"""
     stick_dead_band: Annotated[float, Quantity("-", 0.0, 0.5)]
-    """-; stick that counts as centred"""
+    """-; dead band of the sticks"""
     approach_airspeed: Annotated[float, Quantity("m/s", 1.0, 50.0)] = 8.0
-    """m/s; true airspeed on the line down to the landing place"""
+    """m/s; true airspeed on the glide path"""
     flare_reach: Annotated[float, Quantity("m", 0.0, 1000.0)] = 0.0
-    """m; from the end of that line, where it meets the ground, to the touchdown in still air"""
+    """m; distance from the end of the glide path, at ground level, to the touchdown in still air"""
     offboard_timeout: Annotated[float, Quantity("s", 0.1, 60.0)] = 1.0
-    """s; greatest age of a setpoint of OFFBOARD, after which the mode changes to LOITER (PX4: COM_OF_LOSS_T).
-    Default: as COM_OF_LOSS_T of PX4"""
+    """s; maximum age of an OFFBOARD setpoint, after which the mode changes to LOITER (PX4: COM_OF_LOSS_T). Default:
+    as COM_OF_LOSS_T of PX4"""
     return_type: Annotated[int, Quantity("-", 0, 2)] = 0
-    """-; landing of a RETURN if the mission has a DO_LAND_START: 0 at home or the rally point, 1 by the mission's
-    landing sequence after the circle there, 2 by the landing sequence at once.
-    Default: home is known to be clear of obstacles"""
+    """-; landing of a RETURN if the mission has a DO_LAND_START: 0 at home or the rally point, 1 by the landing
+    sequence after the circle there, 2 by the landing sequence at once. Default: home is known to be clear of
+    obstacles"""
 
 
 class State(NamedTuple):
-    """What the navigation remembers."""
+    """State of the navigation."""
 
     mode: int = Mode.MANUAL
-    """-; mode of the last step"""
+    """-; mode of the previous step"""
     item: int = 0
-    """-; mission item being flown"""
+    """-; index of the active mission item"""
     started: int = 0
-    """-; 1 once the item's start has been taken"""
+    """-; 1 once the start of the item is stored"""
     elapsed: float = 0.0
-    """s; in the item, from its capture if it has one"""
+    """s; time in the item, from its capture if it has one"""
     waiting: float = 0.0
-    """s; for the capture of a hold"""
+    """s; time before the capture of a hold"""
     from_north: float = 0.0
-    """m; where the leg begins"""
+    """m; start of the leg"""
     from_east: float = 0.0
-    """m; where the leg begins"""
+    """m; start of the leg"""
     via: int = 0
-    """-; 1 when the next leg begins at the waypoint just passed, (``from_north``, ``from_east``), not where it is"""
+    """-; 1 if the next leg begins at the waypoint (``from_north``, ``from_east``) instead of the present position"""
     corner: float = 0.0
-    """rad; turn at the end of the leg into the next one, 0 where none follows"""
+    """rad; turn at the end of the leg into the next one, 0 without a next leg"""
     onward: float = 0.0
     """rad; course of the next leg"""
     heading: float = 0.0
-    """rad; heading held"""
+    """rad; heading setpoint"""
     altitude: float = 0.0
-    """m; altitude held"""
+    """m; altitude setpoint"""
     centre_north: float = 0.0
-    """m; of the circle flown"""
+    """m; center of the circle"""
     centre_east: float = 0.0
-    """m; of the circle flown"""
+    """m; center of the circle"""
     radius: float = 0.0
-    """m; of the circle flown, positive clockwise"""
+    """m; radius of the circle, positive clockwise"""
     bearing: float = 0.0
-    """rad; from the circle's centre to the aircraft at the last step"""
+    """rad; bearing from the center of the circle to the vehicle at the previous step"""
     swept: float = 0.0
-    """rad; flown around the centre since the circle was joined, positive in its direction"""
+    """rad; angle flown around the center since the intercept, positive in the direction of the circle"""
     goal_north: float = 0.0
-    """m; where a return goes to: home or a rally point"""
+    """m; goal of a return: home or a rally point"""
     goal_east: float = 0.0
-    """m; where a return goes to"""
+    """m; goal of a return"""
     goal_altitude: float = 0.0
-    """m; at which it is circled there"""
+    """m; altitude of the circle at the goal"""
     final: int = 0
-    """-; 1 on the straight line down"""
+    """-; 1 on the glide path"""
     flare: int = 0
-    """-; 1 once the flare has begun; it is not left again"""
+    """-; 1 once the flare has begun, until the end of the item"""
     touch_north: float = 0.0
-    """m; end of the line down, `flare_distance` before the landing place"""
+    """m; end of the glide path, one flare distance before the landing point"""
     touch_east: float = 0.0
-    """m; end of the line down"""
+    """m; end of the glide path"""
     slope_length: float = 0.0
-    """m; of the line down, once it is being flown"""
+    """m; length of the active glide path"""
     arrived: int = 0
-    """-; 1 once the circle of the item was joined, the return is over its goal, or the head of the approach met"""
+    """-; 1 once the circle, the goal of the return or the start of the approach is reached"""
     excitations: int = 0
-    """-; excitations that were finished when the item began"""
+    """-; number of excitations finished at the start of the item"""
     extra: Excitation | None = None
-    """-; an identification input asked for over the link"""
+    """-; identification input requested over the link"""
     jumps: tuple[tuple[int, int], ...] = ()
-    """-; number of a jump item, and how often it has jumped"""
+    """-; index of a jump item and number of its jumps"""
     landing: int = 0
     """-; 1 while a return lands at its goal, on the course ``heading``"""
     wind_north: float = 0.0
@@ -147,11 +147,11 @@ class State(NamedTuple):
     landing_sequence: int = 0
     """-; 1 while a RETURN flies the landing sequence of the mission"""
     airspeed: float = 0.0
-    """m/s; setpoint until the mode changes, 0 for the vehicle's own"""
+    """m/s; setpoint until the mode changes, 0 for the default of the vehicle"""
 
 
 class Situation(NamedTuple):
-    """What the navigation looks at."""
+    """Inputs of the navigation."""
 
     mode: int
     """-; flight mode"""
@@ -162,31 +162,31 @@ class Situation(NamedTuple):
     east: float
     """m; from home"""
     valid: int
-    """-; 1 while the position can be steered by"""
+    """-; 1 while the position is valid for navigation"""
     heading: float
-    """rad; course over ground or yaw, whichever is steered"""
+    """rad; controlled angle: course over ground or yaw"""
     altitude: float
     """m; positive up"""
     stick_pitch: float
-    """-; -1 to 1"""
+    """-; from -1 to 1"""
     excitations: int
-    """-; excitations finished since boot"""
+    """-; number of excitations finished since boot"""
     airspeed: float = 0.0
-    """m/s; true, 0 while unknown"""
+    """m/s; true airspeed, 0 if unknown"""
     ground_speed: float = 0.0
-    """m/s; 0 while unknown"""
+    """m/s; 0 if unknown"""
     wind_north: float = 0.0
-    """m/s; velocity of the air over ground, 0 while unknown"""
+    """m/s; wind velocity over ground, 0 if unknown"""
     wind_east: float = 0.0
-    """m/s; velocity of the air over ground, 0 while unknown"""
+    """m/s; wind velocity over ground, 0 if unknown"""
     rally: Rally = ()
-    """-; places to return to instead of home"""
+    """-; rally points, alternatives to home"""
     ceiling: float = math.inf
-    """m; greatest altitude to ask for where the navigation chooses it: the fence's, less its margin"""
+    """m; maximum altitude selected by the navigation: ceiling of the fence minus its margin"""
     rescued: int = 0
-    """-; 1 while the mode is one that a failsafe took"""
+    """-; 1 while the mode was entered by a failsafe"""
     setpoint: Setpoint | None = None
-    """-; of OFFBOARD, from `offboard.resolve`"""
+    """-; setpoint of OFFBOARD, from `offboard.resolve`"""
     terrain: float = 0.0
     """m; altitude of the ground below the vehicle"""
     mission_allowed: int = 1
@@ -194,49 +194,56 @@ class Situation(NamedTuple):
 
 
 class Target(NamedTuple):
-    """What the navigation asks of the loops below."""
+    """Output of the navigation: setpoints of the inner loops."""
 
     stage: Stage
-    """-; the stage this belongs to"""
+    """-; flight stage"""
     altitude: float
     """m; positive up"""
     heading: float
-    """rad; course to fly"""
+    """rad; course setpoint"""
     distance: float = 0.0
-    """m; to the item's place"""
+    """m; distance to the position of the item"""
     cross_track: float = 0.0
-    """m; off the leg, positive to the right of it; off a circle, positive outside"""
+    """m; distance from the leg, positive to its right; distance from a circle, positive outside"""
     curvature: float = 0.0
-    """1/m; of the path flown, positive to the right: the bank of a circle is known without an error"""
+    """1/m; curvature of the path, positive to the right, for the feed-forward bank"""
     excitation: Excitation | None = None
-    """-; identification input to fly now"""
+    """-; active identification input"""
 
 
 def here(situation: Situation) -> Place:
-    """North and east of the aircraft."""
+    """Return north and east (m) of the vehicle."""
     return situation.north, situation.east
 
 
 def least_altitude(gains: Gains, ceiling: float) -> float:
-    """Altitude (m) below which nothing is circled and no way home begun; a low ``ceiling`` (m) lowers it."""
+    """Return the altitude (m) below which neither a circle nor a return begins.
+
+    A low ``ceiling`` (m) lowers it.
+    """
     return min(gains.return_floor, ceiling - gains.capture_altitude)
 
 
 def climb_ahead(gains: Gains, state: State, altitude: float, situation: Situation) -> Target:
-    """Up to ``altitude`` (m) straight on along the heading held: at a metre above ground a bank is a wing in it."""
+    """Climb to ``altitude`` (m) on the present heading setpoint.
+
+    The wings stay level, because a bank close to the ground would cause a wing strike.
+    """
     return Target(Stage.EN_ROUTE, min(altitude, situation.ceiling), state.heading)
 
 
 def below_ceiling(target: Target, situation: Situation) -> Target:
-    """``target``, no higher than where the fence lets it be."""
+    """Return ``target`` with its altitude limited to the ceiling."""
     return target if target.altitude <= situation.ceiling else target._replace(altitude=situation.ceiling)
 
 
 def lookahead(gains: Gains, situation: Situation) -> float:
-    """How far ahead (m) a path is aimed at: longer with the ground speed V of a following wind.
+    """Return the lookahead distance (m), longer in a tailwind.
 
-    The heading loop turns the course at a rate k that it keeps in any wind (`heading.step`); the cross-track error is
-    then a second-order mode of frequency sqrt(k V / L) and damping sqrt(k L / V) / 2, both kept when L grows as V.
+    The heading loop turns the course at a rate k that is independent of the wind (`heading.step`). The cross-track
+    error is then a second-order mode with frequency sqrt(k V / L) and damping sqrt(k L / V) / 2 at the ground speed
+    V. Both are constant if L is proportional to V.
     """
     if situation.airspeed <= 1.0:
         return gains.lookahead
@@ -244,10 +251,10 @@ def lookahead(gains: Gains, situation: Situation) -> float:
 
 
 def turning_distance(gains: Gains, state: State, situation: Situation) -> float:
-    """Way (m) before the end of a leg at which the turn into the next one begins: R tan(turn / 2).
+    """Return the distance (m) before the end of a leg at which the turn begins.
 
-    The radius is that of the greater ground speed, before or after the turn: into a following wind it is wide.
-    It is bounded by the radius of the vehicle's circles, for gusts that the airspeed tells.
+    The distance is R tan(turn / 2). The radius R follows from the larger ground speed, before or after the turn. It
+    is limited to the loiter radius, because gusts disturb the measured airspeed.
     """
     if state.corner == 0.0:
         return 0.0
@@ -257,5 +264,5 @@ def turning_distance(gains: Gains, state: State, situation: Situation) -> float:
 
 
 def tailwind(situation: Situation, course: float) -> float:
-    """Wind (m/s) along ``course`` (rad), positive from behind."""
+    """Return the wind (m/s) along ``course`` (rad), positive from behind."""
     return situation.wind_north * math.cos(course) + situation.wind_east * math.sin(course)

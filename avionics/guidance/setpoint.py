@@ -1,4 +1,7 @@
-"""Setpoints of an external controller for the mode OFFBOARD (PX4's OFFBOARD, ArduPlane's GUIDED)."""
+"""Setpoints of an external controller for OFFBOARD.
+
+The mode corresponds to OFFBOARD of PX4 and GUIDED of ArduPlane.
+"""
 
 from __future__ import annotations
 
@@ -10,15 +13,15 @@ class Path(IntEnum):
     """Horizontal part of a setpoint."""
 
     KEEP = 0
-    """the present path; a circle here if there is none"""
+    """present path; a circle at the present position if there is none"""
     CIRCLE_HERE = 1
-    """a circle tangent to the present course"""
+    """circle tangent to the present course"""
     CIRCLE_AT = 2
-    """fly to a position and circle there"""
+    """flight to a position and circle there"""
     COURSE = 3
-    """a straight course over ground"""
+    """straight course over ground"""
     ATTITUDE = 4
-    """roll, pitch and throttle; no altitude and no course loop"""
+    """roll, pitch and throttle without altitude and course loops"""
 
 
 class Setpoint(NamedTuple):
@@ -49,7 +52,7 @@ class Setpoint(NamedTuple):
 
 
 class Received(NamedTuple):
-    """The setpoint in use and its reception time."""
+    """Active setpoint and its reception time."""
 
     setpoint: Setpoint | None = None
     """-; None before the first"""

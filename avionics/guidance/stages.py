@@ -1,4 +1,4 @@
-"""Stages of the flight, from the hand to the ground: launch, the navigation's stages, touchdown."""
+"""Flight stages from launch to landing: launch detection, navigation, touchdown."""
 
 from __future__ import annotations
 
@@ -22,23 +22,25 @@ from wingbeat.message import Severity
 
 PITOT_BLOCKED = int(Failsafe.PITOT_BLOCKED)
 WAIT_LAUNCH, EN_ROUTE = Stage.WAIT_LAUNCH, Stage.EN_ROUTE
-"""looked up once: a member of an enum costs as much as a call"""
+"""Cached members: access to an enum member costs as much as a call."""
 PUSH_MEMORY = 1.0
-"""s; in which the speed gained is forgotten, and with it the accelerometer's offset: a hand comes to rest again"""
+"""s; decay time of the integrated speed and of the accelerometer bias in it; longer than a motion of the hand"""
 SLOW = 0.5
-"""-; share of `Gains.launch_push` below which a push without force is over; a wrong attitude may feign it"""
+"""-; fraction of `Gains.launch_push` below which a push without force ends; an attitude error may cause such a push
+"""
 BLIND_REACH = 1.2
-"""-; in units of `Gains.launch_reach`: a way that tells a throw also without an airspeed"""
+"""-; multiple of `Gains.launch_reach` at which a launch is detected without an airspeed"""
 FAST = 2
-"""-; of `State.launch_state`: the speed of a throw was reached, whatever drag takes off later"""
+"""-; value of `State.launch_state`: the launch speed was reached, regardless of a later decrease by drag"""
 STILL_TRAVEL = 0.4
-"""m; up or down within the time of standing still: twice what the altitude's noise makes of it"""
+"""m; maximum altitude change during a standstill: twice the noise of the altitude"""
 NEAR_GROUND = 0.5
-"""-; of the return's floor, below which a standstill may be one on the ground: a dead pitot tells one too"""
+"""-; fraction of the return floor below which a standstill counts as ground contact; a blocked pitot can indicate a
+standstill in flight"""
 
 
 def step(gains: Gains, state: State, dt: float, conditions: Conditions) -> Outcome:
-    """Wait for the launch, follow the navigation, watch for the touchdown; ``dt`` in s."""
+    """Detect the launch, follow the navigation and detect the touchdown; ``dt`` in s."""
     if state.stage == WAIT_LAUNCH:
         return _watch_launch(gains, state, dt, conditions)
     if state.stage in AIRBORNE:
@@ -47,7 +49,7 @@ def step(gains: Gains, state: State, dt: float, conditions: Conditions) -> Outco
 
 
 def _watch_launch(gains: Gains, state: State, dt: float, conditions: Conditions) -> Outcome:
-    """A throw pushes for a while and its speed is kept; a hand takes back what it gave within its reach."""
+    """Detect a launch: the speed of a throw persists beyond the reach of an arm."""
     state = _pushed(gains, state, dt, conditions)
     upright = max(abs(conditions.roll), abs(conditions.pitch)) <= gains.launch_tilt
     far = state.push_way >= gains.launch_reach
@@ -59,7 +61,10 @@ def _watch_launch(gains: Gains, state: State, dt: float, conditions: Conditions)
 
 
 def _pushed(gains: Gains, state: State, dt: float, conditions: Conditions) -> State:
-    """Speed along the body from the force, gravity's share taken off; its way counts from where a throw may begin."""
+    """Integrate the forward force without gravity to speed and distance.
+
+    The distance counts from the possible start of a throw.
+    """
     accel = conditions.forward_force - STANDARD_GRAVITY * math.sin(conditions.pitch)
     push = (state.push + accel * dt) * (1.0 - dt / PUSH_MEMORY)
     force_time = state.force_time + dt if conditions.forward_force > gains.launch_force else 0.0
@@ -73,7 +78,7 @@ def _pushed(gains: Gains, state: State, dt: float, conditions: Conditions) -> St
 
 
 def without_push(state: State) -> State:
-    """As before any push of a hand or a throw."""
+    """Return ``state`` with the launch detection reset."""
     return state._replace(push=0.0, push_way=0.0, force_time=0.0, launch_state=0)
 
 
@@ -87,9 +92,9 @@ def _watch_touchdown(gains: Gains, state: State, dt: float, conditions: Conditio
         placed and conditions.ground_speed < gains.touchdown_airspeed
     )
     slow = slow and (landing or near_ground)
-    # Against the wind a float above the ground is slow over it too.
+    # In a headwind a floating vehicle is also slow over ground.
     still = slow and abs(conditions.climb_rate) < gains.touchdown_climb and not (landing and conditions.above_flare)
-    # A float sinks slowly, but it sinks.
+    # A floating vehicle still sinks slowly.
     still = still and (
         state.stationary_time == 0.0 or abs(conditions.altitude - state.stationary_altitude) < STILL_TRAVEL
     )
@@ -112,7 +117,7 @@ def _on_the_ground(landing: bool, mode: int) -> Notice:
 
 
 def _follow_navigation(state: State, conditions: Conditions) -> Outcome:
-    """In a guided mode the airborne stage is the navigation's, else it is EN_ROUTE."""
+    """Adopt the stage of the navigation in a guided mode, else EN_ROUTE."""
     if state.mode in GUIDED and conditions.navigated not in (ANY_MODE, state.mode):
         return state, ()
     wanted = conditions.requested_stage if state.mode in GUIDED else EN_ROUTE

@@ -1,4 +1,4 @@
-"""One step of what watches over the flight: failsafes, the age of setpoints, then stages."""
+"""Flight supervisor: failsafes, timeout of setpoints, stages."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from avionics.guidance.modes import Conditions, Gains, Outcome, State
 
 
 def step(gains: Gains, state: State, dt: float, conditions: Conditions) -> Outcome:
-    """One step of stages and failsafes; ``dt`` in s."""
+    """Advance failsafes, setpoint timeout and stages by ``dt`` (s)."""
     state, failed = failsafes.step(gains, state, dt, conditions)
     state, expired = offboard.watch(state, conditions)
     state, moved = stages.step(gains, state, dt, conditions)

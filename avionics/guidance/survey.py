@@ -1,4 +1,4 @@
-"""An area to be covered -> parallel legs, there and back as a lawn is mown."""
+"""Survey of an area by parallel legs in alternating directions."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from avionics.guidance.path import Place
 
 
 def legs(corners: tuple[Place, ...], spacing: float, course: float, overshoot: float) -> list[tuple[Place, Place]]:
-    """Legs that cover a polygon, in the order they are flown.
+    """Return legs that cover a polygon, in flight order.
 
     Args:
-        corners: north and east (m) of the polygon's corners, in their order; it may be concave.
-        spacing: m; between neighbouring legs, the first half as far inside the border.
-        course: rad; of the first leg, the next one is flown back.
-        overshoot: m; by which each leg goes on beyond the border at both ends, to turn there.
+        corners: m; north and east of the corners of the polygon, in order; it may be concave.
+        spacing: m; distance between adjacent legs; the first leg is half of it inside the border.
+        course: rad; course of the first leg; the directions alternate.
+        overshoot: m; extension of each leg beyond the border at both ends, for the turns.
     """
     c, s = math.cos(course), math.sin(course)
     turned = tuple((n * c + e * s, e * c - n * s) for n, e in corners)
@@ -33,7 +33,7 @@ def legs(corners: tuple[Place, ...], spacing: float, course: float, overshoot: f
 
 
 def _inside(turned: tuple[Place, ...], side: float) -> list[tuple[float, float]]:
-    """Where a line along the course lies inside of the polygon: begin and end (m) of each piece."""
+    """Return begin and end (m) of the segments of a line inside the polygon."""
     met: list[float] = []
     for (a_along, a_side), (b_along, b_side) in pairwise((*turned, turned[0])):
         if (a_side > side) != (b_side > side):

@@ -1,9 +1,9 @@
-"""Descent by throttle alone, without an elevator: a slow sink-rate integrator and a pitch damper on the throttle.
+"""Descent by throttle without an elevator: sink-rate integrator and pitch damper.
 
 As in propulsion-controlled flight (Burcham et al. 1998, NASA/TM-1998-206552), the flight path follows the throttle
-slowly; quick changes only excite the phugoid. Flapping pushes above the center of mass, so more throttle lowers the
-nose. Throttle added in proportion to the pitch above its mean therefore damps the phugoid; the usual climb-rate
-feedback drives it.
+slowly; quick changes only excite the phugoid. The thrust acts above the center of mass, so that more throttle lowers
+the nose. Throttle in proportion to the pitch above its mean therefore damps the phugoid; the usual climb-rate
+feedback destabilizes it.
 """
 
 from __future__ import annotations
@@ -15,17 +15,17 @@ from wingbeat.units import Quantity
 
 
 class Gains(NamedTuple):
-    """How throttle replaces the elevator."""
+    """Parameters of the throttle descent."""
 
     sink: Annotated[float, Quantity("m/s", 0.1, 10.0)] = 0.8
-    """m/s; sink rate to fly, positive down: there is no flare. Default: less than half of what a belly landing is
-    promised"""
+    """m/s; sink rate setpoint, positive down, without a flare. Default: less than half of the limit for a belly
+    landing"""
     integral: Annotated[float, Quantity("1/m", 0.0, 1.0)] = 0.03
-    """1/m; throttle per second and climb-rate error"""
+    """1/m; throttle rate per climb-rate error"""
     throttle_rate: Annotated[float, Quantity("1/s", 0.0, 5.0)] = 0.06
-    """1/s; how fast the mean throttle may change. Default: from full throttle to none in 17 s, four phugoids"""
+    """1/s; slew rate limit of the mean throttle. Default: from full throttle to none in 17 s, four phugoids"""
     throttle_min: Annotated[float, Quantity("-", 0.0, 1.0)] = 0.0
-    """-; least throttle"""
+    """-; minimum throttle"""
     pitch: Annotated[float, Quantity("1/rad", 0.0, 10.0)] = 1.0
     """1/rad; throttle per pitch above its mean"""
     pitch_time: Annotated[float, Quantity("s", 0.1, 60.0)] = 4.0
@@ -33,10 +33,10 @@ class Gains(NamedTuple):
 
 
 class State(NamedTuple):
-    """Memory of the descent."""
+    """State of the throttle descent."""
 
     active: int = 0
-    """-; 1 once begun"""
+    """-; 1 once active"""
     throttle: float = 0.0
     """-; mean throttle"""
     pitch: float = 0.0
@@ -44,16 +44,19 @@ class State(NamedTuple):
 
 
 class Measured(NamedTuple):
-    """Measurements that the descent uses."""
+    """Measurements used by the throttle descent."""
 
     climb_rate: float
     """m/s; positive up"""
     pitch: float
-    """rad; without the flapping, nose up is positive"""
+    """rad; stroke-filtered pitch, positive nose up"""
 
 
 def step(gains: Gains, state: State, dt: float, throttle: float, measured: Measured) -> tuple[State, float]:
-    """Return the throttle of the next ``dt`` s; the first step continues from ``throttle``, the last one flown."""
+    """Return the throttle for the next ``dt`` (s).
+
+    The first step continues from ``throttle``, the value of the previous step.
+    """
     if not state.active:
         state = State(1, throttle, measured.pitch)
     climb_error = -gains.sink - measured.climb_rate
