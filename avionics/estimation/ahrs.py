@@ -1,16 +1,16 @@
-"""Attitude and heading from gyroscope, accelerometer and magnetometer: a direction cosine matrix filter.
+"""Attitude and heading reference system: a direction cosine matrix filter.
 
-The gyroscope carries the matrix from sample to sample by an exact rotation. A flapping airframe is shaken by
-several g, so no single accelerometer sample says where down is; but its velocity is periodic, so the mean of the
-specific force over the wing's period, taken in the earth frame that the gyroscope carries, is gravity plus the
-acceleration of the flight path, and the airspeed tells the latter. What remains corrects the tilt and the gyro
-bias once a block; the magnetometer, averaged in the same frame, corrects the heading alone.
+The gyroscope propagates the matrix from sample to sample by an exact rotation. The accelerations of a flapping
+airframe reach several g, so that a single accelerometer sample does not measure gravity. The velocity, however, is
+periodic. The mean specific force over the wing period, in the earth frame propagated by the gyroscope, is gravity
+plus the acceleration of the flight path, which follows from the airspeed. The remainder corrects the tilt and the
+gyro bias once a block. The magnetometer, averaged in the same frame, corrects the heading only.
 
-The mean is weighted by a triangle over two blocks: up over the last one, down over the present one. A block is
-one measured wing period, or a fixed time when the wings rest. Against a plain mean over one block this squares
-the suppression of whatever the block does not hold a whole number of periods of.
+The mean has triangular weights over two blocks: rising over the last one, falling over the present one. A block is
+one measured wing period, or a fixed time if the wings are at rest. In comparison with a plain mean over one block,
+this squares the attenuation of components that are not periodic in the block.
 
-The direction cosine matrix is that of the instrumentation suite of Gerdes et al. 2017; the averaging is ours.
+The direction cosine matrix is that of the instrumentation suite of Gerdes et al. 2017; the averaging is original.
 """
 
 from __future__ import annotations
@@ -40,241 +40,242 @@ from wingbeat.rotations import (
 from wingbeat.units import Quantity
 
 LONGEST_STEP = 0.25
-"""s; a longer gap between samples is bridged with the rates for this long, and the block starts anew"""
+"""s; maximum propagation over a gap between samples; after a longer gap a new block begins"""
 
 STEEPEST = 0.5
-"""-; cosine of the pitch up to which the path is taken as level along the heading, the nose being up by the angle
-of attack"""
+"""-; minimum cosine of the pitch in the projection of the airspeed; the path is taken as level along the heading,
+because the pitch is mostly angle of attack"""
 
 TILT_DOUBT = 3.0
-"""-; what a block's disagreement counts in its noise: the path's accelerations last for many blocks"""
+"""-; weight of the tilt residual of a block in its noise: accelerations of the path last for many blocks"""
 
 AVERAGES, RAZOR = 0, 1
-"""values of `AhrsGains.method`"""
+"""Values of `AhrsGains.method`."""
 
 ZERO: Vector = (0.0, 0.0, 0.0)
 IDENTITY: Matrix = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 
 
 class AhrsGains(NamedTuple):
-    """What the filter is tuned with: one set for every vehicle, and for recordings without a wing."""
+    """Parameters of the filter: one set for all vehicles and for recordings."""
 
     method: Annotated[int, Quantity("-", 0, 1)] = 0
-    """-; 0: averages over blocks and the GPS, as described above; 1: the corrections of `razor`, to compare"""
+    """-; 0: averages over blocks and GPS; 1: the corrections of `razor`, for comparison"""
     fixed_block: Annotated[float, Quantity("s", 0.1, 10.0)] = 1.5
-    """s; length of a block when no wing period is measured"""
+    """s; block length without a measured wing period"""
     tilt_time: Annotated[float, Quantity("s", 0.5, 60.0)] = 2.0
     """s; time constant of the tilt correction with fixed blocks"""
     flapping_tilt_time: Annotated[float, Quantity("s", 0.5, 60.0)] = 4.0
-    """s; time constant of the tilt correction while flapping; gusts and manoeuvres fall in it"""
+    """s; time constant of the tilt correction while flapping; averages over gusts and maneuvers"""
     tilt_limit: Annotated[float, Quantity("rad", 0.01, 3.2)] = 0.1
-    """rad; a larger disagreement counts as this, acceleration being likelier than so wrong an attitude, until it has
-    lasted for the time constant of the correction"""
+    """rad; limit of the tilt correction, because an acceleration is likelier than an attitude error of this size;
+    ends once exceeded for the time constant of the correction"""
     settling: Annotated[float, Quantity("s", 0.0, 60.0)] = 5.0
-    """s; after the start, in which the limit is not applied and no bias is learned from corrections"""
+    """s; time after the start without the tilt limit and without bias estimation"""
     gravity_tolerance: Annotated[float, Quantity("-", 0.01, 1.0)] = 0.2
-    """-; share by which the mean specific force may differ from 1 g before it counts for nothing"""
+    """-; relative difference of the mean specific force from 1 g at which its weight reaches 0"""
     heading_time: Annotated[float, Quantity("s", 0.5, 120.0)] = 10.0
     """s; time constant of the heading correction"""
     bias_time: Annotated[float, Quantity("s", 5.0, 10000.0)] = 25.0
-    """s; integral time of the gyro bias against tilt and heading corrections"""
+    """s; integral time of the gyro bias for tilt and heading corrections"""
     bias_limit: Annotated[float, Quantity("rad/s", 0.0, 0.2)] = 0.05
-    """rad/s; greatest difference of the gyro bias from the offset of the last alignment, each axis"""
+    """rad/s; maximum difference of the gyro bias from the offset of the last alignment, each axis"""
     gyro_delay: Annotated[float, Quantity("-", 0.0, 2.0)] = 0.5
-    """-; age of a gyro sample in sample intervals: 0.5 when it is the mean over the last interval"""
+    """-; delay of a gyro sample in sample intervals: 0.5 for a mean over the last interval"""
     accel_delay: Annotated[float, Quantity("-", 0.0, 2.0)] = 0.5
-    """-; age of an accelerometer sample likewise"""
+    """-; delay of an accelerometer sample in sample intervals"""
     field_tolerance: Annotated[float, Quantity("-", 0.01, 1.0)] = 0.1
-    """-; share by which the field's strength may differ from the reference"""
+    """-; maximum relative difference of the field strength from its reference"""
     dip_tolerance: Annotated[float, Quantity("rad", 0.01, 1.6)] = 0.17
-    """rad; by which the field's dip may differ from the reference"""
+    """rad; maximum difference of the field dip from its reference"""
     field_time: Annotated[float, Quantity("s", 1.0, 1000.0)] = 20.0
-    """s; time constant with which the reference of strength and dip follows the accepted field"""
+    """s; time constant of the field reference for accepted measurements"""
     mag_timeout: Annotated[float, Quantity("s", 1.0, 10000.0, formerly="field_patience")] = 60.0
-    """s; a field that was refused for so long without a break becomes the reference"""
+    """s; duration of rejection after which a constant field becomes the reference"""
     declination: Annotated[float, Quantity("rad", -pi, pi)] = 0.0
-    """rad; of the magnetic field, east is positive"""
+    """rad; magnetic declination, positive east"""
     rest_rate: Annotated[float, Quantity("rad/s", 0.0, 0.1)] = 0.03
-    """rad/s; RMS deviation of the rates over a block under which the vehicle may be at rest"""
+    """rad/s; maximum RMS deviation of the rates over a block at rest"""
     rest_accel: Annotated[float, Quantity("m/s^2", 0.0, 2.0)] = 0.3
-    """m/s^2; RMS deviation of the specific force over a block under which the vehicle may be at rest"""
+    """m/s^2; maximum RMS deviation of the specific force over a block at rest"""
     rest_airspeed: Annotated[float, Quantity("m/s", 0.0, 20.0)] = 5.0
-    """m/s; above it the vehicle flies, however smoothly"""
+    """m/s; airspeed above which rest detection is inhibited"""
     rest_time: Annotated[float, Quantity("s", 0.1, 60.0)] = 2.0
     """s; time constant of the gyro bias at rest"""
     rest_noise: Annotated[float, Quantity("rad/s", 1e-6, 0.1)] = 0.001
-    """rad/s; one sigma of a block's mean rate at rest"""
+    """rad/s; one sigma of the mean rate of a block at rest"""
     gyro_walk: Annotated[float, Quantity("rad/s^0.5", 1e-5, 0.1)] = 0.001
-    """rad/s^0.5; random walk of the attitude from the gyro's noise"""
+    """rad/s^0.5; random walk of the attitude from the gyro noise"""
     bias_walk: Annotated[float, Quantity("rad/s^1.5", 1e-6, 0.1)] = 0.0005
-    """rad/s^1.5; random walk of the gyro bias: scale errors in and out of turns, warming"""
+    """rad/s^1.5; random walk of the gyro bias: scale errors in turns, warm-up"""
     tilt_noise: Annotated[float, Quantity("rad", 0.001, 1.0)] = 0.05
-    """rad; one sigma of a block's tilt: accelerations of the path that the airspeed does not tell"""
+    """rad; one sigma of the tilt of a block: path accelerations not included in the airspeed"""
     field_noise: Annotated[float, Quantity("rad", 0.001, 1.0)] = 0.2
-    """rad; one sigma of a block's heading"""
+    """rad; one sigma of the magnetic heading of a block"""
     heading_limit: Annotated[float, Quantity("rad", 0.01, 3.2)] = 0.25
-    """rad; by which a field may disagree with a heading that the GPS confirms, besides three sigma of the latter"""
+    """rad; gate of the magnetic heading with GPS aiding, in addition to three sigma of the heading"""
     disturbed_time: Annotated[float, Quantity("s", 0.0, 60.0)] = 1.0
-    """s; without an accepted field after which the magnetometer is called disturbed"""
+    """s; duration of rejection after which the magnetometer is reported as disturbed"""
     level_error: Annotated[float, Quantity("rad", 0.0, 0.2)] = 0.007
-    """rad; one sigma of what no filter sees: mounting and calibration of the accelerometer"""
+    """rad; one sigma of unobservable tilt errors: mounting and calibration of the accelerometer"""
     compass_error: Annotated[float, Quantity("rad", 0.0, 0.5)] = 0.025
-    """rad; one sigma likewise of the magnetometer: hard iron, declination"""
+    """rad; one sigma of unobservable heading errors: hard iron, declination"""
     gps_noise: Annotated[float, Quantity("m/s", 0.01, 10.0)] = 0.15
-    """m/s; one sigma of a fix's velocity, each axis"""
+    """m/s; one sigma of the GPS velocity, each axis"""
     gps_gate: Annotated[float, Quantity("-", 1.0, 100.0)] = 5.0
-    """-; standard deviations beyond which a fix is refused"""
+    """-; innovation gate of the GPS velocity in standard deviations"""
     gps_timeout: Annotated[float, Quantity("s", 0.1, 60.0, formerly="gps_patience")] = 2.0
-    """s; without an accepted fix until the airspeed takes its place"""
+    """s; time without an accepted fix after which the airspeed replaces the GPS"""
     gps_delay: Annotated[float, Quantity("s", 0.0, 1.0)] = 0.15
-    """s; age of a fix when it arrives"""
+    """s; delay of a fix at its arrival"""
     razor_tilt: Annotated[float, Quantity("1/s", 0.0, 100.0)] = 5.12
-    """1/s; of method 1, rate per error of the tilt"""
+    """1/s; method 1: proportional gain of the tilt"""
     razor_tilt_rate: Annotated[float, Quantity("1/s^2", 0.0, 100.0)] = 0.256
-    """1/s^2; of method 1, growth of the rate per error of the tilt"""
+    """1/s^2; method 1: integral gain of the tilt"""
     razor_yaw: Annotated[float, Quantity("1/s", 0.0, 100.0)] = 1.2
-    """1/s; of method 1, rate per error of the heading"""
+    """1/s; method 1: proportional gain of the heading"""
     razor_yaw_rate: Annotated[float, Quantity("1/s^2", 0.0, 100.0)] = 0.001
-    """1/s^2; of method 1, growth of the rate per error of the heading"""
+    """1/s^2; method 1: integral gain of the heading"""
     field_strength: Annotated[float, Quantity("gauss", 0.0, 2.0)] = 0.0
-    """gauss; of the geomagnetic field at the place, 0 if it is unknown"""
+    """gauss; local geomagnetic field strength, 0 if unknown"""
     field_dip: Annotated[float, Quantity("rad", -0.5 * pi, 0.5 * pi)] = 0.0
-    """rad; inclination of that field, positive down"""
+    """rad; local inclination of the field, positive down"""
 
 
 class Block(NamedTuple):
-    """Integrals over the present block, earth axes but for the rates."""
+    """Integrals over the present block, in earth axes except for the rates."""
 
     span: float = 0.0
-    """s; since the block began"""
+    """s; time since the block began"""
     force: Vector = ZERO
-    """m/s; of the specific force"""
+    """m/s; integral of the specific force"""
     force_moment: Vector = ZERO
-    """m; of the specific force times the time since the block began"""
+    """m; integral of the specific force times the time since the block began"""
     travel: Vector = ZERO
-    """m; of the velocity through the air: the airspeed along the heading"""
+    """m; integral of the velocity through the air: airspeed along the heading"""
     field: Vector = ZERO
-    """gauss s; of the magnetic field"""
+    """gauss s; integral of the magnetic field"""
     turn: Vector = ZERO
-    """rad; of the measured rates, body axes"""
+    """rad; integral of the measured rates, body axes"""
     rate_square: float = 0.0
-    """rad^2/s; of the rates' square"""
+    """rad^2/s; integral of the squared rates"""
     force_square: float = 0.0
-    """m^2/s^3; of the specific force's square"""
+    """m^2/s^3; integral of the squared specific force"""
 
 
 class Correction(NamedTuple):
-    """What changes once a block."""
+    """Results of the closed blocks, updated once a block."""
 
     bias: Vector = ZERO
     """rad/s; gyro bias, body axes"""
     joined: float = 0.0
-    """s; length of the last block, 0 when the next cannot be joined to it"""
+    """s; length of the last block, 0 if the next one cannot be combined with it"""
     force: Vector = ZERO
-    """m/s; integral of the last block's specific force, weighted by a ramp from 0 to 1, earth axes"""
+    """m/s; integral of the specific force over the last block, weighted by a ramp from 0 to 1, earth axes"""
     velocity: Vector = ZERO
     """m/s; mean velocity through the air over the last block, earth axes"""
     age: float = 0.0
-    """s; in closed blocks since the start"""
+    """s; duration of all closed blocks since the start"""
     is_degraded: float = 0.0
-    """s; for which the disagreement has exceeded its limit"""
+    """s; time for which the tilt residual has exceeded its limit"""
     impulse: Vector = ZERO
     """m/s; integral of the specific force over all blocks, earth axes"""
     field: Vector = ZERO
-    """reference of the magnetic field: strength in gauss (0: no magnetometer), dip in rad, 0"""
+    """gauss, rad, -; reference of the magnetic field: strength (0: no magnetometer), dip, 0"""
     refused: Vector = ZERO
-    """field that is being refused: strength in gauss, dip in rad, and s since one was accepted"""
+    """gauss, rad, s; rejected field: strength, dip, time since the last accepted field"""
     tilt_error: float = 0.0
-    """rad; last disagreement of the mean specific force with down"""
+    """rad; last difference between the mean specific force and vertical"""
     heading_error: float = 0.0
-    """rad; last disagreement of the field with magnetic north"""
+    """rad; last difference between the field and magnetic north"""
     window: float = 0.0
     """s; length of the last block"""
     tilt_sigma: float = 0.0
-    """rad; one sigma of the tilt about each horizontal axis, all that is known counted"""
+    """rad; one sigma of the tilt about each horizontal axis, including unobservable errors"""
     heading_sigma: float = 0.0
-    """rad; one sigma of the heading, likewise"""
+    """rad; one sigma of the heading, including unobservable errors"""
     disturbed: int = 0
-    """-; 1 while the magnetic field is refused for longer than `AhrsGains.disturbed_time`"""
+    """-; 1 if the magnetic field has been rejected for longer than `AhrsGains.disturbed_time`"""
     aided: int = 0
-    """-; 1 while the GPS tells the tilt"""
+    """-; 1 while the GPS corrects the tilt"""
     offset: Vector = ZERO
-    """rad/s; gyro offset of the last alignment at standstill, body axes"""
+    """rad/s; gyro offset of the last alignment at rest, body axes"""
     accel_offset: Vector = ZERO
-    """m/s^2; estimated offset of the accelerometer, body axes"""
+    """m/s^2; estimated accelerometer offset, body axes"""
     iron: Vector = ZERO
     """gauss; estimated hard iron, body axes"""
 
 
 class AhrsState(NamedTuple):
-    """What the filter remembers."""
+    """State of the filter."""
 
     time_us: int
-    """us; of the last sample"""
+    """us; time of the last sample"""
     r: Matrix
     """-; r_ned_from_frd"""
     rates: Vector
     """rad/s; last measured rates, body axes"""
     force: Vector
-    """m/s^2; last specific force, earth axes"""
+    """m/s^2; specific force of the last sample, earth axes"""
     block: Block
     """present block"""
     correction: Correction
-    """what the blocks before it left"""
+    """results of the previous blocks"""
     aid: velocity_aiding.State
-    """covariance of the errors, and the velocity over ground"""
+    """covariance of the errors and velocity over ground"""
 
 
 class Flight(NamedTuple):
-    """What else is known of a block."""
+    """Further inputs at the end of a block."""
 
     time_us: int
-    """us; of its end"""
+    """us; end of the block"""
     flapping: bool
-    """whether it is a wing period"""
+    """-; True if the block is a wing period"""
     airspeed: float
-    """m/s; at its end"""
+    """m/s; airspeed at the end of the block"""
     aided: bool = False
-    """whether the GPS tells the tilt"""
+    """-; True if the GPS corrects the tilt"""
     heading_limit: float = pi
-    """rad; disagreement of the field with the heading from which on it is refused"""
+    """rad; gate of the magnetic heading"""
 
 
 class View(NamedTuple):
-    """What a block shows."""
+    """Measurements of a block."""
 
     length: float
-    """s; of the block"""
+    """s; length of the block"""
     age: float
-    """s; in closed blocks since the start"""
+    """s; duration of all closed blocks since the start"""
     time: float
     """s; time constant of the tilt correction"""
     north: float
-    """rad; rotation about north that turns the mean force up, limited"""
+    """rad; rotation about north that levels the mean force, limited"""
     east: float
-    """rad; likewise about east"""
+    """rad; rotation about east that levels the mean force, limited"""
     trust: float
-    """-; weight of the tilt, 0 to 1"""
+    """-; weight of the tilt, from 0 to 1"""
     gain: float
-    """-; share of the tilt that is taken off"""
+    """-; fraction of the tilt error that is corrected"""
     tilt: Matrix
-    """-; the rotation by that share"""
+    """-; rotation by the corrected fraction"""
     rising: Vector
-    """m/s; integral of the force with the weight rising from 0 to 1, earth axes"""
+    """m/s; integral of the force, weighted by a ramp from 0 to 1, earth axes"""
     velocity: Vector
-    """m/s; mean through the air, earth axes"""
+    """m/s; mean velocity through the air, earth axes"""
     reference: Vector
-    """as `Correction.field`"""
+    """gauss, rad, -; as `Correction.field`"""
     refused: Vector
-    """as `Correction.refused`"""
+    """gauss, rad, s; as `Correction.refused`"""
     heading_error: float
-    """rad; turn about down that the field asks for, 0 when it is refused"""
+    """rad; rotation about down that aligns the field, 0 if the field is rejected"""
 
 
 def start(gains: AhrsGains, imu: ImuSample) -> AhrsState:
-    """State from the first sample: down from the accelerometer, north from the magnetometer (TRIAD).
+    """Return the state after the first sample (TRIAD).
 
-    A specific force or field without a direction counts as level, and as heading north without magnetometer.
+    Down follows from the accelerometer and north from the magnetometer. A specific force without a direction counts
+    as level; without a field the heading is north.
     """
     force = (imu.accel_x, imu.accel_y, imu.accel_z)
     field = (imu.mag_x, imu.mag_y, imu.mag_z)
@@ -294,14 +295,15 @@ def start(gains: AhrsGains, imu: ImuSample) -> AhrsState:
 
 
 def align(gains: AhrsGains, imu: ImuSample, span: float) -> AhrsState:
-    """State after a standstill: level, heading and gyro offset from the means of its samples.
+    """Return the state after a standstill from the means of its samples.
 
-    This is the coarse alignment of a strapdown system at rest (Groves 2013, 5.6.2).
+    The means give level, heading and gyro offset. This is the coarse alignment of a strapdown system at rest (Groves
+    2013, 5.6.2).
 
     Args:
-        gains: tuning.
+        gains: parameters.
         imu: mean rates, specific force and field of the standstill, with the time of its end.
-        span: s; its length.
+        span: s; duration of the standstill.
     """
     state = start(gains, imu)
     rate = state.rates
@@ -310,12 +312,15 @@ def align(gains: AhrsGains, imu: ImuSample, span: float) -> AhrsState:
 
 
 def aligned(gains: AhrsGains, state: AhrsState, rate: Vector) -> bool:
-    """Whether the mean ``rate`` (rad/s) at standstill is within the range of the bias estimator."""
+    """Return whether ``rate`` (rad/s) at rest is in the range of the bias estimator."""
     return max(abs(a - b) for a, b in zip(rate, state.correction.offset, strict=True)) < gains.bias_limit
 
 
 def triad(force: Vector, field: Vector, declination: float) -> Matrix:
-    """r_ned_from_frd from a specific force (m/s^2) and a magnetic field (any unit), both in body axes."""
+    """Return r_ned_from_frd from a specific force (m/s^2) and a magnetic field.
+
+    Both are in body axes; the unit of the field is arbitrary.
+    """
     up = unit(force) or (0.0, 0.0, -1.0)
     down = (-up[0], -up[1], -up[2])
     east = unit(cross(down, field)) or unit(cross(down, (1.0, 0.0, 0.0))) or (0.0, 1.0, 0.0)
@@ -334,15 +339,15 @@ def step(
     airspeed: float = 0.0,
     fix: GpsFix | None = None,
 ) -> tuple[AhrsState, Attitude]:
-    """One IMU sample on.
+    """Propagate the attitude estimate by one IMU sample.
 
     Args:
-        gains: tuning.
-        state: what the last step or `start` returned.
-        imu: sample; one that is not finite, or not later than the last, changes nothing.
-        frequency: Hz; measured flapping frequency, 0 when the wings rest.
-        airspeed: m/s; true, from the pitot, 0 without one.
-        fix: of the GPS, when one has arrived since the last step.
+        gains: parameters.
+        state: result of the last step or of `start`.
+        imu: sample; a sample that is not finite, or not later than the last one, is ignored.
+        frequency: Hz; measured flapping frequency, 0 with the wings at rest.
+        airspeed: m/s; true airspeed of the pitot, 0 without one.
+        fix: GPS fix received since the last step, if any.
     """
     dt = (imu.time_us - state.time_us) * 1e-6
     if dt <= 0.0 or not isfinite(sum(imu)):
@@ -374,7 +379,10 @@ def step(
 def _in_earth_axes(
     delay: float, r: Matrix, angles: Vector, imu: ImuSample, correction: Correction, airspeed: float
 ) -> tuple[Vector, Vector, Vector]:
-    """Specific force (m/s^2), velocity through the air (m/s, level) and magnetic field of a sample."""
+    """Return specific force, velocity through the air and field in earth axes.
+
+    Units are m/s^2, m/s (level component) and gauss.
+    """
     (ax, ay, az), (mx, my, mz) = correction.accel_offset, correction.iron
     force = rotate(r, _earlier(delay, angles, (imu.accel_x - ax, imu.accel_y - ay, imu.accel_z - az)))
     speed = airspeed / max(STEEPEST, hypot(r[0], r[3]))
@@ -384,7 +392,10 @@ def _in_earth_axes(
 def _divided(
     state: AhrsState, length: float, dt: float, vectors: tuple[Vector, Vector, Vector], rates: Vector
 ) -> tuple[Block, Block]:
-    """The block filled up to its ``length`` (s), and the next with what is left of the interval ``dt`` (s)."""
+    """Return the block completed to ``length`` (s) and the next block.
+
+    The next block contains the rest of the interval ``dt`` (s).
+    """
     force, velocity, field = vectors
     share = max(0.0, (length - state.block.span) / dt)
     before_end = _between(state.force, force, 0.5 * share)
@@ -398,7 +409,7 @@ def _divided(
 def _razor_step(
     gains: AhrsGains, state: AhrsState, imu: ImuSample, rates: Vector, dt: float
 ) -> tuple[AhrsState, Attitude]:
-    """Method 1; nothing is known of its uncertainty."""
+    """Advance method 1, which provides no uncertainty."""
     chosen = razor.Gains(
         gains.razor_tilt, gains.razor_tilt_rate, gains.razor_yaw, gains.razor_yaw_rate, gains.declination
     )
@@ -412,20 +423,23 @@ def _razor_step(
 
 
 def _resumed(state: AhrsState) -> AhrsState:
-    """The state after a gap: a block with a hole is no mean."""
+    """Return the state after a gap; the incomplete block is discarded."""
     impulse = _sum(state.correction.impulse, state.block.force)
     aid = state.aid._replace(accepted_us=-1, agreed=0, past=())
     return state._replace(block=Block(), correction=state.correction._replace(joined=0.0, impulse=impulse), aid=aid)
 
 
 def _angles(lead: float, old: Vector, rates: Vector, bias: Vector, dt: float) -> Vector:
-    """Rotation in rad over one interval; its mean rate is extrapolated by ``lead`` intervals from two samples."""
+    """Return the rotation (rad) over one interval.
+
+    The mean rate is extrapolated by ``lead`` intervals from two samples.
+    """
     (a, b, c), (p, q, r), (x, y, z) = old, rates, bias
     return ((p + lead * (p - a) - x) * dt, (q + lead * (q - b) - y) * dt, (r + lead * (r - c) - z) * dt)
 
 
 def _earlier(share: float, angles: Vector, v: Vector) -> Vector:
-    """A body vector of ``share`` of an interval ago in the body axes of now."""
+    """Transform a body vector from ``share`` of an interval ago to present body axes."""
     (a, b, c), (x, y, z) = angles, v
     return (x - share * (b * z - c * y), y - share * (c * x - a * z), z - share * (a * y - b * x))
 
@@ -438,7 +452,7 @@ _new_block = constructor(Block)
 
 
 def _extended(block: Block, dt: float, force: Vector, velocity: Vector, field: Vector, rates: Vector) -> Block:
-    """The block with ``dt`` seconds more, over which ``force`` is the mean specific force."""
+    """Extend the block by ``dt`` (s) with the mean specific force ``force``."""
     span, impulse, moment, travel, magnetic, turn, rate_square, force_square = block
     x, y, z = force
     fx, fy, fz = x * dt, y * dt, z * dt
@@ -459,7 +473,7 @@ def _extended(block: Block, dt: float, force: Vector, velocity: Vector, field: V
 def _fixed(
     gains: AhrsGains, r: Matrix, last: Correction, block: Block, aid: velocity_aiding.State, fix: GpsFix
 ) -> tuple[Matrix, Correction, Block, velocity_aiding.State]:
-    """Matrix and memory after a fix of the GPS."""
+    """Return the matrix and the filter state after a GPS fix."""
     impulse = _sum(last.impulse, block.force)
     aid = velocity_aiding.remember(aid, gains.gps_delay, fix.time_us, impulse)
     if last.age < gains.settling:
@@ -480,7 +494,10 @@ def _fixed(
 
 
 def _iron(gains: AhrsGains, r: Matrix, last: Correction, block: Block, turn: float) -> Vector:
-    """Hard iron (gauss, body axes) that explains the field of ``block``, in earth axes before the ``turn`` (rad)."""
+    """Return the hard iron (gauss, body axes) that explains the field of ``block``.
+
+    The field is in earth axes before the rotation ``turn`` (rad).
+    """
     strength, dip, _ = last.field
     if block.span == 0.0 or strength == 0.0:
         return ZERO
@@ -504,7 +521,7 @@ def _noise(gains: AhrsGains) -> velocity_aiding.Noise:
 def _corrected(
     gains: AhrsGains, r: Matrix, last: Correction, block: Block, flight: Flight, aid: velocity_aiding.State
 ) -> tuple[Matrix, Correction, velocity_aiding.State]:
-    """Matrix and memory at the end of a block."""
+    """Return the matrix and the filter state at the end of a block."""
     impulse = _sum(last.impulse, block.force)
     p = velocity_aiding.carried(aid, _noise(gains), flight.time_us, impulse, r)
     if velocity_aiding.agreeing(aid, gains.gps_timeout, flight.time_us):
@@ -539,7 +556,10 @@ def _corrected(
 
 
 def _sigmas(gains: AhrsGains, dip: float, aid: velocity_aiding.State) -> tuple[float, float]:
-    """One sigma of tilt and heading in rad: a tilt turns the field's dip into heading."""
+    """Return one sigma of tilt and heading (rad).
+
+    The heading includes the tilt error, which the dip of the field projects into heading.
+    """
     tilt = hypot(aid.tilt_sigma, gains.level_error)
     return tilt, hypot(aid.heading_sigma, gains.compass_error, tan(dip) * tilt)
 
@@ -566,7 +586,10 @@ def _view(gains: AhrsGains, last: Correction, block: Block, flight: Flight) -> V
 def _by_compass(
     gains: AhrsGains, r: Matrix, view: View, aid: velocity_aiding.State, p: velocity_aiding.Array
 ) -> tuple[Matrix, velocity_aiding.Errors, velocity_aiding.State]:
-    """Turn and errors while the GPS tells the tilt: the block's field is one more measurement, also in ``p``."""
+    """Return rotation and errors of the field measurement during GPS aiding.
+
+    The covariance ``p`` is updated in place.
+    """
     if view.refused[2] != 0.0:
         return IDENTITY, velocity_aiding.NOTHING, aid
     compass = _compass(gains, view.reference)
@@ -577,7 +600,10 @@ def _by_compass(
 def _by_view(
     gains: AhrsGains, r: Matrix, last: Correction, view: View, p: velocity_aiding.Array
 ) -> tuple[Matrix, Vector, velocity_aiding.Array]:
-    """Turn, gyro bias and covariance from the block alone, by fixed gains."""
+    """Return rotation, gyro bias and covariance of a block without GPS.
+
+    The gains are fixed.
+    """
     compass = _gain(view.length, gains.heading_time, view.age) if view.refused[2] == 0.0 else 0.0
     turn = multiply(dcm_from_rotation_vector(0.0, 0.0, compass * view.heading_error), view.tilt)
     learned = 0.0 if view.age < gains.settling else view.length / gains.bias_time
@@ -608,13 +634,14 @@ def _cached(
     turn: Matrix,
     known: tuple[Vector, Vector, tuple[float, float, int, int]],
 ) -> Correction:
-    """What the next block needs of this one, in axes after its correction; ``is_degraded`` is the last one's.
+    """Return the correction record for the next block.
 
-    ``known`` are bias, impulse, and what `Correction` ends with: the sigmas, whether disturbed, whether aided.
+    Vectors are in axes after the correction. ``is_degraded`` is the value of the last block. ``known`` contains bias,
+    impulse, and the last fields of `Correction`: sigmas, disturbed, aided.
     """
     size, (bias, impulse, sure) = hypot(view.north, view.east), known
     is_degraded = is_degraded + view.length if view.trust > 0.0 and size >= gains.tilt_limit else 0.0
-    # A block seen through a grossly wrong matrix cannot be joined to the next one.
+    # Do not combine blocks if the attitude error exceeds tilt_limit.
     joined = view.length if view.gain * size < gains.tilt_limit else 0.0
     return Correction(
         bias, joined, rotate(turn, view.rising), rotate(turn, view.velocity), view.age, is_degraded, impulse,
@@ -623,10 +650,10 @@ def _cached(
 
 
 def _gravity(last: Correction, block: Block, rising: Vector, velocity: Vector) -> Vector:
-    """Mean specific force in m/s^2 without the acceleration of the flight path, earth axes.
+    """Return the mean specific force (m/s^2, earth axes) without path acceleration.
 
-    With the weight rising from 0 to 1 over the last block and falling over this one, the weighted integral of
-    the acceleration is, by parts, the difference of the two blocks' mean velocities.
+    The weight rises from 0 to 1 over the last block and falls over this one. Integration by parts then gives the
+    weighted integral of the acceleration as the difference of the mean velocities of the blocks.
     """
     fx, fy, fz = block.force
     if last.joined == 0.0:
@@ -642,7 +669,10 @@ def _gravity(last: Correction, block: Block, rising: Vector, velocity: Vector) -
 
 
 def _tilt(gains: AhrsGains, gravity: Vector, trusting: bool) -> tuple[float, float, float]:
-    """Rotation about north and east in rad that turns ``gravity`` up, limited; and its weight from 0 to 1."""
+    """Return the rotation about north and east (rad) that levels ``gravity``.
+
+    The rotation is limited. The third value is its weight from 0 to 1.
+    """
     north, east, down = gravity
     level = hypot(north, east)
     angle = atan2(level, -down)
@@ -656,12 +686,18 @@ def _tilt(gains: AhrsGains, gravity: Vector, trusting: bool) -> tuple[float, flo
 
 
 def _gain(length: float, time: float, age: float) -> float:
-    """Share of an error to take off after ``length`` s: of a mean that forgets at first, of a low-pass later."""
+    """Return the fraction of an error to correct after ``length`` (s).
+
+    The gain is that of a fading mean at first, and that of a low-pass filter later.
+    """
     return max(1.0 - exp(-length / time), min(1.0, 2.0 * length / age))
 
 
 def _field_test(gains: AhrsGains, last: Correction, field: Vector, length: float) -> tuple[Vector, Vector]:
-    """Reference and refused field after a block's mean ``field``; the latter ends in 0 when it was accepted."""
+    """Return the reference and the rejected field after a block with mean ``field``.
+
+    The last element of the rejected field is 0 if the field was accepted.
+    """
     if last.field[0] == 0.0:
         return last.field, (0.0, 0.0, 1.0)
     level = hypot(field[0], field[1])
@@ -686,7 +722,10 @@ def _is_consistent(gains: AhrsGains, strength: float, dip: float, reference: Vec
 
 
 def _resting(gains: AhrsGains, offset: Vector, block: Block) -> bool:
-    """True when neither rates nor specific force moved during the block, and the rates may be a bias."""
+    """Return whether the vehicle was at rest during the block.
+
+    Rates and specific force must be constant, and the rates within the range of a bias.
+    """
     span = block.span
     turn = _scaled(block.turn, 1.0 / span)
     rate_variance = block.rate_square / span - norm(turn) ** 2
@@ -719,7 +758,7 @@ _new_attitude = constructor(Attitude)
 
 
 def attitude(state: AhrsState) -> Attitude:
-    """The message of a state."""
+    """Return the attitude message of a state."""
     time_us, r, (rate_x, rate_y, rate_z), force, _, correction, _ = state
     roll, pitch, yaw = euler_from_dcm(r)
     w, x, y, z = quaternion_from_dcm(r)

@@ -1,8 +1,9 @@
-"""Altitude and climb rate from pressure altitude and vertical acceleration: a Kalman filter at 50 Hz.
+"""Altitude and climb rate from pressure altitude and vertical acceleration.
 
-State x = (altitude in m, climb rate in m/s, bias of the vertical acceleration in m/s^2). Between two barometer
-samples the acceleration is averaged, so that nothing of the flapping is aliased; the velocity that flapping gives
-the fuselage (about 1 m/s either way) is real, and is taken out of the message by a mean over the wing's period.
+The Kalman filter runs at 50 Hz with the state x = (altitude in m, climb rate in m/s, bias of the vertical
+acceleration in m/s^2). The acceleration is averaged between two barometer samples, so that the flapping is not
+aliased. The vertical velocity of the fuselage due to flapping (amplitude about 1 m/s) is real; a mean over the wing
+period removes it from the message.
 """
 
 from __future__ import annotations
@@ -20,83 +21,83 @@ from wingbeat.records import constructor
 from wingbeat.units import Quantity
 
 LONGEST_STEP = 0.5
-"""s; between updates"""
+"""s; maximum interval between updates"""
 LONGEST_MEMORY = 1.3
-"""s; of climb rates kept for the mean over a wing period"""
+"""s; duration of climb rates stored for the mean over a wing period"""
 
 Vector3 = tuple[float, float, float]
 
 
 UNKNOWN_ACCELERATION = STANDARD_GRAVITY
-"""m/s^2; one sigma of the acceleration in an interval of which nothing tells it: between falling and being carried"""
+"""m/s^2; one sigma of an unmeasured acceleration in an interval: between free fall and rest"""
 
 
 class Gains(NamedTuple):
-    """Noise of the sensors and the gate."""
+    """Noise of the sensors and gate of the innovations."""
 
     baro_noise: Annotated[float, Quantity("m", 0.01, 50.0)] = 0.25
-    """m; one sigma of a pressure altitude. Default: 3 Pa of the barometer and the flow past its port"""
+    """m; one sigma of a pressure altitude. Default: 3 Pa of the barometer and the flow at its port"""
     accel_noise: Annotated[float, Quantity("m/s^2", 0.001, 50.0)] = 0.8
-    """m/s^2; one sigma of the averaged vertical acceleration, errors of the attitude included. Default: gusts and
-    what the attitude is off in them, fitted to tests/sitl/test_sitl_consistency.py"""
+    """m/s^2; one sigma of the averaged vertical acceleration, including attitude errors. Default: gusts and the
+    attitude errors in them, fitted to tests/sitl/test_sitl_consistency.py"""
     bias_walk: Annotated[float, Quantity("m/s^2.5", 0.0, 10.0)] = 0.03
-    """m/s^2 in the root of a second; random walk of the acceleration's bias"""
+    """m/s^2 in the root of a second; random walk of the acceleration bias"""
     gate: Annotated[float, Quantity("-", 1.0, 100.0)] = 5.0
-    """-; innovations beyond this many sigma are refused"""
+    """-; innovation gate in standard deviations"""
     gate_timeout: Annotated[float, Quantity("s", 0.0, 60.0, formerly="gate_patience")] = 1.0
-    """s; of refused innovations after which the barometer is believed again"""
+    """s; duration of rejected innovations after which the barometer is accepted again"""
     gps_altitude_noise: Annotated[float, Quantity("m", 0.1, 100.0)] = 2.0
-    """m; one sigma of a receiver's altitude over a minute from where it was known, without a barometer"""
+    """m; one sigma of the GPS altitude relative to its reference over a minute, without a barometer"""
     gps_climb_noise: Annotated[float, Quantity("m/s", 0.01, 20.0)] = 0.3
-    """m/s; one sigma of a receiver's Doppler climb rate, without a barometer"""
+    """m/s; one sigma of the Doppler climb rate of the GPS, without a barometer"""
     baro_drift: Annotated[float, Quantity("m", 0.0, 100.0)] = 0.42
-    """m; one sigma of the barometer's drift once it has settled: weather and warming. Default: 5 Pa, weather and
-    warming"""
+    """m; one sigma of the barometer drift in steady state: weather and temperature. Default: 5 Pa, weather and
+    temperature"""
     baro_drift_time: Annotated[float, Quantity("s", 1.0, 1e5)] = 300.0
-    """s; time constant of the drift. Default: weather and warming"""
+    """s; time constant of the drift. Default: weather and temperature"""
 
 
 class Climb(NamedTuple):
-    """What a fix tells of the altitude."""
+    """Altitude measurement of a GPS fix."""
 
     altitude: float
-    """m; above the filter's zero"""
+    """m; above the zero of the filter"""
     climb_rate: float
     """m/s; positive up"""
 
 
 class State(NamedTuple):
-    """What the filter remembers."""
+    """State of the filter."""
 
     time_us: int = -1
-    """us; of the last update, -1 before the first"""
+    """us; time of the last update, -1 before the first"""
     x: Vector3 = (0.0, 0.0, 0.0)
-    """altitude, climb rate, acceleration bias"""
+    """m, m/s, m/s^2; altitude, climb rate, acceleration bias"""
     p: tuple[Vector3, Vector3, Vector3] = ((0.1, 0.0, 0.0), (0.0, 0.1, 0.0), (0.0, 0.0, 0.1))
-    """covariance of x"""
+    """-; covariance of x"""
     accel_sum: float = 0.0
     """m/s^2; sum of the upward accelerations since the last update"""
     accel_count: int = 0
-    """-; of them"""
+    """-; number of accelerations in the sum"""
     refused: float = 0.0
-    """s; since an innovation was last accepted"""
+    """s; time since an innovation was last accepted"""
     innovation: float = 0.0
-    """m; last one"""
+    """m; last innovation"""
     climbs: tuple[float, ...] = ()
     """m/s; climb rates of the last updates, newest last"""
     innovation_variance: float = 0.0
-    """m^2; expected of the last innovation"""
+    """m^2; expected variance of the last innovation"""
     since_us: int = 0
-    """us; of the first pressure altitude"""
+    """us; time of the first pressure altitude"""
 
 
 _new_state = constructor(State)
 
 
 def accumulate(state: State, accel_down: float) -> State:
-    """Take in one `Attitude.accel_down` (m/s^2, positive down); call at the rate of the AHRS.
+    """Accumulate one `Attitude.accel_down` (m/s^2, positive down) at the AHRS rate.
 
-    An interval in which nothing was taken in has no acceleration known: the filter then follows the barometer alone.
+    In an interval without samples the acceleration is unknown: the filter then follows the barometer alone.
     """
     time_us, x, p, total, count, refused, innovation, climbs, expected, since = state
     summed = (time_us, x, p, total - accel_down, count + 1, refused, innovation, climbs, expected, since)
@@ -104,13 +105,13 @@ def accumulate(state: State, accel_down: float) -> State:
 
 
 def step(gains: Gains, state: State, air: AirData, frequency: float = 0.0) -> tuple[State, Altitude]:
-    """One pressure altitude on.
+    """Update the filter with one pressure altitude.
 
     Args:
-        gains: tuning.
-        state: with the accelerations since the last step in it, see `accumulate`.
+        gains: parameters.
+        state: state with the accelerations since the last step, see `accumulate`.
         air: pressure altitude; the filter starts at the first one.
-        frequency: Hz; of the wings, 0 when they rest.
+        frequency: Hz; flapping frequency, 0 with the wings at rest.
     """
     if state.time_us < 0:
         started = State(air.time_us, (air.pressure_altitude, 0.0, 0.0), _start_covariance(gains), climbs=(0.0,))
@@ -124,7 +125,7 @@ def step(gains: Gains, state: State, air: AirData, frequency: float = 0.0) -> tu
     variance = p.item(0) + gains.baro_noise**2
     refused = state.refused + dt if innovation**2 > gains.gate**2 * variance else 0.0
     if refused > gains.gate_timeout:
-        # Believed again: then it is the altitude that must be doubted.
+        # Gate timeout: inflate the variance of the altitude.
         p[0, 0] += innovation**2
         refused = 0.0
     if refused == 0.0:
@@ -136,14 +137,14 @@ def step(gains: Gains, state: State, air: AirData, frequency: float = 0.0) -> tu
 def coast(
     gains: Gains, state: State, time_us: int, fix: Climb | None, frequency: float = 0.0
 ) -> tuple[State, Altitude]:
-    """One interval on without a barometer: by the accelerations, and by a fix where a new one has come.
+    """Propagate the filter without a barometer; a new GPS fix corrects it.
 
     Args:
-        gains: tuning.
-        state: started, with the accelerations since the last step in it, see `accumulate`.
-        time_us: us; of the tick.
-        fix: None where there is no new one.
-        frequency: Hz; of the wings, 0 when they rest.
+        gains: parameters.
+        state: started state with the accelerations since the last step, see `accumulate`.
+        time_us: us; time of the tick.
+        fix: altitude of a new fix, None if there is none.
+        frequency: Hz; flapping frequency, 0 with the wings at rest.
     """
     dt = min(LONGEST_STEP, (time_us - state.time_us) * 1e-6)
     if state.time_us < 0 or dt <= 0.0:
@@ -167,7 +168,7 @@ def _predicted(gains: Gains, state: State, dt: float) -> tuple[Array, Array]:
 def _kept(
     state: State, time_us: int, dt: float, estimate: tuple[Array, Array], measurements: tuple[float, float, float]
 ) -> State:
-    """The state with an estimate and the pressure's time without an accepted sample (s), innovation, variance."""
+    """Return the state with the estimate, rejection time (s), innovation and variance."""
     altitude, climb_rate, bias = estimate[0].tolist()
     (refused, innovation, expected), keep = measurements, round(LONGEST_MEMORY / dt)
     return _new_state(
@@ -177,7 +178,7 @@ def _kept(
 
 
 def _symmetric(p: Array) -> tuple[Vector3, Vector3, Vector3]:
-    """The symmetric part."""
+    """Return the symmetric part of ``p``."""
     (a, b, c), (d, e, f), (g, h, i) = p.tolist()
     b, c, f = 0.5 * (b + d), 0.5 * (c + g), 0.5 * (f + h)
     return (a, b, c), (b, e, f), (c, f, i)
@@ -189,14 +190,17 @@ _PRESSURE = np.array([[1.0, 0.0, 0.0]])
 
 @lru_cache(maxsize=32)
 def _motion(dt: float) -> tuple[Array, Array]:
-    """How the state moves by itself, and with the acceleration."""
+    """Return the transition matrix and the input matrix of the acceleration."""
     transition = constant([[1.0, dt, -0.5 * dt * dt], [0.0, 1.0, -dt], [0.0, 0.0, 1.0]])
     return transition, constant([0.5 * dt * dt, dt, 0.0])
 
 
 @lru_cache(maxsize=32)
 def _noise(bias_walk: float, dt: float, is_degraded: float) -> Array:
-    """Covariance of one step: an acceleration (m/s^2, one sigma) constant over it, and the walk of its bias."""
+    """Return the process noise covariance of one step.
+
+    The acceleration error (m/s^2, one sigma) is constant over the step; its bias is a random walk.
+    """
     way, variance = 0.5 * dt * dt, is_degraded**2
     tied = way * dt * variance
     return constant([
@@ -208,17 +212,23 @@ def _noise(bias_walk: float, dt: float, is_degraded: float) -> Array:
 
 @lru_cache(maxsize=32)
 def _measured(sigma: float) -> Array:
-    """Covariance of one number."""
+    """Return the covariance of a scalar measurement."""
     return constant([[sigma**2]])
 
 
 def _start_covariance(gains: Gains) -> tuple[Vector3, Vector3, Vector3]:
-    """At the first pressure altitude: its own noise, standing still within 0.3 m/s, bias within 0.3 m/s^2."""
+    """Return the initial covariance.
+
+    The standard deviations are the altitude noise, 0.3 m/s, and 0.3 m/s^2 for the bias.
+    """
     return ((gains.baro_noise**2, 0.0, 0.0), (0.0, 0.09, 0.0), (0.0, 0.0, 0.09))
 
 
 def _mean_over_period(climbs: tuple[float, ...], frequency: float, dt: float) -> float:
-    """Mean over the last wing period by the trapezoid rule, the oldest interval cut to length."""
+    """Return the mean over the last wing period by the trapezoidal rule.
+
+    The oldest interval is truncated to the period.
+    """
     intervals = 1.0 / (frequency * dt) if frequency > 0.0 else 0.0
     whole = int(intervals)
     if whole < 1 or whole + 2 > len(climbs):
@@ -232,7 +242,7 @@ def _mean_over_period(climbs: tuple[float, ...], frequency: float, dt: float) ->
 
 def _message(gains: Gains, state: State, climb_rate: float) -> Altitude:
     time_us, (altitude, _, bias), p = state[:3]
-    # A first-order process that was nothing when the barometer's zero was taken.
+    # First-order Gauss-Markov process, zero when the barometer was zeroed.
     span = (time_us - state.since_us) * 1e-6
     drift = gains.baro_drift**2 * (1.0 - exp(-2.0 * span / gains.baro_drift_time))
     return Altitude(

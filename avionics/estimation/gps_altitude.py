@@ -1,4 +1,7 @@
-"""The GPS altitude against the barometer's zero: learned while the barometer is good, used when it is lost."""
+"""Offset between GPS altitude and barometer zero, for a loss of the barometer.
+
+The offset is estimated while the barometer is valid.
+"""
 
 from __future__ import annotations
 
@@ -9,24 +12,24 @@ from avionics.limits import low_pass
 from avionics.messages import GpsFix
 
 LEARNING_TIME = 20.0
-"""s; time constant of the offset: the receiver's slow error is followed, its noise is not"""
+"""s; time constant of the offset: includes the slow error of the receiver, excludes its noise"""
 THREE_DIMENSIONAL = 3
-"""-; least fix type with an altitude"""
+"""-; minimum fix type with an altitude"""
 
 
 class State(NamedTuple):
-    """What is remembered of the fixes."""
+    """State of the offset estimation."""
 
     time_us: int = -1
-    """us; of the last fix that was looked at, -1 before the first"""
+    """us; time of the last processed fix, -1 before the first"""
     offset: float = 0.0
-    """m; GPS altitude of the barometer's zero"""
+    """m; GPS altitude at the zero of the barometer"""
     span: float = 0.0
-    """s; over which it has been learned"""
+    """s; averaging time of the offset so far"""
 
 
 def learn(state: State, fix: GpsFix, altitude: float) -> State:
-    """A fix came while the barometer tells the ``altitude`` (m)."""
+    """Update the offset with a fix at the barometric ``altitude`` (m)."""
     if fix.fix_type < THREE_DIMENSIONAL or fix.time_us <= state.time_us:
         return state
     offset = fix.altitude - altitude
@@ -38,7 +41,10 @@ def learn(state: State, fix: GpsFix, altitude: float) -> State:
 
 
 def climb(state: State, fix: GpsFix) -> tuple[State, Climb | None]:
-    """What a fix tells without a barometer; None for one seen before, without an altitude, or of unknown offset."""
+    """Return the altitude measurement of a fix without a barometer.
+
+    The result is None if the fix is old, has no altitude, or if the offset is unknown.
+    """
     if fix.fix_type < THREE_DIMENSIONAL or not 0 <= state.time_us < fix.time_us:
         return state, None
     return state._replace(time_us=fix.time_us), Climb(fix.altitude - state.offset, -fix.v_down)

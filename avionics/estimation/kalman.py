@@ -1,4 +1,4 @@
-"""What the Kalman filters share: filterpy, and matrices that many steps have in common."""
+"""Shared parts of the Kalman filters: filterpy and constant matrices."""
 
 from __future__ import annotations
 
@@ -14,14 +14,17 @@ Array = NDArray[np.float64]
 
 @cache
 def filterpy() -> ModuleType:
-    """filterpy's functions, imported at the first call: it takes a second, which a reader of gains is spared."""
+    """Import filterpy at the first call.
+
+    The import takes about a second and is not required to read parameters.
+    """
     import filterpy.kalman as functions
 
     return cast(ModuleType, functions)
 
 
 def constant(rows: object) -> Array:
-    """An array of numbers that steps share, so that none of them may write to it."""
+    """Return a read-only array that steps share."""
     array = np.array(rows, dtype=np.float64)
     array.flags.writeable = False
     return array

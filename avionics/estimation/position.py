@@ -1,12 +1,14 @@
-"""Position, ground velocity and wind from airspeed, attitude and GPS: a Kalman filter at 50 Hz.
+"""Position, ground velocity and wind from airspeed, attitude and GPS.
 
-State x = (north, east, wind north, wind east) in m and m/s from home. Between fixes the velocity through the air
-(airspeed along the heading) and the wind carry the position on; a fix corrects the position by its place and the
-wind by its velocity. Without fixes this is dead reckoning, and the variance says so.
+The Kalman filter runs at 50 Hz with the state x = (north, east, wind north, wind east) in m and m/s from home.
+Between fixes the velocity through the air (airspeed along the heading) and the wind propagate the position. The
+position of a fix corrects the position, and its velocity corrects the wind. Without fixes the filter is a dead
+reckoning with a growing variance.
 
-The receiver's slow error is followed, not averaged: only what is new in each fix is noise to the filter, and the
-slow error's variance is added to what is published. How fast the wind changes is measured from the innovations of the
-velocity: one figure for calm air and gusts would be wrong by ten in one of them.
+The filter tracks the slow error of the receiver and does not average it: the measurement noise contains only the
+error that is new in each fix, and the variance of the slow error is added to the published variance. The process
+noise of the wind is estimated from the velocity innovations, because a constant value would be wrong by a factor of
+ten in either calm air or gusts.
 """
 
 from __future__ import annotations
@@ -27,87 +29,86 @@ Vector4 = tuple[float, float, float, float]
 Matrix4 = tuple[Vector4, Vector4, Vector4, Vector4]
 
 LONGEST_STEP = 0.5
-"""s; between predictions"""
+"""s; maximum interval of a prediction"""
 STEEPEST_COSINE = 0.3
-"""-; of the path's angle to the horizon, whatever the climb rate"""
+"""-; minimum cosine of the flight path angle, at any climb rate"""
 NOTHING: Vector4 = (0.0, 0.0, 0.0, 0.0)
 UNITY: Array = np.eye(4)
 THREE_DIMENSIONAL = 3
 """-; fix type that sets home"""
 LONGEST_INTERVAL = 1.0
-"""s; between fixes whose innovations still tell how the wind walks"""
+"""s; maximum interval between fixes with innovations used for the wind estimation"""
 START_SPREAD = 4.0
-"""-; mean square of the velocity's innovations at the first fix, in squares of its noise"""
+"""-; initial mean square of the velocity innovations, in multiples of the noise variance"""
 TWO_DIMENSIONAL = 2
-"""-; least fix type that is used"""
+"""-; minimum fix type that is used"""
 
 
 class Gains(NamedTuple):
-    """Noise of model and receiver, and the gate."""
+    """Noise of model and receiver, and gate of the innovations."""
 
     air_velocity_noise: Annotated[float, Quantity("m/s^0.5", 0.0, 50.0)] = 0.4
-    """m/s times the root of a second; random walk of the position: errors of airspeed and heading, and how the
-    receiver's slow error wanders. Default: a slow error of 2.1 m in 60 s wanders by 0.4, fitted to
+    """m/s times the root of a second; random walk of the position: errors of airspeed and heading, and variation of
+    the slow error of the receiver. Default: a slow error of 2.1 m in 60 s varies by 0.4, fitted to
     tests/sitl/test_sitl_consistency.py"""
     wind_walk: Annotated[float, Quantity("m/s^1.5", 0.0, 50.0)] = 0.2
-    """m/s in the root of a second; random walk of the wind in calm air, errors of airspeed and heading included; in
-    gusts it is what the innovations tell. Default: calm air, fitted to tests/sitl/test_sitl_consistency.py"""
+    """m/s in the root of a second; random walk of the wind in calm air, including errors of airspeed and heading; in
+    gusts it is estimated from the innovations. Default: calm air, fitted to tests/sitl/test_sitl_consistency.py"""
     wind_start: Annotated[float, Quantity("m/s", 0.0, 50.0)] = 3.0
-    """m/s; one sigma of each component before the first fix"""
+    """m/s; one sigma of each wind component before the first fix"""
     least_position_noise: Annotated[float, Quantity("m", 0.01, 100.0)] = 0.25
-    """m; one sigma of what is new in a fix, each axis, however good the receiver says it is. Default: what the
-    receiver's own filter leaves from fix to fix, fitted to tests/sitl/test_sitl_consistency.py"""
+    """m; minimum one sigma of the new error of a fix, each axis. Default: residual of the filter in the receiver
+    between fixes, fitted to tests/sitl/test_sitl_consistency.py"""
     gps_velocity_noise: Annotated[float, Quantity("m/s", 0.01, 20.0)] = 0.15
-    """m/s; one sigma of the wind that a fix tells: errors of receiver, airspeed and heading. Default: 0.1 m/s of the
-    PA6H's data sheet, as much of airspeed and heading, fitted to tests/sitl/test_sitl_consistency.py"""
+    """m/s; one sigma of the wind measured by a fix: errors of receiver, airspeed and heading. Default: 0.1 m/s of the
+    PA6H data sheet, as much of airspeed and heading, fitted to tests/sitl/test_sitl_consistency.py"""
     spread_time: Annotated[float, Quantity("s", 0.1, 600.0)] = 5.0
-    """s; over which the mean square of the velocity's innovations is taken. Default: 25 fixes at 5 Hz; gusts grow
-    and die in that time"""
+    """s; averaging time of the squared velocity innovations. Default: 25 fixes at 5 Hz; typical duration of gusts"""
     new_share: Annotated[float, Quantity("-", 0.0, 1.0)] = 0.1
-    """-; of the accuracy that the receiver tells: the error that is new in every fix, the rest is slow. Default: 0.2
-    m of 2.1 m; the rest of a receiver's error is slow"""
+    """-; fraction of the reported accuracy that is new in each fix; the remainder is slow. Default: 0.2 m of 2.1 m;
+    the remaining error of the receiver is slow"""
     gps_delay: Annotated[float, Quantity("s", 0.0, 2.0)] = 0.15
-    """s; from measurement to arrival of a fix (MTK3339: solution and serial line)"""
+    """s; time from measurement to arrival of a fix (MTK3339: solution and serial line)"""
     gate: Annotated[float, Quantity("-", 1.0, 100.0)] = 5.0
-    """-; a fix off by more than this many sigma in any component is refused"""
+    """-; innovation gate of each component of a fix, in standard deviations"""
     gate_timeout: Annotated[float, Quantity("s", 0.0, 600.0, formerly="gate_patience")] = 3.0
-    """s; of refused fixes after which the receiver is believed again"""
+    """s; duration of rejected fixes after which the receiver is accepted again"""
 
 
 class State(NamedTuple):
-    """What the filter remembers."""
+    """State of the filter."""
 
     time_us: int = -1
-    """us; of the last prediction, -1 before the first"""
+    """us; time of the last prediction, -1 before the first"""
     x: Vector4 = (0.0, 0.0, 0.0, 0.0)
-    """north, east, wind north, wind east"""
+    """m, m, m/s, m/s; north, east, wind north, wind east"""
     p: Matrix4 = (NOTHING, NOTHING, NOTHING, NOTHING)
-    """covariance of x"""
+    """-; covariance of x"""
     home: tuple[float, float] = (0.0, 0.0)
     """rad; latitude and longitude of the first three-dimensional fix"""
     valid: int = 0
     """-; 1 once home is set"""
     refused_since_us: int = -1
-    """us; of the first of the fixes refused in a row, -1 for none"""
+    """us; first of the consecutively rejected fixes, -1 if none"""
     fix_us: int = -1
-    """us; of the last fix that was looked at"""
+    """us; time of the last processed fix"""
     slow_variance: float = 0.0
-    """m^2; of the receiver's own slow error, each axis, which no number of fixes averages away: the filter's place
-    has it in it, and follows it"""
+    """m^2; variance of the slow error of the receiver, each axis; the position estimate contains this error and
+    follows it"""
     innovation: Vector4 = NOTHING
-    """m, m/s; of the last fix, refused or not"""
+    """m, m/s; innovation of the last fix, accepted or rejected"""
     expected: Vector4 = NOTHING
-    """m^2, m^2/s^2; variance expected of it"""
+    """m^2, m^2/s^2; expected variance of the innovation"""
     spread: float = -1.0
-    """m^2/s^2; mean square of the velocity's innovations, negative before the first"""
+    """m^2/s^2; mean square of the velocity innovations, negative before the first"""
     walk: float = 0.0
-    """m^2/s^3; of the wind, as the spread tells it"""
+    """m^2/s^3; random walk of the wind, estimated from the innovations"""
     past: tuple[tuple[float, float], ...] = ()
-    """m/s; velocities through the air since the moment of which a fix that arrives now tells, oldest first"""
+    """m/s; velocities through the air over the delay of a fix, oldest first"""
 
 
 class Motion(NamedTuple):
-    """What carries the position on."""
+    """Inputs of the prediction."""
 
     time_us: int
     """us; since boot"""
@@ -118,25 +119,26 @@ class Motion(NamedTuple):
     climb_rate: float
     """m/s; positive up"""
     variance: float = 0.0
-    """m^2/s^2; of each component of the velocity through the air: it is not in the ground's, but in the wind's"""
+    """m^2/s^2; variance of each component of the velocity through the air; part of the wind error, not of the ground
+    velocity error"""
 
 
 def motion(attitude: Attitude, air: AirData, altitude: Altitude) -> Motion:
-    """The motion that three messages tell of, at the time of the air data."""
+    """Return the motion from three messages, at the time of the air data."""
     across = air.airspeed * attitude.heading_sigma
-    # The mean of both components: which of them is along the heading changes with it.
+    # Mean of both components, because the one along the heading changes with it.
     variance = 0.5 * (air.airspeed_variance + across * across)
     return Motion(air.time_us, air.airspeed, attitude.yaw, altitude.climb_rate, variance)
 
 
 def step(gains: Gains, state: State, now: Motion, fix: GpsFix | None = None) -> tuple[State, Position]:
-    """One interval on, and the fix that arrived in it, if any.
+    """Propagate the filter by one interval and update it with a fix, if any.
 
     Args:
-        gains: tuning.
-        state: what the last step returned, ``State()`` at boot.
-        now: motion; one that is not later than the last moves nothing.
-        fix: GPS; one seen before, without a position, or not finite is passed over.
+        gains: parameters.
+        state: result of the last step, ``State()`` at boot.
+        now: motion; no propagation if it is not later than the last one.
+        fix: GPS fix; ignored if old, without a position or not finite.
     """
     v_air = _air_velocity(now)
     if state.time_us < 0:
@@ -160,7 +162,7 @@ def _started(gains: Gains, time_us: int) -> State:
 
 
 def _air_velocity(now: Motion) -> tuple[float, float]:
-    """North and east of the velocity through the air, climb taken off, no sideslip."""
+    """Return north and east of the horizontal airspeed, without sideslip."""
     speed = now.airspeed
     level = sqrt(max(speed * speed - now.climb_rate * now.climb_rate, (STEEPEST_COSINE * speed) ** 2))
     return level * cos(now.yaw), level * sin(now.yaw)
@@ -168,7 +170,7 @@ def _air_velocity(now: Motion) -> tuple[float, float]:
 
 @lru_cache(maxsize=32)
 def _transition(dt: float) -> tuple[Array, Array]:
-    """How the state moves by itself, and with the velocity through the air."""
+    """Return the transition matrix and the input matrix of the airspeed vector."""
     f, b = np.eye(4), np.zeros((4, 2))
     f[0, 2] = f[1, 3] = b[0, 0] = b[1, 1] = dt
     return constant(f), constant(b)
@@ -176,13 +178,16 @@ def _transition(dt: float) -> tuple[Array, Array]:
 
 @lru_cache(maxsize=32)
 def _noise(air_velocity_noise: float, walk: float, dt: float) -> Array:
-    """Covariance of one step: both random walks, ``walk`` in m^2/s^3 that of the wind."""
+    """Return the process noise covariance of one step.
+
+    The random walk of the wind is ``walk`` (m^2/s^3).
+    """
     place, wind = air_velocity_noise**2 * dt, walk * dt
     return constant(_diagonal((place, place, wind, wind)))
 
 
 def _walk(gains: Gains, state: State) -> float:
-    """m^2/s^3; of the wind: what gusts were seen, or that of calm air."""
+    """Return the random walk of the wind (m^2/s^3), at least that of calm air."""
     return max(state.walk, gains.wind_walk**2)
 
 
@@ -193,7 +198,7 @@ def _diagonal(values: Vector4) -> Array:
 
 
 def _covariance(p: Array) -> Matrix4:
-    """The symmetric part."""
+    """Return the symmetric part of ``p``."""
     (a, b, c, d), (b_, f, g, h), (c_, g_, k, m), (d_, h_, m_, n) = p.tolist()
     b, c, d = 0.5 * (b + b_), 0.5 * (c + c_), 0.5 * (d + d_)
     g, h, m = 0.5 * (g + g_), 0.5 * (h + h_), 0.5 * (m + m_)
@@ -201,7 +206,10 @@ def _covariance(p: Array) -> Matrix4:
 
 
 def _corrected(gains: Gains, state: State, fix: GpsFix) -> State:
-    """The state with a fix in it; the fix tells of `Gains.gps_delay` ago and is carried on by its own velocity."""
+    """Update the state with a fix.
+
+    The position of the fix is `Gains.gps_delay` old and is propagated by its velocity.
+    """
     if not isfinite(sum(fix)):
         return state
     slow = 0.5 * fix.horizontal_accuracy**2
@@ -225,7 +233,10 @@ def _corrected(gains: Gains, state: State, fix: GpsFix) -> State:
 
 
 def _at_home(state: State, fix: GpsFix, variance: float) -> State:
-    """Home is where the first fix is: the dead reckoning before it is dropped, the wind kept."""
+    """Set home to the position of the first fix.
+
+    The dead-reckoned position before it is discarded and the wind is kept.
+    """
     covariance = ((variance, 0.0, 0.0, 0.0), (0.0, variance, 0.0, 0.0), state.p[2], state.p[3])
     _, _, wind_north, wind_east = state.x
     return state._replace(
@@ -234,12 +245,15 @@ def _at_home(state: State, fix: GpsFix, variance: float) -> State:
 
 
 def _without_ties(p: Matrix4) -> Matrix4:
-    """A covariance without the ties between place and wind."""
+    """Return the covariance without the correlations between position and wind."""
     return p[0], p[1], (0.0, 0.0, p[2][2], p[2][3]), (0.0, 0.0, p[3][2], p[3][3])
 
 
 def _updated(gains: Gains, state: State, interval: float, measured: Vector4, noise: Vector4) -> State:
-    """The update behind the gate; refused for long enough, the measurement is believed and the state doubted."""
+    """Update the state if the innovation passes the gate.
+
+    After the gate timeout the measurement is accepted with an inflated covariance.
+    """
     x, p = np.array(state.x), np.array(state.p)
     off = np.array(measured) - x
     expected = p.diagonal() + noise
@@ -256,11 +270,11 @@ def _updated(gains: Gains, state: State, interval: float, measured: Vector4, noi
 
 
 def _watched(gains: Gains, state: State, interval: float, noise: float) -> State:
-    """The spread of the velocity's innovations with the last one in it, and the walk of the wind that makes it.
+    """Update the mean square of the velocity innovations and the wind random walk.
 
-    A filter of one state in its steady state has the variance P before and P R / S after a measurement, S = P + R:
-    from one to the next the walk adds their difference, (S - R)^2 / S. An innovation counts for no more than the gate
-    lets through, so that one wrong fix tells nothing of the wind, but a gust that lasts opens the gate.
+    A scalar filter in steady state has the variance P before and P R / S after a measurement, with S = P + R. Between
+    measurements the random walk adds their difference, (S - R)^2 / S. An innovation is limited to the gate: a single
+    wrong fix has little effect on the wind, while a sustained gust widens the gate.
     """
     if interval > LONGEST_INTERVAL:
         return state
@@ -278,7 +292,7 @@ def _message(gains: Gains, state: State, v_air: tuple[float, float], air_varianc
     north, east, wind_north, wind_east = state.x
     latitude, longitude = to_geodetic(state.home, north, east) if state.valid else (0.0, 0.0)
     p, expected = state.p, state.expected
-    # What a fix tells is as old as it is; since then the wind has walked on.
+    # A fix is delayed; the random walk of the wind since then adds variance.
     velocity = max(p[2][2], p[3][3]) + _walk(gains, state) * gains.gps_delay
     return Position(
         state.time_us, north, east, v_air[0] + wind_north, v_air[1] + wind_east, wind_north, wind_east,

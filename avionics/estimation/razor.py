@@ -1,12 +1,13 @@
-"""The classic corrections of the Razor AHRS, to compare with: each sample of accelerometer and compass pulls.
+"""Classic corrections of the Razor AHRS for comparison, applied at each sample.
 
-W. Premerlani and P. Bizard, Direction Cosine Matrix IMU: Theory, 2009, as the firmware of SparkFun's Razor runs it:
-the error between the measured and the computed down (a vector product, weighted by how near to 1 g the sample is) and
-the error between compass and heading go through a proportional and an integral term into the rates. The firmware's
-constants are for counts (256 to 1 g) and for a loop at 50 Hz; those here are per g and per second.
+W. Premerlani and P. Bizard, Direction Cosine Matrix IMU: Theory, 2009, as implemented in the firmware of SparkFun's
+Razor. The first error is the vector product of measured and computed down, weighted by the deviation of the sample
+from 1 g. The second is the difference between compass and heading. Both correct the rates by a proportional and an
+integral term. The constants of the firmware are for counts (256 to 1 g) and a loop at 50 Hz; those here are per g and
+per second.
 
-An airframe that is shaken periodically passes through 1 g at moments when its acceleration does not point down, so
-that the weight picks the wrong samples: see docs/validation/estimation.md.
+A periodically accelerated airframe passes through 1 g at times when its acceleration does not point down, so that the
+weight selects the wrong samples: see docs/validation/estimation.md.
 """
 
 from __future__ import annotations
@@ -18,35 +19,38 @@ from wingbeat.constants import STANDARD_GRAVITY
 from wingbeat.rotations import Matrix, Vector, norm, orthonormalize, rotate
 
 WEIGHT_SLOPE = 2.0
-"""-; the weight is 1 at 1 g and nothing at 0.5 and 1.5 g"""
+"""-; the weight is 1 at 1 g and 0 at 0.5 and 1.5 g"""
 
 
 class Gains(NamedTuple):
-    """Of the four terms; the firmware's: 0.02 * 256, 0.00002 * 256 * 50, 1.2, 0.00002 * 50."""
+    """Gains of the four terms.
+
+    The values of the firmware are 0.02 * 256, 0.00002 * 256 * 50, 1.2 and 0.00002 * 50.
+    """
 
     tilt: float
-    """1/s; rate per error of the tilt"""
+    """1/s; proportional gain of the tilt"""
     tilt_rate: float
-    """1/s^2; growth of the rate per error of the tilt"""
+    """1/s^2; integral gain of the tilt"""
     yaw: float
-    """1/s; rate per error of the heading"""
+    """1/s; proportional gain of the heading"""
     yaw_rate: float
-    """1/s^2; growth of the rate per error of the heading"""
+    """1/s^2; integral gain of the heading"""
     declination: float
-    """rad; of the magnetic field, east is positive"""
+    """rad; magnetic declination, positive east"""
 
 
 def step(
     gains: Gains, r: Matrix, bias: Vector, rates: Vector, vectors: tuple[Vector, Vector], dt: float
 ) -> tuple[Matrix, Vector]:
-    """Matrix and gyro bias one sample on.
+    """Return the matrix and the gyro bias after one sample.
 
     Args:
-        gains: tuning.
+        gains: parameters.
         r: r_ned_from_frd.
         bias: rad/s; body axes.
         rates: rad/s; measured, body axes.
-        seen: specific force in m/s^2 and magnetic field in gauss, body axes.
+        vectors: specific force in m/s^2 and magnetic field in gauss, body axes.
         dt: s; since the last sample.
     """
     force, field = vectors
@@ -68,17 +72,20 @@ def step(
 
 
 def _tilt_error(r: Matrix, force: Vector) -> Vector:
-    """Measured down times computed down in g, body axes, weighted."""
+    """Return the weighted product of measured and computed down (g, body axes)."""
     weight = max(0.0, 1.0 - WEIGHT_SLOPE * abs(1.0 - norm(force) / STANDARD_GRAVITY)) / STANDARD_GRAVITY
     x, y, z = -weight * force[0], -weight * force[1], -weight * force[2]
     return (y * r[8] - z * r[7], z * r[6] - x * r[8], x * r[7] - y * r[6])
 
 
 def _heading_error(gains: Gains, r: Matrix, field: Vector) -> float:
-    """Sine of the compass's heading less the matrix's, times the cosine of the pitch."""
+    """Return the sine of the heading error times the cosine of the pitch.
+
+    The error is the heading of the compass minus that of the matrix.
+    """
     north, east, _ = rotate(r, field)
     level = hypot(north, east)
     if level == 0.0:
         return 0.0
-    # The field seen east of the declination says that the matrix is turned too far to the right.
+    # A field east of the declination indicates a heading error to the right.
     return hypot(r[0], r[3]) * (sin(gains.declination) * north - cos(gains.declination) * east) / level

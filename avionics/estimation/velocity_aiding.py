@@ -1,24 +1,24 @@
-"""What the ground velocity of a GPS tells of the attitude: a Kalman filter of the errors of `ahrs`.
+"""Attitude aiding by GPS velocity: a Kalman filter of the errors of `ahrs`.
 
-The specific force, turned into earth axes and freed of gravity, carries the velocity on from fix to fix. A tilt or
-heading that is wrong turns the force the wrong way, so what the next fix disagrees about is the attitude's error:
+The specific force in earth axes without gravity propagates the velocity from fix to fix. An error of tilt or heading
+rotates the force, so that the velocity innovation measures the attitude error:
 
     du/dt = theta x f - R da,    dtheta/dt = -R db
 
-with u the error of the carried velocity, theta the small rotation about earth axes that makes the attitude true, f
-the specific force in earth axes, and da and db the errors of the accelerometer offset and the gyro bias in body axes:
-inertial navigation's error equations in local axes (Groves, Principles of GNSS, Inertial, and Multisensor Integrated
-Navigation Systems, 2nd ed., 14.2) without the rotation of the earth.
+Here u is the error of the propagated velocity, theta the small rotation about earth axes that corrects the attitude,
+f the specific force in earth axes, and da and db the errors of the accelerometer offset and the gyro bias in body
+axes. These are the error equations of inertial navigation in local axes (Groves, Principles of GNSS, Inertial, and
+Multisensor Integrated Navigation Systems, 2nd ed., 14.2) without the rotation of the earth.
 
-At rest the accelerometer offset is a tilt, and the hard iron dm a heading: neither is observable there. Both turn
-with the vehicle, tilt and heading errors do not, so a change of heading separates them. A launch shows the heading
-alone.
+At rest the accelerometer offset is equivalent to a tilt, and the hard iron dm to a heading error: neither is
+observable. Both rotate with the vehicle, tilt and heading errors do not, so that a change of heading separates them.
+A launch makes only the heading observable.
 
-Unlike the airspeed, the ground velocity is right in gusts, sideslip and at the launch, and no flapping has to be
-averaged away: the force between two fixes is known sample by sample.
+Unlike the airspeed, the ground velocity is valid in gusts, sideslip and during the launch. Flapping requires no
+averaging, because the force between two fixes is integrated sample by sample.
 
-The covariance serves without fixes as well: it tells how far the attitude may be off. It is updated one measurement
-at a time in plain NumPy: a general update would cost more than all the rest of a tick.
+The covariance is also propagated without fixes, as the uncertainty of the attitude. Scalar updates in plain NumPy are
+used, because a general update would cost more than the rest of a tick.
 """
 
 from __future__ import annotations
@@ -39,15 +39,15 @@ VELOCITY, ROTATION, HEADING, BIAS = slice(0, 2), slice(2, 5), 4, slice(5, 8)
 ACCEL, IRON = slice(8, 10), slice(10, 12)
 CONSIDERED = slice(8, 12)
 STATES = 12
-"""u north and east in m/s, theta about north, east and down in rad, db about the body axes in rad/s, da and dm along
-body x and y in m/s^2 and gauss"""
+"""north and east components of u in m/s; theta about north, east and down in rad; db about the body axes in rad/s; da
+and dm along body x and y in m/s^2 and gauss"""
 UNITY: Array = np.eye(STATES)
 POSITION_FIX = 2
-"""`GpsFix.fix_type` from which its velocity is used"""
+"""minimum `GpsFix.fix_type` of a velocity that is used"""
 HISTORY_STEP_US = 20_000
-"""us; between the moments whose impulse is kept for a fix that arrives late"""
+"""us; interval of the impulse history for delayed fixes"""
 CONFIRMATIONS = 3
-"""-; fixes that must agree with a newly set velocity before the filter is left to them alone"""
+"""-; number of fixes that must agree with a new velocity before they replace the block averages"""
 START_TILT, START_HEADING, START_BIAS = 0.05, 0.15, 0.01
 """rad, rad, rad/s; standard deviations after the first sample"""
 START_ACCEL, START_IRON = 0.12, 0.015
@@ -55,88 +55,88 @@ START_ACCEL, START_IRON = 0.12, 0.015
 ACCEL_WALK, IRON_WALK = 0.002, 0.0001
 """m/s^2.5, gauss/s^0.5; random walk of both"""
 LAUNCH_SPEED = 3.0
-"""m/s; ground speed between rest and flight: a launch from rest shows the heading by its course"""
+"""m/s; ground speed that separates rest and flight: after a launch from rest the course indicates the heading"""
 SPEED_AGREEMENT = 0.25
-"""-; greatest relative difference between the carried speed and a fix's speed if the heading alone is wrong"""
+"""-; maximum relative difference between the propagated speed and the speed of a fix if only the heading is wrong"""
 TURN_AGREEMENT = 0.2
-"""rad; greatest difference between the heading errors that two successive fixes show"""
+"""rad; maximum difference between the heading errors of two successive fixes"""
 SET_IRON = 0.005
-"""gauss; standard deviation of a hard iron that was set by a mean field, each axis"""
+"""gauss; standard deviation of a hard iron set from a mean field, each axis"""
 LEAST_HORIZONTAL = 0.05
 """gauss; horizontal field below which the hard iron is not estimated"""
 ZERO: Vector = (0.0, 0.0, 0.0)
 
 
 class Noise(NamedTuple):
-    """What the errors are believed to be; the fields of the same name of `ahrs.AhrsGains`."""
+    """Noise parameters; equal to the fields of `ahrs.AhrsGains` with the same names."""
 
     gyro_walk: float
-    """rad/s^0.5; of the attitude"""
+    """rad/s^0.5; random walk of the attitude"""
     bias_walk: float
-    """rad/s^1.5; of the gyro bias"""
+    """rad/s^1.5; random walk of the gyro bias"""
     gps_noise: float
-    """m/s; of a fix's velocity, each axis"""
+    """m/s; one sigma of the GPS velocity, each axis"""
     gps_gate: float
-    """-; standard deviations beyond which a fix is refused"""
+    """-; innovation gate of the GPS velocity in standard deviations"""
     gps_timeout: float
-    """s; without an accepted fix the velocity is taken anew"""
+    """s; time without an accepted fix after which the velocity is reset"""
     gps_delay: float
-    """s; age of a fix when it arrives"""
+    """s; delay of a fix at its arrival"""
 
 
 class Moment(NamedTuple):
-    """The integral of the specific force at one moment."""
+    """Integral of the specific force at one time."""
 
     time_us: int
     """us; since boot"""
     impulse: Vector
-    """m/s; since boot, earth axes"""
+    """m/s; integral since boot, earth axes"""
 
 
 class State(NamedTuple):
-    """What is remembered."""
+    """State of the error filter."""
 
     covariance: tuple[float, ...]
-    """SI; of the 12 errors, row by row"""
+    """SI; covariance of the 12 errors, row by row"""
     time_us: int
-    """us; to which the covariance has been carried"""
+    """us; time of the covariance"""
     impulse: Vector = ZERO
-    """m/s; integral of the specific force to that moment, earth axes"""
+    """m/s; integral of the specific force up to that time, earth axes"""
     past: tuple[Moment, ...] = ()
-    """the last moments, oldest first; none before the first fix"""
+    """impulse history, oldest first; empty before the first fix"""
     offset: tuple[float, float] = (0.0, 0.0)
-    """m/s; north and east, of the velocity over ground over the impulse"""
+    """m/s; north and east difference between ground velocity and impulse"""
     accepted_us: int = -1
-    """us; when the last fix was accepted, -1 before the first"""
+    """us; time of the last accepted fix, -1 before the first"""
     agreed: int = 0
-    """-; fixes accepted in a row since the velocity was set"""
+    """-; number of consecutively accepted fixes since the velocity was set"""
     tilt_sigma: float = START_TILT
     """rad; one sigma of the tilt about a horizontal axis"""
     heading_sigma: float = START_HEADING
     """rad; one sigma of the heading"""
     turn: float = 0.0
-    """rad; heading error that the last rejected fix shows, 0 for none"""
+    """rad; heading error indicated by the last rejected fix, 0 if none"""
     speed: float = 0.0
     """m/s; ground speed of the last accepted fix"""
 
 
 class Errors(NamedTuple):
-    """What the attitude is to be corrected by."""
+    """Corrections of the attitude and the sensor offsets."""
 
     turn: Vector
     """rad; rotation about earth axes"""
     bias: Vector
-    """rad/s; to be added to the gyro bias, body axes"""
+    """rad/s; correction of the gyro bias, body axes"""
     accel: Vector
-    """m/s^2; to be added to the accelerometer offset, body axes"""
+    """m/s^2; correction of the accelerometer offset, body axes"""
     iron: Vector
-    """gauss; to be added to the hard iron, body axes"""
+    """gauss; correction of the hard iron, body axes"""
     realigned: bool = False
-    """True if ``turn`` is not small: the heading is set anew, and impulses before it are not valid any more"""
+    """True if ``turn`` is not small: the heading is reset and the impulse history is invalid"""
 
 
 class Compass(NamedTuple):
-    """The field's heading as a measurement."""
+    """Reference of the magnetic heading measurement."""
 
     declination: float
     """rad; east is positive"""
@@ -148,7 +148,10 @@ NOTHING = Errors(ZERO, ZERO, ZERO, ZERO)
 
 
 def start(time_us: int, r: Matrix) -> State:
-    """Before the first fix, leveled by the accelerometer: its offset is a tilt of the matrix ``r``."""
+    """Return the state before the first fix.
+
+    The matrix ``r`` was leveled by the accelerometer, so that its offset is correlated with the tilt.
+    """
     variances = [
         1.0, 1.0, *2 * [START_TILT**2], START_HEADING**2, *3 * [START_BIAS**2], *2 * [START_ACCEL**2],
         *2 * [START_IRON**2],
@@ -160,19 +163,25 @@ def start(time_us: int, r: Matrix) -> State:
 
 
 def _tilt_of_offset(r: Matrix) -> Array:
-    """Tilt (2, 2) about north and east in rad per offset along body x and y in m/s^2, leveled at rest."""
+    """Return the tilt per accelerometer offset after leveling at rest.
+
+    The matrix (2, 2) relates the tilt about north and east (rad) to offsets along body x and y (m/s^2).
+    """
     (nx, ny, _), (ex, ey, _) = r[0:3], r[3:6]
     return np.array(((ex, ey), (-nx, -ny))) / STANDARD_GRAVITY
 
 
 def remember(state: State, gps_delay: float, time_us: int, impulse: Vector) -> State:
-    """Keep the impulse (m/s, earth axes) at this moment, to be asked for when a fix of now arrives."""
+    """Store the impulse (m/s, earth axes) for fixes that arrive later."""
     kept = 2 + round(gps_delay * 1e6 / HISTORY_STEP_US)
     return state._replace(past=(*state.past, Moment(time_us, impulse))[-kept:])
 
 
 def carried(state: State, noise: Noise, time_us: int, impulse: Vector, r: Matrix) -> Array:
-    """The covariance carried to ``time_us`` (us), where the specific force has the integral ``impulse`` (m/s)."""
+    """Return the covariance propagated to ``time_us`` (us).
+
+    ``impulse`` (m/s) is the integral of the specific force at that time.
+    """
     p = np.array(state.covariance).reshape(STATES, STATES)
     dt = (time_us - state.time_us) * 1e-6
     (x, y, z), (x0, y0, z0) = impulse, state.impulse
@@ -190,7 +199,7 @@ def carried(state: State, noise: Noise, time_us: int, impulse: Vector, r: Matrix
 
 
 def kept(state: State, p: Array, time_us: int, impulse: Vector) -> State:
-    """The state with the covariance ``p`` of ``time_us`` (us)."""
+    """Return the state with the covariance ``p`` at ``time_us`` (us)."""
     flat = tuple((0.5 * (p + p.T)).ravel().tolist())
     tilt, heading = sqrt(0.5 * (p.item(2, 2) + p.item(3, 3))), sqrt(p.item(4, 4))
     _, _, _, past, offset, accepted_us, agreed, _, _, turn, speed = state
@@ -198,11 +207,12 @@ def kept(state: State, p: Array, time_us: int, impulse: Vector) -> State:
 
 
 def fixed(state: State, p: Array, noise: Noise, fix: GpsFix) -> tuple[State, Errors]:
-    """A fix taken in; ``p``, carried to its arrival, is updated in place.
+    """Update the state with a fix; ``p`` at its arrival is updated in place.
 
-    A fix that is not finite, without a position, or beyond the gate corrects nothing; after ``gps_timeout`` without
-    an accepted one the next sets the velocity anew. After a launch from rest two rejected fixes of the carried speed
-    and of one other course turn the heading by the difference (as EKF2's reset of the yaw to the GPS course).
+    A fix that is not finite, without a position, or beyond the gate has no effect. After ``gps_timeout`` without an
+    accepted fix the next one resets the velocity. After a launch from rest, two rejected fixes with the propagated
+    speed and the same difference of course rotate the heading by that difference (similar to the yaw reset of EKF2 to
+    the GPS course).
     """
     if not isfinite(fix.v_north + fix.v_east) or fix.fix_type < POSITION_FIX:
         return state, NOTHING
@@ -224,9 +234,9 @@ def fixed(state: State, p: Array, noise: Noise, fix: GpsFix) -> tuple[State, Err
 
 
 def _turned(state: State, p: Array, noise: Noise, fix: GpsFix, impulse: Vector) -> tuple[State, Errors]:
-    """The heading turned to the course of a launch, if this is the second fix that shows the same heading error.
+    """Rotate the heading to the course of a launch after a second consistent fix.
 
-    The velocity gained since rest is turned by the heading error; a change of course in flight is not.
+    A heading error rotates the velocity gained since rest; a change of course in flight does not.
     """
     north, east = state.offset[0] + impulse[0], state.offset[1] + impulse[1]
     carried_speed, speed = hypot(north, east), hypot(fix.v_north, fix.v_east)
@@ -245,7 +255,10 @@ def _turned(state: State, p: Array, noise: Noise, fix: GpsFix, impulse: Vector) 
 
 
 def iron_known(p: Array, r: Matrix, compass: Compass) -> None:
-    """Covariance after the hard iron was set so that the compass agrees with the heading of ``r``, in place."""
+    """Update the covariance in place after a reset of the hard iron.
+
+    The hard iron was set so that the compass agrees with the heading of ``r``.
+    """
     if compass.horizontal < LEAST_HORIZONTAL:
         return
     j = _iron_row(r, compass) * compass.horizontal
@@ -255,22 +268,22 @@ def iron_known(p: Array, r: Matrix, compass: Compass) -> None:
 
 
 def _iron_row(r: Matrix, compass: Compass) -> Array:
-    """Magnetic east in body axes, x and y."""
+    """Return the magnetic east direction in body axes, x and y."""
     s, c = -sin(compass.declination), cos(compass.declination)
     return np.array((s * r[0] + c * r[3], s * r[1] + c * r[4]))
 
 
 def agreeing(state: State, gps_timeout: float, time_us: int) -> bool:
-    """Whether fixes tell the tilt: the velocity was set and has been confirmed, the last time not long ago."""
+    """Return whether recent, confirmed fixes correct the tilt."""
     return state.agreed >= CONFIRMATIONS and (time_us - state.accepted_us) * 1e-6 < gps_timeout
 
 
 def headed(
     state: State, p: Array, r: Matrix, compass: Compass, heading_error: float, sigma: float
 ) -> tuple[State, Errors]:
-    """A compass taken in, ``p`` updated in place.
+    """Update the state with a magnetic heading; ``p`` is updated in place.
 
-    ``heading_error`` in rad is the turn about down that it asks for, ``sigma`` in rad its noise.
+    ``heading_error`` (rad) is the measured rotation about down, ``sigma`` (rad) its noise.
     """
     h = _heading_row(r, compass)
     ph = p.dot(h)
@@ -280,7 +293,10 @@ def headed(
 
 
 def _heading_row(r: Matrix, compass: Compass) -> Array:
-    """How the measured heading depends on the errors; what a tilt makes of the dip is part of the hard iron here."""
+    """Return the measurement row of the magnetic heading.
+
+    The effect of a tilt by the dip of the field is included in the hard iron.
+    """
     h = np.zeros(STATES)
     h[HEADING] = 1.0
     if compass.horizontal >= LEAST_HORIZONTAL:
@@ -289,14 +305,14 @@ def _heading_row(r: Matrix, compass: Compass) -> Array:
 
 
 def relaxed(p: Array, r: Matrix, compass: Compass, shares: Vector, bias_rates: Vector, sigmas: Vector) -> Array:
-    """The covariance after corrections by other gains than the optimum (Joseph's form).
+    """Return the covariance after corrections with suboptimal gains (Joseph form).
 
     Args:
         p: covariance before.
         r: r_ned_from_frd.
-        compass: the field.
-        shares: of the measured rotation about north, east and down that were taken off.
-        bias_rates: 1/s; of the same that were taken off the gyro bias.
+        compass: reference of the magnetic heading.
+        shares: corrected fractions of the measured rotation about north, east and down.
+        bias_rates: 1/s; corrections of the gyro bias per measured rotation.
         sigmas: rad; noise of the three measurements.
     """
     k = np.zeros((STATES, 3))
@@ -309,7 +325,10 @@ def relaxed(p: Array, r: Matrix, compass: Compass, shares: Vector, bias_rates: V
 
 
 def rested(p: Array, share: float, sigma: float) -> Array:
-    """The covariance after a ``share`` of the bias seen at rest was taken over, seen with noise ``sigma`` (rad/s)."""
+    """Return the covariance after a gyro bias correction at rest.
+
+    The correction is a ``share`` of the bias measured with noise ``sigma`` (rad/s).
+    """
     k = np.zeros((STATES, 3))
     k[BIAS] = share * np.eye(3)
     return _joseph(p, UNITY[BIAS], k, np.full(3, sigma))
@@ -322,16 +341,16 @@ def _joseph(p: Array, h: Array, k: Array, sigmas: Array) -> Array:
 
 
 def _updated(p: Array, index: int, innovation: float, variance: float) -> Array:
-    """Errors from a measurement of one of them; the covariance is updated in place."""
+    """Return the errors from a scalar measurement; the covariance is updated in place."""
     k = p[:, index] / (p.item(index, index) + variance)
     p -= k[:, np.newaxis] * p[index]
     return np.asarray(k * innovation)
 
 
 def _considered(p: Array, index: int, innovation: float, variance: float) -> Array:
-    """The same without a correction of the sensor offsets (Schmidt's consider filter).
+    """Return the errors without a correction of the sensor offsets (Schmidt-Kalman).
 
-    A fix that disagrees after the velocity was set anew must not leave a permanent error in them.
+    A fix that is inconsistent after a velocity reset must not leave a permanent error in the offsets.
     """
     s = p.item(index, index) + variance
     row = p[index].copy()
@@ -342,7 +361,7 @@ def _considered(p: Array, index: int, innovation: float, variance: float) -> Arr
 
 
 def _impulse_at(state: State, time_us: int) -> Vector:
-    """m/s; at a moment of the past, on a straight line between the two moments next to it."""
+    """Return the impulse (m/s) at a past time by linear interpolation."""
     later = state.past[-1]
     for moment in reversed(state.past):
         if moment.time_us <= time_us:
