@@ -1,9 +1,9 @@
-"""Whether the pitot can be believed, and the airspeed to fly by when it cannot.
+"""Detection of a blocked pitot, and the airspeed that replaces it.
 
-The GPS tells the velocity over ground, and while the pitot is good the two tell the wind. A pitot that departs for
-long from the airspeed that the ground velocity and the remembered wind make, or says standstill instead, is blocked;
-that airspeed then takes its place, without fixes that of the cruise. Without fixes a pitot at standstill is blocked
-where wings that beat carry the vehicle: dead reckoning would judge it by itself.
+The GPS measures the velocity over ground; with a valid pitot the difference is the wind. The pitot counts as blocked
+if it deviates for long from the airspeed of ground velocity and stored wind, or indicates a standstill in flight.
+That airspeed then replaces it, or without fixes the cruise airspeed. Without fixes a pitot at standstill counts as
+blocked only if the wings flap above the flare altitude, because dead reckoning depends on the pitot.
 """
 
 from __future__ import annotations
@@ -16,88 +16,90 @@ from avionics.limits import low_pass
 from wingbeat.units import Quantity
 
 AGREEMENT = 0.5
-"""-; share of `Gains.difference` within which a blocked pitot agrees: what comes and goes is not believed"""
+"""-; fraction of `Gains.difference` within which a blocked pitot agrees, so that an intermittent blockage does not
+recover"""
 
 GUSTS_IN_DIFFERENCE = 2.5
 """-; standard deviations of moderate gusts in `Gains.difference`"""
 
 
 class Aloft(IntEnum):
-    """How far the vehicle is from standing on the ground."""
+    """Distance of the vehicle from the ground."""
 
     GROUND = 0
     LOW = 1
-    """flying, but it may just have touched down, or glides"""
+    """in flight, with a touchdown or a glide possible"""
     HIGH = 2
-    """above the flare, on beating wings"""
+    """above the flare altitude with flapping wings"""
 
 
 HIGH = int(Aloft.HIGH)
 
 
 class Gains(NamedTuple):
-    """When the pitot is blocked, and when it is well again."""
+    """Thresholds of blockage and recovery of the pitot."""
 
     standstill: Annotated[float, Quantity("m/s", 0.1, 20.0)]
-    """m/s; less airspeed than this, where twice as much is expected, is that of a blocked pitot"""
+    """m/s; airspeed of a blocked pitot, if at least twice as much is expected"""
     standstill_time: Annotated[float, Quantity("s", 0.05, 20.0)]
-    """s; for which it must last"""
+    """s; confirmation time of the standstill"""
     difference: Annotated[float, Quantity("m/s", 0.5, 50.0)]
-    """m/s; from the expected airspeed that no gust makes for so long"""
+    """m/s; difference from the expected airspeed that gusts do not cause for this long"""
     difference_time: Annotated[float, Quantity("s", 0.1, 60.0)]
-    """s; for which it must last"""
+    """s; confirmation time of the difference"""
     recovery_time: Annotated[float, Quantity("s", 0.1, 600.0)]
-    """s; of agreement after which the pitot is believed again"""
+    """s; duration of agreement after which the pitot is accepted again"""
     wind_time: Annotated[float, Quantity("s", 0.5, 600.0)]
-    """s; time constant of the remembered wind"""
+    """s; time constant of the stored wind"""
     cruise: Annotated[float, Quantity("m/s", 0.5, 50.0)]
-    """m/s; airspeed that is taken without a fix"""
+    """m/s; airspeed used without a fix"""
 
 
 class State(NamedTuple):
-    """What the check remembers."""
+    """State of the check."""
 
     wind_north: float = 0.0
-    """m/s; of the air over ground"""
+    """m/s; north wind velocity over ground"""
     wind_east: float = 0.0
-    """m/s"""
+    """m/s; east wind velocity over ground"""
     span: float = 0.0
-    """s; over which the wind has been learned"""
+    """s; averaging time of the wind so far"""
     stationary_time: float = 0.0
-    """s; for which it has stood still in motion"""
+    """s; duration of a standstill indication in motion"""
     differing_time: float = 0.0
-    """s; for which it has differed from the expected airspeed"""
+    """s; duration of the difference from the expected airspeed"""
     agreeing: float = 0.0
-    """s; for which a blocked pitot has agreed"""
+    """s; duration of agreement of a blocked pitot"""
     blocked: int = 0
-    """-; 1 while the pitot is not believed"""
+    """-; 1 while the pitot is rejected"""
 
 
 class Motion(NamedTuple):
-    """What the pitot is compared with."""
+    """Reference motion for the pitot."""
 
     v_north: float
-    """m/s; velocity over ground of the last fix"""
+    """m/s; north velocity over ground of the last fix"""
     v_east: float
-    """m/s"""
+    """m/s; east velocity over ground of the last fix"""
     yaw: float
-    """rad; of the nose"""
+    """rad; heading of the nose"""
 
 
 def step(
     gains: Gains, state: State, dt: float, airspeed: float, motion: Motion | None, airborne: int
 ) -> tuple[State, float]:
-    """One sample of the pitot on.
+    """Check one pitot sample.
 
     Args:
         gains: thresholds.
-        state: what the last step returned, ``State()`` at boot.
+        state: result of the last step, ``State()`` at boot.
         dt: s; since the last sample.
-        airspeed: m/s; of the pitot.
-        motion: None without a recent fix: the verdict stays, but for a standstill high in the air.
-        airborne: see `Aloft`; on the ground nothing is judged, and a blocked pitot is forgotten.
+        airspeed: m/s; pitot airspeed.
+        motion: None without a recent fix: the result is kept, except for a standstill at a high altitude.
+        airborne: see `Aloft`; on the ground the check is inactive and a blockage is cleared.
+
     Returns:
-        the state, and the airspeed (m/s) to fly by.
+        The state and the airspeed (m/s) for control.
     """
     if not airborne:
         return State(), airspeed
@@ -121,24 +123,33 @@ def step(
 
 
 def expected(gains: Gains, state: State, motion: Motion | None) -> float:
-    """Airspeed (m/s) by the ground velocity and the remembered wind, that of the cruise where one is not known."""
+    """Return the airspeed (m/s) expected from ground velocity and stored wind.
+
+    The result is the cruise airspeed if one of them is unknown.
+    """
     if motion is None or state.span < gains.difference_time:
         return gains.cruise
     return hypot(motion.v_north - state.wind_north, motion.v_east - state.wind_east)
 
 
 def is_inconsistent(state: State) -> bool:
-    """Whether the pitot is about to be called blocked, or is."""
+    """Return whether the pitot is blocked or a blockage is pending."""
     return state.blocked == 1 or state.stationary_time > 0.0 or state.differing_time > 0.0
 
 
 def variance(gains: Gains) -> float:
-    """Variance (m^2/s^2) of the airspeed that takes a blocked pitot's place: of the gusts that it does not know."""
+    """Return the variance (m^2/s^2) of the airspeed that replaces a blocked pitot.
+
+    The error consists of gusts.
+    """
     return (gains.difference / GUSTS_IN_DIFFERENCE) ** 2
 
 
 def _moving(gains: Gains, known: bool, likely: float, motion: Motion) -> bool:
-    """Whether it flies: what is blown along the ground moves over it alone, what hovers in a headwind does not."""
+    """Return whether the vehicle moves through the air.
+
+    Without a known wind the ground speed decides. It is close to zero while hovering in a headwind.
+    """
     if known:
         return likely > 2.0 * gains.standstill
     return hypot(motion.v_north, motion.v_east) > gains.standstill
@@ -158,7 +169,7 @@ def _recovering(gains: Gains, state: State, dt: float, agrees: bool) -> State:
 
 
 def _learned(gains: Gains, state: State, dt: float, airspeed: float, motion: Motion) -> State:
-    """The wind that the good pitot and the fix make: a mean at first, a low-pass later."""
+    """Update the wind from pitot and fix: a mean at first, a low-pass filter later."""
     span = min(state.span + dt, gains.wind_time)
     north = motion.v_north - airspeed * cos(motion.yaw)
     east = motion.v_east - airspeed * sin(motion.yaw)

@@ -1,9 +1,9 @@
-"""Turns of a motor's crank since its last crossings, as the throttle's history tells them.
+"""Crank revolutions since the last crossings, from the throttle history.
 
-A motor on a crank follows its throttle as a lag: where the throttle moves, the stroke to come takes another time than
-the last one. The frequency that the throttle asks for, behind that lag and integrated, gives turns of a clock that
-runs slower and faster with the drive. How many of them one stroke takes is measured from crossing to crossing, so
-that a frequency map that is off by a factor does no harm.
+A motor with a crank follows its throttle with a first-order lag. If the throttle changes, the duration of the next
+stroke differs from that of the last one. The commanded frequency after that lag is integrated to revolutions, as a
+clock that follows the drive. The revolutions in one stroke are measured between crossings, so that a scale error of
+the frequency map has no effect.
 """
 
 from __future__ import annotations
@@ -11,47 +11,53 @@ from __future__ import annotations
 from typing import NamedTuple
 
 LEAST, MOST = 0.5, 2.0
-"""turns; asked for over one measured stroke, beyond which the frequency map tells another drive"""
+"""turns; limits of the commanded revolutions in one measured stroke; outside them the frequency map does not fit the
+drive"""
 SHARE = 0.5
-"""-; of the last stroke in its turns and in their share above the middle, which hardly change between strokes"""
+"""-; weight of the last stroke in the means of its revolutions and of its fraction above the middle, which vary
+slowly"""
 STEADY = 0.02
-"""-; of the turns of a stroke, by which the last differs at most from those before while it is so"""
+"""-; maximum relative change of the revolutions between strokes in steady flapping"""
 
 
 class State(NamedTuple):
-    """The clock, and what it told at the last crossings."""
+    """Integrated drive speed and its values at the last crossings."""
 
     speed: float = 0.0
-    """Hz; asked for, behind the drive's lag"""
+    """Hz; commanded frequency after the lag of the drive"""
     turns: float = 0.0
-    """turns; of the clock since it began"""
+    """turns; integrated revolutions since the start"""
     crossed: float = 0.0
-    """turns; at the last crossing"""
+    """turns; revolutions at the last crossing"""
     before: float = 0.0
-    """turns; at the one before, in the other direction"""
+    """turns; revolutions at the previous crossing, in the other direction"""
     stroke: float = 0.0
-    """turns; over a full stroke, smoothed; 0 while none is known"""
+    """turns; low-passed revolutions per full stroke, 0 if unknown"""
     anchor: float = 0.0
     """-; phase at the last crossing, in strokes"""
     split: float = -1.0
-    """-; share of a stroke above the middle; -1 before it is known"""
+    """-; fraction of a stroke above the middle, -1 if unknown"""
 
 
 NOTHING = State()
-"""no stroke is known"""
+"""State without a known stroke."""
 
 
 def step(state: State, frequency: float, lag: float, dt: float) -> State:
-    """On by ``dt`` s with a ``frequency`` (Hz) asked for; ``lag`` is the drive's, in s."""
+    """Advance by ``dt`` (s) with a commanded ``frequency`` (Hz).
+
+    ``lag`` (s) is the time constant of the drive.
+    """
     speed, turns, crossed_at, before, stroke, anchor, split = state
     speed += dt / (lag + dt) * (frequency - speed)
     return State(speed, turns + speed * dt, crossed_at, before, stroke, anchor, split)
 
 
 def crossed(state: State, ago: float, rising: bool, whole: bool) -> State:
-    """After a crossing ``ago`` s before the last step; ``whole``: it ended a stroke that began at a crossing too.
+    """Update the state with a crossing ``ago`` (s) before the last step.
 
-    One that was not whole, because encoders failed or were put right in it, leaves what is known of the drive.
+    ``whole`` is True if the stroke also began at a crossing. Otherwise, after an encoder failure or correction, the
+    estimates of the drive are kept.
     """
     speed, turns, last, before, known, _, split = state
     at = turns - speed * ago
@@ -60,7 +66,7 @@ def crossed(state: State, ago: float, rising: bool, whole: bool) -> State:
         return State(speed, turns, at, last, 0.0, 0.0, split)
     if not whole:
         return State(speed, turns, at, last, known, 0.0 if rising else split, split)
-    # Above the middle between a rising crossing and a falling one.
+    # Between a rising and a falling crossing the wing is above the middle.
     above = (last - before if rising else at - last) / stroke
     if split < 0.0:
         split = above
@@ -71,15 +77,15 @@ def crossed(state: State, ago: float, rising: bool, whole: bool) -> State:
 
 
 def follows(state: State, frequency: float) -> bool:
-    """Whether the clock tells how the stroke goes on; not once no ``frequency`` (Hz) is asked for any more."""
+    """Return whether the clock predicts the stroke, which needs a commanded frequency."""
     return state.stroke > 0.0 and frequency > 0.0
 
 
 def phase(state: State) -> float:
-    """Phase in strokes."""
+    """Return the phase in strokes."""
     return state.anchor + (state.turns - state.crossed) / state.stroke
 
 
 def frequency(state: State) -> float:
-    """Frequency of the stroke that runs now, in Hz."""
+    """Return the frequency (Hz) of the present stroke."""
     return state.speed / state.stroke

@@ -1,9 +1,9 @@
-"""The encoders' counters against their index pulses, against each other, and against what is asked of the wings.
+"""Encoder checks against index pulses, the other encoder and the flapping command.
 
-A counter that misses edges stays wrong for ever; the index, once a turn at a known place, tells by how much. What it
-tells is taken back slowly, so that no angle jumps. An encoder that stands still while the other wing moves is dead
-(or its wing is: the counts cannot tell), and one that counts against the other is wired or told the wrong way round.
-All in counts: signs, zeros and angles are `avionics.sensing.wing_angle`'s.
+A counter that misses edges keeps the error; the index, once a turn at a known position, measures it. The error is
+removed at a limited rate, so that the angle does not jump. An encoder that does not count while the other wing moves
+is stuck (or its wing is: the counts cannot distinguish these). An encoder that counts opposite to the other has a
+wrong connection or sign. All values are in counts; signs, zeros and angles are in `avionics.sensing.wing_angle`.
 """
 
 from __future__ import annotations
@@ -18,38 +18,38 @@ from wingbeat.records import constructor
 from wingbeat.units import Quantity
 
 STUCK = 2
-"""counts; a disc that rests on an edge trembles by less"""
+"""counts; maximum jitter of a disc at rest on an edge"""
 LONGEST_SILENCE_US = 250_000
-"""us; without a sample after which the last says nothing of the wings"""
+"""us; age of the last sample above which it is invalid"""
 PATIENCE = 1.5
-"""-; periods of the commanded stroke without a movement after which both encoders are dead"""
+"""-; periods of the commanded stroke without movement after which both encoders count as stuck"""
 
 
 class Gains(NamedTuple):
-    """Where the indices are, and what is believed."""
+    """Index positions and thresholds of the checks."""
 
     index_left: Annotated[float, Quantity("counts", -1e6, 1e6)] = 0.0
-    """counts; of the left counter at its index, as powered up for `wing_angle.Gains.zero_left`"""
+    """counts; left counter at its index, after power-up at `wing_angle.Gains.zero_left`"""
     index_right: Annotated[float, Quantity("counts", -1e6, 1e6)] = 0.0
-    """counts; of the right counter at its index, as powered up for `wing_angle.Gains.zero_right`"""
+    """counts; right counter at its index, after power-up at `wing_angle.Gains.zero_right`"""
     index_tolerance: Annotated[float, Quantity("counts", 0.5, 100.0)] = 1.5
-    """counts; by which an index may be off without an edge missed. Default: a count either way for the play of the
-    disc"""
+    """counts; maximum index error without missed edges. Default: a count in each direction for the play of the disc
+    """
     index_trust: Annotated[float, Quantity("counts", 0.5, 1000.0)] = 20.0
-    """counts; an index that is further off must be off again by as much before it is believed. Default: 3.6 degrees;
-    a spike on the index line lies anywhere in the stroke"""
+    """counts; maximum index error that is accepted at the first pulse; a larger one requires a second, consistent
+    pulse. Default: 3.6 degrees; noise on the index line occurs at any position"""
     rezero_rate: Annotated[float, Quantity("counts/s", 1.0, 1e6)] = 600.0
-    """counts/s; with which missed counts are taken back. Default: 2 rad/s, a fifth of the flap rate"""
+    """counts/s; rate at which missed counts are corrected. Default: 2 rad/s, a fifth of the flap rate"""
     fastest: Annotated[float, Quantity("counts/s", 100.0, 1e7)] = 40000.0
-    """counts/s; a counter that moves faster has jumped. Default: 36 degrees in 5 ms, four times the fastest
+    """counts/s; maximum count rate; a faster counter has jumped. Default: 36 degrees in 5 ms, four times the fastest
     stroke"""
     stuck_detection_travel: Annotated[float, Quantity("counts", 4.0, 10000.0, formerly="still_travel")] = 64.0
-    """counts; travel of one wing within which the other must move, and in the same direction. Default: 0.2 rad, a
-    quarter of the smallest stroke flown; less than a stroke later the fault is known"""
+    """counts; travel of one wing within which the other must move in the same direction. Default: 0.2 rad, a quarter
+    of the smallest stroke; detection within a stroke"""
 
 
 class Fault(IntEnum):
-    """What is wrong with an encoder."""
+    """Fault of an encoder."""
 
     NONE = 0
     STUCK = 1
@@ -57,53 +57,53 @@ class Fault(IntEnum):
 
 
 class Side(NamedTuple):
-    """What is known of one encoder beyond its count; changes with its index and its faults only."""
+    """State of one encoder besides its count; changes at index pulses and faults."""
 
     pulses: int = 0
-    """-; index pulses seen"""
+    """-; number of index pulses"""
     target: float = 0.0
-    """counts; by which the counter is too high, as the index tells"""
+    """counts; counter error to be corrected, from the index"""
     index_count: float = 0.0
-    """counts; the same, as the last pulse told it, believed or not"""
+    """counts; counter error at the last pulse, accepted or not"""
     missed: int = 0
-    """counts; by which the index has moved since boot, all moves added"""
+    """counts; sum of the magnitudes of all index errors since boot"""
     fault: int = 0
     """-; `Fault`"""
     woken: int = 0
-    """counts; travelled since it was found dead"""
+    """counts; travel since it was detected as stuck"""
 
 
 class State(NamedTuple):
-    """What the check remembers."""
+    """State of the encoder checks."""
 
     time_us: int = -1
-    """us; of the last sample, -1 before the first"""
+    """us; time of the last sample, -1 before the first"""
     left: int = 0
-    """counts; as read"""
+    """counts; raw counter"""
     right: int = 0
-    """counts; as read"""
+    """counts; raw counter"""
     left_slip: float = 0.0
-    """counts; taken off the counter"""
+    """counts; correction subtracted from the counter"""
     right_slip: float = 0.0
-    """counts; taken off the counter"""
+    """counts; correction subtracted from the counter"""
     left_anchor: int = 0
-    """counts; where the left encoder last moved"""
+    """counts; counter at the last movement of the left encoder"""
     right_anchor: int = 0
-    """counts; where the right encoder last moved"""
+    """counts; counter at the last movement of the right encoder"""
     left_stuck_time: int = 0
     """counts; travel of the right wing since then"""
     right_stuck_time: int = 0
     """counts; travel of the left wing since then"""
     opposed: int = 0
-    """counts; travel of the wings against each other, less that with each other"""
+    """counts; travel in opposite directions minus travel in the same direction"""
     moving_us: int = -1
-    """us; when either moved, or when flapping was not commanded"""
+    """us; time of the last movement, or of the last tick without a flapping command"""
     left_side: Side = Side()
     right_side: Side = Side()
 
 
 class Counts(NamedTuple):
-    """Counts of the wings without what was missed."""
+    """Corrected counts of the wings."""
 
     time_us: int
     """us; since boot"""
@@ -112,11 +112,11 @@ class Counts(NamedTuple):
     right: float
     """counts"""
     valid_left: int = 1
-    """-; 0 while the left encoder is not believed"""
+    """-; 0 while the left encoder is rejected"""
     valid_right: int = 1
-    """-; 0 while the right encoder is not believed"""
+    """-; 0 while the right encoder is rejected"""
     missed: int = 0
-    """counts; missed since boot, both counters"""
+    """counts; missed counts since boot, both counters"""
 
 
 _new_state = constructor(State)
@@ -125,14 +125,14 @@ _new_state = constructor(State)
 def step(
     gains: Gains, state: State, sample: EncoderSample, commanded: float = 0.0, parity: float = 1.0
 ) -> tuple[State, Counts]:
-    """One sample on; one that is not later than the last changes nothing.
+    """Check one sample; a sample that is not later than the last one is ignored.
 
     Args:
-        gains: places of the indices and what is believed.
-        state: what the last step returned, ``State()`` at boot.
-        sample: as the counters were read.
-        commanded: Hz; flapping that is asked of the wings, 0 for none.
-        parity: above 0 where both counters rise with the wings up or both fall, below 0 where one does.
+        gains: index positions and thresholds.
+        state: result of the last step, ``State()`` at boot.
+        sample: raw counters.
+        commanded: Hz; commanded flapping frequency, 0 for none.
+        parity: positive if both counters have the same sign for an upstroke, negative otherwise.
     """
     time_us, left, right = sample.time_us, sample.left_counts, sample.right_counts
     left_pulses, right_pulses = sample.left_index_pulses, sample.right_index_pulses
@@ -179,19 +179,19 @@ def step(
 
 
 def silence(state: State, time_us: int) -> tuple[State, Counts]:
-    """No sample for so long that neither encoder is believed; ``time_us`` is now."""
+    """Mark both encoders as stuck after a timeout of the samples at ``time_us``."""
     state = _both_dead(state)
     return state, _counts(state)._replace(time_us=time_us)
 
 
 def without_missed(state: State, sample: EncoderSample) -> EncoderSample:
-    """The sample with the counts that were missed put back, to the nearest count."""
+    """Return the sample corrected for missed counts, to the nearest count."""
     left, right = sample.left_counts - round(state.left_slip), sample.right_counts - round(state.right_slip)
     return sample._replace(left_counts=left, right_counts=right)
 
 
 def _started(sample: EncoderSample) -> State:
-    """At the first sample: the wings are taken to move."""
+    """Return the state after the first sample; the wings are assumed to move."""
     time_us, left, right = sample.time_us, sample.left_counts, sample.right_counts
     return State(time_us, left, right, left_anchor=left, right_anchor=right, moving_us=time_us)
 
@@ -207,20 +207,23 @@ def _counts(state: State) -> Counts:
 
 
 def _jumped(side: Side, moved: int) -> Side:
-    """The counter jumped: the wing is taken to have stood still, until the index tells better."""
+    """Compensate a counter jump; the wing is assumed at rest until the next index."""
     return side._replace(
         target=side.target + moved, index_count=side.index_count + moved, missed=side.missed + abs(moved)
     )
 
 
 def _opposed(opposed: int, moved_left: int, moved_right: int) -> int:
-    """Travel of the wings against each other: what is common to both, added when against and taken off when with."""
+    """Return the accumulated opposite travel.
+
+    The common travel of both wings is added if opposite and subtracted otherwise.
+    """
     common = min(abs(moved_left), abs(moved_right))
     return opposed + common if moved_left * moved_right < 0 else max(0, opposed - common)
 
 
 def _indexed(gains: Gains, state: State, sample: EncoderSample, dt: float) -> State:
-    """The state after ``dt`` s with what the indices of ``sample`` tell, the slips on their way to it."""
+    """Update the counter errors from index pulses and the corrections by ``dt`` (s)."""
     left_latched, right_latched = sample.left_index_counts, sample.right_index_counts
     left_pulses, right_pulses = sample.left_index_pulses, sample.right_index_pulses
     left_side, left_slip, right_side, right_slip = (
@@ -248,7 +251,7 @@ def _indexed(gains: Gains, state: State, sample: EncoderSample, dt: float) -> St
 def _index_passed(
     gains: Gains, side: Side, slip: float, pulses: int, index_count: float, opposed: int
 ) -> tuple[Side, float]:
-    """What an index pulse changes: the slip to be reached, and at once the slip of an encoder that comes back."""
+    """Process an index pulse: set the counter error, and the correction after a fault."""
     side, before = side._replace(pulses=pulses, index_count=index_count), side
     if side.fault == Fault.STUCK:
         return (side._replace(target=index_count, fault=0), index_count) if side.woken else (side, slip)
@@ -261,7 +264,7 @@ def _index_passed(
 
 
 def _judge(gains: Gains, state: State, travel_left: int, travel_right: int) -> State:
-    """Find the encoders at fault, and those that are no longer."""
+    """Detect new and cleared encoder faults."""
     limit = gains.stuck_detection_travel
     left = _woken(limit, state.left_side, travel_left if state.left == state.left_anchor else 0)
     right = _woken(limit, state.right_side, travel_right if state.right == state.right_anchor else 0)
@@ -276,7 +279,7 @@ def _judge(gains: Gains, state: State, travel_left: int, travel_right: int) -> S
 
 
 def _woken(limit: float, side: Side, travel: int) -> Side:
-    """A dead encoder after some travel: it counts again once it has moved as far as it missed, index or not."""
+    """Clear a stuck fault after the travel limit, with or without an index."""
     if side.fault != Fault.STUCK or not travel:
         return side
     woken = side.woken + travel
@@ -292,9 +295,9 @@ def _both_dead(state: State) -> State:
 
 
 def _distinguish(gains: Gains, opposed: bool, left: Side, right: Side) -> tuple[Side, Side]:
-    """Which of two encoders that count against each other is wrong: the one whose index is not at its place.
+    """Determine which of two opposing encoders is wrong by its index error.
 
-    Both, when the indices cannot tell.
+    Both are marked if the indices do not distinguish them.
     """
     if not opposed:
         return left._replace(fault=0), right._replace(fault=0)
@@ -308,12 +311,12 @@ def _distinguish(gains: Gains, opposed: bool, left: Side, right: Side) -> tuple[
 
 
 def health(wing: WingState) -> tuple[int, int, int]:
-    """Return which encoders are valid and how many counts were missed."""
+    """Return the validity of both encoders and the number of missed counts."""
     return wing.valid_left, wing.valid_right, wing.missed_counts
 
 
 def changes(before: WingState, now: WingState) -> list[tuple[Severity, str]]:
-    """What is to be said of the encoders, from the last wing state to this one."""
+    """Return the events for changes of the encoder states."""
     said = []
     for side, was, is_now in (
         ("left", before.valid_left, now.valid_left),

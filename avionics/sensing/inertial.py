@@ -1,4 +1,4 @@
-"""The IMU's calibration: offset and scale of the accelerometer, hard and soft iron of the magnetometer."""
+"""IMU calibration: accelerometer offset and scale, hard and soft iron."""
 
 from __future__ import annotations
 
@@ -9,25 +9,25 @@ from wingbeat.units import Quantity
 
 
 class Gains(NamedTuple):
-    """What a calibration found; neutral before one."""
+    """Result of a calibration; neutral before one."""
 
     accel_offset: Annotated[tuple[float, float, float], Quantity("m/s^2", -20.0, 20.0)] = (0.0, 0.0, 0.0)
-    """m/s^2; taken off the specific force along FRD x, y, z. Default: neutral until it is calibrated"""
+    """m/s^2; offset subtracted from the specific force along FRD x, y, z. Default: neutral until it is calibrated"""
     accel_scale: Annotated[tuple[float, float, float], Quantity("-", 0.5, 2.0)] = (1.0, 1.0, 1.0)
-    """-; then multiplied. Default: neutral until it is calibrated"""
+    """-; scale factor after the offset. Default: neutral until it is calibrated"""
     mag_offset: Annotated[tuple[float, float, float], Quantity("gauss", -10.0, 10.0)] = (0.0, 0.0, 0.0)
-    """gauss; hard iron, taken off the field along FRD x, y, z. Default: neutral until it is calibrated"""
+    """gauss; hard iron subtracted from the field along FRD x, y, z. Default: neutral until it is calibrated"""
     mag_scale: Annotated[tuple[float, float, float], Quantity("-", 0.2, 5.0)] = (1.0, 1.0, 1.0)
-    """-; diagonal of the matrix that takes out the soft iron. Default: neutral until it is calibrated"""
+    """-; diagonal of the soft iron correction matrix. Default: neutral until it is calibrated"""
     mag_cross: Annotated[tuple[float, float, float], Quantity("-", -1.0, 1.0)] = (0.0, 0.0, 0.0)
-    """-; its elements xy, xz and yz; it is symmetric. Default: neutral until it is calibrated"""
+    """-; elements xy, xz and yz of the symmetric soft iron matrix. Default: neutral until it is calibrated"""
 
 
 NEUTRAL = Gains()
 
 
 def correct(gains: Gains, imu: ImuSample) -> ImuSample:
-    """The sample as a perfect sensor would have it; the rates are left to the bias of the AHRS."""
+    """Apply the calibration to a sample; the gyro bias is left to the AHRS."""
     if gains == NEUTRAL:
         return imu
     (ax, ay, az), (p, q, r), (mx, my, mz) = imu.accel, imu.gyro, imu.mag

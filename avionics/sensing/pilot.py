@@ -1,4 +1,7 @@
-"""Whose sticks are flown: the receiver's before overridden channels before MANUAL_CONTROL, never stale ones."""
+"""Selection of the stick inputs: receiver, override, then MANUAL_CONTROL.
+
+Stale inputs are not used.
+"""
 
 from __future__ import annotations
 
@@ -16,47 +19,48 @@ from avionics.sensing import receiver
 from avionics.sensing.receiver import Gains, Sticks
 
 IGNORED = 65535
-"""us; in an override: the channel stays as it was"""
+"""us; value of an override: the channel is unchanged"""
 RELEASED = 65534
-"""us; in an override's channels above 8: the channel is given back; below, 0 does that and here it is ignored"""
+"""us; value of an override in channels above 8: the channel is released; in lower channels 0 releases and this value
+is ignored"""
 PLAIN = 8
-"""channels of an override in which 0 releases"""
+"""-; number of override channels in which 0 releases"""
 NEUTRAL = Sticks()
 
 
 class Act(NamedTuple):
-    """What a switch asks for."""
+    """Command of a switch."""
 
     kind: CommandKind
     name: str = ""
-    """-; the mode's name for SET_MODE"""
+    """-; name of the mode for SET_MODE"""
 
 
 class State(NamedTuple):
-    """What is remembered of the pilot's three ways in."""
+    """State of the three stick inputs."""
 
     radio: receiver.State = receiver.State()
     override: receiver.State = receiver.State()
     channels: tuple[int, ...] = (0,) * OVERRIDDEN
-    """us; overridden channels, 0 where released"""
+    """us; overridden channels, 0 if released"""
     manual: Sticks = NEUTRAL
     manual_us: int = -1
-    """us; of the last MANUAL_CONTROL, -1 before the first"""
+    """us; time of the last MANUAL_CONTROL, -1 before the first"""
     source: int = PilotSource.NONE
-    """-; whose sticks are flown, see `PilotSource`"""
+    """-; active stick input, see `PilotSource`"""
 
 
 def take_receiver(gains: Gains, state: State, sample: ReceiverSample) -> State:
-    """A frame of the receiver came; one that carries no sticks is passed over."""
+    """Process a frame of the receiver; a frame without sticks is ignored."""
     if not receiver.usable(gains, sample.pulses, sample.lost):
         return state
     return state._replace(radio=receiver.step(gains, state.radio, sample.time_us, sample.pulses))
 
 
 def take_override(gains: Gains, state: State, override: ChannelOverride) -> State:
-    """RC_CHANNELS_OVERRIDE came: channels are set, left, or released; released sticks are centred.
+    """Process RC_CHANNELS_OVERRIDE: channels are set, kept or released.
 
-    Its checksum was right, so a switch counts at once.
+    Released sticks are centered. The message has a checksum, so that a switch takes effect at once.
     """
     channels = tuple(map(_overridden, range(OVERRIDDEN), state.channels, override.pulses))
     centred = (*(round(pulse) for pulse in gains.trim[:2]), round(_idle(gains)), round(gains.trim[3]))
@@ -82,7 +86,7 @@ def _idle(gains: Gains) -> float:
 
 
 def choose(gains: Gains, state: State, time_us: int) -> PilotSource:
-    """The first source that is not stale."""
+    """Return the first source that is not stale."""
     if state.radio.time_us >= 0 and not receiver_lost(gains, state, time_us):
         return PilotSource.RECEIVER
     limit = gains.stick_time * 1e6
@@ -94,12 +98,12 @@ def choose(gains: Gains, state: State, time_us: int) -> PilotSource:
 
 
 def receiver_lost(gains: Gains, state: State, time_us: int) -> bool:
-    """Whether the receiver was heard once and is not any more."""
+    """Return whether receiver frames have timed out after the first."""
     return 0 <= state.radio.time_us < time_us - gains.frame_time * 1e6
 
 
 def sticks(state: State) -> Sticks:
-    """Those of the chosen source, neutral without one."""
+    """Return the sticks of the active source, neutral without one."""
     if state.source == PilotSource.RECEIVER:
         return state.radio.sticks
     if state.source == PilotSource.OVERRIDE:
@@ -108,14 +112,15 @@ def sticks(state: State) -> Sticks:
 
 
 def kill_switch(state: State) -> bool:
-    """Whether a kill switch is on, of whatever source."""
+    """Return whether the kill switch of any source is on."""
     return state.radio.kill.position == 2 or state.override.kill.position == 2
 
 
 def acts(gains: Gains, before: receiver.State, after: receiver.State, disarmed: bool) -> tuple[Act, ...]:
-    """What the switches of the source in command ask for: changes act, and the first mode position while disarmed.
+    """Return the commands of the switches of the active source.
 
-    An arm switch that is on when it is first heard arms nothing: it has to be moved.
+    A change of a switch causes a command; while disarmed so does the first mode position. An arm switch that is on at
+    the first frame has no effect until it is moved.
     """
     requested: list[Act] = []
     if after.mode.position != before.mode.position and (before.mode.position >= 0 or disarmed):

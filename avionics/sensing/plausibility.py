@@ -1,7 +1,8 @@
-"""Refuses sensor samples that cannot be: not finite, outside the sensor's range, or older than the last one.
+"""Rejection of implausible sensor samples.
 
-What is refused is counted, said once per sensor while it lasts, and replaced by nothing: the modules that
-need the sample keep the last good one.
+A sample is rejected if it is not finite, outside the range of the sensor, or older than the last one. Rejected
+samples are counted and reported once per sensor while the fault lasts. They are not replaced: the modules that need a
+sample keep the last valid one.
 """
 
 from __future__ import annotations
@@ -18,81 +19,80 @@ from wingbeat.units import Quantity
 
 
 class Gains(NamedTuple):
-    """Ranges of the sensors, a little beyond what they can say; a gyro at the end of its range says nothing."""
+    """Ranges of the sensors, with a margin; a saturated gyro is invalid."""
 
     accel_max: Annotated[float, Quantity("m/s^2", 10.0, 2000.0)] = 200.0
-    """m/s^2; per axis. Default: the ADXL345's 16 g and its tolerance"""
+    """m/s^2; limit of each axis. Default: 16 g of the ADXL345 and its tolerance"""
     gyro_max: Annotated[float, Quantity("rad/s", 1.0, 100.0)] = 34.9
-    """rad/s; per axis, from which it is at the end of its range: such a sample is refused. Default: the ITG-3200's
-    2000 deg/s, six counts short of it"""
+    """rad/s; limit of each axis at which the sensor saturates; saturated samples are rejected. Default: 2000 deg/s of
+    the ITG-3200 minus six counts"""
     mag_max: Annotated[float, Quantity("gauss", 0.1, 100.0)] = 10.0
-    """gauss; per axis. Default: the HMC5883L's 8 G and its tolerance"""
+    """gauss; limit of each axis. Default: 8 G of the HMC5883L and its tolerance"""
     counts_max: Annotated[float, Quantity("counts", 255.0, 16777216.0)] = 16777216.0
-    """counts; of pressures and strain gauges. Default: 24-bit pressure counts are the widest"""
+    """counts; limit of pressures and strain gauges. Default: 24-bit pressure counts are the widest"""
     encoder_jump: Annotated[float, Quantity("counts", 1.0, 1000000.0)] = 200.0
-    """counts; greatest change of an encoder between samples. Default: 36 degrees in 5 ms, four times the fastest
+    """counts; maximum change of an encoder between samples. Default: 36 degrees in 5 ms, four times the fastest
     stroke"""
     gps_speed_max: Annotated[float, Quantity("m/s", 5.0, 1000.0)] = 100.0
-    """m/s; per axis. Default: far above any ornithopter in any wind it flies in"""
+    """m/s; limit of each axis. Default: far above the ground speed of any ornithopter"""
     accel_full: Annotated[float, Quantity("m/s^2", 5.0, 2000.0)] = 156.0
-    """m/s^2; from which an axis of the accelerometer is at the end of its range. Default: the ADXL345's 16 g, a
-    count short of it"""
+    """m/s^2; value at which an accelerometer axis saturates. Default: 16 g of the ADXL345 minus a count"""
     imu_repeats: Annotated[float, Quantity("-", 2.0, 1e9)] = 10.0
-    """-; equal samples in a row after which the IMU has frozen: its noise does not repeat. Default: 50 ms; the noise
-    of six axes never repeats twice"""
+    """-; identical consecutive samples after which the IMU counts as frozen. Default: 50 ms; the noise of six axes
+    never repeats twice"""
     fault_time: Annotated[float, Quantity("s", 0.01, 10.0)] = 0.2
-    """s; without a good IMU sample before it is a fault. Default: a stroke without attitude is too much"""
+    """s; time without a valid IMU sample before a fault. Default: one stroke without attitude is too long"""
     baro_time: Annotated[float, Quantity("s", 0.1, 1e9)] = 0.5
-    """s; without a new static pressure before the barometer is lost: its noise does not repeat for so long. Default:
-    25 samples; the noise of 0.01 Pa counts never repeats so often"""
+    """s; time without a new static pressure before the barometer counts as lost. Default: 25 samples; the noise of
+    0.01 Pa counts never repeats so often"""
 
 
 class State(NamedTuple):
-    """What the check remembers."""
+    """State of the plausibility checks."""
 
     rejected: int = 0
-    """-; samples refused since boot"""
+    """-; samples rejected since boot"""
     bad: int = 0
-    """-; flags of the sensors (see `step`) whose last sample was refused"""
+    """-; flags of the sensors (see `step`) with a rejected last sample"""
     imu_time_us: int = -1
-    """us; of the last good IMU sample, -1 before the first"""
+    """us; time of the last valid IMU sample, -1 before the first"""
     encoder: tuple[int, int] | None = None
-    """counts; last good left and right"""
+    """counts; last valid left and right counts"""
     encoder_refused: int = 0
-    """-; encoder samples refused in a row"""
+    """-; consecutively rejected encoder samples"""
     gps_time_us: int = -1
-    """us; of the last good fix with a position, -1 before the first"""
+    """us; time of the last valid fix with a position, -1 before the first"""
     time_refused: int = 0
-    """-; frames in a row refused because of their time"""
+    """-; frames consecutively rejected for their time"""
     time_offset_us: int = 0
-    """us; added to the sensors' time since their clock jumped"""
+    """us; offset added to the sensor time since a jump of its clock"""
     inertial: tuple[float, ...] = ()
     """m/s^2, rad/s; last accelerometer and gyro reading"""
     repeated: int = 0
-    """-; times that it has been read again"""
+    """-; number of repetitions of this reading"""
     saturated: int = 0
-    """-; samples in a row with the accelerometer at the end of its range"""
+    """-; consecutive samples with a saturated accelerometer"""
     static: int = 0
-    """counts; last good static pressure"""
+    """counts; last valid static pressure"""
     static_us: int = -1
-    """us; when it last was another, -1 before the first"""
+    """us; time of the last change of the static pressure, -1 before the first"""
 
 
 SATURATED = 3
-"""samples in a row at the end of the range after which the accelerometer says nothing"""
+"""samples; consecutive saturated samples after which the accelerometer is invalid"""
 TIME_PATIENCE = 20
-"""frames in a row with such a time after which the clock has jumped: it is followed from there"""
+"""frames; consecutive frames with a rejected time after which a clock jump is accepted"""
 LONGEST_GAP_US = 1_000_000
-"""us; from one frame to the next: a frame further ahead is refused as an earlier one is"""
+"""us; maximum interval between frames; a frame further ahead is rejected as an earlier one is"""
 ENCODER_PATIENCE = 20
-"""refused samples in a row after which a jump of the counts is believed: the counter was reset"""
+"""samples; consecutive rejected samples after which a jump of the counts is accepted: the counter was reset"""
 
 
 IMU, ENCODER = "IMU", "encoder"
 
 
 class Check(Protocol):
-    """What is known of a sensor here; satisfied by `avionics.sensors.Sensor`."""
+    """Check of a sensor; satisfied by `avionics.sensors.Sensor`."""
 
     @property
     def field(self) -> str:
@@ -108,12 +108,12 @@ class Check(Protocol):
 
 
 def always_plausible(gains: Gains, state: State, sample: object) -> bool:
-    """Accept every sample: another module judges it."""
+    """Accept every sample; another module checks it."""
     return True
 
 
 def imu_plausible(gains: Gains, imu: ImuSample) -> bool:
-    """Whether all nine values are finite and in range (a NaN fails every comparison)."""
+    """Return whether all nine values are finite and in range (a NaN fails)."""
     (ax, ay, az), (p, q, r), (mx, my, mz) = imu.accel, imu.gyro, imu.mag
     a, g, m = gains.accel_max, gains.gyro_max, gains.mag_max
     return (
@@ -124,7 +124,7 @@ def imu_plausible(gains: Gains, imu: ImuSample) -> bool:
 
 
 def pressures_plausible(gains: Gains, state: State, sample: PressureSample) -> bool:
-    """Whether the counts are in range."""
+    """Return whether the counts are in range."""
     high = gains.counts_max
     return (
         -high <= sample.static_counts <= high
@@ -134,9 +134,9 @@ def pressures_plausible(gains: Gains, state: State, sample: PressureSample) -> b
 
 
 def adc_plausible(gains: Gains, state: State, burst: AdcBurst) -> bool:
-    """Whether the burst has samples and all counts are whole numbers of 16 bits, as the wire carries them.
+    """Return whether the burst has samples and all counts are unsigned 16-bit.
 
-    Packing them finds one that is not five times faster than comparing each.
+    Packing the counts is five times faster than comparing each.
     """
     voltage, current = burst.voltage_counts, burst.current_counts
     samples = len(voltage)
@@ -153,18 +153,18 @@ def adc_plausible(gains: Gains, state: State, burst: AdcBurst) -> bool:
 
 @lru_cache(maxsize=8)
 def _whole(samples: int) -> struct.Struct:
-    """So many whole numbers of 16 bits."""
+    """Return the structure of ``samples`` unsigned 16-bit integers."""
     return struct.Struct(f"{samples}H")
 
 
 def torque_plausible(gains: Gains, state: State, sample: TorqueSample) -> bool:
-    """Whether the counts are in range."""
+    """Return whether the counts are in range."""
     high = gains.counts_max
     return -high <= sample.left_counts <= high and -high <= sample.right_counts <= high
 
 
 def gps_plausible(gains: Gains, state: State, fix: GpsFix) -> bool:
-    """Whether place, velocity and accuracy are finite and possible."""
+    """Return whether position, velocity and accuracy are finite and in range."""
     v = gains.gps_speed_max
     return (
         abs(fix.latitude) <= 0.5 * math.pi
@@ -179,7 +179,7 @@ def gps_plausible(gains: Gains, state: State, fix: GpsFix) -> bool:
 
 
 def encoder_plausible(gains: Gains, state: State, sample: EncoderSample) -> bool:
-    """Whether the counts moved no further than a wing can, or have jumped for good."""
+    """Return whether the change of the counts is possible or a permanent jump."""
     if state.encoder is None or state.encoder_refused >= ENCODER_PATIENCE:
         return True
     jump = gains.encoder_jump
@@ -194,13 +194,13 @@ def step(
 
     Args:
         gains: ranges of the sensors.
-        state: memory.
-        frame: as the board delivered it.
-        checks: of the sensors beside the IMU, in the order of their bits in `State.bad`.
+        state: result of the last step.
+        frame: frame of the board.
+        checks: checks of the sensors other than the IMU, in the order of their bits in `State.bad`.
 
     Returns:
-        The new state; the frame without the rejected samples, but for the IMU sample, whose rejection is bit 0 of
-        `State.bad`; names of the sensors whose samples were accepted before and are rejected now.
+        The new state; the frame without the rejected samples, except for the IMU sample, whose rejection is bit 0 of
+        `State.bad`; names of the sensors with samples that were accepted before and are rejected now.
     """
     imu, full = frame.imu, gains.accel_full
     inertial = (*imu.accel, *imu.gyro)
@@ -232,22 +232,22 @@ def step(
 
 
 def refuse_time(state: State) -> State:
-    """A whole frame whose time does not rise, or rises too far, was refused."""
+    """Count a frame rejected for its time, which is not later or too far ahead."""
     return state._replace(rejected=state.rejected + 1, time_refused=state.time_refused + 1)
 
 
 def imu_age(state: State, time_us: int) -> float:
-    """Seconds since the last good IMU sample; infinite before the first."""
+    """Return the time (s) since the last valid IMU sample; infinite before the first."""
     return math.inf if state.imu_time_us < 0 else (time_us - state.imu_time_us) * 1e-6
 
 
 def gps_age(state: State, time_us: int) -> float:
-    """Seconds since the last good fix with a position; infinite before the first."""
+    """Return the time (s) since the last valid position fix; infinite before it."""
     return math.inf if state.gps_time_us < 0 else (time_us - state.gps_time_us) * 1e-6
 
 
 def baro_lost(gains: Gains, state: State, time_us: int) -> bool:
-    """Whether the barometer was heard once and has said nothing new for too long."""
+    """Return whether the static pressure has timed out after the first sample."""
     return 0 <= state.static_us < time_us - gains.baro_time * 1e6
 
 
@@ -258,7 +258,7 @@ _new_state = constructor(State)
 
 
 def _accept(state: State, frame: SensorFrame, bad: int, health: Health) -> State:
-    """Remember the accepted samples of a frame and which sensors are bad."""
+    """Store the accepted samples of a frame and the flags of rejected sensors."""
     encoder, pressures, gps = frame.encoder, frame.pressures, frame.gps
     static, static_us = state.static, state.static_us
     if pressures is not None and (pressures.static_counts != static or static_us < 0):

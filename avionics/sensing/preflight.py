@@ -1,10 +1,11 @@
-"""Calibration of the gyros at standstill, and the sensor checks before arming.
+"""Gyro calibration at standstill, and sensor checks before arming.
 
 Standstill is detected from the scatter of gyro and accelerometer within a window and from the agreement of successive
 window means, as in the boot calibrations of ArduPilot (AP_InertialSensor) and PX4 (gyro_calibration). No threshold
-applies to the mean rate below the data sheet's zero-rate offset, so the result does not depend on a learned bias. A
-slow steady rotation has a constant mean rate as well: the directions of gravity and of the magnetic field must stand
-still, too. The means at standstill are then compared with 1 g, with the reference field and with calm air.
+applies to the mean rate below the zero-rate offset of the data sheet, so that the result does not depend on an
+estimated bias. A slow steady rotation has a constant mean rate as well. The directions of gravity and of the magnetic
+field must therefore be constant, too. The means at standstill are then compared with 1 g, with the reference field
+and with calm air.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ Vector = tuple[float, float, float]
 Sums = tuple[float, float, float, float, float, float, float, float, float]
 
 LONGEST_STEP = 0.1
-"""s; a window with a longer gap between two samples is discarded"""
+"""s; maximum interval between two samples; a longer one discards the window"""
 NO_SUMS: Sums = (0.0,) * 9
 ZERO: Vector = (0.0, 0.0, 0.0)
 
@@ -33,55 +34,54 @@ class Gains(NamedTuple):
     window: Annotated[float, Quantity("s", 0.1, 10.0)] = 0.5
     """s; length of a window"""
     windows: Annotated[int, Quantity("-", 2, 20)] = 3
-    """-; successive windows at standstill that make a calibration. Default: done 1.5 s after boot, before a scripted
-    arming"""
+    """-; number of successive windows at standstill for a calibration. Default: complete 1.5 s after boot, before a
+    scripted arming"""
     gyro_scatter: Annotated[float, Quantity("rad/s", 1e-4, 1.0)] = 0.05
-    """rad/s; greatest standard deviation of an axis within a window: six times the sensor's noise, a steady hand.
-    Default: six times the ITG-3200's noise; a steady hand"""
+    """rad/s; maximum standard deviation of an axis within a window. Default: six times the noise of the ITG-3200; a
+    steady hand"""
     accel_scatter: Annotated[float, Quantity("m/s^2", 1e-3, 10.0)] = 0.5
-    """m/s^2; greatest standard deviation of an axis within a window: eight times the sensor's noise. Default: eight
-    times the ADXL345's noise"""
+    """m/s^2; maximum standard deviation of an axis within a window. Default: eight times the noise of the ADXL345"""
     gyro_spread: Annotated[float, Quantity("rad/s", 1e-4, 0.5)] = 0.025
-    """rad/s; greatest difference between the mean rates of the windows, each axis: the sway of a hand. Default: a
-    hand that sways by 0.3 degrees at 0.4 Hz; at rest noise leaves 0.001 of it"""
+    """rad/s; maximum difference between the mean rates of the windows, each axis. Default: a hand that sways by 0.3
+    degrees at 0.4 Hz; the noise at rest is 0.001"""
     turn: Annotated[float, Quantity("rad", 1e-3, 0.5)] = 0.02
-    """rad; greatest change of the directions of specific force and field between the windows. Default: a rotation of
-    1 deg/s; less is within the range of the bias estimator"""
+    """rad; maximum change of the directions of specific force and field between the windows. Default: a rotation of 1
+    deg/s; less is within the range of the bias estimator"""
     gyro_offset: Annotated[float, Quantity("rad/s", 0.01, 2.0)] = 0.7
-    """rad/s; greatest zero-rate offset of an axis: 40 deg/s of the ITG-3200 data sheet. Default, published: ITG-3200
-    data sheet, zero-rate output +-40 deg/s"""
+    """rad/s; maximum zero-rate offset of an axis. Default, published: ITG-3200 data sheet, zero-rate output +-40
+    deg/s"""
     accel_error: Annotated[float, Quantity("m/s^2", 0.05, 10.0)] = 0.4
-    """m/s^2; greatest difference of the specific force from 1 g: over five sigma of a calibrated sensor. Default: 41
-    mg, over five sigma of offset and scale after a calibration"""
+    """m/s^2; maximum difference of the specific force from 1 g. Default: 41 mg, over five sigma of offset and scale
+    after a calibration"""
     strength_error: Annotated[float, Quantity("-", 0.01, 1.0)] = 0.1
-    """-; greatest relative difference of the field strength from the reference. Default: over seven sigma of hard
-    iron and scale after a calibration"""
+    """-; maximum relative difference of the field strength from the reference. Default: over seven sigma of hard iron
+    and scale after a calibration"""
     dip_error: Annotated[float, Quantity("rad", 0.01, 1.6)] = 0.1
-    """rad; greatest difference of the inclination from the reference: over five sigma of calibrated sensors.
-    Default: over five sigma of hard iron, mounting and accelerometer after a calibration"""
+    """rad; maximum difference of the inclination from the reference. Default: over five sigma of hard iron, mounting
+    and accelerometer after a calibration"""
     suction: Annotated[float, Quantity("Pa", 1.0, 250.0)] = 10.0
-    """Pa; greatest negative pressure of the pitot. Default: ten sigma of the zero after a calibration; the nose is
-    in the wind"""
+    """Pa; maximum negative pressure of the pitot. Default: ten sigma of the zero after a calibration; the nose is in
+    the wind"""
     pressure: Annotated[float, Quantity("Pa", 1.0, 250.0)] = 25.0
-    """Pa; greatest steady pressure of the pitot: 6.4 m/s of wind. Default: 6.4 m/s of wind; in gusts of
-    small_uav_light about 3 m/s one in a thousand"""
+    """Pa; maximum steady pressure of the pitot. Default: 6.4 m/s of wind; in gusts of small_uav_light about 3 m/s one
+    in a thousand"""
     pressure_spread: Annotated[float, Quantity("Pa", 0.1, 50.0)] = 2.0
-    """Pa; greatest difference between the mean pressures of the windows of a steady pressure; wind fluctuates more.
-    Default: five sigma of a window's mean; gusts about such a wind make as much in a second"""
+    """Pa; maximum difference between the mean pressures of the windows for a steady pressure; wind varies more.
+    Default: five sigma of the mean of a window; gusts about such a wind cause as much in a second"""
 
 
 class Obstacle(IntEnum):
-    """Why the last window made no calibration."""
+    """Reason for a window without a calibration."""
 
     NONE = 0
     MOTION = 1
-    """the vehicle is moved, or the sensors scatter"""
+    """motion of the vehicle, or scatter of the sensors"""
     OFFSET = 2
-    """the mean rate is beyond the data sheet's zero-rate offset"""
+    """mean rate beyond the zero-rate offset of the data sheet"""
 
 
 class Finding(IntEnum):
-    """A sensor error that forbids arming."""
+    """Sensor error that prevents arming."""
 
     GYRO_UNCALIBRATED = 1
     GYRO_OFFSET = 2
@@ -105,27 +105,27 @@ class Means(NamedTuple):
 
 
 class Rest(NamedTuple):
-    """The last standstill."""
+    """Result of the last standstill."""
 
     means: Means
-    """over all its windows"""
+    """means over all windows"""
     pressure_spread: float
-    """Pa; greatest difference between the mean pressures of the windows"""
+    """Pa; maximum difference between the mean pressures of the windows"""
 
 
 class State(NamedTuple):
-    """Memory of the detector."""
+    """State of the standstill detection."""
 
     time_us: int = -1
-    """us; of the last sample, -1 before the first"""
+    """us; time of the last sample, -1 before the first"""
     samples: int = 0
-    """-; in the present window"""
+    """-; number of samples in the present window"""
     span: float = 0.0
-    """s; since the present window began"""
+    """s; time since the present window began"""
     sums: Sums = NO_SUMS
-    """SI; of rates, specific force and field"""
+    """SI; sums of rates, specific force and field"""
     squares: Sums = NO_SUMS
-    """SI; of their squares, the field's are not used"""
+    """SI; sums of the squares, not used for the field"""
     pressure: tuple[float, int] = (0.0, 0)
     """Pa, -; sum of the pitot samples and their number"""
     windows: tuple[Means, ...] = ()
@@ -137,7 +137,7 @@ class State(NamedTuple):
 
 
 class Reference(NamedTuple):
-    """The geomagnetic field at the place; a strength of 0 is unknown."""
+    """Local geomagnetic field; a strength of 0 is unknown."""
 
     strength: float
     """gauss"""
@@ -146,16 +146,16 @@ class Reference(NamedTuple):
 
 
 def step(gains: Gains, state: State, imu: ImuSample, pressure: float | None = None) -> tuple[State, bool]:
-    """Add one sample; call it while disarmed on the ground.
+    """Add one sample; to be called while disarmed on the ground.
 
     Args:
         gains: windows and limits.
-        state: from the last step, ``State()`` at boot.
-        imu: corrected sample.
+        state: result of the last step, ``State()`` at boot.
+        imu: calibrated sample.
         pressure: Pa; calibrated differential pressure, None without a new one.
 
     Returns:
-        the state, and whether a standstill was completed by this sample: ``State.rest`` is new.
+        The state, and whether this sample completed a standstill with a new ``State.rest``.
     """
     dt = (imu.time_us - state.time_us) * 1e-6
     if state.time_us < 0 or not 0.0 < dt <= LONGEST_STEP:
@@ -181,7 +181,7 @@ def step(gains: Gains, state: State, imu: ImuSample, pressure: float | None = No
 
 
 def findings(gains: Gains, state: State, reference: Reference) -> tuple[Finding, ...]:
-    """Sensor errors that forbid arming, empty for none."""
+    """Return the sensor errors that prevent arming; empty if none."""
     if state.rest is None:
         return (Finding.GYRO_OFFSET if state.obstacle == Obstacle.OFFSET else Finding.GYRO_UNCALIBRATED,)
     means, spread = state.rest
@@ -200,7 +200,10 @@ def findings(gains: Gains, state: State, reference: Reference) -> tuple[Finding,
 
 
 def dip(means: Means) -> float:
-    """Inclination (rad) of the mean field below the plane across the mean specific force."""
+    """Return the inclination (rad) of the mean field.
+
+    The reference plane is perpendicular to the mean specific force.
+    """
     size = _norm(means.force) * _norm(means.field)
     along = sum(f * m for f, m in zip(means.force, means.field, strict=True))
     return asin(clip(-along / size, -1.0, 1.0)) if size > 0.0 else 0.0
@@ -209,7 +212,7 @@ def dip(means: Means) -> float:
 def _closed(
     gains: Gains, state: State, time_us: int, filled: tuple[int, Sums, Sums, tuple[float, int]]
 ) -> tuple[State, bool]:
-    """The state after the end of a window."""
+    """Return the state after the end of a window."""
     count, sums, squares, (total, samples) = filled
     m = tuple(value / count for value in sums)
     deviation = [sqrt(max(0.0, square / count - mean * mean)) for square, mean in zip(squares, m, strict=True)]
@@ -229,7 +232,7 @@ def _closed(
 
 
 def _agreeing(gains: Gains, windows: tuple[Means, ...]) -> bool:
-    """Whether rates and directions of the windows are those of one standstill."""
+    """Return whether the rates and directions of the windows agree."""
     last = windows[-1]
     force, field = gains.turn * _norm(last.force), gains.turn * _norm(last.field)
     return all(

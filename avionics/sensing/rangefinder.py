@@ -1,7 +1,7 @@
-"""Altitude of the ground below the vehicle, from a downward rangefinder.
+"""Terrain altitude below the vehicle, from a downward rangefinder.
 
-The difference of altitude and height is the altitude of the terrain; a first-order filter with a limited rate follows
-it, so that a false reading of some meters moves it by centimeters. Heights count from that at boot, as altitudes do.
+The terrain altitude is the difference of altitude and height. A first-order filter with a rate limit follows it, so
+that a false reading of some meters changes it by centimeters. Heights are relative to that at boot, as altitudes are.
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ from avionics.sensing import plausibility
 from wingbeat.samples import RangeSample
 
 LONGEST = 200.0
-"""m; no rangefinder of a small vehicle reads further"""
+"""m; maximum plausible range: no rangefinder of a small vehicle exceeds it"""
 
 
 TIME_CONSTANT = 0.2
-"""s; of the filter: ten samples at 50 Hz"""
+"""s; time constant of the filter: ten samples at 50 Hz"""
 MAX_RATE = 4.0
-"""m/s; of the terrain altitude: a slope of 27 degrees at 8 m/s"""
+"""m/s; rate limit of the terrain altitude: a slope of 27 degrees at 8 m/s"""
 MAX_TILT = 0.7
-"""rad; greatest angle between beam and vertical at which a reading is used"""
+"""rad; maximum angle between beam and vertical for a valid reading"""
 HOLD_TIME = 1.0
 """s; for which the terrain altitude holds without a reading, after that it is that of home: 8 m of way"""
 CONFIRMING = 5
@@ -34,7 +34,7 @@ LONGEST_STEP = 0.1
 
 
 class State(NamedTuple):
-    """Memory of the filter."""
+    """State of the filter."""
 
     reference: float = 0.0
     """m; height at boot, of the vehicle in the hand or on the ground"""
@@ -47,19 +47,19 @@ class State(NamedTuple):
 
 
 def is_plausible(gains: plausibility.Gains, state: plausibility.State, sample: RangeSample) -> bool:
-    """Whether distance and limits are finite and in order."""
+    """Return whether distance and limits are finite and in order."""
     return 0.0 <= sample.distance <= LONGEST and 0.0 <= sample.min_distance < sample.max_distance <= LONGEST
 
 
 def step(state: State, sample: RangeSample, vertical: float, altitude: float, at_rest: bool) -> State:
-    """Take one reading.
+    """Update the terrain altitude with one reading.
 
     Args:
-        state: memory.
-        sample: the reading.
+        state: result of the last step.
+        sample: reading.
         vertical: cosine of the angle between beam and vertical.
         altitude: m; estimated, above home.
-        at_rest: the vehicle is not in flight: the height is the reference.
+        at_rest: True if the vehicle is not in flight: the height becomes the reference.
     """
     # A distance below the least one is that of a vehicle on the ground.
     distance = max(sample.distance, sample.min_distance)

@@ -1,7 +1,8 @@
-"""Radio-control channels -> sticks and switches; the same for the receiver's and for overridden channels.
+"""Conversion of radio-control channels to sticks and switches.
 
-Channels 1 to 4 are roll, pitch, throttle and yaw; a switch has three positions. A frame counts as lost when the
-receiver says so or when a stick's pulse is outside of what a working receiver gives.
+The conversion is common to the receiver and to overridden channels. Channels 1 to 4 are roll, pitch, throttle and
+yaw; a switch has three positions. A frame counts as lost if the receiver reports it, or if the pulse of a stick is
+outside the valid range.
 """
 
 from __future__ import annotations
@@ -13,88 +14,87 @@ from avionics.limits import clip
 from wingbeat.units import Quantity
 
 ROLL, PITCH, THROTTLE, YAW = range(4)
-"""places of the sticks among the channels"""
+"""indices of the sticks in the channels"""
 STICKS = 4
-"""channels; that a frame must have"""
+"""channels; minimum number in a frame"""
 SWITCH_LOW, SWITCH_HIGH = 1300, 1700
-"""us; between the low, middle and high position of a switch"""
+"""us; thresholds between the low, middle and high position of a switch"""
 SETTLED = 3
-"""frames; for which a switch must stay before it counts, 60 ms at 50 Hz"""
+"""frames; confirmation of a switch position: 60 ms at 50 Hz"""
 
 Four = tuple[float, float, float, float]
 PULSE = Quantity("us", 500.0, 2500.0)
 
 
 class Gains(NamedTuple):
-    """Calibration of the channels, the switches, and how long a silence is borne."""
+    """Calibration of channels and switches, and timeouts."""
 
     low: Annotated[Four, PULSE] = (1000.0, 1000.0, 1000.0, 1000.0)
-    """us; pulse of roll, pitch, throttle and yaw at the low end. Default: the usual pulse of a stick at its low
-    end"""
+    """us; pulse of roll, pitch, throttle and yaw at the low end. Default: the usual pulse of a stick at its low end
+    """
     trim: Annotated[Four, PULSE] = (1500.0, 1500.0, 1500.0, 1500.0)
-    """us; the same, centred; the throttle's is not used. Default: the usual pulse of a centred stick"""
+    """us; pulse at the center, not used for the throttle. Default: the usual pulse of a centered stick"""
     high: Annotated[Four, PULSE] = (2000.0, 2000.0, 2000.0, 2000.0)
-    """us; the same at the high end: right, nose up, full flapping, right. Default: the usual pulse of a stick at its
+    """us; pulse at the high end: right, nose up, full flapping, right. Default: the usual pulse of a stick at its
     high end"""
     reverse: Annotated[Four, Quantity("-", -1.0, 1.0)] = (1.0, 1.0, 1.0, 1.0)
-    """-; -1 where the transmitter moves a channel the other way, else 1. Default: right, stick back, full flapping
-    and right are long pulses"""
+    """-; -1 if the transmitter reverses a channel, else 1. Default: right, stick back, full flapping and right are
+    long pulses"""
     dead_zone: Annotated[float, Quantity("us", 0.0, 200.0)] = 10.0
-    """us; about the trim, that counts as centred. Default: a stick's play, ten times the receiver's jitter"""
+    """us; dead zone about the trim. Default: the play of a stick, ten times the jitter of the receiver"""
     pulse_min: Annotated[float, PULSE] = 850.0
-    """us; shorter pulses are no signal. Default: below every calibrated stick; a receiver in failsafe may say
+    """us; minimum pulse of a valid signal. Default: below every calibrated stick; a receiver in failsafe may send
     less"""
     pulse_max: Annotated[float, PULSE] = 2150.0
-    """us; longer pulses are no signal. Default: above every calibrated stick"""
+    """us; maximum pulse of a valid signal. Default: above every calibrated stick"""
     frame_time: Annotated[float, Quantity("s", 0.05, 10.0)] = 0.5
-    """s; without a good frame before the receiver is lost. Default: 25 frames"""
+    """s; time without a valid frame after which the receiver counts as lost. Default: 25 frames"""
     stick_time: Annotated[float, Quantity("s", 0.05, 60.0)] = 1.0
-    """s; without MANUAL_CONTROL or RC_CHANNELS_OVERRIDE before their sticks are lost. Default: ten messages of a
-    ground station"""
+    """s; time without MANUAL_CONTROL or RC_CHANNELS_OVERRIDE after which their sticks count as lost. Default: ten
+    messages of a ground station"""
     mode_channel: Annotated[int, Quantity("-", 0, 18)] = 5
-    """-; of the mode switch, 0 for none. Default: the first behind the sticks"""
+    """-; channel of the mode switch, 0 for none. Default: the first after the sticks"""
     arm_channel: Annotated[int, Quantity("-", 0, 18)] = 6
-    """-; of the arm switch, armed by moving it to high, 0 for none. Default: the next"""
+    """-; channel of the arm switch, which arms when moved to high, 0 for none. Default: the next"""
     kill_channel: Annotated[int, Quantity("-", 0, 18)] = 7
-    """-; of the kill switch, high kills, 0 for none. Default: the next"""
+    """-; channel of the kill switch, active if high, 0 for none. Default: the next"""
     mode_low: Annotated[int, Quantity("-", 1, 7)] = 2
-    """-; number of the mode of the switch's low position. Default: STABILIZED, where a pilot in need reaches for the
-    switch"""
+    """-; number of the mode in the low position of the switch. Default: STABILIZED, for a pilot in an emergency"""
     mode_middle: Annotated[int, Quantity("-", 1, 7)] = 7
-    """-; number of the mode of its middle position. Default: LOITER, to think"""
+    """-; number of the mode in the middle position. Default: LOITER, to gain time"""
     mode_high: Annotated[int, Quantity("-", 1, 7)] = 4
-    """-; number of the mode of its high position. Default: AUTO"""
+    """-; number of the mode in the high position. Default: AUTO"""
 
 
 class Sticks(NamedTuple):
-    """Where the sticks are."""
+    """Stick positions."""
 
     pitch: float = 0.0
-    """-; -1 nose down to 1 nose up"""
+    """-; from -1 nose down to 1 nose up"""
     roll: float = 0.0
-    """-; -1 left to 1 right"""
+    """-; from -1 left to 1 right"""
     yaw: float = 0.0
-    """-; -1 left to 1 right"""
+    """-; from -1 left to 1 right"""
     throttle: float = 0.0
-    """-; 0 to 1 flapping"""
+    """-; from 0 to 1 flapping"""
 
 
 class Switch(NamedTuple):
-    """A switch without its bounces."""
+    """Debounced switch."""
 
     position: int = -1
-    """-; 0 low, 1 middle, 2 high, -1 before it was heard"""
+    """-; 0 low, 1 middle, 2 high, -1 before the first frame"""
     received: int = -1
-    """-; position of the last frame"""
+    """-; position in the last frame"""
     frames: int = 0
-    """-; frames in a row with that position"""
+    """-; consecutive frames with that position"""
 
 
 class State(NamedTuple):
-    """What is remembered of one source of channels."""
+    """State of one source of channels."""
 
     time_us: int = -1
-    """us; of its last good frame, -1 before the first"""
+    """us; time of the last valid frame, -1 before the first"""
     sticks: Sticks = Sticks()
     mode: Switch = Switch()
     arm: Switch = Switch()
@@ -102,7 +102,7 @@ class State(NamedTuple):
 
 
 def usable(gains: Gains, pulses: Sequence[int], lost: int) -> bool:
-    """Whether a frame carries the pilot's sticks."""
+    """Return whether a frame carries valid stick positions."""
     return (
         not lost
         and len(pulses) >= STICKS
@@ -111,9 +111,10 @@ def usable(gains: Gains, pulses: Sequence[int], lost: int) -> bool:
 
 
 def step(gains: Gains, state: State, time_us: int, pulses: Sequence[int], timeout: int = SETTLED) -> State:
-    """Take a good frame; a channel beyond those that came, or of 0 us, leaves its switch as it was.
+    """Process a valid frame.
 
-    ``timeout`` is the number of frames for which a switch must stay before it counts.
+    A channel that is missing, or 0 us, leaves its switch unchanged. ``timeout`` is the number of frames for which a
+    switch must be constant.
     """
     return State(
         time_us,
@@ -125,13 +126,13 @@ def step(gains: Gains, state: State, time_us: int, pulses: Sequence[int], timeou
 
 
 def sticks(gains: Gains, pulses: Sequence[int]) -> Sticks:
-    """The four sticks, calibrated."""
+    """Return the four calibrated sticks."""
     pitch, roll, yaw = (_axis(gains, place, pulses) for place in (PITCH, ROLL, YAW))
     return Sticks(pitch, roll, yaw, _flap(gains, pulses))
 
 
 def _axis(gains: Gains, place: int, pulses: Sequence[int]) -> float:
-    """A centred stick, -1 to 1; both halves have their own travel."""
+    """Return a centered stick from -1 to 1; each half has its own travel."""
     off = pulses[place] - gains.trim[place]
     beyond = abs(off) - gains.dead_zone
     if beyond <= 0.0:
@@ -143,7 +144,7 @@ def _axis(gains: Gains, place: int, pulses: Sequence[int]) -> float:
 
 
 def _flap(gains: Gains, pulses: Sequence[int]) -> float:
-    """The throttle, 0 to 1, with the dead zone at its low end."""
+    """Return the throttle from 0 to 1, with the dead zone at its low end."""
     low, high = gains.low[THROTTLE], gains.high[THROTTLE]
     share = (pulses[THROTTLE] - low) / max(high - low, 1.0)
     share = share if gains.reverse[THROTTLE] > 0.0 else 1.0 - share

@@ -1,8 +1,9 @@
-"""Phase of a wing that follows its commanded stroke: the commanded phase less a lag that the crossings tell slowly.
+"""Phase of a wing that follows the commanded stroke: command minus a slow lag.
 
-A stroke that grows or shrinks moves its own middle, so that single crossings come some degrees early or late. Where
-a drive follows the command turn by turn (a servo drive does, a motor's crank does not) the commanded phase is the
-better clock: each crossing then corrects the lag by a share only. Whether it follows is measured, at each crossing.
+A change of the stroke amplitude moves the stroke middle, so that single crossings are some degrees early or late. If
+a drive follows the command in each stroke (a servo drive does, the crank of a motor does not), the commanded phase is
+more accurate. Each crossing then corrects the lag by a fraction only. The check of this condition runs at each
+crossing.
 """
 
 from __future__ import annotations
@@ -10,31 +11,31 @@ from __future__ import annotations
 from typing import NamedTuple
 
 FOLLOWS = 0.04
-"""-; of a turn, by which period and lag may differ from crossing to crossing while the wing follows"""
+"""-; maximum change of period and lag between crossings, in turns, while the wing follows"""
 SHARE = 0.2
-"""-; of a crossing's deviation from the lag that corrects it"""
+"""-; fraction of the deviation at a crossing that corrects the lag"""
 
 
 class State(NamedTuple):
-    """What is known of the lag."""
+    """State of the lag estimation."""
 
     lag: float = 0.0
-    """-; commanded less measured phase, in turns"""
+    """-; commanded minus measured phase, in turns"""
     crossings: int = -1
-    """-; in a row that agreed; -1 before the first"""
+    """-; consecutive crossings that agreed; -1 before the first"""
 
 
 NOTHING = State()
-"""no lag is known"""
+"""State without a known lag."""
 
 
 def crossed(state: State, lag: float, turns: float) -> State:
-    """After a crossing.
+    """Update the lag at a crossing.
 
     Args:
-        state: before it.
-        lag: commanded less measured phase at the crossing, in turns.
-        turns: commanded over the stroke that it ended, 0 where it ended none.
+        state: state before the crossing.
+        lag: commanded minus measured phase at the crossing, in turns.
+        turns: commanded turns in the stroke that ended, 0 if none ended.
     """
     deviation = (lag - state.lag + 0.5) % 1.0 - 0.5
     if state.crossings < 0 or abs(turns - 1.0) > FOLLOWS or abs(deviation) > FOLLOWS:
@@ -43,10 +44,13 @@ def crossed(state: State, lag: float, turns: float) -> State:
 
 
 def follows(state: State) -> bool:
-    """Whether the wing follows its command."""
+    """Return whether the wing follows its command."""
     return state.crossings > 0
 
 
 def phase(state: State, commanded: float, measured: float) -> float:
-    """Phase in turns: by the ``commanded`` one (turns) while the wing follows it, else the ``measured`` one."""
+    """Return the phase (turns).
+
+    The phase is derived from ``commanded`` (turns) while the wing follows it, and equals ``measured`` otherwise.
+    """
     return (commanded - state.lag if follows(state) else measured) % 1.0

@@ -1,4 +1,4 @@
-"""Jammed-tail detector: CUSUM test on the pitch acceleration that the elevator should cause.
+"""Jammed-tail detector: CUSUM test on the pitch acceleration of the elevator.
 
 Two models of the pitch acceleration are compared, both without the slow part of the signals (trim and path)::
 
@@ -7,8 +7,8 @@ Two models of the pitch acceleration are compared, both without the slow part of
 
 The log-likelihood ratio of the second to the first, for Gaussian residuals of the same variance, is summed and reset
 to zero if it turns negative: Page's cumulative sum (Basseville and Nikiforov 1993, *Detection of Abrupt Changes*,
-section 2.2). It grows if the elevator has less than half of ``effect``. While the elevator is still, both models
-predict the same, and the sum stays.
+section 2.2). It grows if the elevator has less than half of ``effect``. While the elevator is constant, both models
+predict the same, and the sum does not change.
 """
 
 from __future__ import annotations
@@ -21,84 +21,84 @@ from wingbeat.units import Quantity
 SERVO = 0.03
 """s; lag of the tail servo"""
 SMOOTH = 0.05
-"""s; time constant of each of two low-passes before the acceleration is taken"""
+"""s; time constant of each of two low-pass filters before the differentiation"""
 SLOW = 0.5
-"""s; what changes slower than this is trim and path"""
+"""s; time constant that separates trim and path from the quick part"""
 CORRELATION = 2.0 * SMOOTH
-"""s; between independent residuals"""
+"""s; interval between independent residuals"""
 LEAST_AIRSPEED = 3.0
-"""m/s; a pitot reads too low in a stall"""
+"""m/s; minimum airspeed in the model, because a pitot reads too low in a stall"""
 LEAST_VARIANCE = 1.0
-"""(rad/s^2)^2; of the residual: flapping that the filters leave in still air"""
+"""(rad/s^2)^2; minimum residual variance: flapping that remains after the filters in still air"""
 
 
 class Gains(NamedTuple):
-    """When the tail is jammed."""
+    """Thresholds of the jam detection."""
 
     error: Annotated[float, Quantity("rad", 0.01, 3.2)]
-    """rad; mean size of the pitch error below which no jam is reported"""
+    """rad; mean magnitude of the pitch error below which no jam is reported"""
     effect: Annotated[float, Quantity("rad/m^2", 0.0, 10.0)]
-    """rad/m^2; pitch acceleration per elevator and airspeed squared of a working tail, by a cautious estimate"""
+    """rad/m^2; pitch acceleration per elevator and airspeed squared of a working tail, conservative estimate"""
     time: Annotated[float, Quantity("s", 0.1, 60.0)]
-    """s; time constant of the mean error and of the residual's variance"""
+    """s; time constant of the mean error and of the residual variance"""
     grace: Annotated[float, Quantity("s", 0.0, 60.0)]
-    """s; after the launch, in which nothing is judged"""
+    """s; time after the launch without detection"""
     damping: Annotated[float, Quantity("1/s", 0.0, 50.0)] = 8.0
     """1/s; pitch acceleration per pitch rate, positive if it damps"""
     threshold: Annotated[float, Quantity("-", 1.0, 1000.0)] = 20.0
-    """-; cumulative log-likelihood ratio from which the tail is jammed"""
+    """-; cumulative log-likelihood ratio at which the tail counts as jammed"""
 
 
 class Filters(NamedTuple):
     """Low-passed signals."""
 
     elevator: float = 0.0
-    """rad; behind the servo's lag"""
+    """rad; elevator after the lag of the servo"""
     moment: float = 0.0
-    """rad (m/s)^2; elevator times airspeed squared, once low-passed"""
+    """rad (m/s)^2; elevator times airspeed squared, low-passed once"""
     moment_smooth: float = 0.0
-    """rad (m/s)^2; twice low-passed"""
+    """rad (m/s)^2; low-passed twice"""
     moment_slow: float = 0.0
     """rad (m/s)^2; slow part"""
     rate: float = 0.0
-    """rad/s; once low-passed"""
+    """rad/s; low-passed once"""
     rate_smooth: float = 0.0
-    """rad/s; twice low-passed"""
+    """rad/s; low-passed twice"""
     response_slow: float = 0.0
     """rad/s^2; slow part of acceleration plus damping"""
 
 
 class State(NamedTuple):
-    """What the check remembers."""
+    """State of the detector."""
 
     error: float = 0.0
-    """rad; mean size"""
+    """rad; mean magnitude of the pitch error"""
     closed: float = 0.0
-    """s; for which the pitch loop has flown"""
+    """s; time with an active pitch loop"""
     jammed: int = 0
     """-; 1 once the tail is jammed; kept until the next arming"""
     variance: float = 0.0
-    """(rad/s^2)^2; of the residual of the better model"""
+    """(rad/s^2)^2; residual variance of the better model"""
     cusum: float = 0.0
     """-; cumulative log-likelihood ratio of a jammed to a working tail"""
     filters: Filters = Filters()
 
 
 class CheckInputs(NamedTuple):
-    """What the check looks at."""
+    """Inputs of the detector."""
 
     pitch_error: float
     """rad"""
     elevator: float
     """rad; commanded"""
     pitch_rate: float
-    """rad/s; without the flapping"""
+    """rad/s; stroke-filtered"""
     airspeed: float
     """m/s"""
 
 
 def step(gains: Gains, state: State, dt: float, inputs: CheckInputs, closed: bool) -> State:
-    """One look; ``dt`` in s, ``closed`` while the pitch loop flies."""
+    """Advance the detector by ``dt`` (s), reset unless the pitch loop is ``closed``."""
     if not closed:
         return State(jammed=state.jammed)
     time = state.closed + dt
@@ -116,9 +116,9 @@ def step(gains: Gains, state: State, dt: float, inputs: CheckInputs, closed: boo
 
 
 def respond(gains: Gains, before: Filters, dt: float, sample: CheckInputs) -> tuple[Filters, float, float]:
-    """Filter the signals; returns the quick parts of moment (rad (m/s)^2) and response (rad/s^2) too.
+    """Filter the signals and return the quick parts of moment and response.
 
-    The response is the pitch acceleration plus damping times the pitch rate.
+    The moment is in rad (m/s)^2. The response (rad/s^2) is the pitch acceleration plus damping times the pitch rate.
     """
     airspeed = max(sample.airspeed, LEAST_AIRSPEED)
     elevator = low_pass(before.elevator, sample.elevator, SERVO, dt)

@@ -9,13 +9,13 @@ from avionics.messages import ImuSample, VibrationStatus
 from wingbeat.records import constructor
 
 HIGH_PASS = 5.0
-"""Hz; corner below which acceleration is motion and not vibration"""
+"""Hz; high-pass corner that separates vibration from motion"""
 LEVEL = 2.0
-"""Hz; corner of the low-pass filter of the squares"""
+"""Hz; low-pass corner of the squared vibration"""
 
 
 class State(NamedTuple):
-    """Filters of three axes, and the count."""
+    """Filter states of three axes and clipping count."""
 
     mean_x: float = 0.0
     """m/s^2; low-pass filtered specific force along FRD x"""
@@ -24,26 +24,26 @@ class State(NamedTuple):
     mean_z: float = 0.0
     """m/s^2; along FRD z"""
     square_x: float = 0.0
-    """m^2/s^4; low-pass filtered square of what the high-pass leaves along FRD x"""
+    """m^2/s^4; low-pass filtered square of the high-pass output along FRD x"""
     square_y: float = 0.0
     """m^2/s^4; along FRD y"""
     square_z: float = 0.0
     """m^2/s^4; along FRD z"""
     clipped: int = 0
-    """-; samples with an axis at the end of the range since boot"""
+    """-; number of samples with a saturated axis since boot"""
 
 
 _new_state = constructor(State)
 
 
 def step(full_scale: float, state: State, imu: ImuSample, dt: float) -> State:
-    """One sample: first-order filters, as ArduPilot's vibration levels.
+    """Update the vibration levels by first-order filters, as in ArduPilot.
 
     Args:
-        full_scale: m/s^2; end of the accelerometer's range.
-        state: of the sample before.
-        imu: the sample; FRD.
-        dt: s; since the sample before.
+        full_scale: m/s^2; limit of the accelerometer range.
+        state: state after the previous sample.
+        imu: sample; FRD.
+        dt: s; since the previous sample.
     """
     mx, my, mz, qx, qy, qz, clipped = state
     _, ax, ay, az, *_ = imu
@@ -57,6 +57,6 @@ def step(full_scale: float, state: State, imu: ImuSample, dt: float) -> State:
 
 
 def status(state: State, time_us: int) -> VibrationStatus:
-    """The levels as of ``time_us``."""
+    """Return the vibration levels at ``time_us``."""
     x, y, z = math.sqrt(state.square_x), math.sqrt(state.square_y), math.sqrt(state.square_z)
     return VibrationStatus(time_us, x, y, z, state.clipped)

@@ -1,14 +1,14 @@
-"""Wing motion from encoder counts: angle, rate, phase, frequency and the shape of the last stroke.
+"""Wing motion from encoder counts: angle, rate, phase, frequency and stroke shape.
 
-A stroke runs from one crossing of the stroke's middle to the next in the same direction, for the mean of both wings.
-The middle lies halfway between the last top and the last bottom, so that it follows a stroke that moves. Crossings
-are timed by interpolation between samples and confirmed by a hysteresis, so that neither the encoder's steps (0.18
-degree, E2-500, Gerdes et al. 2017 Table 1) nor a trembling wing make strokes. Upward and downward crossings both set
-phase and period: between them the phase runs on for half a stroke only, and where the wing follows the commanded
-stroke, with that (`avionics.sensing.stroke_lock`); where a motor's throttle moves, as its speed follows
-(`avionics.sensing.drive_turns`).
+A stroke extends from one crossing of the stroke middle to the next in the same direction, for the mean of both wings.
+The middle is halfway between the last top and the last bottom, so that it follows a change of the mean angle.
+Crossings are timed by interpolation between samples and confirmed by a hysteresis, so that neither the resolution of
+the encoder (0.18 degree, E2-500, Gerdes et al. 2017 Table 1) nor jitter of a wing causes false strokes. Upward and
+downward crossings both set phase and period, so that the phase is extrapolated for half a stroke only. If the wing
+follows the commanded stroke, the phase follows that (`avionics.sensing.stroke_lock`). If the throttle of a motor
+changes, the phase follows the speed of the drive (`avionics.sensing.drive_turns`).
 
-An encoder that is not believed (`avionics.sensing.encoders`) is replaced by the other wing's; without both, phase and
+A rejected encoder (`avionics.sensing.encoders`) is replaced by that of the other wing. Without both, phase and
 frequency are those of the commanded stroke.
 """
 
@@ -25,68 +25,70 @@ from wingbeat.units import Quantity
 
 TWO_PI = 2.0 * pi
 TREND = 1.0
-"""-; of the change of the period from one crossing to the next that is added for the half stroke to come"""
+"""-; fraction of the period change between crossings that is extrapolated over the next half stroke"""
 DRIFT = 0.05
-"""-; of the period, by which it changes at most in half a stroke that it drifts; more is a jump and over"""
+"""-; maximum change of the period in half a stroke during a drift, relative to the period; a larger change is a jump
+"""
 STROKES_APART = 3
-"""-; crossings before the first two periods can be compared"""
+"""-; number of crossings before the first comparison of two periods"""
 PATIENCE = 1.5
-"""-; periods without a crossing after which the wing does not flap"""
+"""-; periods without a crossing after which the wing counts as not flapping"""
 SPLIT_SHARE = 0.5
-"""-; of the last stroke in the share of a stroke above the middle, which hardly changes with a drive's frequency"""
+"""-; weight of the last stroke in the fraction of a stroke above the middle, which is nearly independent of the
+frequency"""
 STEADY = 0.02
-"""-; of the period, by which it changes at most while that share is measured"""
+"""-; maximum relative change of the period while that fraction is measured"""
 
 
 class Gains(NamedTuple):
-    """Calibration of the encoders and what counts as flapping."""
+    """Calibration of the encoders and thresholds of flapping."""
 
     counts_per_turn: Annotated[float, Quantity("counts", 4.0, 1e6)] = 2000.0
-    """counts; per turn of the encoder's shaft"""
+    """counts; per revolution of the encoder shaft"""
     gear_ratio: Annotated[float, Quantity("-", 0.01, 1000.0)] = 1.0
-    """-; turns of the encoder per turn of the wing about its hinge"""
+    """-; revolutions of the encoder per revolution of the wing about its hinge"""
     zero_left: Annotated[float, Quantity("counts", -1e6, 1e6)] = 0.0
-    """counts; left wing level"""
+    """counts; counter with the left wing level"""
     zero_right: Annotated[float, Quantity("counts", -1e6, 1e6)] = 0.0
-    """counts; right wing level"""
+    """counts; counter with the right wing level"""
     sign_left: Annotated[float, Quantity("-", -1.0, 1.0)] = 1.0
-    """-; 1 when the counts rise with the left wing, -1 when they fall"""
+    """-; 1 if the counts rise with the left wing, -1 if they fall"""
     sign_right: Annotated[float, Quantity("-", -1.0, 1.0)] = 1.0
-    """-; 1 when the counts rise with the right wing, -1 when they fall"""
+    """-; 1 if the counts rise with the right wing, -1 if they fall"""
     rate_time: Annotated[float, Quantity("s", 0.0, 0.1)] = 0.003
-    """s; time constant of the flap rate's low-pass"""
+    """s; time constant of the low-pass filter of the flap rate"""
     least_amplitude: Annotated[float, Quantity("rad", 0.01, 1.0)] = 0.05
-    """rad; half a stroke's height under which the wing does not flap"""
+    """rad; minimum amplitude of flapping"""
     hysteresis: Annotated[float, Quantity("-", 0.01, 0.9)] = 0.25
-    """-; share of the amplitude by which a crossing must be passed to count"""
+    """-; fraction of the amplitude beyond the middle at which a crossing is confirmed"""
     slowest: Annotated[float, Quantity("Hz", 0.1, 5.0)] = 0.8
-    """Hz; flapping slower than this is none"""
+    """Hz; minimum frequency of flapping"""
     fastest: Annotated[float, Quantity("Hz", 5.0, 50.0)] = 20.0
-    """Hz; flapping faster than this is none"""
+    """Hz; maximum frequency of flapping"""
     drive_lag: Annotated[float, Quantity("s", 0.0, 2.0)] = 0.0
-    """s; time constant of a motor's speed behind its throttle; of no meaning for wings that follow an angle"""
+    """s; lag of the motor speed relative to the throttle; not used for wings that follow an angle"""
 
 
 class Commanded(NamedTuple):
-    """The stroke asked of the wings, the best guess where no encoder is believed."""
+    """Commanded stroke, used if both encoders are rejected."""
 
     frequency: float = 0.0
-    """Hz; 0 when no flapping is asked"""
+    """Hz; 0 without a flapping command"""
     phase: float = 0.0
-    """rad; 0 to 2 pi"""
+    """rad; from 0 to 2 pi"""
     amplitude: float = 0.0
-    """rad; 0 where a motor's crank makes the stroke, whose phase nobody commands"""
+    """rad; 0 if the crank of a motor determines the stroke, without a commanded phase"""
 
 
 NOTHING = Commanded()
-"""no flapping is asked"""
+"""No flapping command."""
 
 
 class Stroke(NamedTuple):
-    """The last full stroke."""
+    """Last full stroke."""
 
     period: float = 0.0
-    """s; 0 while the wing does not flap"""
+    """s; 0 without flapping"""
     amplitude_left: float = 0.0
     """rad"""
     amplitude_right: float = 0.0
@@ -94,15 +96,15 @@ class Stroke(NamedTuple):
     mean_angle: float = 0.0
     """rad; middle between the extremes, mean of both wings"""
     downstroke_ratio: float = 0.0
-    """-; share of the period from the top to the bottom, mean of both wings"""
+    """-; fraction of the period from the top to the bottom, mean of both wings"""
     downstroke_ratio_left: float = 0.0
-    """-; of the left wing"""
+    """-; left wing"""
     downstroke_ratio_right: float = 0.0
-    """-; of the right wing"""
+    """-; right wing"""
 
 
 class Turn(NamedTuple):
-    """The last top and the last bottom of one wing, or of the mean of both."""
+    """Last top and last bottom of one wing, or of the mean of both."""
 
     high: float = 0.0
     """rad"""
@@ -115,35 +117,36 @@ class Turn(NamedTuple):
 
 
 class Beat(NamedTuple):
-    """The last crossings, and from where the phase runs on."""
+    """Last crossings and reference of the phase."""
 
     anchor_us: float = 0.0
-    """us; of the last crossing, or when the search for one began"""
+    """us; time of the last crossing, or of the start of the search for one"""
     anchor: float = 0.0
-    """-; phase there, in turns"""
+    """-; phase at that time, in turns"""
     up_us: float = -1.0
-    """us; of the last upward crossing, -1 before the first"""
+    """us; time of the last upward crossing, -1 before the first"""
     down_us: float = -1.0
-    """us; of the last downward crossing, -1 before the first"""
+    """us; time of the last downward crossing, -1 before the first"""
     split: float = -1.0
-    """-; share of a stroke above the middle, smoothed; -1 before it is known"""
+    """-; low-passed fraction of a stroke above the middle, -1 if unknown"""
     crossings: int = 0
-    """-; confirmed since the search began; from the second on they lie between a true top and a true bottom"""
+    """-; confirmed crossings since the search began; from the second on they are between a true top and a true bottom
+    """
     pace: float = 0.0
-    """s; period of the stroke that runs now, by the last one and how it differed from the one before"""
+    """s; period of the present stroke, extrapolated from the last two strokes"""
 
 
 class State(NamedTuple):
-    """What the measurement remembers."""
+    """State of the wing measurement."""
 
     time_us: int = -1
-    """us; of the last sample, -1 before the first"""
+    """us; time of the last sample, -1 before the first"""
     left: float = 0.0
     """rad; last angle"""
     right: float = 0.0
     """rad; last angle"""
     before_us: int = -1
-    """us; of the sample before the last"""
+    """us; time of the sample before the last"""
     left_before: float = 0.0
     """rad; angle before the last"""
     right_before: float = 0.0
@@ -153,43 +156,43 @@ class State(NamedTuple):
     rate_right: float = 0.0
     """rad/s"""
     side: int = 0
-    """-; 1 above the middle, -1 below it, 0 not known"""
+    """-; 1 above the middle, -1 below it, 0 unknown"""
     crossed_us: float = -1.0
-    """us; last passage of the middle towards the other side, not yet confirmed; -1 for none"""
+    """us; time of the last unconfirmed crossing of the middle; -1 if none"""
     mean_turn: Turn = Turn()
-    """of the mean of both wings"""
+    """mean of both wings"""
     left_turn: Turn = Turn()
     right_turn: Turn = Turn()
     beat: Beat = Beat()
     stroke: Stroke = Stroke()
-    """the one before"""
+    """last full stroke"""
     strokes: int = 0
-    """-; full ones since boot"""
+    """-; number of full strokes since boot"""
     valid: int = 3
-    """-; encoders believed in the last sample: 1 for the left, 2 for the right"""
+    """-; valid encoders in the last sample: 1 for the left, 2 for the right"""
     missed: int = 0
-    """counts; missed by then"""
+    """counts; missed counts at the last sample"""
     lock: stroke_lock.State = stroke_lock.NOTHING
-    """how far the stroke lags behind the commanded one"""
+    """lag of the stroke relative to the command"""
     turns: drive_turns.State = drive_turns.NOTHING
-    """of a motor's crank, by its throttle"""
+    """crank revolutions from the throttle"""
 
 
 def angles(gains: Gains, left_counts: float, right_counts: float) -> tuple[float, float]:
-    """Flap angles (rad), left and right, of the counts."""
+    """Return the flap angles (rad), left and right, of the counts."""
     per_count = TWO_PI / (gains.counts_per_turn * gains.gear_ratio)
     left = (left_counts - gains.zero_left) * gains.sign_left * per_count
     return left, (right_counts - gains.zero_right) * gains.sign_right * per_count
 
 
 def step(gains: Gains, state: State, counts: Counts, commanded: Commanded = NOTHING) -> tuple[State, WingState]:
-    """One sample on; a sample that is not later than the last changes nothing.
+    """Process one sample; a sample that is not later than the last one is ignored.
 
     Args:
-        gains: calibration of the encoders and what counts as flapping.
-        state: what the last step returned, ``State()`` at boot.
-        counts: as `avionics.sensing.encoders.step` gives them.
-        commanded: stroke asked of the wings.
+        gains: calibration of the encoders and thresholds of flapping.
+        state: result of the last step, ``State()`` at boot.
+        counts: result of `avionics.sensing.encoders.step`.
+        commanded: commanded stroke.
     """
     time_us, left, right, valid_left, valid_right, missed = counts
     left, right = angles(gains, left, right)
@@ -213,7 +216,7 @@ def step(gains: Gains, state: State, counts: Counts, commanded: Commanded = NOTH
 
 
 def _locked(state: State, commanded: Commanded) -> stroke_lock.State:
-    """The lag behind the commanded stroke after a crossing, or after the search for a stroke began anew."""
+    """Return the lag relative to the command after a crossing or a new search."""
     beat, period = state.beat, state.stroke.period
     if beat.crossings < 2 or commanded.amplitude <= 0.0:
         return stroke_lock.NOTHING
@@ -223,7 +226,10 @@ def _locked(state: State, commanded: Commanded) -> stroke_lock.State:
 
 
 def _turns(gains: Gains, state: State, before: Beat, frequency: float, dt: float) -> drive_turns.State:
-    """The crank's turns by the throttle, after a sample ``dt`` s after the last, ``before`` which the beat was so."""
+    """Update the crank revolutions from the throttle after a sample.
+
+    The sample is ``dt`` (s) after the last one; ``before`` is the beat at the last one.
+    """
     turns = drive_turns.step(state.turns, frequency, gains.drive_lag, dt)
     if state.beat.crossings == before.crossings:
         return turns
@@ -238,14 +244,14 @@ _new_state = constructor(State)
 def _advance(gains: Gains, state: State, time_us: int, left: float, right: float) -> State:
     (last_us, left_1, right_1, before_us, left_0, right_0, rate_left, rate_right, side, crossed_us,
      mean_turn, left_turn, right_turn, beat, stroke, strokes, valid, missed, lock, turns) = state  # fmt: skip
-    # Differences over two intervals halve the encoder's steps.
+    # Differences over two intervals halve the quantization error of the encoder.
     span = (time_us - before_us) * 1e-6
     dt = (time_us - last_us) * 1e-6
     share = dt / (dt + gains.rate_time)
     rate_left += share * ((left - left_0) / span - rate_left)
     rate_right += share * ((right - right_0) / span - rate_right)
 
-    # An extreme lies at the last sample; at rest, where all are equal, none does.
+    # The last sample is an extreme, unless all three are equal at rest.
     if (left_1 - left_0) * (left - left_1) <= 0.0 and (left != left_1 or left_1 != left_0):
         left_turn = _turned(left_turn, side, (left_0, left_1, left), last_us, dt)
     if (right_1 - right_0) * (right - right_1) <= 0.0 and (right != right_1 or right_1 != right_0):
@@ -276,7 +282,10 @@ def _advance(gains: Gains, state: State, time_us: int, left: float, right: float
 
 
 def _turned(turn: Turn, side: int, angles: tuple[float, float, float], last_us: int, dt: float) -> Turn:
-    """The top or bottom with the middle one of three ``angles``, an extreme; the parabola through them places it."""
+    """Update the top or bottom by a parabola through three ``angles``.
+
+    The middle angle is an extreme.
+    """
     before, here, after = angles
     bend = before - 2.0 * here + after
     if bend == 0.0:
@@ -289,7 +298,7 @@ def _turned(turn: Turn, side: int, angles: tuple[float, float, float], last_us: 
 
 
 def _first_side(gains: Gains, mean: float, high: float, low: float) -> int:
-    """The side that a wing is on which has just begun to move, 0 while it has moved too little."""
+    """Return the side of a wing after the start of a motion, 0 if it moved too little."""
     half = 0.5 * (high - low)
     beyond = mean - 0.5 * (high + low)
     if half < gains.least_amplitude or abs(beyond) <= gains.hysteresis * half:
@@ -298,7 +307,7 @@ def _first_side(gains: Gains, mean: float, high: float, low: float) -> int:
 
 
 def _cross(gains: Gains, state: State) -> State:
-    """A crossing of the middle was confirmed: the stroke that it ends, and where the phase runs on from."""
+    """Process a confirmed crossing: the completed stroke and the phase reference."""
     rising = state.side < 0
     at = state.crossed_us if state.crossed_us >= 0.0 else float(state.time_us)
     turn, beat = state.mean_turn, state.beat
@@ -313,17 +322,17 @@ def _cross(gains: Gains, state: State) -> State:
     if period > 1.0 / gains.slowest:
         period = 0.0
     stroke = _stroke(state, period, rising) if period else state.stroke
-    # Four crossings make two periods, each told to half a step of the encoder; here as a time, at a sine's middle.
+    # Four crossings give two periods, each with half a count of error, here as a time at the middle of a sine.
     blur = 2.0 * TWO_PI / (gains.counts_per_turn * gains.gear_ratio) * period / (pi * (turn.high - turn.low))
     following = _next_beat(beat, at, period, state.stroke.period, rising, blur)
     return _reversed(state, following, stroke, int(rising and period > 0.0))
 
 
 def _next_beat(beat: Beat, at: float, period: float, before: float, rising: bool, blur: float) -> Beat:
-    """The beat after a crossing at ``at`` us that ended a stroke of ``period`` s (0 when it ended none).
+    """Return the beat after a crossing at ``at`` (us).
 
-    A difference between two periods that the encoder's steps explain (up to ``blur``, s) is no change of the period,
-    which then lies between them.
+    The crossing ended a stroke of ``period`` (s; 0 if none). A difference between two periods within the encoder
+    resolution (``blur``, s) does not count as a change of the period, which is then between them.
     """
     _, _, up_us, down_us, split, crossings, _ = beat
     pace = period
@@ -356,13 +365,16 @@ def _stroke(state: State, period: float, rising: bool) -> Stroke:
 
 
 def _downstroke_ratio(turn: Turn, period: float, rising: bool) -> float:
-    """Share of the time from the top to the bottom, whichever of the two came last."""
+    """Return the fraction of the period from the top to the bottom.
+
+    The last extreme may be either of them.
+    """
     share = (turn.low_us - turn.high_us) * 1e-6 / period
     return max(0.0, min(1.0, share if rising else 1.0 + share))
 
 
 def _reversed(state: State, beat: Beat, stroke: Stroke, more: int) -> State:
-    """On the other side of the middle from here: its extremes are looked for anew."""
+    """Change the side of the middle and restart the search for its extremes."""
     mean, now = 0.5 * (state.left + state.right), float(state.time_us)
     if state.side < 0:
         mean_turn = state.mean_turn._replace(high=mean, high_us=now)
@@ -385,7 +397,7 @@ def _reversed(state: State, beat: Beat, stroke: Stroke, more: int) -> State:
 
 
 def _searching(state: State) -> State:
-    """No stroke is known: look for one from the present angles on."""
+    """Restart the search for a stroke from the present angles."""
     left, right, now = state.left, state.right, float(state.time_us)
     mean = 0.5 * (left + right)
     return state._replace(
@@ -400,10 +412,10 @@ def _searching(state: State) -> State:
 
 
 def _taken_over(state: State, time_us: int, left: float, right: float, valid: int) -> State:
-    """The first sample, or the first since other encoders are believed or counts were found missed.
+    """Return the state after a first sample or a change of the encoder status.
 
-    A wing whose encoder has just failed gets the other's past too, so that the stroke goes on, and no period is told
-    by crossings that were false; after a time without any encoder a stroke is looked for anew.
+    A wing with a newly failed encoder takes over the history of the other, so that the stroke continues. Invalid
+    crossings do not contribute to a period. After a time without any encoder the search for a stroke restarts.
     """
     if state.time_us < 0 or state.valid == 0:
         at = max(time_us, state.time_us)
@@ -422,7 +434,7 @@ def _taken_over(state: State, time_us: int, left: float, right: float, valid: in
 
 
 def _unmeasured(gains: Gains, state: State, counts: Counts, commanded: Commanded) -> tuple[State, WingState]:
-    """No encoder is believed: the stroke that was asked stands for the one that is flown."""
+    """Report the commanded stroke while both encoders are rejected."""
     state = state._replace(time_us=max(state.time_us, counts.time_us), rate_left=0.0, rate_right=0.0, stroke=Stroke())
     asked = gains.slowest <= commanded.frequency <= gains.fastest
     message = _message(state, counts, commanded)

@@ -1,8 +1,9 @@
-"""Whether both wings move as they are told: a jammed wing, or only its encoder is dead.
+"""Detection of jammed wings, as opposed to failed encoders.
 
-A wing that is told to flap and does not move by its encoder is one or the other. A drive that pulls on a jammed wing
-draws more than the strokes before, and one wing that beats alone rocks the vehicle; a dead encoder changes neither.
-`avionics.sensing.encoders` stops believing an encoder at once; the verdict which of the two it is waits here.
+A wing that is commanded to flap and does not move by its encoder is either jammed or has a failed encoder. The drive
+of a jammed wing draws more current than in the previous strokes, and a single flapping wing causes a roll
+oscillation; a failed encoder has neither effect. `avionics.sensing.encoders` rejects an encoder at once; the
+distinction of the two faults is made here.
 """
 
 from __future__ import annotations
@@ -17,87 +18,87 @@ LEFT, RIGHT = 1, 2
 
 
 WITHOUT_ENCODER = 2.0
-"""-; in units of `Gains.rocking`, what it takes where no encoder tells of a standstill: gusts make one for seconds"""
+"""-; multiple of `Gains.rocking` required without a standstill by an encoder, because gusts can last for seconds"""
 
 
 class Gains(NamedTuple):
-    """When a wing stands still, and when its drive is stalled."""
+    """Thresholds of the jam detection."""
 
     activity_time: Annotated[float, Quantity("s", 0.01, 5.0)] = 0.15
-    """s; time constant of a wing's mean speed. Default: half a stroke"""
+    """s; time constant of the mean speed of a wing. Default: half a stroke"""
     least_rate: Annotated[float, Quantity("rad/s", 0.01, 20.0)] = 0.4
-    """rad/s; mean speed of a wing that is told to flap, below which it stands still. Default: a quarter of the mean
-    speed of the smallest stroke"""
+    """rad/s; mean speed of a commanded wing below which it counts as stationary. Default: a quarter of the mean speed
+    of the smallest stroke"""
     jam_confirmation_time: Annotated[float, Quantity("s", 0.05, 10.0, formerly="still_time")] = 0.25
-    """s; for which it must stand still. Default: a stroke"""
+    """s; confirmation time of a stationary wing. Default: a stroke"""
     current_time: Annotated[float, Quantity("s", 0.01, 10.0)] = 0.5
     """s; time constant of the present current. Default: two strokes"""
     usual_time: Annotated[float, Quantity("s", 0.1, 600.0)] = 1.0
-    """s; time constant of the usual current. Default: follows the throttle, not the strokes"""
+    """s; time constant of the reference current. Default: follows the throttle, not the strokes"""
     stall_ratio: Annotated[float, Quantity("-", 1.0, 20.0)] = 1.5
-    """-; present over usual current from which a drive is stalled"""
+    """-; ratio of present to reference current above which a drive counts as stalled"""
     stall_current: Annotated[float, Quantity("A", 0.1, 100.0)] = 0.5
-    """A; less current than this is never that of a stalled drive. Default: less is electronics alone"""
+    """A; minimum current of a stalled drive. Default: less is electronics alone"""
     rocking: Annotated[float, Quantity("rad/s", 0.05, 20.0)] = 1.0
-    """rad/s; mean size of the roll rate that one beating wing alone makes. Default: a third of what one wing alone
-    makes, beyond turns and gusts"""
+    """rad/s; mean magnitude of the roll rate with a single flapping wing. Default: a third of the single-wing value,
+    above turns and gusts"""
     fault_confirmation_time: Annotated[float, Quantity("s", 0.05, 10.0, formerly="verdict_time")] = 1.2
-    """s; for which an encoder is not believed, and its wing not jammed, after which it is told lost. Default: time
-    for the current and the bank to tell"""
+    """s; duration of a rejected encoder without a jam after which the encoder is reported lost. Default: time for the
+    response of current and bank"""
 
 
 class State(NamedTuple):
-    """What the check remembers."""
+    """State of the jam detection."""
 
     speed_left: float = 0.0
-    """rad/s; mean speed"""
+    """rad/s; mean left speed"""
     speed_right: float = 0.0
-    """rad/s; mean speed"""
+    """rad/s; mean right speed"""
     commanded: float = 0.0
-    """s; for which the wings have been told to flap"""
+    """s; duration of the flapping command"""
     stationary_left: float = 0.0
-    """s; for which the left wing has stood still"""
+    """s; time for which the left wing has been stationary"""
     stationary_right: float = 0.0
-    """s; for which the right wing has stood still"""
+    """s; time for which the right wing has been stationary"""
     invalid_time: float = 0.0
-    """s; for which an encoder has not been believed"""
+    """s; time for which an encoder has been rejected"""
     rocking: float = 0.0
-    """rad/s; mean size of the roll rate"""
+    """rad/s; mean magnitude of the roll rate"""
     current: float = 0.0
-    """A; present"""
+    """A; low-passed current"""
     usual: float = 0.0
-    """A; with both wings moving"""
+    """A; reference current with both wings moving"""
     lost: int = 0
-    """-; flags of wings whose encoder is dead"""
+    """-; flags of wings with a failed encoder"""
     jammed: int = 0
-    """-; flags of wings that are jammed; kept until the next arming"""
+    """-; flags of jammed wings; kept until the next arming"""
     angles: tuple[float, float] = (0.0, 0.0)
-    """rad; last left and right"""
+    """rad; last left and right angle"""
     rocked: float = 0.0
-    """s; for which the vehicle has been rocked while an encoder was lost"""
+    """s; duration of the roll oscillation with a lost encoder"""
 
 
 class CheckInputs(NamedTuple):
-    """What the check looks at."""
+    """Inputs of the jam detection."""
 
     rate_left: float
-    """rad/s; by the encoder"""
+    """rad/s; from the encoder"""
     rate_right: float
-    """rad/s; by the encoder"""
+    """rad/s; from the encoder"""
     current: float
-    """A; of both drives"""
+    """A; both drives"""
     roll_rate: float
     """rad/s"""
     commanded: int
-    """-; 1 while the wings are told to flap"""
+    """-; 1 while flapping is commanded"""
     valid: int = LEFT | RIGHT
-    """-; flags of the encoders that are believed"""
+    """-; flags of valid encoders"""
     angles: tuple[float, float] = (0.0, 0.0)
-    """rad; left and right by the encoder, kept for the next rates"""
+    """rad; left and right from the encoders, stored for the next rates"""
 
 
 def step(gains: Gains, state: State, dt: float, inputs: CheckInputs) -> State:
-    """One look; ``dt`` in s."""
+    """Advance the detection by ``dt`` (s)."""
     left = low_pass(state.speed_left, abs(inputs.rate_left), gains.activity_time, dt)
     right = low_pass(state.speed_right, abs(inputs.rate_right), gains.activity_time, dt)
     rocking = low_pass(state.rocking, abs(inputs.roll_rate), gains.activity_time, dt)
@@ -118,12 +119,12 @@ def step(gains: Gains, state: State, dt: float, inputs: CheckInputs) -> State:
 
 
 def _judged(gains: Gains, state: State, dt: float) -> State:
-    """The state with the wings that stand still while their drives pull, or while the other rocks the vehicle."""
+    """Mark stationary wings as jammed if a drive stalls or the vehicle rocks in roll."""
     still = (LEFT if state.stationary_left >= gains.jam_confirmation_time else 0) | (
         RIGHT if state.stationary_right >= gains.jam_confirmation_time else 0
     )
-    # The usual current is learned with both wings moving. Without it a strong current may be that of the climb,
-    # unless both wings stand still: two encoders do not fail at once.
+    # The reference current requires both wings moving. Without it a large current may be that of the climb, unless
+    # both wings are stationary: two encoders do not fail at once.
     comparable = state.usual > 0.0 or still == LEFT | RIGHT
     stalled = comparable and state.current > max(gains.stall_ratio * state.usual, gains.stall_current)
     fresh = still & ~state.lost
@@ -133,9 +134,10 @@ def _judged(gains: Gains, state: State, dt: float) -> State:
 
 
 def _without_encoder(gains: Gains, state: State, dt: float) -> State:
-    """A wing of a lost encoder: jammed when the other rocks the vehicle for longer than a gust.
+    """Mark a wing with a lost encoder as jammed after a sustained roll oscillation.
 
-    The current alone would mistake a climb for a stall: what is usual is not learned without both encoders.
+    The oscillation must last longer than a gust. The current is not used: without both encoders there is no reference
+    current, so that a climb would count as a stall.
     """
     rocked = state.rocked + dt if state.rocking > WITHOUT_ENCODER * gains.rocking else 0.0
     return state._replace(rocked=rocked, jammed=state.lost if rocked >= gains.fault_confirmation_time else 0)
