@@ -1,7 +1,7 @@
-"""Throttle -> stroke of the wing drives.
+"""Stroke generator: throttle to commands of the wing drives.
 
-Two kinds of drive: "servo" (one position servo a wing follows a commanded sine, Gerdes 2017: Robo Raven II)
-and "motor" (a geared motor turns the crank, Malladi 2007 Table 2 gives its frequency).
+The drive is "servo" (one position servo for each wing follows a commanded sine, Gerdes 2017: Robo Raven II) or
+"motor" (a geared motor turns the crank, Malladi 2007 Table 2 gives its frequency).
 """
 
 from __future__ import annotations
@@ -20,58 +20,58 @@ DRIVES = ("servo", "motor")
 
 
 class Gains(NamedTuple):
-    """What the stroke is made with."""
+    """Parameters of the stroke generator."""
 
     drive: str
     """-; "servo" or "motor\""""
     throttle_points: Annotated[tuple[float, ...], Quantity("-", 0.0, 1.0)]
-    """-; throttle of the points of the frequency map, rising"""
+    """-; throttle at the points of the frequency map, rising"""
     frequency_points: Annotated[tuple[float, ...], Quantity("Hz", 0.0, 30.0)]
-    """Hz; flapping frequency at those points"""
+    """Hz; flapping frequency at the points of the map"""
     throttle_cut: Annotated[float, Quantity("-", 0.0, 0.5)]
-    """-; below this throttle the wings glide"""
+    """-; throttle below which the wings glide"""
     frequency_rate: Annotated[float, Quantity("Hz/s", 0.1, 200.0)]
-    """Hz/s; how fast the frequency may change"""
+    """Hz/s; slew rate limit of the frequency"""
     start_time: Annotated[float, Quantity("s", 0.01, 5.0)]
-    """s; in which the stroke grows from glide to full, and shrinks again"""
+    """s; duration of the change between glide and full stroke"""
     amplitude_points: Annotated[tuple[float, ...], Quantity("rad", 0.0, 1.5)]
-    """rad; half the peak-to-peak commanded stroke at those points (servo drives)"""
+    """rad; commanded amplitude, half the peak-to-peak stroke, at the points of the map (servo drives)"""
     mean_angle: Annotated[float, Quantity("rad", -0.8, 0.8)]
-    """rad; middle of the stroke, wing up is positive"""
+    """rad; mean angle of the stroke, positive wing up"""
     glide_angle: Annotated[float, Quantity("rad", -0.8, 0.8)]
     """rad; dihedral while gliding"""
     travel_min: Annotated[float, Quantity("rad", -1.6, 0.0)]
-    """rad; lowest commanded wing angle"""
+    """rad; minimum commanded wing angle"""
     travel_max: Annotated[float, Quantity("rad", 0.0, 1.6)]
-    """rad; highest commanded wing angle"""
+    """rad; maximum commanded wing angle"""
 
 
 class State(NamedTuple):
-    """What the stroke generator remembers."""
+    """State of the stroke generator."""
 
     phase: float = 0.0
-    """rad; 0 to 2 pi, 0 at the upward crossing of the stroke's middle"""
+    """rad; from 0 to 2 pi, 0 at the upward crossing of the stroke middle"""
     frequency: float = 0.0
     """Hz; commanded"""
     envelope: float = 0.0
-    """-; 0 glide to 1 full stroke"""
+    """-; from 0 (glide) to 1 (full stroke)"""
     amplitude: float = 0.0
-    """rad; of the full stroke last asked, in which the wings come to rest"""
+    """rad; amplitude of the last full stroke, used while the wings come to rest"""
 
 
 class Stroke(NamedTuple):
-    """What the wing drives are told."""
+    """Commands of the wing drives."""
 
     left: float
-    """rad; wing up is positive (servo drives)"""
+    """rad; positive wing up (servo drives)"""
     right: float
-    """rad; wing up is positive (servo drives)"""
+    """rad; positive wing up (servo drives)"""
     throttle: float
-    """-; 0 to 1 (motor drives)"""
+    """-; from 0 to 1 (motor drives)"""
 
 
 def check(gains: Gains) -> Gains:
-    """The gains, once they make sense together.
+    """Return the parameters if they are consistent.
 
     Raises:
         InputError: unknown drive, or a frequency map that is not a rising list of pairs.
@@ -96,7 +96,10 @@ _new_flap_command = constructor(FlapCommand)
 def step(
     gains: Gains, state: State, time_us: int, dt: float, throttle: float, asymmetry: float
 ) -> tuple[State, FlapCommand, Stroke]:
-    """One step; ``throttle`` 0 to 1, ``asymmetry`` the share by which the left stroke is larger, ``dt`` in s."""
+    """Advance the stroke by ``dt`` (s).
+
+    ``throttle`` is from 0 to 1; ``asymmetry`` is the relative increase of the left stroke.
+    """
     flapping = throttle >= gains.throttle_cut and throttle > 0.0
     requested = between_points(throttle, gains.throttle_points, gains.frequency_points) if flapping else 0.0
     if gains.drive == "motor":
@@ -115,7 +118,10 @@ def step(
 
 
 def _frequency(gains: Gains, state: State, dt: float, requested: float, envelope: float) -> float:
-    """Slewed frequency; it starts at what is asked and keeps turning while the stroke shrinks."""
+    """Return the slewed frequency.
+
+    It starts at the requested value and is held while the stroke decays.
+    """
     if envelope <= 0.0:
         return 0.0
     if state.envelope <= 0.0:
@@ -126,7 +132,10 @@ def _frequency(gains: Gains, state: State, dt: float, requested: float, envelope
 def _motor(
     state: State, time_us: int, dt: float, throttle: float, frequency: float
 ) -> tuple[State, FlapCommand, Stroke]:
-    """A motor's crank gives the stroke: the throttle passes, the frequency map is for the record."""
+    """Return the command of a motor drive.
+
+    The crank determines the stroke: the throttle is passed through, and the frequency map is used for the log only.
+    """
     phase = (state.phase + TWO_PI * frequency * dt) % TWO_PI
     flap = FlapCommand(time_us, frequency, 0.0, 0.0, phase, 0.0)
     return State(phase, frequency, float(throttle > 0.0)), flap, Stroke(0.0, 0.0, throttle)

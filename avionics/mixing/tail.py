@@ -1,4 +1,4 @@
-"""Elevator and roll command -> tail servos and wing asymmetry."""
+"""Tail mixer: elevator and roll command to tail servos and stroke asymmetry."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from wingbeat.units import Quantity
 
 
 class Gains(NamedTuple):
-    """Shares and limits of the tail."""
+    """Mixing gains and limits of the tail."""
 
     rudder_share: Annotated[float, Quantity("rad", -1.5, 1.5)]
     """rad; rudder at full roll command"""
@@ -19,54 +19,54 @@ class Gains(NamedTuple):
     asymmetry_share: Annotated[float, Quantity("-", -0.5, 0.5)]
     """-; stroke asymmetry at full roll command (servo drives)"""
     elevator_min: Annotated[float, Quantity("rad", -1.5, 0.0)]
-    """rad; most nose-down travel"""
+    """rad; maximum nose-down travel"""
     elevator_max: Annotated[float, Quantity("rad", 0.0, 1.5)]
-    """rad; most nose-up travel"""
+    """rad; maximum nose-up travel"""
     rudder_max: Annotated[float, Quantity("rad", 0.0, 1.5)]
-    """rad; travel to either side"""
+    """rad; maximum travel to each side"""
     servo_rate: Annotated[float, Quantity("rad/s", 0.5, 100.0)]
-    """rad/s; how fast the tail may be commanded"""
+    """rad/s; rate limit of the tail servo commands"""
 
 
 class State(NamedTuple):
-    """What the tail mixer remembers."""
+    """State of the tail mixer."""
 
     elevator: float = 0.0
-    """rad; last commanded"""
+    """rad; last command"""
     rudder: float = 0.0
-    """rad; last commanded"""
+    """rad; last command"""
 
 
 class TailCommand(NamedTuple):
-    """What the loops, the pilot and the excitation ask of the tail."""
+    """Inputs of the tail mixer from the loops, the pilot and the excitation."""
 
     elevator: float
-    """rad; of the pitch loop"""
+    """rad; output of the pitch loop"""
     roll_command: float
-    """-; -1 to 1, positive rolls right"""
+    """-; from -1 to 1, positive rolls right"""
     yaw_stick: float
-    """-; -1 to 1, positive yaws right"""
+    """-; from -1 to 1, positive yaws right"""
     added_elevator: float
-    """rad; of an excitation"""
+    """rad; excitation"""
     added_rudder: float
-    """rad; of an excitation"""
+    """rad; excitation"""
     exciting: int
-    """-; 1 while an excitation runs"""
+    """-; 1 while an excitation is active"""
 
 
 class Tail(NamedTuple):
-    """What the tail is told, and how much of an excitation is in it."""
+    """Outputs of the tail mixer, and the applied excitation."""
 
     elevator: float
     """rad; positive pitches the nose up"""
     rudder: float
     """rad; positive yaws the nose right"""
     asymmetry: float
-    """-; share by which the left stroke is larger"""
+    """-; relative increase of the left stroke"""
     applied_elevator: float
-    """rad; of the excitation, after limits and rate"""
+    """rad; excitation after limits and rate"""
     applied_rudder: float
-    """rad; of the excitation, after limits and rate"""
+    """rad; excitation after limits and rate"""
 
 
 _new_state = constructor(State)
@@ -74,7 +74,7 @@ _new_tail = constructor(Tail)
 
 
 def step(gains: Gains, state: State, dt: float, command: TailCommand) -> tuple[State, Tail]:
-    """One step; ``dt`` in s."""
+    """Advance the tail mixer by ``dt`` (s)."""
     rudder_alone = gains.rudder_share * command.roll_command + gains.yaw_share * command.yaw_stick
     wanted_elevator = clip(command.elevator + command.added_elevator, gains.elevator_min, gains.elevator_max)
     wanted_rudder = clip(rudder_alone + command.added_rudder, -gains.rudder_max, gains.rudder_max)

@@ -1,6 +1,7 @@
-"""Gains over the airspeed: a tail turns the vehicle with the dynamic pressure, so less is asked of it in fast flight.
+"""Gain scheduling of the attitude loops with the dynamic pressure.
 
-Without it, a loop that keeps 6 dB at the cruise has none left in a glide at 1.4 times its speed.
+The control moment of a tail is proportional to the dynamic pressure, so that the gains are reduced at high airspeed.
+With constant gains, a loop with a gain margin of 6 dB at cruise has none in a glide at 1.4 times the cruise airspeed.
 """
 
 from __future__ import annotations
@@ -8,13 +9,13 @@ from __future__ import annotations
 from avionics.limits import clip
 
 LEAST, MOST = 0.3, 1.3
-"""-; bounds of the share: a wrong airspeed must not take a loop away, nor make one swing near the stall"""
+"""-; limits of the factor: a wrong airspeed must neither disable a loop nor destabilize it near the stall"""
 
 
 def share(tuned: float, airspeed: float) -> float:
-    """Share of gains that hold at the airspeed ``tuned`` (m/s) which does the same at ``airspeed`` (m/s).
+    """Return the gain factor at ``airspeed`` for gains tuned at ``tuned`` (m/s).
 
-    1 where either is not known (0).
+    The factor is 1 if one of them is unknown (0).
     """
     if tuned <= 0.0 or airspeed <= 0.0:
         return 1.0

@@ -1,9 +1,10 @@
-"""I-PD law of the pitch loop: the integral acts on the error, the other terms on the measurement alone.
+"""I-PD law of the pitch loop, with setpoint weight zero.
 
 A PID controller of two degrees of freedom with setpoint weight zero (Astrom and Hagglund 2006, Advanced PID Control,
 section 3.4). A step of the setpoint does not step the elevator, and the response has no zero at -I/P, which makes a
 PID loop overshoot. Stability margins are those of the PID law with the same gains; the response to the setpoint is
-slower. A PID law behind the setpoint filter 1 / (1 + s P/I) is the same transfer function, and is what is computed.
+slower. The implementation is a PID law after the setpoint filter 1 / (1 + s P/I), which has the same transfer
+function.
 """
 
 from __future__ import annotations
@@ -17,7 +18,10 @@ from avionics.stabilization.pitch import Gains, Measured, State
 def step(
     gains: Gains, state: State, time_us: int, dt: float, setpoint: float, measured: Measured
 ) -> tuple[State, PitchStatus]:
-    """One step; ``dt`` in s, ``setpoint`` in rad. The error in the status is that to the filtered setpoint."""
+    """Advance the loop by ``dt`` (s) toward ``setpoint`` (rad).
+
+    The error in the status refers to the filtered setpoint.
+    """
     state = _filter_setpoint(gains, state, dt, setpoint)
     state, status = pitch.step(gains, state, time_us, dt, state.setpoint, measured)
     return state, status._replace(pitch_setpoint=setpoint)
@@ -26,7 +30,10 @@ def step(
 def hold_trim(
     gains: Gains, state: State, time_us: int, dt: float, setpoint: float, measured: Measured
 ) -> tuple[State, PitchStatus]:
-    """Return the mean elevator while an excitation is active, see `pitch.hold_trim`; the filter keeps running."""
+    """Return the mean elevator while an excitation is active.
+
+    The setpoint filter keeps running, see `pitch.hold_trim`.
+    """
     state = _filter_setpoint(gains, state, dt, setpoint)
     state, status = pitch.hold_trim(gains, state, time_us, dt, state.setpoint, measured)
     return state, status._replace(pitch_setpoint=setpoint)
@@ -35,13 +42,16 @@ def hold_trim(
 def follow(
     gains: Gains, state: State, time_us: int, dt: float, elevator: float, measured: Measured
 ) -> tuple[State, PitchStatus]:
-    """The pilot's elevator (rad); the filtered setpoint tracks the pitch, for a start without an error."""
+    """Track the pilot's elevator (rad) for a bumpless transfer to the loop.
+
+    The filtered setpoint tracks the pitch, so that the loop starts without an error.
+    """
     state, status = pitch.follow(gains, state, time_us, dt, elevator, measured)
     return state._replace(setpoint=state.pitch), status
 
 
 def _filter_setpoint(gains: Gains, state: State, dt: float, setpoint: float) -> State:
-    """Without an integral nothing would follow the setpoint, so it passes unfiltered."""
+    """Filter the setpoint; without an integral it passes unfiltered."""
     if gains.integral == 0.0:
         return state._replace(setpoint=setpoint)
     return state._replace(setpoint=low_pass(state.setpoint, setpoint, gains.proportional / gains.integral, dt))

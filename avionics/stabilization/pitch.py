@@ -1,6 +1,7 @@
-"""Pitch loop: pitch setpoint -> elevator (Malladi 2007, section IV.A: inner pitch attitude loop).
+"""Pitch loop: pitch setpoint to elevator.
 
-Proportional, integral, and damping on the pitch rate, both measurements freed of the flapping by a notch.
+Inner pitch attitude loop of Malladi 2007, section IV.A: proportional, integral, and damping on the pitch rate. A
+notch removes the flapping from both measurements.
 """
 
 from __future__ import annotations
@@ -18,45 +19,45 @@ from wingbeat.vehicle_file import Label
 
 
 class Gains(NamedTuple):
-    """What the pitch loop is tuned with."""
+    """Parameters of the pitch loop."""
 
     proportional: Annotated[float, Quantity("-", 0.0, 10.0)]
     """-; elevator per pitch error"""
     integral: Annotated[float, Quantity("1/s", 0.0, 10.0)]
-    """1/s; elevator per second and pitch error"""
+    """1/s; elevator rate per pitch error"""
     damping: Annotated[float, Quantity("s", 0.0, 3.0)]
-    """s; elevator taken off per pitch rate"""
+    """s; elevator decrease per pitch rate"""
     integral_max: Annotated[float, Quantity("rad", 0.0, 1.0)]
-    """rad; greatest share of the integral in the elevator"""
+    """rad; limit of the elevator integrator"""
     elevator_trim: Annotated[float, Quantity("rad", -1.0, 1.0)]
-    """rad; elevator of level flight"""
+    """rad; elevator in level flight"""
     elevator_min: Annotated[float, Quantity("rad", -1.5, 0.0)]
-    """rad; most nose-down elevator the loop asks for"""
+    """rad; minimum (nose-down) output of the loop"""
     elevator_max: Annotated[float, Quantity("rad", 0.0, 1.5)]
-    """rad; most nose-up elevator the loop asks for"""
+    """rad; maximum (nose-up) output of the loop"""
     notch_width: Annotated[float, Quantity("-", 0.0, 2.0)] = 0.3
-    """-; damping ratio of the notch at the wing frequency, 0 for none. Default: a quarter of the lag of a mean over
-    the stroke at the short period"""
+    """-; damping ratio of the notch at the wing frequency, 0 for none. Default: a quarter of the lag of a stroke mean
+    at the short period"""
     rate_lag: Annotated[float, Quantity("s", 0.0, 1.0)] = 0.0
-    """s; time constant of a low-pass on the pitch rate, 0 for none. Default: the notch suffices"""
+    """s; time constant of a low-pass filter of the pitch rate, 0 for none. Default: the notch suffices"""
     trim_time: Annotated[float, Quantity("s", 0.05, 60.0)] = 1.0
-    """s; time constant of the mean elevator that a frozen loop holds. Default: four strokes"""
+    """s; time constant of the mean elevator that is applied while the loop is frozen. Default: four strokes"""
     stick_pitch: Annotated[float, Quantity("rad", 0.0, 1.2)] = 0.3
     """rad; change of the pitch setpoint at full stick (stabilized). Default: a third of a rad at full stick"""
     release_time: Annotated[float, Quantity("s", 0.0, 10.0)] = 0.15
-    """s; time constant with which the elevator of a frozen loop gives way to the loop's. Default: no step of the
-    tail, and the loop back before the attitude has moved on"""
+    """s; time constant of the transition from a frozen loop to the active loop. Default: no step of the tail, and an
+    active loop before the attitude changes"""
     airspeed: Annotated[float, Quantity("m/s", 0.0, 50.0)] = 0.0
-    """m/s; at which the gains hold; they go with the dynamic pressure, 0 for the same gains at any airspeed"""
+    """m/s; reference airspeed of the gains, which scale with the dynamic pressure; 0 for constant gains"""
     law: Annotated[str, Label()] = "pid"
     """-; control law of the loop, a name of the table in `avionics.control_laws`"""
 
 
 class State(NamedTuple):
-    """What the pitch loop remembers."""
+    """State of the pitch loop."""
 
     integral: float = 0.0
-    """rad; of elevator"""
+    """rad; integrator of the elevator"""
     elevator_mean: float = 0.0
     """rad; low-passed elevator"""
     rate: float = 0.0
@@ -66,28 +67,28 @@ class State(NamedTuple):
     pitch_notch: stroke_filter.State = stroke_filter.State()
     rate_notch: stroke_filter.State = stroke_filter.State()
     bridge: float = 0.0
-    """rad; of elevator: what a frozen loop held beyond what the loop asks, fading out"""
+    """rad; elevator offset that decays after the loop resumes"""
     setpoint: float = 0.0
     """rad; filtered setpoint of the law `i_pd`"""
 
 
 class Measured(NamedTuple):
-    """What the loop looks at."""
+    """Measurements used by the pitch loop."""
 
     pitch: float
-    """rad; nose up is positive"""
+    """rad; positive nose up"""
     pitch_rate: float
     """rad/s"""
     wing_frequency: float
-    """Hz; 0 when not flapping"""
+    """Hz; 0 without flapping"""
     roll: float = 0.0
-    """rad; of what is asked of the pitch the tail can do the cosine's share, and nothing beyond a right angle"""
+    """rad; the effect of the tail on pitch is scaled by the cosine of the roll, and is 0 beyond a right angle"""
     airspeed: float = 0.0
-    """m/s; 0 while unknown"""
+    """m/s; 0 if unknown"""
 
 
 def initial(gains: Gains) -> State:
-    """State at the trim elevator."""
+    """Return the state at the trim elevator."""
     return State(elevator_mean=gains.elevator_trim)
 
 
@@ -98,7 +99,10 @@ _new_pitch_status = constructor(PitchStatus)
 def step(
     gains: Gains, state: State, time_us: int, dt: float, setpoint: float, measured: Measured
 ) -> tuple[State, PitchStatus]:
-    """One step; ``dt`` in s, ``setpoint`` in rad. The integral rests while it would push further into a limit."""
+    """Advance the pitch loop by ``dt`` (s) toward ``setpoint`` (rad).
+
+    Integration stops while it would drive the output further into saturation (conditional anti-windup).
+    """
     state = _observe(gains, state, dt, measured)
     error = (setpoint - state.pitch) * max(0.0, cos(measured.roll))
     strength = share(gains.airspeed, measured.airspeed)
@@ -123,9 +127,10 @@ def step(
 def hold_trim(
     gains: Gains, state: State, time_us: int, dt: float, setpoint: float, measured: Measured
 ) -> tuple[State, PitchStatus]:
-    """Frozen for an excitation: the mean elevator; the filters go on, the integral is kept.
+    """Return the mean elevator while an excitation is active.
 
-    What the loop would ask meanwhile is remembered as a difference, so that it takes over without a jump.
+    The filters keep running; the integrator is frozen. The difference from the output of the loop is stored for a
+    bumpless transfer.
     """
     state = _observe(gains, state, dt, measured)
     error = setpoint - state.pitch
@@ -140,7 +145,7 @@ def hold_trim(
 def follow(
     gains: Gains, state: State, time_us: int, dt: float, elevator: float, measured: Measured
 ) -> tuple[State, PitchStatus]:
-    """The pilot's elevator (rad), so that the loop takes over from its trim."""
+    """Track the pilot's elevator (rad) so that the transfer to the loop is bumpless."""
     state = _observe(gains, state, dt, measured)._replace(integral=0.0, elevator_mean=gains.elevator_trim, bridge=0.0)
     limited = clip(elevator, gains.elevator_min, gains.elevator_max)
     return state, PitchStatus(time_us, state.pitch, 0.0, 0.0, 0.0, 0.0, limited, 0)

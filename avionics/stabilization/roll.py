@@ -1,4 +1,7 @@
-"""Roll loop: roll setpoint -> roll command (Malladi 2007, section IV.A: inner bank angle loop)."""
+"""Roll loop: roll setpoint to roll command.
+
+Inner bank angle loop of Malladi 2007, section IV.A.
+"""
 
 from __future__ import annotations
 
@@ -13,45 +16,45 @@ from wingbeat.vehicle_file import Label
 
 
 class Gains(NamedTuple):
-    """What the roll loop is tuned with."""
+    """Parameters of the roll loop."""
 
     proportional: Annotated[float, Quantity("1/rad", 0.0, 20.0)]
     """1/rad; roll command per roll error"""
     integral: Annotated[float, Quantity("1/(rad s)", 0.0, 20.0)]
-    """1/(rad s); roll command per second and roll error"""
+    """1/(rad s); roll command rate per roll error"""
     damping: Annotated[float, Quantity("s/rad", 0.0, 5.0)]
-    """s/rad; roll command taken off per roll rate"""
+    """s/rad; roll command decrease per roll rate"""
     integral_max: Annotated[float, Quantity("-", 0.0, 1.0)] = 0.3
-    """-; greatest share of the integral in the roll command. Default: leaves the loop its authority"""
+    """-; limit of the integrator. Default: leaves control authority to the proportional term"""
     stick_roll: Annotated[float, Quantity("rad", 0.0, 1.2)] = 0.6
-    """rad; roll setpoint at full stick (stabilized, altitude hold). Default: the greatest bank and a little more"""
+    """rad; roll setpoint at full stick (stabilized, altitude hold). Default: slightly above the maximum bank"""
     release_time: Annotated[float, Quantity("s", 0.0, 10.0)] = 0.15
-    """s; time constant with which the command of a frozen loop gives way to the loop's. Default: no step of the
-    tail, and the loop back before the attitude has moved on"""
+    """s; time constant of the transition from a frozen loop to the active loop. Default: no step of the tail, and an
+    active loop before the attitude changes"""
     airspeed: Annotated[float, Quantity("m/s", 0.0, 50.0)] = 0.0
-    """m/s; at which the gains hold; they go with the dynamic pressure, 0 for the same gains at any airspeed"""
+    """m/s; reference airspeed of the gains, which scale with the dynamic pressure; 0 for constant gains"""
     law: Annotated[str, Label()] = "pid"
     """-; control law of the loop, a name of the table in `avionics.control_laws`"""
 
 
 class State(NamedTuple):
-    """What the roll loop remembers."""
+    """State of the roll loop."""
 
     integral: float = 0.0
-    """-; of roll command"""
+    """-; integrator of the roll command"""
     bridge: float = 0.0
-    """-; of roll command: what a frozen loop held beyond what the loop asks, fading out"""
+    """-; roll command offset that decays after the loop resumes"""
 
 
 class Measured(NamedTuple):
-    """What the loop looks at."""
+    """Measurements used by the roll loop."""
 
     roll: float
-    """rad; right wing down is positive"""
+    """rad; positive right wing down"""
     roll_rate: float
     """rad/s"""
     airspeed: float = 0.0
-    """m/s; 0 while unknown"""
+    """m/s; 0 if unknown"""
 
 
 _new_state = constructor(State)
@@ -61,7 +64,7 @@ _new_roll_status = constructor(RollStatus)
 def step(
     gains: Gains, state: State, time_us: int, dt: float, setpoint: float, measured: Measured
 ) -> tuple[State, RollStatus]:
-    """One step; ``setpoint`` in rad."""
+    """Advance the roll loop by ``dt`` (s) toward ``setpoint`` (rad)."""
     roll, roll_rate, airspeed = measured
     error, strength = setpoint - roll, share(gains.airspeed, airspeed)
     proportional, damping = strength * gains.proportional * error, -strength * gains.damping * roll_rate
@@ -79,9 +82,9 @@ def step(
 def hold_trim(
     gains: Gains, state: State, time_us: int, setpoint: float, measured: Measured
 ) -> tuple[State, RollStatus]:
-    """Frozen for an excitation of the rudder: the integral, which is the trim, and nothing else.
+    """Return the trim of the integrator during an excitation of the rudder.
 
-    What the loop would ask meanwhile is remembered as a difference, so that it takes over without a jump.
+    The difference from the output of the loop is stored for a bumpless transfer.
     """
     roll, roll_rate, airspeed = measured
     error, strength = setpoint - roll, share(gains.airspeed, airspeed)
@@ -91,5 +94,5 @@ def hold_trim(
 
 
 def follow(time_us: int, stick: float) -> tuple[State, RollStatus]:
-    """The pilot's roll command (-1 to 1), so that the loop takes over without a stored integral."""
+    """Track the pilot's roll command (-1 to 1); the integrator is reset."""
     return State(), RollStatus(time_us, 0.0, 0.0, 0.0, 0.0, 0.0, clip(stick, -1.0, 1.0), 0)

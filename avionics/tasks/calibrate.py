@@ -1,4 +1,4 @@
-"""The task that gathers samples for a calibration, and takes what it found."""
+"""Calibration task: collects samples and applies the result."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from wingbeat.message import Severity
 from wingbeat.topic import Publish
 
 TELL_EVERY = 0.5
-"""s; between two messages of the status"""
+"""s; interval of the status message"""
 
 
 def calibrate(s: AutopilotState, publish: Publish) -> None:
-    """One tick of the calibration that runs; nothing otherwise."""
+    """Advance an active calibration by one tick."""
     if not s.calibration.kind:
         return
     cancelled = reason_to_stop(s)
@@ -41,12 +41,12 @@ def calibrate(s: AutopilotState, publish: Publish) -> None:
 
 
 def _recorded(state: procedure.State) -> procedure.State:
-    """On six sides the patience is for each."""
+    """Restart the timeout for the next of six sides."""
     return state._replace(elapsed=0.0) if state.kind == Calibration.ACCELEROMETER else state
 
 
 def reason_to_stop(s: AutopilotState) -> str:
-    """What ends the calibration that runs; empty while it may go on."""
+    """Return the reason to stop the calibration; empty if there is none."""
     kind = s.calibration.kind
     if kind == Calibration.AIRSPEED:
         return "" if s.modes.stage in AIRBORNE else "no longer in flight"
@@ -57,7 +57,7 @@ def reason_to_stop(s: AutopilotState) -> str:
 
 
 def gather(s: AutopilotState) -> Took:
-    """Take the samples of this tick that the calibration needs."""
+    """Process the samples of this tick that the calibration requires."""
     kind, frame, state = s.calibration.kind, s.frame, s.calibration
     took = NOTHING_NEW
     if kind in procedure.RAW_IMU:
@@ -93,7 +93,7 @@ def _gather_imu(s: AutopilotState) -> Took:
 
 
 def _is_airborne(s: AutopilotState) -> airspeed.Sample:
-    """Heading, horizontal airspeed and ground velocity at a fix."""
+    """Return heading, horizontal airspeed and ground velocity at a fix."""
     fix, climb, speed = s.frame.gps, s.altitude.climb_rate, s.air.airspeed
     assert fix is not None
     level = math.sqrt(max(speed * speed - climb * climb, 0.0))
@@ -101,7 +101,7 @@ def _is_airborne(s: AutopilotState) -> airspeed.Sample:
 
 
 def give_up(s: AutopilotState, publish: Publish, reason: str) -> None:
-    """End the calibration without a result, and say why."""
+    """End the calibration without a result, and publish the reason."""
     name = s.calibration.kind.name
     s.calibration = procedure.stop(s.calibration)
     publish_event(s, publish, Severity.WARNING, "calibration", f"{name} calibration failed: {reason}")
@@ -127,7 +127,7 @@ def _solve(s: AutopilotState, publish: Publish) -> None:
 
 
 def _restart(s: AutopilotState, kind: Calibration) -> None:
-    """What was learned with the old values is forgotten."""
+    """Reset the estimates that depend on the previous values."""
     if kind in procedure.RAW_IMU:
         s.ahrs, s.preflight = None, preflight.State()
         s.frame = s.frame._replace(imu=inertial.correct(s.gains.imu, s.frame.imu))

@@ -1,4 +1,4 @@
-"""The tasks that tell attitude, altitude and position."""
+"""Estimation tasks: attitude, altitude and position."""
 
 from __future__ import annotations
 
@@ -19,7 +19,10 @@ from wingbeat.topic import Publish
 
 
 def attitude(s: AutopilotState, publish: Publish) -> None:
-    """Attitude from the IMU, aligned at standstill; a refused sample changes nothing."""
+    """Estimate the attitude from the IMU, with alignment at standstill.
+
+    A rejected sample is ignored.
+    """
     imu, refused = s.frame.imu, s.plausibility.bad & 1
     if s.ahrs is None:
         if refused:
@@ -32,7 +35,7 @@ def attitude(s: AutopilotState, publish: Publish) -> None:
 
 
 def _align(s: AutopilotState, imu: ImuSample) -> None:
-    """Gyro offset and attitude from a standstill, if the gyros are not calibrated yet or no longer."""
+    """Update gyro offset and attitude at a standstill if a calibration is required."""
     pressure = None
     if s.frame.pressures is not None:
         pressure = air_data.calibrated(s.gains.air_data, s.frame.pressures.differential_counts)
@@ -48,10 +51,11 @@ def _align(s: AutopilotState, imu: ImuSample) -> None:
 
 
 def altitude(s: AutopilotState, publish: Publish) -> None:
-    """Altitude and climb: gathers the acceleration of every tick, steps at each pressure sample.
+    """Estimate altitude and climb rate.
 
-    A refused sample of the IMU tells no acceleration: the last one, of somewhere in a stroke, would run away with the
-    altitude, and the barometer be refused for it.
+    The acceleration is accumulated in each tick; the filter advances at each pressure sample. A rejected IMU sample
+    is not accumulated: a repeated acceleration from within a stroke would cause a drift of the altitude, and the gate
+    would then reject the barometer.
     """
     if not s.plausibility.bad & 1:
         s.altitude_filter = altitude_filter.accumulate(s.altitude_filter, s.attitude.accel_down)
@@ -71,7 +75,7 @@ def altitude(s: AutopilotState, publish: Publish) -> None:
 
 
 def _coast(s: AutopilotState, publish: Publish) -> None:
-    """Without a barometer: by the IMU, and by the GPS altitude while there is a fix."""
+    """Propagate the altitude without a barometer, with the GPS altitude of new fixes."""
     fix = None
     if s.last_fix is not None:
         s.gps_altitude, fix = gps_altitude.climb(s.gps_altitude, s.last_fix)
@@ -82,7 +86,10 @@ def _coast(s: AutopilotState, publish: Publish) -> None:
 
 
 def position(s: AutopilotState, publish: Publish) -> None:
-    """Position and wind: carried on at each pressure sample, or without any, corrected by the last fix."""
+    """Estimate position and wind.
+
+    The filter is propagated at each pressure sample, or at the same rate without them, and corrected by the last fix.
+    """
     if s.frame.gps is not None:
         s.last_fix = s.frame.gps
     if s.frame.pressures is not None or silent(s):

@@ -1,4 +1,4 @@
-"""The tasks that decide what to fly: modes, mission, identification inputs, altitude and heading loops."""
+"""Guidance tasks: modes, mission, excitation, altitude and heading loops."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ from wingbeat.topic import Publish
 EN_ROUTE, WAIT_LAUNCH, CLIMB_OUT, FLARE = Stage.EN_ROUTE, Stage.WAIT_LAUNCH, Stage.CLIMB_OUT, Stage.FLARE
 MANUAL, STABILIZED, OFFBOARD = Mode.MANUAL, Mode.STABILIZED, Mode.OFFBOARD
 EXCITED = (Mode.AUTO, Mode.ALTITUDE_HOLD)
-"""modes in which an excitation may be flown"""
+"""modes that permit an excitation"""
 FOLDS = "multisine aliases at {:.2f} Hz flapping; set period = {:.3f} s"
 OUTSIDE = int(Failsafe.FENCE)
 UNDERGROUND = 100.0
-"""m; below home: down, wherever it is"""
+"""m; altitude setpoint below home for a descent to the ground from any altitude"""
 
 
 def modes(s: AutopilotState, publish: Publish) -> None:
-    """Stages and failsafes."""
+    """Advance stages and failsafes."""
     before = s.modes.failsafe
     s.modes, notices = supervisor.step(s.gains.modes, s.modes, s.clock.dt_50, conditions(s))
     if s.modes.failsafe & ~before & OUTSIDE:
@@ -42,14 +42,14 @@ def modes(s: AutopilotState, publish: Publish) -> None:
 
 
 def note_breach(s: AutopilotState) -> None:
-    """The fence has just been passed."""
+    """Store a new breach of the fence."""
     kind = fence.breach(s.gains.modes, s.modes, conditions(s))
     last = s.fence_state
     s.fence_state = last._replace(breaches=last.breaches + 1, kind=kind, since=s.clock.time_us * 1e-6)
 
 
 def navigation(s: AutopilotState, publish: Publish) -> None:
-    """Mission items and modes -> altitude and heading to fly."""
+    """Advance the navigation: items and modes to altitude and heading setpoints."""
     if s.modes.stage == WAIT_LAUNCH or s.modes.stage in AIRBORNE:
         before = s.navigation
         s.navigation, s.target = navigator.step(
@@ -70,7 +70,7 @@ def navigation(s: AutopilotState, publish: Publish) -> None:
 
 
 def navigation_status(s: AutopilotState) -> NavigationStatus:
-    """What the navigation asks for, with mode and stage."""
+    """Return the navigation status with mode and stage."""
     return NavigationStatus(
         s.clock.time_us,
         Mode(s.modes.mode),
@@ -89,7 +89,7 @@ _new_envelope_state = constructor(excitation_input.EnvelopeState)
 
 
 def excitation(s: AutopilotState, publish: Publish) -> None:
-    """Identification inputs, as the navigation asks for them."""
+    """Advance the identification input that the navigation requests."""
     asked = s.target.excitation
     if asked is not None and (s.modes.stage != EN_ROUTE or s.modes.mode not in EXCITED):
         asked = None
@@ -109,7 +109,7 @@ def excitation(s: AutopilotState, publish: Publish) -> None:
 
 
 def vertical(s: AutopilotState, publish: Publish) -> None:
-    """Altitude -> climb -> throttle and pitch setpoint, or what the stick or the ground asks."""
+    """Advance the altitude loop, or pass a direct command of stick or ground station."""
     gains, state, time_us, dt = s.gains.altitude, s.altitude_loop, s.clock.time_us, s.clock.dt_50
     law, asked = control_laws.ALTITUDE[gains.law], vertical_command(s)
     measured = altitude_loop.Measured(s.altitude.altitude, s.altitude.climb_rate, s.air.airspeed)
@@ -134,13 +134,19 @@ def vertical(s: AutopilotState, publish: Publish) -> None:
 
 
 def airspeed_setpoint(s: AutopilotState) -> float:
-    """m/s; commanded by a mission or the ground, 0 if the vehicle chooses: on an approach, or without a pitot."""
+    """Return the airspeed setpoint (m/s) of a mission or of the ground station.
+
+    The result is 0 if the vehicle selects the airspeed: on an approach, or without a pitot.
+    """
     chosen = s.modes.stage != EN_ROUTE or s.modes.mode not in GUIDED or s.airspeed_check.blocked
     return 0.0 if chosen else s.navigation.airspeed
 
 
 def headwind(s: AutopilotState) -> float:
-    """m/s; from ahead on the course that is to be flown; 0 where there is none, and in the climb-out."""
+    """Return the headwind (m/s) on the target course.
+
+    The result is 0 without a position and in the climb-out.
+    """
     if s.modes.mode not in GUIDED or s.modes.stage == CLIMB_OUT or not position_usable(s):
         return 0.0
     course, wind = s.target.heading, s.position
@@ -150,7 +156,10 @@ def headwind(s: AutopilotState) -> float:
 def by_throttle_alone(
     s: AutopilotState, measured: altitude_loop.Measured
 ) -> tuple[altitude_loop.State, AltitudeStatus]:
-    """Sink without an elevator; the pitch loop keeps its trim, for a tail that is freed."""
+    """Descend by throttle without an elevator.
+
+    The pitch loop keeps its trim in case the tail becomes free.
+    """
     gains, dt = s.gains.altitude, s.clock.dt_50
     seen = throttle_descent.Measured(measured.climb_rate, s.pitch_loop.pitch)
     s.throttle_descent, throttle = throttle_descent.step(
@@ -164,7 +173,7 @@ def by_throttle_alone(
 
 
 def vertical_command(s: AutopilotState) -> altitude_loop.DirectCommand | None:
-    """Throttle and pitch setpoint that bypass the altitude loop; None when the loop flies."""
+    """Return throttle and pitch setpoint that bypass the altitude loop, if any."""
     trim = s.gains.altitude.pitch_trim
     mode, stage = s.modes.mode, s.modes.stage
     if not s.modes.armed:
@@ -174,7 +183,7 @@ def vertical_command(s: AutopilotState) -> altitude_loop.DirectCommand | None:
     if mode == STABILIZED:
         return altitude_loop.DirectCommand(s.pilot.throttle, trim + s.gains.pitch.stick_pitch * s.pilot.pitch)
     if stage == WAIT_LAUNCH:
-        # A weak throw falls to the ground while the stroke grows: the wings begin on the way out of the hand.
+        # The flapping starts in the hand, because a weak throw would reach the ground while the stroke grows.
         leaving = s.modes.launch_state == FAST
         return altitude_loop.DirectCommand(
             s.gains.altitude.throttle_max if leaving else s.gains.modes.wait_throttle, trim
@@ -190,15 +199,16 @@ def vertical_command(s: AutopilotState) -> altitude_loop.DirectCommand | None:
 
 
 def attitude_setpoint(s: AutopilotState) -> Setpoint | None:
-    """Attitude setpoint of an external controller; None if there is none or another mode flies."""
+    """Return the attitude setpoint of an external controller in OFFBOARD, if any."""
     setpoint = s.offboard.setpoint if s.modes.mode == OFFBOARD else None
     return setpoint if setpoint is not None and setpoint.path == Path.ATTITUDE else None
 
 
 def flared(s: AutopilotState) -> altitude_loop.Gains:
-    """Gains of the climb loop in the flare; wings that must be still are, and slower than any flight they rest.
+    """Return the gains of the climb loop in the flare.
 
-    Lifted above the flare altitude by a gust it descends as on the line, or it would float on from there.
+    The wings stop after a cut and below the touchdown airspeed. Above the flare altitude, as after a gust, the
+    vehicle descends as on the glide path.
     """
     of, gains = s.gains.navigation, s.gains.altitude
     if s.height <= of.flare_altitude:
@@ -209,7 +219,7 @@ def flared(s: AutopilotState) -> altitude_loop.Gains:
 
 
 def lateral(s: AutopilotState, publish: Publish) -> None:
-    """Heading -> roll setpoint, or the stick's, or wings level near the ground."""
+    """Advance the heading loop, or pass the roll setpoint of stick or flare."""
     gains, state, time_us, dt = s.gains.heading, s.heading_loop, s.clock.time_us, s.clock.dt_50
     law, asked = control_laws.HEADING[gains.law], roll_command(s)
     motion = ground_motion(s)
@@ -221,7 +231,7 @@ def lateral(s: AutopilotState, publish: Publish) -> None:
 
 
 def roll_command(s: AutopilotState) -> float | None:
-    """Roll setpoint (rad) that bypasses the heading loop; None when the loop flies."""
+    """Return the roll setpoint (rad) that bypasses the heading loop, if any."""
     if s.modes.stage not in AIRBORNE or s.modes.stage == FLARE or s.modes.mode == MANUAL:
         return 0.0
     attitude = attitude_setpoint(s)

@@ -1,4 +1,4 @@
-"""The frame as it enters: recorded as it came, then without the samples that cannot be."""
+"""Frame intake: recording of raw samples and removal of implausible ones."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from wingbeat.message import Severity
 from wingbeat.topic import Publish
 
 TICK = 1.0 / BASE_RATE
-"""s"""
+"""s; period of a tick"""
 RECEIVED = tuple(sensor for sensor in OTHERS if sensor.receive is not None)
 
 
 def accept(s: AutopilotState, publish: Publish, frame: SensorFrame) -> None:
-    """Take the frame, without the samples that cannot be."""
+    """Accept a frame without its implausible samples."""
     publish_samples(publish, frame)
     s.plausibility, frame, gone_bad = plausibility.step(s.gains.plausibility, s.plausibility, frame, OTHERS)
     if s.plausibility.bad & 1:
@@ -41,7 +41,10 @@ def accept(s: AutopilotState, publish: Publish, frame: SensorFrame) -> None:
 
 
 def refuse_time(s: AutopilotState, publish: Publish, frame: SensorFrame) -> ActuatorCommand:
-    """A frame not later than the last, or too much later: count it, say so once, repeat the last actuators."""
+    """Reject a frame with a time that is not later, or too much later.
+
+    The frame is counted, the first one is reported, and the last actuator command is repeated.
+    """
     publish_samples(publish, frame)
     s.plausibility = plausibility.refuse_time(s.plausibility)
     if s.plausibility.time_refused == 1:
@@ -58,7 +61,10 @@ def refuse_time(s: AutopilotState, publish: Publish, frame: SensorFrame) -> Actu
 
 
 def gravity_substitute(imu: ImuSample, attitude: Attitude) -> ImuSample:
-    """The sample with the specific force of unaccelerated flight at the present attitude instead of its own."""
+    """Return the sample with the specific force of unaccelerated flight.
+
+    The force follows from the present attitude.
+    """
     w, x, y, z = attitude.quaternion
     g = STANDARD_GRAVITY
     return imu._replace(

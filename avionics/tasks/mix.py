@@ -1,4 +1,4 @@
-"""The task that turns demands into strokes and tail angles."""
+"""Mixing task: loop outputs to wing strokes and tail angles."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from wingbeat.topic import Publish
 
 MANUAL = Mode.MANUAL
 BESIDE_RATE = 3.0
-"""rad/s; of the wing that joins a jammed one"""
+"""rad/s; rate of the free wing toward the angle of a jammed one"""
 
 
 _new_actuator_command = constructor(ActuatorCommand)
@@ -25,7 +25,7 @@ _new_tail_command = constructor(tail.TailCommand)
 
 
 def mix(s: AutopilotState, publish: Publish) -> None:
-    """Elevator, roll command and throttle -> tail and wing drives."""
+    """Mix elevator, roll command and throttle to tail and wing drives."""
     if s.modes.killed:
         stop(s, publish)
         return
@@ -62,7 +62,7 @@ def mix(s: AutopilotState, publish: Publish) -> None:
 
 
 def stop(s: AutopilotState, publish: Publish) -> None:
-    """After a kill: drives off without running down, wings told to stay where they are, tail at neutral."""
+    """Stop the drives at once after a kill: wings at their last angles, tail centered."""
     s.flapping, s.tail = flapping.State(), tail.State()
     before, time_us = s.actuators, s.clock.time_us
     s.actuators = ActuatorCommand(time_us, before.wing_left, before.wing_right, 0.0, 0.0, 0.0, 0)
@@ -71,7 +71,7 @@ def stop(s: AutopilotState, publish: Publish) -> None:
 
 
 def match_jammed_wing(s: AutopilotState, stroke: flapping.Stroke) -> flapping.Stroke:
-    """The free wing goes where the jammed one is, so that the glide is level."""
+    """Move the free wing to the angle of the jammed one, for a level glide."""
     limits, step = s.gains.flapping, BESIDE_RATE * s.clock.dt
     left, right = s.wing_check.angles
     if s.wing_check.jammed == wing_check.LEFT:

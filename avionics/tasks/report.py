@@ -1,4 +1,4 @@
-"""The tasks of the logger."""
+"""Reporting tasks: excitation, health and snapshot."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from wingbeat.topic import Publish
 
 
 def report_excitation(s: AutopilotState, publish: Publish) -> None:
-    """The identification input as applied, after limits and servo rate."""
+    """Publish the identification input as applied, after limits and servo rate."""
     applied = s.excitation_requested
     if applied.active:
         elevator, throttle, rudder = s.excitation_applied
@@ -20,7 +20,7 @@ def report_excitation(s: AutopilotState, publish: Publish) -> None:
 
 
 def report_health(s: AutopilotState, publish: Publish) -> None:
-    """Failures, counts of what was refused, vibration, and the fence."""
+    """Publish failures, rejected samples, vibration and the fence state."""
     publish(topics.VIBRATION, vibration.status(s.vibration, s.clock.time_us))
     publish(topics.HEALTH, Health(s.clock.time_us, s.modes.failsafe, s.plausibility.rejected, s.clock.ticks + 1))
     outside = int(s.modes.failsafe & Failsafe.FENCE != 0)
@@ -28,5 +28,5 @@ def report_health(s: AutopilotState, publish: Publish) -> None:
 
 
 def report_snapshot(s: AutopilotState, publish: Publish) -> None:
-    """The whole memory, from which a replay can start."""
+    """Publish the complete state, from which a replay can start."""
     publish(topics.SNAPSHOTS, Text(s.clock.time_us, snapshot.encode(s)))

@@ -1,4 +1,4 @@
-"""The tasks that turn raw samples into physical values."""
+"""Sensing tasks: raw samples to physical values."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ ON_GROUND, MANUAL = Stage.ON_GROUND, Mode.MANUAL
 GROUND, LOW, HIGH = airspeed_check.Aloft
 OPEN, WATCHED, DOUBTED = air_data.Gate
 PRESSURE_TICKS = 4
-"""-; from one pressure sample to the next; where none comes its filters go on at this rate"""
+"""-; ticks between pressure samples; without samples the dependent filters advance at this rate"""
 
 
 def vibrations(s: AutopilotState, publish: Publish) -> None:
-    """Vibration levels; a refused sample changes nothing."""
+    """Update the vibration levels; a rejected sample is ignored."""
     if not s.plausibility.bad & 1:
         s.vibration = vibration.step(s.gains.plausibility.accel_full, s.vibration, s.frame.imu, s.clock.dt)
 
@@ -40,7 +40,10 @@ _new_beat = constructor(power_meter.Beat)
 
 
 def power(s: AutopilotState, publish: Publish) -> None:
-    """Power of the drives, at each burst of the ADC; the current's zero is learned disarmed, with still wings."""
+    """Update the drive power at each ADC burst.
+
+    The current zero is estimated while disarmed with resting wings.
+    """
     if s.frame.adc is not None:
         resting = not s.modes.armed and s.modes.stage == ON_GROUND
         clipped = s.power.clipped
@@ -56,7 +59,10 @@ _new_commanded = constructor(wing_angle.Commanded)
 
 
 def wing(s: AutopilotState, publish: Publish) -> None:
-    """Wing motion, at each encoder sample; the commanded stroke stands in where the encoders do not tell."""
+    """Update the wing motion at each encoder sample.
+
+    Without valid encoders it follows the commanded stroke.
+    """
     gains, before, asked, sample = s.gains.wing_angle, s.wing, s.flapping, s.frame.encoder
     if sample is not None:
         parity = gains.sign_left * gains.sign_right
@@ -74,14 +80,17 @@ def wing(s: AutopilotState, publish: Publish) -> None:
 
 
 def air(s: AutopilotState, publish: Publish) -> None:
-    """Airspeed and pressure altitude, at each pressure sample; the pitot's zero is learned while disarmed."""
+    """Update airspeed and pressure altitude at each pressure sample.
+
+    The pitot zero is estimated while disarmed.
+    """
     if s.frame.pressures is not None:
         on_ground = not s.modes.armed and s.modes.stage == ON_GROUND
         aloft = _aloft(s)
         s.air_data, measured = air_data.step(
             s.gains.air_data, s.air_data, s.frame.pressures, on_ground, _gate(s, aloft)
         )
-        # What the gate refuses must be judged too: the check sees what the pitot tells.
+        # The check uses the ungated airspeed, so that it also covers readings that the gate rejects.
         told = air_data.ungated(s.air_data, measured.density)
         s.airspeed_check, airspeed = airspeed_check.step(
             s.gains.airspeed_check, s.airspeed_check, s.clock.dt_50, told, _motion(s), aloft
@@ -96,7 +105,7 @@ def air(s: AutopilotState, publish: Publish) -> None:
 
 
 def _gate(s: AutopilotState, aloft: airspeed_check.Aloft) -> air_data.Gate:
-    """How readings of the pitot are taken in: every one until the wings carry, for the throw is no spike."""
+    """Return the gate mode: open until flight, because a throw resembles an outlier."""
     if aloft == GROUND:
         return OPEN
     return DOUBTED if airspeed_check.is_inconsistent(s.airspeed_check) else WATCHED
@@ -107,7 +116,7 @@ def _without_pitot(s: AutopilotState, air: AirData, airspeed: float) -> AirData:
 
 
 def silent(s: AutopilotState) -> bool:
-    """Whether no pressure sample comes any more."""
+    """Return whether the pressure samples have timed out."""
     return 0 <= s.air_data.time_us < s.clock.time_us - s.gains.plausibility.baro_time * 1e6
 
 
@@ -118,7 +127,7 @@ def _motion(s: AutopilotState) -> airspeed_check.Motion | None:
 
 
 def _aloft(s: AutopilotState) -> airspeed_check.Aloft:
-    """How far the vehicle is from standing on the ground."""
+    """Return the distance of the vehicle from the ground."""
     if s.modes.stage not in AIRBORNE or s.modes.armed == 0:
         return GROUND
     high = s.height > s.gains.navigation.flare_altitude
@@ -126,13 +135,13 @@ def _aloft(s: AutopilotState) -> airspeed_check.Aloft:
 
 
 def torque(s: AutopilotState, publish: Publish) -> None:
-    """Torque of the drives, at each sample of the strain gauges."""
+    """Update the drive torque at each strain gauge sample."""
     if s.frame.torque is not None:
         publish(topics.DRIVE_TORQUE, drive_torque.step(s.gains.torque, s.frame.torque))
 
 
 def pilot(s: AutopilotState, publish: Publish) -> None:
-    """The receiver's frame, if one came, and what its switches ask for; sticks that have grown stale."""
+    """Process the receiver frame with its switches, and the timeout of stick inputs."""
     sample = s.frame.receiver
     if sample is not None:
         act(s, publish, piloting.take_receiver(s, publish, sample), "receiver")
@@ -141,7 +150,7 @@ def pilot(s: AutopilotState, publish: Publish) -> None:
 
 
 def wings(s: AutopilotState, publish: Publish) -> None:
-    """Whether both wings move as they are told."""
+    """Check the motion of both wings."""
     if s.frame.encoder is None:
         return
     raw, counts = s.gains.wing_angle, s.frame.encoder
@@ -158,7 +167,7 @@ def wings(s: AutopilotState, publish: Publish) -> None:
 
 
 def tail(s: AutopilotState, publish: Publish) -> None:
-    """Whether the tail answers."""
+    """Check the response of the tail."""
     closed = s.modes.stage in AIRBORNE and s.modes.mode != MANUAL and not s.modes.cut
     seen = tail_check.CheckInputs(
         s.pitch_loop_status.pitch_error, s.pitch_loop_status.elevator, s.pitch_loop.rate, s.air.airspeed

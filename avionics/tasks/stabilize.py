@@ -1,4 +1,4 @@
-"""The tasks that hold the attitude."""
+"""Stabilization tasks: pitch and roll loops."""
 
 from __future__ import annotations
 
@@ -19,7 +19,10 @@ IMU_FAULT, MANUAL = int(Failsafe.IMU_FAULT), Mode.MANUAL
 
 
 def loops_closed(s: AutopilotState) -> bool:
-    """Whether the attitude loops fly: not on the ground or on the hand, not in MANUAL, and not without an IMU."""
+    """Return whether the attitude loops are active.
+
+    They are inactive on the ground, before launch, in MANUAL, and without an IMU.
+    """
     blind = s.modes.failsafe & IMU_FAULT
     return s.modes.stage in AIRBORNE and s.modes.mode != MANUAL and not blind
 
@@ -29,7 +32,7 @@ _new_roll_measured = constructor(roll_loop.Measured)
 
 
 def pitch(s: AutopilotState, publish: Publish) -> None:
-    """Pitch setpoint -> elevator."""
+    """Advance the pitch loop: pitch setpoint to elevator."""
     gains, state, time_us, dt = s.gains.pitch, s.pitch_loop, s.clock.time_us, s.clock.dt_100
     law, attitude = control_laws.PITCH[gains.law], s.attitude
     measured = _new_pitch_measured(
@@ -48,7 +51,7 @@ def pitch(s: AutopilotState, publish: Publish) -> None:
 
 
 def roll(s: AutopilotState, publish: Publish) -> None:
-    """Roll setpoint -> roll command."""
+    """Advance the roll loop: roll setpoint to roll command."""
     gains, state, time_us, setpoint = s.gains.roll, s.roll_loop, s.clock.time_us, s.heading_loop_status.roll_setpoint
     law = control_laws.ROLL[gains.law]
     measured = _new_roll_measured(s.attitude.roll, s.attitude.roll_rate, s.air.airspeed)
