@@ -1,4 +1,4 @@
-"""The flight computer: one step per sensor frame."""
+"""Flight computer: one step per sensor frame."""
 
 from __future__ import annotations
 
@@ -20,9 +20,10 @@ from wingbeat.topic import Publish
 
 
 class Autopilot:
-    """Sensor frames and commands in, actuator commands out; deterministic, without a clock of its own.
+    """Deterministic flight computer: sensor frames and commands to actuator commands.
 
-    The whole memory is ``state``; what it says goes to ``publish`` at the rate of its topic.
+    It has no clock of its own. ``state`` is the complete memory; messages go to ``publish`` at the rate of their
+    topics.
     """
 
     def __init__(
@@ -35,11 +36,11 @@ class Autopilot:
         """Start disarmed, in MANUAL, before the first frame.
 
         Args:
-            vehicle: its gains, from `avionics.vehicles.load_vehicle`.
-            mission: what AUTO flies; may be empty.
+            vehicle: parameters, from `avionics.vehicles.load_vehicle`.
+            mission: mission of AUTO; may be empty.
             publish: called with a topic and its message.
-            schedule: what is due in each tick (default: `processors.SCHEDULE`); that of `processors.Stopwatch`
-                measures run times.
+            schedule: tasks due in each tick (default: `processors.SCHEDULE`); that of `processors.Stopwatch` measures
+            run times.
 
         Raises:
             InputError: the mission cannot be flown.
@@ -53,7 +54,7 @@ class Autopilot:
         self._state = initial_state(vehicle.gains, mission)
 
     def step(self, frame: SensorFrame, commands: Sequence[Input] = ()) -> ActuatorCommand:
-        """One tick: sense, estimate, guide, stabilize, mix, report."""
+        """Run one tick: sense, estimate, guide, stabilize, mix, report."""
         s, publish = self._state, self._publish
         offset_us = s.plausibility.time_offset_us
         if offset_us:
@@ -76,20 +77,20 @@ class Autopilot:
 
     @property
     def state(self) -> AutopilotState:
-        """A copy of the whole memory; its parts are immutable."""
+        """Copy of the complete memory; its parts are immutable."""
         return copy.copy(self._state)
 
     @property
     def memory(self) -> AutopilotState:
-        """The memory itself, for a reader within the same tick; not to be written."""
+        """Complete memory, for reading within the same tick only."""
         return self._state
 
     def snapshot(self) -> str:
-        """The whole memory as JSON text, exact."""
+        """Return the complete memory as exact JSON text."""
         return snapshot.encode(self._state)
 
     def restore(self, text: str) -> None:
-        """Continue from a `snapshot`; the next steps are bit for bit those of the flight it was taken from.
+        """Continue from a `snapshot`, with bit-identical steps.
 
         Raises:
             InputError: not a snapshot of this flight computer; the present memory is kept.

@@ -1,6 +1,7 @@
-"""The table of control laws: ``law = "..."`` in the section of a loop of the vehicle file chooses one.
+"""Table of control laws.
 
-The laws of a loop share its `Gains`, `State` and `Measured`, so a law needs no parameters or topics of its own.
+``law = "..."`` in the section of a loop of the vehicle file selects one. The laws of a loop share its `Gains`,
+`State` and `Measured`, so that a law needs no parameters or topics of its own.
 """
 
 from __future__ import annotations
@@ -22,18 +23,18 @@ Follow = TypeVar("Follow")
 
 
 class Law(NamedTuple, Generic[Step, Hold, Follow]):
-    """One control law of a loop."""
+    """Control law of a loop."""
 
     text: str
-    """what it is, one line"""
+    """description in one line"""
     step: Step
     """closed loop"""
     hold_trim: Hold
-    """the mean command while an identification input is applied"""
+    """mean command during an identification input"""
     follow: Follow
-    """open loop: a command of the pilot or of the ground passes"""
+    """open loop: tracks a command of the pilot or of the ground station"""
     setpoint_weight: float = 1.0
-    """-; fraction of the proportional term that acts on the setpoint: 1 in a PID law; `tune` designs with it"""
+    """-; fraction of the proportional term that acts on the setpoint: 1 in a PID law; used by `tune`"""
 
 
 PitchStep = Callable[[pitch.Gains, pitch.State, int, float, float, pitch.Measured], tuple[pitch.State, PitchStatus]]
@@ -79,7 +80,7 @@ def check(gains: FlightGains) -> None:
     """Check that every loop has a law of the table.
 
     Raises:
-        InputError: a loop has not.
+        InputError: a loop has an unknown law.
     """
     for section, laws in LOOPS.items():
         law = getattr(gains, section).law

@@ -1,4 +1,4 @@
-"""The gains of every module of the flight computer: one section of the vehicle file each."""
+"""Parameters of all modules, by section of the vehicle file."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from avionics.stabilization import pitch, roll
 
 
 class FlightGains(NamedTuple):
-    """What the flight computer is tuned with; a field is a section of the vehicle file."""
+    """Parameters of the flight computer; each field is a section of the vehicle file."""
 
     plausibility: plausibility.Gains
     imu: inertial.Gains

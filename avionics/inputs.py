@@ -1,8 +1,8 @@
-"""Inputs of a flight: their JSON for the log, and the effect of each command on the state.
+"""Inputs of a flight: JSON for the log, and effect of each command.
 
-Within a tick MANUAL_CONTROL is processed first, then channel overrides, then commands in their order. A replay that
-merges the three logged topics by time therefore repeats the flight exactly. The topic of the sticks also has those of
-the other sources: they follow from frames and channels, and are no inputs.
+Within a tick MANUAL_CONTROL is processed first, then channel overrides, then commands in order. A replay that merges
+the three logged topics by time therefore repeats the flight exactly. The topic of the sticks also contains the other
+sources: these follow from frames and channels, and are not inputs.
 """
 
 from __future__ import annotations
@@ -33,20 +33,20 @@ from wingbeat.text import pluralize
 from wingbeat.topic import Publish, Topic
 
 FORCED_DISARM = 21196.0
-"""value of a DISARM that is meant also in flight (MAVLink's number)"""
+"""value of a DISARM that also applies in flight (number of MAVLink)"""
 
 
 class Refused(Exception):
-    """A command was not taken, and nothing was changed."""
+    """A denied command, without any change of the state."""
 
     def __init__(self, source: str, text: str) -> None:
-        """Who refuses it, as the source of an event, and why, one line."""
+        """Store the source of the event and the reason in one line."""
         super().__init__(text)
         self.source, self.text = source, text
 
 
 def encode_command(command: Command) -> str:
-    """JSON of a command, exact; `decode_command` is its inverse."""
+    """Return the exact JSON of a command; `decode_command` is its inverse."""
     return json.dumps(
         {
             "time_us": command.time_us,
@@ -61,7 +61,7 @@ def encode_command(command: Command) -> str:
 
 
 def decode_command(text: str) -> Command:
-    """The command that `encode_command` wrote."""
+    """Decode a command that `encode_command` wrote."""
     document = parse_json(text)
     kind = CommandKind[document["kind"]]
     payload = document["payload"]
@@ -79,11 +79,11 @@ PAYLOADS: dict[CommandKind, Any] = {
     CommandKind.SET_SETPOINT: Setpoint,
     CommandKind.SET_MODE: Setpoint,
 }
-"""what a command carries, for its JSON"""
+"""payload types of commands, for their JSON"""
 
 
 def receive(s: AutopilotState, publish: Publish, inputs: Sequence[Input]) -> None:
-    """Log and apply everything that came since the last tick."""
+    """Log and apply all inputs received since the last tick."""
     if not inputs:
         return
     time_us = max(s.clock.time_us, 0)
@@ -102,9 +102,9 @@ def receive(s: AutopilotState, publish: Publish, inputs: Sequence[Input]) -> Non
 
 
 def refusal(s: AutopilotState, command: Command) -> str:
-    """Why ``command`` would be refused now, one line; empty when it would be taken.
+    """Return why ``command`` would be denied now, in one line; empty if accepted.
 
-    It is tried on a copy of the memory, unheard.
+    The command is applied to a copy of the memory, without messages.
     """
     try:
         APPLY[command.kind](
@@ -127,7 +127,10 @@ def _apply(s: AutopilotState, publish: Publish, command: Command) -> None:
 
 
 def act(s: AutopilotState, publish: Publish, requested: Sequence[Act], source: str) -> None:
-    """Do what switches ask for: it is logged with the channels it follows from, not as an input of its own."""
+    """Execute the commands of switches.
+
+    They are logged with the channels that cause them, not as separate inputs.
+    """
     for each in requested:
         _apply(s, publish, Command(s.clock.time_us, each.kind, each.name, source=source))
 
@@ -144,13 +147,13 @@ def publish_parameter(s: AutopilotState, publish: Publish, name: str, value: flo
 
 
 def publish_notices(s: AutopilotState, publish: Publish, notices: tuple[modes.Notice, ...]) -> None:
-    """Publish what the modes have to say."""
+    """Publish the notices of the modes as events."""
     for notice in notices:
         publish_event(s, publish, notice.severity, "modes", notice.text)
 
 
 def _plain(command: Command) -> Command:
-    """An excitation may come wrapped in a mission item; a mission as a list."""
+    """Return the command with a plain payload: an excitation or a tuple of items."""
     payload = command.payload
     if isinstance(payload, MissionItem) and command.kind == CommandKind.EXCITE:
         payload = payload.excitation
@@ -160,10 +163,10 @@ def _plain(command: Command) -> Command:
 
 
 def _taken(outcome: modes.Outcome, before: modes.State) -> modes.Outcome:
-    """The outcome of what was asked of the modes.
+    """Return the outcome of a request to the modes.
 
     Raises:
-        Refused: they stayed as they were, and warn of it.
+        Refused: the state is unchanged, with a warning.
     """
     state, notices = outcome
     if state is before and notices and notices[0].severity <= Severity.WARNING:
@@ -288,14 +291,17 @@ def _loiter_at(s: AutopilotState, publish: Publish, command: Command) -> None:
 
 
 def _place_refusal(s: AutopilotState, item: MissionItem) -> str:
-    """Why a place cannot be flown to now; empty if it can."""
+    """Return why a position is denied as a target; empty if accepted."""
     if not position_usable(s):
         return "no GPS position"
     return fence_border.target_refusal(s.gains.modes, s.fence, (item.north, item.east), item.altitude)
 
 
 def _set_setpoint(s: AutopilotState, publish: Publish, command: Command) -> None:
-    """Take a setpoint for OFFBOARD; in another mode it is a condition to enter that mode."""
+    """Set a setpoint for OFFBOARD.
+
+    In another mode the setpoint is a condition to enter OFFBOARD.
+    """
     new: Setpoint = command.payload
     refusal = _setpoint_refusal(s, new)
     if refusal:
@@ -305,7 +311,7 @@ def _set_setpoint(s: AutopilotState, publish: Publish, command: Command) -> None
     resolved = offboard.resolve(s.gains.navigation, last, new, surroundings(s))
     s.offboard = Received(resolved, max(s.clock.time_us, 0))
     if flown and resolved.altitude is None and last is not None and last.altitude is not None:
-        # The ramp begins at the altitude flown, which may be far from the one that was to be reached.
+        # The ramp begins at the present altitude, which may differ much from the previous setpoint.
         s.navigation = s.navigation._replace(altitude=s.altitude.altitude)
 
 
@@ -344,7 +350,10 @@ def _change_altitude(s: AutopilotState, publish: Publish, command: Command) -> N
 
 
 def _change_speed(s: AutopilotState, publish: Publish, command: Command) -> None:
-    """Change the airspeed (m/s; 0 for the vehicle's own) until the mode changes or the mission does it."""
+    """Change the airspeed (m/s; 0 for the default of the vehicle).
+
+    The setpoint is valid until the mode changes or the mission changes it.
+    """
     speed, refusal = command.value, ""
     if not s.gains.altitude.speed_max:
         refusal = "the vehicle has no range of airspeed"
@@ -389,7 +398,7 @@ def _excitation_refusal(s: AutopilotState, requested: Any) -> str:
 
 
 def _calibrate(s: AutopilotState, publish: Publish, command: Command) -> None:
-    """Begin a calibration; without a name end the one that runs."""
+    """Begin a calibration; without a name cancel the active one."""
     if not command.name:
         if s.calibration.kind:
             publish_event(

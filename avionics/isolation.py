@@ -1,9 +1,9 @@
-"""Fault isolation: an exception outside the flight code disables one service, and the flight goes on.
+"""Fault isolation: an exception outside the flight code disables a single service.
 
-Link services, telemetry builders, links, the recorder and the views run behind a `Guard` each, the one place that
-catches what they raise. The service is disabled and restarted after a back-off that doubles with each fault. After
-`MAX_RESTARTS` restarts without `STABLE` seconds between two faults it stays disabled for the rest of the flight,
-unless it is vital: then the back-off stays as it is.
+Link services, telemetry builders, links, the recorder and the views each run in a `Guard`, the only place that
+catches their exceptions. The service is disabled and restarted after a back-off that doubles with each fault. After
+`MAX_RESTARTS` restarts without `STABLE` seconds between two faults it stays disabled for the rest of the flight. A
+vital service is restarted without limit, with a constant back-off.
 """
 
 from __future__ import annotations
@@ -18,60 +18,63 @@ from typing import NamedTuple, ParamSpec, TypeVar
 from wingbeat.message import Event, Severity
 
 BACKOFF = 1.0
-"""s; from the first fault to the restart"""
+"""s; time from the first fault to the restart"""
 MAX_RESTARTS = 5
-"""-; restarts of a service until it stays disabled"""
+"""-; maximum restarts of a service before it stays disabled"""
 STABLE = 60.0
-"""s; without a fault, after which the restarts are counted from zero again"""
+"""s; time without a fault after which the restart count is reset"""
 MAX_FRAMES = 20
-"""-; innermost frames of a traceback that are logged"""
+"""-; number of innermost frames of a traceback that are logged"""
 
 MAX_TRACEBACK = 16_384
-"""characters; of the end of a traceback"""
+"""characters; maximum length of a traceback, from its end"""
 MAX_ERROR = 200
-"""characters; of an exception in one line"""
+"""characters; maximum length of an exception in one line"""
 
 P = ParamSpec("P")
 T = TypeVar("T")
 
 
 class FaultCode(Enum):
-    """What follows from a fault."""
+    """Consequence of a fault."""
 
     RESTART = "restart"
     DISABLED = "disabled"
 
 
 class ServiceFault(NamedTuple):
-    """An exception that a service raised."""
+    """Exception raised by a service."""
 
     code: FaultCode
     service: str
     """-; name of the service"""
     faults: int
-    """-; of this service since the start"""
+    """-; faults of this service since the start"""
     error: str
     """-; type and text of the exception, one line"""
     retry: float
-    """s; until the restart; infinite if there is none"""
+    """s; time until the restart, infinite if there is none"""
     traceback: str
-    """-; empty if it is that of the service's last fault"""
+    """-; empty if identical to that of the previous fault of the service"""
 
     def text(self) -> str:
-        """One line for people."""
+        """Return a description in one line."""
         if self.code is FaultCode.DISABLED:
             return f"{self.service} disabled after {self.faults} faults: {self.error}"
         return f"{self.service} restarts in {self.retry:g} s: {self.error}"
 
     def record(self) -> str:
-        """For the log: a line of JSON, and the traceback below it."""
+        """Return the log record: a line of JSON, followed by the traceback."""
         retry = self.retry if math.isfinite(self.retry) else None
         head = {"code": self.code.value, "service": self.service, "faults": self.faults, "retry_s": retry}
         return f"{json.dumps(head)}\n{self.traceback}"
 
 
 def fault_events(fault: ServiceFault, time_us: int) -> list[Event]:
-    """Events of a fault at ``time_us``: an ERROR for people, and a DEBUG with the traceback for the log alone."""
+    """Return the events of a fault at ``time_us``.
+
+    The first is an ERROR for the operator, the second a DEBUG with the traceback for the log only.
+    """
     events = [Event(time_us, Severity.ERROR, fault.service, fault.text())]
     if fault.traceback:
         events.append(Event(time_us, Severity.DEBUG, fault.service, fault.record()))
@@ -79,13 +82,13 @@ def fault_events(fault: ServiceFault, time_us: int) -> list[Event]:
 
 
 class Guard:
-    """Runs the calls of one service; made by `Isolation.guard`."""
+    """Execution of the calls of one service; created by `Isolation.guard`."""
 
     def __init__(
         self, isolation: Isolation, service: str, restart: Callable[[], None] | None, backoff: float, vital: bool
     ) -> None:
         self.enabled = True
-        """whether calls are made"""
+        """True if calls are executed"""
         self.service = service
         self.due = math.inf
         """s; time of the restart"""
@@ -98,7 +101,7 @@ class Guard:
         self._logged = ""
 
     def run(self, call: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T | None:
-        """The result of a call; None if it raises an exception, or the service is disabled."""
+        """Return the result of a call; None after an exception or if disabled."""
         if not self.enabled:
             return None
         try:
@@ -134,7 +137,7 @@ class Guard:
 
 
 class Isolation:
-    """The guards of one program, and the faults that they caught."""
+    """Guards of one program, and the faults that they caught."""
 
     def __init__(self) -> None:
         self.now = 0.0
@@ -149,24 +152,27 @@ class Isolation:
         backoff: float = BACKOFF,
         vital: bool = False,
     ) -> Guard:
-        """A guard for a new service.
+        """Return a guard for a new service.
 
         Args:
-            service: its name, for people.
-            restart: brings it into its initial state; without it the service goes on as it is.
-            backoff: s; to the first restart, 0 for one at the next `advance`.
-            vital: whether it is restarted without end.
+            service: name in messages.
+            restart: resets the service to its initial state; without it the service continues unchanged.
+            backoff: s; time to the first restart, 0 for a restart at the next `advance`.
+            vital: True if it is restarted without limit.
         """
         return Guard(self, service, restart, backoff, vital)
 
     def add(self, guard: Guard, fault: ServiceFault) -> None:
-        """Keep a fault until it is reported."""
+        """Store a fault until it is reported."""
         self._faults.append(fault)
         if fault.code is FaultCode.RESTART:
             self._disabled.append(guard)
 
     def advance(self, now: float) -> None:
-        """Restart the services whose back-off is over at wall-clock time ``now`` (s, never going back)."""
+        """Restart the services with an elapsed back-off.
+
+        ``now`` (s) is the wall-clock time; it never decreases.
+        """
         self.now = now
         if self._disabled:
             due = [guard for guard in self._disabled if now >= guard.due]
@@ -175,11 +181,14 @@ class Isolation:
                 guard.restart()
 
     def take_faults(self) -> list[ServiceFault]:
-        """The faults since the last call."""
+        """Return the faults since the last call."""
         faults, self._faults = self._faults, []
         return faults
 
 
 def _plain(text: str) -> str:
-    """Text that can be encoded: an exception may quote what cannot."""
+    """Return the text with characters that can be encoded.
+
+    An exception may quote invalid ones.
+    """
     return text.encode("utf-8", errors="backslashreplace").decode()

@@ -1,4 +1,4 @@
-"""Limits that every loop shares: clipping, slewing, wrapping, low-pass, a map between points."""
+"""Functions shared by the loops: limits, low-pass filters, interpolation."""
 
 from __future__ import annotations
 
@@ -10,14 +10,17 @@ TWO_PI = 2.0 * math.pi
 
 
 def clip(value: float, low: float, high: float) -> float:
-    """``value`` held between ``low`` and ``high``; a NaN gives ``low``."""
+    """Limit ``value`` to the range from ``low`` to ``high``; a NaN gives ``low``."""
     if value > high:
         return high
     return value if value > low else low
 
 
 def slew(previous: float, target: float, rate: float, dt: float) -> float:
-    """Move from ``previous`` toward ``target`` by at most ``rate`` per second over ``dt`` s."""
+    """Move from ``previous`` toward ``target`` within a rate limit.
+
+    The change is at most ``rate`` per second over ``dt`` (s).
+    """
     step = rate * dt
     low, high = previous - step, previous + step
     if target > high:
@@ -26,25 +29,31 @@ def slew(previous: float, target: float, rate: float, dt: float) -> float:
 
 
 def wrap(angle: float) -> float:
-    """The same angle (rad) between -pi and pi."""
+    """Return the equivalent angle (rad) between -pi and pi."""
     if -math.pi <= angle <= math.pi:
         return angle
     return (angle + math.pi) % TWO_PI - math.pi
 
 
 def low_pass(previous: float, value: float, time_constant: float, dt: float) -> float:
-    """First-order lag of ``time_constant`` s, stepped by ``dt`` s (backward Euler, so stable for every dt)."""
+    """Return a first-order low-pass with ``time_constant`` (s) after ``dt`` (s).
+
+    The discretization is backward Euler, which is stable for every ``dt``.
+    """
     return previous + (value - previous) * dt / (time_constant + dt)
 
 
 def fade_out(value: float, time_constant: float, dt: float) -> float:
-    """``value`` on its way to zero, stepped by ``dt`` s; zero once it is below a millionth."""
+    """Return ``value`` after an exponential decay of ``dt`` (s).
+
+    The result is zero once it is below a millionth.
+    """
     left = value * time_constant / (time_constant + dt)
     return left if abs(left) > 1e-6 else 0.0
 
 
 def between_points(x: float, xs: Sequence[float], ys: Sequence[float]) -> float:
-    """Linear interpolation of (``xs`` rising, ``ys``), held at both ends."""
+    """Interpolate (``xs`` rising, ``ys``) linearly, constant outside the range."""
     i = bisect_left(xs, x)
     if i == 0:
         return ys[0]

@@ -1,8 +1,8 @@
-"""Every numeric gain of a vehicle as a parameter: a stable name of at most 16 characters, a range, a unit.
+"""Numeric vehicle parameters with a stable name, a range and a unit.
 
-The name is the section's prefix and the gain's name, its words shortened by ``WORDS`` and then letter by letter
-until it fits: ``pitch.proportional`` is PITCH_P. Names must not change once flown: logs and ground stations
-know them.
+A name has at most 16 characters: the prefix of the section and the name of the gain, with words shortened by
+``WORDS`` and then letter by letter until it fits. ``pitch.proportional`` is PITCH_P. Names must not change after a
+flight, because logs and ground stations contain them.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from wingbeat.errors import InputError
 from wingbeat.units import Quantity
 
 LONGEST_NAME = 16
-"""characters of a MAVLink parameter name"""
+"""characters; limit of a MAVLink parameter name"""
 
 PREFIXES = {
     "plausibility": "SENS",
@@ -109,7 +109,7 @@ GROUNDED = {
     "wing_angle": ("zero_left", "zero_right"),
     "receiver": ("mode_channel", "arm_channel", "kill_channel"),
 }
-"""keys by section, all of them where none is named, whose change would kill in flight: refused while armed"""
+"""keys by section, or all of a section, that are dangerous to change in flight: denied while armed"""
 
 
 _CHANNELS = ((0, "none"), *((number, f"channel {number}") for number in range(1, 19)))
@@ -129,49 +129,52 @@ CHOICES: dict[str, tuple[tuple[int, str], ...]] = {
     "receiver.mode_high": _MODES,
     "receiver.reverse": ((-1, "reversed"), (1, "normal")),
 }
-"""meaning of each value of the keys that are a choice"""
+"""meaning of each value of the keys that are an enumeration"""
 
 
 class Parameter(NamedTuple):
-    """One number of the gains, as a ground station sees it."""
+    """Numeric parameter as presented to a ground station."""
 
     name: str
     """-; at most 16 characters, unique, stable"""
     section: str
-    """-; of the vehicle file"""
+    """-; section of the vehicle file"""
     key: str
-    """-; in the section"""
+    """-; key in the section"""
     place: int
-    """-; in a list, -1 for a single number"""
+    """-; index in a list, -1 for a single number"""
     unit: str
-    """-; of the value"""
+    """-; unit of the value"""
     low: float
-    """least allowed value"""
+    """minimum value"""
     high: float
-    """greatest allowed value"""
+    """maximum value"""
     whole: bool
-    """whether only whole numbers are allowed"""
+    """True if only integers are allowed"""
     text: str
-    """one line about it"""
+    """key in the vehicle file"""
     description: str = ""
     """-; docstring of the gain without its unit"""
 
 
 class Change(NamedTuple):
-    """The answer to a wish to set a parameter."""
+    """Result of a request to set a parameter."""
 
     gains: FlightGains
-    """the gains that hold now"""
+    """parameters after the request"""
     value: float
-    """the value that holds now"""
+    """value after the request"""
     accepted: bool
-    """False when nothing was changed"""
+    """False if nothing was changed"""
     text: str
-    """one line for people"""
+    """description in one line"""
 
 
 def short_name(section: str, key: str, index: int = -1) -> str:
-    """The parameter's name: prefix, the key's words shortened until it fits, the place in a list from 1."""
+    """Return the name of a parameter.
+
+    It consists of the prefix, the words of the key shortened until they fit, and the index in a list from 1.
+    """
     tail = "" if index < 0 else f"_{index + 1}"
     prefix = PREFIXES.get(section, section.upper())
     room = LONGEST_NAME - len(prefix) - 1 - len(tail)
@@ -185,7 +188,7 @@ def short_name(section: str, key: str, index: int = -1) -> str:
 
 
 def parameter_table(gains: FlightGains) -> dict[str, Parameter]:
-    """All parameters of ``gains`` by name, in the order of the vehicle file.
+    """Return all parameters of ``gains`` by name, in the order of the vehicle file.
 
     Raises:
         ValueError: two gains would have the same name.
@@ -194,12 +197,12 @@ def parameter_table(gains: FlightGains) -> dict[str, Parameter]:
 
 
 class _Shape(NamedTuple):
-    """All of a section that its parameters follow from: their values do not matter."""
+    """Structure of a section, independent of its values."""
 
     section: str
     kind: type[Any]
     lengths: tuple[int, ...]
-    """-; of its lists, -1 for what is none"""
+    """-; lengths of its lists, -1 for scalars"""
 
 
 def _shape(name: str, section: Any) -> _Shape:
@@ -209,7 +212,7 @@ def _shape(name: str, section: Any) -> _Shape:
 
 @lru_cache(maxsize=16)
 def _table(shapes: tuple[_Shape, ...]) -> dict[str, Parameter]:
-    """Built once, in 8 ms: a parameter is set in a tick of 5 ms."""
+    """Build the table once, in 8 ms, because a tick of 5 ms may set a parameter."""
     table: dict[str, Parameter] = {}
     for shape in shapes:
         for parameter in _section_parameters(shape):
@@ -246,7 +249,7 @@ def _section_parameters(shape: _Shape) -> list[Parameter]:
 
 
 def _texts(kind: type[Any]) -> dict[str, str]:
-    """Field docstrings; empty if the program is installed without its source."""
+    """Return the field docstrings; empty if installed without source."""
     try:
         return field_texts(kind.__module__).get(kind.__name__, {})
     except OSError:
@@ -254,7 +257,7 @@ def _texts(kind: type[Any]) -> dict[str, str]:
 
 
 def _numeric(hint: Any) -> tuple[type[Any] | None, Quantity]:
-    """The number type behind a field's hint (None for text and switches) and its quantity."""
+    """Return the number type of a field (None for text and switches) and its quantity."""
     base, quantity = hint, Quantity("-")
     if hasattr(hint, "__metadata__"):
         base = get_args(hint)[0]
@@ -267,33 +270,34 @@ def _numeric(hint: Any) -> tuple[type[Any] | None, Quantity]:
 
 
 def grounded(parameter: Parameter) -> bool:
-    """Whether the parameter may be set only while disarmed."""
+    """Return whether the parameter may be set only while disarmed."""
     keys = GROUNDED.get(parameter.section)
     return keys is not None and (not keys or parameter.key in keys)
 
 
 def choices(parameter: Parameter) -> tuple[tuple[int, str], ...]:
-    """Meaning of each value; empty for a measure."""
+    """Return the meaning of each value; empty for a measure."""
     return CHOICES.get(f"{parameter.section}.{parameter.key}", ())
 
 
 def get(gains: FlightGains, parameter: Parameter) -> float:
-    """Value of ``parameter`` in ``gains``."""
+    """Return the value of ``parameter`` in ``gains``."""
     value = getattr(getattr(gains, parameter.section), parameter.key)
     return float(value if parameter.place < 0 else value[parameter.place])
 
 
 def single(value: float) -> float:
-    """The nearest number a 32-bit float can hold: what a MAVLink parameter message carries back."""
+    """Round to the nearest 32-bit float, as in a MAVLink parameter message."""
     if not abs(value) < 3.4e38:
         return value
     return float(struct.unpack("<f", struct.pack("<f", value))[0])
 
 
 def set_value(gains: FlightGains, table: dict[str, Parameter], name: str, value: float) -> Change:
-    """New gains with ``name`` set to ``value``, clipped to its range and rounded to what the wire can say.
+    """Return gains with ``name`` set to ``value``.
 
-    An unknown name or a value that is not a number changes nothing; the text of the `Change` says so.
+    The value is limited to its range and rounded to a 32-bit float. An unknown name or a value that is not a number
+    changes nothing; the text of the `Change` contains the reason.
     """
     parameter = table.get(name)
     if parameter is None:
@@ -316,7 +320,7 @@ def set_value(gains: FlightGains, table: dict[str, Parameter], name: str, value:
 
 
 def changed(before: FlightGains, after: FlightGains) -> dict[str, float]:
-    """Values of the parameters that differ between two sets of gains, by name."""
+    """Return the parameters that differ between two sets of gains, by name."""
     now = {name: get(after, entry) for name, entry in parameter_table(after).items()}
     was = {name: get(before, entry) for name, entry in parameter_table(before).items()}
     return {name: value for name, value in now.items() if value != was.get(name)}

@@ -1,8 +1,8 @@
-"""The pilot's three ways in, as they act on the state: sticks, channels of an override, frames of the receiver.
+"""Effect of the three stick inputs on the state.
 
-The receiver goes before an override, that before MANUAL_CONTROL; a source that falls silent is left for the next one,
-and without any the sticks are neutral. A kill switch counts wherever it is. Every stick that came is published with
-its source; who is flown is said when it changes.
+The priorities are: frames of the receiver, channels of an override, MANUAL_CONTROL. After a timeout of a source the
+next one is used, and without any the sticks are neutral. A kill switch is effective in every source. All stick inputs
+are published with their source; a change of the active source is reported.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ IN_COMMAND = {
 
 
 def take_sticks(s: AutopilotState, publish: Publish, sticks: PilotInput) -> tuple[Act, ...]:
-    """MANUAL_CONTROL; sticks that are no numbers are refused and counted."""
+    """Process MANUAL_CONTROL; sticks that are not finite are rejected and counted."""
     _, pitch, roll, yaw, throttle, _ = sticks
     if not math.isfinite(pitch + roll + yaw + throttle):
         s.plausibility = s.plausibility._replace(rejected=s.plausibility.rejected + 1)
@@ -43,7 +43,7 @@ def take_sticks(s: AutopilotState, publish: Publish, sticks: PilotInput) -> tupl
 
 
 def take_override(s: AutopilotState, publish: Publish, override: ChannelOverride) -> tuple[Act, ...]:
-    """RC_CHANNELS_OVERRIDE."""
+    """Process RC_CHANNELS_OVERRIDE."""
     publish(topics.OVERRIDE, override)
     before = s.stick_inputs
     s.stick_inputs = pilot.take_override(s.gains.receiver, before, override)
@@ -55,7 +55,7 @@ def take_override(s: AutopilotState, publish: Publish, override: ChannelOverride
 
 
 def take_receiver(s: AutopilotState, publish: Publish, sample: ReceiverSample) -> tuple[Act, ...]:
-    """A frame of the receiver."""
+    """Process a frame of the receiver."""
     before = s.stick_inputs
     s.stick_inputs = pilot.take_receiver(s.gains.receiver, before, sample)
     if s.stick_inputs is before:
@@ -67,7 +67,7 @@ def take_receiver(s: AutopilotState, publish: Publish, sample: ReceiverSample) -
 
 
 def _acts(s: AutopilotState, before: receiver.State, after: receiver.State, source: PilotSource) -> tuple[Act, ...]:
-    """A kill from whatever source; mode and arming from the one in command."""
+    """Return a kill of any source, or mode and arming commands of the active source."""
     if pilot.kill_switch(s.stick_inputs):
         return (Act(CommandKind.KILL),) if s.modes.armed else NOTHING
     if s.stick_inputs.source != source or before is after:
@@ -76,7 +76,7 @@ def _acts(s: AutopilotState, before: receiver.State, after: receiver.State, sour
 
 
 def watch(s: AutopilotState, publish: Publish) -> None:
-    """Choose whose sticks are flown; say it when that changes."""
+    """Select the active stick input; report a change."""
     ways = s.stick_inputs
     source = pilot.choose(s.gains.receiver, ways, s.clock.time_us)
     if source != ways.source:

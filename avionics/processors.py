@@ -1,15 +1,15 @@
-"""The four processors of the flight computer as tables of tasks with rates and phases, and what is due in each tick.
+"""Task tables of the four processors, and the schedule of the ticks.
 
-The division is that of the Robo Raven II suite (Gerdes 2017, Fig. 1): one microcontroller for attitude, one for
-the power ADC, one for everything else, one for the log. Here they share one thread; each task still belongs to
-one of them, runs at its rate, and is timed with it. To add a task: write it in `tasks`, enter it in a table.
+The division is that of the Robo Raven II suite (Gerdes 2017, Fig. 1): one microcontroller for attitude, one for the
+power ADC, one for everything else, one for the log. Here they share one thread; each task belongs to one of them,
+runs at its rate, and is timed with it. To add a task, write it in `tasks` and enter it in a table.
 
-A tick must end in time, so work that would fall due together is spread: the phase says in which ticks of its rate a
-task has its turn. The bridge brings a burst of the ADC in every second tick and, in every fourth, a pressure sample,
-with which two filters step. The order remains estimate, guide, stabilize, over several ticks instead of one: the
-altitude and heading loops take the new estimate in its tick; the attitude loops take their setpoints in the next; in
-the third the wings and the tail are checked; in the fourth modes and navigation decide for the loops of the next
-round. What is due once a second or less has a tick without any of these but the checks.
+A tick has a deadline, so that tasks are distributed over the ticks: the phase selects the ticks of a task within the
+period of its rate. The bridge delivers an ADC burst in every second tick and a pressure sample, which advances two
+filters, in every fourth. The order remains estimate, guide, stabilize, over several ticks instead of one. The
+altitude and heading loops use the new estimate in its tick; the attitude loops use their setpoints in the next one.
+In the third tick the wings and the tail are checked. In the fourth tick modes and navigation update the setpoints of
+the next round. Tasks with a rate of 1 Hz or less have a tick without any of these except the checks.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ Run = Callable[[AutopilotState, Publish], None]
 
 
 class Part(IntEnum):
-    """The parts of a tick, in their order."""
+    """Parts of a tick in order of execution."""
 
     SENSE = 0
     ESTIMATE = 1
@@ -42,7 +42,7 @@ class Part(IntEnum):
 
 
 class Processor(IntEnum):
-    """The processors, as numbered in `TaskTiming`."""
+    """Processors, as numbered in `TaskTiming`."""
 
     ATTITUDE = 0
     POWER = 1
@@ -51,18 +51,19 @@ class Processor(IntEnum):
 
 
 WHOLE_TICK = len(Processor)
-"""Row of `TaskTiming` behind the processors': all from a frame's arrival on, the links to the ground too."""
+"""Index in `TaskTiming` after the processors: the whole tick from the arrival of a frame, including the ground links.
+"""
 
 
 class Task(NamedTuple):
-    """One row of a processor's table."""
+    """Row of the table of a processor."""
 
     part: Part
-    """-; when in the tick it runs"""
+    """-; part of the tick"""
     rate: float
-    """Hz; divides the base rate. A task of a slow sensor runs in every tick and returns when there is no sample"""
+    """Hz; divides the base rate. A task of a slow sensor runs in every tick and returns if there is no sample"""
     phase: int
-    """-; its first tick; less than the ticks between two of its turns"""
+    """-; first tick, less than the period in ticks"""
     run: Run
     """the task"""
 
@@ -109,7 +110,7 @@ Runs = tuple[Run, ...]
 
 
 class Due(NamedTuple):
-    """The tasks due in one tick, by part, in the order of the tables."""
+    """Tasks due in one tick, by part, in the order of the tables."""
 
     sense: Runs
     estimate: Runs
@@ -124,15 +125,15 @@ Group = Callable[[Sequence[Row]], Runs]
 
 
 def plain(rows: Sequence[Row]) -> Runs:
-    """The tasks of one part, untimed."""
+    """Return the tasks of one part without timing."""
     return tuple(task.run for _, task in rows)
 
 
 def build_schedule(processors: dict[Processor, tuple[Task, ...]], group: Group = plain) -> tuple[Due, ...]:
-    """What is due in each tick of the pattern, which repeats after the schedule's length.
+    """Return the tasks due in each tick of the periodic schedule.
 
     Raises:
-        ValueError: a rate that does not divide the base rate, or a phase beyond its rate's ticks.
+        ValueError: a rate that does not divide the base rate, or a phase beyond the ticks of its rate.
     """
     rows = [(_turn(task), (processor, task)) for processor, table in processors.items() for task in table]
     turns = {turn for turn, _ in rows}
@@ -147,12 +148,12 @@ def build_schedule(processors: dict[Processor, tuple[Task, ...]], group: Group =
 
 
 class Turn(NamedTuple):
-    """In which ticks a task has its turn."""
+    """Period and phase of a task in ticks."""
 
     every: int
-    """-; ticks between two turns"""
+    """-; period in ticks"""
     phase: int
-    """-; the first of them"""
+    """-; first tick"""
 
 
 def _turn(task: Task) -> Turn:
@@ -172,22 +173,22 @@ SCHEDULE = build_schedule(PROCESSORS)
 
 
 def run(due: Runs, s: AutopilotState, publish: Publish) -> None:
-    """Run tasks in their order."""
+    """Run tasks in order."""
     for task in due:
         task(s, publish)
 
 
 class Stopwatch:
-    """Measures the run times of the processors for the board, outside the deterministic core.
+    """Measurement of the run times of the processors, outside the deterministic core.
 
-    Give `schedule` to the `Autopilot` and call `tick` after each of its steps; once a second of sensor time
-    it publishes one `TaskTiming` for each processor. Who calls `begin` when a frame has come, and `tick` when all
-    that a tick has to do is done, gets one more for the whole of it (`WHOLE_TICK`): it alone shows what the ground
-    links cost.
+    Pass `schedule` to the `Autopilot` and call `tick` after each of its steps. Once a second of sensor time it
+    publishes one `TaskTiming` for each processor. If `begin` is called at the arrival of a frame, and `tick` after
+    all work of a tick, one more is published for the whole tick (`WHOLE_TICK`). Only this one includes the ground
+    links.
     """
 
     def __init__(self, clock_ns: Callable[[], int]) -> None:
-        """Take the clock, for example ``time.perf_counter_ns``."""
+        """Set the clock, for example ``time.perf_counter_ns``."""
         self._clock = clock_ns
         self._spent = [0] * (WHOLE_TICK + 1)
         self._total = [0] * (WHOLE_TICK + 1)
@@ -199,7 +200,7 @@ class Stopwatch:
         self.schedule = build_schedule(PROCESSORS, self._timed)
 
     def _timed(self, rows: Sequence[Row]) -> Runs:
-        """Neighbouring tasks of one processor are timed together."""
+        """Return the tasks with timing; adjacent tasks of a processor are timed together."""
         neighbours = groupby(rows, key=lambda row: row[0])
         return tuple(self._around(processor, plain(list(group))) for processor, group in neighbours)
 
@@ -215,11 +216,11 @@ class Stopwatch:
         return timed
 
     def begin(self) -> None:
-        """A sensor frame has come."""
+        """Mark the arrival of a sensor frame."""
         self._arrived = self._clock()
 
     def tick(self, time_us: int, publish: Publish) -> None:
-        """Close the tick; publish and start anew when a second of sensor time has passed."""
+        """Close the tick; publish and reset after each second of sensor time."""
         if self._arrived is not None:
             self._spent[WHOLE_TICK] = self._clock() - self._arrived
         period_ns = 1_000_000_000 // BASE_RATE

@@ -1,4 +1,4 @@
-"""What the logger processor and the simulated world hand messages to; the composing command injects one."""
+"""Interface of the recorder that the logger processor and the simulator write to."""
 
 from __future__ import annotations
 
@@ -8,30 +8,30 @@ from wingbeat.topic import Topic
 
 
 class Recorder(Protocol):
-    """Takes every message of a flight; an implementation must not raise during a flight."""
+    """Recorder of all messages of a flight; it must not raise exceptions in flight."""
 
     @property
     def failure(self) -> str:
-        """Why nothing is recorded any more, one line; empty while it is."""
+        """Reason in one line if recording has stopped, else empty."""
 
     def record(self, topic: Topic[Any], message: Any) -> None:
-        """Store one message; its ``time_us`` is the time stamp."""
+        """Store one message; its ``time_us`` is the timestamp."""
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
-        """Store a file beside the messages: vehicle file, mission, calibration."""
+        """Store an attached file: vehicle file, mission, calibration."""
 
     def note(self, name: str, values: dict[str, str]) -> None:
         """Store metadata: software version, seed, initial parameters."""
 
     def close(self) -> None:
-        """Finish the recording; further calls do nothing."""
+        """Finish the recording; further calls have no effect."""
 
 
 class NullRecorder:
-    """Forgets everything: for flights whose caller reads the state directly."""
+    """Recorder without an output, for callers that read the state directly."""
 
     failure = ""
-    """nothing can fail"""
+    """always empty"""
 
     def record(self, topic: Topic[Any], message: Any) -> None:
         """Ignore the message."""
@@ -43,4 +43,4 @@ class NullRecorder:
         """Ignore the metadata."""
 
     def close(self) -> None:
-        """Nothing to finish."""
+        """Return; there is no recording to finish."""

@@ -1,7 +1,7 @@
-"""The table of sensors: frame, plausibility check, wire format, recording and replay read it.
+"""Table of sensors for frames, checks, wire format, recording and replay.
 
-To add a sensor: declare its sample and its field of `SensorFrame` in `wingbeat.samples`, and enter a row here.
-A sample that MAVLink has a standard message for needs a conversion in `avionics.link.sensor_codec`.
+To add a sensor, declare its sample and its field of `SensorFrame` in `wingbeat.samples`, and enter a row here. A
+sample with a standard MAVLink message needs a conversion in `avionics.link.sensor_codec`.
 """
 
 from __future__ import annotations
@@ -24,31 +24,31 @@ T = TypeVar("T")
 
 
 class Sensor(NamedTuple, Generic[T]):
-    """One row of the table."""
+    """Row of the sensor table."""
 
     field: str
     """field of `SensorFrame`"""
     name: str
     """name in events"""
     topic: Topic[T]
-    """sample, rate and channel in the log"""
+    """topic in the log with sample type, rate and channel"""
     wire: str
-    """MAVLink message that carries the sample from the board or the simulator"""
+    """MAVLink message of the sample from the board or the simulator"""
     is_plausible: Callable[[Gains, State, T], bool] = plausibility.always_plausible
-    """whether a sample is finite and in range"""
+    """check that a sample is finite and in range"""
     receive: Callable[[AutopilotState, T], None] | None = None
-    """what is done with each accepted sample at once; other sensors have a task in `avionics.processors`"""
+    """handler of each accepted sample; other sensors have a task in `avionics.processors`"""
 
 
 def _measure_height(s: AutopilotState, sample: RangeSample) -> None:
-    """Update the altitude of the terrain below; before the launch the height is the reference."""
+    """Update the terrain altitude; before launch the height is the reference."""
     vertical = cos(s.attitude.roll) * cos(s.attitude.pitch)
     at_rest = s.modes.stage in (Stage.ON_GROUND, Stage.WAIT_LAUNCH)
     s.rangefinder = rangefinder.step(s.rangefinder, sample, vertical, s.altitude.altitude, at_rest)
 
 
 IMU = Sensor("imu", plausibility.IMU, topics.IMU, "HIL_SENSOR")
-"""in every frame; its samples are checked by `plausibility.step` itself"""
+"""present in every frame; checked by `plausibility.step`"""
 OTHERS: tuple[Sensor[Any], ...] = (
     Sensor("encoder", plausibility.ENCODER, topics.ENCODER, "WINGBEAT_ENCODER", plausibility.encoder_plausible),
     Sensor("pressures", "pressures", topics.PRESSURES, "WINGBEAT_PRESSURES", plausibility.pressures_plausible),
@@ -59,11 +59,14 @@ OTHERS: tuple[Sensor[Any], ...] = (
     Sensor("rangefinder", "rangefinder", topics.RANGE, "DISTANCE_SENSOR", rangefinder.is_plausible, _measure_height),
 )
 SENSORS: tuple[Sensor[Any], ...] = (IMU, *OTHERS)
-"""all sensors, in the order in which a frame is recorded"""
+"""all sensors, in recording order"""
 
 
 def publish_samples(publish: Publish, frame: SensorFrame) -> None:
-    """Publish all samples of a frame, also those that will be rejected: a replay needs what the flight was given."""
+    """Publish all samples of a frame.
+
+    This includes samples that will be rejected, because a replay needs the inputs of the flight.
+    """
     for sensor in SENSORS:
         sample = getattr(frame, sensor.field)
         if sample is not None:

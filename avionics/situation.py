@@ -1,4 +1,4 @@
-"""The state as the modes and the navigation look at it."""
+"""Inputs of modes and navigation from the state."""
 
 from __future__ import annotations
 
@@ -18,32 +18,35 @@ NO_PILOT, RECEIVER = PilotSource.NONE, PilotSource.RECEIVER
 PLACED = (ItemKind.WAYPOINT, ItemKind.LOITER, ItemKind.CIRCLE, ItemKind.LAND)
 """items with a position"""
 TRAVEL_MARGIN = 0.2
-"""rad; beyond a wing's travel, for a slack linkage"""
+"""rad; tolerance of the wing travel, for play in the linkage"""
 FORCE_MARGIN = 3.0
-"""m/s^2; specific force off 1 g on a steady hand"""
+"""m/s^2; maximum deviation of the specific force from 1 g at arming"""
 
 
 def position_usable(s: AutopilotState) -> int:
-    """1 while there is a position that is not older than the allowed loss of fixes."""
+    """Return 1 if the position is valid and within the fix timeout."""
     age = plausibility.gps_age(s.plausibility, s.clock.time_us)
     return int(s.position.valid == 1 and age <= s.gains.modes.gps_loss_delay)
 
 
 def ground_motion(s: AutopilotState) -> heading.Measured:
-    """What the heading loop looks at."""
+    """Return the measurements of the heading loop."""
     north, east, usable = s.position.v_north, s.position.v_east, position_usable(s)
     drifting = drift(s) if usable else 1.0
     return heading.Measured(s.attitude.yaw, north, east, usable, bank_of_path(s), drifting)
 
 
 def drift(s: AutopilotState) -> float:
-    """Ground speed in units of the airspeed, from 1 to `FASTEST_DRIFT`."""
+    """Return the ratio of ground speed to airspeed, from 1 to `FASTEST_DRIFT`."""
     over_ground = math.hypot(s.position.v_north, s.position.v_east)
     return clip(over_ground / s.air.airspeed, 1.0, FASTEST_DRIFT) if s.air.airspeed > 1.0 else 1.0
 
 
 def bank_of_path(s: AutopilotState) -> float:
-    """Bank (rad) of a steady turn along the path's curve at the present ground speed: tan bank = V^2 / (g R)."""
+    """Return the bank (rad) of a steady turn with the curvature of the path.
+
+    At the ground speed V: tan bank = V^2 / (g R).
+    """
     if s.target.curvature == 0.0:
         return 0.0
     square = s.position.v_north**2 + s.position.v_east**2
@@ -51,7 +54,10 @@ def bank_of_path(s: AutopilotState) -> float:
 
 
 def destination(s: AutopilotState) -> tuple[float, float] | None:
-    """North and east (m) of the position or circle center flown to; None on the ground and without one."""
+    """Return the position (m, north and east) or circle center of the present target.
+
+    The result is None on the ground and without a target.
+    """
     navigated = s.navigation
     if s.modes.stage not in modes.AIRBORNE or navigated.mode != s.modes.mode or s.modes.mode not in modes.GUIDED:
         return None
@@ -66,7 +72,7 @@ def destination(s: AutopilotState) -> tuple[float, float] | None:
 
 
 def conditions(s: AutopilotState) -> modes.Conditions:
-    """What the modes look at."""
+    """Return the inputs of the modes."""
     imu_age = plausibility.imu_age(s.plausibility, s.clock.time_us)
     return modes.Conditions(
         forward_force=s.frame.imu.accel_x,
@@ -101,19 +107,26 @@ def conditions(s: AutopilotState) -> modes.Conditions:
 
 
 def touching_airspeed(s: AutopilotState) -> float:
-    """m/s; 0 on a landing with neither pitot nor fix: the cruise that is assumed then would never touch down."""
+    """Return the airspeed (m/s) for touchdown detection.
+
+    The result is 0 on a landing with neither pitot nor fix, because the assumed cruise airspeed would prevent a
+    touchdown.
+    """
     unknown = s.airspeed_check.blocked and not position_usable(s) and s.modes.stage in modes.LANDING
     return 0.0 if unknown else s.air.airspeed
 
 
 def ceiling(s: AutopilotState) -> float:
-    """Greatest altitude (m) to ask for: the lower fence's less its margin, of a low one half."""
+    """Return the maximum altitude setpoint (m).
+
+    It is the lower ceiling of the fences minus the margin, or half of a low ceiling.
+    """
     fence = min(s.gains.modes.fence_altitude, s.fence.ceiling or math.inf)
     return max(fence - s.gains.modes.fence_margin, 0.5 * fence)
 
 
 def sensed(s: AutopilotState) -> int:
-    """Flags of the failures that the sensing tells now."""
+    """Return the flags of the failures detected by the sensing modules."""
     wings = s.wing_check
     flags = 0
     if wings.jammed or wings.lost:
@@ -137,7 +150,7 @@ def sensed(s: AutopilotState) -> int:
 
 
 def unready(s: AutopilotState) -> tuple[str, ...]:
-    """What else speaks against arming: sensors and their calibration."""
+    """Return further reasons against arming: sensors and their calibration."""
     left, right = s.wing.angle_left, s.wing.angle_right
     flap = s.gains.flapping
     force = math.hypot(*s.frame.imu.accel)
@@ -159,13 +172,13 @@ def unready(s: AutopilotState) -> tuple[str, ...]:
 
 
 def ahrs_limited(s: AutopilotState) -> bool:
-    """Whether the gyro bias has moved from the offset at standstill as far as its estimator can follow."""
+    """Return whether the gyro bias has reached its limit relative to the standstill."""
     bias = (s.attitude.bias_x, s.attitude.bias_y, s.attitude.bias_z)
     return s.ahrs is not None and not ahrs.aligned(s.gains.ahrs, s.ahrs, bias)
 
 
 def finding_text(s: AutopilotState, finding: preflight.Finding) -> str:
-    """A sensor error before arming, with the measured and the expected value and the remedy."""
+    """Return the text of a sensor error with measured value and remedy."""
     gains, rest = s.gains.preflight, s.preflight.rest
     if finding == preflight.Finding.GYRO_OFFSET:
         return f"gyro: rate at rest exceeds {math.degrees(gains.gyro_offset):.0f} deg/s; hold still, or replace it"
@@ -185,7 +198,7 @@ def finding_text(s: AutopilotState, finding: preflight.Finding) -> str:
 
 
 def surroundings(s: AutopilotState) -> navigation.Situation:
-    """What the navigation looks at."""
+    """Return the inputs of the navigation."""
     usable = position_usable(s)
     seen = heading.Measured(s.attitude.yaw, s.position.v_north, s.position.v_east, usable)
     return navigation.Situation(

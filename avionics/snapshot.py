@@ -1,4 +1,7 @@
-"""Exact JSON of nested NamedTuples and dataclasses: floats come back bit for bit (shortest repr)."""
+"""Exact JSON of nested NamedTuples and dataclasses.
+
+Floats are bit-exact (shortest repr).
+"""
 
 from __future__ import annotations
 
@@ -19,7 +22,10 @@ Builder = Callable[[Any], Any]
 
 
 def encode(record: Any) -> str:
-    """JSON text of a dataclass (an object) of NamedTuples (arrays in field order)."""
+    """Return the JSON text of a dataclass.
+
+    The dataclass is an object; its NamedTuples are arrays in field order.
+    """
     return json.dumps({field.name: getattr(record, field.name) for field in fields(record)}, separators=(",", ":"))
 
 
@@ -36,7 +42,7 @@ def decode(kind: Callable[..., T], text: str, former_names: Mapping[str, str] = 
     """
     try:
         document = {former_names.get(key, key): value for key, value in parse_json(text).items()}
-        # A field that an older recording does not have takes its default.
+        # A field missing in an older recording has its default.
         return kind(
             **{name: build(document[name]) for name, build in _record_builders(kind).items() if name in document}
         )
@@ -51,7 +57,10 @@ def _record_builders(kind: Any) -> dict[str, Builder]:
 
 
 def builder(hint: Any) -> Builder:
-    """A function that makes what ``hint`` says out of its JSON: numbers, text, enums, tuples, NamedTuples."""
+    """Return a function that builds a value of type ``hint`` from its JSON.
+
+    Supported are numbers, text, enums, tuples and NamedTuples.
+    """
     origin = get_origin(hint)
     if origin is Annotated:
         return builder(get_args(hint)[0])
@@ -68,7 +77,7 @@ def builder(hint: Any) -> Builder:
 
 
 def _number(value: Any) -> float:
-    """A float stays what it was: a module may keep a whole number where a float is declared."""
+    """Return the number unchanged, because a float field may contain an integer."""
     if not isinstance(value, int | float):
         raise TypeError(f"{value!r} is not a number")
     return value
@@ -83,7 +92,7 @@ def _tuple_builder(parts: tuple[Any, ...]) -> Builder:
 
 
 def _named_tuple_builder(kind: Any) -> Builder:
-    # Looked up at the first use, because a NamedTuple may be declared after the one that holds it.
+    # Resolved at the first use, because a NamedTuple may be declared after the one that contains it.
     def build(values: Any) -> Any:
         builders = _field_builders(kind)
         if len(values) > len(builders):

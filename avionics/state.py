@@ -1,6 +1,6 @@
-"""The whole memory of the flight computer.
+"""Complete memory of the flight computer.
 
-Every field is an immutable value (a NamedTuple of plain numbers), so a copy of the record is a snapshot.
+Every field is an immutable value (a NamedTuple of plain numbers), so that a copy of the record is a snapshot.
 """
 
 # The defaults are immutable values, so that all states may share them.
@@ -45,7 +45,7 @@ T = TypeVar("T")
 
 
 def zero(message: type[T]) -> T:
-    """A message whose every number is 0: what is believed before the first sample."""
+    """Return a message with all numbers 0, as the value before the first sample."""
     kinds: dict[str, Any] = get_type_hints(message)
     return message(**{name: kind(0) for name, kind in kinds.items()})
 
@@ -55,12 +55,12 @@ AT_REST = zero(m.ImuSample)._replace(accel_z=-STANDARD_GRAVITY)
 
 @dataclass(slots=True)
 class AutopilotState:
-    """Gains, mission, the State of each module, and the last message of each."""
+    """Gains, mission, the state of each module, and its last message."""
 
     gains: FlightGains
-    """may be changed in flight by SET_PARAMETER"""
+    """changed in flight by SET_PARAMETER"""
     mission: Mission
-    """may be changed in flight by SET_MISSION"""
+    """changed in flight by SET_MISSION"""
     altitude_loop: altitude.State
     pitch_loop: pitch.State
 
@@ -94,23 +94,23 @@ class AutopilotState:
     calibration: calibration.State = calibration.State()
 
     offboard: Received = Received()
-    """the last setpoint of an external controller"""
+    """last setpoint of an external controller"""
     fence: Fence = NO_FENCE
-    """may be changed in flight by SET_FENCE"""
+    """changed in flight by SET_FENCE"""
     rally: Rally = ()
-    """may be changed in flight by SET_RALLY"""
+    """changed in flight by SET_RALLY"""
     mission_breach: str = ""
     """-; first mission item outside the plan's fence, which denies AUTO and the landing sequence; empty for none"""
     fence_clearance: float = math.inf
-    """m; inside of the fence at the last step of the navigation, negative outside"""
+    """m; clearance inside the fence at the last step of the navigation, negative outside"""
     fence_state: m.FenceState = zero(m.FenceState)
-    """whether it is outside, and the last breach"""
+    """fence status and last breach"""
     frame: m.SensorFrame = m.SensorFrame(0, AT_REST)
-    """the last frame, without what was refused; its IMU sample is the last good one"""
+    """last frame without rejected samples; its IMU sample is the last valid one"""
     last_fix: m.GpsFix | None = None
     """last accepted GPS fix"""
     pilot: m.PilotInput = zero(m.PilotInput)
-    """the sticks that are flown, neutral while there are none"""
+    """active stick input, neutral without one"""
     attitude: m.Attitude = zero(m.Attitude)
     wing: m.WingState = zero(m.WingState)._replace(valid_left=1, valid_right=1)
     power_state: m.PowerState = zero(m.PowerState)._replace(battery_remaining=1.0)
@@ -131,12 +131,12 @@ class AutopilotState:
 
     @property
     def terrain(self) -> float:
-        """m; altitude of the ground below the vehicle, that of home while no rangefinder measures it"""
+        """Altitude (m) of the ground below the vehicle; 0 without a rangefinder."""
         return rangefinder.terrain(self.rangefinder, self.clock.time_us)
 
     @property
     def height(self) -> float:
-        """m; above the ground, by which the flare goes"""
+        """Height (m) above the ground, used for the flare."""
         return self.altitude.altitude - self.terrain
 
 
@@ -150,11 +150,14 @@ FORMER_NAMES = {
     "applied": "excitation_applied",
     "fix": "last_fix",
 }
-"""keys of snapshots in recordings of version 0.1 -> fields of `AutopilotState`"""
+"""keys of snapshots in recordings of version 0.1, to fields of `AutopilotState`"""
 
 
 def initial_state(gains: FlightGains, mission: Mission) -> AutopilotState:
-    """Memory at boot: disarmed, in MANUAL, the loops at their trim, the wings at their glide angle."""
+    """Return the memory at boot.
+
+    The vehicle is disarmed in MANUAL, with the loops at their trim and the wings at their glide angle.
+    """
     glide = gains.flapping.glide_angle if gains.flapping.drive == "servo" else 0.0
     return AutopilotState(
         gains,

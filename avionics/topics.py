@@ -1,4 +1,4 @@
-"""The table of topics: what the recorder, the reader, telemetry and ``log info`` go by."""
+"""Table of topics for the recorder, the reader, telemetry and ``log info``."""
 
 from __future__ import annotations
 
@@ -42,18 +42,18 @@ HEALTH = Topic("/system/health", m.Health, 60, 1.0, 1.0)
 TIMING = Topic("/system/timing", m.TaskTiming, 61, 5.0, deterministic=False)
 EVENTS = Topic("/system/events", Event, 62, 0.0)
 INPUTS = Topic("/system/inputs", Text, 63, 0.0)
-"""every `m.Command` with the tick at which it was applied"""
+"""all `m.Command` with the tick of their execution"""
 CALIBRATION = Topic("/system/calibration", m.CalibrationStatus, 66, 0.0)
-"""at every change and twice a second while one runs"""
+"""at every change, and twice a second during a calibration"""
 SNAPSHOTS = Topic("/system/snapshots", Text, 64, 0.1)
-"""the whole State of the autopilot every ten seconds"""
+"""complete state of the autopilot every ten seconds"""
 CHANGES = Topic("/system/changes", Text, 69, 0.0)
-"""JSON of every parameter and mission that took effect in flight, see `avionics.inputs.publish_parameter`"""
+"""JSON of parameter and mission changes in flight, see `avionics.inputs.publish_parameter`"""
 FENCE = Topic("/system/fence", m.FenceState, 67, 1.0, 1.0)
 LINK_EVENTS = Topic("/system/link_events", Event, 65, 0.0, deterministic=False)
-"""what the ground links did, on the wall clock"""
+"""events of the ground links, on the wall clock"""
 RECORDER = Topic("/system/recorder", RecorderStatus, 68, 0.0, deterministic=False)
-"""each time the recorder had to leave out more"""
+"""at each increase of the number of dropped records"""
 
 TOPICS: tuple[Topic[Any], ...] = (
     IMU, ENCODER, PRESSURES, ADC, TORQUE_RAW, GPS, PILOT, RECEIVER, OVERRIDE, VIBRATION, RANGE,

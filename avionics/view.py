@@ -1,4 +1,7 @@
-"""The flight computer as the ground link reads it: `avionics.link.vehicle.VehicleView`."""
+"""View of the flight computer for the ground link.
+
+It implements `avionics.link.vehicle.VehicleView`.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +25,7 @@ T = TypeVar("T")
 
 
 def shown_parameter(gains: FlightGains, entry: parameters.Parameter) -> Parameter:
-    """Parameter of the link from an entry of the parameter table, with its value in ``gains``."""
+    """Return the link parameter of a table entry, with its value in ``gains``."""
     return Parameter(
         entry.name,
         parameters.get(gains, entry),
@@ -38,9 +41,9 @@ def shown_parameter(gains: FlightGains, entry: parameters.Parameter) -> Paramete
 
 
 class FlightView:
-    """An `Autopilot` whose last messages, events and parameters can be read; the reader changes nothing.
+    """`Autopilot` with read access to its last messages, events and parameters.
 
-    Build it instead of the autopilot, step ``view.autopilot``.
+    Build it instead of the autopilot and step ``view.autopilot``. Read access has no effect on the autopilot.
     """
 
     def __init__(
@@ -50,7 +53,7 @@ class FlightView:
         publish: Publish,
         schedule: tuple[Due, ...] | None = None,
     ) -> None:
-        """As `Autopilot`; every message is passed on to ``publish``.
+        """Create the `Autopilot`; every message is passed on to ``publish``.
 
         Raises:
             InputError: the mission cannot be flown.
@@ -63,7 +66,7 @@ class FlightView:
         self._gains_shown: Any = None
         self._home: Home | None = None
         self.silent = False
-        """No sensor frames come, so that nothing is obeyed; its owner, who has the clock, says so."""
+        """True without sensor frames, so that commands have no effect; set by the owner of the clock."""
         self.autopilot = Autopilot(vehicle, mission, self._publish, schedule)
 
     def _publish(self, topic: Topic[Any], message: Any) -> None:
@@ -74,7 +77,7 @@ class FlightView:
 
     @property
     def time_us(self) -> int:
-        """us; since boot, of the last tick."""
+        """Time (us) of the last tick since boot."""
         return max(self.autopilot.memory.clock.time_us, 0)
 
     @property
@@ -84,32 +87,32 @@ class FlightView:
 
     @property
     def armed(self) -> bool:
-        """The wings may move."""
+        """True if the wings may move."""
         return self.autopilot.memory.modes.armed == 1
 
     @property
     def mission(self) -> Mission:
-        """The mission on board."""
+        """Mission on board."""
         return self.autopilot.memory.mission
 
     @property
     def fence(self) -> Fence:
-        """The plan's fence on board."""
+        """Fence of the plan on board."""
         return self.autopilot.memory.fence
 
     @property
     def rally(self) -> Rally:
-        """The rally points on board."""
+        """Rally points on board."""
         return self.autopilot.memory.rally
 
     @property
     def destination(self) -> tuple[float, float] | None:
-        """North and east (m from home) of the position or circle center flown to; None without one."""
+        """Target position or circle center (m, north and east of home), None without one."""
         return destination(self.autopilot.memory)
 
     @property
     def home(self) -> Home | None:
-        """None before the first fix."""
+        """Home position, None before the first fix."""
         memory = self.autopilot.memory
         if self._home is None and memory.position.valid and memory.last_fix is not None:
             latitude, longitude = memory.position_filter.home
@@ -118,7 +121,7 @@ class FlightView:
 
     @property
     def parameters(self) -> Sequence[Parameter]:
-        """The parameter table; names and order stay the same for the whole flight."""
+        """Parameter table; names and order are constant during a flight."""
         gains = self.autopilot.memory.gains
         if gains is not self._gains_shown:
             self._gains_shown = gains
@@ -126,27 +129,27 @@ class FlightView:
         return self._parameters
 
     def latest(self, topic: Topic[T]) -> T | None:
-        """The last message of ``topic``, or None before the first."""
+        """Return the last message of ``topic``, or None before the first."""
         return self._latest.get(topic.name)
 
     def events(self, after: int) -> Sequence[Event]:
-        """The events since boot but for the first ``after``."""
+        """Return the events since boot without the first ``after``."""
         return self._events[after:]
 
     def send_statustext(self, severity: Severity, source: str, text: str) -> None:
-        """Something that happened outside the flight core, for the ground and for the log."""
+        """Publish an event outside the flight core to the ground station and the log."""
         event = Event(self.time_us, severity, source, text)
         self._events.append(event)
         self._forward(topics.LINK_EVENTS, event)
 
     def refusal(self, command: Command) -> str:
-        """Why the flight core would refuse ``command`` now, one line; empty when it would take it."""
+        """Return why the flight core would deny ``command`` now; empty if accepted."""
         if self.silent and command.kind not in PATIENT:
             return NO_FRAMES
         return inputs.refusal(self.autopilot.memory, command)
 
     def stops(self, override: ChannelOverride) -> list[Command]:
-        """What a switch among overridden channels asks for that stops the wings."""
+        """Return the commands of overridden switches that stop the wings."""
         acts = piloting.take_override(copy.copy(self.autopilot.memory), _manual_control_lost, override)
         return [
             Command(self.time_us, each.kind, each.name, source="override") for each in acts if each.kind in PATIENT
