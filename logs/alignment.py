@@ -15,14 +15,14 @@ from wingbeat.errors import InputError
 from wingbeat.topic import Topic
 
 ALIGNED = "aligned"
-"""Name of the table that is made."""
+"""Topic name of the aligned table."""
 GAP_PERIODS = 5.0
-"""A pause between two messages longer than this many of the topic's median periods is a gap, if nothing is asked."""
+"""Default gap threshold: pause between two messages in median periods of the topic."""
 MOST_ROWS = 50_000_000
 SLOWEST = 1e-6
-"""Hz; a row in 12 days"""
+"""Hz; lowest rate, a row in 12 days"""
 RANGES: Mapping[str, float] = {"-pi to pi": -math.pi, "0 to 2 pi": 0.0}
-"""rad; what the description of an angle that wraps says of its range, and where that begins"""
+"""rad; range texts of angles that wrap, with the lower limit of the range"""
 TIME = "time_us"
 _AXES = "wxyz"
 
@@ -31,18 +31,18 @@ Known = NDArray[np.bool_]
 
 
 class _Places(NamedTuple):
-    """Where the rows of a time base lie among the messages of one topic."""
+    """Positions of the rows of a time base among the messages of one topic."""
 
     before: NDArray[np.intp]
-    """the last message not later"""
+    """index of the last message at or before the row"""
     after: NDArray[np.intp]
-    """the one behind it"""
+    """index of the next message"""
     share: NDArray[np.float64]
-    """-; of the way from the one to the other, 0 to 1"""
+    """-; interpolation fraction from ``before`` to ``after``, 0 to 1"""
     between: Known
-    """the row lies between two messages, or on one, and in no gap"""
+    """the row lies on a message or between two, and in no gap"""
     previous: Known
-    """the last message still tells a flag, a state or a count"""
+    """the previous message is valid for flags, states and counts"""
 
 
 def aligned(
@@ -53,7 +53,7 @@ def aligned(
     end: float | None = None,
     gap: float | None = None,
 ) -> Columns:
-    """One table of several topics, its columns named ``topic.field``; see `logs.reader.Log.aligned`."""
+    """Build one table of several topics with columns ``topic.field``; see `logs.reader.Log.aligned`."""
     for value, what in ((rate, "rate"), (gap, "longest gap")):
         if value is not None and not 0.0 < value < math.inf:
             raise InputError(f"the {what} of a table must be above 0, not {value:g}")
@@ -67,7 +67,7 @@ def aligned(
     for name, fields in requested.items():
         columns, times = tables[name]
         chosen = _fields(log, name, columns, fields)
-        # A topic without a rate has a message for each change: what it told holds until the next.
+        # A topic without a rate has a message for each change: its value is valid until the next message.
         places = _places(times, base, gap, lasting=log.topics[name].rate == 0.0)
         for field, values in _sampled(columns, chosen, places).items():
             _add(out, f"{name}.{field}", columns, field, values)
@@ -75,7 +75,7 @@ def aligned(
 
 
 def wraps_from(columns: Columns, field: str) -> float | None:
-    """Where the range of an angle begins (rad) that wraps, as its unit and description say; None for others."""
+    """Return the lower limit (rad) of the range of an angle that wraps, from its unit and description; else None."""
     if columns.units.get(field) != "rad":
         return None
     text = columns.descriptions.get(field, "")
@@ -83,7 +83,7 @@ def wraps_from(columns: Columns, field: str) -> float | None:
 
 
 def quaternions(columns: Columns) -> list[tuple[str, str, str, str]]:
-    """Fields that are the w, x, y and z of one quaternion: their names differ in the last letter alone."""
+    """Return the fields that are w, x, y and z of one quaternion: their names differ only in the last letter."""
     groups = [tuple(name[:-1] + axis for axis in _AXES) for name in columns if name.endswith("w")]
     return [
         (w, x, y, z)

@@ -20,7 +20,7 @@ Loaded = TypeVar("Loaded")
 
 
 def simulated_vehicle(log: Log) -> SimulatedVehicle | None:
-    """The vehicle as it is in the world of ``log``, with the aerodynamic model that was flown.
+    """Return the simulated vehicle of ``log`` with the aerodynamic model of the flight.
 
     None for a flight that was not simulated.
 
@@ -33,9 +33,9 @@ def simulated_vehicle(log: Log) -> SimulatedVehicle | None:
 
 
 def flight_vehicle(log: Log) -> FlightVehicle | None:
-    """The vehicle as the flight computer of ``log`` believed it to be at boot; None where the log does not say.
+    """Return the vehicle as configured in the flight computer of ``log`` at boot.
 
-    Parameters and calibrations that it had kept from before stand over those of the attached file.
+    None if the log does not contain it. Stored parameters and calibrations override those of the attached file.
 
     Raises:
         InputError: the attached vehicle file or a noted parameter cannot be used.
@@ -52,7 +52,9 @@ def flight_vehicle(log: Log) -> FlightVehicle | None:
 
 
 def aircraft_of(log: Log) -> Aircraft:
-    """Place and calibration of the IMU, the tail's lag, the gauges' accuracy, span; unknown without a vehicle file.
+    """Return IMU position and calibration, tail lag, gauge accuracy and span.
+
+    Without a vehicle file they are unknown.
 
     Raises:
         InputError: the attached vehicle file cannot be used.
@@ -67,12 +69,12 @@ def aircraft_of(log: Log) -> Aircraft:
 
 
 def span_of(vehicle: SimulatedVehicle | None) -> float | None:
-    """From wing tip to wing tip in m; None without a vehicle."""
+    """Return the span from wing tip to wing tip in m; None without a vehicle."""
     return None if vehicle is None else 2.0 * vehicle.wing.semispan
 
 
 def gauges_of(vehicle: SimulatedVehicle | None) -> GaugeErrors:
-    """Accuracy of the drives' sensors by a vehicle's file; not known without one, or where it tells no sensors."""
+    """Return the accuracy of the drive sensors of a vehicle; unknown without a vehicle or without sensors."""
     if vehicle is None or not {"torque_cell", "power_sensor"} <= set(vehicle.sections):
         return GaugeErrors()
     cell, power = vehicle.sections["torque_cell"], vehicle.sections["power_sensor"]
@@ -82,9 +84,9 @@ def gauges_of(vehicle: SimulatedVehicle | None) -> GaugeErrors:
 
 
 def airframe_of(vehicle: FlightVehicle, world: SimulatedVehicle | None) -> Aircraft:
-    """Place of the IMU and lag of the tail by a vehicle's file, span by its ``world``'s, for a log that has none.
+    """Return IMU position and tail lag of a vehicle, and the span of its ``world``, for a log without vehicle files.
 
-    The log's samples are then taken as they are: another program calibrated them.
+    The samples of the log are not calibrated again: another program calibrated them.
     """
     known = vehicle.airframe
     return Aircraft(known.imu_x, known.imu_z, known.tail_time_constant, span=span_of(world))

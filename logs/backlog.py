@@ -7,22 +7,22 @@ from collections import deque
 from collections.abc import Callable
 
 PATIENCE = 10.0
-"""s; that the end of a recording waits for a disk that does not answer"""
+"""s; timeout of the end of a recording if the disk does not respond"""
 
 
 class Backlog:
-    """A thread that does jobs in their order, and a queue of at most so many bytes before it."""
+    """Worker thread that runs jobs in order from a queue with a limit in bytes."""
 
     def __init__(
         self, capacity: int, idle: Callable[[], None], period: float, failed: Callable[[BaseException], None]
     ) -> None:
-        """Begin.
+        """Start the thread.
 
         Args:
-            capacity: bytes; of the jobs that wait or are being done.
-            idle: called by the thread whenever it has had nothing to do for a ``period``; must not wait.
+            capacity: bytes; limit of the jobs that are queued or running.
+            idle: called by the thread after each ``period`` without a job; must not block.
             period: s.
-            failed: told by the thread what a job or ``idle`` raised; nothing more is done, what waits is dropped.
+            failed: called with an exception of a job or ``idle``; the thread then stops and drops the queue.
         """
         self._capacity = capacity
         self._idle, self._period, self._failed = idle, period, failed
@@ -35,14 +35,14 @@ class Backlog:
 
     @property
     def waiting(self) -> int:
-        """Bytes that wait or are being written."""
+        """Bytes of queued and running jobs."""
         return self._bytes
 
     def offer(self, job: Callable[[], None], size: int, timeout: float = 0.0) -> bool:
-        """Queue a job of ``size`` bytes; False, and nothing is queued, where there is no room for it in time.
+        """Queue a job of ``size`` bytes; return False if the queue has no capacity within ``timeout`` s.
 
-        A job that is larger than the queue is taken when nothing else waits, none when the thread has ended;
-        ``timeout`` in s.
+        A job larger than the queue is accepted only if no other job is pending. No job is accepted after the thread
+        has stopped.
         """
 
         def has_capacity() -> bool:
@@ -58,7 +58,7 @@ class Backlog:
         return True
 
     def close(self) -> bool:
-        """Wait until everything is done; False where that took longer than `PATIENCE`."""
+        """Wait until all jobs are done; return False if that takes longer than `PATIENCE`."""
         with self._turn:
             self._ending = True
             self._turn.notify_all()

@@ -10,15 +10,15 @@ from logs.recorder import Said
 from wingbeat.topic import Publish, Topic
 
 BATCH = 512
-"""-; messages: a fifth of a second of a whole flight"""
+"""-; messages in a batch: a fifth of a second of all topics of a flight"""
 
 
 @contextmanager
 def batched(record_all: Callable[[Sequence[Said]], None]) -> Iterator[Publish]:
-    """Where messages are said that nobody waits for, as those of a flight in one process.
+    """Record messages in batches of `BATCH`; the remainder is recorded at the end of the context.
 
-    They are recorded `BATCH` at a time, what is left at the end; one by one, the recorder looked at each between all
-    else that a tick of a flight does. Messages may not change once they are said.
+    For flights in one process. Batches are faster than single messages because the recorder's data stay in the
+    processor cache. Messages must not change after they are published.
     """
     said: list[Said] = []
 
@@ -29,7 +29,7 @@ def batched(record_all: Callable[[Sequence[Said]], None]) -> Iterator[Publish]:
 
     def hand_over() -> None:
         nonlocal said
-        # Another list first: an interruption must not have a message recorded twice.
+        # A new list first: an interruption must not record a message twice.
         messages, said = said, []
         record_all(messages)
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 from logs.records import HEAD, Buffer, Damage, Span
 
 OPCODE = 0x80
-"""Of the record; other programs may use it too, so that it begins with a name."""
+"""Opcode of the record. Other programs may use it too, so the record begins with a name."""
 _NAME = b"wingbeat.checksums"
 _INDEXES = struct.Struct("<I")
 _METADATA = struct.Struct("<QI")
@@ -23,20 +23,20 @@ class Checksums(NamedTuple):
     """CRC32 of a file's parts."""
 
     indexes: int
-    """of all message index records, one chunk's behind the other's"""
+    """CRC of all message index records, concatenated over the chunks"""
     metadata: Mapping[int, int]
-    """of each metadata record, by its offset in the file"""
+    """CRC of each metadata record, by its offset in the file"""
 
 
 def encode_checksums(checksums: Checksums) -> bytes:
-    """The whole record."""
+    """Encode the whole record."""
     pairs = b"".join(_METADATA.pack(offset, crc) for offset, crc in checksums.metadata.items())
     body = _NAME + _INDEXES.pack(checksums.indexes) + pairs
     return HEAD.pack(OPCODE, len(body)) + body
 
 
 def decode_checksums(data: Buffer, span: Span) -> Checksums | None:
-    """What the record at ``span`` says; None where it is another program's.
+    """Decode the record at ``span``; return None if another program wrote it.
 
     Raises:
         Damage: its length cannot be that of such a record.

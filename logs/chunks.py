@@ -18,13 +18,13 @@ from zlib_ng.zlib_ng import crc32
 from logs.records import HEAD, Buffer, Damage, Span, expected, record_at
 
 MAX_CHUNK_SIZE = 256 << 20
-"""Bytes, uncompressed; by default a larger chunk is not decompressed."""
+"""Bytes, uncompressed; default limit above which a chunk is not decompressed."""
 BEYOND_NS = 2**64 - 1
-"""ns; the greatest number that a log time of MCAP can be"""
+"""ns; greatest MCAP log time"""
 ENTRY_TYPE = np.dtype([("time", "<u8"), ("offset", "<u8")])
-"""An entry of a message index: log time in ns, offset in the chunk in bytes."""
+"""Entry of a message index: log time in ns, offset in the chunk in bytes."""
 PLACE_TYPE = np.dtype([("channel", "<u2"), ("offset", "<u8")])
-"""Where a summary says that a message index is: channel, offset in the file in bytes."""
+"""Location of a message index in a summary: channel, offset in the file in bytes."""
 MESSAGE_HEAD = np.dtype(
     {
         "names": ["opcode", "length", "channel", "sequence", "log_time", "publish_time"],
@@ -33,7 +33,7 @@ MESSAGE_HEAD = np.dtype(
         "itemsize": 31,
     }
 )
-"""A message record up to its data."""
+"""Header of a message record, without its data."""
 _CHUNK_HEAD = struct.Struct("<QQQII")
 _SIZE = struct.Struct("<Q")
 _PLACE = struct.Struct("<HQ")
@@ -47,14 +47,14 @@ _threads = threading.local()
 
 
 class ChunkSpan(NamedTuple):
-    """Place of a chunk in the file and what its header says."""
+    """Location of a chunk in the file and the fields of its header."""
 
     span: Span
     data_offset: int
     data_size: int
     """bytes as stored"""
     size: int
-    """bytes when unpacked"""
+    """bytes, uncompressed"""
     crc: int
     """of the unpacked bytes, 0 for none"""
     compression: str
@@ -63,29 +63,29 @@ class ChunkSpan(NamedTuple):
     end_ns: int
     """log time of the last message"""
     places: bytes
-    """`PLACE_TYPE` values: where the message index records are, when the summary told it; not yet looked at"""
+    """`PLACE_TYPE` values: locations of the message index records from the summary, not yet checked"""
     entries: dict[int, Entries]
-    """message indexes by channel, when the chunk was walked through"""
+    """message indexes by channel, if the chunk was scanned"""
     index_size: int = 0
-    """bytes of the message index records behind the chunk, when the summary told it"""
+    """bytes of the message index records after the chunk, from the summary"""
 
     @property
     def indexes(self) -> dict[int, int]:
-        """Offsets of the message index records by channel."""
+        """Return the offsets of the message index records by channel."""
         return dict(_PLACE.iter_unpack(self.places))
 
     @property
     def channels(self) -> set[int]:
-        """Numbers of the channels it has messages of."""
+        """Return the numbers of the channels with messages in the chunk."""
         return set(self.indexes) | set(self.entries)
 
 
 class OversizedChunk(Damage):
-    """A chunk declares more uncompressed bytes than are allowed; its length in the file can be trusted."""
+    """Error: a chunk declares more uncompressed bytes than allowed; its length in the file is valid."""
 
 
 class IndexedChunk(NamedTuple):
-    """What a summary tells of a chunk; see `ChunkSpan`."""
+    """Entry of a chunk in the summary; see `ChunkSpan`."""
 
     start_ns: int
     end_ns: int
@@ -94,7 +94,7 @@ class IndexedChunk(NamedTuple):
 
 
 class Contents(NamedTuple):
-    """What lies in an unpacked chunk."""
+    """Records of an uncompressed chunk."""
 
     definitions: list[Span]
     """schema and channel records"""
@@ -104,7 +104,7 @@ class Contents(NamedTuple):
 def chunk_at(
     data: Buffer, span: Span, indexed: IndexedChunk | None = None, max_chunk_size: int = MAX_CHUNK_SIZE
 ) -> ChunkSpan:
-    """The chunk at ``span``, still packed; what a summary ``indexed`` of it counts more than its own header.
+    """Return the compressed chunk at ``span``; the summary entry ``indexed`` takes precedence over its header.
 
     Raises:
         Damage: its header contradicts its length, or declares more than ``max_chunk_size`` uncompressed bytes.
@@ -129,12 +129,12 @@ def chunk_at(
 
 
 def loose_messages(start: int, end: int) -> ChunkSpan:
-    """Messages that stand in the file outside of any chunk, from byte ``start`` to ``end``."""
+    """Return a chunk of the messages outside of any chunk, from byte ``start`` to ``end``."""
     return ChunkSpan(Span(0, start, end - start), start, end - start, end - start, 0, "", 0, 0, b"", {})
 
 
 def unpack(data: Buffer, chunk: ChunkSpan) -> bytes:
-    """The records in a chunk, checked against its CRC.
+    """Decompress the records of a chunk and check them against its CRC.
 
     Raises:
         Damage: they cannot be unpacked or do not match.
@@ -187,7 +187,7 @@ def _decompressor() -> zstandard.ZstdDecompressor:
 
 
 def walk(content: bytes, max_records: int | None = None) -> Contents:
-    """Find the records in an unpacked chunk one by one; of repeated definitions of one number the first counts.
+    """Find the records in an uncompressed chunk; the first of repeated definitions of a number is valid.
 
     Raises:
         Damage: they do not fill it, or are more than ``max_records``.
@@ -216,9 +216,9 @@ def walk(content: bytes, max_records: int | None = None) -> Contents:
 
 
 def listed_entries(data: Buffer, chunk: ChunkSpan, channel: int) -> Entries | None:
-    """The message index of one channel as the file has it, unchecked; None when it cannot be read.
+    """Read the message index of one channel as stored, unchecked.
 
-    Nor is it read where it does not go forward: it would name a message twice.
+    None if it cannot be read or if its offsets do not increase, because it would then name a message twice.
     """
     if channel in chunk.entries:
         return chunk.entries[channel]
@@ -233,9 +233,10 @@ def listed_entries(data: Buffer, chunk: ChunkSpan, channel: int) -> Entries | No
 def entries_of(
     data: Buffer, chunk: ChunkSpan, content: bytes, channel: int, max_records: int | None = None
 ) -> Entries:
-    """The message index of one channel, each entry checked against opcode, channel, time and length in the chunk.
+    """Return the message index of one channel with each entry checked.
 
-    An index that fails the check is not used: the chunk, which its CRC vouches for, is walked through instead.
+    Opcode, channel, time and length of each entry are compared with the chunk. If the check fails, the index is
+    replaced by a scan of the chunk, which its CRC protects.
 
     Raises:
         Damage: the chunk's records do not fill it, or are more than ``max_records``.
@@ -247,7 +248,7 @@ def entries_of(
 
 
 def stored_entries(data: Buffer, offset: int) -> Entries:
-    """The entries of the message index record at ``offset``.
+    """Read the entries of the message index record at ``offset``.
 
     Raises:
         Damage: there is none, or its lengths contradict each other.
@@ -277,7 +278,7 @@ def _agree(content: bytes, entries: Entries, channel: int) -> bool:
 
 
 def rows_at(content: bytes, offsets: NDArray[np.uint64], kind: np.dtype[np.void]) -> Entries:
-    """Rows of type ``kind`` that begin at ``offsets``, copied out of ``content``; all must lie inside it."""
+    """Copy rows of type ``kind`` from ``offsets`` in ``content``; all must lie inside it."""
     if not len(offsets):
         return np.empty(0, kind)
     count = len(content) - kind.itemsize + 1
@@ -286,6 +287,6 @@ def rows_at(content: bytes, offsets: NDArray[np.uint64], kind: np.dtype[np.void]
 
 
 def bodies(content: bytes, entries: Entries) -> Iterator[bytes]:
-    """Encoded messages at ``entries``, copied one at a time."""
+    """Yield the encoded messages at ``entries``, copied one at a time."""
     spans = (record_at(content, int(offset), len(content)) for offset in entries["offset"])
     return (content[span.offset + MESSAGE_HEAD.itemsize : span.end] for span in spans if span is not None)

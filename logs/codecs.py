@@ -26,7 +26,7 @@ from wingbeat.message import Event, Severity, Text
 from wingbeat.topic import Topic
 
 Encoder = Callable[[Any, int, int], bytes]
-"""(message, log time in ns, sequence number) to a whole message record"""
+"""(message, log time in ns, sequence number) to a complete message record"""
 _HEAD = struct.Struct("<BQHIQQ")
 _HEAD_BODY = _HEAD.size - 9
 TEXT_SCHEMA = {
@@ -49,25 +49,25 @@ _LEVELS = {
 
 
 class Stamped(NamedTuple):
-    """A protobuf message for a topic whose message is a protobuf class, as viewers have them."""
+    """Serialized protobuf message for a topic with a protobuf class, as used by viewers."""
 
     time_us: int
     """us; since boot"""
     body: bytes
-    """-; the message, serialised: viewers' messages are built anew in the same place"""
+    """-; the serialized message; viewers' messages are rebuilt in the same object"""
 
 
 class Document(NamedTuple):
-    """A message with names and texts in it that only its sender knows, for a topic of JSON."""
+    """Message with keys that only its sender defines, for a topic of JSON."""
 
     time_us: int
     """us; since boot"""
     values: Mapping[str, Any]
-    """-; in the types of JSON"""
+    """-; values of JSON types"""
 
 
 class Codec(NamedTuple):
-    """What a topic needs in a file."""
+    """Schema, channel and encoder of a topic."""
 
     schema: Schema
     channel: Channel
@@ -75,7 +75,7 @@ class Codec(NamedTuple):
 
 
 def codec_for(topic: Topic[Any]) -> Codec:
-    """Schema, channel and encoder of a topic; both numbers are ``topic.channel``.
+    """Return schema, channel and encoder of a topic; both numbers are ``topic.channel``.
 
     Raises:
         TypeError: the message has a field without a fixed width.
@@ -110,7 +110,7 @@ def _protobuf(message: type[Protobuf], encoder: Encoder) -> tuple[str, str, str,
 
 
 def file_descriptors(message: type[Protobuf]) -> bytes:
-    """Serialised FileDescriptorSet with the file of a generated message class and all it imports."""
+    """Return the serialized FileDescriptorSet of a generated message class with all imports."""
     out = FileDescriptorSet()
     seen: set[str] = set()
 
@@ -127,7 +127,7 @@ def file_descriptors(message: type[Protobuf]) -> bytes:
 
 
 def fixed_encoder(layout: Layout, channel: int) -> Encoder:
-    """Encoder of a fixed layout: one `struct` call writes the record's head, the tags and the values."""
+    """Return the encoder of a fixed layout: one `struct` call writes record header, tags and values."""
     packer = struct.Struct(_HEAD.format + layout.format[1:])
     pack, opcode = packer.pack, int(Opcode.MESSAGE)
     length = packer.size - 9
@@ -143,7 +143,7 @@ def fixed_encoder(layout: Layout, channel: int) -> Encoder:
 
         return encode_arrays
 
-    # The tags stay in this list; only every second place changes from message to message.
+    # The tags stay in this list; only every second element changes from message to message.
     arguments: list[Any] = [opcode, length, channel, 0, 0, 0]
     for tag, _ in fields:
         arguments += (tag, 0)
@@ -166,12 +166,12 @@ def _free(channel: int, encode: Callable[[Any], bytes]) -> Encoder:
 
 
 def encode_text(message: Text) -> bytes:
-    """JSON of a document and its time."""
+    """Encode a text message as JSON with its time."""
     return json.dumps({"time_us": message.time_us, "text": message.text}, separators=(",", ":")).encode()
 
 
 def encode_document(message: Document) -> bytes:
-    """JSON of a document's values and its time.
+    """Encode a document as JSON with its time.
 
     Raises:
         ValueError: a number that is not finite.
@@ -197,7 +197,9 @@ MAX_EVENT_BYTES = 1 << 20
 
 
 def encode_event(message: Event) -> bytes:
-    """``foxglove.Log``; its time stamp counts from boot, ``name`` is the source and ``file`` MAVLink's severity."""
+    """Encode a ``foxglove.Log``; its time stamp is since boot, ``name`` is the source, ``file`` the MAVLink
+    severity.
+    """
     seconds, rest = divmod(message.time_us, 1_000_000)
     severity = Severity(message.severity)
     log = FoxgloveLog(level=_LEVELS.get(severity, FoxgloveLog.FATAL), message=message.text, name=message.source)
@@ -208,7 +210,7 @@ def encode_event(message: Event) -> bytes:
 
 
 def decode_event(data: bytes) -> Event:
-    """Inverse of `encode_event`; a log line of another writer gets the severity of its level.
+    """Decode a ``foxglove.Log``; a message of another writer gets the severity of its level.
 
     Raises:
         Damage: the bytes are no ``foxglove.Log``, or longer than any text for people.
@@ -234,7 +236,7 @@ def _severity(log: FoxgloveLog) -> Severity:
 
 
 def value_decoder(channel: Channel, schema: Schema | None) -> Callable[[bytes], dict[str, Any]]:
-    """Decoder of a message to its plain values; members of nested messages are named ``outer.inner``.
+    """Return the decoder of a message to its values; members of nested messages are named ``outer.inner``.
 
     Raises:
         InputError: ROS 2, and the package that decodes it is not installed.

@@ -21,20 +21,20 @@ from logs.listing import Listing
 from logs.records import Buffer
 
 BATCH_BYTES = 4 * 1024 * 1024
-"""Bytes, unpacked; more would not stay in a processor's cache, less is more work for Python than for NumPy."""
+"""Bytes, uncompressed; a compromise between processor cache size and call overhead."""
 MOST_THREADS = 4
 
 
 class Batch(NamedTuple):
-    """Chunks that are unpacked together."""
+    """Chunks that are decompressed together."""
 
     first: int
-    """number of the first of them"""
+    """index of the first chunk"""
     behind: int
-    """number of the first that follows"""
+    """index after the last chunk"""
 
     def content(self, data: Buffer, chunks: Sequence[ChunkSpan]) -> bytes:
-        """The records in its chunks, one chunk behind the other.
+        """Return the concatenated records of the chunks.
 
         Raises:
             Damage: a chunk cannot be unpacked or does not match its checksum.
@@ -43,15 +43,15 @@ class Batch(NamedTuple):
 
 
 class Table:
-    """Columns of one channel, filled batch by batch, by several threads if need be."""
+    """Columns of one channel, filled batch by batch from several threads."""
 
     def __init__(self, layout: Layout, channel: int, listing: Listing, sizes: NDArray[np.int64]) -> None:
-        """Make room for the messages in ``listing``, in chunks of ``sizes`` bytes."""
+        """Allocate the columns of the messages in ``listing``, in chunks of ``sizes`` bytes."""
         self.kind: RowType = row_type(layout, channel)
         self.times = listing.times
         """ns; log time"""
         self.fits = listing.is_inside(sizes, self.kind.kind.itemsize)
-        """no message has been found to have another layout, or not to be where the message index says"""
+        """every message so far has the layout and the location that the message index declares"""
         rows = len(self.times) if self.fits else 0
         self.fields = {item.name: np.empty((rows, *item.shape), column_type(item)) for item in layout.fields}
         self._offsets = listing.offsets
@@ -59,7 +59,7 @@ class Table:
         self._first = np.concatenate(([0], np.cumsum(listing.counts)))
 
     def take(self, batch: Batch, content: bytes, starts: NDArray[np.int64]) -> None:
-        """Copy the messages in a batch, whose chunks start at these bytes of ``content``."""
+        """Copy the messages of a batch whose chunks start at the offsets ``starts`` of ``content``."""
         mine = slice(*self._first[[batch.first, batch.behind]].tolist())
         if not self.fits or mine.start == mine.stop:
             return
@@ -74,7 +74,7 @@ class Table:
             values[mine] = messages[name]
 
     def between(self, low: int, high: int) -> tuple[NDArray[np.uint64], dict[str, Array]]:
-        """Log times and columns of the messages with log times (ns) from ``low`` to before ``high``."""
+        """Return log times and columns of the messages with log times (ns) from ``low`` to before ``high``."""
         low, high = (min(max(edge, 0), BEYOND_NS) for edge in (low, high))
         kept = (self.times >= low) & (self.times < high)
         if kept.all():
@@ -111,7 +111,7 @@ def _batches(chunks: Sequence[ChunkSpan]) -> Iterator[Batch]:
 
 
 def on_every_core(work: Callable[[Any], None], parts: Sequence[Any]) -> None:
-    """Do ``work`` for each part; what it raises for the first of them is raised."""
+    """Run ``work`` for each part in a thread pool; raise the exception of the first part that failed."""
     threads = min(os.cpu_count() or 1, MOST_THREADS, len(parts))
     if threads < 2:
         for part in parts:

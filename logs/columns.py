@@ -22,13 +22,13 @@ Array = NDArray[Any]
 Stamped = tuple[int, dict[str, Any]]
 """Log time in ns and the values of one message."""
 LATEST_NS = 2**63 - 1
-"""ns; the last log time, in the year 2262: a greater one comes of damage"""
+"""ns; latest log time, in the year 2262: a greater one indicates damage"""
 _BLOCK = 256
-"""Rows checked at a time: they stay in the processor's cache."""
+"""Rows checked at a time, so that they stay in the processor cache."""
 
 
 RENAMED = {"/system/calibration": {"calibration_count": "begun", "begun": "calibration_count"}}
-"""other name of a renamed field, by topic: recordings and scripts of either version can be read"""
+"""Former or later name of a renamed field, by topic: recordings and scripts of both versions can be read."""
 
 
 @dataclass(frozen=True)
@@ -81,17 +81,19 @@ class Columns(Mapping[str, Array]):
 
 
 class RowType(NamedTuple):
-    """A whole message record of fixed layout, head included."""
+    """NumPy type of a complete message record of fixed layout, header included."""
 
     kind: np.dtype[np.void]
-    """fields by their names, the record's own behind a slash"""
+    """fields by name; those of the record header begin with a slash"""
     mask: NDArray[np.uint8]
-    """255 at the bytes that are the same in every record of a channel: opcode, length, channel, tags; for many"""
+    """255 at the bytes that are equal in every record of a channel (opcode, length, channel, tags); repeated for a
+    block
+    """
     pattern: NDArray[np.uint8]
-    """what these bytes are, 0 elsewhere; for as many"""
+    """values of these bytes, 0 elsewhere; repeated for a block"""
 
     def fits(self, rows: Array, times: NDArray[np.uint64]) -> bool:
-        """Whether all rows (of bytes ``kind.itemsize`` long) are such records with these log times in ns."""
+        """Check that all rows (``kind.itemsize`` bytes each) match the pattern and have these log times in ns."""
         raw, step = rows.view(np.uint8), len(self.mask)
         blocks = (raw[start : start + step] for start in range(0, len(raw), step))
         if not all(np.array_equal(block & self.mask[: len(block)], self.pattern[: len(block)]) for block in blocks):
@@ -100,14 +102,14 @@ class RowType(NamedTuple):
 
 
 def layout_in_file(channel: Channel, schema: Schema | None) -> Layout | None:
-    """Layout of a channel's messages as the file declares it, None where they differ in length."""
+    """Return the layout of a channel as declared in the file; None if its messages differ in length."""
     if schema is None or schema.encoding != "protobuf" or channel.message_encoding != "protobuf":
         return None
     return layout_from_schema(schema.name, schema.data, channel.metadata)
 
 
 def row_type(layout: Layout, channel: int) -> RowType:
-    """NumPy type of the message records of a channel."""
+    """Return the NumPy type of the message records of a channel."""
     body = layout.record_type(before=MESSAGE_HEAD.itemsize)
     places: Mapping[str, Any] = body.fields or {}
     head: Mapping[str, Any] = MESSAGE_HEAD.fields or {}
@@ -130,12 +132,12 @@ def row_type(layout: Layout, channel: int) -> RowType:
 
 
 def column_type(kind: Field) -> np.dtype[Any]:
-    """NumPy type of a field's column."""
+    """Return the NumPy type of the column of a field."""
     return np.dtype(f"<{SCALARS[kind.scalar].code}" if kind.scalar in ("double", "float") else np.int64)
 
 
 def moment(time: float, most: int = LATEST_NS) -> int:
-    """Time in ns of ``time`` in s, at ``most`` so far from 0.
+    """Convert ``time`` in s to ns, limited to ``most`` in magnitude.
 
     Raises:
         InputError: it is not a number.
@@ -146,7 +148,7 @@ def moment(time: float, most: int = LATEST_NS) -> int:
 
 
 def signed_log_times(times: NDArray[np.uint64], topic: str) -> NDArray[np.int64]:
-    """Log times (ns) of a topic's messages as they are reckoned with.
+    """Convert log times (ns) of a topic to signed integers.
 
     Raises:
         Damage: one of them is beyond `LATEST_NS`.
@@ -159,7 +161,7 @@ def signed_log_times(times: NDArray[np.uint64], topic: str) -> NDArray[np.int64]
 def fixed_columns(
     topic: str, boot_ns: int, layout: Layout, times: NDArray[np.int64], fields: dict[str, Array]
 ) -> Columns:
-    """Columns of `column_type` with their log times (ns), in any order."""
+    """Build the columns of `column_type` with their log times (ns), in any order."""
     if np.any(times[1:] < times[:-1]):
         order = np.argsort(times, kind="stable")
         times, fields = times[order], {name: values[order] for name, values in fields.items()}
@@ -176,7 +178,7 @@ def _whole(values: Array, kind: Field) -> Array:
 
 
 def free_columns(topic: str, boot_ns: int, layout: Layout | None, messages: Sequence[Stamped]) -> Columns:
-    """Columns from decoded messages; a number that one of them lacks is NaN, other than numbers come as objects."""
+    """Build columns from decoded messages; missing numbers are NaN, columns of other types hold objects."""
     messages = sorted(messages, key=lambda message: message[0])
     names = list(dict.fromkeys(name for _, values in messages for name in values))
     if layout is not None and not messages:

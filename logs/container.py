@@ -34,19 +34,19 @@ from wingbeat.errors import InputError
 
 LIBRARY = "wingbeat"
 ENTRY = struct.Struct("<QQ")
-"""An entry of a message index: log time in ns, offset in the chunk in bytes."""
+"""Entry of a message index: log time in ns, offset in the chunk in bytes."""
 _RECORD = struct.Struct("<BQ")
 _CHUNK = struct.Struct("<BQQQQII4sQ")
 _INDEX = struct.Struct("<BQHI")
 
 
 class RawChunk(NamedTuple):
-    """A chunk as it stands in a file."""
+    """Chunk as stored in a file."""
 
     record: bytes
-    """the whole record, compressed messages included"""
+    """the complete record with the compressed messages"""
     indexes: Mapping[int, bytes]
-    """whole message index records by channel"""
+    """complete message index records by channel"""
     start_ns: int
     """log time of the first message"""
     end_ns: int
@@ -70,8 +70,8 @@ def pack_chunk(
     Args:
         content: the records.
         entries: packed `ENTRY` values of its messages by channel.
-        window: log times of the first and the last message in ns.
-        compressor: what to compress with.
+        window: first and last log time in ns.
+        compressor: zstd compressor.
     """
     start, end = window
     data = compressor.compress(content)
@@ -83,12 +83,12 @@ def pack_chunk(
 
 
 def pack_index(channel: int, entries: bytes) -> bytes:
-    """A message index record for packed `ENTRY` values."""
+    """Encode a message index record from packed `ENTRY` values."""
     return _INDEX.pack(Opcode.MESSAGE_INDEX, 6 + len(entries), channel, len(entries)) + entries
 
 
 def encode(record: McapRecord) -> bytes:
-    """Bytes of one record."""
+    """Encode one record."""
     builder = RecordBuilder()
     record.write(builder)
     return _taken(builder)
@@ -100,16 +100,16 @@ def _taken(builder: RecordBuilder) -> bytes:
 
 
 class Container:
-    """An MCAP file being written to an unbuffered stream; what has been written is always whole records.
+    """MCAP writer to an unbuffered stream; the written bytes are always complete records.
 
-    Every method that writes raises `OSError` when the disk refuses.
+    Every method that writes raises `OSError` if the disk fails.
     """
 
     def __init__(self, stream: IO[bytes]) -> None:
         self._stream = stream
         self._crc = 0
         self.size = 0
-        """bytes of whole records written"""
+        """bytes of complete records written"""
         self._schemas: dict[int, Schema] = {}
         self._channels: dict[int, Channel] = {}
         self._chunks: list[ChunkIndex] = []
@@ -121,7 +121,8 @@ class Container:
         self._write(MCAP0_MAGIC + encode(Header(profile="", library=LIBRARY)))
 
     def define(self, schema: Schema | None, channel: Channel) -> bool:
-        """Declare a channel before its first chunk, and say whether it is new; the same again does nothing.
+        """Declare a channel before its first chunk; return whether it is new. An identical declaration has no
+        effect.
 
         Raises:
             InputError: another channel or schema has this number.
@@ -171,13 +172,13 @@ class Container:
         )
 
     def attachment(self, record: bytes, index: AttachmentIndex) -> None:
-        """Append an attachment record; the offset and length in ``index`` are set here."""
+        """Append an attachment record; offset and length in ``index`` are set."""
         index.offset, index.length = self.size, len(record)
         self._write(record)
         self._attachments.append(index)
 
     def metadata(self, record: bytes, name: str) -> None:
-        """Append a metadata record, and its checksum at once: a file that is cut off has no summary."""
+        """Append a metadata record and its checksum, so that a truncated file without a summary can be checked."""
         index = MetadataIndex(offset=self.size, length=len(record), name=name)
         crc = {index.offset: crc32(record)}
         self._write(record + encode_checksums(Checksums(0, crc)))
@@ -185,7 +186,7 @@ class Container:
         self._metadata_crcs |= crc
 
     def finish(self) -> None:
-        """Write the summary and the footer."""
+        """Write summary and footer."""
         self._write(encode(DataEnd(self._crc)))
         start = self.size
         summary = self._summary(start) + encode_checksums(Checksums(self._index_crc, self._metadata_crcs))

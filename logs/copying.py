@@ -17,14 +17,14 @@ from logs.records import Buffer, Span, attachment_at, expected, parse
 
 @dataclass(frozen=True)
 class Part:
-    """A file to copy from."""
+    """Source file of a copy."""
 
     data: Buffer
     index: Index
 
 
 def copy(parts: Iterable[Part], container: Container) -> None:
-    """Write the channels, metadata, attachments and chunks of all parts, chunks in order of their first message.
+    """Write channels, metadata, attachments and chunks of all parts; chunks are ordered by their first message.
 
     Raises:
         InputError: two parts declare a channel differently.

@@ -26,28 +26,29 @@ Show = Callable[[float, float, str], None]
 
 
 class Part(NamedTuple):
-    """What of a log is exported; all of it when nothing is said."""
+    """Part of a log to export; all of it by default."""
 
     topics: Sequence[str] | None = None
-    """names, with a rate ``topic.field`` too; when not given all topics with messages, for one table those of fixed
-    layout where there are any (others are events, documents and pictures)"""
+    """names, with a rate also ``topic.field``. Default: all topics with messages; for one table only those of fixed
+    layout, if there are any (events, documents and images are omitted)
+    """
     start: float | None = None
     """s; since boot"""
     end: float | None = None
-    """s; since boot, not included"""
+    """s; since boot, exclusive"""
     rate: float | None = None
-    """Hz; of one table of all topics, see `Log.aligned`; a table for each topic when not given"""
+    """Hz; rate of one table of all topics, see `Log.aligned`. Default: a table for each topic"""
 
 
 WHOLE = Part()
 
 
 class Exported(NamedTuple):
-    """What was written."""
+    """Result of an export."""
 
     files: list[Path]
     left_out: list[str]
-    """topics and messages that cannot be decoded, a line each"""
+    """topics and messages that cannot be decoded, one line each"""
 
 
 def export(
@@ -60,16 +61,15 @@ def export(
     """Write a part of a log as one of `FORMS`.
 
     Args:
-        log: what to export.
+        log: source.
         target: a file, or a folder for CSV and Parquet with a file per topic.
-        part: what of it.
-        form: by the suffix of ``target`` when not given, CSV for a folder.
-        show: hears how far it is.
+        part: topics, time range and rate.
+        form: output format (default: the suffix of ``target``, CSV for a folder).
+        show: called with the progress.
 
     Raises:
-        InputError: unknown topic or form, a file exists (then none is written), it cannot be written, a package is
-            not installed, several tables would have to go to one file, or a part was asked for of a form without
-            parts.
+        InputError: unknown topic or form, a file exists (no file is written then), it cannot be written, a package is
+            not installed, several tables would have to go to one file, or the form does not support parts.
     """
     if form is None and target.suffix and target.suffix[1:] not in FORMS and not target.is_dir():
         raise InputError(
@@ -92,7 +92,7 @@ def export(
 
 
 def undecodable_lines(log: Log) -> list[str]:
-    """One line for each topic of which messages were left out because they cannot be decoded."""
+    """Return one line for each topic with omitted messages that cannot be decoded."""
     return [
         f"{topic}: {pluralize(number, 'message')} that cannot be decoded" for topic, number in log.undecodable.items()
     ]
@@ -169,12 +169,12 @@ def _with_messages(log: Log) -> list[str]:
 
 
 def csv_header(columns: Columns) -> list[str]:
-    """Names of a topic's columns with their units in brackets; a packed array has one column per value."""
+    """Return the column names with units in brackets; a packed array has one column per value."""
     return [name if unit == "-" else f"{name} [{unit}]" for name, unit in split_units(columns).items()]
 
 
 def write_csv(columns: Columns, file: IO[str]) -> None:
-    """Write a topic as CSV: a header line, then one line per message; numbers keep all their digits."""
+    """Write a topic as CSV: a header, then one line per message with all digits of the numbers."""
     writer = csv.writer(file, lineterminator="\n")
     writer.writerow(csv_header(columns))
     cells = [texts(part) if part.dtype == object else part.tolist() for part in split(columns).values()]
@@ -188,10 +188,10 @@ def _write_csv_bytes(columns: Columns, file: IO[bytes]) -> None:
 
 
 def write_npz(tables: Tables, file: IO[bytes]) -> None:
-    """Write tables: array ``main_wing/angle_left`` for field ``angle_left`` of ``/main/wing``.
+    """Write tables as arrays, ``main_wing/angle_left`` for field ``angle_left`` of ``/main/wing``.
 
-    Units are in the arrays ``main_wing/units`` of (field, unit) pairs. Fields that are not numbers are left out. What
-    would have the same name as another is numbered.
+    The arrays ``main_wing/units`` contain (field, unit) pairs. Fields that are not numbers are omitted. Duplicate
+    names are numbered.
     """
     arrays: dict[str, Any] = {}
     for plain, columns in zip(_plain_names(tables), tables.values(), strict=True):
@@ -204,11 +204,11 @@ def write_npz(tables: Tables, file: IO[bytes]) -> None:
 
 
 EACH: dict[str, Callable[[Columns, IO[bytes]], None]] = {"csv": _write_csv_bytes, "parquet": write_parquet}
-"""forms with a file for each table"""
+"""forms with one file per table"""
 TOGETHER: dict[str, Callable[[Tables, IO[bytes]], None]] = {"npz": write_npz, "mat": write_mat}
 """forms with all tables in one file"""
 FLIGHT = "rrd"
-"""form that has no tables, but the bird along its track"""
+"""form without tables: the vehicle along its track"""
 FORMS = (*EACH, *TOGETHER, FLIGHT)
 
 

@@ -18,7 +18,7 @@ def load_extra(module: str, package: str, what: str, install: Sequence[str] = ()
     """Import ``module``, which ``what`` needs.
 
     Raises:
-        InputError: it is not installed; the line says how to ``install`` the ``package``, and others with it.
+        InputError: it is not installed; the message names the command that installs ``package``.
     """
     try:
         return importlib.import_module(module)
@@ -29,7 +29,7 @@ def load_extra(module: str, package: str, what: str, install: Sequence[str] = ()
 
 
 def pip_install(packages: Sequence[str]) -> str:
-    """The command line that gives ``packages`` to the Python that runs, in the versions that Wingbeat knows."""
+    """Return the command that installs ``packages`` in the running Python, in the versions that Wingbeat requires."""
     return f"{_python()} -m pip install {shlex.join(map(_with_versions, packages))}"
 
 

@@ -12,7 +12,7 @@ from logs.columns import Array, Columns
 
 
 def with_time(columns: Columns) -> Columns:
-    """The table with its time (s since boot) as the first column where the messages have none in them."""
+    """Return the table with its time (s since boot) as first column if the messages have no time field."""
     if "time_us" in columns:
         return columns
     name = "log_time" if "time" in columns else "time"
@@ -20,7 +20,7 @@ def with_time(columns: Columns) -> Columns:
 
 
 def split(columns: Columns) -> dict[str, Array]:
-    """Columns by name, those of an array of n values as n columns ``name_0`` to ``name_n-1``."""
+    """Return columns by name; an array of n values becomes columns ``name_0`` to ``name_n-1``."""
     out: dict[str, Array] = {}
     for name, values in columns.items():
         out |= {f"{name}_{i}": values[:, i] for i in range(values.shape[1])} if values.ndim == 2 else {name: values}
@@ -28,7 +28,7 @@ def split(columns: Columns) -> dict[str, Array]:
 
 
 def split_units(columns: Columns) -> dict[str, str]:
-    """Units of what `split` gives, ``-`` for none."""
+    """Return the units of the columns of `split`, ``-`` for none."""
     widths = {name: values.shape[1] if values.ndim == 2 else None for name, values in columns.items()}
     return {
         part: columns.units[name]
@@ -38,7 +38,7 @@ def split_units(columns: Columns) -> dict[str, str]:
 
 
 def distinct(names: Iterable[str], taken: Iterable[str] = (), longest: int | None = None) -> list[str]:
-    """Names of which each is there once and none ``taken``: ``a``, ``a_2``, ``a_3``, ``longest`` letters at most."""
+    """Return unique names that are not in ``taken``: ``a``, ``a_2``, ``a_3``, at most ``longest`` characters."""
     out: list[str] = []
     used = set(taken)
     for name in names:
@@ -54,7 +54,7 @@ def distinct(names: Iterable[str], taken: Iterable[str] = (), longest: int | Non
 
 
 def texts(values: Array) -> list[str | None]:
-    """A column of objects as texts: what is no text as JSON, None where a message lacks the field."""
+    """Convert a column of objects to text: other values as JSON, missing fields as None."""
     return [value if value is None or isinstance(value, str) else _json(value) for value in values.tolist()]
 
 

@@ -12,7 +12,7 @@ from wingbeat.errors import InputError
 
 
 def frame(columns: Columns, library: str = "pandas") -> Any:
-    """A data frame with one row per message; see `logs.log_file.LogFile.frame`."""
+    """Build a data frame with one row per message; see `logs.log_file.LogFile.frame`."""
     build = FRAMES.get(library)
     if build is None:
         raise InputError(f"no data frames of {library}; there are those of {' and '.join(FRAMES)}")

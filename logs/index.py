@@ -45,9 +45,9 @@ from logs.records import HEAD, Buffer, Damage, Span, attachment_at, expected, pa
 _FOOTER_SIZE = HEAD.size + 20
 _DATA_END_SIZE = HEAD.size + 4
 _CHUNK_INDEX = struct.Struct("<QQQQI")
-"""times of the first and the last message, offset and length of the chunk, bytes of the list that follows"""
+"""times of the first and the last message, offset and length of the chunk, bytes of the following list"""
 _INDEX_SIZE = struct.Struct("<Q")
-"""bytes of the message indexes behind the chunk, next in its index"""
+"""bytes of the message indexes after the chunk; the next field of the chunk index"""
 _ZSTD_NAME = b"\x04\x00\x00\x00zstd"
 _NAME_OFFSET = HEAD.size + 28
 """Bytes between the start of a chunk record and the name of its compression."""
@@ -56,11 +56,11 @@ ALTERED = "data other than messages and attachments do not match the checksum"
 _BLOCK = 1 << 20
 """Bytes read at a time."""
 MAX_DEFINITION_BYTES = 16 << 20
-"""Bytes; of all schemas and channels of a file. Of schemas in use a file has some hundred kilobytes."""
+"""Bytes; limit of all schemas and channels of a file. The schemas of a recording take some hundred kilobytes."""
 EXTRA_RECORDS = 1_000_000
-"""Records that a file may hold beyond a quarter of its bytes; a message index takes 16 bytes a message."""
+"""Records allowed beyond a quarter of the file size in bytes; a message index takes 16 bytes a message."""
 _SELF_CONTAINED = (Opcode.ATTACHMENT,)
-"""Damage in it does not concern its length, or the next record will not be one."""
+"""Records whose damage does not affect their length, so that the next record can be located."""
 _FIRST_PRIVATE = 0x80
 _DEFINITIONS: dict[int, type[Schema | Channel]] = {Opcode.SCHEMA: Schema, Opcode.CHANNEL: Channel}
 _SUMMARY_ONLY = (
@@ -74,7 +74,7 @@ _SUMMARY_ONLY = (
 
 @dataclass
 class Index:
-    """What a file holds."""
+    """Index of the content of a file."""
 
     schemas: dict[int, Schema] = field(default_factory=dict)
     channels: dict[int, Channel] = field(default_factory=dict)
@@ -84,30 +84,33 @@ class Index:
     counts: dict[int, int] = field(default_factory=dict)
     """messages by channel"""
     checksums: Checksums | None = None
-    """of what is under no CRC of MCAP's own; None where the file has none"""
+    """of the data that no CRC of MCAP covers; None if the file has none"""
     metadata_checksums: dict[int, int] = field(default_factory=dict)
-    """CRCs that stand behind the metadata records, by the offset of these"""
+    """CRCs stored after the metadata records, by the offset of these records"""
     data_end: Span | None = None
-    """the record that ends the data and has their CRC; None where there is none, or none was passed yet"""
+    """record at the end of the data section with its CRC; None if absent or not yet reached"""
     complete: bool = True
-    """the file ends as a finished recording does"""
+    """the file ends like a finished recording"""
     damage: list[str] = field(default_factory=list)
     """what is wrong with the file, one line each"""
     dropped: list[tuple[int, int]] = field(default_factory=list)
-    """byte ranges (start, end) that hold nothing which can be read"""
+    """byte ranges (start, end) that cannot be read"""
     max_chunk_size: int = MAX_CHUNK_SIZE
     """bytes; chunks that declare more are not decompressed"""
     definition_bytes: int = 0
-    """of the schemas and channels that were read"""
+    """bytes; of the schemas and channels read so far"""
 
 
 def max_records(data: Buffer) -> int:
-    """Records that the chunks of a file of this size may hold in sum: small files with more are made to do harm."""
+    """Return the limit of records in all chunks of a file of this size.
+
+    Small files with more records are crafted to exhaust memory.
+    """
     return len(data) // 4 + EXTRA_RECORDS
 
 
 def read_index(data: Buffer, max_chunk_size: int = MAX_CHUNK_SIZE) -> Index:
-    """Index of a file that begins with MCAP's magic, by its summary if that is whole, else record by record."""
+    """Index a file that begins with MCAP's magic: by its summary if that is complete, else by a scan."""
     try:
         index = _by_summary(data, max_chunk_size)
     except Damage:
@@ -180,7 +183,7 @@ def _vouched(index: Index, data: Buffer, span: Span) -> bool:
 
 
 def data_intact(data: Buffer, index: Index) -> bool | None:
-    """Whether everything before the summary is as it was written, read against its CRC; None where there is none."""
+    """Compare everything before the summary with its CRC; return None if there is no CRC."""
     if index.data_end is None:
         return None if index.checksums is None else False  # who writes the one writes the other
     stored = int.from_bytes(data[index.data_end.body : index.data_end.end], "little")
@@ -195,7 +198,7 @@ def _crc(data: Buffer, stop: int) -> int:
 
 
 def indexes_intact(data: Buffer, index: Index) -> bool:
-    """Whether all message indexes are as they were written; False where no checksum says so."""
+    """Check that all message indexes match their checksum; return False without a checksum."""
     if index.checksums is None:
         return bool(data_intact(data, index))
     crc = 0
@@ -226,7 +229,7 @@ def _indexed_chunk(data: Buffer, span: Span, stop: int, max_chunk_size: int) -> 
     places = data[span.body + _CHUNK_INDEX.size : end]
     if size % PLACE_TYPE.itemsize or len(places) != size or end + _INDEX_SIZE.size > span.end:
         raise Damage(f"chunk index at byte {span.offset} has lengths that contradict each other")
-    # The header of a chunk is under no CRC of its own, the summary is.
+    # The header of a chunk has no CRC of its own, the summary has one.
     (index_size,) = _INDEX_SIZE.unpack_from(data, end)
     told = IndexedChunk(start_ns, end_ns, places, index_size)
     return chunk_at(data, expected(data, Opcode.CHUNK, place, stop), told, max_chunk_size)
@@ -249,9 +252,10 @@ def _define(index: Index, data: Buffer, span: Span) -> None:
 
 
 def scan(data: Buffer, max_chunk_size: int = MAX_CHUNK_SIZE) -> Index:
-    """Index of a file by walking over all it holds; torn and damaged bytes are listed, never raised.
+    """Index a file by a scan of all its bytes.
 
-    Every chunk is unpacked and checked; message indexes, which no CRC guards, are made anew.
+    Torn and damaged bytes are listed, never raised. Every chunk is decompressed and checked. Message indexes have no
+    CRC and are rebuilt.
     """
     index = Index(complete=False, max_chunk_size=max_chunk_size)
     position, stop = len(MCAP0_MAGIC), len(data)

@@ -15,27 +15,27 @@ from logs.summary import FlightSummary, summarize
 from sim_bridge import topics as truth_topics
 
 USUAL = 0.75
-"""-; share of the periods that are no gaps however long: where a quarter and more are long, the messages come so"""
+"""-; quantile of the periods that are no gaps: if a quarter or more are long, long periods are normal for the topic
+"""
 GAP_PERIODS = 1.5
 """A pause between two messages longer than this many periods is a gap."""
 
 SUMMED_UP = 2_000_000
-"""messages; the flight in a log of more is summed up when it is asked for: it takes a second for each of so many"""
+"""messages; limit above which the flight is summarized on request only: 2,000,000 messages take a second"""
 SUMMED_UP_BYTES = 256 << 20
-"""bytes, uncompressed; likewise"""
+"""bytes, uncompressed; limit above which the flight is summarized on request only"""
 _TOLD_BY = (truth_topics.STATE, topics.NAVIGATION)
-"""topics that say whether it is in the air"""
+"""topics that show whether the vehicle is airborne"""
 
 
 def summary(log: Log, flight: FlightSummary | None = None) -> dict[str, Any]:
-    """Everything ``wingbeat log info`` shows, ready for JSON; ``flight`` is what `flight_summary` gives.
+    """Return everything ``wingbeat log info`` shows, ready for JSON; ``flight`` is that of `flight_summary`.
 
-    Keys: ``file``, ``complete``, ``damage`` (lines), ``incomplete`` (what was wrong with recordings that it was
-    joined of, by their names), ``flight`` (see `FlightSummary`), ``vehicle`` (None when not noted),
-    ``start_epoch_ns``, ``duration`` (s), ``messages``, ``dropped`` (messages), ``topics`` (see `topic_row`),
-    ``events`` (``time`` in s, ``severity``, ``source``, ``text``), ``attachments`` (``name``, ``media_type``,
-    ``bytes``), ``metadata``, ``undecodable`` (messages that cannot be decoded, of the topics that were
-    read for this, by topic).
+    Keys: ``file``, ``complete``, ``damage`` (lines), ``incomplete`` (damage of the parts of a joined recording, by
+    part name), ``flight`` (see `FlightSummary`), ``vehicle`` (None if not recorded), ``start_epoch_ns``, ``duration``
+    (s), ``messages``, ``dropped`` (messages), ``topics`` (see `topic_row`), ``events`` (``time`` in s, ``severity``,
+    ``source``, ``text``), ``attachments`` (``name``, ``media_type``, ``bytes``), ``metadata``, ``undecodable``
+    (messages that cannot be decoded, by topic, of the topics read for this summary).
 
     Raises:
         InputError: a part of the file is damaged.
@@ -67,7 +67,9 @@ def summary(log: Log, flight: FlightSummary | None = None) -> dict[str, Any]:
 
 
 def flight_summary(log: Log, however_long: bool = False) -> FlightSummary | None:
-    """The flight in a log; None where nothing tells it, or where the log is long and that was not asked for.
+    """Return the flight summary of a log.
+
+    None if the log contains no flight, or if the log is long and ``however_long`` is False.
 
     Raises:
         InputError: a part of the file is damaged.
@@ -83,27 +85,27 @@ def _plain(value: Any) -> Any:
 
 
 def is_long(log: Log) -> bool:
-    """Whether its flight is summed up only when it is asked for."""
+    """Return whether the flight of a log is summarized on request only."""
     messages = sum(info.messages for info in log.topics.values())
     return messages > SUMMED_UP or log.uncompressed_bytes > SUMMED_UP_BYTES
 
 
 def vehicle(log: Log) -> str | None:
-    """Name of the vehicle as noted in any metadata record under ``vehicle``."""
+    """Return the vehicle name in any metadata record with the key ``vehicle``."""
     return next((values["vehicle"] for values in log.metadata.values() if "vehicle" in values), None)
 
 
 def dropped(log: Log) -> int:
-    """Messages that the recorders had to leave out because the disk was too slow."""
+    """Return the number of messages that the recorders dropped because the disk was too slow."""
     recorders = [topic for topic in (topics.RECORDER, truth_topics.RECORDER) if log.is_native(topic)]
     return sum(int(log.columns(topic)["dropped"].max(initial=0)) for topic in recorders)
 
 
 def topic_row(info: TopicInfo, times: NDArray[np.float64]) -> dict[str, Any]:
-    """One topic.
+    """Return the row of one topic.
 
     Keys: ``topic``, ``message``, ``messages``, ``nominal_rate`` and ``rate`` (Hz), ``gaps``, ``longest_gap`` (s).
-    The measured rate is that of the median period; rate and gaps are None where nothing can be said.
+    The measured rate is that of the median period; rate and gaps are None if they cannot be computed.
     """
     row: dict[str, Any] = {
         "topic": info.name,

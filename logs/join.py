@@ -21,23 +21,23 @@ from wingbeat.errors import InputError
 
 
 class Kept(NamedTuple):
-    """A part that was not whole: its rest is not in the joined file."""
+    """Damaged part of a joined recording; the part is kept."""
 
     path: Path
     damage: str
-    """what is wrong with it, one line"""
+    """its damage, one line"""
 
 
 def join(parts: Sequence[Path], out: Path, faults: Mapping[str, str] | None = None) -> list[Kept]:
-    """Write everything in ``parts`` to the new file ``out``, then remove the parts; return those that were kept.
+    """Join ``parts`` into the new file ``out``, then remove the parts; return the parts that were kept.
 
-    Chunks are copied as they are. ``out`` appears when it is whole. A part that was cut off or is damaged gives
-    what is whole in it and is itself kept; ``out`` says so in its metadata `names.JOINED`. ``faults`` of the ground
-    station, with their tracebacks, are kept as metadata `names.FAULTS`.
+    Chunks are copied unchanged. ``out`` appears once it is complete. The intact content of a truncated or damaged
+    part is copied, the part is kept, and its damage is recorded in the metadata `names.JOINED`. Tracebacks of
+    ``faults`` of the ground station are recorded in the metadata `names.FAULTS`.
 
     Raises:
         InputError: ``out`` exists, a part is not an MCAP file, the parts are of different flights or declare a
-            channel differently; all parts are then still there.
+            channel differently; no part is removed then.
     """
     if out.exists():
         raise InputError(f"{out} exists: it is not overwritten")

@@ -23,11 +23,11 @@ VARINT, FIXED64, DELIMITED, FIXED32 = 0, 1, 2, 5
 
 
 class Scalar(NamedTuple):
-    """A protobuf scalar of fixed width."""
+    """Protobuf scalar of fixed width."""
 
     wire_type: int
     code: str
-    """of the `struct` module; NumPy understands the same letters behind ``<``"""
+    """of the `struct` module; NumPy uses the same letters after ``<``"""
     width: int
     """bytes"""
 
@@ -43,11 +43,11 @@ SCALARS: Mapping[str, Scalar] = {
 
 
 class Field(NamedTuple):
-    """One field of a message as it stands in the log."""
+    """Field of a message as stored in the log."""
 
     name: str
     number: int
-    """of the protobuf field, from 1"""
+    """protobuf field number, from 1"""
     scalar: str
     """one of `SCALARS`"""
     length: int = 0
@@ -55,11 +55,11 @@ class Field(NamedTuple):
     unit: str = "-"
     description: str = ""
     labels: Mapping[int, str] = {}
-    """names of an enumeration's values"""
+    """value names of an enumeration"""
 
     @property
     def tag(self) -> bytes:
-        """Bytes before the value: the key, and for an array its length in bytes."""
+        """Bytes before the value: the key, and the length in bytes for an array."""
         scalar = SCALARS[self.scalar]
         if not self.length:
             return varint(self.number << 3 | scalar.wire_type)
@@ -67,7 +67,7 @@ class Field(NamedTuple):
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Of a message's value as an array: none for a single value."""
+        """Shape of a message's value as an array; empty for a single value."""
         return (self.length,) if self.length else ()
 
     @property
@@ -77,7 +77,7 @@ class Field(NamedTuple):
 
 
 class Layout(NamedTuple):
-    """A message whose encoding has a constant length."""
+    """Message whose encoding has a constant length."""
 
     name: str
     """full protobuf name, ``wingbeat.<folder>.<class>``"""
@@ -86,7 +86,7 @@ class Layout(NamedTuple):
 
     @property
     def format(self) -> str:
-        """Format for `struct`: a tag as bytes and a value, field after field, little endian."""
+        """Format for `struct`: tag bytes and value of each field, little endian."""
         return "<" + "".join(f"{len(field.tag)}s{field.code}" for field in self.fields)
 
     @property
@@ -104,7 +104,7 @@ class Layout(NamedTuple):
                 yield value
 
     def encode(self, message: tuple[Any, ...]) -> bytes:
-        """Protobuf bytes of one message (the recorder has a faster way with the same result).
+        """Encode one message as protobuf bytes; the recorder uses a faster method with the same result.
 
         Raises:
             struct.error: a value does not fit its scalar, or an array has another length than declared.
@@ -112,7 +112,7 @@ class Layout(NamedTuple):
         return struct.pack(self.format, *self.arguments(message))
 
     def record_type(self, before: int = 0) -> np.dtype[np.void]:
-        """NumPy type of an encoded message preceded by ``before`` bytes; the tags are padding."""
+        """Return the NumPy type of an encoded message preceded by ``before`` bytes; the tags are padding."""
         names: list[str] = []
         formats: list[Any] = []
         offsets: list[int] = []
@@ -128,7 +128,7 @@ class Layout(NamedTuple):
 
 
 def varint(value: int) -> bytes:
-    """Protobuf's variable-length encoding of a number that is not negative."""
+    """Encode a nonnegative number as a protobuf varint."""
     out = bytearray()
     while value > 0x7F:
         out.append(value & 0x7F | 0x80)
@@ -139,9 +139,10 @@ def varint(value: int) -> bytes:
 
 @functools.cache
 def layout_of(message: type[Any]) -> Layout:
-    """Layout of a NamedTuple class: scalars from its annotations, units and descriptions from its docstrings.
+    """Return the layout of a NamedTuple class.
 
-    A class that is itself made from a definition, as MAVLink's are, carries its layout as ``LAYOUT``.
+    Scalars follow from its annotations, units and descriptions from its docstrings. A generated class, such as those
+    of MAVLink, has its layout as ``LAYOUT``.
 
     Raises:
         TypeError: a field is neither ``float`` nor annotated with `wingbeat.message.Wire`.
@@ -156,7 +157,7 @@ def layout_of(message: type[Any]) -> Layout:
         for number, name in enumerate(message._fields, 1)
     )
     package = message.__module__.partition(".")[0]
-    # The schema name of a shared message is that of its first recordings.
+    # The schema name of a shared message is that of the first recordings with it.
     owner = "avionics" if package == "wingbeat" else package
     return Layout(f"wingbeat.{owner}.{message.__name__}", inspect.cleandoc(message.__doc__ or ""), fields)
 

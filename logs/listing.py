@@ -20,7 +20,7 @@ INDEX_HEAD = np.dtype(
         "itemsize": 15,
     }
 )
-"""A message index record up to its entries."""
+"""Header of a message index record, without its entries."""
 
 _NUMBER = np.dtype("<u8")
 """A time or an offset in an entry."""
@@ -29,23 +29,23 @@ Counts = NDArray[np.int64]
 
 
 class Listing(NamedTuple):
-    """Messages of a channel, chunk after chunk, as the message indexes say: under no checksum, so unchecked."""
+    """Messages of a channel, chunk by chunk, from the message indexes; without a checksum, so unchecked."""
 
     times: NDArray[np.uint64]
     """ns; log time"""
     offsets: NDArray[np.uint64]
-    """bytes; in the chunk"""
+    """bytes; offset in the chunk"""
     counts: Counts
-    """how many of them lie in each chunk"""
+    """number of messages in each chunk"""
 
     def is_inside(self, sizes: NDArray[np.int64], length: int) -> bool:
-        """Whether records of so many bytes at the offsets end inside their chunks of so many bytes."""
+        """Check that the records at the offsets end inside their chunks of these sizes in bytes."""
         last = np.repeat(sizes - length, self.counts)
         return bool(np.all(last >= 0) and np.all(self.offsets <= last.astype(np.uint64)))
 
 
 class Places:
-    """Where the message indexes of some chunks lie in their file."""
+    """Locations of the message indexes of several chunks in the file."""
 
     def __init__(self, chunks: Sequence[ChunkSpan]) -> None:
         self.chunks = chunks
@@ -58,18 +58,18 @@ class Places:
 
     @property
     def channels(self) -> list[int]:
-        """Channels that have a message index here."""
+        """Return the channels with a message index."""
         return [int(channel) for channel in np.unique(self._channel)]
 
     def chunks_of(self, channels: Iterable[int]) -> list[ChunkSpan]:
-        """The chunks that have messages of any of the channels."""
+        """Return the chunks with messages of any of the channels."""
         if self._walked:
             return [chunk for chunk in self.chunks if not chunk.entries.keys().isdisjoint(channels)]
         found = np.unique(self._chunk[np.isin(self._channel, list(channels))])
         return [self.chunks[number] for number in found.tolist()]
 
     def listing(self, data: Buffer, channel: int) -> Listing | None:
-        """The messages of ``channel`` in the chunks; None where a message index cannot be read."""
+        """Return the messages of ``channel`` in the chunks; None if a message index cannot be read."""
         found = self._entries(data, channel)
         if found is not None:
             counts, places = found
@@ -80,7 +80,7 @@ class Places:
         return self._one_by_one(data, channel)
 
     def times(self, data: Buffer, channel: int) -> NDArray[np.uint64] | None:
-        """Log times (ns) of the messages of ``channel``; None where they cannot be read all at once."""
+        """Return the log times (ns) of ``channel``; None if they cannot be read in one step."""
         found = self._entries(data, channel)
         return None if found is None else _gathered(np.frombuffer(data, np.uint8), found[1], _NUMBER)
 

@@ -43,19 +43,19 @@ from wingbeat.topic import Topic
 Result = TypeVar("Result")
 EVENT_SCHEMA = "foxglove.Log"
 MAX_EVENTS_BYTES = 16 << 20
-"""bytes; encoded, of all events that are read from a log: texts for people"""
+"""bytes, encoded; limit of all events that are read from a log"""
 NATIVE = "wingbeat."
-"""begins the full names of our messages"""
+"""prefix of the full names of Wingbeat messages"""
 TEXT_SCHEMA = "wingbeat.avionics.Text"
 IMPORTED, TABLES = (".bin", ".ulg", ".tlog", ".c3d"), (".csv", ".tsv", ".txt")
-"""endings of the files that `logs.importing` reads by themselves, and with a mapping"""
+"""suffixes of the files that `logs.importing` reads without and with a column mapping"""
 IMPORTED_HEADS, HEAD_BYTES = (b"ULog", b"\xa3\x95"), 4
-"""what a ULog and a dataflash log begin with"""
+"""first bytes of a ULog and of a dataflash log, and their number"""
 
 
 @dataclass(frozen=True)
 class TopicInfo:
-    """What a log knows of a topic."""
+    """Properties of a topic in a log."""
 
     name: str
     channel: int
@@ -64,24 +64,24 @@ class TopicInfo:
     encoding: str
     messages: int
     rate: float | None
-    """Hz; nominal, 0 for events, None when the file does not say"""
+    """Hz; nominal, 0 for events, None if the file does not specify it"""
     deterministic: bool | None
-    """None when the file does not say"""
+    """None if the file does not specify it"""
     layout: Layout | None
-    """None when messages differ in length"""
+    """None if the messages differ in length"""
 
 
 class LogFile:
-    """An open MCAP file; closed by the garbage collector or ``close``."""
+    """Open MCAP file; closed by the garbage collector or ``close``."""
 
     def __init__(self, path: Path, data: mmap.mmap, index: Index) -> None:
         self.path = path
         self._data = data
         self._index = index
         self.damage: tuple[str, ...] = tuple(index.damage)
-        """what is wrong with the file, one line each; empty for a whole one"""
+        """damage of the file, one line each; empty for an intact file"""
         self.undecodable: dict[str, int] = {}
-        """messages that were left out of what was read so far because they cannot be decoded, by topic"""
+        """number of messages read so far that cannot be decoded, by topic"""
         self.topics: dict[str, TopicInfo] = {}
         self._by_topic: dict[str, list[Channel]] = {}
         for channel in sorted(index.channels.values(), key=lambda channel: channel.id):
@@ -90,7 +90,7 @@ class LogFile:
             self.topics[name] = self._info(channels[0])
 
     def close(self) -> None:
-        """Release the file; nothing can be read afterwards."""
+        """Close the file; it cannot be read afterwards."""
         self._data.close()
 
     def __enter__(self) -> Self:
@@ -101,17 +101,17 @@ class LogFile:
 
     @property
     def complete(self) -> bool:
-        """Whether the file ends as a finished recording does."""
+        """Whether the file ends like a finished recording."""
         return self._index.complete
 
     @property
     def start_ns(self) -> int:
-        """ns; log time of the first message, 0 for a log without any."""
+        """ns; log time of the first message, 0 for an empty log."""
         return min((chunk.start_ns for chunk in self._chunks()), default=0)
 
     @property
     def end_ns(self) -> int:
-        """ns; log time of the last message, 0 for a log without any."""
+        """ns; log time of the last message, 0 for an empty log."""
         return max((chunk.end_ns for chunk in self._chunks()), default=0)
 
     @property
@@ -121,23 +121,23 @@ class LogFile:
 
     @property
     def uncompressed_bytes(self) -> int:
-        """Bytes of all chunks when decompressed, as they declare it."""
+        """Bytes of all chunks after decompression, as declared in the file."""
         return sum(chunk.size for chunk in self._index.chunks)
 
     @property
     def boot_ns(self) -> int:
-        """ns; log time at which the vehicle's clock was zero; the first message's where the file does not say."""
+        """ns; log time of the zero of the vehicle clock, that of the first message if not specified."""
         text = self.metadata.get(RECORDING, {}).get("start_epoch_ns", "")
         return int(text) if text.isdecimal() and len(text) < 20 and int(text) <= LATEST_NS else self.start_ns
 
     def is_native(self, topic: Topic[Any]) -> bool:
-        """Whether the log has messages of one of our topics in our own encoding."""
+        """Return whether the log has messages of a Wingbeat topic in the native encoding."""
         info = self.topics.get(topic.name)
         return info is not None and info.messages > 0 and info.layout is not None and info.schema.startswith(NATIVE)
 
     @cached_property
     def metadata(self) -> dict[str, dict[str, str]]:
-        """Metadata by name; records of the same name are joined, the later one wins.
+        """Metadata by name; records of the same name are merged, the later values prevail.
 
         Raises:
             InputError: a record is damaged.
@@ -150,7 +150,7 @@ class LogFile:
 
     @property
     def attachments(self) -> list[Attachment]:
-        """Files stored beside the messages.
+        """Files attached to the recording.
 
         Raises:
             InputError: one is damaged.
@@ -158,7 +158,7 @@ class LogFile:
         return [self._checked(partial(attachment_at, self._data, span)) for span in self._index.attachments]
 
     def attachment(self, name: str) -> bytes:
-        """Content of the attachment ``name``, the latest if there are several.
+        """Return the content of the attachment ``name``, the latest if there are several.
 
         Raises:
             InputError: there is none, or it is damaged.
@@ -171,21 +171,21 @@ class LogFile:
         return found[-1]
 
     def columns(self, topic: str | Topic[Any], start: float | None = None, end: float | None = None) -> Columns:
-        """One topic as columns; see `tables`."""
+        """Read one topic as columns; see `tables`."""
         name = topic if isinstance(topic, str) else topic.name
         return self.tables([name], start, end)[name]
 
     def tables(
         self, topics: Iterable[str | Topic[Any]] | None = None, start: float | None = None, end: float | None = None
     ) -> dict[str, Columns]:
-        """Topics (all by default) as columns in one pass over the file.
+        """Read topics (all by default) as columns in one pass over the file.
 
-        Messages that cannot be decoded are left out and counted in `undecodable`.
+        Messages that cannot be decoded are omitted and counted in `undecodable`.
 
         Args:
             topics: names or `Topic` values.
-            start: s since boot; messages logged earlier are left out.
-            end: s since boot; messages logged at or after it are left out.
+            start: s since boot; inclusive.
+            end: s since boot; exclusive.
 
         Raises:
             InputError: the log has no such topic, or a part of the file is damaged.
@@ -199,10 +199,10 @@ class LogFile:
         return {name: self._table(name, boot, window, filled) for name in names}
 
     def times(self, topic: str | Topic[Any]) -> NDArray[np.float64]:
-        """Log times (s since boot) of a topic's messages, in the order of the file.
+        """Read the log times (s since boot) of a topic, in the order of the file.
 
-        By the message indexes alone and much faster than `columns` where a checksum vouches for them, as it does in
-        every file of ours; else the messages themselves are looked at.
+        If a checksum protects the message indexes, as in every file of Wingbeat, only the indexes are read, which is
+        much faster than `columns`. Otherwise the messages are read.
 
         Raises:
             InputError: the log has no such topic, or a part of the file is damaged.
@@ -224,12 +224,12 @@ class LogFile:
 
     @cached_property
     def _indexes_intact(self) -> bool:
-        """Whether the message indexes can be trusted without reading the messages."""
+        """Whether the message indexes are valid without a check of the messages."""
         return indexes_intact(self._data, self._index)
 
     @cached_property
     def _looked_up(self) -> list[dict[int, Entries]]:
-        """The messages of every chunk by channel, each of them looked at."""
+        """Message entries of every chunk by channel, each checked."""
         looked_up: list[dict[int, Entries]] = []
         remaining = max_records(self._data)
         for chunk in self._chunks():
@@ -246,10 +246,10 @@ class LogFile:
         return {channel: entries_of(self._data, chunk, content, channel, max_records) for channel in channels}
 
     def order(self, topics: Iterable[str | Topic[Any]]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Messages of several topics in the order in which they were written, whatever their times.
+        """Return the order in which messages of several topics were written, regardless of their times.
 
         Returns:
-            two arrays (n,): which of ``topics`` a message belongs to, and its row in that topic's `columns`.
+            two arrays (n,): the index in ``topics`` of each message, and its row in that topic's `columns`.
 
         Raises:
             InputError: the log has no such topic, or a part of the file is damaged.
@@ -275,7 +275,7 @@ class LogFile:
     def frame(
         self, topic: str | Topic[Any], library: str = "pandas", start: float | None = None, end: float | None = None
     ) -> Any:
-        """One topic as a data frame of ``pandas`` (index: s since boot) or ``polars`` (the same as its first column).
+        """Read one topic as a ``pandas`` frame (index: s since boot) or ``polars`` frame (time in column 1).
 
         An array of n values is n columns, ``name_0`` and so on. pandas keeps the units in ``attrs["units"]``.
 
@@ -285,7 +285,7 @@ class LogFile:
         return frame(self.columns(topic, start, end), library)
 
     def events(self, topic: str | Topic[Any] | None = None) -> list[Event]:
-        """Events of one topic, or of all that carry them, in order of log time.
+        """Read the events of one topic, or of all event topics, in order of log time.
 
         Raises:
             InputError: the log has no such topic, or a part of the file is damaged.
@@ -296,7 +296,7 @@ class LogFile:
         return self._checked(lambda: self._read_events(names))
 
     def texts(self, topic: str | Topic[Any]) -> list[Text]:
-        """Documents of a topic that carries `Text`, in order of log time.
+        """Read the documents of a topic with `Text` messages, in order of log time.
 
         Raises:
             InputError: the log has no such topic, it carries something else, or a part of the file is damaged.
@@ -308,7 +308,7 @@ class LogFile:
         return self._checked(lambda: [text for _, text in self._decodable(name, decode_text, self._messages(name))])
 
     def verify(self) -> list[str]:
-        """Read everything against its checksums; return what is wrong, one line each."""
+        """Check everything against its checksums; return the damage, one line each."""
         wrong = list(self.damage)
         for chunk in self._index.chunks:
             try:
@@ -416,7 +416,7 @@ class LogFile:
         whole = len(parts) == len(channels) and all(part.fits for part in parts)
         if layout is None or not whole or len({part.kind.kind for part in parts}) > 1:
             return free_columns(name, boot, layout, self._checked(lambda: self._decoded(channels, window)))
-        # A time is under the chunk's CRC, what the message index says of it is not: so they are cut when all agree.
+        # The chunk's CRC covers a time, not its copy in the message index: rows are cut only if all copies agree.
         found = [part.between(*window) for part in parts]
         times = self._checked(lambda: signed_log_times(_joined([times for times, _ in found]), name))
         fields = {item.name: _joined([values[item.name] for _, values in found]) for item in layout.fields}
@@ -460,7 +460,7 @@ class LogFile:
 
 
 def map_file(path: Path) -> mmap.mmap:
-    """Bytes of a file that begins with MCAP's magic.
+    """Map a file that begins with MCAP's magic.
 
     Raises:
         InputError: the file cannot be read, is empty or is not MCAP.

@@ -15,7 +15,7 @@ from wingbeat.errors import InputError
 LONGEST_NAME = 63
 """characters of a MATLAB name"""
 LARGEST = 2**31
-"""bytes; what one variable of a file of version 5 must stay below"""
+"""bytes; limit of a variable in a file of version 5"""
 UNITS, TOPIC = "units", "topic"
 _KEYWORDS = (
     "break", "case", "catch", "classdef", "continue", "else", "elseif", "end", "for", "function", "global", "if",
@@ -24,9 +24,9 @@ _KEYWORDS = (
 
 
 def write_mat(tables: Mapping[str, Columns], file: IO[bytes]) -> None:
-    """Write one struct per table, ``main_wing`` for ``/main/wing``: a field per column, one row per message.
+    """Write one struct per table, ``main_wing`` for ``/main/wing``: a field per column, a row per message.
 
-    The struct's field ``units`` has the unit of each of them by the same name, ``topic`` the table's own name.
+    The field ``units`` of the struct has the unit of each column under the same name, ``topic`` the topic name.
 
     Raises:
         InputError: a table is larger than a variable can be.
@@ -38,7 +38,10 @@ def write_mat(tables: Mapping[str, Columns], file: IO[bytes]) -> None:
 
 
 def matlab_names(names: Iterable[str], taken: Iterable[str] = ()) -> list[str]:
-    """Names that MATLAB allows: letters, digits and underscores, 63 at most, each one once and none ``taken``."""
+    """Return unique valid MATLAB names that are not in ``taken``.
+
+    Letters, digits and underscores, 63 characters at most.
+    """
     return distinct([_allowed(name) for name in names], taken, LONGEST_NAME)
 
 

@@ -13,60 +13,61 @@ from logs.new_files import locked_name, numbered
 RECORDINGS = Path("recordings")
 
 WORLD_VEHICLE = "world_vehicle.toml"
-"""Name of the attachment in which the world leaves its vehicle file."""
+"""Name of the attachment with the vehicle file of the world."""
 WORLD = "wingbeat.world"
-"""Name of the metadata record in which the world notes what a flight chose beside that file."""
+"""Name of the metadata record with the settings of the world that override the vehicle file."""
 AERODYNAMICS = "aerodynamics"
-"""Key of `WORLD`: the aerodynamic model that was flown, which need not be the file's."""
+"""Key of `WORLD`: the aerodynamic model of the flight, which may differ from that of the vehicle file."""
 STICKS = "sticks.csv"
-"""Name of the attachment in which the world leaves how a scripted pilot moved his transmitter."""
+"""Name of the attachment with the transmitter inputs of a scripted pilot."""
 AUTOPILOT = "wingbeat.autopilot"
-"""Name of the metadata record of a flight of PX4 or ArduPilot: which one, and how its outputs are assigned."""
+"""Name of the metadata record of a PX4 or ArduPilot flight: autopilot and assignment of its outputs."""
 PARAMETERS = "wingbeat.parameters"
-"""Name of the metadata record in which the flight computer notes every parameter at boot."""
+"""Name of the metadata record with every parameter of the flight computer at boot."""
 FLIGHT_VEHICLE = "avionics_vehicle.toml"
-"""Name of the attachment in which the flight computer leaves its vehicle file."""
+"""Name of the attachment with the vehicle file of the flight computer."""
 MISSION = "mission.json"
-"""Name of the attachment in which the flight computer leaves the mission it began with."""
+"""Name of the attachment with the initial mission of the flight computer."""
 
 JOINED = "wingbeat.joined"
-"""Name of the metadata record in which a joined log notes what was wrong with its parts, by their names."""
+"""Name of the metadata record of a joined log with the damage of its parts, by part name."""
 
 FAULTS = "wingbeat.faults"
-"""Name of the metadata record in which a joined log notes what the view of ``wingbeat fly`` raised."""
+"""Name of the metadata record of a joined log with the exceptions of the views of ``wingbeat fly``."""
 
 
 PARTS = (".world.mcap", ".avionics.mcap")
-"""How the names of the recordings of world and flight computer end that are joined to one of the same name."""
+"""Suffixes of the recordings of world and flight computer, which are joined into one of the same name."""
 
 
 def files_of(recording: Path) -> tuple[Path, ...]:
-    """Of a flight: what is joined, the world's part, the flight computer's; of any other recording the first."""
+    """Return the files of a flight: joined log, world's part, flight computer's part."""
     return (recording, *(recording.with_suffix(ending) for ending in PARTS))
 
 
 def parts_of(recording: Path) -> list[Path]:
-    """The recordings of world and flight computer that exist beside the name of a flight's joined log."""
+    """Return the existing recordings of world and flight computer of a flight."""
     return [part for part in files_of(recording)[1:] if part.is_file()]
 
 
 @contextlib.contextmanager
 def reserved(vehicle: str, when: datetime | None = None, folder: Path = RECORDINGS) -> Iterator[Path]:
-    """A path of which there are no files, and that no other program takes as long as the context lasts.
+    """Reserve a new recording path while the context lasts.
 
-    ``recordings/robo_raven_ii_d-20261121-131500.mcap``; the same second again gives ``-2``, ``-3`` and so on.
+    The path has the form ``recordings/robo_raven_ii_d-20261121-131500.mcap``; a repetition within the same second is
+    numbered ``-2``, ``-3`` and so on. No file of that name exists, and no other program can reserve it.
 
     Args:
         vehicle: name, or path of a vehicle file.
-        when: local time of the flight; now when not given.
-        folder: where recordings go; it is made.
+        when: local time of the flight (default: now).
+        folder: of the recordings; created if missing.
 
     Raises:
         InputError: the folder cannot be made or written to.
     """
     for path in _free(vehicle, when, folder):
         with locked_name(path) as ours:
-            # Looked at again: who held the name before may have left files of it.
+            # Checked again: the previous holder of the name may have left files.
             if ours and not any(file.exists() for file in files_of(path)):
                 yield path
                 return
@@ -81,7 +82,7 @@ def _free(vehicle: str, when: datetime | None, folder: Path) -> Iterator[Path]:
 
 
 def vehicle_files(vehicle: str) -> tuple[str, str]:
-    """What the world and what the flight computer load: a name for both, or the two files of a folder."""
+    """Return the vehicle names of world and flight computer: one name for both, or the two files of a folder."""
     folder = Path(vehicle)
     if folder.is_dir():
         return str(folder / "world.toml"), str(folder / "avionics.toml")

@@ -13,11 +13,11 @@ from typing import IO
 from wingbeat.errors import InputError
 
 HELD = ".held"
-"""how the name of the mark ends by which a recording's name is held"""
+"""suffix of the lock file that reserves the name of a recording"""
 
 
 def numbered(path: Path) -> Iterator[Path]:
-    """``path``, then the same with ``-2``, ``-3`` and so on before its suffix."""
+    """Yield ``path``, then the same with ``-2``, ``-3`` and so on before its suffix."""
     yield path
     number = 2
     while True:
@@ -27,11 +27,11 @@ def numbered(path: Path) -> Iterator[Path]:
 
 @contextlib.contextmanager
 def locked_name(path: Path) -> Iterator[bool]:
-    """Hold the name of a recording, for all files of it; False where another program does.
+    """Lock the name of a recording; yield False if another program has locked it.
 
-    A mark beside it, which is gone with the context, is made by who is first and locked as long as it is held: one
-    whose program was killed holds nothing. On a file system without locks who made it has the name, and the mark of a
-    killed program holds it until somebody deletes that file.
+    The first program creates a lock file beside the recording, locks it, and removes it at the end of the context.
+    The lock of a killed program is released by the system. On a file system without locks the existence of the lock
+    file counts, and the lock file of a killed program has to be deleted by the user.
 
     Raises:
         InputError: the folder cannot be made or written to.
@@ -77,11 +77,11 @@ def _names(mark: Path, file: IO[bytes]) -> bool:
 
 
 def check_new(path: Path, *, made: bool = False) -> None:
-    """Refuse a name for a new file that could not be written, before the work for it; nothing is written here.
+    """Check that a new file can be written, before the work for it; nothing is written.
 
     Args:
         path: of the file.
-        made: whether folders that are missing will be made.
+        made: whether missing folders will be created.
 
     Raises:
         InputError: it exists, its folder is missing or is none, or cannot be written to.
@@ -93,7 +93,7 @@ def check_new(path: Path, *, made: bool = False) -> None:
 
 
 def why_not(folder: Path, *, made: bool = False) -> str:
-    """Why there can be no new file in ``folder``, in words; empty where there can. ``made``: as of `check_new`."""
+    """Return why no file can be created in ``folder``; empty if it can. ``made`` as in `check_new`."""
     while made and not folder.exists() and folder != folder.parent:
         folder = folder.parent
     if not folder.exists():
@@ -109,9 +109,10 @@ def why_not(folder: Path, *, made: bool = False) -> str:
 
 @contextlib.contextmanager
 def draft(path: Path) -> Iterator[tuple[IO[bytes], Path]]:
-    """An unbuffered temporary file beside ``path``; it is on the disk when the block ends, and gone if that raised.
+    """Open an unbuffered temporary file beside ``path``.
 
-    Whoever uses it moves it to its place inside the block's end: `claim` or ``os.replace``.
+    At the end of the block the file is flushed to the disk; after an exception it is deleted. The caller moves it to
+    its final path at the end of the block with `claim` or ``os.replace``.
 
     Raises:
         InputError: the folder cannot be written to.
@@ -130,7 +131,7 @@ def draft(path: Path) -> Iterator[tuple[IO[bytes], Path]]:
 
 
 def settle(file: IO[bytes]) -> None:
-    """Have the disk hold what was written, readable like any other new file."""
+    """Flush the file to the disk and set the permissions of a new file."""
     os.fsync(file.fileno())
     mask = os.umask(0)
     os.umask(mask)
@@ -138,7 +139,7 @@ def settle(file: IO[bytes]) -> None:
 
 
 def claim(source: Path, path: Path) -> None:
-    """Move ``source`` to ``path``, which must not exist; whoever looks finds all of it or nothing.
+    """Move ``source`` to ``path`` atomically; ``path`` must not exist.
 
     Raises:
         InputError: ``path`` exists.
@@ -155,12 +156,12 @@ def claim(source: Path, path: Path) -> None:
 
 
 def _claim_by_name(source: Path, path: Path) -> None:
-    """`claim` where a file cannot have two names, as on a memory card."""
+    """Move like `claim` on a file system without hard links, such as that of a memory card."""
     try:
         path.open("xb").close()
     except FileExistsError:
         raise InputError(f"{path} exists: it is not overwritten") from None
-    # The name is now ours, with an empty file behind it that nobody else may take.
+    # The name is reserved now: an empty file exists, and no other program can take it.
     try:
         source.replace(path)
     except OSError:

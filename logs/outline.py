@@ -11,7 +11,7 @@ from sim_bridge.vehicles.sections import Plate
 
 
 def shape_of(vehicle: SimulatedVehicle) -> Shape:
-    """Outline of a simulated vehicle; the tail is drawn as a square of its area, the fin half as high as long."""
+    """Return the outline of a simulated vehicle. The tail is a square of its area, the fin half as high as long."""
     wing, level, upright = vehicle.wing, _largest(vehicle, 2), _largest(vehicle, 1)
     side = math.sqrt(level.area) if level else 0.0
     tail = place_of(vehicle, level.body, level.place) if level else (0.0, 0.0, 0.0)
@@ -29,6 +29,6 @@ def shape_of(vehicle: SimulatedVehicle) -> Shape:
 
 
 def _largest(vehicle: SimulatedVehicle, axis: int) -> Plate | None:
-    """The largest plate whose normal lies mainly along the axis (1 across, 2 down)."""
+    """Return the largest plate whose normal is mainly along the axis (1 across, 2 down)."""
     facing = [plate for plate in vehicle.plates.values() if abs(plate.normal[axis]) > math.sqrt(0.5)]
     return max(facing, key=lambda plate: plate.area, default=None)

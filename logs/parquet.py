@@ -11,10 +11,10 @@ from logs.flat import texts
 
 
 def write_parquet(columns: Columns, file: IO[bytes]) -> None:
-    """Write a table; arrays are lists of fixed size.
+    """Write a table; arrays become lists of fixed size.
 
-    Every column's metadata has its ``unit`` and, where known, ``description`` and ``labels`` (JSON); the table's
-    ``wingbeat.topic`` and ``wingbeat.boot_ns``, the epoch time (ns) at which the vehicle's clock was zero.
+    The metadata of each column are ``unit`` and, if known, ``description`` and ``labels`` (JSON); those of the table
+    are ``wingbeat.topic`` and ``wingbeat.boot_ns``, the epoch time (ns) of the zero of the vehicle clock.
 
     Raises:
         InputError: pyarrow is not installed.
@@ -36,7 +36,7 @@ def _array(arrow: Any, values: Array) -> Any:
     if values.ndim == 1:
         return arrow.array(values)
     element = arrow.from_numpy_dtype(values.dtype)
-    # Parquet readers reject lists of fixed size 0 that are not all empty at the level of the file: a plain list then.
+    # Parquet readers reject nonempty lists of fixed size 0 in a file, so these are lists of variable size.
     if not values.size:
         return arrow.array(values.tolist(), arrow.list_(element))
     kind = arrow.list_(element, values.shape[1])

@@ -20,12 +20,12 @@ _HALF_ROOT = math.sqrt(0.5)
 
 
 class Pose(NamedTuple):
-    """Where the vehicle is and how its parts stand, in the flight's own frames."""
+    """Position, attitude and joint angles of the vehicle in NED and FRD axes."""
 
     time_us: int
     """us; since boot"""
     position_ned: Vector
-    """m; of the centre of mass from the launch place"""
+    """m; center of mass from the launch position"""
     quaternion: Quaternion
     """-; of r_ned_from_frd"""
     flap: tuple[float, float] = (0.0, 0.0)
@@ -38,29 +38,30 @@ class Pose(NamedTuple):
     """rad; positive yaws the nose right"""
 
     def can_be_shown(self) -> bool:
-        """Whether place and attitude are numbers and no angle is infinite."""
+        """Return whether position and attitude are finite and no angle is infinite."""
         angles = (*self.flap, *self.twist, self.elevator, self.rudder)
         return math.isfinite(sum(self.position_ned) + sum(self.quaternion)) and not any(map(math.isinf, angles))
 
 
 def enu_from_ned(vector: Sequence[float]) -> Vector:
-    """East, north, up from north, east, down."""
+    """Convert north, east, down to east, north, up."""
     return vector[1], vector[0], -vector[2]
 
 
 def enu_from_flu(quaternion: Sequence[float]) -> Quaternion:
-    """Quaternion of r_enu_from_flu from that of r_ned_from_frd, both (w, x, y, z).
+    """Convert the quaternion of r_ned_from_frd to that of r_enu_from_flu, both (w, x, y, z).
 
-    It is the half turn about (1, 1, 0) that makes ENU of NED, then ``quaternion``, then the half turn about x.
+    The result is the half turn about (1, 1, 0) from NED to ENU, ``quaternion``, and the half turn about x.
     """
     w, x, y, z = quaternion
     return _HALF_ROOT * (w + z), _HALF_ROOT * (x + y), _HALF_ROOT * (x - y), _HALF_ROOT * (w - z)
 
 
 def wing_in_body(flap: float, twist: float, side: int) -> Quaternion:
-    """Attitude of a wing in body axes FLU: flap about x, then half the tip's twist about the span, its mean.
+    """Return the attitude of a wing in body axes FLU: flap about x, then half the tip twist about the span.
 
-    ``side`` is 1 for the left wing, -1 for the right one; both angles in rad.
+    Half the tip twist is its mean over the span. ``side`` is 1 for the left wing, -1 for the right one; both angles
+    in rad.
     """
     a, b = 0.5 * side * flap, -0.25 * twist
     ca, sa, cb, sb = math.cos(a), math.sin(a), math.cos(b), math.sin(b)
@@ -68,7 +69,7 @@ def wing_in_body(flap: float, twist: float, side: int) -> Quaternion:
 
 
 def tail_in_body(elevator: float, rudder: float) -> Quaternion:
-    """Attitude of the tail in body axes FLU: rudder about z, then elevator about y, both in rad.
+    """Return the attitude of the tail in body axes FLU: rudder about z, then elevator about y, both in rad.
 
     Nose up is trailing edge up, nose right is trailing edge right.
     """
@@ -77,7 +78,7 @@ def tail_in_body(elevator: float, rudder: float) -> Quaternion:
     return ca * cb, -sa * sb, ca * sb, sa * cb
 
 
-# Of protobuf, with the field numbers of foxglove.FrameTransforms: a member is its tag, its length and its content.
+# Protobuf with the field numbers of foxglove.FrameTransforms: a member is its tag, length and content.
 _TRANSFORM, _STAMP, _PARENT, _CHILD, _TRANSLATION, _ROTATION = 0x0A, 0x0A, 0x12, 0x1A, 0x22, 0x2A
 _X, _Y, _Z, _W = 0x09, 0x11, 0x19, 0x21
 _SECONDS, _NANOS = b"\x08", b"\x10"
@@ -85,20 +86,20 @@ _STAMP_BYTES, _TRANSLATION_BYTES, _ROTATION_BYTES = 12, 27, 36
 
 
 class Frames:
-    """Packs poses as ``foxglove.FrameTransforms`` of body, wings and tail.
+    """Encoder of poses as ``foxglove.FrameTransforms`` of body, wings and tail.
 
-    Every message is as long as the others, so one `struct` call writes it: a fifteenth of the time of building it as
-    protobuf. What is constant from message to message, the text and the tags between the numbers, is kept.
+    All messages have the same length, so one `struct` call writes each, 15 times faster than the protobuf library.
+    The constant text and tags between the numbers are stored.
     """
 
     def __init__(self, hinge: Vector, tail: Vector, start_epoch_ns: int, prefix: str = "") -> None:
-        """Prepare.
+        """Prepare the constant parts of the messages.
 
         Args:
             hinge: m; of the left wing's leading edge, in body axes FLU.
-            tail: m; where the tail turns, in body axes FLU.
-            start_epoch_ns: ns since 1970 at which the vehicle's clock was zero.
-            prefix: put before the frames' names.
+            tail: m; tail hinge in body axes FLU.
+            start_epoch_ns: ns since 1970 at the zero of the vehicle clock.
+            prefix: prefix of the frame names.
         """
         self._epoch = start_epoch_ns
         body, right = f"{prefix}body", (hinge[0], -hinge[1], hinge[2])
@@ -112,7 +113,7 @@ class Frames:
         self._pack = struct.Struct(self._format).pack
 
     def packed(self, pose: Pose) -> bytes:
-        """The message of one pose.
+        """Encode one pose.
 
         Raises:
             ValueError: an angle is infinite.
@@ -161,7 +162,7 @@ class Frames:
 
 
 class Posed(NamedTuple):
-    """A pose for a topic of frames: packed by the recorder where it encodes, not while the flight waits."""
+    """Pose for a topic of frames; encoded by the recorder, outside of the flight loop."""
 
     time_us: int
     """us; since boot"""
@@ -170,7 +171,7 @@ class Posed(NamedTuple):
 
     @property
     def body(self) -> bytes:
-        """The message, serialised, as in `logs.codecs.Stamped`."""
+        """The serialized message, as in `logs.codecs.Stamped`."""
         return self.frames.packed(self.pose)
 
 

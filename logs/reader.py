@@ -18,13 +18,14 @@ if TYPE_CHECKING:
 
 
 class Log(LogFile):
-    """An open log; opened by `open_log`, closed by the garbage collector or ``close``."""
+    """Open log; created by `open_log`, closed by the garbage collector or ``close``."""
 
     @property
     def parameters(self) -> Parameters:
-        """The flight computer's parameters: ``initial`` by name, ``changes`` in flight, ``at(time)``.
+        """Return the flight computer's parameters: ``initial`` by name, ``changes`` in flight, ``at(time)``.
 
-        A change is what the flight computer answered to; what a calibration set shows in the next State snapshot.
+        A change is a setting that the flight computer acknowledged. The effect of a calibration appears in the next
+        State snapshot.
 
         Raises:
             InputError: one is not a number, or a part of the file is damaged.
@@ -35,7 +36,7 @@ class Log(LogFile):
 
     @property
     def missions(self) -> tuple[ActiveMission, ...]:
-        """The mission at boot and those that replaced it, each with the time from which it held.
+        """Return the initial mission and its replacements, each with its start time.
 
         Raises:
             InputError: one cannot be read, or a part of the file is damaged.
@@ -52,18 +53,19 @@ class Log(LogFile):
         end: float | None = None,
         gap: float | None = None,
     ) -> Columns:
-        """One table of several topics, its columns named ``/topic.field``, all at the same times.
+        """Build one table of several topics at common times, with columns ``/topic.field``.
 
-        Numbers are linear between two messages, angles that wrap take the shorter way round (their description in
-        the file tells the range, ``-pi to pi``), quaternions keep length 1 and their sign. Whole numbers, switches
-        and texts are the last message's. Nothing is extrapolated: NaN stands where a topic has nothing to say.
+        Numbers are interpolated linearly between two messages. Angles that wrap take the shorter way; their
+        description in the file specifies the range, ``-pi to pi``. Quaternions keep length 1 and a continuous sign.
+        Integers, flags and texts are those of the previous message. Nothing is extrapolated: rows outside the
+        messages of a topic are NaN.
 
         Args:
             topics: names, ``topic.field`` or `Topic` values.
-            rate: Hz; rows at its multiples since boot, at the messages of the first topic when not given.
+            rate: Hz; rows at its multiples since boot (default: at the messages of the first topic).
             start: s since boot; of the first row.
             end: s since boot; no row at or after it.
-            gap: s; NaN in pauses longer than this, or than five of the topic's median periods when not given.
+            gap: s; NaN in pauses longer than this (default: five median periods of the topic).
 
         Raises:
             InputError: the log has no such topic or field, a bad rate, or a part of the file is damaged.
@@ -72,10 +74,10 @@ class Log(LogFile):
 
 
 def open_log(path: Path | str, max_chunk_size: int = MAX_CHUNK_SIZE) -> Log:
-    """Open an MCAP file; one that was cut off or is damaged gives what is whole, and says so in ``damage``.
+    """Open an MCAP file.
 
-    Chunks that declare more than ``max_chunk_size`` uncompressed bytes count as damaged; no chunk is decompressed
-    beyond the size that it declares.
+    A truncated or damaged file is read as far as it is intact; ``damage`` lists the faults. Chunks that declare more
+    than ``max_chunk_size`` uncompressed bytes count as damaged. No chunk is decompressed beyond its declared size.
 
     Raises:
         InputError: the file cannot be read, is empty or is not MCAP.

@@ -28,15 +28,15 @@ CHUNK_BYTES = 64 * 1024
 FLUSH_S = 0.25
 _FLUSH_NS = round(FLUSH_S * 1e9)
 ZSTD_LEVEL = -1
-"""Files are 3 to 5 % larger than with level 1, and unpacked in half to three quarters of the time."""
+"""Level of zstd: files are 3 to 5 % larger than at level 1, but decompress in 50 to 75 % of the time."""
 Said = tuple[Topic[Any], Any]
 """a message with its topic"""
 RECORDING = "wingbeat.recording"
-"""Name of the metadata record that says when the vehicle's clock was zero."""
+"""Name of the metadata record with the epoch time of the zero of the vehicle clock."""
 
 
 class _Stream:
-    """One topic while it is recorded."""
+    """One topic of a recording."""
 
     __slots__ = ("codec", "encode", "index", "sequence", "topic")
 
@@ -46,45 +46,45 @@ class _Stream:
         self.encode = codec.encode
         self.sequence = 0
         self.index: list[int] = []
-        """log time and offset of every message in the open chunk, in turn"""
+        """log time and offset of every message in the open chunk, in sequence"""
 
 
 class Writing(NamedTuple):
-    """How a recording gets to the disk."""
+    """Options of writing a recording to the disk."""
 
     queue: int = 0
-    """bytes; that may wait for the disk behind the flight's back; 0: every message waits until it is written"""
+    """bytes; limit of the queue to the disk. 0: each message is written before the call returns"""
     volume: int = 0
-    """bytes; after which a file is finished and the next one begun (``-2``, ``-3``); 0 for one file of any size"""
+    """bytes; size at which a file is finished and the next one begun (``-2``, ``-3``); 0 for no limit"""
     account: Topic[Any] | None = None
-    """where the recorder itself says what it had to leave out, and how much waits; None for nowhere"""
+    """topic of the recorder's own status: dropped messages and queue length; None for no status"""
 
 
 BATCH, BATCH_US = 256, 100_000.0
-"""-, us; messages, and time on the vehicle's clock from the first to the last, that are encoded together"""
+"""-, us; number of messages, and span of their vehicle time, that are encoded together"""
 _SHUT = -math.inf
-"""us; end of the time of messages that may wait, while none waits"""
+"""us; end of the time window of pending messages if none is pending"""
 LOCK_ATTEMPTS, LOCK_PAUSE = 50, 0.02
-"""-, s; to lock a new file that another program looks into"""
+"""-, s; attempts and pause to lock a new file that another program is reading"""
 IN_FLIGHT = 16 * 1024 * 1024
-"""bytes; a queue that outlasts a disk which stands still for 10 s at the rate of a whole flight"""
+"""bytes; queue for a disk that stalls for 10 s at the data rate of a whole flight"""
 AT_ONCE = Writing()
 
 
 class McapRecorder:
-    """An `avionics.recorder.Recorder` that writes MCAP: 64 KiB chunks, zstd, CRCs, message indexes.
+    """MCAP implementation of `avionics.recorder.Recorder`: 64 KiB chunks, zstd, CRCs, message indexes.
 
-    A chunk is closed when it is full and 0.25 s after it was begun, in log time or on the wall clock, whichever is
-    first: that much is lost when the machine dies. Where messages may wait for the disk (`Writing.queue`) the wall
-    clock is looked at though none comes, every 0.125 s; else it is the next message that closes a chunk.
+    A chunk is closed when it is full or 0.25 s after it was begun, in log time or on the wall clock, whichever is
+    first. At most this much data is lost if the machine fails. With a queue (`Writing.queue`) the wall clock is
+    checked every 0.125 s even without messages; otherwise the next message closes an overdue chunk.
 
-    Messages are encoded some at a time, so they may not change once they are here: one by one, between all else that
-    a flight does, each would find the processor's caches full of something else and take twice as long.
+    Messages are encoded in batches, which halves the encoding time because the processor caches stay filled, so
+    messages must not change after they are passed to the recorder.
 
-    During a flight nothing is raised. When the disk refuses, or writing fails in any other way, recording ends, what
-    was written stays readable without claiming to be whole, and `failure` says why; a message that does not fit its
-    declared layout is left out and `refusal` says which. Where the queue has no room for more, a chunk of messages
-    is left out, counted in `dropped`, and the count is logged as soon as there is room. Threads may share a recorder.
+    No method raises during a flight. If the disk fails or writing fails otherwise, recording ends, the written data
+    stay readable but are not marked as complete, and `failure` has the reason. A message that does not match its
+    declared layout is omitted and reported in `refusal`. If the queue is full, a chunk of messages is omitted and
+    counted in `dropped`, and the count is logged as soon as the queue has capacity. The recorder is thread-safe.
     """
 
     def __init__(
@@ -99,11 +99,11 @@ class McapRecorder:
         """Create the file.
 
         Args:
-            path: of the new file; its folder is made when it is missing.
-            start_epoch_ns: ns since 1970 at which the vehicle's clock was zero; now when not given.
+            path: of the new file; its folder is created if missing.
+            start_epoch_ns: ns since 1970 at the zero of the vehicle clock (default: now).
             clock: s; wall clock for the flushes.
-            topics: prepared now, which costs a millisecond or two each; others are when they first come.
-            writing: how it gets to the disk.
+            topics: prepared at once, one to two milliseconds each; others are prepared with their first message.
+            writing: queue, file size limit and status topic.
 
         Raises:
             InputError: the file exists, cannot be created or is locked by another program.
@@ -111,10 +111,10 @@ class McapRecorder:
         self.path = Path(path)
         self.start_epoch_ns = time.time_ns() if start_epoch_ns is None else start_epoch_ns
         self.failure = ""
-        """why recording ended early, one line"""
+        """reason why recording ended early, one line"""
         self._refused, self._refusal = 0, ""
         self.dropped = 0
-        """messages for which the disk was too slow"""
+        """messages dropped because the disk was too slow"""
         self._clock = clock
         self._lock = threading.RLock()
         self._streams: dict[int, _Stream] = {}
@@ -136,44 +136,44 @@ class McapRecorder:
 
     @property
     def paths(self) -> list[Path]:
-        """Of the files so far, in turn."""
+        """Paths of the files so far, in sequence."""
         return list(self._volumes.paths)
 
     @property
     def refused(self) -> int:
-        """Messages left out."""
+        """Number of messages rejected because they do not match their layout."""
         self._settle()
         return self._refused
 
     @property
     def refusal(self) -> str:
-        """Why the first of them was left out, one line."""
+        """Reason of the first rejection, one line."""
         self._settle()
         return self._refusal
 
     def record(self, topic: Topic[Any], message: Any) -> None:
-        """Store one message; its ``time_us`` is the time stamp."""
+        """Record one message; its ``time_us`` is the time stamp."""
         if not self._open_for_writing:
             return
         waiting = self._waiting
-        # Without the lock: a queue takes one message after another, and where the window was shut meanwhile, it was
-        # before the queue was emptied, so that the message is looked at here or there.
+        # Without the lock: the queue accepts messages one after another. If the window is closed meanwhile, that
+        # happens before the queue is emptied, so the message is processed either here or there.
         waiting.append((topic, message))
         try:
             if (
                 self._first_us <= message.time_us < self._past_us
                 and len(waiting) <= BATCH
-                # Without a thread that does it, it is a message that ends a chunk whose time is over.
+                # Without a worker thread the next message closes an overdue chunk.
                 and (self._backlog is not None or self._clock() < self._flush_clock)
             ):
                 return
-        # What is wrong with it is told where it is encoded.
+        # Errors are reported by the encoder.
         except (AttributeError, TypeError):
             pass
         self._look(message)
 
     def record_all(self, messages: Iterable[Said]) -> None:
-        """Store messages in turn, encoded now; in less time than one by one, where there are some hundred of them."""
+        """Record messages in sequence and encode them at once; faster than single calls for a hundred or more."""
         if not self._open_for_writing:
             return
         with self._lock:
@@ -182,7 +182,7 @@ class McapRecorder:
             self._settle()
 
     def _look(self, message: Any) -> None:
-        """Begin to wait with a first message; encode what has waited long enough."""
+        """Start the time window with a first pending message; encode overdue messages."""
         with self._lock:
             try:
                 opened = self._past_us == _SHUT and self._open_window(message.time_us)
@@ -192,7 +192,7 @@ class McapRecorder:
                 self._settle()
 
     def _open_window(self, time_us: float) -> bool:
-        """Let messages wait that are not much younger than this one."""
+        """Open the time window for messages slightly younger than this one."""
         self._since, past_us = self._clock(), time_us + BATCH_US
         if self._buffer:
             past_us = min(past_us, (self._youngest_ns - self.start_epoch_ns) / 1000)
@@ -202,11 +202,11 @@ class McapRecorder:
         return True
 
     def _settle(self) -> None:
-        """Encode what waits into the open chunk."""
+        """Encode pending messages into the open chunk."""
         with self._lock:
             self._past_us = _SHUT
             waiting, stream_of, epoch = self._waiting, self._streams.get, self.start_epoch_ns
-            # Ctrl-C may come between any two lines: what was taken is not taken again.
+            # Ctrl-C may occur between any two statements: no message is encoded twice.
             while waiting:
                 topic, message = waiting.popleft()
                 stream = stream_of(topic.channel)
@@ -217,7 +217,7 @@ class McapRecorder:
                         stream = self._open(topic)
                     log_ns = epoch + message.time_us * 1000
                     record = stream.encode(message, log_ns, stream.sequence)
-                # A message of the wrong shape must cost that message alone, whatever is wrong with it.
+                # A message of the wrong layout must affect only that message.
                 except Exception as error:
                     self._refuse(f"a message of {topic.name}", error)
                     continue
@@ -225,11 +225,12 @@ class McapRecorder:
                 if not buffer:
                     self._begin_chunk(log_ns)
                 if not stream.sequence:
-                    # Inside a chunk a declaration is under its CRC; beside it, where readers look first, it is not.
+                    # A declaration inside a chunk is protected by its CRC; one outside, which readers use first, is
+                    # not.
                     buffer += _declared(stream.codec)
                 offset = len(buffer)
                 stream.sequence += 1
-                # An index must not name a message that is not there.
+                # An index must not name a message that is missing.
                 buffer += record
                 stream.index += (log_ns, offset)
                 self._last_ns = log_ns
@@ -239,12 +240,12 @@ class McapRecorder:
                 self._close()
 
     def _begin_chunk(self, log_ns: int) -> None:
-        # Time that runs backwards closes the chunk too: its messages are then near each other.
+        # Time that runs backwards closes the chunk too, so the times in a chunk stay close together.
         self._oldest_ns, self._youngest_ns = log_ns - _FLUSH_NS, log_ns + _FLUSH_NS
         self._flush_clock = self._since + FLUSH_S
 
     def flush(self) -> None:
-        """Close the open chunk and hand it to the operating system, or to the queue before it."""
+        """Close the open chunk and pass it to the operating system, or to the queue."""
         with self._lock:
             self._settle()
             self._close()
@@ -254,7 +255,7 @@ class McapRecorder:
             return
         try:
             self._close_chunk()
-        # Where there is no memory for another chunk, the flight goes on without its recording.
+        # If there is no memory for another chunk, the flight continues without recording.
         except Exception as error:
             self._end(error)
 
@@ -263,7 +264,7 @@ class McapRecorder:
         others = (stream for stream in filled if stream.topic is not self._writing.account)
         count = sum(len(stream.index) // 2 for stream in others)
         work, size = self._chunk(filled), len(self._buffer)
-        # Emptied before it is handed over: whatever interrupts this, no message is written twice.
+        # Cleared before the handover: an interruption must not write a message twice.
         self._buffer = bytearray()
         self._flush_clock = math.inf
         for stream in filled:
@@ -273,10 +274,10 @@ class McapRecorder:
         self._report_drops()
 
     def _flush_overdue(self) -> None:
-        """Close an open chunk whose time is over though no message comes that would do it.
+        """Close an overdue open chunk without a new message.
 
-        Whoever holds the lock is recording, and looks at the clock himself; to wait for him while he waits for room
-        in the queue would keep both.
+        If the lock is held, a recording thread checks the clock itself; waiting for it while it waits for the queue
+        would be a deadlock.
         """
         if self._lock.acquire(blocking=False):
             try:
@@ -286,7 +287,7 @@ class McapRecorder:
                 self._lock.release()
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
-        """Store a file beside the messages."""
+        """Attach a file to the recording."""
         self._settle()
         log_ns = self._last_ns
         record = self._encode(f"attachment {name}", Attachment(0, log_ns, name, media_type, data))
@@ -298,15 +299,16 @@ class McapRecorder:
             self._keep(attached, f"attachment {name}", len(record))
 
     def note(self, name: str, values: dict[str, str]) -> None:
-        """Store metadata."""
+        """Record metadata."""
         record = self._encode(f"metadata {name}", Metadata(name=name, metadata=values))
         if record:
             self._keep(lambda container: container.metadata(record, name), f"metadata {name}", len(record))
 
     def close(self) -> None:
-        """Finish the recording; further calls do nothing.
+        """Finish the recording; further calls have no effect.
 
-        Ctrl-C meanwhile, as when both commands of a flight are ended at once, is raised when the file is whole.
+        Ctrl-C meanwhile, as when both commands of a flight are interrupted at once, is raised after the file is
+        complete.
         """
         interruption = None
         done = threading.Event()
@@ -332,7 +334,7 @@ class McapRecorder:
             if self._closed:
                 return
             self._closed = True
-            # Nobody flies any more: what is left waits for the disk, and so does what is told of the drops.
+            # The flight is over, so the rest of the messages and the drop count may block on the disk.
             self._timeout = PATIENCE
             self.flush()
             self.flush()
@@ -388,14 +390,14 @@ class McapRecorder:
         self._refusal = self._refusal or f"{what} was not recorded: {error}"
 
     def _keep(self, work: Work, what: str, size: int) -> None:
-        """Write what every file of the recording has."""
+        """Write a record that every file of the recording needs."""
         with self._lock:
             if not self._hand_over(work, size, everywhere=True):
                 self._refused += 1
                 self._refusal = self._refusal or f"{what} was not recorded: the disk is too slow"
 
     def _hand_over(self, work: Work, size: int, everywhere: bool = False) -> bool:
-        """Write now, or queue to be written; False where there is no room."""
+        """Write at once or queue; return False if the queue is full."""
         if not self._open_for_writing or self.failure:
             return True
 
@@ -408,29 +410,29 @@ class McapRecorder:
         return True
 
     def _attempt(self, write: Callable[[], None]) -> None:
-        """Write, unless writing has failed before; a disk that refuses ends the recording behind a whole record."""
+        """Write unless writing has failed before; a disk error ends the recording after a complete record."""
         if self.failure:
             return
         try:
             write()
-        # Whatever it was (no memory, the compressor): what was to be written is missing, and the file may not end as
-        # if it were whole.
+        # Whatever the error (no memory, the compressor), data are missing, so the file must not be marked
+        # as complete.
         except Exception as error:
             self._fail(error)
 
     def _fail(self, error: BaseException) -> None:
-        """End the recording behind its last whole record; for whoever writes."""
+        """End the recording after its last complete record; called by the writing thread."""
         self._end(error)
         self._volumes.give_up()
 
     def _end(self, error: BaseException) -> None:
-        """Record no more; the file is closed by whoever writes, or by `close`."""
+        """Stop recording; the file is closed by the writing thread or by `close`."""
         reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
         self.failure = self.failure or f"recording to {self.path} ended: {reason}"
         self._open_for_writing = False
 
     def _chunk(self, filled: list[_Stream]) -> Work:
-        """The open chunk, to be compressed by whoever writes it."""
+        """Return the open chunk; the writing thread compresses it."""
         content, codecs = bytes(self._buffer), [stream.codec for stream in filled]
         entries = {stream.topic.channel: stream.index for stream in filled}
         times = [stream.index[::2] for stream in filled]
@@ -439,7 +441,7 @@ class McapRecorder:
 
         def written(container: Container) -> None:
             new = [codec for codec in codecs if container.define(codec.schema, codec.channel)]
-            # Every file has its declarations under a CRC: a later one, and one whose chunk with them was left out.
+            # Every file has its declarations under a CRC, also a later file and one whose first chunk was dropped.
             before = b"".join(_declared(codec) for codec in new if codec.channel.id not in begun)
             packed = {channel: _packed(index, len(before)) for channel, index in entries.items()}
             container.chunk(pack_chunk(before + content, packed, window, self._compressor))
@@ -447,7 +449,7 @@ class McapRecorder:
         return written
 
     def _report_drops(self) -> None:
-        """Log what was left out, once after each time it was more."""
+        """Log the drop count once after each increase."""
         account, now = self._writing.account, (self.dropped, self._refused)
         if account is None or now == self._reported:
             return
@@ -462,7 +464,7 @@ def _declared(codec: Codec) -> bytes:
 
 
 def _packed(index: list[int], shift: int) -> bytes:
-    """Times and offsets of a message index, its messages ``shift`` bytes further on."""
+    """Return times and offsets of a message index whose messages are moved by ``shift`` bytes."""
     if shift:
         index = [value + shift if place % 2 else value for place, value in enumerate(index)]
     return struct.pack(f"<{len(index)}Q", *index)
@@ -473,7 +475,7 @@ def _recording(start_epoch_ns: int) -> Metadata:
 
 
 def _create(path: Path) -> Any:
-    """Open a new file without a buffer, locked so that nobody repairs it while it grows."""
+    """Open a new file without a buffer, locked so that no other program repairs it while it grows."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         file = path.open("xb", buffering=0)
@@ -489,9 +491,10 @@ def _create(path: Path) -> Any:
 
 
 def _locked(file: IO[bytes]) -> bool:
-    """Lock a new file; False where another keeps the lock. A file system without locks is recorded to all the same.
+    """Lock a new file; return False if another program keeps the lock.
 
-    Who repairs what other flights left may look into the file just now: it is empty, and let go of at once.
+    A file system without locks is accepted. A repair program may inspect the file at this moment; it releases an
+    empty file at once.
     """
     for _ in range(LOCK_ATTEMPTS):
         try:

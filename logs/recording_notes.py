@@ -16,19 +16,19 @@ from logs.settings import mission_document
 from sim_bridge.flight.faults import Fault
 
 if TYPE_CHECKING:
-    # A flight computer notes its inputs without the physics and their compiler.
+    # A flight computer records its inputs without the physics and their compiler.
     from sim_bridge.flight.world import Scenario
     from sim_bridge.vehicles import SimulatedVehicle
 
 
 def exact_fault(fault: Fault) -> str:
-    """A fault as it is written on the command line, its times to the last bit."""
+    """Return a fault in command-line notation with exact times."""
     end = f"-{fault.until!r}" if math.isfinite(fault.until) else ""
     return f"{fault.name}@{fault.at!r}{end}"
 
 
 def note_scenario(recorder: Recorder, vehicle: SimulatedVehicle, scenario: Scenario) -> None:
-    """Store what the world is made of: vehicle file, aerodynamic model, seed, wind, home, version."""
+    """Record the settings of the world: vehicle file, aerodynamic model, seed, wind, home, version."""
     recorder.attach(WORLD_VEHICLE, "application/toml", vehicle.text.encode())
     values = {
         "version": version("wingbeat"),
@@ -50,13 +50,13 @@ def note_scenario(recorder: Recorder, vehicle: SimulatedVehicle, scenario: Scena
 
 
 def note_autopilot(recorder: Recorder, vehicle: FlightVehicle, values: dict[str, str]) -> None:
-    """Store which other autopilot flies, how its outputs are assigned, and the flight vehicle's file."""
+    """Record the foreign autopilot, the assignment of its outputs, and the flight vehicle file."""
     recorder.note(AUTOPILOT, {"version": version("wingbeat"), "vehicle": vehicle.name, **values})
     recorder.attach(FLIGHT_VEHICLE, "application/toml", vehicle.file.text.encode())
 
 
 def note_inputs(recorder: Recorder, vehicle: FlightVehicle, mission: Mission) -> None:
-    """Store what the flight begins with: vehicle file, mission, parameters, version."""
+    """Record the initial inputs of the flight: vehicle file, mission, parameters, version."""
     recorder.note("wingbeat.avionics", {"version": version("wingbeat"), "vehicle": vehicle.name})
     recorder.attach(FLIGHT_VEHICLE, "application/toml", vehicle.file.text.encode())
     recorder.attach(MISSION, "application/json", json.dumps(mission_document(mission), indent=1).encode())

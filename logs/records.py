@@ -15,16 +15,16 @@ from zlib_ng.zlib_ng import crc32
 
 Buffer = bytes | mmap.mmap
 HEAD = struct.Struct("<BQ")
-"""Opcode and length of the body, before every record."""
+"""Header of every record: opcode and length of the body."""
 Record = TypeVar("Record")
 
 
 class Damage(Exception):
-    """Bytes do not hold what they promise; the text says where, in one line."""
+    """Error: the bytes do not match their declared content; the text names the location in one line."""
 
 
 class Span(NamedTuple):
-    """Place of a record, its nine bytes of opcode and length included."""
+    """Location of a record, including its nine bytes of opcode and length."""
 
     opcode: int
     offset: int
@@ -32,17 +32,17 @@ class Span(NamedTuple):
 
     @property
     def body(self) -> int:
-        """Offset of the first byte behind opcode and length."""
+        """Offset of the first byte after opcode and length."""
         return self.offset + HEAD.size
 
     @property
     def end(self) -> int:
-        """Offset of the first byte behind the record."""
+        """Offset of the first byte after the record."""
         return self.offset + self.length
 
 
 def record_at(data: Buffer, offset: int, stop: int) -> Span | None:
-    """The record at ``offset`` when it is whole before ``stop``, else None."""
+    """Return the record at ``offset`` if it is complete before ``stop``, else None."""
     if offset + HEAD.size > stop:
         return None
     opcode, length = HEAD.unpack_from(data, offset)
@@ -51,7 +51,7 @@ def record_at(data: Buffer, offset: int, stop: int) -> Span | None:
 
 
 def records(data: Buffer, start: int, stop: int) -> Iterator[Span]:
-    """Whole records from ``start`` on, up to the first one that is torn."""
+    """Yield complete records from ``start``, up to the first torn one."""
     span = record_at(data, start, stop)
     while span is not None:
         yield span
@@ -59,7 +59,7 @@ def records(data: Buffer, start: int, stop: int) -> Iterator[Span]:
 
 
 def expected(data: Buffer, opcode: int, offset: int, stop: int) -> Span:
-    """The record at ``offset``, which must be of the kind ``opcode``.
+    """Return the record at ``offset``, which must have the ``opcode``.
 
     Raises:
         Damage: it is not.
@@ -71,7 +71,7 @@ def expected(data: Buffer, opcode: int, offset: int, stop: int) -> Span:
 
 
 def parse(kind: type[Record], data: Buffer, span: Span) -> Record:
-    """The `mcap` record of type ``kind`` at ``span``.
+    """Decode the record at ``span`` as the `mcap` class ``kind``.
 
     Raises:
         Damage: the bytes do not hold such a record.
@@ -79,7 +79,7 @@ def parse(kind: type[Record], data: Buffer, span: Span) -> Record:
     reader: Any = kind
     try:
         record: Record = reader.read(ReadDataStream(BytesIO(data[span.body : span.end])))
-    # What the package raises on torn records is not one family: a short read ends in struct.error.
+    # The package raises unrelated exceptions for torn records: a short read ends in struct.error.
     except (struct.error, McapError, UnicodeDecodeError, OverflowError, MemoryError) as error:
         reason = str(error) or type(error).__name__
         raise Damage(f"{kind.__name__} at byte {span.offset} cannot be read ({reason})") from None
@@ -87,7 +87,7 @@ def parse(kind: type[Record], data: Buffer, span: Span) -> Record:
 
 
 def attachment_at(data: Buffer, span: Span) -> Attachment:
-    """The attachment at ``span``, its CRC checked.
+    """Return the attachment at ``span`` after a check of its CRC.
 
     Raises:
         Damage: it is torn or altered.

@@ -25,35 +25,33 @@ from logs.reader import open_log
 from wingbeat.errors import InputError
 
 LEFT = 8
-"""-; of the newest recordings of a folder: a flight leaves two or three"""
+"""-; number of the newest recordings of a folder to check: a flight leaves two or three"""
 
 
 class Recovery(NamedTuple):
-    """What a repair did."""
+    """Result of a repair."""
 
     messages: int
-    """in the file now"""
+    """messages in the repaired file"""
     damage: tuple[str, ...]
-    """what was wrong, one line each; empty when nothing was and the file was left alone"""
+    """damage before the repair, one line each; empty if the file was intact and not changed"""
     torn: Path | None
-    """where the bytes are kept that could not be read"""
+    """file with the bytes that could not be read"""
     torn_bytes: int
     joined: tuple[Path, ...] = ()
-    """recordings of the world and the flight computer that were joined to the file"""
+    """recordings of world and flight computer that were joined to the file"""
 
 
 def recover(path: Path | str, max_chunk_size: int = MAX_CHUNK_SIZE) -> Recovery:
-    """Repair a log in its place: what is whole goes to a new file that replaces the old one in one step.
+    """Repair a log in place: its intact content replaces the file in one step.
 
-    If the file does not exist but the recordings of its flight do (``NAME.world.mcap``, ``NAME.avionics.mcap``, as a
-    flight leaves them that was killed), these are repaired and joined to it.
-
-    The bytes that cannot be read are kept beside it in ``<name>.torn``. A log that is whole is not touched. Of a
-    symbolic link it is the file behind it that is repaired, where it is.
+    If the file does not exist but the recordings of its flight do (``NAME.world.mcap``, ``NAME.avionics.mcap``, as
+    left by a killed flight), these are repaired and joined. Bytes that cannot be read are saved in ``<name>.torn``.
+    An intact log is not changed. A symbolic link is resolved, and its target is repaired.
 
     Raises:
         InputError: not an MCAP file, being recorded or repaired just now, or the folder cannot be written to; the
-            file is then as it was.
+            file is not changed then.
     """
     path = Path(os.path.realpath(path))
     parts = [] if path.exists() else parts_of(path)
@@ -61,7 +59,7 @@ def recover(path: Path | str, max_chunk_size: int = MAX_CHUNK_SIZE) -> Recovery:
 
 
 def _join_parts(path: Path, parts: Sequence[Path], max_chunk_size: int) -> Recovery:
-    """Repair the parts of a flight that were not joined, and join them to ``path``."""
+    """Repair the separate parts of a flight and join them to ``path``."""
     with locked_name(path) as ours:
         if not ours:
             raise InputError(f"{path} is being recorded: it cannot be repaired now")
@@ -98,9 +96,10 @@ def _recover(path: Path, max_chunk_size: int) -> Recovery:
 
 
 def recover_left(folder: Path) -> list[tuple[Path, Recovery]]:
-    """Repair the logs that the newest recordings of a folder left unfinished; what cannot be repaired stays as it is.
+    """Repair unfinished logs among the newest recordings of a folder.
 
-    Nothing is done to a file that is being recorded, and the newest `LEFT` are looked at, by their last bytes.
+    The last bytes of the newest `LEFT` files are checked. Files that are being recorded or cannot be repaired are not
+    changed.
     """
     done = []
     for path in _newest(folder):
@@ -111,7 +110,7 @@ def recover_left(folder: Path) -> list[tuple[Path, Recovery]]:
 
 
 def _newest(folder: Path) -> list[Path]:
-    """Recordings, the newest first; none where the folder cannot be read."""
+    """Return the recordings, newest first; empty if the folder cannot be read."""
     with suppress(OSError):
         dated = sorted(((path.stat().st_mtime_ns, path) for path in folder.glob("*.mcap")), reverse=True)
         return [path for _, path in dated[:LEFT]]
@@ -119,7 +118,7 @@ def _newest(folder: Path) -> list[Path]:
 
 
 def _finished(path: Path) -> bool:
-    """Whether a file ends as a finished MCAP file does."""
+    """Return whether a file ends like a finished MCAP file."""
     with path.open("rb") as file:
         file.seek(-min(len(MCAP0_MAGIC), path.stat().st_size), os.SEEK_END)
         return file.read() == MCAP0_MAGIC
@@ -127,7 +126,7 @@ def _finished(path: Path) -> bool:
 
 @contextmanager
 def _locked(path: Path) -> Iterator[None]:
-    """Hold the lock that a recorder holds on its file, on the file that has this name now."""
+    """Acquire the recorder's lock on the file that has this name at this moment."""
     try:
         with path.open("rb") as file:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

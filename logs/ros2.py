@@ -16,12 +16,12 @@ from logs.records import Damage
 _WRONG = (
     struct.error, ValueError, IndexError, KeyError, TypeError, AttributeError, RuntimeError, MemoryError, McapError,
 )  # fmt: skip
-"""what the package raises for bytes or a definition that it cannot read"""
+"""exceptions of the package for bytes or a definition that it cannot read"""
 _SEQUENCES = (list, tuple, bytes, bytearray, memoryview, array.array)
 
 
 def cdr_decoder(channel: Channel, schema: Schema) -> Callable[[bytes], dict[str, Any]]:
-    """Decoder of a message to its plain values; members of nested messages are named ``outer.inner``.
+    """Return the decoder of a message to its values; members of nested messages are named ``outer.inner``.
 
     Raises:
         InputError: the package is not installed.

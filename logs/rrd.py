@@ -29,7 +29,7 @@ Show = Callable[[float, float, str], None]
 """(done, total, what) for a progress bar"""
 PLACE, TRACK, EVENTS = "/world/place", "/world/track", "/events"
 BIRD = f"{PLACE}/bird"
-"""turns in its place, so that an eye can follow it without turning"""
+"""frame of the vehicle's position without its rotation, which the camera follows"""
 TIMELINE = "flight"
 """s since boot"""
 COLORS = {
@@ -39,27 +39,27 @@ COLORS = {
     "left": (215, 85, 25),
     "right": (25, 115, 190),
 }
-"""of the lines of a plot, by their style"""
+"""colors of the lines of a plot, by style"""
 _PARTS = {"left_wing": (215, 85, 25), "right_wing": (25, 115, 190), "tail": (230, 180, 25)}
 _LEVELS = {Severity.DEBUG: "DEBUG", Severity.NOTICE: "INFO", Severity.INFO: "INFO", Severity.WARNING: "WARN"}
 EYE = (-2.0, -2.0, 1.0)
-"""m; from the bird, which the eye follows, in ENU"""
+"""m; camera position relative to the vehicle in ENU"""
 UPPER_PLOTS = 6
-"""in the first of two tabs"""
+"""number of plots in the first of two tabs"""
 
 
 class _Stream(NamedTuple):
-    """A recording of Rerun's that is being made."""
+    """Rerun recording stream in memory."""
 
     sdk: Any
     recording: Any
 
     def log_static(self, entity: str, what: Any) -> None:
-        """What holds at all times."""
+        """Log data that are valid at all times."""
         self.recording.log(entity, what, static=True, strict=True)
 
     def moving(self, entity: str, time: Array, columns: Any) -> None:
-        """Rows at times (s since boot)."""
+        """Log rows at times (s since boot)."""
         if len(time):
             stamps = np.rint(time * 1e9).astype("timedelta64[ns]")
             self.recording.send_columns(
@@ -68,7 +68,7 @@ class _Stream(NamedTuple):
 
 
 def encode_rrd(log: Log, show: Show = lambda done, total, what: None) -> bytes:
-    """A flight as the content of a file of Rerun's, with a layout of its own.
+    """Encode a flight as a Rerun file with its own layout.
 
     Raises:
         InputError: rerun-sdk is not installed, or a part of the log is damaged or has nothing to show.
@@ -141,9 +141,9 @@ def _draw_parts(stream: _Stream, shape: Shape) -> None:
 def _move(
     stream: _Stream, entity: str, time: Array, place: Vector, quaternions: Array | Iterable[Quaternion]
 ) -> None:
-    """A frame that turns at a place (m): quaternions (w, x, y, z) at times (s), xyzw there."""
+    """Log a rotating frame at a position (m): quaternions (w, x, y, z) at times (s), converted to xyzw."""
     turned = np.asarray(list(quaternions))[:, [1, 2, 3, 0]]
-    # Both in every row: one that is left out is not kept from the row before.
+    # Both in every row: a value that is omitted is not kept from the previous row.
     places = np.tile(place, (len(time), 1))
     stream.moving(entity, time, stream.sdk.Transform3D.columns(translation=places, quaternion=turned))
 
@@ -152,7 +152,7 @@ def _move(
 
 
 def _plot(stream: _Stream, panel: Panel, tables: Tables, motion: Motion) -> bool:
-    """Send a panel's lines; whether it has any."""
+    """Log the lines of a panel; return whether it has any."""
     lines = list(_wing_lines(motion) if panel.title == WING_ANGLE else _panel_lines(panel, tables))
     for name, style, time, values in lines:
         entity = f"{_entity(panel.title)}/{name.replace(' ', '_')}"
@@ -162,7 +162,7 @@ def _plot(stream: _Stream, panel: Panel, tables: Tables, motion: Motion) -> bool
 
 
 def _panel_lines(panel: Panel, tables: Tables) -> Iterator[tuple[str, str, Array, Array]]:
-    """Name, style, times (s) and values of each line that the log has."""
+    """Yield name, style, times (s) and values of each line that the log has."""
     for line in panel.lines:
         table = plotted(tables, line.topic.name)
         if table is not None and line.field in table.fields:
@@ -171,7 +171,7 @@ def _panel_lines(panel: Panel, tables: Tables) -> Iterator[tuple[str, str, Array
 
 
 def _both_sides(envelope: Envelope, field: str) -> tuple[Array, Array]:
-    """Times and values; where a row stands for several samples, their least and then their greatest."""
+    """Return times and values; a row that stands for several samples yields their minimum and maximum."""
     if envelope.high is None:
         return envelope.time, envelope.low[field]
     sides = np.column_stack((envelope.low[field], envelope.high[field]))
@@ -200,7 +200,7 @@ def _entity(title: str) -> str:
 
 
 def _layout(sdk: Any, titles: list[str], bird: bool) -> Any:
-    """The bird above the events, the plots beside them in two tabs."""
+    """Return the layout: vehicle above events, plots beside them in two tabs."""
     part = sdk.blueprint
     units = {panel.title: panel.unit for panel in PANELS}
     plots = [part.TimeSeriesView(origin=_entity(title), name=f"{title} [{units[title]}]") for title in titles]
@@ -213,7 +213,7 @@ def _layout(sdk: Any, titles: list[str], bird: bool) -> Any:
 
 
 def _spaces(part: Any) -> list[Any]:
-    """The bird from near by, and the whole track."""
+    """Return the view of the vehicle from nearby and the view of the whole track."""
     eye = part.EyeControls3D(position=EYE, look_target=(0.0, 0.0, 0.0), eye_up=(0.0, 0.0, 1.0))
     near = part.Spatial3DView(origin=PLACE, contents="/world/**", name="Bird", eye_controls=eye)
     return [near, part.Spatial3DView(origin="/world", name="Track")]

@@ -38,22 +38,22 @@ ESTIMATED_SCENE = Topic("/view/estimated/scene", SceneUpdate, 2011, 1.0, determi
 TRANSFORM_PERIOD_US = 20_000
 SCENE_PERIOD_US = 1_000_000
 TRACK_POINTS = 300
-"""Seconds of track that are shown."""
+"""Seconds of track in the scene."""
 
 
 class Shape(NamedTuple):
-    """Outline of a vehicle in body axes FLU (x forward, y left, z up) from its centre of mass."""
+    """Outline of a vehicle in body axes FLU (x forward, y left, z up) from its center of mass."""
 
     semispan: float
     """m; wing hinge to tip"""
     chord: float
-    """m; greatest chord of a wing"""
+    """m; largest chord of a wing"""
     hinge: Vector
     """m; of the left wing's leading edge at its hinge"""
     nose: float
     """m; foremost point of the fuselage"""
     tail: Vector
-    """m; where the tail turns"""
+    """m; hinge of the tail"""
     tail_span: float
     """m; tip to tip"""
     tail_chord: float
@@ -63,29 +63,30 @@ class Shape(NamedTuple):
 
 
 PLAIN_BIRD = Shape(0.5, 0.3, (0.1, 0.02, 0.0), 0.25, (-0.35, 0.0, 0.0), 0.25, 0.25, 0.0)
-"""What is drawn for a vehicle that is not known."""
+"""Outline of an unknown vehicle."""
 FLOWN: Mapping[str, Shape] = {
     "arizona_100cm": Shape(0.5, 0.2, (0.08, 0.02, 0.03), 0.15, (-0.3567, 0.0, 0.0), 0.1732, 0.1732, 0.0775),
     "robo_raven_ii_d": Shape(0.762, 0.432, (0.15, 0.03, 0.04), 0.15, (-0.3588, 0.0, 0.0), 0.2449, 0.2449, 0.1),
 }
-"""Outlines, to 0.1 mm, of the vehicles that a flight computer knows by name: what `outline.shape_of` makes of their
-files brings the physics' compiler, which a flight computer does not wait for."""
+"""Outlines, to 0.1 mm, of the vehicles that the flight computer has by name. `outline.shape_of` computes them from
+the vehicle files but loads the compiler of the physics, which the flight computer avoids.
+"""
 
 
 # --- messages for viewers -------------------------------------------------------------------------------
 
 
 class Scene:
-    """Builds the viewers' messages of one vehicle from its poses."""
+    """Builder of the viewers' messages of one vehicle from its poses."""
 
     def __init__(self, shape: Shape, start_epoch_ns: int, name: str = "", alpha: float = 1.0) -> None:
-        """Prepare.
+        """Initialize the messages.
 
         Args:
             shape: outline of the vehicle.
-            start_epoch_ns: ns since 1970 at which the vehicle's clock was zero.
-            name: put before the frames' names with a slash, so that two birds can fly in one scene.
-            alpha: how opaque it is drawn, 0 to 1.
+            start_epoch_ns: ns since 1970 at the zero of the vehicle clock.
+            name: prefix of the frame names, with a slash, so that a scene can have two vehicles.
+            alpha: opacity, 0 to 1.
         """
         self.start_epoch_ns = start_epoch_ns
         prefix = f"{name}/" if name else ""
@@ -94,7 +95,7 @@ class Scene:
         self._line = self._scene.entities[-1].lines[0]
 
     def update(self, pose: Pose) -> SceneUpdate:
-        """The vehicle's parts and its track so far; the message is reused by the next call."""
+        """Return the parts of the vehicle and its track so far; the next call reuses the message."""
         point = enu_from_ned(pose.position_ned)
         if len(self._line.points) == TRACK_POINTS:
             del self._line.points[0]
@@ -109,7 +110,7 @@ def _stamp(target: Any, start_epoch_ns: int, time_us: int) -> None:
 
 
 def location(fix: m.GpsFix, start_epoch_ns: int, frame: str = "body") -> LocationFix:
-    """The fix of a ``frame`` on a map; its accuracy, where it is known, is a covariance in east, north, up."""
+    """Build the map message of a fix; known accuracies become a covariance in east, north, up."""
     east = fix.horizontal_accuracy * fix.horizontal_accuracy
     up = fix.vertical_accuracy * fix.vertical_accuracy
     known = math.isfinite(east + up)
@@ -126,7 +127,7 @@ def location(fix: m.GpsFix, start_epoch_ns: int, frame: str = "body") -> Locatio
 
 
 def entities(shape: Shape, prefix: str, alpha: float) -> list[SceneEntity]:
-    """Fuselage, wings and tail, each fixed to its frame, and the track, last, in the world."""
+    """Return fuselage, wings and tail, each fixed to its frame, and last the track in the world frame."""
     plates = outlines(shape)
     colors = ((0.85, 0.33, 0.1, alpha), (0.1, 0.45, 0.75, alpha), (0.9, 0.7, 0.1, alpha))
     surfaces = [_surface(f"{prefix}{name}", plates[name], color) for name, color in zip(plates, colors, strict=True)]
@@ -139,7 +140,7 @@ def entities(shape: Shape, prefix: str, alpha: float) -> list[SceneEntity]:
 
 
 def outlines(shape: Shape) -> dict[str, list[list[Vector]]]:
-    """Four-cornered plates of ``left_wing``, ``right_wing`` and ``tail``, each in m in the frame of that name."""
+    """Return four-cornered plates of ``left_wing``, ``right_wing`` and ``tail``, in m in the frame of that name."""
     x, half, height = shape.tail_chord, shape.tail_span / 2.0, shape.fin_height
     tail = [(0.0, half, 0.0), (-x, half, 0.0), (-x, -half, 0.0), (0.0, -half, 0.0)]
     fin = [(0.0, 0.0, 0.0), (-x, 0.0, 0.0), (-x, 0.0, height), (-x / 2.0, 0.0, height)]
@@ -151,7 +152,7 @@ def outlines(shape: Shape) -> dict[str, list[list[Vector]]]:
 
 
 def _wing(shape: Shape, side: int) -> list[Vector]:
-    """Corners of a wing: the spar straight to the tip, the chord full over the inner 60 % of the span."""
+    """Return the corners of a wing: a straight spar, full chord over the inner 60 % of the span."""
     b, c = side * shape.semispan, shape.chord
     return [(0.0, 0.0, 0.0), (-c, 0.0, 0.0), (-c, 0.6 * b, 0.0), (0.0, b, 0.0)]
 
@@ -168,7 +169,7 @@ def _fuselage(shape: Shape, prefix: str, alpha: float) -> SceneEntity:
 
 
 def _surface(frame: str, outlines: list[list[Vector]], color: tuple[float, float, float, float]) -> SceneEntity:
-    """Four-cornered plates with both faces."""
+    """Return four-cornered plates with both faces."""
     entity = SceneEntity(frame_id=frame, id=frame, frame_locked=True)
     for a, b, c, d in outlines:
         triangles = entity.triangles.add()
@@ -187,11 +188,11 @@ def _paint(target: Any, color: tuple[float, float, float, float]) -> None:
 
 
 class SceneRecorder:
-    """A recorder that hands everything on to another and adds the viewers' topics.
+    """Recorder that passes all messages to another recorder and adds the topics of viewers.
 
-    It shows the truth where it is recorded (``/truth/state``, ``/truth/wing``), else, with ``estimated``, what the
-    flight computer believes; the two have topics and frames of their own and may be in one file. GPS fixes are put
-    on the map either way. What cannot be shown, as an attitude of no numbers, is left out: nothing is raised.
+    It shows the truth if it is recorded (``/truth/state``, ``/truth/wing``), else, with ``estimated``, the estimates
+    of the flight computer. Both have their own topics and frames and may be in one file. GPS fixes are always put on
+    the map. Data that cannot be shown, such as an attitude of NaN, are omitted without an exception.
     """
 
     def __init__(
@@ -202,9 +203,10 @@ class SceneRecorder:
         estimated: bool = False,
         guard: Guard | None = None,
     ) -> None:
-        """Prepare; without a ``shape`` the map alone is added, for a recording beside one that shows the bird.
+        """Initialize the topics.
 
-        ``guard`` catches what the view raises: the recording goes on without it. Without one it is raised.
+        Without a ``shape`` only the map is added, for a recording beside one that shows the vehicle. ``guard``
+        catches exceptions of the view so that the recording continues; without it they are raised.
         """
         self.inner = inner
         self._guard = guard
@@ -218,22 +220,22 @@ class SceneRecorder:
         self._pose = _estimated_pose if estimated else _true_pose
         self._next_us = [0, 0]
         self.added: dict[str, int] = {}
-        """messages that were added, by topic"""
+        """number of added messages, by topic"""
 
     @property
     def failure(self) -> str:
-        """Why nothing is recorded any more, one line; empty while it is."""
+        """Reason why recording has ended, one line; empty while it continues."""
         return self.inner.failure
 
     def record(self, topic: Topic[Any], message: Any) -> None:
-        """Store one message, and what there is to see at its time."""
+        """Record one message and the view at its time."""
         self.inner.record(topic, message)
         if topic.channel in self._watched:
             for seen in self._shown_of(topic.channel, message):
                 self.inner.record(*seen)
 
     def record_all(self, messages: Iterable[Said]) -> None:
-        """Store messages in turn, each with what there is to see at its time."""
+        """Record messages in sequence, each with the view at its time."""
         watched, whole = self._watched, list[Said]()
         for pair in messages:
             whole.append(pair)
@@ -242,15 +244,15 @@ class SceneRecorder:
         self.inner.record_all(whole)
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
-        """Store a file beside the messages."""
+        """Attach a file to the recording."""
         self.inner.attach(name, media_type, data)
 
     def note(self, name: str, values: dict[str, str]) -> None:
-        """Store metadata."""
+        """Record metadata."""
         self.inner.note(name, values)
 
     def close(self) -> None:
-        """Finish the recording; further calls do nothing."""
+        """Finish the recording; further calls have no effect."""
         self.inner.close()
 
     def __enter__(self) -> SceneRecorder:
@@ -267,9 +269,9 @@ class SceneRecorder:
         return self._guard.run(self._updates_of, channel, message) or ()
 
     def _updates_of(self, channel: int, message: Any) -> Sequence[Said]:
-        """What one message of a watched channel lets see."""
+        """Return the view messages that follow from one message of an observed channel."""
         seen: Sequence[Said] = ()
-        # A flight goes on, whatever a viewer would have made of this.
+        # A fault of the view must not stop the flight.
         with contextlib.suppress(ValueError, ArithmeticError, TypeError):
             if channel == _FIXES:
                 seen = self._placed(message)
@@ -321,7 +323,7 @@ def _true_pose(latest: dict[int, Any]) -> Pose:
 
 
 def _estimated_pose(latest: dict[int, Any]) -> Pose:
-    """Position, altitude, wings and tail are at rest at the origin until they are known; NaN is not known."""
+    """Return the estimated pose; unknown position, altitude, wings and tail are zero, and NaN counts as unknown."""
     attitude = latest[topics.ATTITUDE.channel]
     position, altitude = latest.get(topics.POSITION.channel), latest.get(topics.ALTITUDE.channel)
     wing, actuators = latest.get(topics.WING.channel), latest.get(topics.ACTUATORS.channel)

@@ -21,14 +21,15 @@ from wingbeat.docstrings import split_unit
 _TYPES = {name: FieldDescriptorProto.Type.Value(f"TYPE_{name.upper()}") for name in SCALARS}
 _NAMES = {number: name for name, number in _TYPES.items()}
 LARGEST_MESSAGE = 1 << 16
-"""bytes; a larger message is read without its layout, one by one: who claims a long array may be damaged"""
-# Places in a FileDescriptorProto, which source comments are attached to: message_type = 4, its field = 2.
+"""bytes; limit for reading with a fixed layout: a longer array may be damage, so larger messages are read one by one
+"""
+# Paths in a FileDescriptorProto of the source comments: message_type = 4, its field = 2.
 _MESSAGE_PATH = (4, 0)
 _FIELD_PATH = (4, 0, 2)
 
 
 def descriptor_set(layout: Layout) -> bytes:
-    """Serialised FileDescriptorSet with the one file of ``layout``; its comments carry units and descriptions."""
+    """Return the serialized FileDescriptorSet of ``layout``; its comments contain units and descriptions."""
     package, _, name = layout.name.rpartition(".")
     file = FileDescriptorProto(name=f"{layout.name.replace('.', '/')}.proto", package=package, syntax="proto3")
     message = file.message_type.add(name=name)
@@ -44,7 +45,7 @@ def _add_field(message: DescriptorProto, field: Field) -> None:
     if field.length:
         added.label = FieldDescriptorProto.LABEL_REPEATED
         return
-    # `optional` in proto3 is a oneof with one member, so that a zero is written too.
+    # `optional` in proto3 is a oneof with one member, so a zero is written too.
     added.label = FieldDescriptorProto.LABEL_OPTIONAL
     added.proto3_optional = True
     added.oneof_index = len(message.oneof_decl)
@@ -57,14 +58,14 @@ def _comment(info: SourceCodeInfo, path: tuple[int, ...], text: str) -> None:
 
 
 def channel_metadata(layout: Layout) -> dict[str, str]:
-    """What a protobuf schema has no place for, as JSON: labels of enumerations and lengths of arrays."""
+    """Return the channel metadata that a protobuf schema cannot contain, as JSON: labels and array lengths."""
     labels = {f.name: {str(value): label for value, label in f.labels.items()} for f in layout.fields if f.labels}
     lengths = {field.name: field.length for field in layout.fields if field.length}
     return {key: json.dumps(value) for key, value in (("labels", labels), ("lengths", lengths)) if value}
 
 
 def layout_from_schema(name: str, data: bytes, metadata: Mapping[str, str]) -> Layout | None:
-    """Layout of a message as a log's own schema declares it, None where its length is not constant.
+    """Return the layout of a message as the log's own schema declares it; None if its length varies.
 
     ``data`` is a FileDescriptorSet, ``name`` the message in it, ``metadata`` that of the channel.
     """
@@ -81,7 +82,7 @@ def layout_from_schema(name: str, data: bytes, metadata: Mapping[str, str]) -> L
 
 
 def _table(metadata: Mapping[str, str], key: str) -> dict[str, Any]:
-    """A JSON object of the channel's metadata; empty where there is none, or another writer means something else."""
+    """Return a JSON object of the channel metadata; empty if absent or if another writer stored something else."""
     try:
         table = json.loads(metadata.get(key, "{}"))
     except (ValueError, RecursionError):

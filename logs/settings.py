@@ -18,54 +18,54 @@ from wingbeat.errors import InputError
 from wingbeat.message import Event, Severity
 
 CALIBRATION = "calibration"
-"""Source of a change that a calibration made."""
+"""Source of a change by a calibration."""
 Values = dict[str, float]
 Item = dict[str, Any]
 
 
 class Change(NamedTuple):
-    """A parameter that got a value in flight."""
+    """Change of a parameter in flight."""
 
     time: float
     """s; since boot"""
     name: str
     value: float
-    """in the parameter's unit, as it held from then on"""
+    """in the parameter's unit, valid from ``time``"""
     source: str
-    """who asked: a link's name, "script", "pilot", or `CALIBRATION`"""
+    """origin of the request: a link's name, "script", "pilot", or `CALIBRATION`"""
 
 
 class Parameters(NamedTuple):
     """The parameters of a flight."""
 
     initial: Values
-    """by name, at boot; empty where the log does not say"""
+    """by name, at boot; empty if the log does not contain them"""
     changes: tuple[Change, ...]
-    """in order of time; what was asked and refused is none"""
+    """in order of time, without denied requests"""
 
     def at(self, time: float) -> Values:
-        """All parameters as they held at ``time`` (s since boot)."""
+        """Return all parameters valid at ``time`` (s since boot)."""
         return self.initial | {change.name: change.value for change in self.changes if change.time <= time}
 
 
 class ActiveMission(NamedTuple):
-    """A mission that held from some time on."""
+    """Mission that is active from a time on."""
 
     time: float
-    """s; since boot, 0 for the one that was loaded then"""
+    """s; since boot, 0 for the mission loaded at boot"""
     items: tuple[Item, ...]
-    """the fields of `avionics.guidance.mission.MissionItem` by name, the kind by its name"""
+    """fields of `avionics.guidance.mission.MissionItem` by name; the kind by its name"""
 
 
 def mission_document(mission: Mission) -> list[Item]:
-    """A mission in the types of JSON."""
+    """Convert a mission to JSON types."""
     items = [item._asdict() | {"kind": item.kind.name} for item in mission]
     plain: list[Item] = json.loads(json.dumps(items))
     return plain
 
 
 def initial_parameters(log: LogFile) -> Values:
-    """Every parameter at boot by its name; empty where the log does not say.
+    """Return every parameter at boot by name; empty if the log does not contain them.
 
     Raises:
         InputError: one is not a number.
@@ -74,7 +74,7 @@ def initial_parameters(log: LogFile) -> Values:
 
 
 def parameters_of(log: LogFile) -> Parameters:
-    """The parameters of a flight and how they changed; see `logs.reader.Log.parameters`."""
+    """Return the parameters of a flight and their changes; see `logs.reader.Log.parameters`."""
     initial, documents = initial_parameters(log), list(_changes(log))
     if not documents:
         return _from_events(log, initial)
@@ -87,7 +87,7 @@ def parameters_of(log: LogFile) -> Parameters:
 
 
 def missions_of(log: LogFile) -> tuple[ActiveMission, ...]:
-    """The missions of a flight; see `logs.reader.Log.missions`."""
+    """Return the missions of a flight; see `logs.reader.Log.missions`."""
     loaded = [item.data for item in log.attachments if item.name == MISSION]
     first = [ActiveMission(0.0, tuple(_items(log, loaded[0])))] if loaded else []
     documents = list(_changes(log))

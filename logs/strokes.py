@@ -18,36 +18,36 @@ from wingbeat.errors import InputError
 
 Array = NDArray[np.float64]
 GAP_PERIODS = 5.0
-"""A pause in the wing's topic longer than this many median periods: nobody knows the strokes in it."""
+"""Gap threshold in median periods of the wing topic: strokes in a longer pause are unknown."""
 RESAMPLED = 64
-"""-; phases of a stroke that is resampled, if nothing is asked"""
+"""-; default number of phases of a resampled stroke"""
 
 
 class Strokes(NamedTuple):
-    """Whole strokes in their order, with a pause between two where the wings stood still or nothing was recorded."""
+    """Complete strokes in sequence, with pauses between runs of flapping and at gaps of the recording."""
 
     begin: Array
     """s; (M,), since boot"""
     end: Array
     """s; (M,), since boot"""
     number: NDArray[np.int64]
-    """-; (M,), full strokes since boot when it began"""
+    """-; (M,), complete strokes since boot at its start"""
 
     @property
     def period(self) -> Array:
-        """s; (M,), how long each took."""
+        """s; (M,), duration of each stroke."""
         return self.end - self.begin
 
     def slices(self, time: Array) -> list[slice]:
-        """Which of the samples at ``time`` (N,) lie in each stroke, one at its begin included."""
+        """Return the slice of the samples at ``time`` (N,) in each stroke, its start included."""
         first, last = (np.searchsorted(time, each, side="left") for each in (self.begin, self.end))
         return [slice(int(low), int(high)) for low, high in zip(first, last, strict=True)]
 
     def means(self, time: Array, values: Array) -> Array:
-        """Mean of ``values`` (N,) or (N, k) in each stroke, (M,) or (M, k), linear between samples.
+        """Compute the mean of ``values`` (N,) or (N, k) over each stroke, (M,) or (M, k).
 
-        NaN where the samples do not span the stroke, or two of them in it are further apart than it is long. An angle
-        that wraps is to be unwrapped before.
+        The values are linear between samples. NaN if the samples do not span the stroke, or if two of them in it are
+        further apart than its period. Unwrap angles first.
         """
         known = self._spanned(time)
         out = np.full((len(self.begin), *values.shape[1:]), np.nan)
@@ -56,9 +56,9 @@ class Strokes(NamedTuple):
         return out
 
     def resampled(self, time: Array, values: Array, count: int = RESAMPLED) -> Array:
-        """``values`` (N,) at ``count`` equal steps of phase, from 0 on, in each stroke: (M, count).
+        """Resample ``values`` (N,) at ``count`` equal phase steps from 0 in each stroke: (M, count).
 
-        Linear between samples; the phase grows evenly in time within a stroke. NaN as in `means`.
+        The values are linear between samples, and the phase is linear in time within a stroke. NaN as in `means`.
         """
         at = self.begin[:, None] + self.period[:, None] * (np.arange(count) / count)
         out: Array = np.interp(at, time, values) if len(time) else np.full(at.shape, np.nan)
@@ -66,21 +66,21 @@ class Strokes(NamedTuple):
         return out
 
     def _spanned(self, time: Array) -> NDArray[np.bool_]:
-        """Strokes (M,) that samples at ``time`` (N,) span without a pause as long as the stroke."""
+        """Return the strokes (M,) that samples at ``time`` (N,) span without a pause as long as the stroke."""
         if len(time) < 2 or not len(self.begin):
             return np.zeros(len(self.begin), bool)
         inside: NDArray[np.bool_] = (self.begin >= time[0]) & (self.end <= time[-1])
         first = np.clip(np.searchsorted(time, self.begin, side="right") - 1, 0, len(time) - 2)
         last = np.clip(np.searchsorted(time, self.end, side="left"), first + 1, len(time) - 1)
         bounds = np.column_stack((first, last)).ravel()
-        # One more pause of no length, since a stretch may end behind the last.
+        # One more pause of zero length, since a stroke may end after the last sample.
         longest = np.maximum.reduceat(np.append(np.diff(time), 0.0), bounds)[::2]
         inside &= longest <= self.period
         return inside
 
 
 def strokes(log: LogFile, start: float | None = None, end: float | None = None) -> Strokes:
-    """The whole strokes in a log (s since boot, from ``start`` to ``end``) by the phase of ``/main/wing``.
+    """Find the complete strokes in a log (from ``start`` to ``end``, s since boot) by the phase of ``/main/wing``.
 
     Raises:
         InputError: the log has no such topic, or a part of the file is damaged.
@@ -93,13 +93,13 @@ def strokes(log: LogFile, start: float | None = None, end: float | None = None) 
 
 
 def cut_strokes(time: Array, phase: Array, count: NDArray[np.int64], flapping: NDArray[np.int64]) -> Strokes:
-    """Whole strokes of a wing's samples.
+    """Find the complete strokes in the samples of a wing.
 
     Args:
         time: s; (N,).
         phase: rad; (N,), 0 to 2 pi.
-        count: -; (N,), full strokes since boot.
-        flapping: -; (N,), 1 while a stroke is measured.
+        count: -; (N,), complete strokes since boot.
+        flapping: -; (N,), 1 while the wings flap.
     """
     good = np.isfinite(phase)
     good[1:] &= time[1:] > np.maximum.accumulate(time)[:-1]
@@ -113,7 +113,7 @@ def cut_strokes(time: Array, phase: Array, count: NDArray[np.int64], flapping: N
 
 
 def _runs(time: Array, flapping: NDArray[np.int64]) -> list[slice]:
-    """Samples that belong together: the wings flap, and no pause lies between them."""
+    """Yield the runs of samples in which the wings flap without a gap."""
     if len(time) < 2:
         return []
     step = np.diff(time)
@@ -126,26 +126,26 @@ def _runs(time: Array, flapping: NDArray[np.int64]) -> list[slice]:
 
 
 def strokes_of(phase: Array) -> Array:
-    """Strokes since the first sample, unwrapped and never decreasing, from the wing ``phase`` in rad (N,)."""
+    """Return the strokes since the first sample, unwrapped and nondecreasing, from the wing ``phase`` in rad (N,)."""
     strokes: Array = np.maximum.accumulate(np.unwrap(phase)) / (2 * np.pi)
     return strokes
 
 
 def time_at(time: Array, strokes: Array, stroke_counts: Array) -> Array:
-    """Time (s) at which the stroke count ``strokes`` (N,) passed ``stroke_counts`` (M,); NaN outside the record."""
+    """Return the times (s) at which the stroke count ``strokes`` (N,) passed ``stroke_counts`` (M,), else NaN."""
     rising = np.concatenate(([True], np.diff(strokes) > 1e-9))
     found: Array = np.interp(stroke_counts, strokes[rising], time[rising], left=np.nan, right=np.nan)
     return found
 
 
 def stroke_cuts(time: Array, strokes: Array) -> Array:
-    """Times (s) at which a whole stroke ended and the next began."""
+    """Return the times (s) at which a complete stroke ended and the next began."""
     stroke_counts = np.arange(np.ceil(strokes[0]), np.floor(strokes[-1]) + 1)
     return time_at(time, strokes, stroke_counts)
 
 
 def integral(time: Array, values: Array, at: Array) -> Array:
-    """Integral of ``values`` (N,) or (N, k) from ``time[0]`` to each time of ``at`` (M,), linear between samples."""
+    """Integrate ``values`` (N,) or (N, k) from ``time[0]`` to each time of ``at`` (M,), linear between samples."""
     columns = values.reshape(len(time), -1)
     width = np.diff(time)[:, None]
     whole = np.vstack((np.zeros(columns.shape[1]), np.cumsum(width * (columns[1:] + columns[:-1]) / 2, axis=0)))
@@ -157,12 +157,12 @@ def integral(time: Array, values: Array, at: Array) -> Array:
 
 
 def interval_mean(time: Array, values: Array, start: Array, stop: Array) -> Array:
-    """Mean of ``values`` (N,) or (N, k) over each interval from ``start`` (M,) to ``stop`` (M,), in seconds."""
+    """Average ``values`` (N,) or (N, k) over each interval from ``start`` (M,) to ``stop`` (M,), in seconds."""
     difference = integral(time, values, stop) - integral(time, values, start)
     means: Array = (difference.T / (stop - start)).T
     return means
 
 
 def stroke_means(time: Array, values: Array, cuts: Array) -> Array:
-    """Mean of ``values`` (N,) over each stroke between ``cuts`` (M,): (M - 1,)."""
+    """Average ``values`` (N,) over each stroke between ``cuts`` (M,): (M - 1,)."""
     return interval_mean(time, values, cuts[:-1], cuts[1:])

@@ -23,15 +23,15 @@ from wingbeat.topic import Topic
 Array = NDArray[np.float64]
 
 HOLD_AT_LEAST = 5.0
-"""s; setpoints constant for this long while en route are a hold"""
+"""s; minimum duration of constant setpoints en route that count as a hold"""
 CAPTURE_ALTITUDE = 1.0
-"""m; a hold counts from when it was first this near its altitude ..."""
+"""m; altitude error below which a hold is captured"""
 CAPTURE_HEADING = 0.15
-"""rad; ... and this near its heading: what the flight computers call captured"""
+"""rad; heading error below which a hold is captured, as in the flight computers"""
 
 
 class Touchdown(NamedTuple):
-    """The moment a part first touched the ground."""
+    """First ground contact of any part."""
 
     time: float
     """s; since boot"""
@@ -46,22 +46,22 @@ class Touchdown(NamedTuple):
 
 
 class AltitudeHold(NamedTuple):
-    """Altitude and heading kept, from the first capture to the end of the hold."""
+    """Altitude and heading hold, from the first capture to its end."""
 
     start: float
-    """s; since boot, when the setpoints became constant"""
+    """s; since boot, start of the constant setpoints"""
     settling: float
-    """s; from there until altitude and heading were captured"""
+    """s; from ``start`` to the capture of altitude and heading"""
     duration: float
     """s; from capture to the end"""
     altitude_rms: float
-    """m; setpoint against what was flown"""
+    """m; RMS error between setpoint and flown altitude"""
     heading_rms: float
-    """rad; setpoint against what was flown"""
+    """rad; RMS error between setpoint and flown heading"""
 
 
 class EstimateError(NamedTuple):
-    """RMS of estimate minus truth between launch and touchdown."""
+    """RMS error of the estimates against the truth between launch and touchdown."""
 
     roll: float
     """rad"""
@@ -76,10 +76,10 @@ class EstimateError(NamedTuple):
 
 
 class FlightSummary(NamedTuple):
-    """One flight in numbers; None where the log does not tell."""
+    """Key figures of a flight; None if the log does not contain the data."""
 
     against_truth: bool
-    """-; True when errors are against the simulated world's truth"""
+    """-; True if errors are against the truth of the simulated world"""
     log_duration: float
     """s; from the first to the last message"""
     launch: float | None
@@ -101,13 +101,13 @@ class FlightSummary(NamedTuple):
     power: float | None
     """W; mean in the air"""
     manoeuvres: int
-    """-; identification inputs flown"""
+    """-; number of identification inputs in the flight"""
     estimate: EstimateError | None
-    """of the flight computer's estimates; None without truth"""
+    """errors of the flight computer's estimates; None without truth"""
     touchdown: Touchdown | None
-    """first contact with the ground; None without truth, or when it was still in the air"""
+    """first contact with the ground; None without truth, or if the flight ended airborne"""
     landed: float | None
-    """s; since boot, when the flight computer was sure that it lies on the ground, some still seconds later"""
+    """s; since boot, when the flight computer detected the landing, several seconds after the vehicle came to rest"""
 
 
 class _Flight(NamedTuple):
@@ -119,7 +119,7 @@ class _Flight(NamedTuple):
         return self.tables.get(topic.name)
 
     def in_air(self, topic: Topic[Any]) -> tuple[Columns, NDArray[np.bool_]] | None:
-        """A topic and where it was recorded in the air; None without such samples."""
+        """Return a topic with the mask of its samples in the air; None without such samples."""
         columns = self.get(topic)
         if columns is None or self.launch is None or self.end is None:
             return None
@@ -134,7 +134,7 @@ NEEDED = (
 
 
 def summarize(log: Log) -> FlightSummary:
-    """Sum up a flight.
+    """Summarize a flight.
 
     Raises:
         InputError: a part of the file is damaged.
@@ -144,7 +144,7 @@ def summarize(log: Log) -> FlightSummary:
 
 
 def summary_of(tables: dict[str, Columns], duration: float) -> FlightSummary:
-    """Sum up what the ``tables`` of the topics `NEEDED` hold, by their names; ``duration`` s is that of the log."""
+    """Summarize ``tables`` of the topics `NEEDED`, by their names; ``duration`` s is that of the log."""
     launch, end = _airborne(tables)
     flight = _Flight(tables, launch, end)
     truth = flight.get(truth_topics.STATE)

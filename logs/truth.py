@@ -16,12 +16,12 @@ from wingbeat.errors import InputError
 
 
 def known_truths(log: Log, modes: bool = True) -> dict[str, float]:
-    """True values by the name of their estimate; empty for a flight that was not simulated.
+    """Return the true values by the name of their estimate; empty for a flight that was not simulated.
 
     ``K_tau`` (N m/A) and ``K_tau0`` (N m) of Gerdes Eq. 11; ``short_period_frequency`` (rad/s) and
-    ``short_period_damping`` (-) of the stroke-averaged model, linearised about the mean true airspeed and climb
-    of the log's identification inputs, or the vehicle's cruise where there were none. The mode takes seconds to find:
-    not ``modes`` leaves it out.
+    ``short_period_damping`` (-) of the stroke-averaged model, linearized about the mean true airspeed and climb of
+    the identification inputs in the log, or about the vehicle's cruise without inputs. The mode takes seconds to
+    compute; ``modes=False`` omits it.
 
     Raises:
         InputError: a part of the file is damaged, or the vehicle file cannot be used.
@@ -41,9 +41,9 @@ def known_truths(log: Log, modes: bool = True) -> dict[str, float]:
 
 
 def throttle_truths(log: Log, model: FrequencyModel) -> dict[str, float]:
-    """What ``model`` would be of the true frequencies of a simulated vehicle whose motor turns as its throttle says.
+    """Return the truth for ``model``, fitted to the true frequencies of a vehicle with throttle-driven motor.
 
-    Empty for any other, and for a flight that was not simulated.
+    Empty for any other vehicle, and for a flight that was not simulated.
 
     Raises:
         InputError: a part of the file is damaged, or the vehicle file cannot be used.
@@ -56,7 +56,7 @@ def throttle_truths(log: Log, model: FrequencyModel) -> dict[str, float]:
 
 
 def _operating_point(log: Log, vehicle: SimulatedVehicle) -> tuple[float, float]:
-    """Airspeed and climb rate in m/s to linearise about."""
+    """Return airspeed and climb rate in m/s to linearize about."""
     cruise = vehicle.cruise.airspeed, vehicle.cruise.climb_rate
     if not all(topic.name in log.topics for topic in (topics.EXCITATION, truth.STATE)):
         return cruise

@@ -12,15 +12,16 @@ from logs.new_files import numbered
 from wingbeat.errors import InputError
 
 Work = Callable[[Container], None]
-"""writes whole records to a container"""
+"""writes complete records to a container"""
 Create = Callable[[Path], IO[bytes]]
-"""makes a new file without a buffer, or raises `InputError`"""
+"""creates a file without a buffer, or raises `InputError`"""
 
 
 class Volumes:
-    """Writes to the file that is open; what every file of the recording needs is written to each of them.
+    """Writer to the open file of a recording that may be split into several files.
 
-    Every method that writes raises `OSError` when the disk refuses.
+    Records that every file needs are repeated in each of them. Every method that writes raises `OSError` if the disk
+    fails.
     """
 
     def __init__(self, path: Path, limit: int, create: Create) -> None:
@@ -28,8 +29,8 @@ class Volumes:
 
         Args:
             path: of the first; the others are ``-2``, ``-3`` and so on.
-            limit: bytes after which a file is finished and the next begun; 0 for one file of any size.
-            create: makes the files.
+            limit: bytes after which the file is finished and the next one is begun; 0 for one file of any size.
+            create: creates the files.
 
         Raises:
             InputError: the file exists or cannot be created.
@@ -43,12 +44,12 @@ class Volumes:
 
     @property
     def written(self) -> int:
-        """Bytes of whole records in all files so far."""
+        """Bytes of complete records in all files so far."""
         size: int = self._container.size
         return self._earlier + size
 
     def write(self, work: Work, everywhere: bool = False) -> None:
-        """Write to the file that is open; ``everywhere``: to every later one too."""
+        """Write to the open file and, with ``everywhere``, to every later one."""
         if self._limit and self._container.size >= self._limit:
             self._next()
         if everywhere:
@@ -56,19 +57,19 @@ class Volumes:
         work(self._container)
 
     def finish(self) -> None:
-        """Write the summary of the file that is open, and close it."""
+        """Write the summary of the open file and close it."""
         self._container.finish()
         self._file.close()
 
     def give_up(self) -> None:
-        """Close the file that is open behind its last whole record."""
+        """Close the open file after its last complete record."""
         with contextlib.suppress(OSError, ValueError):
             self._file.truncate(self._container.size)
         with contextlib.suppress(OSError, ValueError):
             self._file.close()
 
     def _next(self) -> None:
-        """The next file; where there can be none, the present one grows on rather than lose the rest."""
+        """Begin the next file; if it cannot be created, the present one continues to grow."""
         places = (place for place in numbered(self._first) if not place.exists())
         try:
             file, container = self._opened(next(places))
@@ -80,7 +81,7 @@ class Volumes:
         self._file, self._container = file, container
 
     def _opened(self, path: Path) -> tuple[IO[bytes], Container]:
-        """A new file with what every file has."""
+        """Create a file with the records that every file needs."""
         file = self._create(path)
         try:
             container = Container(file)

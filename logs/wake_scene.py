@@ -36,7 +36,7 @@ WING, EDGE, RISING, FALLING, NOTHING = (
     (0.0, 0.45, 0.7, 0.85),
     (0.9, 0.9, 0.88, 0.85),
 )
-"""red, green, blue, opacity, 0 to 1; of the wake's rings: strongest of either sign, and without strength"""
+"""red, green, blue, opacity, 0 to 1; of the rings of the wake: largest strength of either sign, and zero strength"""
 THINNED = 2
 """rows of the wake that are drawn as one"""
 MIRROR = (1.0, -1.0, 1.0)
@@ -48,13 +48,13 @@ def write_wake(path: Path, lattice: Lattice, course: Sequence[Snapshot], start_e
     """Write the ``course`` of the lattice's first surface and its mirror image in y = 0 into a new file.
 
     Args:
-        path: of the new file; its folder is made when it is missing.
-        lattice: whose nodes the course tells.
-        course: in time.
-        start_epoch_ns: ns since 1970 at time 0; now when not given.
+        path: of the new file; its folder is created if missing.
+        lattice: lattice whose nodes the course contains.
+        course: time history of the nodes.
+        start_epoch_ns: ns since 1970 at time 0 (default: now).
 
     Raises:
-        InputError: the file exists, cannot be created, or the disk has no room for all of it.
+        InputError: the file exists, cannot be created, or the disk is full.
     """
     limit = max((float(np.abs(at.wake_strengths).max(initial=0.0)) for at in course), default=0.0) or 1.0
     with McapRecorder(path, start_epoch_ns=start_epoch_ns) as recorder:
