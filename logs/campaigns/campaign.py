@@ -24,21 +24,21 @@ from wingbeat.units import ABOVE_ZERO, Quantity
 SECTIONS = ("flight", "grid", "draw", "landing")
 PLAIN = ("name", "title", "seed", "flights")
 MOST = 1_000_000
-"""-; flights of a campaign: a grid that multiplies to more was meant otherwise"""
+"""-; limit of the flights in a campaign: a larger grid is probably a mistake"""
 
 
 class Campaign(NamedTuple):
-    """A campaign whose file was read and checked."""
+    """Validated campaign file."""
 
     name: str
     title: str
     path: Path
     seed: int
-    """-; of the first draw; the flights of draw j have the seed ``seed + j``, counted from 0"""
+    """-; seed of the first draw; the flights of draw j, counted from 0, have the seed ``seed + j``"""
     draws: int
-    """-; flights of each point of the grid"""
+    """-; number of flights at each point of the grid"""
     fixed: Values
-    """what all flights have in common"""
+    """values common to all flights"""
     grid: Mapping[str, Sequence[Any]]
     draw: Mapping[str, Distribution]
     landing: Landing
@@ -46,25 +46,25 @@ class Campaign(NamedTuple):
 
     @property
     def points(self) -> int:
-        """Of the grid; 1 without one."""
+        """Number of points of the grid; 1 without a grid."""
         return math.prod(len(values) for values in self.grid.values())
 
     @property
     def size(self) -> int:
-        """How many flights there are; they are numbered from 1."""
+        """Number of flights; they are numbered from 1."""
         return self.points * self.draws
 
     @property
     def swept(self) -> tuple[str, ...]:
-        """Keys that differ between flights, and the seed."""
+        """Keys that vary between flights, and the seed."""
         keys = (*self.grid, *self.draw)
         return keys if "seed" in (*keys, *self.fixed) else (*keys, "seed")
 
     def values(self, number: int) -> dict[str, Any]:
-        """What enters flight ``number``: the file, the campaign's seed and the number alone decide it.
+        """Return the input values of flight ``number``, determined by the file, the campaign's seed and the number.
 
-        Flights count through the draws of a point of the grid, then through the points, the last key fastest: every
-        point is flown with the same draws, so that points can be compared.
+        Flights are numbered through the draws of a point of the grid, then through the points, the last key fastest.
+        All points have the same draws, so that points can be compared.
         """
         point, draw = divmod(number - 1, self.draws)
         values = {"seed": self.seed + draw, **self.fixed}
@@ -74,17 +74,17 @@ class Campaign(NamedTuple):
         return values | {key: drawn(self.seed, draw, key, one) for key, one in self.draw.items()}
 
     def digest(self) -> str:
-        """Tells whether another campaign's flights are the same: by all that enters them, and our version."""
+        """Return the digest of all inputs of the flights and of the program version, to compare campaigns."""
         swept = [self.seed, self.draws, self.fixed, self.grid, self.draw, self.landing]
         text = json.dumps([version("wingbeat"), self.name, swept, self.stock.texts()], default=str)
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def load_campaign(path: Path) -> Campaign:
-    """Read a campaign's file and every file that it names, and refuse what cannot be flown.
+    """Read a campaign file and every file that it names, and check its values.
 
-    Each value of the grid and each end of a distribution is tried by itself on the first flight; what goes wrong only
-    where several meet is a row of the table.
+    Each value of the grid and each end of a distribution is checked separately on the first flight. An error that
+    occurs only for a combination of values is reported in a row of the table.
 
     Raises:
         InputError: the file cannot be read, a key is unknown, a grid empty, a value impossible; one line.
@@ -253,7 +253,7 @@ def _try(campaign: Campaign, key: str, value: Any) -> None:
 
 
 def flight_values(campaign: Campaign, number: int) -> dict[str, Any]:
-    """`Campaign.values` of a number that somebody asked for.
+    """Return the values of flight ``number`` after a check of the number.
 
     Raises:
         InputError: the campaign has no such flight.

@@ -16,16 +16,16 @@ from logs.extras import load_extra
 from wingbeat.errors import InputError
 
 CONNECTING = 10.0
-"""s; for a scheduler and its first worker to answer"""
+"""s; timeout of the connection to a scheduler and its first worker"""
 SETTINGS = {
-    # A flight whose process ends is told in its row, and not tried on every other worker.
+    # A flight whose process ends is reported in its row, not repeated on every other worker.
     "distributed.scheduler.allowed-failures": 0,
-    # It looks at every thread a hundred times a second, and a flight is all that a worker does.
+    # The profiler samples every thread a hundred times a second; a worker only flies.
     "distributed.worker.profile.enabled": False,
-    # The last thousand messages would be kept, with all that each flight is made of in them.
+    # By default the last thousand messages are kept, with all inputs of each flight.
     "distributed.admin.log-length": 0,
     "distributed.admin.low-level-log-length": 4,
-    # Its housekeeping, fifty times a second in each process by default, is taken from the flights.
+    # The default housekeeping, fifty times a second in each process, slows the flights.
     "distributed.admin.tick.interval": "1s",
     "distributed.admin.tick.limit": "60s",
     "distributed.admin.system-monitor.interval": "5s",
@@ -38,7 +38,7 @@ SETTINGS = {
 
 @contextlib.contextmanager
 def local_cluster(workers: int) -> Iterator[Any]:
-    """A client of ``workers`` new processes with a thread each, gone when the block ends.
+    """Start ``workers`` processes with a thread each and yield their client; they end with the block.
 
     Raises:
         InputError: Dask is not installed.
@@ -59,9 +59,9 @@ def local_cluster(workers: int) -> Iterator[Any]:
 
 @contextlib.contextmanager
 def _undisturbed() -> Iterator[None]:
-    """Processes started in this block never hear a Ctrl-C of the terminal: who started them ends them.
+    """Start processes in this block that ignore a Ctrl-C of the terminal; the parent ends them.
 
-    They inherit that it is ignored, so that for these two or three seconds it is ignored here too.
+    They inherit the ignored signal, so Ctrl-C is ignored here too for the two or three seconds of the block.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -75,10 +75,10 @@ def _undisturbed() -> Iterator[None]:
 
 @contextlib.contextmanager
 def existing_cluster(address: str) -> Iterator[Any]:
-    """A client of the cluster whose scheduler listens at ``address``; the cluster stays.
+    """Yield a client of the cluster whose scheduler is at ``address``; the cluster is not stopped.
 
     Raises:
-        InputError: Dask is not installed, nobody answers, or a worker cannot fly our flights, or not with our
+        InputError: Dask is not installed, no scheduler responds, or a worker lacks the flight code or has other
             sources.
     """
     distributed = dask("distributed")
@@ -95,7 +95,7 @@ def existing_cluster(address: str) -> Iterator[Any]:
 
 
 def workers_of(client: Any) -> int:
-    """How many processes fly for a client now."""
+    """Return the number of processes that run flights for a client."""
     return len(client.nthreads())
 
 
@@ -115,7 +115,7 @@ def _check_workers(client: Any, address: str) -> None:
 
 
 def flight_code() -> str:
-    """Digest of all sources and shipped files that a flight depends on, where this is called.
+    """Return the digest of all sources and data files that a flight depends on, in the calling process.
 
     Raises:
         ImportError: what a flight needs is not installed.
@@ -135,7 +135,7 @@ def flight_code() -> str:
 
 
 def dask(module: str = "dask") -> Any:
-    """A module of Dask.
+    """Import a module of Dask.
 
     Raises:
         InputError: it is not installed.
@@ -144,6 +144,6 @@ def dask(module: str = "dask") -> Any:
 
 
 def _silence() -> None:
-    """What Dask logs of its own housekeeping is for nobody here: a flight that fails has its row."""
+    """Suppress the housekeeping logs of Dask: a failed flight is reported in its row."""
     for name in ("distributed", "tornado", "asyncio"):
         logging.getLogger(name).setLevel(logging.CRITICAL)

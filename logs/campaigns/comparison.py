@@ -14,35 +14,35 @@ from logs.campaigns.statistics import CHANCE, Array, finite, format_column, metr
 from logs.campaigns.table import Table
 
 MOST_VALUES = 12
-"""-; values of an input beyond which it is no grid"""
+"""-; limit of the values of an input that is treated as a grid"""
 
 
 class Quartiles(NamedTuple):
-    """One metric over the flights with one value of an input; NaN where none has it."""
+    """Quartiles of a metric over the flights with one value of an input; NaN without data."""
 
     flights: int
     low: float
-    """as the metric; a quarter of the flights lie below"""
+    """in the unit of the metric; first quartile"""
     median: float
-    """as the metric"""
+    """in the unit of the metric"""
     high: float
-    """as the metric; a quarter lie above"""
+    """in the unit of the metric; third quartile"""
 
 
 class Pairs(NamedTuple):
-    """Flights with a value beside those with the first value that are equal in all else, the seed too."""
+    """Paired flights with ``value`` and ``first``, equal in all other inputs and the seed."""
 
     value: str
     first: str
     pairs: int
-    """-; of which both flights have the metric"""
+    """-; pairs in which both flights have the metric"""
     better: int
-    """-; of them, in which the flight with `value` did better"""
+    """-; pairs in which the flight with `value` is better"""
     worse: int
 
     @property
     def beyond_chance(self) -> bool:
-        """Whether one did better more often than chance makes of so many pairs, once in 370 times aside."""
+        """Whether the difference exceeds three standard deviations of chance (one false result in 370)."""
         return abs(self.better - self.worse) > CHANCE * math.sqrt(self.better + self.worse)
 
 
@@ -52,9 +52,9 @@ class Compared(NamedTuple):
     metric: str
     unit: str
     groups: tuple[Quartiles, ...]
-    """of each value"""
+    """for each value"""
     pairs: tuple[Pairs, ...]
-    """of each value but the first, in their order; none where no flights are paired, or neither way is worse"""
+    """for each value but the first, in order; empty without paired flights or if the metric has no better side"""
 
 
 class Comparison(NamedTuple):
@@ -62,16 +62,18 @@ class Comparison(NamedTuple):
 
     input: str
     values: tuple[str, ...]
-    """as they are written, angles in degrees"""
+    """as text, angles in degrees"""
     flights: tuple[int, ...]
-    """-; with each value"""
+    """-; number for each value"""
     failed: tuple[int, ...]
-    """-; of them"""
+    """-; number of failed flights for each value"""
     metrics: tuple[Compared, ...]
 
 
 def comparisons(table: Table) -> list[Comparison]:
-    """Of each swept input that is words, or few numbers that several flights share; the seed is none."""
+    """Compare the metrics by each swept input that is text or has few values shared by several flights, not by the
+    seed.
+    """
     found = []
     for name in table.about.swept:
         choices = list(dict.fromkeys(map(_key, table.columns[name])))
@@ -81,7 +83,7 @@ def comparisons(table: Table) -> list[Comparison]:
 
 
 def written(table: Table, name: str, value: Any) -> str:
-    """A value of an input as people read it: with its unit, angles in degrees."""
+    """Format a value of an input with its unit, angles in degrees."""
     unit = table.units.get(name, "-")
     if isinstance(value, bool) or not isinstance(value, int | float):
         return str(value) if value not in ("", None) else "none"
@@ -93,12 +95,12 @@ def written(table: Table, name: str, value: Any) -> str:
 
 
 def conditions_text(table: Table, values: Mapping[str, Any]) -> str:
-    """What a flight was flown with, on a line."""
+    """Format the inputs of a flight on one line."""
     return ", ".join(f"{name} {written(table, name, value)}" for name, value in values.items())
 
 
 def quartile_texts(one: Compared) -> list[str]:
-    """Median and quartiles of each value, angles in degrees; empty where no flight has the metric."""
+    """Format median and quartiles of each value, angles in degrees; empty if no flight has the metric."""
     factor = math.degrees(1.0) if one.unit == "rad" else 1.0
     told = format_column([factor * number for each in one.groups for number in (each.median, each.low, each.high)])
     triples = zip(told[0::3], told[1::3], told[2::3], strict=True)
@@ -106,7 +108,7 @@ def quartile_texts(one: Compared) -> list[str]:
 
 
 def pairs_text(one: Pairs) -> str:
-    """In how many pairs the value was better, a star where that is beyond chance; empty without pairs."""
+    """Format the pairs in which the value is better, with a star if significant; empty without pairs."""
     if not one.pairs:
         return ""
     return f"in {one.better} of {one.pairs}{' *' if one.beyond_chance else ''}"

@@ -11,39 +11,39 @@ from typing import Any, NamedTuple
 from wingbeat.errors import InputError
 
 LEAST = 2.0**-53
-"""-; of a share: the ends of a normal distribution are infinitely far away"""
+"""-; least probability: the ends of a normal distribution are at infinity"""
 
 
 class Kind(NamedTuple):
-    """One row of the table of distributions."""
+    """Row of the table of distributions."""
 
     text: str
-    """what stands in its list"""
+    """format of its list of numbers"""
     check: Callable[[Sequence[Any]], str]
-    """what is wrong with the list, empty for nothing"""
+    """error of the list, empty if valid"""
     at: Callable[[Sequence[Any], float], Any]
-    """the value at a share from 0 to 1 of the distribution"""
+    """quantile function of the probability from 0 to 1"""
     corners: Callable[[Sequence[Any]], Sequence[Any]]
-    """values that must be possible before anything flies"""
+    """extreme values, which are checked before the first flight"""
 
 
 class Distribution(NamedTuple):
-    """What one key is drawn from."""
+    """Distribution of one key."""
 
     kind: str
-    """-; of a row of `KINDS`"""
+    """-; name of a row of `KINDS`"""
     numbers: tuple[Any, ...]
-    """as the file has them"""
+    """parameters as in the file"""
     within: tuple[float, float] | None = None
-    """of a normal distribution: what lies outside is not drawn"""
+    """limits of a normal distribution; values outside are not drawn"""
 
     @property
     def corners(self) -> Sequence[Any]:
-        """Values that must be possible before anything flies."""
+        """Return the extreme values, which are checked before the first flight."""
         return self.within or KINDS[self.kind].corners(self.numbers)
 
     def at(self, share: float) -> Any:
-        """The value at a share from 0 to 1 of the distribution."""
+        """Return the quantile at a probability from 0 to 1."""
         if self.within is None:
             return KINDS[self.kind].at(self.numbers, share)
         low, high = (NormalDist(*self.numbers).cdf(end) for end in self.within)
@@ -52,15 +52,15 @@ class Distribution(NamedTuple):
 
 
 def drawn(seed: int, draw: int, key: str, distribution: Distribution) -> Any:
-    """The value of ``key`` in one draw; it depends on these and on nothing else, not even on other keys."""
+    """Draw the value of ``key``; it depends on the arguments only, not on other keys."""
     return distribution.at(random.Random(f"{seed}/{draw}/{key}").random())
 
 
 def read_distribution(where: str, table: Mapping[str, Any]) -> Distribution:
-    """What a table such as ``{ normal = [0.29, 0.01], within = [0.27, 0.31] }`` means.
+    """Read a table such as ``{ normal = [0.29, 0.01], within = [0.27, 0.31] }``.
 
     Raises:
-        InputError: no such distribution, or numbers that make none.
+        InputError: unknown distribution, or invalid parameters.
     """
     named = [name for name in table if name in KINDS]
     if len(named) != 1 or not set(table) <= {*named, "within"}:

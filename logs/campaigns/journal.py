@@ -15,25 +15,24 @@ from wingbeat.documents import parse_json
 from wingbeat.errors import DocumentError, InputError
 
 ENDING = ".flights"
-"""how the journal of a table is called: its name and this"""
+"""suffix of the journal of a table"""
 
 
 class Journal:
-    """Rows of finished flights in a file of lines, ours alone while it is open; a context manager that closes it."""
+    """Journal of finished flights, locked while it is open; a context manager that closes it."""
 
     def __init__(self, path: Path, digest: str, file: Path | None = None) -> None:
-        """Open the journal of the campaign with that ``digest``, or begin one; a torn last line is cut off.
+        """Open the journal of the campaign with that ``digest``, or create it; a torn last line is removed.
 
-        ``file`` is the campaign's, for those who find the journal alone.
-
-        One of another campaign that was stopped before its first flight ended holds nothing, and is begun anew.
+        ``file`` is the campaign's file, recorded for reports on an unfinished campaign. A journal of another campaign
+        without flights is replaced.
 
         Raises:
-            InputError: it is another campaign's, another command has it open, or it cannot be written.
+            InputError: it belongs to another campaign, is in use by another command, or cannot be written.
         """
         self.path = path
         self.rows: dict[int, Row] = {}
-        """of finished flights, by their number"""
+        """finished flights by number"""
         try:
             self._file: IO[str] = path.open("a+", encoding="utf-8")
         except OSError as error:
@@ -50,12 +49,12 @@ class Journal:
             raise
 
     def add(self, row: Row) -> None:
-        """Keep a flight."""
+        """Append a flight."""
         self._write(row)
         self.rows[row["flight"]] = row
 
     def remove(self) -> None:
-        """Take the journal away: its table is whole."""
+        """Delete the journal, after its table was written."""
         self.path.unlink(missing_ok=True)
 
     def _write(self, line: Any) -> None:
@@ -94,20 +93,20 @@ class Journal:
 
 
 class JournalHeader(NamedTuple):
-    """What a journal tells whoever finds it alone."""
+    """Content of a journal."""
 
     digest: str
     file: str
-    """of the campaign, as it was given; empty where the journal does not say"""
+    """of the campaign, as given; empty if the journal does not contain it"""
     rows: dict[int, Row]
-    """of finished flights, by their number"""
+    """finished flights by number"""
 
 
 def read_journal(path: Path) -> JournalHeader:
-    """Read a journal and leave it as it is, whoever may be writing it.
+    """Read a journal without changing it, also while it is being written.
 
     Raises:
-        InputError: it cannot be read, or is none.
+        InputError: it cannot be read, or is not a journal.
     """
     try:
         lines = _ended(path.read_text(encoding="utf-8")).splitlines()

@@ -15,11 +15,11 @@ from wingbeat.schema import check_known, read_integer, read_number
 from wingbeat.units import ABOVE_ZERO, Quantity
 
 Values = Mapping[str, Any]
-"""what enters one flight, by key"""
+"""input values of one flight, by key"""
 
 
 class Key(NamedTuple):
-    """One row of the table of plain keys."""
+    """Row of the table of plain keys."""
 
     kind: type
     unit: str
@@ -29,7 +29,7 @@ class Key(NamedTuple):
 
 
 class Family(NamedTuple):
-    """Keys that begin with a word and go on with a place."""
+    """Keys with a common first word, followed by a location."""
 
     form: str
     text: str
@@ -61,10 +61,10 @@ DEGREES = "_deg"
 
 
 def check_key(key: str) -> None:
-    """Refuse a key that means nothing.
+    """Check that a key exists.
 
     Raises:
-        InputError: it is none; one line with those that are.
+        InputError: unknown key; the message lists the known ones.
     """
     if plain_name(key) is not None:
         return
@@ -77,7 +77,7 @@ def check_key(key: str) -> None:
 
 
 def plain_name(key: str) -> str | None:
-    """The row of `KEYS` that a key is, with or without ``_deg``; None where it is none."""
+    """Return the row of `KEYS` for a key with or without ``_deg``; None if there is none."""
     if key in KEYS:
         return key
     name = key.removesuffix(DEGREES)
@@ -85,7 +85,7 @@ def plain_name(key: str) -> str | None:
 
 
 def unit_of(key: str) -> str:
-    """Of a plain key's values; ``-`` where the key itself does not tell."""
+    """Return the unit of a plain key's values; ``-`` if the key does not determine it."""
     if key.endswith(DEGREES):
         return "deg"
     if key.startswith("fault."):
@@ -94,7 +94,7 @@ def unit_of(key: str) -> str:
 
 
 def check_value(key: str, value: Any) -> None:
-    """Refuse a value that a key cannot have, as far as the key itself tells.
+    """Check a value against the limits of its key.
 
     Raises:
         InputError: see above.
@@ -121,14 +121,14 @@ def check_value(key: str, value: Any) -> None:
 
 
 def plain(values: Values, name: str, default: Any) -> Any:
-    """The value of a plain key, in rad where it is an angle."""
+    """Return the value of a plain key, angles in rad."""
     if name + DEGREES in values:
         return math.radians(values[name + DEGREES])
     return values.get(name, default)
 
 
 def of_family(values: Values, family: str) -> dict[str, Any]:
-    """The values of a family by their place, the family's word left out."""
+    """Return the values of a family by location, without the family's first word."""
     head = f"{family}."
     return {key.removeprefix(head): value for key, value in values.items() if _is_of(key, head)}
 

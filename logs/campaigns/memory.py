@@ -31,11 +31,11 @@ KEPT: dict[Topic[Any], tuple[str, ...]] = {
         "quaternion_w", "quaternion_x", "quaternion_y", "quaternion_z",
     ),
 }  # fmt: skip
-"""fields by topic, beside the time: what `logs.summary.summary_of` and the metrics read"""
+"""stored fields by topic, besides the time: those that `logs.summary.summary_of` and the metrics use"""
 
 
 class _Kept:
-    """One topic's numbers, message after message."""
+    """Numbers of one topic, message by message."""
 
     def __init__(self, topic: Topic[Any], fields: tuple[str, ...]) -> None:
         self.topic = topic
@@ -44,7 +44,7 @@ class _Kept:
         self.chosen: Callable[[Any], tuple[Any, ...]] = itemgetter(*map(topic.message._fields.index, self.fields))
 
     def columns(self) -> Columns:
-        """As a log's reader gives them."""
+        """Return the columns in the format of the log reader."""
         table = np.frombuffer(self.numbers, dtype=np.float64).reshape(-1, len(self.fields))
         time_ns = (table[:, 0] * 1000.0).astype(np.int64)
         columns = {name: table[:, i] for i, name in enumerate(self.fields)}
@@ -52,16 +52,16 @@ class _Kept:
 
 
 class Memory:
-    """Takes every message of a flight, keeps what `KEPT` names and hands all on to a recorder."""
+    """Sink for every message of a flight; stores the fields of `KEPT` and passes all messages to a recorder."""
 
     def __init__(self, onward: Publish = publish_nothing) -> None:
         self._onward = onward
         self._kept = {topic.name: _Kept(topic, fields) for topic, fields in KEPT.items()}
         self.broken = False
-        """whether the vehicle's place was no number"""
+        """whether the vehicle's position became NaN"""
 
     def publish(self, topic: Topic[Any], message: Any) -> None:
-        """Keep one message and hand it on."""
+        """Store one message and pass it to the recorder."""
         kept = self._kept.get(topic.name)
         if kept is not None:
             kept.numbers.extend(kept.chosen(message))
@@ -70,5 +70,5 @@ class Memory:
         self._onward(topic, message)
 
     def tables(self) -> dict[str, Columns]:
-        """What was kept, by the topic's name; without topics that said nothing."""
+        """Return the stored columns by topic name, without empty topics."""
         return {name: kept.columns() for name, kept in self._kept.items() if kept.numbers}

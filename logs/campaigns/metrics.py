@@ -18,17 +18,17 @@ Tables = Mapping[str, Columns]
 
 
 class Metric(NamedTuple):
-    """One row of the table of metrics."""
+    """Row of the table of metrics."""
 
     unit: str
     text: str
     of: Callable[[FlightSummary, Tables], float | None]
     bad: int = 0
-    """-; which way is worse: 1 more, -1 less, 0 neither"""
+    """-; sign of the worse direction: 1 more, -1 less, 0 neither"""
 
 
 def _member(*names: str) -> Callable[[FlightSummary, Tables], float | None]:
-    """A number of the summary, None where the part that it stands in is missing."""
+    """Return a getter of a number of the summary; None if its section is missing."""
 
     def look(summary: FlightSummary, tables: Tables) -> float | None:
         found: Any = summary
@@ -44,7 +44,7 @@ def _away(summary: FlightSummary, tables: Tables) -> float | None:
 
 
 def _bank(summary: FlightSummary, tables: Tables) -> float | None:
-    """Greatest bank, either way, from the launch to the touchdown."""
+    """Return the largest bank angle of either sign from launch to touchdown."""
     if summary.launch is None or summary.airtime is None:
         return None
     truth = tables[STATE.name]
@@ -83,7 +83,7 @@ METRICS: dict[str, Metric] = {
 
 
 def measured(summary: FlightSummary, tables: Tables) -> dict[str, float | None]:
-    """Every metric of a flight; None where it does not tell, or told no finite number."""
+    """Compute every metric of a flight; None if the data are missing or not finite."""
     return {name: _finite(metric.of(summary, tables)) for name, metric in METRICS.items()}
 
 

@@ -18,34 +18,34 @@ from sim_bridge.topics import STATE
 
 
 class Outcome(StrEnum):
-    """How a flight ended."""
+    """Outcome of a flight."""
 
     LANDED = "landed"
     AIRBORNE = "airborne"
-    """its time was over before it touched the ground"""
+    """time limit reached before ground contact"""
     CRASHED = "crashed"
     ASTRAY = "astray"
-    """out of the flight computer's fence"""
+    """outside the fence of the flight computer"""
     NOT_LAUNCHED = "not launched"
     NOT_A_NUMBER = "not a number"
     REFUSED = "refused"
-    """its values cannot be flown together"""
+    """its values cannot be combined"""
     ERROR = "error"
-    """the simulation raised an exception"""
+    """exception in the simulation"""
     KILLED = "killed"
-    """the process that flew it was ended from outside"""
+    """process ended from outside"""
 
 
 FINE = (Outcome.LANDED, Outcome.AIRBORNE)
-"""every other is a failed flight"""
+"""Outcomes without failure."""
 
 
 class Evaluation(NamedTuple):
-    """The judgement."""
+    """Evaluation of a flight."""
 
     outcome: Outcome
     reason: str = ""
-    """one line; empty where the flight did not fail"""
+    """one line; empty if the flight did not fail"""
 
     @property
     def failed(self) -> bool:
@@ -54,28 +54,28 @@ class Evaluation(NamedTuple):
 
 
 class Landing(NamedTuple):
-    """A touchdown beyond these is a crash."""
+    """Limits of a touchdown, beyond which it is a crash."""
 
     sink: float = 2.0
     """m/s"""
     bank: float = math.radians(30.0)
-    """rad; either way"""
+    """rad; of either sign"""
 
 
 class Judged(NamedTuple):
-    """What a flight is judged by."""
+    """Data to evaluate a flight."""
 
     summary: FlightSummary
     tables: Mapping[str, Columns]
     fence: Gains
-    """the flight computer's"""
+    """fence of the flight computer"""
     landing: Landing
     by_hand: bool
-    """whether a transmitter flew it: then it may come down in any stage"""
+    """whether a transmitter controlled the flight: the vehicle may then land in any stage"""
 
 
 def judge(flight: Judged) -> Evaluation:
-    """What became of a flight whose numbers are finite."""
+    """Evaluate a flight whose numbers are finite."""
     summary = flight.summary
     if summary.launch is None:
         return Evaluation(Outcome.NOT_LAUNCHED, f"not launched within {summary.log_duration:.0f} s")
@@ -91,12 +91,12 @@ def judge(flight: Judged) -> Evaluation:
 
 
 def farthest(truth: Columns) -> float:
-    """m; from the launch place, over ground."""
+    """Return the largest horizontal distance from the launch position in m."""
     return float(np.hypot(truth["north"], truth["east"]).max())
 
 
 def _crash(flight: Judged) -> str:
-    """Why a touchdown was a crash; empty where it was a landing."""
+    """Return why a touchdown was a crash; empty for a landing."""
     touchdown = flight.summary.touchdown
     assert touchdown is not None
     stage = _stage(flight.tables, touchdown.time)
@@ -109,7 +109,7 @@ def _crash(flight: Judged) -> str:
 
 
 def _stage(tables: Mapping[str, Columns], time: float) -> int | None:
-    """The stage of the flight before ``time`` s; None where nothing was said of it."""
+    """Return the stage of the flight before ``time`` s; None if it was not recorded."""
     navigation: Any = tables.get(topics.NAVIGATION.name)
     if navigation is None:
         return None

@@ -33,24 +33,24 @@ from logs.identification.report.report import write_page
 from wingbeat.text import pluralize
 
 MOST_PLOTS = 12
-"""-; of what an input has to do with a metric, the strongest first"""
+"""-; limit of the plots of inputs against metrics, strongest correlation first"""
 MOST_BINS = 40
-"""-; of a histogram"""
+"""-; limit of the bins of a histogram"""
 SHARES = 8
-"""-; groups of flights, as large as each other, of which the share that failed is drawn"""
+"""-; number of equal groups of flights in the plot of failure rates"""
 REASONS = 12
-"""-; told of failed flights, the most frequent first"""
+"""-; limit of the listed failure reasons, the most frequent first"""
 
 
 class Shown(NamedTuple):
-    """A column as it is drawn: angles in degrees."""
+    """Column as plotted: angles in degrees."""
 
     values: Array
     unit: str
 
 
 def write(path: Path, table: Table, worst: Sequence[Worst]) -> int:
-    """Write the page to ``path``, which must not exist; its size in bytes.
+    """Write the page to ``path``, which must not exist; return its size in bytes.
 
     Raises:
         InputError: the file exists or cannot be written.
@@ -63,7 +63,7 @@ def write(path: Path, table: Table, worst: Sequence[Worst]) -> int:
 
 
 def shown(table: Table, name: str) -> Shown:
-    """A column of numbers, angles in degrees; what failed or did not is 1 or 0."""
+    """Return a column of numbers, angles in degrees; ``failed`` is 1 or 0."""
     values, unit = numbers(table, name), table.units.get(name, "-")
     return Shown(np.degrees(values), "°") if unit == "rad" else Shown(values, unit.replace("deg", "°"))
 
@@ -126,7 +126,7 @@ def _histogram(table: Table, name: str) -> Plot:
 
 
 def _edges(values: Array) -> Array:
-    """Of the bins: about the square root of the number of values, over all of them."""
+    """Return the bin edges: about the square root of the number of values, over their range."""
     low, high = float(values.min()), float(values.max())
     margin = 0.0 if high > low else 0.5 * abs(high) or 0.5
     bins = min(max(round(math.sqrt(len(values))), 5), MOST_BINS)
@@ -170,7 +170,7 @@ def _correlation(one: Sensitivity | None) -> Cell:
 
 
 def _compared(table: Table) -> Chapter | None:
-    """Medians and quartiles by the values of each grid, and in how many pairs which value was better."""
+    """Return medians and quartiles by the values of each grid, and the paired comparisons."""
     compared = comparisons(table)
     if not compared:
         return None
@@ -210,7 +210,7 @@ def _scatter(table: Table, one: Sensitivity) -> Plot:
 
 
 def _failures(table: Table, name: str) -> Plot:
-    """The share of flights that failed, in groups of equal size along an input."""
+    """Return the failure rate in groups of equal size along an input."""
     column, failed = shown(table, name), np.array(table.columns["failed"], dtype=np.float64)
     there = np.flatnonzero(np.isfinite(column.values))
     order = there[np.argsort(column.values[there], kind="stable")]

@@ -26,27 +26,27 @@ from sim_bridge.vehicles import SimulatedVehicle, with_model
 from wingbeat.errors import InputError
 
 DURATION = 300.0
-"""s; longest flight where the campaign gives none, as of ``wingbeat fly``"""
+"""s; default time limit of a flight, as of ``wingbeat fly``"""
 
 
 class Prepared(NamedTuple):
-    """One flight that can begin."""
+    """Flight that is ready to start."""
 
     vehicle: SimulatedVehicle
     computer: FlightVehicle
     plan: FlightPlan
     scenario: Scenario
     commands: tuple[Command, ...]
-    """at fixed ticks; the faults that are inputs of the flight come from the scenario"""
+    """commands at fixed ticks; the scenario has the faults that are inputs of the flight"""
     sticks: Script | None = None
-    """by which a transmitter is moved, instead of the scripted start"""
+    """transmitter inputs, instead of the scripted start"""
 
 
 def prepare(stock: Stock, values: Values) -> Prepared:
-    """Put a flight together.
+    """Prepare a flight from its values.
 
     Raises:
-        InputError: a value that it cannot have.
+        InputError: invalid value.
     """
     pair = stock.vehicles[plain(values, "vehicle", DEFAULT_VEHICLE)]
     planned = stock.missions[plain(values, "mission", DEFAULT_MISSION)]
@@ -80,7 +80,7 @@ def _gains(gains: FlightGains, values: Mapping[str, Any], factors: Mapping[str, 
 
 
 def _parameter(gains: FlightGains, name: str, key: str) -> parameters.Parameter:
-    """The gain of a key, ``pitch.damping`` or a parameter's name.
+    """Return the gain of a key, ``pitch.damping`` or a parameter name.
 
     Raises:
         InputError: the flight computer has none such; one line with those that it has beside it.
@@ -128,7 +128,7 @@ def _scenario(values: Values, of_mission: tuple[Fault, ...], sticks: Script | No
 
 
 def _faults(values: Values) -> list[Fault]:
-    """Those written as words, then those whose times have keys of their own.
+    """Return the faults given as text, then those whose times have keys of their own.
 
     Raises:
         InputError: no such fault, no beginning, or times that cannot be.

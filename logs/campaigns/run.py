@@ -14,37 +14,37 @@ from logs.campaigns.single_flight import UNFINISHED, CannotRecord, Order, Record
 from wingbeat.errors import InputError
 
 LOGS = ("none", "failed", "all")
-"""which flights leave a log"""
+"""options of which flights are recorded"""
 LOOK = 1.0
-"""s; between two looks whether the cluster is still there"""
+"""s; interval of checks of the cluster"""
 PATIENCE = 60
-"""looks without any worker, until the campaign is given up for now"""
+"""number of checks without a worker after which the campaign is suspended"""
 
 
 class Logs(NamedTuple):
-    """Which flights leave a log, and where."""
+    """Selection of the flights to record, and their folder."""
 
     keep: str
     """-; one of `LOGS`"""
     folder: Path
 
     def of(self, number: int) -> Recording | None:
-        """Whether and where a flight is recorded."""
+        """Return the recording of a flight; None if it is not recorded."""
         if self.keep == "none":
             return None
         return Recording(self.folder.absolute() / f"flight-{number:05d}.mcap", self.keep == "failed")
 
 
 def order_of(campaign: Campaign, number: int, recording: Recording | None = None) -> Order:
-    """What flight ``number`` is to be."""
+    """Build the order of flight ``number``."""
     return Order(number, campaign.values(number), campaign.stock, campaign.landing, recording)
 
 
 def fly_campaign(campaign: Campaign, numbers: Sequence[int], client: Any, logs: Logs) -> Iterator[Row]:
-    """The rows of flights ``numbers`` in the order in which they end.
+    """Run flights ``numbers`` and yield their rows in the order of completion.
 
     Raises:
-        InputError: the cluster has gone, or a log cannot be written.
+        InputError: the cluster disconnected, or a log cannot be written.
     """
     wait_for = dask("distributed").wait
     left, flying, alone = list(reversed(numbers)), dict[Any, int](), 0
@@ -67,10 +67,10 @@ def fly_campaign(campaign: Campaign, numbers: Sequence[int], client: Any, logs: 
 
 
 def _row(future: Any, number: int, logs: Logs) -> Row:
-    """What a finished future holds: a row, or why there is none.
+    """Return the row of a completed future.
 
     Raises:
-        InputError: the cluster gave the flight back unflown, or its log cannot be written.
+        InputError: the cluster returned the flight without a result, or its log cannot be written.
     """
     if future.status == "finished":
         row: Row = future.result()
@@ -88,7 +88,7 @@ def _row(future: Any, number: int, logs: Logs) -> Row:
 
 
 def _kept(number: int, logs: Logs) -> str:
-    """The name of what a flight had recorded when its process ended; such a log can be repaired."""
+    """Return the name of the log of a flight whose process ended; it can be repaired."""
     recording = logs.of(number)
     if recording is None:
         return ""

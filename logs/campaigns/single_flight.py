@@ -28,7 +28,7 @@ from wingbeat.errors import InputError
 from wingbeat.topic import Publish
 
 UNFINISHED = ".part"
-"""how the name of a log ends while it is recorded"""
+"""suffix of a log while it is being recorded"""
 
 Row = dict[str, Any]
 """one flight of the table: the columns of `OWN` and the metrics"""
@@ -43,7 +43,7 @@ _TYPES = {"flight": int, "failed": bool} | dict.fromkeys(("outcome", "reason", "
 
 
 def is_row(value: Any) -> bool:
-    """Whether a JSON value is a `Row`: every column is there, with a value of its type."""
+    """Check that a JSON value is a `Row`: all columns with values of their types."""
     return (
         isinstance(value, dict)
         and all(type(value.get(name)) is kind for name, kind in _TYPES.items())
@@ -56,14 +56,14 @@ def _is_metric(value: Any) -> bool:
 
 
 class Recording(NamedTuple):
-    """Whether a flight leaves a log."""
+    """Recording of a flight in a campaign."""
 
     path: Path
     failed_only: bool = False
 
 
 class Order(NamedTuple):
-    """What one flight is to be."""
+    """Specification of one flight."""
 
     number: int
     """-; from 1"""
@@ -74,11 +74,11 @@ class Order(NamedTuple):
 
 
 class CannotRecord(InputError):
-    """A flight's log cannot be written: nothing that the flight itself could help."""
+    """Error: a flight's log cannot be written; the flight itself did not cause it."""
 
 
 class _World(SimulatedWorld):
-    """Ends when the vehicle is nowhere: what comes then would be no numbers either."""
+    """Simulated world that ends if the vehicle's position is NaN, because all later data would be NaN."""
 
     def __init__(self, flight: Prepared, memory: Memory) -> None:
         self._memory = memory
@@ -90,10 +90,10 @@ class _World(SimulatedWorld):
 
 
 def fly_one(order: Order) -> Row:
-    """Fly one flight and measure it.
+    """Run one flight and compute its metrics.
 
     Raises:
-        CannotRecord: its log cannot be written; all else that goes wrong is a row.
+        CannotRecord: its log cannot be written; all other errors are reported in the row.
     """
     recording = order.recording
     row = row_of(order.number, *_outcome_of(order))
@@ -108,7 +108,7 @@ def fly_one(order: Order) -> Row:
 
 
 def row_of(number: int, judged: Evaluation, metrics: dict[str, float | None] | None = None) -> Row:
-    """A flight's row; without metrics where there are none."""
+    """Build a flight's row; without metrics if there are none."""
     told = {"failed": judged.failed, "outcome": judged.outcome.value, "reason": judged.reason, "log": ""}
     return {"flight": number, **told, **(metrics or dict.fromkeys(METRICS))}
 
@@ -135,7 +135,7 @@ def _outcome_of(order: Order) -> tuple[Evaluation, dict[str, float | None] | Non
 
 
 def _raised(error: Exception) -> Evaluation:
-    """An exception as a row tells it: in one line."""
+    """Format an exception on one line."""
     if isinstance(error, InputError):
         return Evaluation(Outcome.REFUSED, str(error))
     text = " ".join(str(error).split())
@@ -155,7 +155,7 @@ def _judged(order: Order, flight: Prepared, memory: Memory) -> tuple[Evaluation,
 
 @contextmanager
 def _recorded(order: Order, flight: Prepared) -> Iterator[Publish]:
-    """Where messages go: to the flight's log, or nowhere.
+    """Yield the recorder of a flight: its log, or no recording.
 
     Raises:
         CannotRecord: the log cannot be written.
@@ -184,7 +184,7 @@ def _recorder(path: Path) -> McapRecorder:
 
 
 def note_flight(recorder: McapRecorder, flight: Prepared) -> None:
-    """Store all that entered the flight, as its two processes do in ``wingbeat fly``."""
+    """Record all inputs of the flight, as the two processes of ``wingbeat fly`` do."""
     note_scenario(recorder, flight.vehicle, flight.scenario)
     note_inputs(recorder, flight.computer, flight.plan.mission)
     if flight.sticks is not None:

@@ -16,66 +16,66 @@ from wingbeat.errors import InputError
 Array = NDArray[np.float64]
 
 CHANCE = 3.0
-"""-; a rank correlation below this over the square root of the number of flights may be chance"""
+"""-; significance limit of a rank correlation, times the square root of the number of flights"""
 FEWEST = 12
-"""-; flights, below which nothing is said of what an input has to do with a metric"""
+"""-; minimum number of flights for a sensitivity"""
 TAILS = 20
-"""-; flights, below which what 5 % lie below is but the least of them"""
+"""-; minimum number of flights for percentiles"""
 DIGITS = 4
-"""-; of the largest number of a metric"""
+"""-; significant digits of the largest number of a metric"""
 BY = ("hold_altitude_rms", "touchdown_sink", "estimate_altitude_rms", "bank")
-"""metrics by which flights that did not fail are ordered, the first that has numbers"""
+"""metrics that order the flights without failure; the first one with numbers is used"""
 
 
 class Spread(NamedTuple):
-    """How one metric is spread over the flights that have it."""
+    """Distribution of one metric over the flights that have it."""
 
     name: str
     unit: str
     flights: int
     mean: float
     sigma: float
-    """standard deviation; NaN of a single flight"""
+    """standard deviation; NaN for a single flight"""
     least: float
     low: float
-    """5 % lie below; NaN of fewer than `TAILS` flights"""
+    """5th percentile; NaN for fewer than `TAILS` flights"""
     median: float
     high: float
-    """95 % lie below; NaN of fewer than `TAILS` flights"""
+    """95th percentile; NaN for fewer than `TAILS` flights"""
     greatest: float
 
 
 class Sensitivity(NamedTuple):
-    """What a swept input has to do with a metric."""
+    """Sensitivity of a metric to a swept input."""
 
     input: str
     metric: str
     rank_correlation: float
-    """-; Spearman's, from -1 to 1"""
+    """-; Spearman's rank correlation, -1 to 1"""
     flights: int
-    """-; flights that have both"""
+    """-; flights with both values"""
 
     @property
     def beyond_chance(self) -> bool:
-        """Whether it is more than chance makes of so many flights, once in 370 times aside."""
+        """Whether the correlation exceeds three standard deviations of chance (one false result in 370)."""
         return abs(self.rank_correlation) > CHANCE / math.sqrt(self.flights)
 
 
 class Worst(NamedTuple):
-    """A flight that somebody should look at."""
+    """Flight to be examined: it failed or has one of the worst metrics."""
 
     flight: int
     why: str
     value: float | None
-    """of the metric by which it was chosen; None for one that failed"""
+    """of the metric of its selection; None for a failed flight"""
     command: str
-    """that flies it again"""
+    """command that repeats the flight"""
     values: Mapping[str, Any]
-    """of the swept inputs and the seed: what it was flown with"""
+    """of the swept inputs and the seed"""
 
 
 def numbers(table: Table, name: str) -> Array:
-    """(flights,) of a column; NaN where it has none, and for what is no number."""
+    """Return (flights,) values of a column; NaN for missing values and text."""
     return np.array([_number(value) for value in table.columns[name]], dtype=np.float64)
 
 
@@ -84,22 +84,22 @@ def _number(value: Any) -> float:
 
 
 def metrics_of(table: Table) -> list[str]:
-    """Metrics that any flight has."""
+    """Return the metrics that any flight has."""
     return [name for name in METRICS if name in table.columns and np.isfinite(numbers(table, name)).any()]
 
 
 def inputs_of(table: Table) -> list[str]:
-    """Swept inputs that are numbers and differ between flights; the seed, whose size means nothing, is left out."""
+    """Return the numeric swept inputs that vary; the seed is excluded because its magnitude has no meaning."""
     return [name for name in table.about.swept if name != "seed" and len(np.unique(finite(numbers(table, name)))) > 1]
 
 
 def finite(values: Array) -> Array:
-    """Those that are numbers."""
+    """Return the values that are not NaN."""
     return values[np.isfinite(values)]
 
 
 def spreads(table: Table) -> list[Spread]:
-    """Of every metric that any flight has."""
+    """Compute the distribution of every metric that any flight has."""
     return [_spread(name, table.units[name], finite(numbers(table, name))) for name in metrics_of(table)]
 
 
@@ -112,14 +112,14 @@ def _spread(name: str, unit: str, values: Array) -> Spread:
 
 
 def format_column(values: Sequence[float]) -> list[str]:
-    """Numbers of one metric with decimals in common, `DIGITS` digits of the largest; empty for NaN."""
+    """Format numbers of one metric with common decimals, `DIGITS` digits of the largest; empty for NaN."""
     largest = max((abs(one) for one in values if math.isfinite(one)), default=0.0)
     places = max(DIGITS - 1 - math.floor(math.log10(largest)), 0) if largest else 0
     return [f"{one:.{places}f}" if math.isfinite(one) else "" for one in values]
 
 
 def sensitivities(table: Table) -> list[Sensitivity]:
-    """Of every pair of input and metric, the strongest first; ``failed`` is a metric here."""
+    """Compute the sensitivity of every metric, ``failed`` included, to every input, strongest first."""
     columns = {name: numbers(table, name) for name in metrics_of(table)}
     columns["failed"] = np.array(table.columns["failed"], dtype=np.float64)
     found = [
@@ -144,7 +144,7 @@ def _sensitivity(name: str, metric: str, inputs: Array, values: Array) -> Sensit
 
 
 def ranks(values: Array) -> Array:
-    """(n,) from 0; equal values share the middle of their ranks."""
+    """Return (n,) ranks from 0; equal values share their mean rank."""
     _, place, counts = np.unique(values, return_inverse=True, return_counts=True)
     last = np.cumsum(counts)
     middle: Array = (last - 0.5 * (counts + 1))[place]
@@ -152,7 +152,7 @@ def ranks(values: Array) -> Array:
 
 
 def chosen_metric(table: Table, requested: str | None) -> str | None:
-    """The metric by which flights are ordered; None where no flight has any.
+    """Return the metric that orders the flights; None if no flight has any.
 
     Raises:
         InputError: there is no metric of that name in the table.
@@ -166,7 +166,7 @@ def chosen_metric(table: Table, requested: str | None) -> str | None:
 
 
 def worst(table: Table, by: str | None, most: int) -> list[Worst]:
-    """The worst flights: those that failed, then those that are worst by a metric, ``most`` of each."""
+    """Return the failed flights, then the flights worst by the metric ``by``, ``most`` of each."""
     failed = [i for i, one in enumerate(table.columns["failed"]) if one]
     found = [_worst(table, i, f"{table.columns['outcome'][i]}: {table.columns['reason'][i]}") for i in failed[:most]]
     return found if by is None else found + _worst_by(table, by, most)

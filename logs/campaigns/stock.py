@@ -24,28 +24,28 @@ DEFAULT_MISSION = "circuit"
 
 
 class Pair(NamedTuple):
-    """One vehicle: what is, and what the flight computer believes."""
+    """A vehicle: its simulation model and its flight computer configuration."""
 
     world: SimulatedVehicle
     computer: FlightVehicle
 
 
 class Planned(NamedTuple):
-    """What one mission file holds."""
+    """Content of one mission file."""
 
     plan: FlightPlan
     faults: tuple[Fault, ...]
 
 
 class Stock(NamedTuple):
-    """Everything that was read, by the names that the campaign has for it."""
+    """All input files of a campaign, by their names in the campaign file."""
 
     vehicles: dict[str, Pair]
     missions: dict[str, Planned]
     sticks: dict[str, Script]
 
     def texts(self) -> list[str]:
-        """All that the files say, for whoever must know whether they have changed."""
+        """Return the texts of all files, for the digest of the campaign."""
         pairs = (text for name, pair in sorted(self.vehicles.items()) for text in _texts(name, pair))
         plans = (f"{name} {planned!r}" for name, planned in sorted(self.missions.items()))
         return [*pairs, *plans, *(f"{name} {script.text}" for name, script in sorted(self.sticks.items()))]
@@ -56,7 +56,7 @@ def _texts(name: str, pair: Pair) -> tuple[str, str, str]:
 
 
 def load_stock(folder: Path, vehicles: Iterable[str], missions: Iterable[str], sticks: Iterable[str]) -> Stock:
-    """Read every file once; a path counts from ``folder``, that of the campaign's file.
+    """Read every file once; paths are relative to ``folder``, that of the campaign file.
 
     Raises:
         InputError: one cannot be used.
@@ -69,7 +69,7 @@ def load_stock(folder: Path, vehicles: Iterable[str], missions: Iterable[str], s
 
 
 def resolve_path(folder: Path, name: str) -> str:
-    """The file or folder of that name beside the campaign's, or the name itself."""
+    """Return the path of a file or folder relative to the campaign's, or the name itself."""
     beside = folder / name
     return str(beside) if name and beside.exists() else name
 

@@ -20,40 +20,40 @@ from wingbeat.text import pluralize
 
 INSTALL = ("dask[distributed]", "pyarrow")
 ABOUT = b"wingbeat.campaign"
-"""key of the table's metadata"""
+"""metadata key of the table"""
 
 
 class About(NamedTuple):
-    """What a table knows of its campaign."""
+    """Campaign metadata of a table."""
 
     name: str
     title: str
     file: str
-    """of the campaign, as it was given"""
+    """of the campaign, as given"""
     digest: str
     swept: tuple[str, ...]
     """columns that are inputs"""
     drawn: tuple[str, ...] | None = None
-    """of them, drawn from more than a list of values; None of a table that does not tell, of an earlier version"""
+    """inputs drawn from a continuous distribution; None in a table of an earlier version"""
 
 
 class Table(NamedTuple):
-    """A table that was read."""
+    """Table as read."""
 
     about: About
     columns: dict[str, list[Any]]
     units: dict[str, str]
     planned: int | None = None
-    """-; flights of a campaign that is not flown to its end; None where it is"""
+    """-; number of flights of an unfinished campaign, else None"""
 
     @property
     def size(self) -> int:
-        """How many flights."""
+        """Number of flights."""
         return len(self.columns["flight"])
 
 
 def arrow(module: str = "pyarrow") -> Any:
-    """A module of pyarrow.
+    """Import a module of pyarrow.
 
     Raises:
         InputError: it is not installed.
@@ -62,7 +62,7 @@ def arrow(module: str = "pyarrow") -> Any:
 
 
 def write_table(path: Path, campaign: Campaign, rows: Mapping[int, Row]) -> None:
-    """Write the rows by their flights' numbers; nothing in the file depends on how or when they were flown.
+    """Write the rows by flight number; the file does not depend on how or when they were flown.
 
     Raises:
         InputError: the file exists or cannot be written, or pyarrow is missing.
@@ -85,7 +85,7 @@ def write_table(path: Path, campaign: Campaign, rows: Mapping[int, Row]) -> None
 
 
 def about(campaign: Campaign) -> About:
-    """What the table of a campaign will know of it."""
+    """Build the campaign metadata of a table."""
     drawn = tuple(key for key, one in campaign.draw.items() if one.kind != "choice")
     return About(campaign.name, campaign.title, str(campaign.path), campaign.digest(), campaign.swept, drawn)
 
@@ -94,7 +94,7 @@ def read_table(path: Path) -> Table:
     """Read a table.
 
     Raises:
-        InputError: there is none, it is no campaign's, or pyarrow is missing.
+        InputError: it does not exist, is not a campaign table, or pyarrow is missing.
     """
     pyarrow, parquet = arrow(), arrow("pyarrow.parquet")
     if not path.exists():
@@ -118,10 +118,10 @@ def _about(document: Mapping[str, Any]) -> About:
 
 
 def unfinished_table(path: Path) -> Table:
-    """What is flown of the campaign whose journal lies at ``path``.
+    """Build the table of an unfinished campaign from the journal at ``path``.
 
     Raises:
-        InputError: no flight has ended, the journal is none, or its campaign's file is gone or has changed.
+        InputError: no flight is complete, the journal is invalid, or its campaign file is missing or changed.
     """
     header = read_journal(path)
     if not header.rows:

@@ -17,12 +17,12 @@ SOURCE = "chosen: by a campaign"
 
 
 def altered(vehicle: SimulatedVehicle, values: Mapping[str, Any], factors: Mapping[str, Any]) -> SimulatedVehicle:
-    """The vehicle with ``values`` by their place, ``bodies.fuselage.mass`` or ``drive.frequencies[2]``.
+    """Return the vehicle with ``values`` by location, ``bodies.fuselage.mass`` or ``drive.frequencies[2]``.
 
-    ``factors`` are multiplied with what the file, or ``values``, has there; of a list with every number.
+    ``factors`` multiply the values of the file, or those of ``values``; for a list, all numbers.
 
     Raises:
-        InputError: there is no such value in the file, or one that no vehicle can have.
+        InputError: unknown location, or value out of range.
     """
     if not values and not factors:
         return vehicle

@@ -21,26 +21,26 @@ BLOCK = 512
 KEY = 0x50
 """second byte of every file"""
 _ORDERS = {84: "<", 86: ">"}
-"""byte order by the number of the processor: Intel, MIPS"""
+"""byte order by processor number: Intel, MIPS"""
 _UNITS = {"m": "m", "cm": "cm", "mm": "mm"}
 _TEXTS = ("POINT:UNITS", "POINT:Y_SCREEN", "POINT:LABELS", "POINT:LABELS2")
-"""parameters of characters that are read"""
+"""character parameters that are read"""
 MOST_POINTS = 4096
-"""markers in a frame; no laboratory has so many, and a damaged head says any number up to 65535"""
+"""limit of the markers in a frame; a damaged header may contain any number up to 65535"""
 
 
 class Head(NamedTuple):
-    """What the first block says."""
+    """Header block of the file."""
 
     points: int
     """markers in a frame"""
     analog: int
-    """samples of other instruments in a frame"""
+    """analog samples in a frame"""
     frames: int
     scale: float
-    """of integers; negative where the data are floats"""
+    """of integers; negative if the data are floats"""
     data_block: int
-    """of the first frame, from 1"""
+    """number of the first data block, from 1"""
     rate: float
     """Hz"""
 
@@ -49,7 +49,7 @@ def read_c3d(data: bytes) -> Source:
     """Read the markers of a C3D file.
 
     Raises:
-        InputError: it is none, of a processor that is not known, or has no marker in it.
+        InputError: not a C3D file, unknown processor, or no marker.
     """
     if len(data) < 2 * BLOCK or data[1] != KEY:
         raise InputError("it does not begin as a C3D file does")

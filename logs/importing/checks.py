@@ -16,23 +16,23 @@ from logs.importing.units import limits_in
 
 Mask = NDArray[np.bool_]
 LATEST_US = 4_102_444_800_000_000
-"""us since 1970; the year 2100: a clock beyond it was not read from a log but from garbage"""
+"""us since 1970; the year 2100: a later clock value is damage"""
 LONGEST_PAUSE_US = 3_600_000_000
-"""us; between two rows of a topic; what lies behind a longer one was stamped by garbage"""
+"""us; between two rows of a topic; rows after a longer pause have damaged time stamps"""
 ABSURD = 1e15
-"""-; no column without a unit goes so far, and garbage read as a float mostly does"""
+"""-; magnitude limit of a column without a unit; damaged bytes read as a float usually exceed it"""
 NEVER = "time before the clock's zero"
 BACKWARDS = "time runs backwards"
 ELSEWHERE = "time far from the rest of the log"
 BEHIND = "time behind the end of the log"
 MANY = 20
-"""rows; of topics that together tell how long a log is"""
+"""rows; threshold of the topics that determine the length of a log"""
 LATE_US = 10_000_000
-"""us; that a row may be behind the last one of those topics"""
+"""us; allowed delay of a row after the last one of those topics"""
 
 
 def sound(series: Series, topic: str, trusted: bool = False) -> tuple[Series, list[Dropped]]:
-    """The rows of a series that can be true, and what was dropped of it under the name ``topic``.
+    """Return the valid rows of a series and the dropped ones as ``topic``; ``trusted`` skips checks of values.
 
     The values of ``trusted`` ones are not looked at, their times are.
     """
@@ -60,9 +60,9 @@ def _verdicts(series: Series, trusted: bool) -> Iterator[tuple[str, Mask]]:
 
 
 def possible(values: Array, unit: str) -> Mask:
-    """Rows whose values lie within what a quantity of that unit can be; a value that is not a number may stand.
+    """Select the rows whose values are within the limits of their unit; NaN is accepted.
 
-    Foreign logs say with NaN that something is not known.
+    Foreign logs use NaN for unknown values.
     """
     if values.dtype.kind not in "iuf":
         return np.ones(len(values), bool)
@@ -70,7 +70,7 @@ def possible(values: Array, unit: str) -> Mask:
     if limits is None:
         if values.dtype.kind != "f":
             return np.ones(len(values), bool)
-        # Infinity is a setting for 'no limit' in some logs.
+        # Some logs use infinity for a setting without limit.
         mask = ~(np.abs(values) > ABSURD) | np.isinf(values)
     else:
         low, high = limits
@@ -81,7 +81,7 @@ def possible(values: Array, unit: str) -> Mask:
 def within(
     columns: Mapping[str, Array], limits: Mapping[str, tuple[float, float] | None]
 ) -> Iterator[tuple[str, Mask]]:
-    """For each column, the rows that lie within its limits or are not known."""
+    """Select, for each column, the rows within its limits or unknown."""
     for name, values in columns.items():
         bounds = limits.get(name)
         if bounds is not None:
@@ -90,7 +90,7 @@ def within(
 
 
 def monotonic_rows(times: NDArray[np.int64]) -> Mask:
-    """The most rows whose times never run backwards: one false stamp costs one row, wherever it points."""
+    """Select the largest set of rows with nondecreasing times: one false time stamp costs one row."""
     if not len(times) or np.all(np.diff(times) >= 0):
         return np.ones(len(times), bool)
     ends: list[int] = []
@@ -110,7 +110,7 @@ def monotonic_rows(times: NDArray[np.int64]) -> Mask:
 
 
 def together(times: NDArray[np.int64]) -> Mask:
-    """The longest run of rising times without a pause of more than an hour."""
+    """Select the longest run of increasing times without a pause of more than an hour."""
     edges = np.flatnonzero(np.diff(times) > LONGEST_PAUSE_US) + 1
     bounds = [0, *edges.tolist(), len(times)]
     first = int(np.argmax(np.diff(bounds)))
@@ -120,12 +120,12 @@ def together(times: NDArray[np.int64]) -> Mask:
 
 
 def not_behind(times: NDArray[np.int64], end_us: int) -> Mask:
-    """Rows that are not far behind the ``end_us`` of the log: one that was never set has any stamp."""
+    """Select the rows that are not far after the ``end_us`` of the log; unset time stamps have any value."""
     return np.asarray(times <= end_us + LATE_US, bool)
 
 
 def end_of(series: Sequence[Series]) -> int:
-    """us; last time of the topics with many rows, or where there is none, of all rows that lie together."""
+    """Return the last time (us) of the topics with many rows; without such topics, of all consistent rows."""
     many = [int(one.time_us[-1]) for one in series if len(one.time_us) >= MANY]
     if many:
         return max(many)

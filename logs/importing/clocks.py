@@ -15,19 +15,19 @@ from wingbeat.errors import InputError
 
 Array = NDArray[np.float64]
 STEP = 0.005
-"""s; of the common time base"""
+"""s; period of the common time base"""
 LEAST_OVERLAP = 3.0
-"""s; that both must have measured"""
+"""s; least overlap of the two signals"""
 LEAST_CORRELATION = 0.6
-"""-; below it the two did not measure the same motion"""
+"""-; least correlation: below it the two did not measure the same motion"""
 RIVAL = 0.95
-"""share of the best correlation that another lag must not reach: flapping alone fits at every stroke"""
+"""ratio to the best correlation that no other lag may exceed: periodic flapping alone correlates at every stroke"""
 LOBE = 0.15
-"""s; around the best lag, which belongs to it"""
+"""s; half width of the peak around the best lag"""
 
 
 class Signal(NamedTuple):
-    """The size of an angular rate over time."""
+    """Magnitude of an angular rate over time."""
 
     time: Array
     """s; (N,)"""
@@ -36,19 +36,19 @@ class Signal(NamedTuple):
 
 
 class Alignment(NamedTuple):
-    """How one clock goes on the other."""
+    """Offset of one clock to the other."""
 
     offset: float
-    """s; to be added to the first clock's times"""
+    """s; to be added to the times of the first clock"""
     correlation: float
-    """-; of the two signals there, at most 1"""
+    """-; of the two signals at this offset, at most 1"""
 
 
 def of_log(log: Log) -> Signal:
-    """The angular rate of a log's IMU, or of its attitude.
+    """Return the angular rate of a log's IMU, or of its attitude.
 
     Raises:
-        InputError: it has neither.
+        InputError: the log has neither.
     """
     for topic, names in ((t.IMU, _GYRO), (t.ATTITUDE, _RATES)):
         if topic.name in log.topics:
@@ -59,10 +59,10 @@ def of_log(log: Log) -> Signal:
 
 
 def of_import(imported: list[ImportedTopic]) -> Signal:
-    """The angular rate among imported topics.
+    """Return the angular rate of imported topics.
 
     Raises:
-        InputError: there is none.
+        InputError: there is no angular rate.
     """
     for topic, names in ((t.IMU, _GYRO), (t.ATTITUDE, _RATES)):
         for one in imported:
@@ -84,10 +84,10 @@ def _signal(time: NDArray[Any], rates: NDArray[Any]) -> Signal:
 
 
 def align(first: Signal, second: Signal) -> Alignment:
-    """Find the offset of the first clock from the second, to a small part of the step.
+    """Find the offset of the first clock to the second, to a fraction of the step.
 
     Raises:
-        InputError: they overlap too little, or no single offset stands out.
+        InputError: they overlap too little, or the offset is ambiguous.
     """
     a, b = _uniform(first), _uniform(second)
     least = round(LEAST_OVERLAP / STEP)

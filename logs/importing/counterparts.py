@@ -28,9 +28,9 @@ CORE: Mapping[Topic[Any], tuple[str, ...]] = {
     t.POWER: ("voltage",),
     t.GPS: ("latitude", "longitude"),
 }
-"""Fields that a row is worth nothing without; of a topic that is not here, all that the source gives."""
+"""Required fields: a row without them is dropped. For other topics, all fields of the source."""
 KNOWN: Mapping[str, float] = {"bias_x": 0.0, "bias_y": 0.0, "bias_z": 0.0, "valid": 1}
-"""What stands where a source tells nothing; elsewhere it is NaN, in a count or flag 0."""
+"""Default values of fields that a source lacks; otherwise NaN, and 0 for counts and flags."""
 _TURN = 1.001 * math.pi
 FIELD_LIMITS: Mapping[str, tuple[float, float]] = {
     "roll": (-2.0 * _TURN, 2.0 * _TURN),
@@ -44,36 +44,36 @@ FIELD_LIMITS: Mapping[str, tuple[float, float]] = {
 
 
 class View:
-    """The series that a counterpart is made of, with others at its times; all values in SI as the units say."""
+    """Source series of a counterpart, with other series at its times; values in SI by their units."""
 
     def __init__(self, series: Mapping[str, Series], name: str) -> None:
         self._series = series
         self.here = series[name]
 
     def __getitem__(self, column: str) -> Array:
-        """A column of the series itself, (N,) or (N, k); raises `KeyError` where it has none of numbers."""
+        """Return a column of the series, (N,) or (N, k); raise `KeyError` if it has no such numbers."""
         return _in_si(self.here, column)
 
     def raw(self, column: str) -> Array:
-        """A column as the source has it, in its unit; raises `KeyError` where it has none of numbers."""
+        """Return a column in the unit of the source; raise `KeyError` if it has no such numbers."""
         return _numbers(self.here, column)
 
     def get(self, column: str) -> Array:
-        """A column of the series itself, NaN where it has none."""
+        """Return a column of the series, NaN if it is missing."""
         return self[column] if column in self.here.columns else self.unknown()
 
     def has(self, name: str) -> bool:
-        """Whether the log has another series of that name."""
+        """Return whether the log has another series of that name."""
         return name in self._series
 
     def unknown(self) -> Array:
-        """NaN for every row."""
+        """Return NaN for every row."""
         return np.full(len(self.here.time_us), np.nan)
 
     def latest_value(self, name: str, column: str, part: int | None = None) -> Array:
-        """A column of another series, held since its last row; NaN before that, and where there is none.
+        """Return a column of another series, held since its last row; NaN before that, or if it is missing.
 
-        ``part`` is the place in an array.
+        ``part`` is the index in an array.
         """
         other = self._series.get(name)
         if other is None or not len(other.time_us):
@@ -103,17 +103,17 @@ def _in_si(series: Series, column: str) -> Array:
 
 
 class Counterpart(NamedTuple):
-    """How one of the project's topics is made of a series."""
+    """Rule that makes a Wingbeat topic from a series."""
 
     topic: Topic[Any]
     source: str
-    """name of the series that gives its times"""
+    """name of the series that determines the times"""
     build: Callable[[View], Columns]
-    """fields from columns; raises `KeyError` where the source lacks one"""
+    """fields from columns; raises `KeyError` if the source lacks one"""
 
 
 def make_all(table: Sequence[Counterpart], series: Mapping[str, Series]) -> list[ImportedTopic]:
-    """The first counterpart of each topic that the series give."""
+    """Make the first available counterpart of each topic from the series."""
     made: dict[Topic[Any], ImportedTopic] = {}
     for counterpart in table:
         if counterpart.topic in made or counterpart.source not in series:
@@ -138,7 +138,7 @@ def _check_shapes(topic: Topic[Any], columns: Columns) -> None:
 
 
 def checked(topic: Topic[Any], source: Series, columns: Columns) -> ImportedTopic:
-    """A topic of ``columns`` at the times of ``source``, without the rows that cannot be true."""
+    """Make a topic of ``columns`` at the times of ``source``, without invalid rows."""
     columns = {name: np.asarray(values) for name, values in columns.items()}
     kept = np.ones(len(source.time_us), bool)
     dropped: list[Dropped] = []
@@ -161,7 +161,7 @@ def _verdicts(topic: Topic[Any], columns: Columns) -> list[tuple[str, Mask]]:
 
 
 def fields_of(topic: Topic[Any]) -> tuple[Field, ...]:
-    """Fields of a topic's message, the time first."""
+    """Return the fields of a topic's message, the time first."""
     message: Any = topic.message
     return layout_of(message).fields
 
@@ -205,23 +205,23 @@ def _whole_attitude(columns: Columns) -> Columns:
 
 
 def wrapped(angle: Array) -> Array:
-    """An angle in rad, from -pi to pi."""
+    """Wrap an angle in rad to -pi to pi."""
     return np.asarray(np.arctan2(np.sin(angle), np.cos(angle)), float)
 
 
 def true_airspeed(equivalent: Array, density: Array) -> Array:
-    """m/s; where the density (kg/m^3) is known, else the equivalent airspeed as it is."""
+    """Compute the true airspeed in m/s; without a density (kg/m^3) return the equivalent airspeed."""
     ratio = np.where(np.isfinite(density) & (density > 0.1), SEA_LEVEL_DENSITY / np.maximum(density, 0.1), 1.0)
     return np.asarray(equivalent * np.sqrt(ratio), float)
 
 
 def ground_velocity(speed: Array, course: Array) -> tuple[Array, Array]:
-    """North and east (m/s) of a speed along a course (rad)."""
+    """Return north and east components (m/s) of a speed along a course (rad)."""
     return speed * np.cos(course), speed * np.sin(course)
 
 
 def pulse_array(view: View, columns: Sequence[str], count: int) -> NDArray[np.int64]:
-    """Radio-control pulse widths in whole us, (N, count): 0 where a channel was not recorded."""
+    """Return radio-control pulse widths in integer us, (N, count): 0 for channels that were not recorded."""
     zeros = np.zeros(len(view.here.time_us))
     table = [np.nan_to_num(view.raw(name)) if name in view.here.columns else zeros for name in columns[:count]]
     return np.stack(table + [zeros] * (count - len(table)), axis=1).astype(np.int64)

@@ -30,7 +30,7 @@ from wingbeat.topic import Topic
 
 OWN_PREFIX = "/csv/"
 WHITESPACE = "whitespace"
-"""as a delimiter: any run of blanks and tabs"""
+"""delimiter: any run of blanks and tabs"""
 _FORTRAN = re.compile(r"[+-]?[0-9]*\.?[0-9]*[dD][+-]?[0-9]+")
 _ENTRY = ("column", "value", "unit", "scale", "offset")
 KNOWN_TOPICS: Mapping[str, Topic[Any]] = {
@@ -39,23 +39,23 @@ KNOWN_TOPICS: Mapping[str, Topic[Any]] = {
 
 
 class Table(NamedTuple):
-    """A table as read: columns by name, NaN where a cell is no number."""
+    """Table as read: columns by name, NaN for cells without a number."""
 
     columns: Mapping[str, NDArray[np.float64]]
     rows: int
     strange: int
-    """cells with something in them that is no number"""
+    """nonempty cells that are not numbers"""
     twice: frozenset[str] = frozenset()
-    """names that several columns have"""
+    """names of several columns"""
     short: int = 0
-    """rows with fewer cells than there are names"""
+    """rows with fewer cells than the header"""
 
 
 def read_table(data: bytes, mapping: Path | None) -> Source:
-    """Read a table by its mapping.
+    """Read a table with its mapping.
 
     Raises:
-        InputError: no mapping, one that cannot be used, or a table that it does not fit.
+        InputError: no mapping, an invalid one, or one that does not match the table.
     """
     if mapping is None:
         raise InputError("a table of columns needs --map MAP.toml (wingbeat log import --help has an example)")
@@ -77,7 +77,7 @@ def read_table(data: bytes, mapping: Path | None) -> Source:
 
 
 def _not_mapped(table: Table, chosen: TableMapping) -> list[str]:
-    """Columns that no field of the mapping is made of."""
+    """Return the columns that no field of the mapping uses."""
     entries = [entry for section in chosen.topics.values() for entry in section.fields.values()]
     used = {chosen.time.column, *(entry.column for entry in entries)}
     return [name for name in table.columns if name not in used]
@@ -92,10 +92,10 @@ def _damage(table: Table) -> tuple[str, ...]:
 
 
 def parse_table(data: bytes, layout: TableSection) -> Table:
-    """A table as columns of numbers.
+    """Parse a table into columns of numbers.
 
     Raises:
-        InputError: it is no text, or has no row below its names.
+        InputError: not text, or no row below the header.
     """
     lines = decoded(data, layout.encoding).splitlines()[layout.skip :]
     decimal = layout.decimal
@@ -121,7 +121,7 @@ def parse_table(data: bytes, layout: TableSection) -> Table:
 
 
 def split_rows(lines: list[str], delimiter: str) -> list[list[str]]:
-    """The cells of each line that has any; ``delimiter`` is one character, or `WHITESPACE` for any run of blanks.
+    """Return the cells of each nonempty line. ``delimiter`` is one character, or `WHITESPACE` for runs of blanks.
 
     Raises:
         InputError: the delimiter is neither, or a line cannot be split.
@@ -137,10 +137,10 @@ def split_rows(lines: list[str], delimiter: str) -> list[list[str]]:
 
 
 def decoded(data: bytes, encoding: Any) -> str:
-    """A table's text.
+    """Decode the text of a table.
 
     Raises:
-        InputError: it is none in that encoding, or there is no such encoding.
+        InputError: not text in that encoding, or unknown encoding.
     """
     try:
         return data.decode("utf-8-sig" if encoding == "utf-8" else encoding)
@@ -152,7 +152,7 @@ def decoded(data: bytes, encoding: Any) -> str:
 
 
 def number_of(cell: str, decimal: str = ".") -> float:
-    """A cell's number, NaN where it has none; Fortran's ``1.0D+02`` is one."""
+    """Parse a cell's number, NaN without one; Fortran's ``1.0D+02`` is accepted."""
     plain = cell if decimal == "." else cell.replace(decimal, ".")
     try:
         return float(plain)

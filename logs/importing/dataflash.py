@@ -15,7 +15,7 @@ from wingbeat.errors import InputError
 from wingbeat.message import Event, Severity
 
 _OWN_TABLES = ("FMT", "UNIT", "MULT", "FMTU", "PARM", "MSG")
-"""messages that say something of the file, and are not data"""
+"""messages that describe the file and contain no data"""
 _UNITS = {
     "deglatitude": "deg",
     "deglongitude": "deg",
@@ -27,7 +27,7 @@ _UNITS = {
     "A.s": "C",
     "Watt": "W",
 }
-"""ArduPilot's names of units that have another here."""
+"""ArduPilot unit names that differ from those of Wingbeat."""
 _ANGLES = dict.fromkeys(("Roll", "Pitch", "Yaw", "DesRoll", "DesPitch", "DesYaw"), "deg")
 _FILTER = _ANGLES | dict.fromkeys(("VN", "VE", "VD"), "m/s") | dict.fromkeys(("PN", "PE", "PD"), "m")
 _BATTERY = {"Volt": "V", "VoltR": "V", "Curr": "A", "CurrTot": "mAh", "EnrgTot": "Wh"}
@@ -50,17 +50,17 @@ UNTOLD: Mapping[str, Mapping[str, str]] = {
     "CURR": {"Volt": "cV", "Curr": "cA", "CurrTot": "mAh"},
     "BAT": _BATTERY,
 }
-"""Units of logs older than 2018, which tell none."""
+"""Units of logs older than 2018, which contain none."""
 _WEEK_NS, _GPS_EPOCH_NS = 604_800 * 10**9, 315_964_800 * 10**9
 _LEAPS = ((1135, 14), (1356, 15), (1695, 16), (1851, 17), (1930, 18))
-"""GPS week from which so many leap seconds hold."""
+"""GPS week from which each number of leap seconds is valid."""
 
 
 def read_dataflash(data: bytes) -> Source:
-    """Read a dataflash log; what is damaged is left out and told in ``damage``.
+    """Read a dataflash log; damaged parts are omitted and listed in ``damage``.
 
     Raises:
-        InputError: there is no whole record with a time in it.
+        InputError: no complete record with a time.
     """
     records = find_records(data)
     tables = {
@@ -97,13 +97,13 @@ def _times(name: str, columns: Columns) -> NDArray[np.int64] | None:
 
 
 class Clock(NamedTuple):
-    """Where in the file it was what time."""
+    """Times by location in the file."""
 
     places: list[int]
     time_us: NDArray[np.int64]
 
     def of(self, name: str, columns: Columns, places: list[int]) -> NDArray[np.int64]:
-        """us since boot; of records without a time, that of the last one before them that has one."""
+        """Return us since boot; a record without a time has that of the previous record with one."""
         times = _times(name, columns)
         if times is not None:
             return times

@@ -18,45 +18,45 @@ from wingbeat.text import pluralize
 
 MAGIC = b"\xa3\x95"
 HEAD = 3
-"""bytes; magic and the number of the format"""
+"""bytes; magic and format number"""
 FORMAT = 0x80
-"""number of the format of formats"""
+"""format number of the format records"""
 _CODES: dict[str, tuple[str, float]] = {
     "a": ("(32,)<i2", 1.0), "b": ("i1", 1.0), "B": ("u1", 1.0), "h": ("<i2", 1.0), "H": ("<u2", 1.0),
     "i": ("<i4", 1.0), "I": ("<u4", 1.0), "f": ("<f4", 1.0), "d": ("<f8", 1.0), "g": ("<f2", 1.0),
     "n": ("S4", 1.0), "N": ("S16", 1.0), "Z": ("S64", 1.0), "M": ("u1", 1.0), "q": ("<i8", 1.0), "Q": ("<u8", 1.0),
     "c": ("<i2", 1e2), "C": ("<u2", 1e2), "e": ("<i4", 1e2), "E": ("<u4", 1e2), "L": ("<i4", 1e7),
 }  # fmt: skip
-"""NumPy type of each letter, and what the stored number is divided by."""
+"""NumPy type of each letter, and the divisor of the stored number."""
 _FMT = np.dtype([("type", "u1"), ("length", "u1"), ("name", "S4"), ("format", "S16"), ("columns", "S64")])
 
 
 class Kind(NamedTuple):
-    """A format as the file tells it."""
+    """Format as declared in the file."""
 
     name: str
     record: np.dtype[np.void]
-    """of the whole record, head included"""
+    """of the complete record with header"""
     codes: Mapping[str, str]
     """letter of each column"""
 
 
 class Records(NamedTuple):
-    """What the bytes come to."""
+    """Location of the records in the data."""
 
     kinds: Mapping[int, Kind]
     places: Mapping[int, list[int]]
-    """offsets of the whole records, by format"""
+    """offsets of the complete records, by format"""
     damage: tuple[str, ...]
 
 
 def is_dataflash(head: bytes) -> bool:
-    """Whether a file that begins so is a dataflash log."""
+    """Return whether a file with this start is a dataflash log."""
     return head[:HEAD] == MAGIC + bytes([FORMAT])
 
 
 def find_records(data: bytes) -> Records:
-    """Where the records stand, whichever are whole."""
+    """Find the complete records."""
     kinds: dict[int, Kind] = {FORMAT: Kind("FMT", _record(_FMT), {})}
     places: dict[int, list[int]] = {}
     lost: list[tuple[int, int]] = []
@@ -109,12 +109,12 @@ def _learn(data: bytes, at: int, kinds: dict[int, Kind]) -> None:
 
 
 def text_of(value: bytes) -> str:
-    """A text as stored, up to its first zero."""
+    """Decode a stored text up to its first zero."""
     return bytes(value).partition(b"\0")[0].decode("utf-8", "replace")
 
 
 def columns_of(data: bytes, kind: Kind, places: list[int]) -> Columns:
-    """Columns of all records of a kind, as stored but for the divisor of their letter."""
+    """Return the columns of all records of a format, as stored but for the divisor of their letter."""
     size = kind.record.itemsize
     rows = np.frombuffer(b"".join(data[at : at + size] for at in places), kind.record)
     return {

@@ -98,4 +98,4 @@ COUNTERPARTS = (
     Counterpart(t.GPS, "GPS", _gps),
     Counterpart(t.RECEIVER, "RCIN", _receiver),
 )
-"""In the order in which they are tried."""
+"""In the order of preference."""

@@ -36,21 +36,21 @@ from wingbeat.errors import InputError
 from wingbeat.message import Event
 
 IMPORT = "wingbeat.import"
-"""Name of the metadata record that says what a log was made of."""
+"""Name of the metadata record with the source of an imported log."""
 NOTES = "source.notes"
-"""Name of the metadata record with what else the source says of itself."""
+"""Name of the metadata record with other facts of the source."""
 LATEST_NS = LATEST_US * 1000
-"""ns since 1970; a clock that was zero later was not read from the log but from garbage"""
+"""ns since 1970; a later zero of the clock is damage"""
 REPORT = "import_report.json"
-"""Name of the attachment with the whole report."""
+"""Name of the attachment with the complete report."""
 
 
 class Format(NamedTuple):
-    """How logs of one program are read."""
+    """Reader of the logs of one program."""
 
     name: str
     topics: str
-    """-; first part of the names of its own topics"""
+    """-; prefix of the names of its own topics"""
     counterparts: Sequence[Counterpart]
 
 
@@ -66,68 +66,68 @@ FORMATS: Mapping[str, Format] = {
 
 
 class TopicCount(NamedTuple):
-    """One topic that was written."""
+    """Topic in the new log."""
 
     topic: str
     source: str
-    """-; what it was made of; empty for what stands as it came"""
+    """-; name of its source series; empty for a topic copied unchanged"""
     messages: int
 
 
 class ImportReport(NamedTuple):
-    """What an import did."""
+    """Result of an import."""
 
     file: str
     """-; the new log"""
     source: str
-    """-; name of the file that was read"""
+    """-; name of the source file"""
     format: str
     sha256: str
     """-; of the source"""
     importer: str
-    """-; version of this program"""
+    """-; version of the importing program"""
     vehicle: str
-    """-; what the source says of itself"""
+    """-; vehicle description in the source"""
     messages: int
     topics: tuple[TopicCount, ...]
     events: int
     parameters: int
     damage: tuple[str, ...]
-    """what was wrong with the source, one line each"""
+    """damage of the source, one line each"""
     dropped: tuple[Dropped, ...]
-    """rows that were left out, by topic and reason"""
+    """dropped rows, by topic and reason"""
 
 
 class Checked(NamedTuple):
-    """What is left of a source."""
+    """Valid data of a source."""
 
     imported: list[ImportedTopic]
-    """the project's topics"""
+    """Wingbeat topics"""
     series: dict[str, Series]
-    """the source's own"""
+    """series of the source"""
     events: list[Event]
     dropped: list[Dropped]
 
 
 class Choice(NamedTuple):
-    """What to import, and how."""
+    """Options of an import."""
 
     source: Path
     target: Path
     mapping: Path | None = None
-    """TOML; what the columns of a table are"""
+    """-; TOML; assignment of a table's columns"""
     clock: str = "vehicle"
-    """of a .tlog, one of `tlog.CLOCKS`"""
+    """clock of a .tlog, one of `tlog.CLOCKS`"""
     onboard: Path | None = None
-    """a log of the same flight, whose clock the new one is put on"""
+    """log of the same flight that defines the clock of the new one"""
 
 
 def import_log(choice: Choice, progress: Progress = lambda done, total: None) -> ImportReport:
-    """Read a log of another program and write it as a new one.
+    """Convert a log of another program to a new log.
 
     Raises:
-        InputError: it cannot be read, is of no known format, has nothing in it, or the target exists; nothing is
-            written then.
+        InputError: it cannot be read, has an unknown format or no data, or the target exists; nothing is written
+            then.
     """
     if choice.target.exists():
         raise InputError(f"{choice.target} exists: it is not overwritten")

@@ -32,34 +32,34 @@ accel_z = { value = -9.81, unit = "m/s^2" }
 rate   = 50.0               # Hz; fewer rows than the table has
 thrust = { column = "F", unit = "gf" }
 """
-"""What a mapping looks like; the value in its unit is column * scale + offset."""
+"""Example of a mapping; the value in its unit is column * scale + offset."""
 
 
 class TimeSection(NamedTuple):
-    """The time of the rows: a column or a rate."""
+    """Time of the rows: a column or a rate."""
 
     column: Any = None
     """name of the column"""
     unit: Any = "s"
     start: float = 0.0
-    """in the unit; reading at boot"""
+    """in the unit; column value at boot"""
     rate: Annotated[float, Quantity("Hz", ABOVE_ZERO)] | None = None
 
 
 class TableSection(NamedTuple):
-    """The layout of the table."""
+    """Layout of the table."""
 
     skip: Annotated[int, Quantity("-", 0)] = 0
-    """-; lines before the one with the names"""
+    """-; number of lines before the header"""
     delimiter: str = ","
     names: bool = True
-    """whether the first line has the names of the columns"""
+    """whether the first line has the column names"""
     decimal: str = "."
     encoding: str = "utf-8"
 
 
 class FieldEntry(NamedTuple):
-    """A field of a topic: a column, or one value for all rows."""
+    """Field of a topic: a column, or a constant."""
 
     column: Any = None
     value: float | None = None
@@ -69,11 +69,11 @@ class FieldEntry(NamedTuple):
 
 
 class TopicSection(NamedTuple):
-    """The fields of a topic."""
+    """Fields of a topic."""
 
     fields: dict[str, FieldEntry]
     rate: float | None = None
-    """Hz; of the rows that are taken, None for all"""
+    """Hz; rate of the selected rows, None for all rows"""
 
     @classmethod
     def from_entry(cls, entry: Any, key: str) -> TopicSection:
@@ -96,7 +96,7 @@ class TopicSection(NamedTuple):
 
 
 class TableMapping(NamedTuple):
-    """A mapping file."""
+    """Mapping file."""
 
     time: TimeSection
     topics: dict[str, TopicSection] = {}
@@ -107,7 +107,7 @@ def load_mapping(path: Path) -> TableMapping:
     """Read a mapping.
 
     Raises:
-        InputError: it cannot be read, or has a key or value that cannot be used.
+        InputError: it cannot be read, or has an unknown key or an invalid value.
     """
     document = read_document(path, "mapping")
     with error_context(f"mapping {path}"):

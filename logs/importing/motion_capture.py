@@ -25,35 +25,35 @@ from wingbeat.errors import InputError
 
 Array = NDArray[np.float64]
 MOTIVE = "Format Version"
-"""first cell of Motive's export"""
+"""first cell of a Motive export"""
 NEXUS = ("Segments", "Trajectories", "Model Outputs", "Joints", "Devices")
-"""first cells of the parts of Nexus's export"""
+"""first cells of the sections of a Nexus export"""
 _LENGTHS = {"Meters": "m", "Centimeters": "cm", "Millimeters": "mm"}
-"""Motive's"""
+"""length units of Motive"""
 NED_FROM_MOTIVE = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 _MARKER_AXES = {"X": "m", "Y": "m", "Z": "m"}
 _BODY_AXES = {"RX": "rad", "RY": "rad", "RZ": "rad", "TX": "m", "TY": "m", "TZ": "m"}
-"""Nexus's, with what their units become"""
+"""body columns of Nexus, with the conversion of their units"""
 NED_FROM_NEXUS = np.diag([1.0, -1.0, -1.0])
 
 
 class Track(NamedTuple):
-    """One body or marker."""
+    """One rigid body or marker."""
 
     name: str
     time: Array
-    """s; (N,), of the frames"""
+    """s; (N,), times of the frames"""
     position: Array
-    """m; (N, 3), NED, NaN where it was not seen"""
+    """m; (N, 3), NED, NaN if not tracked"""
     quaternion: Array | None = None
-    """-; (N, 4), w first, of r_ned_from_frd; None of a marker"""
+    """-; (N, 4), w first, of r_ned_from_frd; None for a marker"""
 
 
 Rows = Sequence[Sequence[str]]
 
 
 def is_motion_capture(head: bytes) -> bool:
-    """Whether a file that begins so is one of these exports."""
+    """Return whether a file with this start is a Motive or Nexus export."""
     first = head[:64].decode("utf-8-sig", "replace").splitlines() or [""]
     cell = first[0].split(",")[0].strip().strip('"')
     return cell == MOTIVE or cell in NEXUS
@@ -63,7 +63,7 @@ def read_motion_capture(data: bytes) -> Source:
     """Read an export; the first body becomes attitude, position and altitude.
 
     Raises:
-        InputError: it is no whole export, or nothing was seen in it.
+        InputError: an incomplete export, or nothing was tracked.
     """
     try:
         rows = list(csv.reader(io.StringIO(data.decode("utf-8-sig"))))
@@ -75,7 +75,7 @@ def read_motion_capture(data: bytes) -> Source:
 
 
 def source_of(tracks: Sequence[Track], system: str, damage: tuple[str, ...] = ()) -> Source:
-    """A capture with all bodies and markers that were seen in it.
+    """Build the source from all tracked bodies and markers of a capture.
 
     Raises:
         InputError: there is none.
@@ -124,10 +124,10 @@ def _tracked(track: Track) -> NDArray[np.bool_]:
 
 
 def motive_tracks(rows: Rows) -> list[Track]:
-    """Bodies and markers of a Motive export.
+    """Read bodies and markers of a Motive export.
 
     Raises:
-        InputError: its head is not whole, or its rotations are not quaternions.
+        InputError: an incomplete header, or rotations that are not quaternions.
     """
     head = dict(zip(rows[0][::2], rows[0][1::2], strict=False))
     at = next((n for n, row in enumerate(rows) if row and row[0].strip() == "Frame"), None)
@@ -160,7 +160,7 @@ def _motive_track(name: str, places: Mapping[str, int], table: Array, metre: flo
 
 
 def nexus_tracks(rows: Rows) -> list[Track]:
-    """Bodies of the part ``Segments`` and markers of the part ``Trajectories`` of a Nexus export."""
+    """Read bodies of the section ``Segments`` and markers of ``Trajectories`` of a Nexus export."""
     tracks: list[Track] = []
     behind = 0
     for at, row in enumerate(rows):
@@ -209,7 +209,7 @@ def _scale(name: str, axis: str, unit_text: Sequence[str]) -> float:
 
 
 def plain_name(name: str) -> str:
-    """A body's or marker's name as a part of a topic's."""
+    """Convert a body or marker name to a part of a topic name."""
     return name.strip().removeprefix("Global Angle ").replace(":", "_").replace(" ", "_")
 
 
@@ -232,20 +232,20 @@ def _number(cell: str) -> float:
 
 
 def turned(quaternion: Array, axes: Array) -> Array:
-    """A rotation (N, 4), w first, with both its frames exchanged by the proper rotation ``axes``; of unit length."""
+    """Transform rotations (N, 4), w first, with the proper rotation ``axes`` of both frames; of unit length."""
     length = np.linalg.norm(quaternion, axis=1, keepdims=True)
     unit = quaternion / np.where(length > 0.5, length, np.nan)
     return np.concatenate([unit[:, :1], unit[:, 1:] @ axes.T], axis=1)
 
 
 def of_rotation_vector(vector: Array) -> Array:
-    """Quaternions (N, 4) of rotation vectors in rad (N, 3)."""
+    """Convert rotation vectors in rad (N, 3) to quaternions (N, 4)."""
     angle = np.linalg.norm(vector, axis=1, keepdims=True)
     return np.concatenate([np.cos(0.5 * angle), 0.5 * np.sinc(0.5 * angle / np.pi) * vector], axis=1)
 
 
 def body_rates(time: Array, quaternion: Array) -> Array:
-    """rad/s; (N, 3) in body axes, from the frame before to the frame behind; NaN at the ends and beside gaps."""
+    """Compute body rates in rad/s, (N, 3), by central differences; NaN at the ends and beside gaps."""
     rates = np.full((len(time), 3), np.nan)
     if len(time) > 2:
         before, behind = quaternion[:-2], quaternion[2:]

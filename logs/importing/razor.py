@@ -22,29 +22,29 @@ from wingbeat.text import pluralize
 STEP_US = round(FrameClock.step * 1e6)
 """us; between two frames"""
 BINARY = "oscb"
-"""the output that a binary capture is taken for: calibrated, as our own board asks for"""
+"""output assumed for a binary capture: calibrated, as requested by the Razor board"""
 HEAD = 4096
-"""bytes; in which a capture must say what it is"""
+"""bytes; limit of the search for the format of a capture"""
 _LINE = re.compile(rb"#(YPRAG|YPR|A-[CR])=-?\d+\.\d\d,")
 _PIECE = 12
-"""bytes; fed at a time, so that a loss is known before the frame behind it; not more than one frame"""
+"""bytes; size of a read, at most one frame, so that a loss is known before the frame after it"""
 
 
 class Frame(NamedTuple):
     """One frame and its time."""
 
     time_us: int
-    """us; since the first frame of the capture, damaged or not"""
+    """us; since the first frame of the capture, damaged frames included"""
     reading: Reading
 
 
 def is_razor(head: bytes) -> bool:
-    """Whether a file that begins so is a capture of a Razor."""
+    """Return whether a file with this start is a capture of a Razor."""
     return bool(_LINE.search(head[:HEAD]) or TOKEN.search(head[:HEAD]))
 
 
 def output_of(data: bytes) -> Output:
-    """The output that a capture is of."""
+    """Detect the output format of a capture."""
     found = _LINE.search(data[:HEAD])
     if found is None:
         return OUTPUTS[BINARY]
@@ -55,7 +55,7 @@ def read_razor(data: bytes) -> Source:
     """Read a capture.
 
     Raises:
-        InputError: there is no whole frame in it.
+        InputError: no complete frame.
     """
     output = output_of(data)
     reader = Reader(output)

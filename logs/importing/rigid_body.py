@@ -10,31 +10,32 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 LEAST_MARKERS = 3
 MOST_MARKERS = 100
-"""-; among those seen in the most frames a body is looked for: every pair of them is compared"""
+"""-; number of the most visible markers that are searched: all pairs of them are compared"""
 LEAST_FRAMES = 10
-"""frames that a pair of markers must be seen in together"""
+"""frames; least common visibility of a pair of markers"""
 RIGID = 0.005
-"""m, and of their distance (-): a pair whose distance varies less (5th to 95th percentile) is on one body"""
+"""m, and fraction of their distance (-): a pair whose distance varies less (5th to 95th percentile) is rigid"""
 FLAT = 0.02
-"""m; markers nearer to one line than this (root mean square) tell no attitude"""
+"""m; markers closer to a line than this (root mean square) determine no attitude"""
 
 
 class RigidBody(NamedTuple):
-    """A body that was found."""
+    """Rigid body in a capture."""
 
     markers: tuple[int, ...]
-    """which of those given are on it"""
+    """indices of its markers"""
     position: Array
-    """m; (N, 3), of the middle of its markers, NaN where fewer than three of them were seen"""
+    """m; (N, 3), center of its markers, NaN if fewer than three of them are visible"""
     quaternion: Array
-    """-; (N, 4), w first, of the rotation from its axes: the capture's in the first frame in which all were seen"""
+    """-; (N, 4), w first, of the rotation from body axes, which are those of the capture in the first complete frame
+    """
 
 
 def find_rigid_body(positions: Array) -> RigidBody | None:
-    """The largest rigid body among markers; None where there is none of three markers that are not in one line.
+    """Find the largest rigid body among markers; None without three markers that are not collinear.
 
     Args:
-        positions: (markers, N, 3) m; NaN where a marker was not seen.
+        positions: (markers, N, 3) m; NaN if a marker is not visible.
     """
     most_seen = np.argsort(-np.isfinite(positions).all(axis=2).sum(axis=1), kind="stable")[:MOST_MARKERS]
     looked_at = np.sort(most_seen)
@@ -65,11 +66,11 @@ def _rigid_pairs(positions: Array) -> NDArray[np.bool_]:
 
 
 def _largest_group(pairs: NDArray[np.bool_]) -> tuple[int, ...]:
-    """The largest set of markers each of which keeps its distance from every other, grown from each in turn."""
+    """Return the largest set of markers with constant mutual distances, grown from each marker in turn."""
     best: list[int] = []
     for first in range(len(pairs)):
         group = [first]
-        # Who keeps his distance from many comes first: two bodies may share a marker at their joint.
+        # Markers with many constant distances first: two bodies may share a marker at their joint.
         for other in sorted(np.flatnonzero(pairs[first]), key=lambda marker: -int(pairs[marker].sum())):
             if all(pairs[other, member] for member in group):
                 group.append(int(other))
@@ -78,9 +79,9 @@ def _largest_group(pairs: NDArray[np.bool_]) -> tuple[int, ...]:
 
 
 def fitted(shape: Array, frames: Array) -> tuple[Array, Array]:
-    """Position and quaternion that bring ``shape`` (markers, 3) nearest to every frame of ``frames`` (N, markers, 3).
+    """Fit position and quaternion of ``shape`` (markers, 3) to every frame of ``frames`` (N, markers, 3).
 
-    Least squares over the markers that were seen: Kabsch (1976), doi:10.1107/S0567739476001873.
+    Least squares over the visible markers: Kabsch (1976), doi:10.1107/S0567739476001873.
     """
     seen = np.asarray(np.isfinite(frames).all(axis=2))
     weight = seen / np.maximum(seen.sum(axis=1, keepdims=True), 1)
@@ -95,13 +96,13 @@ def fitted(shape: Array, frames: Array) -> tuple[Array, Array]:
     known = (seen.sum(axis=1) >= LEAST_MARKERS) & (sizes[:, 1] > FLAT**2)
     position[~known] = np.nan
     quaternion = np.full((len(frames), 4), np.nan)
-    # Signs go on from the last frame that was seen: one between has no attitude to be near to.
+    # Signs are continuous from the last visible frame; frames without an attitude are skipped.
     quaternion[known] = quaternions(rotation[known])
     return position, quaternion
 
 
 def quaternions(rotation: Array) -> Array:
-    """Quaternions (N, 4), w first, of rotation matrices (N, 3, 3), each with the sign that is nearer to the last."""
+    """Convert rotation matrices (N, 3, 3) to quaternions (N, 4), w first, with continuous sign."""
     # 4 q q^T, of which the row with the greatest diagonal is the best conditioned (Shepperd 1978).
     xx, yy, zz = rotation[:, 0, 0], rotation[:, 1, 1], rotation[:, 2, 2]
     wx, wy, wz = (rotation[:, i, j] - rotation[:, j, i] for i, j in ((2, 1), (0, 2), (1, 0)))

@@ -17,30 +17,30 @@ OF_BOOT = "since the source's boot"
 
 
 class Series(NamedTuple):
-    """One kind of message of a foreign log, as columns in the order of the file."""
+    """One message type of a foreign log, as columns in the order of the file."""
 
     name: str
-    """of its topic behind that of the format: ``ATT``, ``vehicle_status``"""
+    """topic name after the prefix of the format: ``ATT``, ``vehicle_status``"""
     time_us: NDArray[np.int64]
     """us; (N,), since the source's boot"""
     columns: Mapping[str, Array]
-    """(N,), or (N, k) of an array; of objects where it is text"""
+    """(N,), or (N, k) for an array; object arrays for text"""
     units: Mapping[str, str]
-    """by column, as the source has them; none where it tells none"""
+    """by column, as in the source; missing if the source has none"""
 
     def taken(self, rows: Array) -> Series:
-        """The rows at ``rows``, a mask or indices."""
+        """Return the rows at ``rows``, a mask or indices."""
         columns = {name: values[rows] for name, values in self.columns.items()}
         return self._replace(time_us=self.time_us[rows], columns=columns)
 
 
 def shifted(series: Series, by_us: int) -> Series:
-    """The same rows, ``by_us`` later."""
+    """Return the series with times increased by ``by_us``."""
     return series._replace(time_us=series.time_us + by_us)
 
 
 class Dropped(NamedTuple):
-    """Rows that were left out of a topic."""
+    """Rows omitted from a topic."""
 
     topic: str
     reason: str
@@ -49,39 +49,39 @@ class Dropped(NamedTuple):
 
 
 class ImportedTopic(NamedTuple):
-    """One of the project's topics, made and checked."""
+    """Wingbeat topic made from a source series and checked."""
 
     topic: Topic[Any]
     source: str
-    """name of the series it was made of"""
+    """name of its source series"""
     series: Series
     """columns by the message's fields but for ``time_us``"""
     kept: NDArray[np.bool_]
-    """rows of the source's series that are in it"""
+    """rows of the source series that it contains"""
     dropped: tuple[Dropped, ...]
 
 
 class Source(NamedTuple):
-    """A foreign log as read."""
+    """Foreign log as read."""
 
     format: str
     """-; a key of `log_import.FORMATS`"""
     series: Mapping[str, Series]
     vehicle: str = ""
-    """-; what the source says of itself; empty for nothing"""
+    """-; vehicle description in the source; empty if it has none"""
     epoch_ns: int = 0
-    """ns since 1970 at which the source's clock was zero; 0 where it does not tell"""
+    """ns since 1970 at the zero of the source's clock; 0 if unknown"""
     events: tuple[Event, ...] = ()
     parameters: Mapping[str, float] = {}
     notes: Mapping[str, str] = {}
-    """further facts for the metadata"""
+    """other facts for the metadata"""
     damage: tuple[str, ...] = ()
-    """what was wrong with the file, one line each"""
+    """damage of the file, one line each"""
     dropped: tuple[Dropped, ...] = ()
-    """what the reader itself left out"""
+    """rows that the reader omitted"""
     made: tuple[ImportedTopic, ...] = ()
-    """the project's topics that the reader itself made"""
+    """Wingbeat topics that the reader made"""
     clock: str = OF_BOOT
-    """-; what the times count"""
+    """-; meaning of the times"""
     checksummed: bool = False
-    """a value is not doubted: 65535 stands for 'not known' in many fields of MAVLink"""
+    """values are protected by a checksum and not checked: 65535 means unknown in many MAVLink fields"""

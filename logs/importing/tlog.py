@@ -26,9 +26,9 @@ from wingbeat.message import Event, Severity
 from wingbeat.text import pluralize
 
 CLOCKS = ("vehicle", "ground")
-"""whose times a log is written with"""
+"""clocks for the times of the new log"""
 STAMP = struct.Struct(">Q")
-"""us since 1970 on the ground's clock, before each frame"""
+"""us since 1970 on the ground clock, before each frame"""
 _MARKERS = (bytes([MARKER_V1]), bytes([MARKER_V2]))
 NO_AUTOPILOT = 8
 """MAV_AUTOPILOT_INVALID"""
@@ -40,14 +40,14 @@ _DTYPES = {
     "uint64_t": "u8", "int64_t": "i8", "float": "f4", "double": "f8", "char": "O",
 }  # fmt: skip
 Sender = tuple[int, int]
-"""system and component"""
+"""system and component id"""
 
 
 class ReceivedMessage(NamedTuple):
-    """One message."""
+    """Message of a telemetry log."""
 
     ground_us: int
-    """us since 1970; on the ground's clock"""
+    """us since 1970; on the ground clock"""
     sender: Sender
     message: Any
 
@@ -56,7 +56,7 @@ def read_tlog(data: bytes, clock: str = "vehicle") -> Source:
     """Read a telemetry log with the times of the ``vehicle`` or of the ``ground``.
 
     Raises:
-        InputError: there is no whole frame in it.
+        InputError: no complete frame.
     """
     received, damage = _frames(data)
     if not received:
@@ -151,7 +151,7 @@ def _decoder(dialect: Any) -> Any:
 
 
 def vehicle_of(received: Sequence[ReceivedMessage]) -> Sender:
-    """Who sends an autopilot's heartbeats, the most of them; without any, who says the most."""
+    """Return the sender of most autopilot heartbeats; without any, the sender of most messages."""
     autopilots = Counter(
         one.sender
         for one in received
@@ -163,20 +163,20 @@ def vehicle_of(received: Sequence[ReceivedMessage]) -> Sender:
 
 
 class VehicleClock(NamedTuple):
-    """The vehicle's clock as its stamps tell it."""
+    """Vehicle clock, estimated from its time stamps."""
 
     ground_us: NDArray[np.int64]
-    """us; on the ground's clock, of messages with a stamp"""
+    """us; on the ground clock, of the messages with a time stamp"""
     offset_us: NDArray[np.int64]
-    """us; that the ground's clock is before the vehicle's, at each of them"""
+    """us; offset of the ground clock from the vehicle clock at each of them"""
     stamped: bool
-    """whether messages are taken at their own stamps"""
+    """whether messages are recorded at their own time stamps"""
     description: str
-    """-; in words"""
+    """-; description of the times"""
 
     @classmethod
     def of(cls, received: Sequence[ReceivedMessage], vehicle: Sender) -> VehicleClock:
-        """By all stamps of the vehicle that go on; the ground's clock from the first frame on where it has none."""
+        """Build the clock from all increasing time stamps of the vehicle; without any, from the ground clock."""
         pairs = [(one.ground_us, _boot_us(one.message)) for one in received if one.sender == vehicle]
         stamped = np.array([pair for pair in pairs if pair[1]], np.int64).reshape(-1, 2)
         stamped = stamped[monotonic_rows(stamped[:, 1])]
@@ -187,17 +187,17 @@ class VehicleClock(NamedTuple):
 
     @classmethod
     def on_the_ground(cls, received: Sequence[ReceivedMessage]) -> VehicleClock:
-        """The ground's clock, from the first frame on."""
+        """Build the ground clock, from the first frame."""
         first = min(one.ground_us for one in received)
         return cls(np.array([first]), np.array([first]), False, "the ground computer's clock, since the first frame")
 
     @property
     def boot_us(self) -> int:
-        """us since 1970; of the moment that times count from."""
+        """us since 1970; time of the zero of the vehicle clock."""
         return max(int(np.median(self.offset_us)), 0)
 
     def at(self, received: Sequence[ReceivedMessage]) -> NDArray[np.int64]:
-        """us since boot of each message: its own stamp, or the ground's time less the last known offset."""
+        """Return us since boot of each message: its time stamp, or the ground time with the last known offset."""
         ground = np.array([one.ground_us for one in received], np.int64)
         last = np.maximum(np.searchsorted(self.ground_us, ground, side="right") - 1, 0)
         times: NDArray[np.int64] = np.maximum(ground - self.offset_us[last], 0)

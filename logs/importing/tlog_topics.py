@@ -83,4 +83,4 @@ COUNTERPARTS: Sequence[Counterpart] = (
     Counterpart(t.GPS, "GPS_RAW_INT", _gps),
     Counterpart(t.RECEIVER, "RC_CHANNELS", _receiver),
 )
-"""In the order in which they are tried. VFR_HUD's airspeed has none: it is not told whether it is true."""
+"""In the order of preference. VFR_HUD's airspeed has none: whether it is true or indicated is unspecified."""

@@ -24,13 +24,13 @@ MAGIC = b"ULog\x01\x12\x35"
 _LONGEST_UPTIME_US = 10**14
 """us; three years"""
 _HEADER = 16
-"""bytes; before the first message"""
+"""bytes; header before the first message"""
 _SUFFIXES = {
     "_m_s2": "m/s^2", "_m_s": "m/s", "_rad_s": "rad/s", "_rad": "rad", "_deg": "deg", "_ga": "gauss", "_pa": "Pa",
     "_celcius": "degC", "_celsius": "degC", "_degc": "degC", "_v": "V", "_a": "A", "_w": "W", "_mah": "mAh",
     "_wh": "Wh", "_m": "m", "_hz": "Hz", "_us": "us", "_ms": "ms", "_s": "s", "_rpm": "rpm",
 }  # fmt: skip
-"""PX4 tells a unit in the name of a field, where it tells one."""
+"""Suffixes of PX4 field names that specify a unit."""
 _NOT_UNITS = ("var_", "_var", "variance", "cov", "offset", "innov", "test_ratio", "device", "flag", "fault", "cs_")
 _NAMES = {"timestamp": "us", "timestamp_sample": "us", "gyro_rad": "rad/s"}
 _NAVIGATION = (
@@ -42,15 +42,15 @@ _NAVIGATION = (
 
 
 def is_ulog(head: bytes) -> bool:
-    """Whether a file that begins so is a ULog."""
+    """Return whether a file with this start is a ULog."""
     return head.startswith(MAGIC)
 
 
 def read_ulog(data: bytes) -> Source:
-    """Read a ULog; what is damaged is left out and told in ``damage``.
+    """Read a ULog; damaged parts are omitted and listed in ``damage``.
 
     Raises:
-        InputError: it cannot be read, or has no data in it.
+        InputError: it cannot be read, or has no data.
     """
     log = _parsed(data)
     zero = _zero_us(log)
@@ -71,7 +71,7 @@ def _zero_us(log: Any) -> int:
     if not _LONGEST_UPTIME_US <= start < LATEST_US:
         return 0
     stamps = np.concatenate([np.empty(0, np.int64), *(_stamps(one) for one in log.data_list)])
-    # Latched messages are somewhat older than the log, and some never got a stamp.
+    # Retained messages are slightly older than the log, and some have no time stamp.
     stamps = stamps[stamps > start - LONGEST_PAUSE_US]
     return int(min(start, stamps.min())) if len(stamps) else 0
 
@@ -102,13 +102,14 @@ def _events(log: Any, zero: int) -> Iterator[Event]:
 
 
 class _Stream(io.BytesIO):
-    """A file in which a read beyond the end counts in full: the package seeks back by as much as it asked for.
+    """File in which a read beyond the end advances the position by the full size.
 
-    Otherwise it would come before where it was, and read the end of a damaged file for ever.
+    The package seeks back by the requested size; otherwise it would read the end of a damaged file in an endless
+    loop.
     """
 
     def read(self, size: int | None = -1, /) -> bytes:
-        """Up to ``size`` bytes."""
+        """Read up to ``size`` bytes."""
         at, data = self.tell(), super().read(size)
         if size is not None and size > len(data):
             self.seek(at + size)
@@ -177,7 +178,7 @@ def _columns(flat: Mapping[str, Array]) -> Columns:
 
 
 def unit_of(field: str) -> str:
-    """Unit that the name of a field tells, empty for none."""
+    """Return the unit in the name of a field, empty if there is none."""
     if any(word in field for word in _NOT_UNITS):
         return ""
     return _NAMES.get(field) or next((unit for end, unit in _SUFFIXES.items() if field.endswith(end)), "")

@@ -77,7 +77,7 @@ def _power(view: View) -> Columns:
 
 
 def _not_below(values: Array, low: float) -> Array:
-    """NaN where a value is below, by which PX4 says that it does not know."""
+    """Replace values below ``low`` with NaN: PX4 marks unknown values this way."""
     return np.where(values < low, np.nan, values)
 
 
@@ -118,4 +118,4 @@ COUNTERPARTS = (
     Counterpart(t.GPS, "sensor_gps", _gps),
     Counterpart(t.RECEIVER, "input_rc", _receiver),
 )
-"""In the order in which they are tried."""
+"""In the order of preference."""

@@ -115,7 +115,7 @@ CONVERSIONS: dict[str, Conversion] = {
     "mN m": Conversion("N m", 1e-3),
     "N mm": Conversion("N m", 1e-3),
 }
-"""By the unit as it is written; ``g`` is the acceleration, ``gf`` a gram's force, ``lb`` a mass, ``lbf`` not."""
+"""Conversions by unit name; ``g`` is the acceleration, ``gf`` a gram-force, ``lb`` a mass, ``lbf`` a force."""
 
 LIMITS: dict[str, tuple[float, float]] = {
     "rad": (-4.0 * math.pi, 4.0 * math.pi),
@@ -134,14 +134,14 @@ LIMITS: dict[str, tuple[float, float]] = {
     "N": (-1e4, 1e4),
     "N m": (-1e3, 1e3),
 }
-"""What a quantity of small aircraft can be, by SI unit; what lies outside was not measured."""
+"""Plausible limits of a quantity of small aircraft, by SI unit; values outside are not measurements."""
 
 
 def conversion(unit: object) -> Conversion:
-    """How a unit becomes SI.
+    """Return the conversion of a unit to SI.
 
     Raises:
-        InputError: it is not known; the text lists what is.
+        InputError: unknown unit; the message lists the known ones.
     """
     if not isinstance(unit, str) or unit not in CONVERSIONS:
         raise InputError(f"unit {unit!r} is not known; known: {', '.join(one for one in CONVERSIONS if one)}")
@@ -149,7 +149,7 @@ def conversion(unit: object) -> Conversion:
 
 
 def limits_in(unit: str) -> tuple[float, float] | None:
-    """What a quantity can be in ``unit`` itself; None where the unit says nothing of that."""
+    """Return the plausible limits of a quantity in ``unit`` itself; None if the unit has no limits."""
     known = CONVERSIONS.get(unit)
     if known is None or known.unit not in LIMITS:
         return None

@@ -28,36 +28,36 @@ FIRST_CHANNEL = 4000
 TIME = Field("time_us", 1, "fixed64", 0, "us", "since the source's boot")
 _SCALARS = {"f8": "double", "f4": "float", "f2": "float", "u8": "fixed64", "i8": "sfixed64"}
 Progress = Callable[[float, float], None]
-"""takes how much is done, and of how much"""
+"""called with the completed and the total work"""
 
 
 class Stream(NamedTuple):
-    """A topic with all its messages, as columns of their fields."""
+    """Topic with all its messages, as columns of their fields."""
 
     topic: Topic[Any]
     series: Series
 
 
 class Extras(NamedTuple):
-    """What a log has beside its topics."""
+    """Content of a log besides its topics."""
 
     epoch_ns: int
-    """ns since 1970 at which the source's clock was zero"""
+    """ns since 1970 at the zero of the source's clock"""
     events: Sequence[Event]
     notes: Mapping[str, Mapping[str, str]]
     """metadata by name"""
     attachments: Mapping[str, Callable[[Mapping[str, int]], bytes]]
-    """JSON documents by name, each made of how many messages were added for viewers, by topic"""
+    """JSON documents by name, each built from the number of messages added for viewers, by topic"""
 
 
 def imported_stream(imported: ImportedTopic) -> Stream:
-    """One of the project's topics with the rate that the source had."""
+    """Return a Wingbeat topic with the rate of its source."""
     rate = rate_of(imported.series)
     return Stream(imported.topic._replace(rate=rate), imported.series)
 
 
 def source_streams(format_name: str, series: Mapping[str, Series]) -> list[Stream]:
-    """The source's own messages as topics, ``/ulg/vehicle_status``."""
+    """Return the source's own messages as topics, ``/ulg/vehicle_status``."""
     return [
         Stream(_source_topic(format_name, FIRST_CHANNEL + number, one), one)
         for number, (_, one) in enumerate(sorted(series.items()))
@@ -65,12 +65,12 @@ def source_streams(format_name: str, series: Mapping[str, Series]) -> list[Strea
 
 
 def topic_name(format_name: str, name: str) -> str:
-    """Name of the topic that a series of the source has."""
+    """Return the topic name of a source series."""
     return f"/{format_name}/{name}"
 
 
 def rate_of(series: Series) -> float:
-    """Hz; of the median period, to three digits; 0 where there is none, as of what comes now and then."""
+    """Return the rate in Hz from the median period, to three digits; 0 without a positive median."""
     periods = np.diff(series.time_us)
     median = float(np.median(periods)) if len(periods) else 0.0
     return float(f"{1e6 / median:.3g}") if median > 0.0 else 0.0
@@ -111,7 +111,7 @@ def _scalar(values: Array) -> str:
 
 
 def write_log(path: Path, streams: Sequence[Stream], extras: Extras, progress: Progress) -> Mapping[str, int]:
-    """Write a new log, which appears whole or not at all; return how many messages were added for viewers, by topic.
+    """Write a new log atomically; return how many messages were added for viewers, by topic.
 
     Raises:
         InputError: the file exists, or cannot be written.
@@ -132,7 +132,7 @@ def write_log(path: Path, streams: Sequence[Stream], extras: Extras, progress: P
 
 
 def _write(path: Path, streams: Sequence[Stream], extras: Extras, progress: Progress) -> Mapping[str, int]:
-    # A wall clock that stands still: the same source gives the same file.
+    # A constant wall clock: the same source gives the same file.
     with McapRecorder(path, start_epoch_ns=extras.epoch_ns, clock=lambda: 0.0) as recorder:
         for name, values in extras.notes.items():
             recorder.note(name, dict(values))
