@@ -21,13 +21,15 @@ from logs.records import Damage, Span, parse, records
 from wingbeat.errors import InputError
 
 AT_ONCE = 4 * 1024 * 1024
-"""bytes; of packed chunks that are unpacked in one go: of more the newest are, the others' messages are counted"""
+"""bytes; limit of compressed chunks read at once: of more, the newest are read and the messages of the others
+counted
+"""
 _MESSAGE = struct.Struct("<HIQQ")
 _INDEX = struct.Struct("<HI")
 
 
 def is_recorded(path: Path) -> bool:
-    """Whether a recorder holds its lock on the file.
+    """Return whether a recorder holds its lock on the file.
 
     Raises:
         InputError: it cannot be read.
@@ -43,7 +45,7 @@ def is_recorded(path: Path) -> bool:
 
 
 class Message(NamedTuple):
-    """One message as it stands in the file."""
+    """One message as stored in the file."""
 
     log_ns: int
     """ns since 1970"""
@@ -53,28 +55,28 @@ class Message(NamedTuple):
 
 
 class Follower:
-    """One file that another process writes; it may not be there yet."""
+    """Reader of a file that another process writes; the file may not exist yet."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.schemas: dict[int, Schema] = {}
         self.channels: dict[int, Channel] = {}
-        """declared so far, by number"""
+        """channels declared so far, by number"""
         self.end_ns = 0
-        """ns since 1970; log time of the newest message that was flushed, 0 before the first"""
+        """ns since 1970; log time of the newest flushed message, 0 before the first"""
         self.skipped = 0
-        """messages that were left out because too many came at once, or their chunk could not be read"""
+        """messages omitted because too many arrived at once, or because their chunk could not be read"""
         self.finished = False
-        """the writer has closed the file"""
+        """whether the writer has closed the file"""
         self._file: IO[bytes] | None = None
         self._rest = b""
         self._has_magic = self._skipping = False
 
     def read(self, is_requested: Callable[[int], bool] = lambda channel: True) -> list[Message]:
-        """Return the new messages of the requested channels in file order; without one nothing is unpacked.
+        """Return the new messages of the requested channels in file order; without one nothing is decompressed.
 
         Raises:
-            Damage: the file is no MCAP file.
+            Damage: the file is not an MCAP file.
         """
         data = self._rest + self._news()
         start = 0 if self._has_magic else self._begin(data)
@@ -84,7 +86,7 @@ class Follower:
         return [message for span in spans for message in self._take(data, span, room, is_requested)]
 
     def close(self) -> None:
-        """Release the file."""
+        """Close the file."""
         if self._file is not None:
             self._file.close()
 
@@ -97,7 +99,7 @@ class Follower:
         return self._file.read()
 
     def _begin(self, data: bytes) -> int:
-        """Bytes of MCAP's magic at the file's start; 0 while it is not all there."""
+        """Return the length of MCAP's magic at the start of the file; 0 while it is incomplete."""
         if not MCAP0_MAGIC.startswith(data[: len(MCAP0_MAGIC)]):
             raise Damage(f"{self.path} is not an MCAP log")
         self._has_magic = len(data) >= len(MCAP0_MAGIC)
@@ -118,7 +120,7 @@ class Follower:
             self._define(data, span)
 
     def _define(self, data: bytes, span: Span) -> None:
-        """Enter what stands beside the chunks; the project's recorder declares every channel there."""
+        """Enter a schema or channel; the Wingbeat recorder declares every channel outside of the chunks."""
         if span.opcode == Opcode.SCHEMA:
             schema = parse(Schema, data, span)
             self.schemas[schema.id] = schema

@@ -28,31 +28,31 @@ from wingbeat.errors import InputError
 from wingbeat.topic import Topic
 
 HOST, PORT = "127.0.0.1", 8765
-"""where Foxglove looks for a server unless it is told otherwise"""
+"""default address of servers in Foxglove"""
 KNOWN = tuple(topic for topic in (*FLOWN, *TRUE, TRANSFORMS, SCENE, LOCATION) if topic.logged)
-"""what a simulated flight has"""
+"""topics of a simulated flight"""
 ALONE = tuple(topic for topic in (*FLOWN, ESTIMATED_TRANSFORMS, ESTIMATED_SCENE, LOCATION) if topic.logged)
-"""what a flight computer alone has"""
+"""topics of a flight computer without a simulator"""
 PERIOD = 0.02
-"""s; of wall-clock time between two looks at the files"""
+"""s; wall-clock interval of file checks"""
 BACKLOG = 16_384
-"""messages that may wait for one viewer: seconds of a whole flight; of more the oldest go"""
+"""messages; limit of the queue of one viewer: seconds of a whole flight; the oldest are dropped"""
 FAREWELL = 0.3
-"""s; for viewers to take the last messages, and then to close"""
+"""s; timeout for viewers to receive the last messages, and then to close"""
 PATIENCE = 5.0
-"""s; for the thread to end"""
+"""s; timeout for the thread to end"""
 
 
 class Address(NamedTuple):
-    """Where viewers connect."""
+    """Address of the server."""
 
     host: str = HOST
     port: int = PORT
-    """0: one that is free"""
+    """0: any free port"""
 
 
 def parse_address(text: str) -> Address:
-    """Take ``HOST:PORT`` apart.
+    """Parse ``HOST:PORT``.
 
     Raises:
         InputError: it is not of that form.
@@ -64,17 +64,16 @@ def parse_address(text: str) -> Address:
 
 
 class LiveServer:
-    """Shows recordings while they grow; as a context manager it gives the rest out and closes at the end."""
+    """Server of growing recordings for viewers; as a context manager it sends the rest and closes at the end."""
 
     def __init__(self, address: Address, paths: Sequence[Path], topics: Iterable[Topic[Any]] | None = None) -> None:
-        """Listen at once, and follow ``paths`` as soon as they are there.
+        """Listen at once, and follow ``paths`` as soon as they exist.
 
-        The ``topics`` (default: `KNOWN`) are offered from the start, others when they come: foxglove-sdk tells a
-        viewer of a new channel a moment before it takes a subscription to it, and one that comes in that moment is
-        lost (seen in 0.30).
+        The ``topics`` (default: `KNOWN`) are advertised from the start, others when they appear: foxglove-sdk 0.30
+        announces a new channel before it accepts subscriptions to it, and a subscription in between is lost.
 
         Raises:
-            InputError: foxglove-sdk is not installed, or nobody can listen at that address.
+            InputError: foxglove-sdk is not installed, or the address is not available.
         """
         self._sdk = load_extra("foxglove", "foxglove-sdk", "a live view")
         self._followers = [Follower(path) for path in paths]
@@ -82,7 +81,7 @@ class LiveServer:
         self._context = self._sdk.Context()
         self._channels: dict[int, Any] = {}
         self._declared: dict[int, Channel] = {}
-        # What the package says of its viewers does not belong between the lines of a flight.
+        # The package's messages about viewers do not belong between the lines of a flight.
         logging.getLogger("foxglove").addHandler(logging.NullHandler())
         for topic in KNOWN if topics is None else topics:
             codec = codec_for(topic)
@@ -90,7 +89,7 @@ class LiveServer:
         self._ending = threading.Event()
         self._server = self._listen(address)
         self.url = f"ws://{f'[{address.host}]' if ':' in address.host else address.host}:{self._server.port}"
-        """what a viewer is told to open"""
+        """URL for viewers"""
         self.failure = ""
         """why a file is not shown, one line"""
         self.traceback = ""
@@ -100,7 +99,7 @@ class LiveServer:
 
     @property
     def skipped(self) -> int:
-        """Messages that were not shown because too many came at once."""
+        """Number of messages that were not shown because too many arrived at once."""
         return sum(follower.skipped for follower in self._followers)
 
     @property
@@ -109,7 +108,7 @@ class LiveServer:
         return all(follower.finished for follower in self._followers)
 
     def close(self) -> None:
-        """Give out the rest, and close the port; a viewer that takes nothing any more is not waited for."""
+        """Send the rest and close the port, with a timeout for viewers that do not receive."""
         self._ending.set()
         self._thread.join(PATIENCE)
         stopping = threading.Thread(target=self._server.stop, name="live stop", daemon=True)
@@ -130,7 +129,7 @@ class LiveServer:
                 name="wingbeat",
                 host=address.host,
                 port=address.port,
-                # Viewers then show the flight's own time, at any speed.
+                # Viewers then show the time of the flight, at any speed factor.
                 capabilities=[self._sdk.websocket.Capability.Time],
                 context=self._context,
                 message_backlog_size=BACKLOG,
@@ -147,7 +146,7 @@ class LiveServer:
                 self._show(now - before)
                 before = now
             self._show(PERIOD, last=True)
-        # Whatever it was, the recording and the flight do not need this thread.
+        # A fault of this thread must not affect the recording or the flight.
         except BaseException as reason:  # foxglove-sdk's panics are no Exception
             self.failure = str(reason) or type(reason).__name__
             self.traceback = traceback.format_exc()

@@ -14,46 +14,46 @@ from wingbeat.message import Event, Text
 from wingbeat.topic import Topic
 
 LAST_BITS = 4
-"""-; times the last bit of a field's largest value, up to which a difference is one of rounding"""
+"""-; limit of a rounding difference, in units of the last bit of the field's largest value"""
 BLOCK = 2048
-"""messages compared at a time"""
+"""number of messages compared at a time"""
 
 
 class FieldDifference(NamedTuple):
-    """One field of a topic."""
+    """Difference of one field of a topic."""
 
     field: str
     unit: str
     differing: int
-    """-; messages in which it is another value"""
+    """-; number of messages with different values"""
     largest: float
-    """in its unit; difference replayed less recorded of the largest size, infinite where one of them is no number"""
+    """in the field's unit; replayed minus recorded value of the largest magnitude, infinite if one is not finite"""
     at: float
-    """s; since boot, where that is"""
+    """s; since boot, of the largest difference"""
     rms: float
-    """in its unit; over all messages compared, those with infinite differences left out"""
+    """in the field's unit; over all messages compared, without infinite differences"""
     rounding: bool
-    """whether no difference is larger than a few last bits of the largest value"""
+    """whether no difference exceeds a few last bits of the largest value"""
 
 
 class TopicDifference(NamedTuple):
-    """One topic."""
+    """Difference of one topic."""
 
     topic: str
     recorded: int
-    """-; messages in the part of the flight that was replayed"""
+    """-; messages in the replayed part of the flight"""
     replayed: int
     """-; messages"""
     differing: int
-    """-; messages that are not identical in every bit"""
+    """-; messages that are not bit-identical"""
     first: float | None
-    """s; since boot, of the first such message; None where there is none"""
+    """s; since boot, of the first such message; None without one"""
     fields: tuple[FieldDifference, ...]
-    """those that differ"""
+    """fields that differ"""
 
     @property
     def same(self) -> bool:
-        """Whether every message is identical in every bit, and none is missing or too many."""
+        """Whether all messages are bit-identical, and none is missing or additional."""
         return not self.differing and self.recorded == self.replayed
 
 
@@ -92,10 +92,10 @@ class _Field:
 
 
 class TopicComparison:
-    """Takes the messages of one topic of fixed layout in their order."""
+    """Comparison of the messages of one topic of fixed layout, in sequence."""
 
     def __init__(self, topic: Topic[Any], columns: Columns, start: float, end: float) -> None:
-        """Compare from the first message after ``start`` (s) to the last at ``end`` at the latest."""
+        """Compare from the first message after ``start`` (s) to the last one not after ``end``."""
         self._topic, self._columns = topic, columns
         low, high = np.searchsorted(columns.time, (start, end), side="right")
         self._first, self._next, self._end = int(low), int(low), int(high)
@@ -107,14 +107,14 @@ class TopicComparison:
         self._units = {field.name: field.unit for field in layout.fields}
 
     def take(self, message: Any) -> None:
-        """One message of the replay."""
+        """Compare one message of the replay."""
         self._replayed += 1
         self._waiting.append(message)
         if len(self._waiting) >= BLOCK:
             self._compare()
 
     def result(self) -> TopicDifference:
-        """What was found."""
+        """Return the result."""
         self._compare()
         fields = tuple(
             found.result(name, self._units[name]) for name, found in self._fields.items() if found.differing
@@ -152,29 +152,29 @@ class TopicComparison:
 
 
 class TextComparison:
-    """Takes events or documents, which have no fields of fixed width."""
+    """Comparison of events or documents, which have no fields of fixed width."""
 
     def __init__(self, topic: Topic[Any], recorded: list[Any], start: float, end: float) -> None:
-        """As `TopicComparison`, of messages with a ``time_us``."""
+        """Initialize as `TopicComparison`, for messages with a ``time_us``."""
         self._topic = topic
         self._recorded = [message for message in recorded if start < message.time_us * 1e-6 <= end]
         self._replayed = self._differing = 0
         self._at: float | None = None
 
     def take(self, message: Any) -> None:
-        """One message of the replay."""
+        """Compare one message of the replay."""
         place, self._replayed = self._replayed, self._replayed + 1
         if place < len(self._recorded) and self._recorded[place] != message:
             self._differing += 1
             self._at = message.time_us * 1e-6 if self._at is None else self._at
 
     def result(self) -> TopicDifference:
-        """What was found."""
+        """Return the result."""
         return TopicDifference(self._topic.name, len(self._recorded), self._replayed, self._differing, self._at, ())
 
 
 def comparison(log: Log, topic: Topic[Any], start: float, end: float) -> TopicComparison | TextComparison:
-    """What compares a topic of ``log`` with a replay, from after ``start`` to ``end`` (s since boot).
+    """Build the comparison of a topic of ``log`` with a replay, after ``start`` to ``end`` (s since boot).
 
     Raises:
         InputError: a part of the file is damaged.

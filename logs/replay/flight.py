@@ -18,28 +18,28 @@ from wingbeat.text import did_you_mean
 from wingbeat.topic import Topic
 
 PROGRESS = 200
-"""ticks between two tellings of how far it is"""
+"""number of ticks between progress reports"""
 Progress = Callable[[int, int], None]
-"""is told how many ticks are done, of how many"""
+"""called with the completed and the total number of ticks"""
 
 
 class Replayed(NamedTuple):
-    """What came of a replay."""
+    """Result of a replay."""
 
     start: float
-    """s; since boot, of the snapshot that it began from; before the first tick 0"""
+    """s; since boot, of the initial snapshot; 0 for the first tick"""
     end: float
     """s; since boot, of the last tick"""
     ticks: int
-    """-; flown"""
+    """-; number of replayed ticks"""
     differences: tuple[TopicDifference, ...]
-    """every topic of the flight computer that the log holds and that follows from what entered the flight"""
+    """every recorded topic of the flight computer that is determined by the inputs of the flight"""
     late: str = ""
-    """one line where the file begins in flight and was replayed from its first snapshot on; empty else"""
+    """notice, one line, if the file begins in flight and was replayed from its first snapshot; else empty"""
 
     @property
     def same(self) -> bool:
-        """Whether all messages are identical in every bit."""
+        """Whether all messages are bit-identical."""
         return all(each.same for each in self.differences)
 
 
@@ -50,19 +50,19 @@ def replay_flight(
     end: float = math.inf,
     progress: Progress | None = None,
 ) -> Replayed:
-    """Fly the sensors and inputs of a log through the flight code, and compare what it says with what it said.
+    """Replay sensors and inputs of a log through the flight code, and compare its output with the recording.
 
     Args:
-        log: of one of our flight computers.
+        log: of a Wingbeat flight computer.
         changes: gains by parameter name (``PITCH_PROPORT``) or place in the vehicle file (``pitch.proportional``).
-        start: s since boot; begin from the last snapshot of the memory not after it, or with the first tick. A file
-            that begins in flight, such as a later one of a recording, has nothing before its first snapshot.
+        start: s since boot; start from the last snapshot of the state not after it, or with the first tick. A file
+            that begins in flight, such as a later one of a recording, starts at its first snapshot.
         end: s since boot; of the last tick.
-        progress: told now and then.
+        progress: called periodically.
 
     Raises:
-        InputError: the log is not of our flight computer or is damaged, a gain is unknown or refused, or nothing was
-            flown between ``start`` and ``end``.
+        InputError: the log is not of a Wingbeat flight computer or is damaged, a gain is unknown or invalid, or there
+            is no tick between ``start`` and ``end``.
     """
     flight = recorded_flight(log)
     began, autopilot, publish = _begin(flight, changes or {}, start)
@@ -91,7 +91,10 @@ def _nothing(flight: RecordedFlight, start: float, end: float) -> str:
 
 
 def step(autopilot: Autopilot, tick: Tick) -> None:
-    """One recorded tick; a clock that was set right in flight is given as it was before, to be set right again."""
+    """Run one recorded tick.
+
+    Time stamps corrected in flight are restored first, so that the correction is repeated.
+    """
     offset_us = autopilot.memory.plausibility.time_offset_us
     frame = tick.frame.shifted(-offset_us) if offset_us else tick.frame
     autopilot.step(frame, tick.inputs)
@@ -125,16 +128,16 @@ def _begin(flight: RecordedFlight, changes: Mapping[str, float], start: float) -
 
 
 def place_of(parameter: parameters.Parameter) -> str:
-    """Where a parameter stands in a vehicle file, ``pitch.proportional`` or ``flapping.throttle_points[1]``."""
+    """Return the location of a parameter in a vehicle file: ``pitch.proportional``, ``flapping.throttle_points[1]``."""
     within = f"[{parameter.place}]" if parameter.place >= 0 else ""
     return f"{parameter.section}.{parameter.key}{within}"
 
 
 def changed(gains: FlightGains, changes: Mapping[str, float]) -> FlightGains:
-    """Gains with some of them replaced, each by parameter name or by its place in the vehicle file.
+    """Return the gains with ``changes`` by parameter name or location in the vehicle file.
 
     Raises:
-        InputError: one is unknown, or its value is refused or out of its range.
+        InputError: an unknown gain, or an invalid value.
     """
     table = parameters.parameter_table(gains)
     places = {place_of(parameter): name for name, parameter in table.items()}

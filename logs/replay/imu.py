@@ -26,30 +26,30 @@ Array = NDArray[np.float64]
 
 GAUSS_PER_MICROTESLA = 0.01
 ENU_FROM_NED = (0.0, sqrt(0.5), sqrt(0.5), 0.0)
-"""-; quaternion (w, x, y, z): north and east change places, down turns up"""
+"""-; quaternion (w, x, y, z) that swaps north and east and reverses down"""
 LONGEST_GAP = ahrs.LONGEST_STEP
-"""s; without a finite sensor sample, which the filter bridges"""
+"""s; longest gap without a finite sensor sample that the filter bridges"""
 METHODS = {"averages": ahrs.AVERAGES, "razor": ahrs.RAZOR}
-"""what `ahrs.AhrsGains.method` can be"""
+"""values of `ahrs.AhrsGains.method`"""
 SENSORS = ("gyr", "acc", "mag")
 SHAPES = {"gyr": (3,), "acc": (3,), "mag": (3,), "quat": (4,), "movement": ()}
 
 
 class ImuScore(NamedTuple):
-    """Orientation error of one recording, RMS over the samples that count."""
+    """Orientation error of one recording, RMS over the scored samples."""
 
     file: str
     """-; name of the recording"""
     total_deg: float
     """deg; angle of the rotation between estimate and reference"""
     heading_deg: float
-    """deg; of its part about the vertical"""
+    """deg; of its component about the vertical"""
     inclination_deg: float
-    """deg; of its part about a horizontal axis"""
+    """deg; of its component about a horizontal axis"""
 
 
 class Recording(NamedTuple):
-    """One recording as read."""
+    """Recording as read."""
 
     path: Path
     rate: float
@@ -57,9 +57,9 @@ class Recording(NamedTuple):
     sensors: Array
     """shape (n, 9): accelerometer in m/s^2, gyroscope in rad/s, magnetometer in gauss, sensor axes"""
     reference: Array
-    """shape (n, 4): quaternion sensor to ENU (w, x, y, z), NaN where it was lost"""
+    """shape (n, 4): quaternion sensor to ENU (w, x, y, z), NaN if not tracked"""
     counts: NDArray[np.bool_]
-    """shape (n,): the samples that are scored"""
+    """shape (n,): mask of the scored samples"""
 
 
 class Errors(NamedTuple):
@@ -75,12 +75,12 @@ def replay_imu(
     gains: ahrs.AhrsGains | None = None,
     scored: Callable[[ImuScore], None] | None = None,
 ) -> list[ImuScore]:
-    """Scores of the recordings at ``paths``; a folder stands for all its ``.npz`` files by name.
+    """Score the recordings at ``paths``; a folder stands for all its ``.npz`` files by name.
 
     Args:
         paths: files or folders.
-        gains: of the attitude filter; those every vehicle flies with by default.
-        scored: called with each score as soon as it is known.
+        gains: of the attitude filter; (default: those of `AhrsGains`).
+        scored: called with each score.
 
     Raises:
         InputError: no such file, no recording in it, or a recording that cannot be scored.
@@ -96,7 +96,7 @@ def replay_imu(
 
 
 def recordings(paths: Iterable[str | Path]) -> list[Path]:
-    """The files that ``paths`` stand for.
+    """Return the files of ``paths``.
 
     Raises:
         InputError: a path that does not exist, a folder without recordings, or no path.
@@ -121,7 +121,7 @@ def load_recording(path: Path) -> Recording:
     """Read and check one recording.
 
     Raises:
-        InputError: not a BROAD ``.npz``; the text says what is wrong.
+        InputError: not a BROAD ``.npz``; the message has the reason.
     """
     arrays = _arrays(path)
     rate = _rate(path, arrays["rate"])
@@ -168,7 +168,7 @@ def _rate(path: Path, rate: Array) -> float:
 
 
 def _check_gaps(path: Path, sensors: Array, rate: float) -> None:
-    """Refuse sensors that are not finite at the start or for longer than the filter bridges."""
+    """Reject sensors that are not finite at the start or for longer than the filter bridges."""
     finite: NDArray[np.bool_] = np.asarray(np.isfinite(sensors).all(axis=1))
     if not finite[0]:
         raise InputError(f"{path}: the first sensor sample is not finite")
@@ -182,7 +182,7 @@ def _check_gaps(path: Path, sensors: Array, rate: float) -> None:
 
 
 def score_recording(recording: Recording, gains: ahrs.AhrsGains) -> ImuScore:
-    """Run the filter over a recording and score it: no alignment, offset or time shift is fitted."""
+    """Run the filter over a recording and score it, without alignment, offset or time shift."""
     estimate = orientations(recording, gains)
     errors = orientation_errors(estimate, recording.reference)
     total, heading, inclination = (
@@ -192,7 +192,7 @@ def score_recording(recording: Recording, gains: ahrs.AhrsGains) -> ImuScore:
 
 
 def orientations(recording: Recording, gains: ahrs.AhrsGains) -> Array:
-    """Quaternions sensor to ENU (w, x, y, z), shape (n, 4): the filter's, whose earth is NED, turned to ENU."""
+    """Return the filter's quaternions sensor to NED, converted to ENU (w, x, y, z), shape (n, 4)."""
     state: ahrs.AhrsState | None = None
     estimate: list[tuple[float, float, float, float]] = []
     for k, values in enumerate(recording.sensors.tolist()):
@@ -207,7 +207,7 @@ def orientations(recording: Recording, gains: ahrs.AhrsGains) -> Array:
 
 
 def multiply(a: Array, b: Array) -> Array:
-    """Products of quaternions (w, x, y, z), shape (n, 4)."""
+    """Multiply quaternions (w, x, y, z), shape (n, 4)."""
     w, x, y, z = a.T
     p, q, r, s = b.T
     return np.stack(
@@ -222,7 +222,7 @@ def multiply(a: Array, b: Array) -> Array:
 
 
 def orientation_errors(estimate: Array, reference: Array) -> Errors:
-    """Errors between quaternions to the same earth frame with z vertical, shape (n, 4) each.
+    """Compute the errors between quaternions to the same earth frame with z vertical, shape (n, 4) each.
 
     BROAD's metric: with ``q = q_est * q_ref^-1``, total = 2 acos|w|, heading = 2 atan|z / w|, inclination =
     2 acos sqrt(w^2 + z^2).
@@ -237,11 +237,11 @@ def orientation_errors(estimate: Array, reference: Array) -> Errors:
 
 
 def means(scores: Sequence[ImuScore]) -> ImuScore:
-    """Mean of the scores (at least one), under the name ``mean``."""
+    """Return the mean of the scores (at least one), under the name ``mean``."""
     total, heading, inclination = (float(np.mean([score[k] for score in scores])) for k in (1, 2, 3))
     return ImuScore("mean", total, heading, inclination)
 
 
 def rows(scores: Sequence[ImuScore]) -> list[dict[str, Any]]:
-    """The scores as rows for JSON."""
+    """Return the scores as rows for JSON."""
     return [score._asdict() for score in scores]

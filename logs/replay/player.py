@@ -12,23 +12,23 @@ from logs.replay.recorded_flight import RecordedFlight
 from wingbeat.topic import Topic
 
 MOST = 400
-"""-; ticks in one go: who cannot keep up plays slower, and serves its links meanwhile"""
+"""-; limit of the ticks per call: a slow computer plays more slowly and keeps serving its links"""
 OBEYS_NOBODY = "replay: commands are denied"
 
 
 class ReplayView(FlightView):
-    """The memory of a flight computer that is played, as a ground link reads it; it takes nothing from there."""
+    """Read-only state of a replayed flight computer for a ground link."""
 
     def refusal(self, command: Command) -> str:
-        """Why a command is not taken: the flight is over."""
+        """Return why a command is denied: the flight is recorded."""
         return OBEYS_NOBODY
 
 
 class Player:
-    """Plays a flight on the clock of its owner."""
+    """Playback of a flight on the clock of the caller."""
 
     def __init__(self, flight: RecordedFlight, speed: float = 1.0) -> None:
-        """At rest before the first tick, where the file begins in flight behind its first snapshot.
+        """Pause before the first tick, or at the first snapshot if the file begins in flight.
 
         ``speed`` in s of flight per s of the clock.
         """
@@ -45,12 +45,12 @@ class Player:
 
     @property
     def time(self) -> float:
-        """s; since boot, of the last tick played; before the first that of the memory it follows, 0 at boot."""
+        """s; since boot, of the last tick played; before the first tick that of the initial snapshot, 0 at boot."""
         return (self._times[self._next - 1] if self._next else max(self._memories[0][0], 0)) * 1e-6
 
     @property
     def end(self) -> float:
-        """s; since boot, of the last tick there is."""
+        """s; since boot, of the last tick of the recording."""
         return self._times[-1] * 1e-6 if self._times else 0.0
 
     @property
@@ -59,7 +59,7 @@ class Player:
         return self._next >= len(self._ticks)
 
     def advance(self, now: float) -> None:
-        """Play what is due at ``now`` (s, of the clock)."""
+        """Play the ticks due at ``now`` (s, of the clock)."""
         passed = 0.0 if self._now is None else now - self._now
         self._now = now
         if self.paused or self.over:
@@ -73,7 +73,7 @@ class Player:
         self._ahead = 0.0
 
     def seek(self, time: float) -> None:
-        """Go to ``time`` (s since boot), by the last memory before it."""
+        """Seek to ``time`` (s since boot) from the last snapshot before it."""
         place = bisect_right([at for at, _ in self._memories], time * 1e6) - 1
         at, memory = self._memories[max(place, 0)]
         self.view.autopilot.restore(memory)

@@ -23,28 +23,30 @@ INPUTS = (topics.INPUTS, topics.PILOT, topics.OVERRIDE)
 
 
 class Tick(NamedTuple):
-    """What the flight computer was given in one tick."""
+    """Inputs of the flight computer in one tick."""
 
     frame: SensorFrame
     inputs: tuple[Input, ...]
 
 
 class RecordedFlight(NamedTuple):
-    """A flight as its log has it, ready to be flown again."""
+    """Flight as recorded, ready for replay."""
 
     vehicle: FlightVehicle
-    """as the flight computer believed it to be at boot, with the parameters of then"""
+    """configuration of the flight computer at boot, parameters included"""
     mission: Mission
-    """the one it began with"""
+    """initial mission"""
     ticks: list[Tick]
     snapshots: list[Text]
-    """of the whole memory, in the order of time, each taken at the end of the tick whose time it has"""
+    """of the whole state, in order of time, each taken at the end of the tick at its time"""
     from_boot: bool = True
-    """whether the first tick is the first since boot; where not, there is a snapshot"""
+    """whether the first tick is the first since boot; if not, there is a snapshot"""
 
     @property
     def late(self) -> str:
-        """One line where the file begins in flight and can be flown again from a snapshot on only; empty else."""
+        """Notice, one line, if the file begins in flight and can be replayed from its first snapshot only; else
+        empty.
+        """
         if self.from_boot:
             return ""
         first = self.snapshots[0].time_us * 1e-6
@@ -52,11 +54,11 @@ class RecordedFlight(NamedTuple):
 
 
 def recorded_flight(log: Log) -> RecordedFlight:
-    """Everything that a log holds of what entered a flight.
+    """Read all inputs of a flight from a log.
 
     Raises:
-        InputError: another autopilot flew, the log has no raw sensors or no vehicle file (it is not our flight
-            computer's), begins in flight without a snapshot of the memory, or is damaged.
+        InputError: another autopilot flew, the log has no raw sensors or no vehicle file (it is not of a Wingbeat
+            flight computer), begins in flight without a snapshot of the memory, or is damaged.
     """
     if AUTOPILOT in log.metadata:
         raise InputError(f"{log.path}: flown by {log.metadata[AUTOPILOT]['autopilot']}, no Wingbeat flight to replay")
@@ -71,7 +73,7 @@ def recorded_flight(log: Log) -> RecordedFlight:
 
 
 def _from_boot(log: Log) -> bool:
-    """Whether no tick is missing before the first count of them; refused frames are recorded but not counted."""
+    """Return whether the first tick is recorded; rejected frames are recorded but not counted."""
     if topics.HEALTH.name not in log.topics:
         return True
     counted = log.columns(topics.HEALTH)
@@ -82,7 +84,7 @@ def _from_boot(log: Log) -> bool:
 
 
 def recorded_mission(log: Log) -> Mission:
-    """The mission that a flight began with; none where the log has no document of it.
+    """Return the initial mission of a flight; empty if the log contains none.
 
     Raises:
         InputError: the document is damaged or of another version.
@@ -105,9 +107,9 @@ def _item(document: dict[str, Any]) -> MissionItem:
 
 
 def _ticks(log: Log) -> Iterator[Tick]:
-    """Ticks by the order in which their messages were written: inputs, then the IMU, then the other samples.
+    """Return the ticks in the order in which their messages were written: inputs, IMU, other samples.
 
-    Where a file begins within a tick, what it has of that is left out.
+    If a file begins within a tick, the messages of that tick are omitted.
     """
     present = [topic for topic in (*(sensor.topic for sensor in SENSORS), *INPUTS) if topic.name in log.topics]
     kinds, rows = log.order(present)

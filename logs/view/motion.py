@@ -19,20 +19,20 @@ from wingbeat.rotation_arrays import quaternions_from_euler
 
 Array = NDArray[np.float64]
 BODY_RATE, BODY_ROWS = 50.0, 200_000
-"""Hz and rows, at most, of position and attitude"""
+"""Hz and rows; limits of position and attitude"""
 WING_RATE, WING_ROWS = 200.0, 800_000
-"""Hz and rows, at most, of the wings"""
+"""Hz and rows; limits of the wings"""
 TRACK_ROWS = 20_000
-"""of the estimated track beside the true one, at most"""
+"""limit of the rows of the estimated track beside the true one"""
 PER_STROKE = 8.0
-"""Samples a stroke below which wing angles do not show the stroke and are drawn from its phase and amplitude."""
+"""Samples per stroke below which the wings are drawn from phase and amplitude instead of the angles."""
 REDRAWN_PER_STROKE = 24.0
 EARTH = 6_371_000.0
 """m; mean radius"""
 
 
 class Body(NamedTuple):
-    """Position and attitude."""
+    """Position and attitude over time."""
 
     time: Array
     """s; since boot"""
@@ -45,7 +45,7 @@ class Body(NamedTuple):
 
 
 class Wings(NamedTuple):
-    """Angles of the wings."""
+    """Angles of the wings over time."""
 
     time: Array
     """s; since boot"""
@@ -56,20 +56,20 @@ class Wings(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """What is drawn in space."""
+    """Motion to be drawn in 3D."""
 
     body: Body | None
     """None without an attitude"""
     wings: Wings | None
     """None without wing angles"""
     estimated: tuple[Array, Array] | None
-    """time (s) and place (m; east, north, up) of the track that the flight computer believed, beside a true one"""
+    """time (s) and position (m; east, north, up) of the estimated track beside a true one"""
     missing: list[str]
-    """what is not in the log, in words"""
+    """missing data, as text"""
 
 
 def motion_of(tables: Tables) -> Motion:
-    """Everything that moves."""
+    """Build the motion of all parts."""
     true = true_state(tables)
     body, missing = (_true_body(true, tables), []) if true is not None else _estimated_body(tables)
     wings = _wings(tables)

@@ -15,15 +15,15 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 STEPS = 32767
-"""Steps to each side of the middle of a column of 16 bits."""
+"""Steps to each side of the center of a 16-bit column."""
 ABSENT = {2: -(2**15), 4: -(2**31)}
-"""What stands for no number, by bytes."""
+"""Code of missing values, by bytes."""
 _LEVEL = 6
-"""of zlib"""
+"""level of zlib"""
 
 
 class Packer:
-    """Gathers columns; what `add` returns says where one lies and how it is read."""
+    """Encoder of columns; `add` returns location and format of a column."""
 
     def __init__(self) -> None:
         self._parts: list[bytes] = []
@@ -33,8 +33,8 @@ class Packer:
         """Store a column.
 
         Args:
-            values: NaN and infinity are kept as absent.
-            step: size of a whole number, which then has 32 bits; without it the column's range has 16 bits.
+            values: NaN and infinity are stored as missing.
+            step: resolution of 32-bit integers; without it the range of the column is divided into 16 bits.
 
         Keys: ``at`` (bytes), ``count``, ``width`` (bytes), ``step`` and ``middle``: a value is middle + step * whole.
         """
@@ -50,11 +50,11 @@ class Packer:
         }
 
     def text(self) -> str:
-        """Everything that was added, zlib, base64."""
+        """Return all columns, compressed by zlib, as base64."""
         return base64.b64encode(zlib.compress(b"".join(self._parts), _LEVEL)).decode("ascii")
 
     def _store(self, whole: NDArray[Any]) -> None:
-        # Differences wrap as the sums of the way back do.
+        # Differences wrap, and so do the sums of the decoder.
         change = np.diff(whole, prepend=whole.dtype.type(0))
         data = change.view(np.uint8).reshape(len(whole), whole.itemsize).T.tobytes()
         self._parts.append(data)

@@ -31,7 +31,7 @@ READING, DRAWING = 0.7, 0.2
 
 
 class Page(NamedTuple):
-    """What was written."""
+    """Properties of a written page."""
 
     path: Path
     bytes: int
@@ -39,14 +39,14 @@ class Page(NamedTuple):
     """titles"""
     events: int
     missing: list[str]
-    """what the log does not have, in words"""
+    """missing data, as text"""
 
 
 def write_page(log: Log, path: Path, progress: Progress = lambda done, note: None) -> Page:
     """Write a flight as a page to ``path``, which must not exist.
 
     Raises:
-        InputError: the file exists or cannot be written, or a part of the log is damaged or has nothing to show.
+        InputError: the file exists or cannot be written, or a part of the log is damaged or has no data to show.
     """
     if path.exists():
         raise InputError(f"{path} exists: it is not overwritten")
@@ -62,14 +62,14 @@ def write_page(log: Log, path: Path, progress: Progress = lambda done, note: Non
 
 
 def flight_document(log: Log, tables: Tables, packer: Packer) -> dict[str, Any]:
-    """What a page is told beside the numbers in ``packer``; every time in s since boot.
+    """Return the data of a page besides the numbers in ``packer``; times in s since boot.
 
     Keys: ``vehicle``, ``file``, ``date`` (ISO, of the first message), ``start``, ``end``, ``damage`` and ``missing``
     (lines), ``events`` (``time``, ``severity``, ``source``, ``text``), ``modes`` and ``stages`` (start, end, label),
     ``panels`` (see `Series.panel`), ``motion`` (see `_motion`), ``shape`` (see `_drawn`).
 
     Raises:
-        InputError: a part of the log is damaged, or it has nothing to show.
+        InputError: a part of the log is damaged, or it has no data to show.
     """
     if not tables:
         raise InputError(f"{log.path} has no topics for a page, such as /attitude/ahrs")
@@ -96,9 +96,9 @@ def flight_document(log: Log, tables: Tables, packer: Packer) -> dict[str, Any]:
 
 
 def filled(document: dict[str, Any], numbers: str) -> str:
-    """The page's HTML."""
+    """Return the HTML of the page."""
     title = html.escape(f"{document['vehicle']} – {document['file']}")
-    # What stands between script tags must not end them.
+    # The content of a script element must not contain its end tag.
     said = json.dumps(document, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
     parts = {
         "TITLE": title,
@@ -154,9 +154,9 @@ def _motion(motion: Motion, packer: Packer) -> dict[str, Any]:
 
 
 def shape_in(log: Log) -> tuple[Shape, bool]:
-    """Outline of the vehicle as it was in the world, else of one of that name; and whether it is known."""
+    """Return the outline of the simulated vehicle, else of a vehicle of that name, and whether it is known."""
     for load in (simulated_vehicle, lambda log: load_vehicle(vehicle(log) or "")):
-        # A vehicle file of another version, or none of that name, must not keep a flight from being seen.
+        # A vehicle file of another version, or an unknown name, must not prevent the display of a flight.
         with contextlib.suppress(InputError):
             found = load(log)
             if found is not None:

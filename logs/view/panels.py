@@ -20,34 +20,34 @@ from wingbeat.topic import Topic
 Array = NDArray[np.float64]
 DEGREES = 180.0 / np.pi
 ROWS = 60_000
-"""of a topic, at most; an hour at 200 Hz is least and greatest of every twelve samples then"""
+"""limit of the rows of a topic; for an hour at 200 Hz, minimum and maximum of every twelve samples"""
 
 
 class Line(NamedTuple):
-    """One line of a panel."""
+    """Line of a panel."""
 
     name: str
     style: str
-    """``estimate``, ``setpoint``, ``truth``, ``left`` or ``right``: what gives it colour and stroke"""
+    """``estimate``, ``setpoint``, ``truth``, ``left`` or ``right``: determines color and line style"""
     topic: Topic[Any]
     field: str
     """of the topic, or ``roll``, ``pitch``, ``yaw``, ``altitude`` of the truth"""
     averaged: bool = False
-    """whether it is the mean since the message before, which in a stroke is another over 5 ms than over 10 ms"""
+    """whether it is the mean since the previous message, which within a stroke depends on the interval"""
 
 
 class Panel(NamedTuple):
-    """One diagram."""
+    """Diagram."""
 
     title: str
     unit: str
     factor: float
-    """from the log's unit to this one"""
+    """from the log's unit to the panel's unit"""
     span: float
-    """in this unit; the smallest range that fills the panel, so that noise at rest looks like what it is"""
+    """in the panel's unit; minimum range of the panel, so that noise at rest is not magnified"""
     lines: tuple[Line, ...]
     wraps: bool = False
-    """whether the values go round: no line is drawn from one end to the other"""
+    """whether the values wrap: no line is drawn across a wrap"""
 
 
 NAV, TRUTH = topics.NAVIGATION, truth_topics.STATE
@@ -88,7 +88,7 @@ PANELS: tuple[Panel, ...] = (
     Panel("Voltage", "V", 1.0, 0.2, (Line("measured", "estimate", topics.POWER, "voltage"),)),
     Panel("Battery", "%", 100.0, 2.0, (Line("remaining", "estimate", topics.POWER, "battery_remaining"),)),
 )  # fmt: skip
-"""In their order on the page; the wing angles are those of the drawn bird."""
+"""Panels in their order on the page; wing angles are those of the drawn vehicle."""
 WING_ANGLE = "Wing angle"
 
 
@@ -99,7 +99,7 @@ def _true_angles(table: Table) -> Mapping[str, Array]:
 
 
 def plotted(tables: Tables, topic: str) -> Table | None:
-    """A topic with every field that a `Line` can name; None where the log has none of it."""
+    """Return a topic with every field that a `Line` can name; None if the log has none of it."""
     table = tables.get(topic)
     if table is None or table is not true_state(tables):
         return table
@@ -107,7 +107,7 @@ def plotted(tables: Tables, topic: str) -> Table | None:
 
 
 class Series:
-    """Thinned and packed columns; each topic once, however many panels show it."""
+    """Decimated and packed columns, each topic once."""
 
     def __init__(self, tables: Tables, packer: Packer) -> None:
         self._tables = tables
@@ -115,11 +115,11 @@ class Series:
         self._thin: dict[str, tuple[Envelope, dict[str, float]]] = {}
 
     def panels(self) -> list[dict[str, Any]]:
-        """Every panel that has a line; see `panel`."""
+        """Return every panel that has a line; see `panel`."""
         return [shown for panel in PANELS if (shown := self.panel(panel))["lines"] or panel.title == WING_ANGLE]
 
     def panel(self, panel: Panel) -> dict[str, Any]:
-        """The fields of ``panel``; each of ``lines`` with ``name``, ``style``, ``time``, ``low`` and ``high``."""
+        """Return ``panel`` with its ``lines``, each with ``name``, ``style``, ``time``, ``low`` and ``high``."""
         lines = [found for line in panel.lines if (found := self._line(line, panel.factor)) is not None]
         return panel._asdict() | {"lines": lines}
 
@@ -148,11 +148,11 @@ class Series:
 
 
 TIME_STEP = 1e-4
-"""s; of packed times"""
+"""s; resolution of packed times"""
 
 
 class Band(NamedTuple):
-    """A stretch of time in which something was the same."""
+    """Interval with a constant state."""
 
     start: float
     """s; since boot"""
@@ -162,7 +162,7 @@ class Band(NamedTuple):
 
 
 def bands(tables: Tables, field: str, end: float) -> list[Band]:
-    """Stretches of the same ``mode`` or ``stage``, the last one until ``end`` (s); empty where the log has none."""
+    """Return the intervals of constant ``mode`` or ``stage``, the last until ``end`` (s); empty without data."""
     table = tables.get(NAV.name)
     if table is None or field not in table.fields:
         return []

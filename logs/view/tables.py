@@ -17,9 +17,9 @@ from wingbeat.topic import Topic
 
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
-"""takes the share that is done, 0 to 1, and what is being done"""
+"""called with the completed fraction, 0 to 1, and the current step"""
 SLICE = 600.0
-"""s; read at a time"""
+"""s; interval read at a time"""
 
 QUATERNION = ("quaternion_w", "quaternion_x", "quaternion_y", "quaternion_z")
 WANTED: Mapping[Topic[Any], tuple[str, ...]] = {
@@ -42,20 +42,20 @@ WANTED: Mapping[Topic[Any], tuple[str, ...]] = {
         "angle_left", "angle_right", "twist_left", "twist_right", "electrical_power", "elevator", "rudder",
     ),
 }  # fmt: skip
-"""Topics and fields that are shown."""
+"""Topics and fields of the page."""
 INSTEAD: Mapping[Topic[Any], str] = {topics.GPS: truth_topics.STATE.name, topics.ACTUATORS: truth_topics.WING.name}
-"""Topics that are not read where another one is there, which tells the same better."""
+"""Topics that are not read if a better one with the same data exists."""
 
 
 class Table(NamedTuple):
-    """The fields of one topic that are shown, in the order of time."""
+    """Displayed fields of one topic, in order of time."""
 
     time: Array
-    """s; since boot, never falling"""
+    """s; since boot, nondecreasing"""
     fields: Mapping[str, Array]
-    """in the log's units; a field that the log lacks, or that is nowhere a number, is not here"""
+    """in the log's units, without fields that are missing or have no numbers"""
     labels: Mapping[str, Mapping[int, str]]
-    """names of enumerations' values, by field"""
+    """value names of enumerations, by field"""
 
 
 Tables = Mapping[str, Table]
@@ -63,13 +63,13 @@ Tables = Mapping[str, Table]
 
 
 def true_state(tables: Tables) -> Table | None:
-    """The truth, None where it was not recorded or has no place or attitude."""
+    """Return the truth, None if it was not recorded or has no position or attitude."""
     table = tables.get(truth_topics.STATE.name)
     return table if table is not None and {"north", "east", "down", *QUATERNION} <= set(table.fields) else None
 
 
 def read_tables(log: Log, progress: Progress = lambda done, note: None) -> Tables:
-    """Every topic of `WANTED` that the log has messages of.
+    """Read every topic of `WANTED` that has messages in the log.
 
     Raises:
         InputError: a part of the file is damaged.

@@ -10,21 +10,21 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 GAP_PERIODS = 4.0
-"""A pause longer than this many median periods is a gap: no line is drawn over it."""
+"""Gap threshold in median periods: no line is drawn across a gap."""
 
 
 class Envelope(NamedTuple):
-    """Columns on one time base, thinned; the break of a gap is a row without numbers."""
+    """Decimated columns on one time base; a row of NaN marks a gap."""
 
     time: Array
     """s"""
     low: Mapping[str, Array]
     high: Mapping[str, Array] | None
-    """None where every sample was kept: it is ``low``"""
+    """None if every sample was kept and equals ``low``"""
 
 
 def thinned(time: Array, fields: Mapping[str, Array], limit: int) -> Envelope:
-    """At most ``limit`` rows, and those of gaps, of columns with the same ``time`` (s, not falling)."""
+    """Decimate columns at ``time`` (s, nondecreasing) to ``limit`` rows, plus those of gaps."""
     count = -(-len(time) // limit)
     starts = np.arange(0, len(time), count)
     middle = np.minimum(starts + count // 2, len(time) - 1)
