@@ -46,7 +46,7 @@ from wingbeat.text import pluralize
 
 ANGLES = ("roll", "pitch", "yaw")
 WITHOUT_LOCKSTEP = ("hil:serial:", "razor:")
-"""boards that wait for nobody: they share no core with a world"""
+"""boards without lockstep, which share no core with a simulator"""
 STOPPED = f"{WORDS}Ctrl-C"
 EXAMPLES = (
     "wingbeat avionics --board hil:tcp:127.0.0.1:4560 --gcs udpin:0.0.0.0:14550",
@@ -56,7 +56,7 @@ EXAMPLES = (
     "wingbeat avionics --board razor:/dev/ttyUSB0,57600,ox --duration 10 --json",
 )
 LINE_EVERY = 10.0
-"""s; of flight time between two lines of the state on a terminal, as of ``fly``"""
+"""s; of flight time between two status lines on a terminal, as of ``fly``"""
 JSON_KEYS = {
     "vehicle": "name",
     "board": "address",
@@ -73,7 +73,7 @@ JSON_KEYS = {
 
 
 def build_parser() -> options.Parser:
-    """The subcommand's parser."""
+    """Build the parser of the subcommand."""
     summary = "Flight computer only: sensors and servos over a board, ground stations over MAVLink."
     parser = options.build_parser("avionics", summary, EXAMPLES, JSON_KEYS)
     options.add_vehicle(parser)
@@ -96,31 +96,31 @@ def build_parser() -> options.Parser:
 
 
 class Outcome(NamedTuple):
-    """What came of a flight."""
+    """Result of a flight."""
 
     flight: FlightOutcome
-    """how far"""
+    """duration and number of sensor frames"""
     ended: str
-    """why it ended, one line"""
+    """reason of the end, one line"""
     silent: bool
-    """whether because the board fell silent"""
+    """whether the board stopped sending"""
     board_angles: Angles | None
-    """what the board itself told of its attitude last"""
+    """last attitude reported by the board itself"""
     losses: Losses
-    """of its line"""
+    """losses on the line to the board"""
 
 
 def board_help() -> str:
-    """The forms of a board's address, in one sentence."""
+    """Return the forms of a board's address in one sentence."""
     return "board with sensors and servos: " + "; ".join(f"{kind.form} {kind.help}" for kind in boards.KINDS)
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Fly until the board says that the world is over, and say on stderr what happens aboard.
+    """Fly until the simulation ends or the board disconnects, with the vehicle's events on stderr.
 
     Raises:
-        InputError: unknown vehicle, malformed mission, port in use, existing log, nobody at the board's address, a
-            board that fell silent.
+        InputError: unknown vehicle, malformed mission, port in use, existing log, no board at the address, a board
+            that stopped sending.
     """
     chosen = build_parser().parse_args(arguments)
     identity = load_identity(chosen.identity)
@@ -131,7 +131,7 @@ def run(arguments: Sequence[str]) -> int:
     loaded = Loaded(vehicle, "", False) if kept is None else kept.load()
     vehicle = loaded.vehicle
     signing = load_signing(options.key_file(chosen.signing_key, key_path(vehicle)))
-    # Beside a world that shares the recordings' time it is `wingbeat fly` that tells.
+    # Beside a simulator that shares the time of the recordings, `wingbeat fly` prints the status.
     account = Account(quiet=chosen.json or chosen.epoch_ns is not None)
     for line in (*options.name_warnings(vehicle.file), *unused_files(vehicle)):
         account.report(line)
@@ -139,8 +139,9 @@ def run(arguments: Sequence[str]) -> int:
         put_right(RECORDINGS)
     writing = Writing(IN_FLIGHT, chosen.log_size, topics.RECORDER)
     if chosen.real_time:
-        # Before the recorder's thread begins: one that others could interrupt while it holds the interpreter's lock
-        # would keep the flight waiting for them.
+        # Before the recorder's thread starts: a thread that is preempted while it holds the interpreter lock delays
+        # the
+        # flight.
         run_before_others()
     with contextlib.ExitStack() as stack:
         recorder = begin_recording(chosen.log, storage_name(vehicle), writing, chosen.epoch_ns)
@@ -148,7 +149,7 @@ def run(arguments: Sequence[str]) -> int:
         stack.callback(recorder.close)
         note_inputs(recorder, vehicle, plan.mission)
         commands = (*plan_commands(plan), *script(chosen))
-        # A world that records beside shows the bird where it truly is.
+        # A simulator that records beside it shows the true motion of the vehicle.
         shape = None if chosen.epoch_ns is not None else FLOWN.get(vehicle.name, PLAIN_BIRD)
         isolation = Isolation()
         scene = isolation.guard("scene")
@@ -168,17 +169,17 @@ def run(arguments: Sequence[str]) -> int:
 
 
 def _parameters(chosen: argparse.Namespace, vehicle: FlightVehicle) -> ParameterFile | None:
-    """Where what the ground sets is kept; None for nowhere."""
+    """Return the file of the parameters that the ground station sets; None for no file."""
     if chosen.parameters == options.NO_PARAMETERS:
         return None
     return ParameterFile(Path(chosen.parameters or default_path(vehicle)), vehicle)
 
 
 def _over(outcome: Outcome, account: Account, paths: str) -> int:
-    """Say how the flight ended.
+    """Report how the flight ended.
 
     Raises:
-        InputError: the board fell silent.
+        InputError: the board stopped sending.
         KeyboardInterrupt: a signal ended it.
     """
     if outcome.silent:
@@ -190,7 +191,7 @@ def _over(outcome: Outcome, account: Account, paths: str) -> int:
 
 
 def opening(chosen: argparse.Namespace, vehicle: FlightVehicle, items: int, path: Path) -> list[str]:
-    """What is said before the board answers: who flies, and over which links."""
+    """Return the lines printed before the board responds: vehicle, mission and links."""
     links = [f"ground stations on {url}" for url in chosen.gcs] or ["no link for a ground station (--gcs)"]
     return [
         f"{vehicle.title}, mission {chosen.mission} of {pluralize(items, 'item')}",
@@ -201,7 +202,7 @@ def opening(chosen: argparse.Namespace, vehicle: FlightVehicle, items: int, path
 
 
 def _document(chosen: argparse.Namespace, onboard: FlightComputer, path: Path, outcome: Outcome) -> dict[str, Any]:
-    """The keys of `JSON_KEYS`."""
+    """Build the document of `JSON_KEYS`."""
     attitude = onboard.view.autopilot.memory.attitude
     return {
         "vehicle": chosen.vehicle,
@@ -219,14 +220,14 @@ def _document(chosen: argparse.Namespace, onboard: FlightComputer, path: Path, o
 
 
 def _close(link: GroundLink, recorder: Recorder) -> None:
-    """Release the ports; what went over them is the last that is logged."""
+    """Close the ports and the recording; the link statistics are recorded last."""
     link.close()
     for event in link.take_events():
         recorder.record(topics.LINK_EVENTS, event)
 
 
 def _report(onboard: FlightComputer, loaded: Loaded) -> None:
-    """Say which parameters were loaded, or why none were; a damaged file on stderr too."""
+    """Report which parameters were loaded, or why none were; a damaged file on stderr too."""
     if loaded.text:
         severity = Severity.WARNING if loaded.damaged else Severity.INFO
         onboard.view.send_statustext(severity, "parameters", loaded.text)
@@ -235,14 +236,14 @@ def _report(onboard: FlightComputer, loaded: Loaded) -> None:
 
 
 def script(chosen: argparse.Namespace) -> tuple[Command, ...]:
-    """What is commanded at fixed ticks: the start, and the faults that are inputs of the flight."""
+    """Return the commands at fixed ticks: the start, and the faults that are inputs of the flight."""
     return (scripted_start() if chosen.start else ()) + fault_commands(chosen.fault)
 
 
 def _fly(
     chosen: argparse.Namespace, onboard: FlightComputer, link: GroundLink, account: Account, isolation: Isolation
 ) -> Outcome:
-    """Fly; returns how far, and why it ended."""
+    """Fly; return duration and reason of the end."""
     if not chosen.board.startswith(WITHOUT_LOCKSTEP):
         pin_to_core(chosen.core)
 
@@ -259,7 +260,7 @@ def _fly(
         raise InputError(str(silence)) from None
     if chosen.core is not None and isinstance(board, HilBoard):
         board.enable_busy_poll()
-    # A Razor on the bench has a picture of its own.
+    # A Razor on the bench has its own display.
     shown = sys.stderr.isatty() and not isinstance(board, RazorBoard)
     every, guard = LINE_EVERY if shown else math.inf, isolation.guard("terminal")
     told = ReportingBoard(board, onboard.view, account, link.announced, every, guard)
@@ -277,7 +278,7 @@ def _run_flight(
     link: GroundLink,
     isolation: Isolation,
 ) -> tuple[str, bool]:
-    """Fly on an open board; returns why it ended, and whether because the board fell silent."""
+    """Fly on an open board; return the reason of the end, and whether the board stopped sending."""
     with contextlib.ExitStack() as stack:
         stack.callback(console.print_events)
         show = None

@@ -18,23 +18,23 @@ TIME_IS_UP = "the time is up"
 
 
 class Show(Protocol):
-    """Shows something after a tick."""
+    """Display that is updated after each tick."""
 
     def __call__(self) -> None:
-        """Show it, if it is time to."""
+        """Update the display if it is due."""
 
 
 class BoundedBoard:
-    """A `Board` of frames for ``duration`` seconds of sensor time; ``show`` is called after each tick."""
+    """`Board` that ends after ``duration`` seconds of sensor time; ``show`` is called after each tick."""
 
     def __init__(self, board: ReportingBoard, duration: float | None, show: Show | None) -> None:
         self._board = board
-        # Half a millisecond: the times of frames are rounded to microseconds.
+        # Half a millisecond of tolerance: the times of frames are rounded to microseconds.
         self._duration = math.inf if duration is None else duration - 5e-4
         self._show = show
         self._first: float | None = None
         self.ended = ""
-        """why `read` gave None, empty when the board itself did"""
+        """reason why `read` returned None, empty if the board ended"""
 
     def read(self) -> SensorFrame | None:
         """See `Board.read`."""
@@ -47,7 +47,7 @@ class BoundedBoard:
         return frame
 
     def _elapsed(self) -> float:
-        """s; from the first frame to the last."""
+        """Return the time in s since the first frame."""
         return 0.0 if self._first is None else self._board.outcome.time - self._first
 
     def write(self, command: ActuatorCommand) -> None:
@@ -69,7 +69,7 @@ def showing(
     view: FlightView,
     guard: Guard,
 ) -> Show:
-    """Take the terminal, until ``stack`` is closed, to show the attitude; ``guard`` catches what it raises."""
+    """Show the attitude on the terminal until ``stack`` is closed; ``guard`` catches exceptions of the view."""
     screen = stack.enter_context(BenchView(open_console()))
 
     def show() -> None:

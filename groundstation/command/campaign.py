@@ -48,11 +48,11 @@ JSON_KEYS = {
 
 
 LINE_EVERY = 10.0
-"""s; between two lines where there is no terminal"""
+"""s; between two lines without a terminal"""
 
 
 class _Places(NamedTuple):
-    """Where a campaign's files go."""
+    """Paths of the files of a campaign."""
 
     table: Path
     journal: Path
@@ -60,7 +60,7 @@ class _Places(NamedTuple):
 
 
 def build_parser() -> options.Parser:
-    """The subcommand's parser."""
+    """Build the parser of the subcommand."""
     summary = (
         "Fly every flight of a campaign, a TOML file with a grid or a draw over vehicle values, gains, wind, faults"
         " and more (logs/campaigns/README.md), into a Parquet table. After an interruption the same command resumes."
@@ -89,10 +89,10 @@ def _count(text: str) -> int:
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Fly a campaign, or one flight of it, or report on one.
+    """Run a campaign, or one flight of it, or report on one.
 
     Raises:
-        InputError: a campaign that cannot be flown, a table of another one in the way, a missing package, no cluster.
+        InputError: an invalid campaign, an existing table of another one, a missing package, no cluster.
     """
     if arguments and arguments[0] == "report":
         from groundstation.command import campaign_report
@@ -160,7 +160,7 @@ def _fly(chosen: argparse.Namespace, campaign: Campaign, places: _Places) -> int
 
 
 def _check_folder(chosen: argparse.Namespace, places: _Places) -> None:
-    """Refuse a folder for recordings that is there before the campaign's journal is.
+    """Reject an existing folder for recordings if the campaign has no journal yet.
 
     Raises:
         InputError: recordings of another campaign may lie in it.
@@ -170,7 +170,7 @@ def _check_folder(chosen: argparse.Namespace, places: _Places) -> None:
 
 
 def _logs(chosen: argparse.Namespace, places: _Places) -> Logs:
-    """Where recordings go."""
+    """Return which flights are recorded, and where."""
     if chosen.logs != "none":
         places.logs.mkdir(exist_ok=True)
     return Logs(chosen.logs, places.logs)
@@ -181,7 +181,7 @@ def _first_vehicle(campaign: Campaign) -> Any:
 
 
 def _fly_rest(chosen: argparse.Namespace, campaign: Campaign, journal: Journal, logs: Logs) -> None:
-    """Fly what is not done yet, keeping each flight as it ends."""
+    """Run the remaining flights and store each result when it ends."""
     left = [number for number in range(1, campaign.size + 1) if number not in journal.rows]
     if not left:
         return
@@ -215,7 +215,7 @@ def _cluster(chosen: argparse.Namespace, flights: int) -> Any:
 
 
 def _report_done(chosen: argparse.Namespace, campaign: Campaign, places: _Places) -> int:
-    """Say what the table holds that is there already."""
+    """Report on an existing table."""
     columns = read_table(places.table).columns
     names = ("flight", "failed", "outcome", "reason")
     rows = [dict(zip(names, row, strict=True)) for row in zip(*(columns[n] for n in names), strict=True)]
@@ -252,7 +252,7 @@ def _report(
 
 
 def _fly_one(chosen: argparse.Namespace, campaign: Campaign) -> int:
-    """Fly one flight again, bit for bit, and show its row."""
+    """Repeat one flight bit for bit, and show its row."""
     values = flight_values(campaign, chosen.flight)
     if chosen.log is not None and chosen.log.exists():
         raise InputError(f"{chosen.log} exists: it is not overwritten")

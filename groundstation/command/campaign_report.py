@@ -46,7 +46,7 @@ JSON_KEYS = {
 
 
 def build_parser() -> options.Parser:
-    """The subcommand's parser."""
+    """Build the parser of the subcommand."""
     summary = (
         "Report of a campaign: outcomes, statistics, correlations, worst flights and the commands that repeat them."
     )
@@ -70,7 +70,7 @@ def _count(text: str) -> int:
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Print what a table says, and write the page.
+    """Print the report of a table, and write the page.
 
     Raises:
         InputError: no such table or metric, or the page exists.
@@ -92,10 +92,10 @@ def run(arguments: Sequence[str]) -> int:
 
 
 def _table(path: Path) -> Table:
-    """A campaign's table, or as much of it as is flown.
+    """Return the table of a campaign, or that of its completed flights.
 
     Raises:
-        InputError: neither is there.
+        InputError: neither exists.
     """
     if path.is_dir():
         raise InputError(f"{path} is a folder: specify the table, such as {path / 'CAMPAIGN.parquet'}")
@@ -104,7 +104,7 @@ def _table(path: Path) -> Table:
 
 
 def _changed(table: Table) -> str:
-    """Why the campaign's file would now fly other flights than those of the table; empty where it would not."""
+    """Return why the campaign's file now describes other flights than the table; empty if it does not."""
     try:
         same = load_campaign(Path(table.about.file)).digest() == table.about.digest
     except InputError as error:

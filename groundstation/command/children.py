@@ -16,20 +16,20 @@ from typing import IO, NamedTuple, Self
 from groundstation.command.ending import STARTED
 
 GRACE = 8.0
-"""s; for a child to close its recording after it was asked to stop"""
+"""s; timeout for a child to close its recording after the stop request"""
 ENDING = 10.0
-"""s; for the others to end by themselves once one has ended well"""
+"""s; timeout for the others to end after one child has ended successfully"""
 
 
 class Child(NamedTuple):
-    """One process and where its complaints go."""
+    """Child process with the file of its stderr."""
 
     name: str
     process: subprocess.Popen[bytes]
     error_lines: IO[bytes]
 
     def final_error(self) -> str:
-        """The last line it wrote on stderr, without the command's name."""
+        """Last line on stderr, without the command's name."""
         self.error_lines.seek(0)
         lines = self.error_lines.read().decode("utf-8", "replace").split("\n")
         said = [line.strip() for line in lines if line.strip()]
@@ -37,16 +37,16 @@ class Child(NamedTuple):
 
 
 class Failure(NamedTuple):
-    """A child that ended badly."""
+    """Failure of a child process."""
 
     code: int
-    """-; its exit code, negative for a signal"""
+    """-; exit code, negative for a signal"""
     text: str
     """-; one line"""
 
 
 class Children:
-    """Subcommands of ``wingbeat`` running beside this one; as a context manager it leaves none behind."""
+    """Child processes that run subcommands of ``wingbeat``; as a context manager it ends all of them."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._children: list[Child] = []
@@ -54,9 +54,9 @@ class Children:
         self._first_end: float | None = None
 
     def start(self, name: str, arguments: Sequence[str]) -> None:
-        """Start ``wingbeat ARGUMENTS`` in a session of its own: Ctrl-C reaches it through us alone.
+        """Start ``wingbeat ARGUMENTS`` in its own session, so that only this process receives Ctrl-C.
 
-        It ends when we do, even by SIGKILL: see `ending.follow_starter`.
+        The child ends with this process, even after SIGKILL: see `ending.follow_starter`.
         """
         command = [sys.executable, "-m", "groundstation.command.main", *arguments]
         error_lines = tempfile.TemporaryFile()  # noqa: SIM115 (lives as long as the child)
@@ -71,7 +71,7 @@ class Children:
         self._children.append(Child(name, process, error_lines))
 
     def running(self) -> bool:
-        """Whether the flight goes on: all are alive, or the last is still closing its recording."""
+        """Whether the flight continues: all children are alive, or the last one is closing its recording."""
         codes = [child.process.poll() for child in self._children]
         ended = [code for code in codes if code is not None]
         if any(ended) or len(ended) == len(codes):
@@ -81,7 +81,7 @@ class Children:
         return self._first_end is None or self._clock() - self._first_end < ENDING
 
     def failure(self) -> Failure | None:
-        """The first child, in the order of their start, that ended badly."""
+        """First child, in the order of their start, that failed."""
         for child in self._children:
             code = child.process.poll()
             if code:
@@ -89,12 +89,12 @@ class Children:
         return None
 
     def last_words(self) -> list[str]:
-        """The last line of each child that ended well, where it said anything."""
+        """Last output line of each child that succeeded, if any."""
         ended = [child.final_error() for child in self._children if child.process.poll() == 0]
         return [line for line in ended if line]
 
     def stop(self) -> None:
-        """Ask all to close their recordings and end; end by force who does not."""
+        """Request all children to close their recordings and end; kill those that do not."""
         for child in self._children:
             with contextlib.suppress(ProcessLookupError):
                 child.process.send_signal(signal.SIGINT)

@@ -20,12 +20,12 @@ COMPILING_METHODS = "compiling methods at first use (up to half a minute)"
 
 
 def load_physics(vehicle: SimulatedVehicle, quiet: bool = False) -> None:
-    """Compile the physics where that has not been done, and air that is compiled apart, saying so on stderr.
+    """Compile the physics, and aerodynamics compiled separately, if the cache lacks them.
 
-    Unless ``quiet``, which says nothing.
+    The compilation is announced on stderr unless ``quiet``.
 
     Raises:
-        InputError: the vehicle's bodies make no vehicle.
+        InputError: invalid bodies of the vehicle.
     """
     with announced_air(vehicle, quiet):
         plant = Plant(vehicle)
@@ -35,7 +35,7 @@ def load_physics(vehicle: SimulatedVehicle, quiet: bool = False) -> None:
 
 
 def announced_air(vehicle: SimulatedVehicle, quiet: bool = False) -> AbstractContextManager[None]:
-    """`announced`, where the vehicle's aerodynamic model is compiled apart from the plant; said once a run."""
+    """Announce like `announced`, once, if the aerodynamic model of the vehicle is compiled separately."""
     if COMPILING_AIR in _told or not is_compiled_separately(vehicle.aerodynamics.model):
         return nullcontext()
     return announced(quiet, COMPILING_AIR)
@@ -43,7 +43,7 @@ def announced_air(vehicle: SimulatedVehicle, quiet: bool = False) -> AbstractCon
 
 @contextmanager
 def announced(quiet: bool = False, words: str = COMPILING_METHODS) -> Iterator[None]:
-    """Say on stderr, once, that a kernel is compiled for which the cache has nothing yet, when that begins."""
+    """Announce once on stderr when the compilation of a kernel that is not in the cache begins."""
     if quiet:
         yield
         return
@@ -53,7 +53,7 @@ def announced(quiet: bool = False, words: str = COMPILING_METHODS) -> Iterator[N
 
 
 class _Announcement:
-    """A line on stderr that is printed at the first of several events."""
+    """Line on stderr, printed at the first of several events."""
 
     def __init__(self, words: str) -> None:
         self._words, self._printed = words, False
@@ -66,7 +66,7 @@ class _Announcement:
 
 
 def _reporting(words: str, quiet: bool) -> AbstractContextManager[Any]:
-    """While the block lasts ``words`` stand on a terminal; elsewhere they are a line."""
+    """Show ``words`` on a terminal during the block; without a terminal print a line."""
     console = open_console(quiet, stderr=True)
     if console.is_terminal:
         return console.status(words)

@@ -18,19 +18,19 @@ from wingbeat.message import Event
 
 
 class Account:
-    """Lines on stderr, or none where nobody is to read them."""
+    """Writer of lines to stderr, or to nowhere if ``quiet``."""
 
     def __init__(self, quiet: bool) -> None:
         self._quiet = quiet
 
     def report(self, text: str) -> None:
-        """Write one line, at once."""
+        """Write one line and flush it."""
         if not self._quiet:
             print(text, file=sys.stderr, flush=True)
 
 
 class FlightOutcome(NamedTuple):
-    """What came of a flight."""
+    """Duration of a flight."""
 
     frames: int = 0
     """-; sensor frames read"""
@@ -39,7 +39,7 @@ class FlightOutcome(NamedTuple):
 
 
 class ReportingBoard:
-    """A `Board` that tells of its first sensor frame, and after each what was said aboard meanwhile."""
+    """`Board` that reports its first sensor frame, and the vehicle's events after each frame."""
 
     def __init__(
         self,
@@ -50,15 +50,15 @@ class ReportingBoard:
         every: float = math.inf,
         guard: Guard | None = None,
     ) -> None:
-        """Tell of ``board``.
+        """Wrap ``board``.
 
         Args:
-            board: whose sensor frames come.
+            board: source of the sensor frames.
             view: of the flight computer.
-            account: where it is said.
-            announced: grows by what the ground links say of themselves, which is no event of the vehicle.
-            every: s; of flight time between two lines of where the vehicle is and how fast; infinite for none.
-            guard: catches what the terminal raises.
+            account: output.
+            announced: list to which the ground links append their own events.
+            every: s; of flight time between two status lines; infinite for none.
+            guard: catches exceptions of the terminal.
         """
         self._board = board
         self._guard = guard or Isolation().guard("terminal")
@@ -93,7 +93,7 @@ class ReportingBoard:
         self._account.report(progress_line(state, self._view.mode.name.replace("_", " ")))
 
     def print_events(self) -> None:
-        """Say what was said aboard since it was last told."""
+        """Print the new events of the vehicle."""
         self._guard.run(self._print_events)
 
     def _print_events(self) -> None:
@@ -109,9 +109,9 @@ class ReportingBoard:
 
 
 def known_state(view: FlightView, since: PowerState | None = None) -> VehicleState:
-    """What the flight computer knows of itself, as a ground station would hear it; None where it does not yet.
+    """Return the flight computer's state in the form of a ground station's; None before the first data.
 
-    The power is the mean since the supply was as ``since`` tells, None for since boot.
+    The power is the mean since the supply state ``since``, None for since boot.
     """
     attitude, altitude = view.latest(topics.ATTITUDE), view.latest(topics.ALTITUDE)
     air, wing, power = view.latest(topics.AIR_DATA), view.latest(topics.WING), view.latest(topics.POWER)
@@ -137,6 +137,6 @@ def _mean_power(now: PowerState, since: PowerState | None) -> float:
 
 
 def event_record(event: Event) -> dict[str, Any]:
-    """An event as a JSON object."""
+    """Convert an event to a JSON object."""
     severity = event.severity.name
     return {"time": event.time_us * 1e-6, "severity": severity, "source": event.source, "text": event.text}

@@ -12,10 +12,12 @@ from wingbeat.errors import InputError
 
 @contextmanager
 def damage_notices(logs: Sequence[Log], done: str) -> Iterator[None]:
-    """Say on stderr, a line a log, what is wrong with those of which what is whole was ``done``, "identified".
+    """Report the damage of the logs on stderr, a line each; ``done`` is the verb, such as "identified".
+
+    Only the intact data of these logs are used.
 
     Raises:
-        InputError: what was refused, with the damage, for that may be why.
+        InputError: an error of the block, extended by the damage, which may be its cause.
     """
     try:
         yield

@@ -48,15 +48,15 @@ JSON_KEYS = {
     "mission_item, command": "how it is flown",
 }
 MARGIN = 0.8
-"""-; of the vehicle's own envelope, whose limits end a manoeuvre"""
+"""-; fraction of the vehicle's envelope whose limits end a maneuver"""
 ALPHA, LOAD = 0.15, 8.0
-"""rad, m/s^2; where a linear model still holds, by default"""
+"""rad, m/s^2; default validity limits of a linear model"""
 TRAVEL = 0.35
-"""rad; of the elevator, by default"""
+"""rad; default elevator amplitude"""
 
 
 class _Subject(NamedTuple):
-    """What the command line came to."""
+    """Inputs from the command line."""
 
     model: LinearModel
     aircraft: Aircraft
@@ -65,7 +65,7 @@ class _Subject(NamedTuple):
 
 
 def build_parser() -> options.Parser:
-    """The subcommand's parser."""
+    """Build the parser of the subcommand."""
     summary = (
         "Plan an elevator input for identification from a linear model: the errors that white sensor noise will leave"
         " in the short period and every derivative, the greatest amplitude within limits, and how to fly it."
@@ -121,10 +121,10 @@ def _count(text: str) -> int:
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Choose the input, print what it will tell, write its item.
+    """Design the input, print its predicted accuracy, write its mission item.
 
     Raises:
-        InputError: no model, no sensors, an input that cannot be flown or tells too little, or ``--out`` exists or
+        InputError: no model, no sensors, an infeasible or uninformative input, or ``--out`` exists or
             cannot be written.
     """
     chosen = build_parser().parse_args(arguments)
@@ -173,7 +173,7 @@ def _subject(chosen: argparse.Namespace) -> _Subject:
 
 
 def _flight_vehicle(name: str) -> FlightVehicle | None:
-    """What the flight computer knows of it; None for a vehicle that only the world knows."""
+    """Return the flight computer's configuration; None for a vehicle without one."""
     world, avionics = options.vehicle_files(name)
     try:
         return load_flight_vehicle(avionics)
@@ -213,7 +213,7 @@ def _request(chosen: argparse.Namespace, subject: _Subject, prior: Prior) -> Ask
 
 
 def _limits(chosen: argparse.Namespace, subject: _Subject, prior: Prior) -> Limits:
-    """What was asked for, else by the vehicle's envelope and where a linear model holds."""
+    """Return the requested limits, else those of the vehicle's envelope and of the linear model."""
     pitch = speed = math.inf
     if subject.vehicle is not None:
         envelope, airspeed = subject.vehicle.gains.excitation, prior.reference.airspeed
@@ -233,7 +233,7 @@ def _limits(chosen: argparse.Namespace, subject: _Subject, prior: Prior) -> Limi
 
 
 def _document(subject: _Subject, prior: Prior, requested: Asked, designs: Plan) -> dict[str, Any]:
-    """The keys of `JSON_KEYS`."""
+    """Build the document of `JSON_KEYS`."""
     flown = designs.excitation
     keys = ("amplitude", "width", "low", "high", "settle", "repeats")
     return {

@@ -17,23 +17,23 @@ from collections.abc import Iterator
 from types import FrameType
 
 INTERRUPTED = 130
-"""exit code after Ctrl-C: 128 and the signal's number, as of every signal"""
+"""exit code after Ctrl-C: 128 plus the signal's number, as of every signal"""
 WORDS = "stopped with "
-"""that a KeyboardInterrupt says, which a signal other than Ctrl-C's was made"""
+"""text of the KeyboardInterrupt of a signal other than Ctrl-C"""
 STARTED = "WINGBEAT_STARTED"
-"""environment variable by which a command knows that its standard input is held open by the one that started it"""
+"""environment variable of a command whose standard input is kept open by its parent command"""
 SIGNALS = tuple(signal.Signals[name] for name in ("SIGTERM", "SIGHUP") if name in signal.Signals.__members__)
 
 
 class Ending:
-    """Which signal has ended the command; a second one while files are finished changes nothing."""
+    """Signal that ended the command; a second one while files are finished has no effect."""
 
     def __init__(self) -> None:
         self.code: int | None = None
-        """-; the exit code of a signal that came, None before"""
+        """-; exit code of the received signal, None before"""
 
     def come(self, number: int, frame: FrameType | None) -> None:
-        """The signals' handler.
+        """Handle a signal.
 
         Raises:
             KeyboardInterrupt: at the first of them.
@@ -45,10 +45,10 @@ class Ending:
 
 @contextlib.contextmanager
 def heeded() -> Iterator[Ending]:
-    """Make signals KeyboardInterrupts; one that is ignored, as SIGHUP under ``nohup``, stays so.
+    """Convert signals to KeyboardInterrupt; a signal that is ignored, as SIGHUP under ``nohup``, stays so.
 
-    Not in a process that another command started as its part: it is ended by that command alone, whose own ignored
-    signals (a shell script starts jobs with SIGINT ignored) it inherits.
+    A child process of another command is ended by that command only. Its inherited ignored signals (a shell script
+    starts jobs with SIGINT ignored) are not relevant.
     """
     ending = Ending()
     kept = {}
@@ -72,7 +72,7 @@ def heeded() -> Iterator[Ending]:
 
 @contextlib.contextmanager
 def importing() -> Iterator[None]:
-    """Let Ctrl-C end the program at once: nothing is open that would have to be finished."""
+    """Let Ctrl-C end the program at once during imports, when no file is open."""
     if not _in_main_thread() or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
         yield
         return
@@ -84,14 +84,14 @@ def importing() -> Iterator[None]:
 
 
 def follow_starter() -> None:
-    """End as with SIGTERM when the command that started this one is gone: its end of the pipe closes in any case."""
+    """End as after SIGTERM when the parent command ends, which closes its end of the pipe."""
     if os.environ.pop(STARTED, ""):
         threading.Thread(target=_wait_for_starter, name="starter", daemon=True).start()
 
 
 def _wait_for_starter() -> None:
     with contextlib.suppress(OSError):
-        # Not by sys.stdin: its lock would be held when the interpreter goes down.
+        # Not by sys.stdin: its lock would be held when the interpreter shuts down.
         while os.read(0, 1024):
             pass
     os.kill(os.getpid(), signal.SIGTERM)

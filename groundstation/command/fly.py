@@ -87,42 +87,42 @@ JSON_KEYS = {
     "identified": "as of wingbeat identify --json, null where the flight gave nothing",
 }
 LINE_EVERY = 10.0
-"""s; of flight time between two lines where there is no terminal"""
+"""s; of flight time between two lines without a terminal"""
 REFRESH = 0.1
-"""s; between two pictures"""
+"""s; between two screen updates"""
 RECORDING_ENDED = "recording to "
-"""how a child's word begins that says why its recording ended before the flight"""
+"""prefix of a child's message that its recording ended before the flight"""
 DURATION = 300.0
-"""s; longest flight"""
+"""s; default time limit of a flight"""
 
 
 class Plan(NamedTuple):
-    """A flight that was checked and can begin."""
+    """Validated flight that is ready to start."""
 
     vehicle: str
     """-; name or path, as given"""
     name: str
-    """-; as its file has it"""
+    """-; as in its file"""
     title: str
-    """-; for people"""
+    """-; display name"""
     aerodynamics: str
-    """-; model of the wings' air loads"""
+    """-; aerodynamic model of the wings"""
     notes: tuple[str, ...]
-    """what of the mission's file is not flown"""
+    """items of the mission file that are not flown"""
     faults: tuple[Fault, ...]
     """of the command line, then of the mission"""
     log: Path = Path()
-    """the joined log, once its name is held"""
+    """joined log, after its name is locked"""
 
     @property
     def parts(self) -> tuple[Path, Path]:
-        """What the world and the flight computer record."""
+        """Recordings of world and flight computer."""
         _, world, computer = files_of(self.log)
         return world, computer
 
 
 def build_parser() -> options.Parser:
-    """The subcommand's parser."""
+    """Build the parser of the subcommand."""
     summary = "Fly a modeled ornithopter: two processes in lockstep over MAVLink, recorded and identified."
     parser = options.build_parser("fly", summary, EXAMPLES, JSON_KEYS)
     options.add_vehicle(parser)
@@ -142,11 +142,11 @@ def build_parser() -> options.Parser:
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Fly, join the recordings, and say what was flown and identified.
+    """Fly, join the recordings, and report the flight and the identified values.
 
     Raises:
         InputError: unknown vehicle or aerodynamic model, malformed mission, port in use, existing log, no live view.
-        NoAnswer: the world or the flight computer ended badly; the recordings are kept.
+        NoAnswer: the world or the flight computer failed; the recordings are kept.
     """
     chosen = build_parser().parse_args(arguments)
     plan = check(chosen)
@@ -156,10 +156,10 @@ def run(arguments: Sequence[str]) -> int:
 
 @contextmanager
 def _name(log: Path | None, plan: Plan) -> Iterator[Path]:
-    """The name of the joined log, held until the flight is in it: no other flight takes one of its files.
+    """Yield the name of the joined log, locked until the log is complete.
 
     Raises:
-        InputError: another holds it or has left files there, or its folder cannot be written to.
+        InputError: another program has locked it or left files, or its folder cannot be written to.
     """
     if log is None:
         with reserved(plan.name) as path:
@@ -173,7 +173,7 @@ def _name(log: Path | None, plan: Plan) -> Iterator[Path]:
 
 
 def _run(chosen: argparse.Namespace, plan: Plan) -> int:
-    """Fly, join the recordings, and say what was flown and identified."""
+    """Fly, join the recordings, and report the flight and the identified values."""
     console = open_console(quiet=chosen.json)
     for note in plan.notes:
         print(note, file=sys.stderr)
@@ -195,7 +195,7 @@ def _run(chosen: argparse.Namespace, plan: Plan) -> int:
 
 
 def check(chosen: argparse.Namespace) -> Plan:
-    """Refuse what cannot be flown before anything is started.
+    """Check the command line before anything is started.
 
     Raises:
         InputError: see `run`.
@@ -224,20 +224,20 @@ def check(chosen: argparse.Namespace) -> Plan:
 
 
 def _check_log(log: Path) -> None:
-    """Refuse a name of which there are files, or that cannot be written.
+    """Check that no file of that name exists, and that it can be written.
 
     Raises:
-        InputError: it is one.
+        InputError: it exists or cannot be written.
     """
     for path in files_of(log):
         check_new(path, made=True)
 
 
 def _check_flyable(name: str) -> None:
-    """Refuse a vehicle of the simulated world that no flight computer knows.
+    """Reject a simulated vehicle without a flight computer configuration.
 
     Raises:
-        InputError: it is one.
+        InputError: there is no flight computer configuration.
     """
     if name in vehicle_names() and name not in flown_names():
         raise InputError(
@@ -247,18 +247,17 @@ def _check_flyable(name: str) -> None:
 
 
 def _prepare(plan: Plan, quiet: bool) -> None:
-    """Compile the physics before the clocks of the flight's waits begin to run."""
+    """Compile the physics before the timeouts of the flight start."""
     vehicle = simulated(options.vehicle_files(plan.vehicle)[0], plan.aerodynamics)
     if not physics_compiled() or is_compiled_separately(vehicle.aerodynamics.model):
         load_physics(vehicle, quiet)
 
 
 def _fly(plan: Plan, chosen: argparse.Namespace, console: Console, faults: dict[str, str]) -> None:
-    """Fly; what the view raised is added to ``faults``, with its traceback.
+    """Fly; exceptions of the view are added to ``faults`` with their traceback.
 
     Raises:
-        InputError: bad input of one of the two processes.
-        NoAnswer: one of them failed.
+        InputError: invalid input of one of the two processes. NoAnswer: one of them failed.
     """
     connection = listen_locally()
     identity = load_identity(_identity(chosen))
@@ -315,7 +314,7 @@ def _start(children: Children, plan: Plan, chosen: argparse.Namespace, observer:
 
 
 def _identity(chosen: argparse.Namespace) -> str:
-    """Profile of the flight; without a station that which counts items as the flight computer's events do."""
+    """Return the MAVLink profile of the flight; the default counts items as the flight computer's events do."""
     return str(chosen.identity) if chosen.gcs else "generic"
 
 
@@ -335,13 +334,13 @@ def _failed(failure: Failure, plan: Plan) -> Exception:
 
 
 class _Speed:
-    """How many times faster than real time the flight goes."""
+    """Speed factor of the flight relative to real time."""
 
     def __init__(self) -> None:
         self._first: tuple[float, float] | None = None
 
     def note(self, state: VehicleState) -> str:
-        """Words for the header."""
+        """Return the text for the header."""
         if state.time is None or state.received_at is None:
             return "starting"
         if self._first is None:
@@ -380,7 +379,7 @@ def _watch_lines(children: Children, connection: Connection, console: Console) -
 
 
 def _keep(plan: Plan, faults: Mapping[str, str]) -> None:
-    """Join what a flight recorded that was stopped on the way, and say where it is."""
+    """Join the recordings of an interrupted flight, and report the path."""
     parts = [part for part in plan.parts if part.exists()]
     if parts:
         _report_kept(join(parts, plan.log, faults))
@@ -388,10 +387,10 @@ def _keep(plan: Plan, faults: Mapping[str, str]) -> None:
 
 
 def _joined(plan: Plan, faults: Mapping[str, str]) -> list[Kept]:
-    """The parts that were not whole.
+    """Join the recordings; return the parts that were damaged.
 
     Raises:
-        InputError: they cannot be joined; where they are is said.
+        InputError: they cannot be joined; the message has their paths.
     """
     try:
         return join(plan.parts, plan.log, faults)
@@ -400,13 +399,13 @@ def _joined(plan: Plan, faults: Mapping[str, str]) -> list[Kept]:
 
 
 def _report_kept(kept: Sequence[Kept]) -> None:
-    """Say which recordings ended before the flight did: what is summed up is only what they hold."""
+    """Report the recordings that ended before the flight; the summary covers only their content."""
     for part in kept:
         print(f"wingbeat: a recording ended early: {part.path}: {part.damage}", file=sys.stderr)
 
 
 def _identified(log: Log) -> Identification | str:
-    """What the log gives, or why it gives nothing: a flight without an excitation is a flight all the same."""
+    """Identify from the log, or return why that is not possible, as for a flight without an excitation."""
     from groundstation.command import identify  # takes a second, which the start of a flight need not wait for
 
     try:
@@ -416,13 +415,13 @@ def _identified(log: Log) -> Identification | str:
 
 
 class _FlightResult(NamedTuple):
-    """What the joined log tells."""
+    """Results from the joined log."""
 
     summary: FlightSummary
     identified: Identification | str
-    """or why nothing was"""
+    """estimates, or why there are none"""
     speed: float
-    """-; times real time"""
+    """-; speed factor relative to real time"""
     end: float
     """s; since boot, of the world's last step"""
 
@@ -433,7 +432,7 @@ def _read(path: Path, wall_time: float) -> _FlightResult:
 
 
 def _end(log: Log) -> float:
-    """The time (s since boot) of the world's last step; 0 where it made none."""
+    """Return the time (s since boot) of the world's last step; 0 without one."""
     state = log.topics.get(STATE.name)
     return float(log.columns(STATE).time[-1]) if state is not None and state.messages else 0.0
 
@@ -461,7 +460,7 @@ def _report(
 
 
 def _entries(plan: Plan, chosen: argparse.Namespace) -> dict[str, object]:
-    """What was asked for, as the JSON document has it."""
+    """Return the inputs of the flight for the JSON document."""
     return {
         "log": str(plan.log),
         "vehicle": chosen.vehicle,
@@ -476,7 +475,7 @@ def _entries(plan: Plan, chosen: argparse.Namespace) -> dict[str, object]:
 
 
 def _outcome(kept: Sequence[Kept], summary: FlightSummary | None, results: Identification | str) -> dict[str, object]:
-    """What came of it, as the JSON document has it."""
+    """Return the results of the flight for the JSON document."""
     from logs.identification.report import document
 
     return {

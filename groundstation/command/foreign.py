@@ -20,7 +20,7 @@ from sim_bridge.sensors.frame import TICK_RATE
 from wingbeat.errors import InputError
 
 REST_TIME = 20.0
-"""s; on the ground before the simulation ends: an autopilot must notice the landing and disarm"""
+"""s; on the ground before the simulation ends: time for an autopilot to detect the landing and disarm"""
 HOST = "127.0.0.1"
 
 SETUP = """
@@ -42,10 +42,10 @@ LAUNCHES = {
 
 
 class Foreign(NamedTuple):
-    """What of the command line is for autopilots that are not ours."""
+    """Options of foreign autopilots."""
 
     of_px4: bool
-    """PX4 and not ArduPilot"""
+    """PX4, else ArduPilot"""
     interface: Interface
     rig: Rig
     pulses: Pulses
@@ -57,7 +57,7 @@ class Foreign(NamedTuple):
 
     @property
     def description(self) -> dict[str, str]:
-        """For the recording: the autopilot, the kind of launch and its outputs."""
+        """Description for the recording: autopilot, kind of launch and outputs."""
         outputs = {"channels": str(self.rig.channels), "launch": self.rig.launch.value}
         if self.of_px4:
             return {"autopilot": "PX4", **outputs}
@@ -65,7 +65,7 @@ class Foreign(NamedTuple):
 
 
 def add_foreign(parser: argparse.ArgumentParser) -> None:
-    """Offer ``--px4``, ``--ardupilot`` and how their outputs are wired."""
+    """Add ``--px4``, ``--ardupilot`` and the wiring of their outputs."""
     kinds = parser.add_mutually_exclusive_group()
     kinds.add_argument("--px4", action="store_true", help=f"serve PX4's simulator interface: TCP {px4.PORT}")
     kinds.add_argument(
@@ -100,11 +100,11 @@ def add_foreign(parser: argparse.ArgumentParser) -> None:
 
 
 def chosen_foreign(chosen: argparse.Namespace, listen: str | None) -> Foreign | None:
-    """What the command line asks for; None for our own flight computer.
+    """Return the foreign autopilot of the command line; None for the Wingbeat flight computer.
 
     Raises:
-        InputError: options of foreign autopilots without one, options that cannot be, or a vehicle without a file of
-            its flight computer.
+        InputError: options of foreign autopilots without one, invalid options, or a vehicle without a flight computer
+            file.
     """
     if not (chosen.px4 or chosen.ardupilot):
         if chosen.instance or chosen.channels or chosen.pwm or chosen.launch:
@@ -124,22 +124,22 @@ def chosen_foreign(chosen: argparse.Namespace, listen: str | None) -> Foreign | 
 
 
 def default_url(of_px4: bool, instance: int) -> str:
-    """Where an instance of PX4 or ArduPilot looks for its simulator."""
+    """Return the default simulator address of an instance of PX4 or ArduPilot."""
     if of_px4:
         return f"tcp:{HOST}:{px4.PORT + instance}"
     return f"udpin:{HOST}:{ardupilot.PORT + ardupilot.INSTANCE_PORTS * instance}"
 
 
 def unhurried(scenario: Scenario) -> Scenario:
-    """The scenario of an autopilot that takes its time: the launcher waits for it, and landing does not end it."""
+    """Return the scenario of a foreign autopilot: the launcher waits for it, and landing does not end it."""
     return scenario._replace(waits_for_arming=False, launch_time=math.inf, rest_time=REST_TIME)
 
 
 class Service:
-    """The port of a foreign autopilot, taken; `serve` flies."""
+    """Open port for a foreign autopilot; `serve` runs the flights."""
 
     def __init__(self, foreign: Foreign) -> None:
-        """Take the port.
+        """Open the port.
 
         Raises:
             InputError: it is in use, or the address is not one for this autopilot.
@@ -153,10 +153,10 @@ class Service:
         )
 
     def serve(self, next_stage: NextStage) -> None:
-        """Say what is waited for, and fly until the simulation is finished or nobody comes back.
+        """Report the wait for the autopilot, and fly until the simulation is finished or no autopilot reconnects.
 
         Raises:
-            InputError: nobody came, or an autopilot fell silent.
+            InputError: no autopilot connected, or one stopped responding.
         """
         self._announce()
         try:
@@ -167,7 +167,7 @@ class Service:
         report(f"{tally.ended}: {', '.join(counts)}")
 
     def close(self) -> None:
-        """Release the port."""
+        """Close the port."""
         self._server.close()
 
     def _announce(self) -> None:
@@ -181,5 +181,5 @@ class Service:
 
 
 def report(text: str) -> None:
-    """Say a line on the terminal."""
+    """Print a line on the terminal."""
     print(text, file=sys.stderr, flush=True)

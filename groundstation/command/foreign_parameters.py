@@ -38,15 +38,15 @@ OF_A_FLIGHT = (
     "listen", "duration", "speed", "seed", "wind", "wind_from", "turbulence", "fault", "sticks", "log", "core",
     "epoch_ns",
 )  # fmt: skip
-"""options that have no effect on a parameter file"""
+"""options without effect on a parameter file"""
 AIRSPEED_STEP = 0.5
-"""m/s; of the search for the fastest level flight"""
+"""m/s; step of the search for the fastest level flight"""
 CLIMB_STEP = 0.25
-"""m/s; of the search for the steepest climb"""
+"""m/s; step of the search for the steepest climb"""
 
 
 def check_options(chosen: argparse.Namespace, parser: argparse.ArgumentParser) -> None:
-    """Refuse options that belong to a flight.
+    """Reject options that belong to a flight.
 
     Raises:
         InputError: there is one, or no autopilot to write parameters for.
@@ -98,12 +98,12 @@ EXPLANATION = (
 
 
 def push_of(world: SimulatedVehicle) -> Push:
-    """Acceleration of the launcher's throw."""
+    """Return the acceleration of the launcher."""
     return Push(world.launch.speed / world.launch.duration, world.launch.duration)
 
 
 def _performance(world: SimulatedVehicle, foreign: Foreign) -> Performance:
-    """Level flight, greatest airspeed and climb rate by the trim.
+    """Compute level flight, largest airspeed and climb rate from the trim.
 
     Raises:
         InputError: there is no level flight at the cruise airspeed.
@@ -136,7 +136,7 @@ def _performance(world: SimulatedVehicle, foreign: Foreign) -> Performance:
 
 
 def trim_throttle(gains: flapping.Gains, world: SimulatedVehicle, orbit: Orbit) -> float:
-    """Throttle at which the flight vehicle's mixer commands the stroke of a trim.
+    """Return the throttle at which the flight vehicle's mixer commands the stroke of a trim.
 
     Above 1 if its largest stroke is too small.
     """
@@ -150,7 +150,7 @@ def trim_throttle(gains: flapping.Gains, world: SimulatedVehicle, orbit: Orbit) 
 
 
 def _largest(start: float, limit: float, step: float, is_within: Callable[[float], bool]) -> float:
-    """Largest value in steps from ``start``, up to ``limit``, before the first that is not within."""
+    """Return the largest value in steps from ``start`` to ``limit`` before the first that is not within."""
     value = start
     while value < limit and is_within(min(value + step, limit)):
         value = min(value + step, limit)
@@ -158,7 +158,7 @@ def _largest(start: float, limit: float, step: float, is_within: Callable[[float
 
 
 def _options(chosen: argparse.Namespace, *more: str) -> list[str]:
-    """The command line of the simulation that the file is for."""
+    """Return the command line of the simulation for the file."""
     words = ["sim", "--px4" if chosen.px4 else "--ardupilot"]
     if chosen.vehicle != options.DEFAULT_VEHICLE:
         words += ["--vehicle", chosen.vehicle]

@@ -53,16 +53,17 @@ GROUPS: tuple[ModuleType, ...] = (
     gcs_monitor, gcs_status, gcs_order, gcs_param, gcs_mission, gcs_excite, gcs_calibrate, gcs_joystick,
     gcs_listen,
 )  # fmt: skip
-"""modules with ``add_verbs(verbs)``, a table ``VERBS`` and ``JSON_KEYS``; ``prepare(chosen)`` where files are read"""
+"""modules with ``add_verbs(verbs)``, tables ``VERBS`` and ``JSON_KEYS``, and ``prepare(chosen)`` if they read files
+"""
 PREPARATIONS = (
     gcs_order.prepare, gcs_param.prepare, gcs_mission.prepare, gcs_excite.prepare, gcs_joystick.prepare,
     gcs_listen.prepare,
 )  # fmt: skip
-"""what is checked before the vehicle is spoken to"""
+"""checks before the vehicle is contacted"""
 
 
 def build_parser() -> options.Parser:
-    """The subcommand's parser."""
+    """Build the parser of the subcommand."""
     keys = {verbs: text for group in GROUPS for verbs, text in group.JSON_KEYS.items()}
     parser = options.build_parser("gcs", "Monitor and command any MAVLink vehicle.", EXAMPLES, keys)
     parser.add_argument("url", metavar="URL", help=URL_HELP)
@@ -90,11 +91,11 @@ def build_parser() -> options.Parser:
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Do what one command line asks for.
+    """Run one command line.
 
     Raises:
         InputError: bad address, unknown mode, malformed or existing file.
-        NoAnswer: no vehicle, a refusal, or silence.
+        NoAnswer: no vehicle, a denied request, or a timeout.
     """
     chosen = build_parser().parse_args(gcs_joystick.with_url(arguments))
     for prepare in PREPARATIONS:
@@ -109,7 +110,7 @@ def run(arguments: Sequence[str]) -> int:
             connection.overhear(recording.handle_frame, recording.sent)
         return _run(Session(connection, chosen, recording))
     except (InputError, NoAnswer):
-        # A failure is one line.
+        # A failure is printed on one line.
         quiet = True
         raise
     finally:
@@ -118,20 +119,22 @@ def run(arguments: Sequence[str]) -> int:
 
 
 def _signing(chosen: argparse.Namespace) -> Signing | None:
-    """The key that was named. Its time stamps are the clock's: the file beside it is the vehicle's.
+    """Return the signing key of the command line.
+
+    Its time stamps come from the clock of the ground: the file beside the key belongs to the vehicle.
 
     Raises:
-        InputError: no such file, not a key, or others may read it.
+        InputError: no such file, not a key, or a file that other users can read.
     """
     file = options.key_file(chosen.signing_key, None)
     return None if file is None else Signing(time.time, file.load_key())
 
 
 def _stays(chosen: argparse.Namespace) -> bool:
-    """Whether a verb has no end of its own.
+    """Return whether a verb runs until it is interrupted.
 
-    To the vehicle it is its ground station, whose silence is a lost link. Who listens for a while only has a
-    question: a vehicle in flight does not turn back because it was answered.
+    Such a verb is a ground station for the vehicle, and its silence is a link loss. A verb that listens for a limited
+    time only is a query, after which a vehicle in flight must not return.
     """
     if chosen.verb in gcs_listen.VERBS:
         return gcs_listen.is_endless(chosen)
@@ -139,7 +142,7 @@ def _stays(chosen: argparse.Namespace) -> bool:
 
 
 def _recording(chosen: argparse.Namespace) -> Recording | None:
-    """Where what is heard goes.
+    """Return the recording of the received messages.
 
     Raises:
         InputError: two options, or a verb and an option, that exclude each other.
@@ -159,17 +162,17 @@ def _recording(chosen: argparse.Namespace) -> Recording | None:
 
 
 def _folder_of_the_day() -> Path:
-    """Questions and orders are many and short: those of a day lie together, and can be thrown away together."""
+    """Return the folder of the day, which collects the short recordings of single commands."""
     return RECORDINGS / f"gcs-{datetime.now():%Y%m%d}"
 
 
 def _arguments(chosen: argparse.Namespace) -> str:
-    """The verb and what it does: ``param_set``."""
+    """Return the verb and its action: ``param_set``."""
     return "_".join(filter(None, (chosen.verb, getattr(chosen, "action", ""))))
 
 
 def _close(recording: Recording | None, quiet: bool) -> None:
-    """Finish the file, and say on a terminal where it is."""
+    """Close the recording, and print its path on a terminal."""
     if recording is None:
         return
     recording.close()

@@ -23,22 +23,22 @@ from groundstation.views.progress import ProgressBar
 from wingbeat.message import Severity
 
 PATIENCE = 600.0
-"""s; six sides, or a circle flown, take a person some minutes"""
+"""s; timeout of a calibration: six sides, or a circle in flight, take several minutes"""
 HELD = 1.0
-"""s; for an end to come behind its reason"""
+"""s; delay of a warning, which may be the reason of a failure that follows"""
 CANCEL = (0.0,) * 7
-"""parameters of MAV_CMD_PREFLIGHT_CALIBRATION that end whatever is calibrated"""
+"""parameters of MAV_CMD_PREFLIGHT_CALIBRATION that cancel any calibration"""
 CANCELS = 4
-"""-; requests to end it before it is given up"""
+"""-; maximum number of cancel requests"""
 CANCEL_WAIT = 0.7
-"""s; for the answer to each: a late word about the calibration itself is not taken for it for longer"""
+"""s; timeout of the response to each: later messages about the calibration are not taken for a response"""
 PREFLIGHT: dict[str, tuple[float, ...]] = {
     "accel": (0.0, 0.0, 0.0, 0.0, 1.0),
     "level": (0.0, 0.0, 0.0, 0.0, 2.0),
     "mag": (0.0, 1.0),
     "airspeed": (0.0, 0.0, 0.0, 0.0, 0.0, 1.0),
 }
-"""parameters of MAV_CMD_PREFLIGHT_CALIBRATION, which any autopilot understands"""
+"""parameters of MAV_CMD_PREFLIGHT_CALIBRATION, as defined by MAVLink"""
 KINDS = {
     "accel": "accelerometer, at rest on each of its six sides",
     "level": "accelerometer, level and at rest",
@@ -54,7 +54,7 @@ JSON_KEYS = {"calibrate": "kind; said: list of lines; parameters: list of {name,
 
 
 def add_verbs(verbs: Any) -> None:
-    """What can be calibrated."""
+    """Add the sensors that can be calibrated."""
     parser = verbs.add_parser("calibrate", help="calibrate a sensor aboard")
     kinds = parser.add_subparsers(dest="kind", required=True, metavar="|".join(KINDS), parser_class=VerbParser)
     added = {kind: kinds.add_parser(kind, help=text) for kind, text in KINDS.items()}
@@ -76,7 +76,7 @@ def add_verbs(verbs: Any) -> None:
 
 
 def request(target: Target, chosen: argparse.Namespace) -> CalibrationExchange:
-    """The command that begins it."""
+    """Build the command that starts the calibration."""
     in_flight = chosen.kind == "airspeed" and chosen.in_flight
     if chosen.kind in PREFLIGHT and not in_flight:
         command = mavlink.MAV_CMD_PREFLIGHT_CALIBRATION
@@ -90,7 +90,7 @@ def request(target: Target, chosen: argparse.Namespace) -> CalibrationExchange:
 
 
 def run(session: Session) -> None:
-    """Calibrate, and print what the vehicle says meanwhile and which parameters it changed."""
+    """Calibrate; print the vehicle's messages and the parameters that changed."""
     kind = session.chosen.kind
     if kind == "cancel":
         return _cancel(session)
@@ -106,10 +106,10 @@ def run(session: Session) -> None:
 
 
 def _calibrate(session: Session, listener: _Listener) -> CalibrationExchange:
-    """Drive it to its end; who leaves before does not leave the vehicle at it.
+    """Run the calibration to its end; an interruption cancels it.
 
     Raises:
-        NoAnswer: refused, failed, or silence.
+        NoAnswer: denied, failed, or timed out.
     """
     try:
         return session.connection.run(request(session.target, session.chosen), listener.handle_event, PATIENCE)
@@ -123,7 +123,7 @@ def _calibrate(session: Session, listener: _Listener) -> CalibrationExchange:
 
 
 def cancel(session: Session) -> bool:
-    """End what is calibrated; whether the vehicle has said that it did."""
+    """Cancel the calibration; return whether the vehicle has acknowledged that."""
     for _ in range(CANCELS):
         with contextlib.suppress(NoAnswer):
             session.connection.run(_cancellation(session), timeout=CANCEL_WAIT)
@@ -150,22 +150,23 @@ def _cancel(session: Session) -> None:
 
 
 class _Listener:
-    """What the vehicle says while it is calibrated; why it refuses or fails is the failure's to say.
+    """Collector of the vehicle's messages during a calibration.
 
-    So a warning is held for a moment: it may be the reason of an end that comes just behind it.
+    The reason of a refusal or failure is reported with the failure. A warning is therefore delayed, because it may be
+    the reason of an end that follows at once.
     """
 
     def __init__(self, session: Session, bar: ProgressBar) -> None:
         self.texts: list[str] = []
         self.ended = False
-        """whether the vehicle itself ended or refused it"""
+        """whether the vehicle ended or denied the calibration"""
         self._session, self._bar = session, bar
         self._received = session.state.text_count
         self._waiting: list[StatusLine] = []
         self._since = 0.0
 
     def handle_event(self, exchange: CalibrationExchange) -> None:
-        """Print what is new."""
+        """Print new messages."""
         state, now = self._session.state, self._session.connection.now()
         if new := new_events(state, self._received):
             self.texts += [event.text for event in new]

@@ -25,7 +25,7 @@ JSON_KEYS = {"excite": "done, mode, armed"}
 
 
 def add_verbs(verbs: Any) -> None:
-    """The shapes and their numbers."""
+    """Add the input shapes and their parameters."""
     parser = verbs.add_parser("excite", help="fly an identification input")
     shapes = parser.add_subparsers(dest="shape", required=True, metavar="SHAPE", parser_class=VerbParser)
     for word in STEPS:
@@ -67,20 +67,20 @@ def _add_pacing(parser: argparse.ArgumentParser) -> None:
 
 
 def prepare(chosen: argparse.Namespace) -> None:
-    """Check the input before the vehicle is spoken to.
+    """Check the input before the vehicle is contacted.
 
     Raises:
-        InputError: it cannot be flown.
+        InputError: invalid input.
     """
     if chosen.verb == "excite":
         chosen.requested = excitation_of(chosen)
 
 
 def excitation_of(chosen: argparse.Namespace) -> Excitation:
-    """The input that the command line asks for.
+    """Build the input from the command line.
 
     Raises:
-        InputError: it cannot be flown; the text says what is wrong.
+        InputError: invalid input; the message has the reason.
     """
     requested = _multisine(chosen) if chosen.shape == "multisine" else _single(chosen)
     requested = requested._replace(loops=int(chosen.loops == "active"))
@@ -108,13 +108,13 @@ def _multisine(chosen: argparse.Namespace) -> Excitation:
 
 
 def request(target: Target, requested: Excitation) -> CommandExchange:
-    """The command that asks for the input."""
+    """Build the command that requests the input."""
     item: WireItem = encode_excitation(requested)
     return CommandExchange(target, item.command, (*item.params, item.x, item.y, item.z))
 
 
 def run(session: Session) -> None:
-    """Ask for the input."""
+    """Request the input."""
     session.run_exchange(request(session.target, session.chosen.requested), f"excite {session.chosen.shape}")
     session.done(f"excite {session.chosen.shape} accepted")
 

@@ -25,7 +25,7 @@ from wingbeat.errors import InputError
 
 VERB = "joystick"
 MAX_RATE = 100.0
-"""Hz; of MANUAL_CONTROL: the link and the screen are polled as often"""
+"""Hz; of MANUAL_CONTROL: link and screen are polled at this rate"""
 JSON_KEYS = {
     VERB: "one object a line: time, device, state, sticks {roll, pitch, yaw, throttle} (-1 to 1, 0 to 1; null"
     " while none are sent), sent, mode, armed, silence (s); --list: devices, list of {number, name, guid, axes,"
@@ -42,7 +42,7 @@ class Setup(NamedTuple):
 
 
 def add_verbs(verbs: Any) -> None:
-    """The verb."""
+    """Add the verb."""
     parser = verbs.add_parser(VERB, help="fly with a joystick, gamepad or RC transmitter on USB")
     parser.add_argument("--list", action="store_true", help="list the connected devices; no vehicle is needed")
     parser.add_argument(
@@ -204,7 +204,7 @@ def _calibrate(chosen: argparse.Namespace, backend: DeviceBackend) -> None:
 
 
 def fly(session: Session) -> int:
-    """Send the sticks and obey the buttons: with a screen on a terminal, else with a line or JSON object a second."""
+    """Send the sticks and run the button actions, with a screen on a terminal, else a line or JSON object a second."""
     setup: Setup = session.chosen.setup
     station = Station(session.connection)
     if session.recording is not None:
@@ -215,7 +215,7 @@ def fly(session: Session) -> int:
         if session.json or math.isfinite(session.chosen.duration) or not open_console().is_terminal:
             _print_lines(session, control)
             return 0
-        # Textual takes a third of a second to import.
+        # The import of Textual takes a third of a second.
         from groundstation.screen.joystick_monitor import JoystickMonitor
 
         return run_screen(JoystickMonitor(control))

@@ -33,7 +33,7 @@ JSON_KEYS = {
 
 
 def add_verbs(verbs: Any) -> None:
-    """Both verbs."""
+    """Add both verbs."""
     watch = verbs.add_parser("watch", help="print fields as they come")
     watch.add_argument(
         "fields", nargs="+", metavar="MSG.FIELD", help="such as ATTITUDE.pitch BATTERY_STATUS.voltages[0]"
@@ -49,10 +49,10 @@ def add_verbs(verbs: Any) -> None:
 
 
 def prepare(chosen: argparse.Namespace) -> None:
-    """Check fields and files before the vehicle is spoken to.
+    """Check fields and files before the vehicle is contacted.
 
     Raises:
-        InputError: an unknown field, a file that is there or would be no .mcap.
+        InputError: an unknown field, a file that exists or does not end in .mcap.
     """
     if chosen.verb == "watch":
         chosen.asked = [parse_field(text) for text in chosen.fields]
@@ -63,12 +63,12 @@ def prepare(chosen: argparse.Namespace) -> None:
 
 
 def is_endless(chosen: argparse.Namespace) -> bool:
-    """Whether only Ctrl-C ends it."""
+    """Return whether only Ctrl-C ends the verb."""
     return math.isinf(chosen.duration) and getattr(chosen, "count", None) is None
 
 
 class _Watch:
-    """Prints a line whenever one of the messages comes."""
+    """Printer of a line for each of the selected messages."""
 
     def __init__(self, session: Session, fields: list[Field]) -> None:
         self.lines = 0
@@ -76,7 +76,7 @@ class _Watch:
         self._requested = {field.message for field in fields}
 
     def handle_frame(self, arrival: Arrival) -> None:
-        """Take one frame; more than the lines asked for are not printed."""
+        """Print one frame, unless all requested lines are printed."""
         message, most = arrival.message, self._session.chosen.count
         if message is None or message.get_type() not in self._requested or (most is not None and self.lines >= most):
             return
@@ -103,10 +103,10 @@ def _shown(value: Any) -> str:
 
 
 def watch(session: Session) -> None:
-    """Print fields until there are enough lines, the time is over, or Ctrl-C.
+    """Print fields until the number of lines, the time limit, or Ctrl-C is reached.
 
     Raises:
-        NoAnswer: none of them came.
+        NoAnswer: none was received.
     """
     watcher = _Watch(session, session.chosen.asked)
     if session.chosen.rate is not None:
@@ -125,23 +125,23 @@ def watch(session: Session) -> None:
 
 
 def _attend(session: Session) -> HeartbeatMonitor:
-    """Notice when the vehicle falls silent."""
+    """Check for a loss of heartbeats."""
     heartbeat_monitor = HeartbeatMonitor(lambda: session.state, session.connection.now())
     session.connection.overhear(heartbeat_monitor.handle_frame)
     return heartbeat_monitor
 
 
 def _report(heartbeat_monitor: HeartbeatMonitor, now: float) -> None:
-    """Say on stderr what is new of its silence."""
+    """Report changes of the heartbeat state on stderr."""
     for line in heartbeat_monitor.news(now):
         print(line, file=sys.stderr, flush=True)
 
 
 def _request_rate(session: Session, rate: float) -> None:
-    """SET_MESSAGE_INTERVAL for each of the messages.
+    """Send SET_MESSAGE_INTERVAL for each of the messages.
 
     Raises:
-        NoAnswer: the vehicle refused.
+        NoAnswer: the vehicle denied the request.
     """
     for name in sorted({field.message for field in session.chosen.asked}):
         number = float(message_class(name).id)  # type: ignore[union-attr]
@@ -151,10 +151,10 @@ def _request_rate(session: Session, rate: float) -> None:
 
 
 def record(session: Session) -> None:
-    """Record until the time is over or Ctrl-C, and say what was recorded.
+    """Record until the time limit or Ctrl-C, and report the number of messages.
 
     Raises:
-        InputError: the disk refused.
+        InputError: the disk failed.
     """
     station = Station(session.connection)
     began, duration, heartbeat_monitor = session.connection.now(), session.chosen.duration, _attend(session)

@@ -29,19 +29,19 @@ JSON_KEYS = {
     "mission diff": "file; same; differences: list of {part, number, file, vehicle}, items as above or null",
 }
 REMARKS = 0.5
-"""s; for which the vehicle's remarks about an upload are awaited"""
+"""s; timeout for the vehicle's comments on an upload"""
 WRITTEN = (*LISTS, ".plan")
-"""endings of the files that are written: lists as `QGC WPL 110`, and QGroundControl's plan"""
+"""suffixes of the output files: lists as `QGC WPL 110`, and QGroundControl's plan"""
 PARTS = (
     ("fence", mavlink.MAV_MISSION_TYPE_FENCE, "the fence", "fence item"),
     ("rally", mavlink.MAV_MISSION_TYPE_RALLY, "the rally points", "rally point"),
     ("mission", mavlink.MAV_MISSION_TYPE_MISSION, "the mission", "mission item"),
 )
-"""parts of an upload in the order in which they are sent, so that a mission is never without its fence"""
+"""parts of an upload in the order of transfer: the fence is active before the mission"""
 
 
 def add_verbs(verbs: Any) -> None:
-    """The actions."""
+    """Add the actions."""
     parser = verbs.add_parser("mission", help="show, download, upload or diff the mission")
     metavar = "show|download|upload|diff"
     actions = parser.add_subparsers(dest="action", required=True, metavar=metavar, parser_class=VerbParser)
@@ -55,10 +55,10 @@ def add_verbs(verbs: Any) -> None:
 
 
 def prepare(chosen: argparse.Namespace) -> None:
-    """Refuse files before the vehicle is spoken to.
+    """Check the files before the vehicle is contacted.
 
     Raises:
-        InputError: malformed, or in the way.
+        InputError: malformed, or an existing output file.
     """
     if chosen.verb != "mission" or chosen.action == "show":
         return
@@ -69,7 +69,7 @@ def prepare(chosen: argparse.Namespace) -> None:
 
 
 def run(session: Session) -> int | None:
-    """Do one action."""
+    """Run one action."""
     return ACTION[session.chosen.action](session)
 
 
@@ -79,7 +79,7 @@ def _convention(session: Session) -> waypoints.Convention:
 
 
 def _content(session: Session) -> waypoints.Upload:
-    """The file as this vehicle takes it."""
+    """Return the file's content in the convention of this vehicle."""
     convention = _convention(session)
     home = session.home() if waypoints.needs_home(session.chosen.file, convention) else None
     content = waypoints.read_upload(session.chosen.file, convention, home)
@@ -89,14 +89,14 @@ def _content(session: Session) -> waypoints.Upload:
 
 
 def _upload(session: Session) -> None:
-    """The mission; fence and rally points where the file has them."""
+    """Upload the mission, and fence and rally points if the file has them."""
     content = _content(session)
     sent: list[str] = []
     said = session.state.text_count
     for part, mission_type, name, noun in PARTS:
         items = getattr(content, part)
         if items:
-            # The fence is checked against the mission that it replaces too: only the last part's remarks count.
+            # The new fence is also checked against the old mission, so only the comments on the last part count.
             said = session.state.text_count
             try:
                 session.run_exchange(
@@ -127,7 +127,7 @@ def _show(session: Session) -> None:
 
 
 def _download(session: Session) -> None:
-    """A plain list, or a plan with fence, rally points and home."""
+    """Download a plain list, or a plan with fence, rally points and home."""
     file, items = session.chosen.file, _read_mission(session)
     if file.suffix == ".plan":
         home: Home = session.home()
@@ -141,7 +141,7 @@ def _download(session: Session) -> None:
 
 
 def _diff(session: Session) -> int:
-    """Compare what of the file is sent with what is aboard; home, which the vehicle sets itself, aside."""
+    """Compare the uploadable content of the file with the vehicle's, except home, which the vehicle sets."""
     convention = _convention(session)
     wanted = waypoints.without_first(_content(session), convention)
     rows: list[tuple[str, int, missions.Item | None, missions.Item | None]] = []
@@ -164,7 +164,7 @@ def _diff(session: Session) -> int:
 
 
 def _comparable(session: Session, *lists: tuple[missions.Item, ...]) -> list[tuple[missions.Item, ...]]:
-    """The lists with all places on the globe, where only one of them has its places in metres from home."""
+    """Return the lists with global positions if only one of them has positions in meters from home."""
     if len({any(map(waypoints.is_local, items)) for items in lists}) == 1:
         return list(lists)
     home = session.home()

@@ -20,7 +20,7 @@ JSON_KEYS = {"monitor": "one object a line, as status"}
 
 
 def add_verbs(verbs: Any) -> None:
-    """The verb, which is the one when none is given."""
+    """Add the verb, which is the default."""
     parser = verbs.add_parser("monitor", help="live screen of the flight, until q or Ctrl-C (default verb)")
     parser.add_argument(
         "--plot", action="append", default=[], metavar="MSG.FIELD", help="plot this field at the start (repeatable)"
@@ -28,7 +28,7 @@ def add_verbs(verbs: Any) -> None:
 
 
 def show(session: Session) -> int:
-    """Show the link: a screen on a terminal, lines elsewhere, one JSON object a second if asked."""
+    """Show the link: a screen on a terminal, otherwise lines, or with ``--json`` one JSON object a second."""
     station = Station(session.connection)
     if session.recording is not None:
         recording = session.recording
@@ -37,19 +37,19 @@ def show(session: Session) -> int:
     if session.json or not open_console().is_terminal:
         monitor.watch_lines(station, session.json)
         return 0
-    # Textual takes a third of a second to import, which only who looks at the screen pays.
+    # The import of Textual takes a third of a second, so it is deferred to the screen.
     from groundstation.screen.monitor import Monitor
 
     return run_screen(Monitor(station, plots))
 
 
 def run_screen(screen: App[None]) -> int:
-    """Run a screen until it is left or the process is ended; return the exit code."""
+    """Run a screen until it is closed or the process is ended; return the exit code."""
 
     def leave(number: int, frame: FrameType | None) -> None:
         screen.exit(return_code=128 + number)
 
-    # A KeyboardInterrupt in the screen's loop would leave the terminal as the screen had it.
+    # A KeyboardInterrupt in the event loop of the screen would not restore the terminal.
     for number in ending.SIGNALS:
         if signal.getsignal(number) != signal.SIG_IGN:
             signal.signal(number, leave)

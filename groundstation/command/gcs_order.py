@@ -22,16 +22,17 @@ from groundstation.link.vehicle_state import VehicleState, is_wingbeat_vehicle
 from wingbeat.errors import InputError
 
 ALTITUDE = 20.0
-"""m; above home, to climb to where none is said, not by the vehicle's plan either"""
+"""m; default takeoff altitude above home, if the vehicle's plan has none either"""
 SHOWN = 5.0
-"""s; for a heartbeat to show what was acknowledged: three of them can be lost"""
+"""s; timeout for a heartbeat to show an acknowledged command: three heartbeats can be lost"""
 LOWEST = 1.0
-"""m; above home, at which a vehicle may be told to stay without its height being named: below, it is on the ground"""
+"""m; above home; least altitude at which a vehicle may stay without a requested altitude: below, it is on the ground
+"""
 JSON_KEYS = {"arm, disarm, mode, takeoff, goto, return, land": "done, mode, armed"}
 
 
 def add_verbs(verbs: Any) -> None:
-    """The orders."""
+    """Add the commands."""
     verbs.add_parser("arm", help="let the wings move")
     disarm = verbs.add_parser("disarm", help="stop the wings")
     disarm.add_argument("--force", action="store_true", help="force disarm in flight: wings stop, the vehicle falls")
@@ -62,10 +63,10 @@ def _add_goto(parser: argparse.ArgumentParser) -> None:
 
 
 def prepare(chosen: argparse.Namespace) -> None:
-    """Check the place before the vehicle is spoken to.
+    """Check the position before the vehicle is contacted.
 
     Raises:
-        InputError: none, half of one, two, or none on the globe.
+        InputError: missing, incomplete, duplicate, or outside the globe.
     """
     if chosen.verb != "goto":
         return
@@ -81,7 +82,7 @@ def prepare(chosen: argparse.Namespace) -> None:
 def _check_on_globe(latitude: float, longitude: float) -> None:
     if not (-90.0 <= latitude <= 90.0 and -180.0 <= longitude <= 180.0):
         raise InputError(f"{latitude:g}, {longitude:g} is not a position on the globe")
-    # On the wire whole numbers of 1e-7 degrees, of which two zeros mean: where you are.
+    # MAVLink uses integers of 1e-7 degrees, of which two zeros mean the present position.
     if round(1e7 * latitude) == 0 == round(1e7 * longitude):
         raise InputError("goto 0 0: latitude and longitude 0 mean the current position")
 
@@ -90,7 +91,7 @@ def arm(session: Session) -> None:
     """Arm or disarm, until the heartbeat shows it.
 
     Raises:
-        NoAnswer: refused, or not shown.
+        NoAnswer: denied, or not shown.
     """
     arming = session.chosen.verb == "arm"
     force = bool(getattr(session.chosen, "force", False))
@@ -113,10 +114,10 @@ def mode(session: Session) -> None:
 
 
 def takeoff(session: Session) -> None:
-    """Climb; the altitude counts from home whatever the autopilot counts from.
+    """Take off to an altitude above home, regardless of the autopilot's reference.
 
     Raises:
-        NoAnswer: refused, not shown, or home is needed and not known.
+        NoAnswer: denied, not shown, or home is required and unknown.
     """
     know_modes(session)
     altitude = session.chosen.altitude
@@ -137,16 +138,16 @@ def _set_takeoff_altitude(session: Session, altitude: float) -> None:
 
 
 def know_modes(session: Session) -> None:
-    """Learn whose vehicle it is and what its modes are called: what an order is, and how it shows, goes by that."""
+    """Request the autopilot type and the names of its modes, which determine the form of commands."""
     session.identify_vehicle()
     session.connection.know_modes(session.read_mode_names())
 
 
 def obey(session: Session, order: Exchange, verb: str, where: str = "") -> None:
-    """Give an order, and wait until the heartbeat shows the mode that it leads to.
+    """Send a command, and wait until the heartbeat shows the resulting mode.
 
     Raises:
-        NoAnswer: refused, or not shown.
+        NoAnswer: denied, or not shown.
     """
     wanted = orders.resulting_modes(session.state, verb)
     before = session.state.custom_mode
@@ -155,7 +156,7 @@ def obey(session: Session, order: Exchange, verb: str, where: str = "") -> None:
 
     def shown(state: VehicleState) -> bool:
         if state.custom_mode == before or not wanted:
-            # Only a heartbeat after the acknowledgement tells what the order has made of it.
+            # Only a heartbeat after the acknowledgement shows the effect of the command.
             return state.beats > beats and (not wanted or before in wanted)
         return state.custom_mode in wanted
 
@@ -167,11 +168,11 @@ def obey(session: Session, order: Exchange, verb: str, where: str = "") -> None:
 
 
 def goto(session: Session) -> None:
-    """Fly to a place, given on the globe or from home.
+    """Fly to a global position or one relative to home.
 
     Raises:
-        InputError: metres from home that lead to no place on the globe, or no altitude for a vehicle on the ground.
-        NoAnswer: refused, or home is needed and not known.
+        InputError: a position outside the globe, or no altitude for a vehicle on the ground.
+        NoAnswer: denied, or home is required and unknown.
     """
     know_modes(session)
     chosen = session.chosen
@@ -192,7 +193,7 @@ def goto(session: Session) -> None:
 
 
 def _whole(pair: tuple[float | None, float | None]) -> bool:
-    """Whether both are given.
+    """Return whether both coordinates are given.
 
     Raises:
         InputError: one is given without the other.
@@ -203,7 +204,7 @@ def _whole(pair: tuple[float | None, float | None]) -> bool:
 
 
 def return_home(session: Session) -> None:
-    """Come back."""
+    """Return home."""
     know_modes(session)
     obey(session, orders.return_home(session.connection), "return")
 

@@ -29,7 +29,7 @@ ACTIONS = "list|get|set|diff|save|load"
 
 
 def add_verbs(verbs: Any) -> None:
-    """The actions."""
+    """Add the actions."""
     parser = verbs.add_parser("param", help="list, get, set, diff, save or load parameters")
     actions = parser.add_subparsers(dest="action", required=True, metavar=ACTIONS, parser_class=VerbParser)
     actions.add_parser("list", help="every parameter").add_argument("pattern", nargs="?", default="", metavar="PART")
@@ -46,10 +46,10 @@ def add_verbs(verbs: Any) -> None:
 
 
 def prepare(chosen: argparse.Namespace) -> None:
-    """Read or refuse files before the vehicle is spoken to.
+    """Read or check files before the vehicle is contacted.
 
     Raises:
-        InputError: malformed, or in the way.
+        InputError: malformed, or an existing output file.
     """
     if chosen.verb == "param" and chosen.action in ("load", "diff"):
         chosen.values = parameter_list.read(chosen.file)
@@ -58,12 +58,12 @@ def prepare(chosen: argparse.Namespace) -> None:
 
 
 def run(session: Session) -> int | None:
-    """Do one action."""
+    """Run one action."""
     return ACTION[session.chosen.action](session)
 
 
 def bytewise(session: Session) -> bool:
-    """How the vehicle encodes whole numbers: as it says itself, or as its autopilot is known to."""
+    """Return whether the vehicle sends integers bytewise, from its capabilities or its autopilot type."""
     session.request_version()
     return parameters.is_bytewise(session.state)
 
@@ -93,7 +93,7 @@ def _read(session: Session, encoding: bool) -> parameters.Parameter:
 
 
 def _near(session: Session, name: str) -> str:
-    """The name of ours that may have been meant, in words; nothing for a vehicle whose names are not known here."""
+    """Return a hint with the most similar Wingbeat parameter; empty for other vehicles."""
     if not is_wingbeat_vehicle(session.connection.state):
         return ""
     from avionics.parameters import parameter_table
@@ -122,7 +122,7 @@ def _print_one(session: Session, known: parameters.Parameter) -> None:
 
 
 def _diff(session: Session) -> int:
-    """Compare a file with the vehicle, both ways."""
+    """Compare a file with the vehicle in both directions."""
     current: dict[str, float] = {parameter.name: parameter.value for parameter in _download(session)}
     requested: dict[str, float] = session.chosen.values
     names = [name for name in sorted({*current, *requested}) if _differs(requested.get(name), current.get(name))]
@@ -153,7 +153,7 @@ def _save(session: Session) -> None:
 
 
 def _load(session: Session) -> None:
-    """Set those that differ; a name that the vehicle does not have is refused before any is set."""
+    """Set the values that differ; a parameter that the vehicle lacks is rejected before any is set."""
     encoding = bytewise(session)
     current = {parameter.name: parameter for parameter in _download(session)}
     unknown = sorted(set(session.chosen.values) - set(current))

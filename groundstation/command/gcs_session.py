@@ -23,11 +23,11 @@ from groundstation.views.progress import ProgressBar
 from wingbeat.errors import InputError
 
 LONG = 3600.0
-"""s; a long list over a slow link takes as long as it takes: silence ends it, not this"""
+"""s; limit of a long transfer: silence ends it earlier"""
 
 
 class VerbParser(options.VerbParser):
-    """A verb's parser; the common options may stand behind the verb too."""
+    """Parser of a verb; the common options may follow the verb too."""
 
     def __init__(self, **keywords: Any) -> None:
         super().__init__(**keywords)
@@ -38,30 +38,30 @@ class VerbParser(options.VerbParser):
 
 
 class Session(NamedTuple):
-    """One command line on one vehicle."""
+    """One command line for one vehicle."""
 
     connection: Connection
     chosen: argparse.Namespace
     recording: Recording | None = None
-    """where what is heard goes; None with ``--no-record``"""
+    """recording of the received messages; None with ``--no-record``"""
 
     @property
     def target(self) -> Target:
-        """Whom to speak to."""
+        """Target of commands."""
         return self.connection.target
 
     @property
     def state(self) -> VehicleState:
-        """What is known of the vehicle now."""
+        """Present state of the vehicle."""
         return self.connection.state
 
     @property
     def json(self) -> bool:
-        """Whether one JSON document is asked for."""
+        """Whether one JSON document is requested."""
         return bool(self.chosen.json)
 
     def run_exchange(self, exchange: AnyExchange, label: str) -> AnyExchange:
-        """Drive an exchange to its end and show how far it is.
+        """Run an exchange to its end and show its progress.
 
         Raises:
             NoAnswer: it failed.
@@ -70,11 +70,11 @@ class Session(NamedTuple):
             return self.connection.run(exchange, lambda now: bar.show(*now.progress()), LONG)
 
     def read_mode_names(self) -> dict[int, str]:
-        """Names of the modes as the vehicle announces them, kept in the state; empty where it has none to tell."""
+        """Read the names of the vehicle's modes into the state; empty if it has none."""
         return dict(self.run_exchange(request_mode_names(self.target), "asking for modes").names)
 
     def request(self, message_id: int, enough: Callable[[VehicleState], bool]) -> None:
-        """Ask for one message, and listen for it; a refusal or silence is no failure."""
+        """Request one message and wait for it; a denial or timeout is not an error."""
         if enough(self.state):
             return
         command = CommandExchange(self.target, mavlink.MAV_CMD_REQUEST_MESSAGE, (float(message_id),))
@@ -85,19 +85,19 @@ class Session(NamedTuple):
             return
 
     def identify_vehicle(self) -> None:
-        """Learn whether the vehicle is ours, which may call itself another autopilot."""
+        """Determine whether the vehicle is a Wingbeat flight computer, which may report another autopilot type."""
         if not is_wingbeat_vehicle(self.state):
             self.request_version()
 
     def request_version(self) -> None:
-        """Ask for AUTOPILOT_VERSION: what it is, and how it encodes whole numbers."""
+        """Request AUTOPILOT_VERSION: identity, and encoding of integers."""
         self.request(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION, lambda state: state.capabilities is not None)
 
     def home(self) -> Home:
-        """Where the vehicle's home is.
+        """Return the home position of the vehicle.
 
         Raises:
-            NoAnswer: it does not say.
+            NoAnswer: the vehicle does not send it.
         """
         self.request(mavlink.MAVLINK_MSG_ID_HOME_POSITION, lambda state: state.home is not None)
         home = self.state.home
@@ -106,7 +106,7 @@ class Session(NamedTuple):
         return home
 
     def done(self, text: str) -> None:
-        """Say that an order was carried out."""
+        """Report that a command was executed."""
         if self.json:
             print_document({"done": text, "mode": modes.mode_key(self.state), "armed": self.state.armed})
         else:
@@ -114,14 +114,16 @@ class Session(NamedTuple):
 
 
 Verb = Callable[[Session], int | None]
-"""does what one verb asks for; an exit code other than 0 where it has one"""
+"""runs one verb; returns an exit code if it is not 0"""
 
 
 def check_new(file: Path, endings: Sequence[str] = ()) -> None:
-    """Refuse a file that is there, or whose folder is not, or whose name has none of ``endings`` where there are any.
+    """Check that a file can be created.
+
+    It must not exist, its folder must exist, and its suffix must be one of ``endings``, if there are any.
 
     Raises:
-        InputError: it cannot be written anew, or not in the format that its name promises.
+        InputError: it cannot be created, or its suffix is not supported.
     """
     if endings and file.suffix not in endings:
         raise InputError(f"{file}: its name must end in {' or '.join(endings)}, the formats that can be written")

@@ -14,16 +14,16 @@ JSON_KEYS = {
     " link: {messages_per_s, bytes_per_s, loss, lost, doubled, heard, latency, bad_bytes}",
 }
 LISTENED = 2.0
-"""s; to telemetry"""
+"""s; duration of listening to telemetry"""
 
 
 def add_verbs(verbs: Any) -> None:
-    """The verb."""
+    """Add the verb."""
     verbs.add_parser("status", help="receive for two seconds and print the telemetry")
 
 
 def show(session: Session) -> None:
-    """Listen, and print the picture or the document."""
+    """Listen, and print the view or the document."""
     traffic = Traffic()
     session.connection.overhear(traffic.handle_frame)
     names = session.read_mode_names()

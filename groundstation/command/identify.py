@@ -58,7 +58,7 @@ UNKNOWN = (
     "aircraft: not told; the IMU counts as at the centre of mass, the span as 1 m (--vehicle tells both and the"
     " tail's lag)"
 )
-"""what is said of a log without a vehicle's file"""
+"""text for a log without a vehicle file"""
 JSON_KEYS = {
     "torque, power": "estimates: list of {name, unit, value, standard_error, low, high, truth}; unidentified; truth"
     " of power: the same regression on this flight's noise-free drive, which varies with the flight",
@@ -88,7 +88,7 @@ JSON_KEYS = {
 
 
 MAPS = {**rooms.EXAMPLES, MARKERS: markers.EXAMPLE}
-"""by subject; what `--map-example SUBJECT` prints"""
+"""by subject; output of `--map-example SUBJECT`"""
 KNOWN = tuple(dict.fromkeys((*SUBJECTS, *TABLE_SUBJECTS, MARKERS)))
 TABLE_USAGE = (
     f"wingbeat identify TABLE [TABLE ...] --map MAP.toml [{'|'.join(TABLE_SUBJECTS)}]"
@@ -99,7 +99,7 @@ TABLE_SUFFIXES = (".csv", ".txt", ".dat", ".asc", ".tsv")
 
 
 def build_parser() -> options.Parser:
-    """The subcommand's parser."""
+    """Build the parser of the subcommand."""
     summary = (
         "Identify the servo torque and power models, the short-period mode, the wings' coefficients or the sensors'"
         " errors from a log; modes, aerodynamic coefficients, sensors' errors, runs of stands and benches from tables"
@@ -154,8 +154,8 @@ def run(arguments: Sequence[str]) -> int:
     """Identify, and print the table.
 
     Raises:
-        InputError: not an MCAP log, or one that gives nothing of what was asked for; a vehicle that is unknown, or
-            given beside the log's own.
+        InputError: not an MCAP log, or one without the requested estimates; an unknown vehicle, or one given in
+            addition to the log's own.
     """
     chosen = build_parser().parse_intermixed_args(arguments)
     if chosen.map_example:
@@ -187,7 +187,7 @@ def run(arguments: Sequence[str]) -> int:
 
 
 def _show(chosen: argparse.Namespace, estimates: Identification, write: Callable[[], Sequence[str]]) -> None:
-    """Print the document or the table, then ``write`` the files: their failure does not lose what was identified."""
+    """Print the document or the table, then ``write`` the files, so that a write error does not lose the estimates."""
     if chosen.json:
         print_document(document(estimates))
     else:
@@ -200,7 +200,7 @@ def _run_together(files: Sequence[Path], what: str, chosen: argparse.Namespace) 
     """Identify the modes of one aircraft from several of its flights.
 
     Raises:
-        InputError: something else is asked for, or the logs are not of one aircraft.
+        InputError: another subject is requested, or the logs are not of one aircraft.
     """
     if what != "modes":
         raise InputError(
@@ -219,10 +219,10 @@ def _run_together(files: Sequence[Path], what: str, chosen: argparse.Namespace) 
 
 
 def _held_out(files: Sequence[Path], validate: Sequence[Path], share: float | None) -> tuple[list[Path], list[int]]:
-    """All logs, those of ``validate`` behind the others, and the places of those that are held out.
+    """Return all logs, those for validation last, and their indices.
 
     Raises:
-        InputError: one is named twice, all are held out, or a ``share`` is asked for beside names.
+        InputError: a log is named twice, all are reserved, or a ``share`` is given in addition to names.
     """
     for named in (files, validate):
         twice = [one for place, one in enumerate(named) if one.resolve() in {o.resolve() for o in named[:place]}]
@@ -249,9 +249,9 @@ def identified_together(
     elevator: Sequence[str] | None = None,
     validation: Sequence[int] = (),
 ) -> Identification:
-    """The modes by the manoeuvres of all ``logs``, beside the mean of the truths; arguments as of `identified`.
+    """Identify the modes from the maneuvers of all ``logs``, with the mean of the truths.
 
-    Those whose places are ``validation`` are not fitted: they are predicted.
+    Arguments as of `identified`. The logs with indices ``validation`` are predicted, not fitted.
 
     Raises:
         InputError: a log has no manoeuvre's data, or they are not of one aircraft.
@@ -274,7 +274,7 @@ def identified_together(
 
 
 def _mean_truths(logs: Sequence[Log], flights: Sequence[FlightData]) -> dict[str, float]:
-    """What all logs know of the truth, weighted by how long each has manoeuvres."""
+    """Return the mean of the truths of all logs, weighted by the duration of their maneuvers."""
     truths = [known_truths(log, modes=True) for log in logs]
     weights = [float(np.sum(flight.active > 0)) for flight in flights]
     shared = [name for name in truths[0] if all(name in one for one in truths)]
@@ -282,10 +282,10 @@ def _mean_truths(logs: Sequence[Log], flights: Sequence[FlightData]) -> dict[str
 
 
 def _example(words: Sequence[str]) -> str:
-    """The map to begin with for the subject named.
+    """Return the example map of the subject.
 
     Raises:
-        InputError: more than one, or one that no table gives.
+        InputError: more than one, or one that cannot be identified from tables.
     """
     subject = words[0] if len(words) == 1 else ALL
     if len(words) > 1 or subject not in MAPS:
@@ -295,7 +295,7 @@ def _example(words: Sequence[str]) -> str:
 
 
 def _split(words: Sequence[str]) -> tuple[list[Path], str]:
-    """The files, and what is to be identified, which may stand behind them.
+    """Return the files, and the subject, which may follow them.
 
     Raises:
         InputError: there is no file.
@@ -314,18 +314,18 @@ def identified(
     elevator: Sequence[str] | None = None,
     wings: bool = True,
 ) -> Identification:
-    """Identify ``what`` from an open log, beside the truth where the flight was simulated.
+    """Identify ``what`` from an open log, with the truth if the flight was simulated.
 
     Args:
-        log: what was flown.
+        log: log of the flight.
         what: one of `SUBJECTS`.
-        vehicle: name or file of the one that flew, where the log does not carry it.
-        elevator: what it was told, ``topic.field``, and rad per unit of it, where the log has no angle.
-        wings: whether the wings' coefficients are among all.
+        vehicle: name or file of the vehicle, if the log has none.
+        elevator: elevator command, ``topic.field``, and its scale in rad per unit, if the log has no angle.
+        wings: whether all subjects include the wing coefficients.
 
     Raises:
-        InputError: the log gives nothing of what was asked for, carries a vehicle file beside the one given, or the
-            elevator cannot be made so.
+        InputError: the log has no data for the subject, has a vehicle file in addition to the given one,
+            or the elevator cannot be derived.
     """
     made = _made(log, elevator) if elevator else None
     bodies = _bodies(log, vehicle) if what == "aero" else None
@@ -351,12 +351,12 @@ def _aircraft(log: Log, vehicle: str | None) -> Aircraft:
 
 
 def _bodies(log: Log, vehicle: str | None) -> SimulatedVehicle | None:
-    """Masses, hinges and tail of the vehicle: the log's, or those of the file given."""
+    """Return masses, hinges and tail of the vehicle, from the log or from the given file."""
     return simulated_vehicle(log) if vehicle is None else load_bodies(options.vehicle_files(vehicle)[0])
 
 
 def _bodies_if_given(log: Log, vehicle: str | None) -> SimulatedVehicle | None:
-    """As `_bodies`; None where only what the flight computer knows of the vehicle was given."""
+    """Return `_bodies`; None if the given vehicle has only a flight computer file."""
     if vehicle is None:
         return simulated_vehicle(log)
     world, avionics = options.vehicle_files(vehicle)

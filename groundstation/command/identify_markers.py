@@ -35,10 +35,10 @@ MARKERS = "markers"
 def identified_by_markers(
     files: Sequence[Path], tables: bool, chosen: argparse.Namespace
 ) -> tuple[Identification, Callable[[], list[str]]]:
-    """What the markers tell, and a function that writes the report and returns lines that name what was written.
+    """Identify from markers; also return a function that writes the report and returns lines about the files.
 
     Raises:
-        InputError: no map, an option of something else, a capture or map that cannot be used.
+        InputError: no map, an option of another subject, an invalid capture or map.
     """
     if chosen.map is None:
         raise InputError("markers needs --map MAP.toml (wingbeat identify --map-example markers prints one)")
@@ -63,7 +63,7 @@ def identified_by_markers(
 def _captured(
     files: Sequence[Path], tables: bool, mapped: MarkersMap, vehicle: str | None
 ) -> tuple[SimulatedVehicle | None, tuple[Cloud, ...], tuple[str, ...]]:
-    """The vehicle's bodies, None of a single rigid body, and the markers of all files."""
+    """Return the vehicle's bodies, None for a single rigid body, and the markers of all files."""
     if tables:
         bodies = _bodies(vehicle, mapped.markers)
         return bodies, *clouds_of_tables(files, mapped)

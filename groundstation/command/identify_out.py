@@ -31,7 +31,7 @@ BLOCK = 1 << 20
 
 
 def add_outputs(parser: argparse.ArgumentParser) -> None:
-    """Offer ``--report`` and ``--model``."""
+    """Add ``--report`` and ``--model``."""
     parser.add_argument(
         "--report", type=Path, metavar="OUT.html", help="a new page: data, model, intervals, fits, residuals, modes"
     )
@@ -44,10 +44,10 @@ def add_outputs(parser: argparse.ArgumentParser) -> None:
 
 
 def check_outputs(chosen: argparse.Namespace) -> None:
-    """Refuse files that are there already, before the long work.
+    """Reject existing output files before the computation.
 
     Raises:
-        InputError: one is, or the model asks for modes that are not identified.
+        InputError: one exists, or the model asks for modes that are not identified.
     """
     if chosen.report is not None:
         refuse_existing(chosen.report)
@@ -56,9 +56,9 @@ def check_outputs(chosen: argparse.Namespace) -> None:
 
 
 def write_outputs(chosen: argparse.Namespace, logs: Sequence[Log], estimates: Identification) -> list[str]:
-    """Write what was asked for; lines that say what was written and what of it is not identified.
+    """Write the requested files; return lines about them and about parameters that are not identified.
 
-    ``logs`` are those that were fitted, of one aircraft, and behind them those that were held out.
+    ``logs`` are the fitted ones, of one aircraft, followed by those for validation.
 
     Raises:
         InputError: a file exists or cannot be written, or there is no model to write.
@@ -77,14 +77,14 @@ def write_outputs(chosen: argparse.Namespace, logs: Sequence[Log], estimates: Id
 
 
 def show_written(lines: Sequence[str], as_json: bool) -> None:
-    """Name the files that were written, below the table; a JSON document stands alone."""
+    """Print the names of the written files below the table, but not with a JSON document."""
     if not as_json:
         for line in lines:
             open_console().print(line, soft_wrap=True)
 
 
 def sha256(path: Path) -> str:
-    """Of a file's bytes, in hexadecimal digits."""
+    """Compute the SHA-256 of a file in hexadecimal digits."""
     digest = hashlib.sha256()
     with path.open("rb") as file:
         while block := file.read(BLOCK):
@@ -93,13 +93,13 @@ def sha256(path: Path) -> str:
 
 
 def names_of(logs: Sequence[Log]) -> tuple[str, ...]:
-    """What the logs are called: by their files, with the folder where two have the same."""
+    """Return the names of the logs by their files, with the folder if two are equal."""
     short = [log.path.name for log in logs]
     return tuple(name if short.count(name) == 1 else str(log.path) for name, log in zip(short, logs, strict=True))
 
 
 def _subject(logs: Sequence[Log], digests: Sequence[str]) -> Subject:
-    """The first log and its sum, and those of the others; facts are the first one's, the length that of all."""
+    """Return the subject: first log with its digest and facts, the other logs, and the total length."""
     log, names = logs[0], names_of(logs)
     name = vehicle_name(log) or "unknown vehicle"
     begun = datetime.fromtimestamp(log.start_ns * 1e-9, UTC).strftime("%Y-%m-%d %H:%M UTC")
@@ -137,7 +137,7 @@ def _model(
 
 
 def _density(log: Log) -> float | None:
-    """kg/m^3; mean of what the air data told, None where they did not."""
+    """Return the mean air density in kg/m^3, None without air data."""
     if topics.AIR_DATA.name not in log.topics:
         return None
     told = np.asarray(log.columns(topics.AIR_DATA)["density"], dtype=np.float64)
@@ -146,7 +146,7 @@ def _density(log: Log) -> float | None:
 
 
 def _base(vehicle: str | None, log: Log) -> model_file.Base | None:
-    """The vehicle by the log's own files, else by ``--vehicle``; None where neither tells its bodies."""
+    """Return the vehicle of the log's own files, else of ``--vehicle``; None without bodies."""
     if vehicle is not None:
         return base_of(vehicle)
     world_of_log = simulated_vehicle(log)
@@ -154,6 +154,6 @@ def _base(vehicle: str | None, log: Log) -> model_file.Base | None:
 
 
 def base_of(vehicle: str) -> model_file.Base:
-    """The vehicle by its name or file."""
+    """Return the vehicle by name or file."""
     world, avionics = options.vehicle_files(vehicle)
     return model_file.Base(load_world(world), load_flight_vehicle(avionics))

@@ -24,10 +24,10 @@ from wingbeat.errors import InputError
 
 
 def run(files: Sequence[Path], what: str, chosen: argparse.Namespace) -> int:
-    """Identify ``what`` from tables, print it, and write what was asked for.
+    """Identify ``what`` from tables, print it, and write the requested files.
 
     Raises:
-        InputError: a table or map that cannot be used, an option of logs, or a file that exists or cannot be written.
+        InputError: an invalid table or map, an option of logs, or a file that exists or cannot be written.
     """
     _check(what, chosen)
     with announced(chosen.json):
@@ -42,7 +42,7 @@ def run(files: Sequence[Path], what: str, chosen: argparse.Namespace) -> int:
 
 
 def _check(what: str, chosen: argparse.Namespace) -> None:
-    """Refuse before the long work what cannot be done."""
+    """Check the options before the computation."""
     if chosen.elevator is not None:
         raise InputError("--elevator is for logs: the map tells it of a table")
     if chosen.vehicle is not None and chosen.model is None:
@@ -58,7 +58,7 @@ def _check(what: str, chosen: argparse.Namespace) -> None:
 def _written(
     files: Sequence[Path], what: str, chosen: argparse.Namespace, estimates: TableIdentification
 ) -> list[str]:
-    """Write the page and the model; lines that say what was written."""
+    """Write the page and the model; return lines about them."""
     lines: list[str] = []
     if chosen.report is None and chosen.model is None:
         return lines

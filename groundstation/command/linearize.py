@@ -34,7 +34,7 @@ JSON_KEYS = STEADY_KEYS | {
 
 
 def build_parser() -> options.Parser:
-    """The subcommand's parser."""
+    """Build the parser of the subcommand."""
     summary = "Linearize a vehicle about a steady flight: Floquet modes of the stroke, stroke-averaged A and B."
     parser = steady_parser("linearize", summary, EXAMPLES, JSON_KEYS)
     parser.add_argument("--out", type=Path, metavar="FILE", help="new TOML file of the model of all axes, for tune")
@@ -42,10 +42,10 @@ def build_parser() -> options.Parser:
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Search the trim, linearise about it, print modes and matrices.
+    """Compute the trim, linearize about it, print modes and matrices.
 
     Raises:
-        InputError: unknown vehicle or model, no such flight within what the vehicle can do, or ``--out`` exists or
+        InputError: unknown vehicle or model, no such flight within the limits of the vehicle, or ``--out`` exists or
             cannot be written.
     """
     chosen = build_parser().parse_args(arguments)
@@ -55,7 +55,7 @@ def run(arguments: Sequence[str]) -> int:
 
 
 def examined(vehicle: SimulatedVehicle, orbit: Orbit, out: Path | None = None, name: str = "") -> Answer:
-    """The flight's linear models for programs and for people; all axes' is written to ``out``, naming the vehicle.
+    """Return document and tables of the linear models; write that of all axes to ``out``, with the vehicle's name.
 
     Raises:
         InputError: the file exists.
@@ -68,7 +68,7 @@ def examined(vehicle: SimulatedVehicle, orbit: Orbit, out: Path | None = None, n
 
 
 def linearized(vehicle: SimulatedVehicle, orbit: Orbit) -> Linearization:
-    """Both linear models of an orbit, with a progress bar."""
+    """Compute both linear models of an orbit, with a progress bar."""
     with ProgressBar("linearising") as bar:
         found = modes(vehicle, orbit)
         bar.show(1, 4)
@@ -77,7 +77,7 @@ def linearized(vehicle: SimulatedVehicle, orbit: Orbit) -> Linearization:
 
 
 def document(linear: Linearization, orbit: Orbit) -> dict[str, Any]:
-    """The keys of `JSON_KEYS` behind those of the trim."""
+    """Build the document of `JSON_KEYS`, to follow that of the trim."""
     frequency = orbit.inputs.frequency
     floquet = [
         _mode(mode) | {"lateral": mode.lateral, "body_share": mode.body_share, "aliased": aliases(mode, frequency)}

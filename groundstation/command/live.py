@@ -19,11 +19,11 @@ from wingbeat.text import pluralize
 from wingbeat.topic import Topic
 
 LOOK = 0.1
-"""s; between two looks whether a file is still recorded"""
+"""s; interval of checks whether a file is still being recorded"""
 
 
 def add_live(parser: argparse.ArgumentParser) -> None:
-    """Offer ``--live``, with or without an address."""
+    """Add ``--live``, with or without an address."""
     parser.add_argument(
         "--live",
         nargs="?",
@@ -34,7 +34,7 @@ def add_live(parser: argparse.ArgumentParser) -> None:
 
 
 def add_address(parser: argparse.ArgumentParser) -> None:
-    """Offer ``--at``."""
+    """Add ``--at``."""
     parser.add_argument(
         "--at",
         default=f"{HOST}:{PORT}",
@@ -47,9 +47,9 @@ def add_address(parser: argparse.ArgumentParser) -> None:
 def shown_live(
     address: str | None, paths: Sequence[Path], topics: Iterable[Topic[Any]] | None = None
 ) -> Iterator[LiveServer | None]:
-    """Show the files at an address, told on stderr, as long as the context lasts; nothing without an address.
+    """Serve the files to viewers at an address while the context lasts; without an address do nothing.
 
-    ``topics`` (default: all of ours) are offered from the start.
+    The address is printed on stderr. ``topics`` (default: all of Wingbeat) are advertised from the start.
 
     Raises:
         InputError: no such address, foxglove-sdk is not installed, or the port is in use.
@@ -65,10 +65,10 @@ def shown_live(
 
 
 def follow(path: Path, address: str) -> None:
-    """Show a file that another process records, as long as it does; then the next one where it goes on in another.
+    """Serve a file while another process records it, and then its continuation files.
 
     Raises:
-        InputError: nobody records it, or as of `shown_live`.
+        InputError: it is not being recorded, or as of `shown_live`.
     """
     present = recorded_file(path)
     if present is None:
@@ -81,7 +81,7 @@ def follow(path: Path, address: str) -> None:
 
 
 def recorded_file(path: Path) -> Path | None:
-    """Which of the files of a recording that begins with ``path`` (``-2``, ``-3`` ...) is being recorded.
+    """Return the file of a recording (``path``, ``-2``, ``-3`` ...) that is being recorded.
 
     Raises:
         InputError: one of them cannot be read.
@@ -91,7 +91,7 @@ def recorded_file(path: Path) -> Path | None:
 
 
 def _shortfall(server: LiveServer) -> list[str]:
-    """What was not shown, in words."""
+    """Return the text about messages that were not shown."""
     skipped = pluralize(server.skipped, "message")
     lines = [f"live: {skipped} not shown (too many at once); they are in the log"] if server.skipped else []
     return lines + ([f"live: ended early: {server.failure}"] if server.failure else [])

@@ -67,7 +67,7 @@ EVENTS_SHOWN = 20
 
 
 def build_parser() -> options.Parser:
-    """The subcommand's parser."""
+    """Build the parser of the subcommand."""
     summary = "Inspect a log, view it as a page, export it, import one of another program, or repair it."
     parser = options.build_parser("log", summary, EXAMPLES, JSON_KEYS)
     verbs = parser.add_subparsers(
@@ -125,7 +125,7 @@ def _add_export(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Do what one command line asks for.
+    """Run one command line.
 
     Raises:
         InputError: not an MCAP log, a damaged part, an existing output, an unknown topic.
@@ -196,7 +196,7 @@ def _print_info(document: dict[str, Any], file: Path, flights: FlightSummary | N
 def _view(chosen: argparse.Namespace) -> None:
     from logs.view.page import write_page  # brings the vehicles, which the other verbs need not wait for
 
-    # One that was chosen must be new; without a choice every page finds a name.
+    # A chosen page must be new; by default each page gets a free name.
     path = chosen.to or next(path for path in numbered(chosen.file.with_suffix(".html")) if not path.exists())
     with _open(chosen) as log, ProgressBar("viewing", quiet=chosen.json) as bar:
         page = write_page(log, path, lambda done, note: bar.show(done, 1.0, note))

@@ -24,7 +24,7 @@ CLOCKS = ("vehicle", "ground")
 
 
 def add_verb(verbs: Any) -> None:
-    """Offer ``import``."""
+    """Add ``import``."""
     lines = "\n".join(f"  {line}".rstrip() for line in EXAMPLE.splitlines())
     one = verbs.add_parser(
         "import",
@@ -49,11 +49,10 @@ def add_verb(verbs: Any) -> None:
 
 
 def run_verb(chosen: argparse.Namespace) -> None:
-    """Import, and say what came of it.
+    """Import, and report the result.
 
     Raises:
-        InputError: the file cannot be read or is no log that is known, or the new log exists; nothing is written
-            then.
+        InputError: the file cannot be read or has an unknown format, or the new log exists; nothing is written then.
     """
     from logs.importing.log_import import Choice, import_log  # its readers are heavy
 

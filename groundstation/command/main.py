@@ -20,13 +20,13 @@ from wingbeat.text import did_you_mean
 
 REFUSED = 1
 BAD_INPUT = 2
-# Before anything imports NumPy. Matrices here are small: threads that share one spend more on waiting for each other,
+# Before any import of NumPy. The matrices here are small: threads that share one spend more time on synchronization,
 # and take it from the other processes of a flight or a campaign.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 class Subcommand(NamedTuple):
-    """One subcommand: a module with ``run(arguments: list[str]) -> int``, and a line of help."""
+    """Subcommand: a module with ``run(arguments: list[str]) -> int``, and a line of help."""
 
     module: str
     summary: str
@@ -53,7 +53,7 @@ SUBCOMMANDS: dict[str, Subcommand] = {
 
 
 def overview() -> str:
-    """The help of the command as a whole."""
+    """Return the help of the command."""
     rows = "\n".join(f"  {name:<9} {subcommand.summary}" for name, subcommand in SUBCOMMANDS.items())
     return (
         "usage: wingbeat COMMAND [OPTIONS]\n\n"
@@ -71,7 +71,7 @@ def dispatch(arguments: Sequence[str]) -> int:
     """Run one subcommand and return its exit code.
 
     Raises:
-        InputError: there is no such subcommand, or what it was given cannot be used.
+        InputError: unknown subcommand or invalid input.
     """
     if not arguments or arguments[0] in ("-h", "--help", "help"):
         print(overview())
@@ -93,7 +93,7 @@ def dispatch(arguments: Sequence[str]) -> int:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Entry point of the console script; never lets a traceback of a foreseen failure through."""
+    """Run the console script; expected failures print no traceback."""
     with ending.heeded() as ended, printable_streams():
         ending.follow_starter()
         try:
@@ -119,7 +119,7 @@ def _main(arguments: Sequence[str] | None) -> int:
     except SystemExit as leaving:  # argparse, after --help
         return int(leaving.code or 0)
     except BrokenPipeError:
-        # The reader of our output left, as in `wingbeat log info FILE | head`: nobody is there to be told.
+        # The reader of the output closed it, as in `wingbeat log info FILE | head`, so no message is printed.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except OSError as error:

@@ -34,19 +34,19 @@ NEGATIVE_NUMBER = re.compile(r"-(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$|-inf$|-nan$", re.
 
 
 class Parser(argparse.ArgumentParser):
-    """An argument parser whose complaint is one line, raised as `InputError`."""
+    """Argument parser whose errors are one line, raised as `InputError`."""
 
     def __init__(self, *arguments: Any, **keywords: Any) -> None:
         super().__init__(*arguments, **keywords)
-        # Until Python 3.14 argparse takes -1e9 for an option.
+        # Before Python 3.14 argparse parses -1e9 as an option.
         self._negative_number_matcher = NEGATIVE_NUMBER
 
     def error(self, message: str) -> NoReturn:
-        """Refuse the command line."""
+        """Raise the error of the command line."""
         raise InputError(f"{message}{self._guess(message)} (see {self.prog} --help)")
 
     def _guess(self, message: str) -> str:
-        """The choice or option that may have been meant, in words."""
+        """Return a hint with the most similar choice or option."""
         if choice := re.search(r"invalid choice: '([^']*)' \(choose from (.*)\)$", message):
             return did_you_mean(choice[1], [name.strip("'") for name in choice[2].split(", ")])
         if unknown := re.match(r"unrecognized arguments: --([^\s=]+)", message):
@@ -57,10 +57,10 @@ class Parser(argparse.ArgumentParser):
 
 
 class VerbParser(Parser):
-    """The parser of a verb, as of ``wingbeat log view``."""
+    """Parser of a verb, as of ``wingbeat log view``."""
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> tuple[Any, list[str]]:
-        """Refuse what is not known here: the verb's own help tells what is, not that of the command above it."""
+        """Reject unknown arguments here: the help of the verb lists its options, that of the subcommand does not."""
         found, others = super().parse_known_args(args, namespace)
         if others:
             self.error(f"unrecognized arguments: {' '.join(others)}")
@@ -70,7 +70,7 @@ class VerbParser(Parser):
 def build_parser(
     name: str, summary: str, examples: Sequence[str], json_keys: Mapping[str, str] | None = None
 ) -> Parser:
-    """A subcommand's parser: its summary, its examples, and the keys of its JSON document."""
+    """Build the parser of a subcommand from its summary, examples, and the keys of its JSON document."""
     parts = ["examples:" if len(examples) > 1 else "example:", *(f"  {example}" for example in examples)]
     if json_keys:
         parts += ["", "keys of --json:", *_key_lines(json_keys)]
@@ -84,11 +84,11 @@ def build_parser(
 
 
 KEY_COLUMN = 20
-"""characters; a key that is longer has a line of its own, as an option in argparse's help has"""
+"""characters; a longer key has its own line, like an option in argparse's help"""
 
 
 def _key_lines(keys: Mapping[str, str]) -> list[str]:
-    """Keys and what they mean, in two columns that fit the terminal."""
+    """Format keys and their meaning in two columns that fit the terminal."""
     indent = " " * (4 + min(max(len(key) for key in keys), KEY_COLUMN))
     width = max(shutil.get_terminal_size().columns - 2, len(indent) + KEY_COLUMN)
     lines = []
@@ -103,12 +103,12 @@ def _key_lines(keys: Mapping[str, str]) -> list[str]:
 
 
 def add_json(parser: argparse.ArgumentParser) -> None:
-    """Offer ``--json``."""
+    """Add ``--json``."""
     parser.add_argument("--json", action="store_true", help="print one JSON document on stdout, and nothing else")
 
 
 def add_vehicle(parser: argparse.ArgumentParser) -> None:
-    """Offer ``--vehicle``."""
+    """Add ``--vehicle``."""
     parser.add_argument(
         "--vehicle",
         default=DEFAULT_VEHICLE,
@@ -118,7 +118,7 @@ def add_vehicle(parser: argparse.ArgumentParser) -> None:
 
 
 class NamedFile(Protocol):
-    """What a vehicle and its file have in common."""
+    """Common properties of a vehicle and its file."""
 
     @property
     def name(self) -> str:
@@ -130,7 +130,7 @@ class NamedFile(Protocol):
 
 
 def name_warnings(*files: NamedFile) -> list[str]:
-    """A line for each user's vehicle file that still has the name of the vehicle it was copied from."""
+    """Return a line for each user vehicle file that still has the name of its original."""
     from avionics import vehicles as flight
     from sim_bridge import vehicles as world
 
@@ -144,7 +144,7 @@ def name_warnings(*files: NamedFile) -> list[str]:
 
 
 def add_aerodynamics(parser: argparse.ArgumentParser) -> None:
-    """Offer ``--aerodynamics``."""
+    """Add ``--aerodynamics``."""
     parser.add_argument(
         "--aerodynamics",
         metavar="MODEL",
@@ -153,7 +153,7 @@ def add_aerodynamics(parser: argparse.ArgumentParser) -> None:
 
 
 def add_mission(parser: argparse.ArgumentParser) -> None:
-    """Offer ``--mission``."""
+    """Add ``--mission``."""
     parser.add_argument(
         "--mission",
         default=DEFAULT_MISSION,
@@ -163,7 +163,7 @@ def add_mission(parser: argparse.ArgumentParser) -> None:
 
 
 def add_parameters(parser: argparse.ArgumentParser, default: str) -> None:
-    """Offer ``--parameters``; ``default`` says in words which file is used without it."""
+    """Add ``--parameters``; ``default`` describes the file that is used without it."""
     parser.add_argument(
         "--parameters",
         metavar="FILE|none",
@@ -173,14 +173,14 @@ def add_parameters(parser: argparse.ArgumentParser, default: str) -> None:
 
 SIZES = {"": 1, "k": 10**3, "M": 10**6, "G": 10**9}
 LEAST_LOG = 10**6
-"""bytes; a file that is begun anew before a few seconds of flight are in it serves nobody"""
+"""bytes; least size limit: a smaller file would contain less than a few seconds of flight"""
 
 
 def log_size(text: str) -> int:
-    """Bytes of a size such as 500M.
+    """Parse a size such as 500M to bytes.
 
     Raises:
-        argparse.ArgumentTypeError: it is none, or too small to be one.
+        argparse.ArgumentTypeError: invalid or too small.
     """
     match = re.fullmatch(r"(\d+(?:\.\d*)?)([kMG]?)", text)
     size = round(float(match[1]) * SIZES[match[2]]) if match else 0
@@ -190,12 +190,12 @@ def log_size(text: str) -> int:
 
 
 def add_core(parser: argparse.ArgumentParser) -> None:
-    """Accept ``--core``: of an end of a lockstep pair that has a core to itself, and waits there without sleeping."""
+    """Add ``--core``: a process of a lockstep pair on a core of its own, where it polls without sleeping."""
     parser.add_argument("--core", type=int, metavar="N", help=argparse.SUPPRESS)
 
 
 def add_log_size(parser: argparse.ArgumentParser) -> None:
-    """Offer ``--log-size``."""
+    """Add ``--log-size``."""
     parser.add_argument(
         "--log-size",
         type=log_size,
@@ -206,7 +206,7 @@ def add_log_size(parser: argparse.ArgumentParser) -> None:
 
 
 def add_gcs(parser: argparse.ArgumentParser) -> None:
-    """Offer ``--gcs``, any number of times."""
+    """Add ``--gcs`` (repeatable)."""
     parser.add_argument(
         "--gcs",
         action="append",
@@ -217,7 +217,7 @@ def add_gcs(parser: argparse.ArgumentParser) -> None:
 
 
 def add_identity(parser: argparse.ArgumentParser) -> None:
-    """Offer ``--identity``."""
+    """Add ``--identity``."""
     parser.add_argument(
         "--identity",
         default=DEFAULT_IDENTITY,
@@ -227,7 +227,7 @@ def add_identity(parser: argparse.ArgumentParser) -> None:
 
 
 def add_signing_key(parser: argparse.ArgumentParser, default: str) -> None:
-    """Offer ``--signing-key``; ``default`` says in words which file is used without it."""
+    """Add ``--signing-key``; ``default`` describes the file that is used without it."""
     parser.add_argument(
         "--signing-key",
         metavar="FILE|none",
@@ -236,10 +236,10 @@ def add_signing_key(parser: argparse.ArgumentParser, default: str) -> None:
 
 
 def key_file(chosen: str | None, default: Path | None) -> KeyFile | None:
-    """The file that ``--signing-key`` means, ``default`` where it was not given, None for none.
+    """Return the file of ``--signing-key``, or ``default`` if it was not given, None for none.
 
     Raises:
-        InputError: one was named, and is not there.
+        InputError: the given file does not exist.
     """
     if chosen is None:
         return None if default is None else KeyFile(default)
@@ -251,7 +251,7 @@ def key_file(chosen: str | None, default: Path | None) -> KeyFile | None:
 
 
 def add_world(parser: argparse.ArgumentParser, duration: float) -> None:
-    """Offer what the world is made of: duration, speed, seed, wind, gusts."""
+    """Add the options of the world: duration, speed, seed, wind, gusts."""
     parser.add_argument(
         "--duration", type=positive, default=duration, metavar="S", help=f"maximum duration (default: {duration:g})"
     )
@@ -274,7 +274,7 @@ def add_world(parser: argparse.ArgumentParser, duration: float) -> None:
 
 
 def add_faults(parser: argparse.ArgumentParser) -> None:
-    """Offer ``--fault``, any number of times."""
+    """Add ``--fault`` (repeatable)."""
     from sim_bridge.flight.faults import FAULTS  # brings the world, which a reader of a log need not wait for
 
     parser.add_argument(
@@ -288,7 +288,7 @@ def add_faults(parser: argparse.ArgumentParser) -> None:
 
 
 def add_sticks(parser: argparse.ArgumentParser) -> None:
-    """Offer ``--sticks``."""
+    """Add ``--sticks``."""
     from sim_bridge.sensors.receiver import Sticks
     from sim_bridge.sensors.transmitter import MODES
 
@@ -303,7 +303,7 @@ def add_sticks(parser: argparse.ArgumentParser) -> None:
 
 
 def fault(text: str) -> Fault:
-    """A fault, for argparse."""
+    """Parse a fault for argparse."""
     from sim_bridge.flight.faults import parse_fault
 
     try:
@@ -313,7 +313,7 @@ def fault(text: str) -> Fault:
 
 
 def check_times(faults: Iterable[Fault], duration: float) -> None:
-    """Refuse a fault that could not come within a flight of ``duration`` s.
+    """Reject a fault after the end of a flight of ``duration`` s.
 
     Raises:
         InputError: there is one.
@@ -326,24 +326,24 @@ def check_times(faults: Iterable[Fault], duration: float) -> None:
 
 
 def missed(faults: Iterable[Fault], end: float) -> tuple[str, ...]:
-    """The faults, as they are written, whose time lay after the ``end`` (s since boot) of the flight."""
+    """Return the faults, as given, with a time after the ``end`` (s since boot) of the flight."""
     return tuple(fault_name(one) for one in faults if one.at > end)
 
 
 def fault_name(one: Fault) -> str:
-    """A fault as it is written on the command line."""
+    """Return a fault in command-line notation."""
     return f"{one.name}@{one.at:g}" + (f"-{one.until:g}" if math.isfinite(one.until) else "")
 
 
 def fault_words(faults: Iterable[Fault]) -> list[str]:
-    """The command line that gives ``faults`` to another process."""
+    """Return the command-line arguments that pass ``faults`` to another process."""
     from logs.recording_notes import exact_fault
 
     return [word for one in faults for word in ("--fault", exact_fault(one))]
 
 
 def positive(text: str) -> float:
-    """A number above zero, for argparse."""
+    """Parse a number above zero for argparse."""
     value = number(text)
     if value <= 0:
         raise argparse.ArgumentTypeError(f"{text} is not above 0")
@@ -351,7 +351,7 @@ def positive(text: str) -> float:
 
 
 def number(text: str) -> float:
-    """A finite number, for argparse."""
+    """Parse a finite number for argparse."""
     try:
         value = float(text)
     except ValueError:
@@ -362,7 +362,7 @@ def number(text: str) -> float:
 
 
 def not_negative(text: str) -> float:
-    """A number of zero or more, for argparse."""
+    """Parse a number of zero or more for argparse."""
     value = number(text)
     if value < 0:
         raise argparse.ArgumentTypeError(f"{text} is below 0")
@@ -370,7 +370,7 @@ def not_negative(text: str) -> float:
 
 
 def direction(text: str) -> float:
-    """A bearing in degrees, 0 to 360, as rad, for argparse."""
+    """Parse a bearing in degrees, 0 to 360, to rad for argparse."""
     value = number(text)
     if not 0.0 <= value <= 360.0:
         raise argparse.ArgumentTypeError(f"{text} is outside 0 to 360 degrees")
@@ -378,19 +378,19 @@ def direction(text: str) -> float:
 
 
 def level(text: str) -> str:
-    """A level of turbulence, for argparse."""
+    """Parse a level of turbulence for argparse."""
     if text not in LEVELS:
         raise argparse.ArgumentTypeError(f'turbulence "{text}" is unknown; it is {LEVELS_TOLD}')
     return text
 
 
 def seed(text: str) -> int:
-    """A whole number of zero or more, for argparse."""
+    """Parse a nonnegative integer for argparse."""
     if not (text.isascii() and text.isdigit()) or int(text) >= 2**63:
         raise argparse.ArgumentTypeError(f"{text} is not a whole number from 0")
     return int(text)
 
 
 def speed(text: str) -> float:
-    """A factor of real time, or ``max`` (infinite), for argparse."""
+    """Parse a speed factor, or ``max`` (infinite), for argparse."""
     return math.inf if text == "max" else positive(text)

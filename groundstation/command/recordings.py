@@ -18,13 +18,13 @@ from wingbeat.errors import InputError
 from wingbeat.text import pluralize
 
 WORLD, COMPUTER = PARTS
-"""how the names of the recordings end that ``wingbeat fly`` joins"""
+"""suffixes of the recordings that ``wingbeat fly`` joins"""
 LEFT_FOR = 10.0
-"""s; since the last byte of a flight's recordings: until then its own command may be about to join them"""
+"""s; age of the last byte of a flight's recordings below which its command may still join them"""
 
 
 def put_right(folder: Path) -> None:
-    """Repair what a flight that was cut off left in ``folder``, join its two recordings, and say so on stderr."""
+    """Repair and join the recordings of interrupted flights in ``folder``, and report that on stderr."""
     pairs = list(_left_separate(folder))
     for path, done in recover_left(folder):
         print(f"repaired truncated recording {path}: {pluralize(done.messages, 'message')} kept", file=sys.stderr)
@@ -37,14 +37,14 @@ def put_right(folder: Path) -> None:
 
 
 def _unmark(folder: Path) -> None:
-    """Take away the marks of names that nobody holds any more: commands that were killed left them."""
+    """Delete the lock files of names that no process holds, as left by killed commands."""
     for mark in folder.glob(f".*{HELD}"):
         with suppress(InputError, OSError), locked_name(mark.with_name(f"{mark.name[1:].removesuffix(HELD)}.mcap")):
             pass
 
 
 def _left_separate(folder: Path) -> Iterator[tuple[list[Path], Path]]:
-    """Recordings of world and flight computer of one flight that nobody writes any more, and the log of both."""
+    """Yield pairs of recordings of world and flight computer that are no longer written, and their joined log."""
     for world in sorted(folder.glob(f"*{WORLD}")):
         name = world.name.removesuffix(WORLD)
         parts, flight = [world, world.with_name(name + COMPUTER)], world.with_name(f"{name}.mcap")
@@ -55,7 +55,7 @@ def _left_separate(folder: Path) -> Iterator[tuple[list[Path], Path]]:
 
 
 def begin_recording(log: Path | None, name: str, writing: Writing, start_epoch_ns: int | None = None) -> McapRecorder:
-    """A recorder to the new file ``log``; without one to ``recordings/NAME-TIME.mcap``, which nobody else takes.
+    """Create a recorder to the new file ``log``, or to ``recordings/NAME-TIME.mcap`` with a locked name.
 
     Raises:
         InputError: ``log`` exists, or the file cannot be created.
@@ -67,7 +67,7 @@ def begin_recording(log: Path | None, name: str, writing: Writing, start_epoch_n
 
 
 def format_recording_paths(recorder: McapRecorder) -> str:
-    """The files of a recording, and why it ended early if it did."""
+    """Return the files of a recording, and why it ended early, if it did."""
     first, *others = map(str, recorder.paths)
     more = f" and {pluralize(len(others), 'more file')} up to {others[-1]}" if others else ""
     left_out = f"; {pluralize(recorder.dropped, 'message')} dropped: disk too slow" if recorder.dropped else ""

@@ -42,11 +42,11 @@ JSON_KEYS = {
     " of its part about the vertical, of its part about a horizontal axis",
 }
 SHOWN = 3
-"""-; fields of a topic that a line shows, those with the most differing messages"""
+"""-; number of fields of a topic on a line, those with the most differing messages"""
 
 
 def build_parser() -> options.Parser:
-    """The subcommand's parser."""
+    """Build the parser of the subcommand."""
     summary = (
         "Replay a recorded flight through the flight code and list the differences, or replay IMU recordings with a"
         " reference attitude (BROAD .npz) through the attitude filter."
@@ -61,7 +61,7 @@ def build_parser() -> options.Parser:
 
 
 def _add_flight(parser: options.Parser) -> None:
-    """Offer what is flown again of a log, with which gains, and to whom."""
+    """Add the options of a flight replay: range, gains, and links."""
     parser.add_argument(
         "--set",
         action="append",
@@ -90,7 +90,7 @@ def _add_flight(parser: options.Parser) -> None:
 
 
 def _add_filter(parser: options.Parser) -> None:
-    """Offer the recordings that the attitude filter alone is played."""
+    """Add the options of the attitude filter replay."""
     parser.add_argument(
         "--imu", action="append", default=[], type=Path, metavar="FILE|DIR", help="IMU recordings (repeatable)"
     )
@@ -103,10 +103,10 @@ def _add_filter(parser: options.Parser) -> None:
 
 
 def setting(text: str) -> tuple[str, float]:
-    """A gain and its value from ``GAIN=VALUE``.
+    """Parse a gain and its value from ``GAIN=VALUE``.
 
     Raises:
-        argparse.ArgumentTypeError: it is none.
+        argparse.ArgumentTypeError: invalid setting.
     """
     name, _, value = text.partition("=")
     try:
@@ -116,7 +116,7 @@ def setting(text: str) -> tuple[str, float]:
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Replay a flight and print what differs, or IMU recordings and print the error of each.
+    """Replay a flight and print the differences, or replay IMU recordings and print their errors.
 
     Raises:
         InputError: no such file, not such a recording, or an unknown gain.
@@ -137,7 +137,7 @@ def _play(chosen: argparse.Namespace) -> None:
     """Play a flight to ground stations.
 
     Raises:
-        InputError: other options than a player has.
+        InputError: options that a player does not have.
     """
     if chosen.set or chosen.end or chosen.json:
         raise InputError("--set, --end and --json do not apply to --mavlink")

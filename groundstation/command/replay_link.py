@@ -20,17 +20,17 @@ from groundstation.views.printable import unfiltered
 from logs.replay.player import Player
 
 POLL = 0.004
-"""s; between two looks at the links"""
+"""s; polling interval of the links"""
 SHOWN_EVERY = 0.2
-"""s; between two lines of where it is"""
+"""s; between two lines with the time of the flight"""
 JUMP = 10.0
-"""s; of flight, by an arrow key"""
+"""s; of flight, step of an arrow key"""
 _KEY = re.compile(r"\x1b\[[0-9;]*[A-Za-z~]|.", re.DOTALL)
 KEYS = "space pauses, left and right jump 10 s, q ends"
 
 
 class Playing(NamedTuple):
-    """How a flight is played to ground stations."""
+    """Options of playing a flight to ground stations."""
 
     urls: Sequence[str]
     start: float
@@ -77,7 +77,7 @@ def _loop(
 
 
 def steer(player: Player, key: str) -> bool:
-    """Do what a key says; False to end."""
+    """Execute a key; return False to end."""
     if key == " ":
         player.paused = not player.paused
     elif key in ("\x1b[C", "\x1b[D"):
@@ -97,7 +97,7 @@ def _show(player: Player) -> None:
 
 @contextlib.contextmanager
 def _keyboard() -> Iterator[Callable[[], list[str]] | None]:
-    """What gives the keys pressed since it was last asked; None where there is no terminal to press one on."""
+    """Yield a function that returns the pressed keys; None without a terminal."""
     if not (sys.stdin.isatty() and sys.stderr.isatty()):
         yield None
         return
@@ -115,5 +115,5 @@ def _pressed() -> list[str]:
 
 
 def keys_in(typed: str) -> list[str]:
-    """The keys that a terminal wrote: characters, and the sequences that stand for arrows and the like."""
+    """Split terminal input into keys: characters, and escape sequences of arrows."""
     return _KEY.findall(typed)

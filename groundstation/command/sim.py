@@ -49,7 +49,7 @@ EXAMPLES = (
 )
 WAITING = "the vehicle is launched after 5 s armed, 8 s after boot at the earliest"
 REAL_TIME = 1.0
-"""-; a flight up to that speed leaves room for other programs though it runs before them"""
+"""-; speed factor up to which a flight with real-time priority leaves time for other programs"""
 HURRIED = "; use --speed 1 when arming manually"
 LISTEN = (
     f"tcp:HOST:PORT ({DEFAULT_URL}); serial:DEVICE,BAUD simulates a microcontroller without lockstep,"
@@ -57,11 +57,11 @@ LISTEN = (
 )
 WRITING = Writing(IN_FLIGHT, account=topics.RECORDER)
 DURATION = 600.0
-"""s; longest simulation"""
+"""s; default time limit of a simulation"""
 
 
 def build_parser() -> options.Parser:
-    """The subcommand's parser."""
+    """Build the parser of the subcommand."""
     summary = "Simulator only: waits for a flight computer on TCP and runs in lockstep over MAVLink."
     parser = options.build_parser("sim", summary, EXAMPLES)
     options.add_vehicle(parser)
@@ -78,11 +78,11 @@ def build_parser() -> options.Parser:
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Serve one flight.
+    """Run the simulator of one flight.
 
     Raises:
         InputError: unknown vehicle, aerodynamic model or fault, bad table of sticks, port in use, existing log, a
-            flight computer that does not come or answer.
+            flight computer that does not connect or respond.
     """
     parser = build_parser()
     chosen = parser.parse_args(arguments)
@@ -132,7 +132,7 @@ def run(arguments: Sequence[str]) -> int:
 
 
 def _scenario(chosen: argparse.Namespace) -> Scenario:
-    """What the flight is to meet.
+    """Build the scenario of the flight.
 
     Raises:
         InputError: a fault that comes after the end, or enters the flight computer.
@@ -147,19 +147,19 @@ def _scenario(chosen: argparse.Namespace) -> Scenario:
 
 
 def _recorder(chosen: argparse.Namespace, vehicle: SimulatedVehicle) -> McapRecorder:
-    """The world's log; beside a world that flies alone, recordings that were cut off are put right."""
+    """Create the world's log; without a flight computer beside it, repair interrupted recordings."""
     if chosen.epoch_ns is None and chosen.log is None:
         put_right(RECORDINGS)
     return begin_recording(chosen.log, f"{_recording_name(vehicle)}-world", WRITING, chosen.epoch_ns)
 
 
 def _recording_name(vehicle: SimulatedVehicle) -> str:
-    """The vehicle's name, or that of the folder of a user's vehicle, whose file may be a copy."""
+    """Return the vehicle's name, or that of the folder of a user's vehicle, whose file may be a copy."""
     return vehicle.name if vehicle.path.resolve().parent == FOLDER else name_by_path(vehicle.path)
 
 
 class Flights:
-    """A vehicle in the launcher's hand and a recording, for each start of an autopilot that is not ours."""
+    """Factory of worlds in the launcher and recordings, one for each start of a foreign autopilot."""
 
     def __init__(
         self,
@@ -169,7 +169,7 @@ class Flights:
         log: Path | None,
         autopilot: foreign.Foreign,
     ) -> None:
-        """Prepare; the sensors tick at the rate of the ``autopilot``.
+        """Prepare; the sensors run at the rate of the ``autopilot``.
 
         Raises:
             InputError: ``log`` exists.
@@ -181,7 +181,7 @@ class Flights:
         self._recorder: McapRecorder | None = None
 
     def __call__(self) -> Stage:
-        """The next one, once the last one's recording is closed."""
+        """Create the next world after the previous recording is closed."""
         self.close()
         log = None if self._log is None else next(path for path in numbered(self._log) if not path.exists())
         self._recorder = begin_recording(log, f"{_recording_name(self._vehicle)}-world", WRITING)
@@ -203,22 +203,22 @@ class Flights:
         return Stage(world, IsolatedOutputs({"recorder": scene.record}, isolation))
 
     def compile(self) -> None:
-        """Have the physics ready, saying so where that takes its time."""
+        """Compile the physics, with an announcement if it takes time."""
         if not physics_compiled():
             foreign.report(COMPILING)
             Plant(self._vehicle).compile()
 
     def close(self) -> None:
-        """Finish the recording."""
+        """Close the recording."""
         if self._recorder is not None:
             self._recorder.close()
 
 
 def serve_foreign(remote: foreign.Foreign, flights: Flights) -> None:
-    """Fly PX4 or ArduPilot until a simulation is finished.
+    """Run PX4 or ArduPilot until a simulation is finished.
 
     Raises:
-        InputError: the port is in use, nobody comes, or an autopilot falls silent.
+        InputError: the port is in use, no autopilot connects, or it stops responding.
     """
     with contextlib.ExitStack() as stack:
         service = foreign.Service(remote)
@@ -229,19 +229,19 @@ def serve_foreign(remote: foreign.Foreign, flights: Flights) -> None:
 
 
 class IsolatedOutputs:
-    """Where the world's messages go; what an output raises is recorded as events, and the world goes on."""
+    """Outputs of the world's messages; exceptions of an output are recorded as events, and the world continues."""
 
     def __init__(self, outputs: Mapping[str, Publish], isolation: Isolation) -> None:
-        """``outputs`` by their names; ``isolation`` may have guards of what is behind them."""
+        """Set the ``outputs`` by name; ``isolation`` may have guards of other outputs."""
         self._isolation = isolation
-        # The recording goes on after any number of faults.
+        # The recording continues after any number of faults.
         self._outputs = [
             (isolation.guard(name, backoff=0.0, vital=name == "recorder"), publish)
             for name, publish in outputs.items()
         ]
 
     def __call__(self, topic: Topic[Any], message: Any) -> None:
-        """Hand a message to each output, after the faults of the one before."""
+        """Pass a message to each output, after the fault events of the previous one."""
         self._isolation.advance(message.time_us * 1e-6)
         for fault in self._isolation.take_faults():
             for event in fault_events(fault, message.time_us):
@@ -254,7 +254,7 @@ class IsolatedOutputs:
 
 
 def print_events(topic: Topic[Any], message: Any) -> None:
-    """Print what happens in the world to stderr, without tracebacks."""
+    """Print the world's events to stderr, without tracebacks."""
     if topic is topics.EVENTS and message.severity < Severity.DEBUG:
         print(f"{message.time_us * 1e-6:6.1f} s  {message.text}", file=sys.stderr, flush=True)
 
@@ -268,14 +268,14 @@ def _report_end(world: SimulatedWorld, ended: str, recorded: str) -> None:
 
 
 def _server(address: str, speed: float | None) -> BridgeServer | SerialPeer:
-    """In lockstep over TCP, or in the world's own time over a serial line."""
+    """Create the server: lockstep over TCP, or free-running over a serial line."""
     if address == PTY or address.startswith("serial:"):
         return SerialPeer(address, speed)
     return BridgeServer(address, speed)
 
 
 def _serve(server: BridgeServer | SerialPeer, world: SimulatedWorld, core: int | None) -> str:
-    """Serve one flight; returns why it ended."""
+    """Run one flight; return why it ended."""
     if isinstance(server, BridgeServer):
         pin_to_core(core)
         server.busy_poll = core is not None
@@ -286,7 +286,7 @@ def _serve(server: BridgeServer | SerialPeer, world: SimulatedWorld, core: int |
 
 
 def simulated(vehicle: str, model: str | None) -> SimulatedVehicle:
-    """The vehicle of a name or file, flown with an aerodynamic model, or its file's own; nothing is started.
+    """Return the vehicle of a name or file, with an aerodynamic model (default: that of its file).
 
     Raises:
         InputError: no such vehicle or model, no section of the model, or bodies that make no vehicle.
@@ -298,7 +298,7 @@ def simulated(vehicle: str, model: str | None) -> SimulatedVehicle:
 
 
 def unbuilt(vehicle: str, model: str | None) -> SimulatedVehicle:
-    """`simulated`, of bodies that nobody has looked at, which may take the aerodynamic model's compiler.
+    """Return `simulated` without a check of the bodies, which may need the aerodynamic model's compiler.
 
     Raises:
         InputError: no such vehicle or model, or no section of the model.

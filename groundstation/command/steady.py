@@ -27,7 +27,7 @@ STEADY_KEYS = {
 
 
 class TrimRequest(NamedTuple):
-    """A steady flight that is looked for."""
+    """Requested steady flight."""
 
     vehicle: SimulatedVehicle
     airspeed: float
@@ -37,16 +37,16 @@ class TrimRequest(NamedTuple):
 
 
 class Answer(NamedTuple):
-    """What a command has found out about a steady flight."""
+    """Result of a command about a steady flight."""
 
     document: dict[str, Any]
-    """for programs, its keys behind `STEADY_KEYS`"""
+    """JSON content after `STEADY_KEYS`"""
     table: RenderableType
-    """for people"""
+    """text output"""
 
 
 def steady_parser(name: str, summary: str, examples: Sequence[str], keys: Mapping[str, str]) -> options.Parser:
-    """A parser that takes the vehicle, ``--airspeed``, ``--climb``, ``--aerodynamics`` and ``--json``."""
+    """Build a parser with the vehicle, ``--airspeed``, ``--climb``, ``--aerodynamics`` and ``--json``."""
     parser = options.build_parser(name, summary, examples, keys)
     parser.add_argument("vehicle", metavar="VEHICLE", help="name, file or folder of a vehicle, see wingbeat vehicles")
     parser.add_argument("--airspeed", type=options.positive, metavar="M/S", help="airspeed (default: cruise)")
@@ -59,10 +59,10 @@ def steady_parser(name: str, summary: str, examples: Sequence[str], keys: Mappin
 
 
 def answer(chosen: argparse.Namespace, examined: Callable[[SimulatedVehicle, Orbit], Answer]) -> int:
-    """Search the steady flight that the command line asks for and print what ``examined`` finds out about it.
+    """Compute the requested steady flight and print the result of ``examined``.
 
     Raises:
-        InputError: unknown vehicle or model, or no such flight within what the vehicle can do.
+        InputError: unknown vehicle or model, or no such flight within the limits of the vehicle.
     """
     flight = trim_request(chosen)
     orbit = trimmed(flight)
@@ -77,13 +77,13 @@ def answer(chosen: argparse.Namespace, examined: Callable[[SimulatedVehicle, Orb
 
 
 def trim_request(chosen: argparse.Namespace) -> TrimRequest:
-    """What the command line asks for.
+    """Return the steady flight of the command line.
 
     Raises:
-        InputError: unknown vehicle or aerodynamic model, one that keeps a whole wake, or a file that cannot be used.
+        InputError: unknown vehicle or aerodynamic model, one with a wake history, or an invalid file.
     """
     asked_for = options.vehicle_files(chosen.vehicle)[0], chosen.aerodynamics
-    # Before what refuses them all is compiled.
+    # Rejected before any compilation.
     check_memory(unbuilt(*asked_for))
     vehicle = simulated(*asked_for)
     airspeed = vehicle.cruise.airspeed if chosen.airspeed is None else chosen.airspeed
@@ -91,10 +91,10 @@ def trim_request(chosen: argparse.Namespace) -> TrimRequest:
 
 
 def trimmed(flight: TrimRequest) -> Orbit:
-    """The steady flight asked for, with a progress bar for a long search.
+    """Compute the requested steady flight, with a progress bar for a long search.
 
     Raises:
-        InputError: there is none, or not within what the vehicle can do.
+        InputError: there is none within the limits of the vehicle.
     """
     load_physics(flight.vehicle)
     with ProgressBar("searching") as bar:
@@ -102,7 +102,7 @@ def trimmed(flight: TrimRequest) -> Orbit:
 
 
 def steady_document(flight: TrimRequest, orbit: Orbit) -> dict[str, Any]:
-    """The keys of `STEADY_KEYS`."""
+    """Build the document of `STEADY_KEYS`."""
     vehicle = flight.vehicle
     throttle = {"servo": None, "crank": throttle_for(orbit.inputs.frequency, vehicle)}
     inputs = orbit.inputs._asdict() | {"throttle": throttle.get(vehicle.drive.kind, orbit.inputs.throttle)}

@@ -29,22 +29,22 @@ JSON_KEYS = STEADY_KEYS | {
 
 
 def build_parser() -> options.Parser:
-    """The subcommand's parser."""
+    """Build the parser of the subcommand."""
     summary = "Find the steady flapping flight of a vehicle: drive, elevator, attitude, power."
     return steady_parser("trim", summary, EXAMPLES, JSON_KEYS)
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Search the trim and print it.
+    """Compute the trim and print it.
 
     Raises:
-        InputError: unknown vehicle or model, or no such flight within what the vehicle can do.
+        InputError: unknown vehicle or model, or no such flight within the limits of the vehicle.
     """
     return answer(build_parser().parse_args(arguments), examined)
 
 
 def examined(vehicle: SimulatedVehicle, orbit: Orbit) -> Answer:
-    """The flight's figures for programs and for people."""
+    """Return the figures of the flight as document and tables."""
     moved, numbers = excursions(vehicle, orbit), figures(vehicle, orbit)
     rest: dict[str, Any] = {"means": orbit.means, "excursions": moved, "figures": numbers, "residual": orbit.residual}
     if not draws_current(vehicle):

@@ -60,20 +60,20 @@ JSON_KEYS = {
 
 
 NOT_WRITTEN = 1
-"""exit code: the design flies worse than what it replaces, and no file was written"""
+"""exit code: the design performs worse than the present gains, and no file was written"""
 
 
 class _Chosen(NamedTuple):
-    """What the command line came to."""
+    """Inputs from the command line."""
 
     model: LinearModel
     vehicle: FlightVehicle
     world: SimulatedVehicle | None
-    """None where there is nothing to fly in"""
+    """None without a simulated vehicle"""
 
 
 def build_parser() -> options.Parser:
-    """The subcommand's parser."""
+    """Build the parser of the subcommand."""
     summary = (
         "Design the gains of every loop on the stroke-averaged linear model of a vehicle: at least"
         f" {LIMITS.gain_margin_db:g} dB and 45 degrees a loop; write them, and fly before and after."
@@ -106,11 +106,11 @@ def build_parser() -> options.Parser:
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Design, show, fly, write.
+    """Design, show, fly and write the gains.
 
     Raises:
-        InputError: unknown vehicle, one without a file for the flight computer, no trim, a model that cannot be
-            used, no gains within the limits, or files that exist already or cannot be written.
+        InputError: unknown vehicle, one without a file for the flight computer, no trim, an invalid model, no gains
+            within the limits, or files that exist already or cannot be written.
     """
     chosen = build_parser().parse_args(arguments)
     where = None if chosen.out is None else _places(chosen.out)
@@ -143,7 +143,7 @@ def run(arguments: Sequence[str]) -> int:
 
 
 def _places(out: Path) -> Places:
-    """Where the files go, looked at before the work for them.
+    """Return the output files, checked before the computation.
 
     Raises:
         InputError: one exists, or cannot be written there.
@@ -156,10 +156,10 @@ def _places(out: Path) -> Places:
 
 
 def _subject(chosen: argparse.Namespace) -> _Chosen:
-    """The model and the vehicle whose gains are designed.
+    """Return the model and the vehicle whose gains are designed.
 
     Raises:
-        InputError: one of them cannot be used.
+        InputError: one of them is invalid.
     """
     path = Path(chosen.subject)
     if not is_model_file(path):
@@ -184,10 +184,10 @@ def _subject(chosen: argparse.Namespace) -> _Chosen:
 
 
 def _flight_vehicle(name: str) -> FlightVehicle:
-    """The flight computer's side of a vehicle.
+    """Return the flight computer configuration of a vehicle.
 
     Raises:
-        InputError: there is no such vehicle, or it has none.
+        InputError: unknown vehicle, or one without a configuration.
     """
     world, avionics = options.vehicle_files(name)
     try:
@@ -208,7 +208,7 @@ def _world(name: str, aerodynamics: str | None) -> SimulatedVehicle:
 
 
 def linearised(world: SimulatedVehicle, airspeed: float | None) -> LinearModel:
-    """The stroke-averaged model about level flight, with a progress bar; at the vehicle's cruise without an airspeed.
+    """Compute the stroke-averaged model in level flight (default: at cruise airspeed), with a progress bar.
 
     Raises:
         InputError: there is no such flight.
@@ -229,7 +229,7 @@ def _proof(subject: _Chosen, world: SimulatedVehicle, designs: Design, seed: int
 
 
 def _document(subject: _Chosen, designs: Design, proof: Proof | None, written: list[Path]) -> dict[str, Any]:
-    """The keys of `JSON_KEYS`."""
+    """Build the document of `JSON_KEYS`."""
     return {
         "vehicle": subject.vehicle.name,
         "model": designs.model.origin,

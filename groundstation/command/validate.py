@@ -34,12 +34,12 @@ EXAMPLES = (
 )
 MissionItemView = Callable[[float, str], None]
 SCENE_EVERY = 4
-"""steps of the lattice, of which the scene has one: 82 a second"""
+"""number of lattice steps per step of the scene: 82 a second"""
 PICTURES: dict[str, Callable[[Path, Callable[[float], None]], list[Path]]] = {
     "grauer": lambda folder, on_progress: draw_plots(folder),
     "lattice": draw_lattice,
 }
-"""of papers by name: what draws them into a folder, telling which share is done"""
+"""functions by paper that draw its figures into a folder and report the completed fraction"""
 JSON_KEYS = {
     "papers": "list of {name, title, rows}",
     "rows": "of a paper: list of {where, quantity, unit, published [least, greatest], ours, difference, limit,"
@@ -52,7 +52,7 @@ JSON_KEYS = {
 
 
 def build_parser() -> options.Parser:
-    """The subcommand's parser."""
+    """Build the parser of the subcommand."""
     summary = "Compute every published figure and compare it with the paper; nothing is stored or tuned."
     parser = options.build_parser("validate", summary, EXAMPLES, JSON_KEYS)
     parser.add_argument("--only", choices=PAPERS, metavar="PAPER", help=f"one paper: {', '.join(PAPERS)}")
@@ -74,10 +74,10 @@ def build_parser() -> options.Parser:
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Compute the rows, print the table.
+    """Compute the rows and print the table.
 
     Raises:
-        InputError: no such paper or one without pictures, a picture or scene that exists, matplotlib missing for
+        InputError: an unknown paper or one without figures, an existing figure or scene, matplotlib missing for
             pictures.
     """
     chosen = build_parser().parse_args(arguments)
@@ -109,10 +109,10 @@ def _validated(names: Sequence[str], chosen: argparse.Namespace) -> int:
 
 
 def drawn(names: Sequence[str], folder: Path) -> list[Path]:
-    """Paths of the pictures of papers by name, drawn into ``folder``.
+    """Draw the figures of papers by name into ``folder``; return their paths.
 
     Raises:
-        InputError: none of them has any, a picture exists, or matplotlib is missing.
+        InputError: none of them has any, a figure exists, or matplotlib is missing.
     """
     having = [name for name in names if name in PICTURES]
     if not having:
@@ -141,17 +141,17 @@ def record_scene(names: Sequence[str], path: Path) -> None:
 
 
 class Task(NamedTuple):
-    """Rows to compute."""
+    """Computation of rows."""
 
     paper: str
     title: str
     rows: Callable[[MissionItemView], list[Row]]
     lasting: str
-    """how long they take, in words; empty for no time worth a word"""
+    """duration as text; empty for a short one"""
 
 
 def tasks(names: Sequence[str], studies: bool) -> list[Task]:
-    """What there is to compute for papers by name, ``studies`` too or not."""
+    """Return the computations for papers by name, with or without ``studies``."""
     results = []
     for name in names:
         for check in PAPERS[name].checks:
@@ -166,7 +166,9 @@ def _silent(check: Check) -> Callable[[MissionItemView], list[Row]]:
 
 
 def computed(names: Sequence[str], studies: bool, announce: bool) -> dict[str, list[Row]]:
-    """The rows of papers by name; what takes long is announced on stderr, by a progress bar on a terminal."""
+    """Compute the rows of papers by name; long computations are announced on stderr, on a terminal by a progress
+    bar.
+    """
     results: dict[str, list[Row]] = {name: [] for name in names}
     todo = tasks(names, studies)
     with ProgressBar("validating") as bar:
@@ -184,12 +186,12 @@ def computed(names: Sequence[str], studies: bool, announce: bool) -> dict[str, l
 
 
 def left_out(names: Sequence[str]) -> list[dict[str, str]]:
-    """The studies of papers by name, with the keys of `JSON_KEYS`."""
+    """Return the studies of papers by name, with the keys of `JSON_KEYS`."""
     return [{"paper": name, "study": study.title} for name in names for study in PAPERS[name].studies]
 
 
 def document(results: dict[str, list[Row]]) -> dict[str, Any]:
-    """The keys of `JSON_KEYS`, without the pictures."""
+    """Build the document of `JSON_KEYS`, without the figures."""
     papers = [
         {"name": name, "title": PAPERS[name].title, "rows": list(map(_row, rows))} for name, rows in results.items()
     ]

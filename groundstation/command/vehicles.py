@@ -23,7 +23,7 @@ from wingbeat.documents import parse_toml
 from wingbeat.vehicle_file import SOURCE_KINDS, Source
 
 WIDEST = 100
-"""characters of a line; what is longer is wrapped"""
+"""characters; maximum line length before wrapping"""
 EXAMPLES = ("wingbeat vehicles", "wingbeat vehicles robo_raven_ii_d", "wingbeat vehicles --json")
 JSON_KEYS = {
     "vehicles": "list of {name, title, mass, wingspan, aerodynamics, flies, sources}; kg, m; aerodynamics: names of"
@@ -34,7 +34,7 @@ JSON_KEYS = {
 
 
 def build_parser() -> options.Parser:
-    """The subcommand's parser."""
+    """Build the parser of the subcommand."""
     summary = "List the vehicles; with a name, every value with its source."
     parser = options.build_parser("vehicles", summary, EXAMPLES, JSON_KEYS)
     parser.add_argument("name", nargs="?", metavar="V|PATH", help="a vehicle of the list, a file or a folder")
@@ -46,7 +46,7 @@ def run(arguments: Sequence[str]) -> int:
     """Print the list, or one vehicle.
 
     Raises:
-        InputError: no such vehicle, or a file that cannot be used.
+        InputError: unknown vehicle, or invalid file.
     """
     chosen = build_parser().parse_args(arguments)
     if chosen.name is None:
@@ -108,18 +108,18 @@ def _record(vehicle: SimulatedVehicle, flies: bool) -> dict[str, Any]:
 
 
 def count_kinds(sources: Iterable[Source]) -> dict[str, int]:
-    """How many values are published, identified and chosen."""
+    """Count the published, identified and chosen values."""
     counts = Counter(source.kind for source in sources)
     return {kind: counts[kind] for kind in SOURCE_KINDS}
 
 
 def _flies(vehicle: SimulatedVehicle, avionics: str) -> bool:
-    """Whether there is a flight computer's file for the vehicle."""
+    """Return whether the vehicle has a flight computer file."""
     return avionics in flight_names() or (Path(avionics) != vehicle.path and Path(avionics).is_file())
 
 
 def _show(vehicle: SimulatedVehicle, avionics: str, as_json: bool) -> None:
-    """Print one vehicle; ``avionics`` names what the flight computer knows of it, which need not be there."""
+    """Print one vehicle; ``avionics`` is the name of its flight computer file, which need not exist."""
     flies = _flies(vehicle, avionics)
     units = file_units(vehicle.text)
     values = [
@@ -168,7 +168,7 @@ def _value(vehicle: SimulatedVehicle, key: str) -> Any:
 
 
 def file_units(text: str) -> dict[str, str]:
-    """The units of a vehicle file by ``section.key``, as it writes them; a value that is a word has none."""
+    """Return the units of a vehicle file by ``section.key``; text values have none."""
     found: dict[str, str] = {}
 
     def look(where: str, table: dict[str, Any]) -> None:

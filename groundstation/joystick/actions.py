@@ -14,9 +14,9 @@ from wingbeat.schema import error_context, read_value
 from wingbeat.text import did_you_mean
 
 KILL_TIME = 1.0
-"""s; a kill button acts after it was pressed for so long"""
+"""s; a kill button acts after it was pressed for this time"""
 DEBOUNCE_TIME = 0.1
-"""s; a switch acts once its position is unchanged for so long, so that it skips the positions it passes through"""
+"""s; a switch acts after its position was constant for this time, so that passed positions have no effect"""
 _MODE = "mode "
 
 
@@ -85,7 +85,7 @@ class SwitchState(NamedTuple):
     """Position of one switch."""
 
     position: int
-    """-; that acted last, from 0"""
+    """-; last position that acted, from 0"""
     candidate: int
     """-; of the last reading"""
     since: float

@@ -89,7 +89,7 @@ class ManualControl:
         for action in triggered:
             self._order(action)
         if now >= self._due:
-            # A late message does not make the next ones come early.
+            # A late message must not advance the next ones.
             self._due = max(self._due + self._period, now)
             self.station.connection.send(manual_control(self.station.connection.target.system, self._sticks))
             self._sent += 1

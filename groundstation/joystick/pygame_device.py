@@ -10,10 +10,10 @@ from logs.extras import load_extra
 
 PACKAGE = "pygame-ce"
 _ENVIRONMENT = {
-    # Without a window there is no focus: events are needed in the background too.
+    # Without a window SDL has no focus, so background events are enabled.
     "SDL_JOYSTICK_ALLOW_BACKGROUND_EVENTS": "1",
     "SDL_VIDEODRIVER": "dummy",
-    # SDL would turn Ctrl-C and SIGTERM into events.
+    # Otherwise SDL would convert Ctrl-C and SIGTERM to events.
     "SDL_NO_SIGNAL_HANDLERS": "1",
     "PYGAME_HIDE_SUPPORT_PROMPT": "1",
 }
@@ -21,7 +21,7 @@ _HAT_BUTTONS = 4
 
 
 class PygameBackend:
-    """The devices that SDL finds; a `DeviceBackend`."""
+    """Access to the devices of SDL; a `DeviceBackend`."""
 
     def __init__(self) -> None:
         """Start SDL's joystick subsystem, without a window.
@@ -32,7 +32,7 @@ class PygameBackend:
         for name, value in _ENVIRONMENT.items():
             os.environ.setdefault(name, value)
         self._pygame = load_extra("pygame", PACKAGE, "the joystick")
-        # SDL has one event queue, which belongs to its video subsystem.
+        # The event queue of SDL belongs to its video subsystem.
         self._pygame.display.init()
         self._pygame.joystick.init()
 

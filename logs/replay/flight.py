@@ -128,7 +128,7 @@ def _begin(flight: RecordedFlight, changes: Mapping[str, float], start: float) -
 
 
 def place_of(parameter: parameters.Parameter) -> str:
-    """Return the location of a parameter in a vehicle file: ``pitch.proportional``, ``flapping.throttle_points[1]``."""
+    """Return the location in a vehicle file: ``pitch.proportional``, ``flapping.throttle_points[1]``."""
     within = f"[{parameter.place}]" if parameter.place >= 0 else ""
     return f"{parameter.section}.{parameter.key}{within}"
 

@@ -79,7 +79,7 @@ def replay_imu(
 
     Args:
         paths: files or folders.
-        gains: of the attitude filter; (default: those of `AhrsGains`).
+        gains: of the attitude filter (default: `AhrsGains()`).
         scored: called with each score.
 
     Raises:
