@@ -204,7 +204,7 @@ def _calibrate(chosen: argparse.Namespace, backend: DeviceBackend) -> None:
 
 
 def fly(session: Session) -> int:
-    """Send the sticks and run the button actions, with a screen on a terminal, else a line or JSON object a second."""
+    """Send the sticks and run the button actions; show a screen on a terminal, else one line or object a second."""
     setup: Setup = session.chosen.setup
     station = Station(session.connection)
     if session.recording is not None:

@@ -187,7 +187,7 @@ def run(arguments: Sequence[str]) -> int:
 
 
 def _show(chosen: argparse.Namespace, estimates: Identification, write: Callable[[], Sequence[str]]) -> None:
-    """Print the document or the table, then ``write`` the files, so that a write error does not lose the estimates."""
+    """Print the document or the table, then ``write`` the files: a write error does not lose the estimates."""
     if chosen.json:
         print_document(document(estimates))
     else:

@@ -2,8 +2,8 @@
 
 
 class NoAnswer(RuntimeError):
-    """The vehicle refused, or did not answer in time; the text is one line for the user."""
+    """Error: the vehicle denied a request or the request timed out; the text is one line for the user."""
 
 
 class LinkSilent(NoAnswer):
-    """Nobody speaks on the link: its address is as wrong as any other bad input."""
+    """Error: no data are received on the link; handled like an invalid address."""

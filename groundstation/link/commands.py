@@ -22,7 +22,7 @@ REJECTED: int = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
 
 
 class CommandExchange(NamedTuple):
-    """One COMMAND_LONG, or COMMAND_INT where it names a place, until its COMMAND_ACK (MAVLink command protocol)."""
+    """COMMAND_LONG, or COMMAND_INT for a position, until its COMMAND_ACK (MAVLink command protocol)."""
 
     target: Target
     command: int
@@ -34,29 +34,29 @@ class CommandExchange(NamedTuple):
     result: int | None = None
     """-; MAV_RESULT of the final acknowledgement"""
     reason: str = ""
-    """-; last line the vehicle said meanwhile: why it refuses"""
+    """-; last STATUSTEXT of the vehicle meanwhile, as the reason of a denial"""
     failure: str = ""
     percent: int = 0
-    """-; how far the vehicle says that it is, while it is in progress"""
+    """-; progress reported by the vehicle"""
     frame: int | None = None
-    """-; MAV_FRAME of a place, whose latitude and longitude (1e-7 deg) are the fifth and sixth parameter"""
+    """-; MAV_FRAME of a position, whose latitude and longitude (1e-7 deg) are the fifth and sixth parameter"""
     rejected_at: float | None = None
-    """s; when the vehicle first said that it cannot yet"""
+    """s; time of the first temporary rejection"""
     awaited: str = ""
-    """-; why it could not then"""
+    """-; reason of the temporary rejection"""
 
     @property
     def accepted(self) -> bool:
-        """True once the vehicle said yes."""
+        """Whether the vehicle accepted the command."""
         return self.result is not None and self.result == int(mavlink.MAV_RESULT_ACCEPTED)
 
     @property
     def finished(self) -> bool:
-        """True once accepted, refused or given up."""
+        """Whether the command was accepted, denied or timed out."""
         return self.accepted or bool(self.failure)
 
     def progress(self) -> Progress:
-        """One part, the acknowledgement; or what the vehicle says while it is in progress."""
+        """One part, the acknowledgement, or the progress reported by the vehicle."""
         if self.in_progress:
             return Progress(self.percent, 100)
         if self.rejected_at is not None and not self.finished:
@@ -88,7 +88,7 @@ class CommandExchange(NamedTuple):
         return asked, (self._request(),)
 
     def _not_yet(self, now: float) -> bool:
-        """Whether it is rejected for the moment, and the moment may pass."""
+        """Return whether the command is temporarily rejected and may be repeated."""
         return self.result == REJECTED and self.rejected_at is not None and now - self.rejected_at < NOT_YET
 
     def _on_message(self, now: float, message: Any) -> CommandExchange:
@@ -104,7 +104,7 @@ class CommandExchange(NamedTuple):
         return self._replace(result=message.result, timer=Timer(now, 1), rejected_at=since)
 
     def _refused(self, now: float) -> CommandExchange:
-        """Give the vehicle a moment to say why: its STATUSTEXT may come after the acknowledgement."""
+        """Wait for the reason: the STATUSTEXT may follow the acknowledgement."""
         if not self.reason and not self.timer.due(now, EXPLANATION):
             return self
         return self._replace(failure=refusal(self.command, self.result or 0, self.reason.strip()))
@@ -122,28 +122,28 @@ class CommandExchange(NamedTuple):
 
 
 class CalibrationExchange(NamedTuple):
-    """A command that calibrates, and the parameters that the vehicle then announces."""
+    """Calibration command, with the parameters that the vehicle announces afterwards."""
 
     request: CommandExchange
     changed: tuple[Parameter, ...] = ()
-    """-; announced since the request"""
+    """-; parameters announced since the request"""
     ended_at: float | None = None
-    """s; when the vehicle acknowledged its end"""
+    """s; time of the acknowledgement of the end"""
     settled: bool = False
-    """-; the parameters have had the time to come"""
+    """-; whether the time for the parameters to arrive has passed"""
 
     @property
     def failure(self) -> str:
-        """Why it failed, one line; empty while it did not."""
+        """Reason of the failure, one line; empty without a failure."""
         return self.request.failure
 
     @property
     def finished(self) -> bool:
-        """True once refused, or once ended and settled."""
+        """Whether the command was denied, or the calibration ended and the parameters arrived."""
         return bool(self.failure) or self.settled
 
     def progress(self) -> Progress:
-        """What the vehicle says."""
+        """Message of the vehicle."""
         return self.request.progress()
 
     def step(self, now: float, message: Any | None) -> tuple[CalibrationExchange, Outgoing]:
@@ -158,13 +158,13 @@ class CalibrationExchange(NamedTuple):
 
 
 def command_name(command: int) -> str:
-    """Name of a MAV_CMD without its prefix, or its number."""
+    """Return the name of a MAV_CMD without its prefix, or its number."""
     entry = mavlink.enums["MAV_CMD"].get(command)
     return str(entry.name).removeprefix("MAV_CMD_") if entry else f"command {command}"
 
 
 def refusal(command: int, result: int, reason: str) -> str:
-    """One line that says who refused what, and the vehicle's own words where it gave any."""
+    """Return one line with the command, the result and the vehicle's reason, if any."""
     entry = mavlink.enums["MAV_RESULT"].get(result)
     name = str(entry.name).removeprefix("MAV_RESULT_").lower().replace("_", " ") if entry else f"result {result}"
     return f"{command_name(command)} denied: {reason or name}"

@@ -21,19 +21,19 @@ from wingbeat.text import pluralize
 
 AnyExchange = TypeVar("AnyExchange", bound=Exchange)
 Ended = Callable[[Any], None]
-"""takes an exchange that has ended"""
+"""called with an exchange that has ended"""
 NUMBER = 0
-"""of our link, in our signatures"""
+"""link number in the signatures of the ground station"""
 AUTOPILOT = 1
-"""MAV_COMP_ID_AUTOPILOT1; the component that an autopilot is expected to be"""
+"""MAV_COMP_ID_AUTOPILOT1; default component of an autopilot"""
 PAUSE = 0.01
-"""s; between two looks at a silent link"""
+"""s; polling interval of a silent link"""
 
 
 class Connection:
-    """One link to one vehicle; keeps its `VehicleState` up to date with everything heard.
+    """Link to one vehicle; updates its `VehicleState` from all received messages.
 
-    A ``passive`` connection only listens: the vehicle cannot tell that it is there.
+    A ``passive`` connection only listens and sends nothing.
     """
 
     def __init__(
@@ -47,10 +47,11 @@ class Connection:
     ) -> None:
         """Open the link.
 
-        With a key in ``signing`` every frame of ours is signed, and others' that are not are refused and counted.
+        With a key in ``signing`` every sent frame is signed, and received frames without a valid signature are
+        rejected and counted.
 
-        Who ``passive``ly listens sends nothing. Who ``stays`` is a ground station to the vehicle, which answers for
-        a lost link when it falls silent; who does not only asks a question and may leave.
+        A ``passive`` connection sends nothing. With ``stays`` the heartbeat is that of a ground station, whose loss
+        triggers the vehicle's link-loss failsafe; otherwise it is that of a temporary client, which may disconnect.
 
         Raises:
             InputError: not a link's address, port in use, device missing.
@@ -74,15 +75,15 @@ class Connection:
 
     @property
     def target(self) -> Target:
-        """Whom commands go to: the autopilot heard on this link."""
+        """Target of commands: the autopilot detected on this link."""
         return Target(self.state.system or 1, self._component or AUTOPILOT)
 
     def receive(self) -> list[Any]:
-        """Every message that has arrived, without waiting; sends our heartbeat when it is due."""
+        """Receive all pending messages without blocking; send the heartbeat if it is due."""
         return self._receive()[0]
 
     def _receive(self) -> tuple[list[Any], list[Any]]:
-        """What has arrived, and what of it exchanges are to hear."""
+        """Receive pending messages and pass them to the running exchanges."""
         now = self._clock()
         if not self._passive and now - self._beaten_at >= 1.0:
             self._beaten_at = now
@@ -100,7 +101,7 @@ class Connection:
         return messages, answers
 
     def _meet(self, message: Any) -> None:
-        """Learn which component of the vehicle is its autopilot: the first that says so, or the one that has to."""
+        """Identify the autopilot component of the vehicle: the first that reports one, else the default."""
         if message.get_type() != "HEARTBEAT" or not is_autopilot(message):
             return
         component = message.get_srcComponent()
@@ -108,32 +109,32 @@ class Connection:
             self._component = component
 
     def overhear(self, listener: Callable[[Arrival], None], sent: Callable[[Any], None] | None = None) -> None:
-        """Let ``listener`` take every frame before anything else does, and ``sent`` every message of ours."""
+        """Add a ``listener`` that gets every received frame first, and a ``sent`` listener of sent messages."""
         self._listeners.append(listener)
         if sent is not None:
             self._senders.append(sent)
 
     def now(self) -> float:
-        """s; of the clock that arrivals are stamped with."""
+        """s; clock of the arrival times."""
         return self._clock()
 
     def know_modes(self, names: Mapping[int, str]) -> None:
-        """Keep the names of the modes that the vehicle told."""
+        """Store the mode names that the vehicle announced."""
         if names:
             self.state = self.state._replace(mode_names=tuple(names.items()))
 
     @property
     def bad_bytes(self) -> int:
-        """Bytes heard that belonged to no frame."""
+        """Number of received bytes outside of frames."""
         return sum(reader.bad_bytes for reader in self._readers.values())
 
     @property
     def refused(self) -> int:
-        """Frames without a signature, with a wrong one or said before, where there is a key."""
+        """Number of frames without a signature, with a wrong or repeated one, if there is a key."""
         return sum(self._signing.refused.values())
 
     def begin(self, exchange: Exchange, ended: Ended = lambda exchange: None) -> None:
-        """Let an exchange run beside whatever else happens; ``ended`` is told how it ended."""
+        """Run an exchange in the background; ``ended`` is called at its end."""
         self._background.append((exchange, ended))
 
     def _advance_background(self, messages: list[Any], now: float) -> None:
@@ -148,7 +149,7 @@ class Connection:
                 self._background.append((exchange, ended))
 
     def listen(self, duration: float, enough: Callable[[VehicleState], bool] = lambda state: False) -> None:
-        """Hear what comes for ``duration`` (s), or until the state is ``enough``."""
+        """Receive for ``duration`` (s), or until the state is ``enough``."""
         deadline = self._clock() + duration
         while self._clock() < deadline and not enough(self.state):
             if not self.receive():
@@ -160,14 +161,14 @@ class Connection:
         frames = reader.feed(packet.data)
         if (self._transport.datagrams and not packet.continues) or not packet.data:
             frames += reader.give_up()
-        # A frame whose message cannot be read has a sound checksum all the same, or is another dialect's.
+        # A frame without a readable message may have a valid checksum or belong to another dialect.
         arrivals = [Arrival(frame, read(frame), now) for frame in frames if self._is_trusted(frame)]
         if any(arrival.message is not None for arrival in arrivals):
             self._transport.register_peer(packet.peer)
         return arrivals
 
     def _is_trusted(self, frame: Frame) -> bool:
-        """Whether a frame is to be heard; a radio's own words are never signed."""
+        """Return whether a frame is accepted; the radio's own messages are never signed."""
         self._signed = self._signed or bool(signature_of(frame))
         if not self._signing.active or frame.message_id == mavlink.MAVLINK_MSG_ID_RADIO_STATUS:
             return True
@@ -188,14 +189,14 @@ class Connection:
             sent(message)
 
     def wait(self) -> None:
-        """Let a little time pass."""
+        """Wait for a short time."""
         self._pause(PAUSE)
 
     def find_vehicle(self, timeout: float = 5.0) -> VehicleState:
         """Wait for the first heartbeat of an autopilot.
 
         Raises:
-            LinkSilent: none came within ``timeout`` (s).
+            LinkSilent: none was received within ``timeout`` (s).
         """
         deadline = self._clock() + timeout
         while self.state.system is None:
@@ -206,7 +207,7 @@ class Connection:
         return self.state
 
     def _silence(self, timeout: float) -> str:
-        """What is known of why no heartbeat came."""
+        """Return the probable reason of missing heartbeats."""
         if isinstance(self._transport, TcpClient) and self._transport.trouble and not self._on_message:
             return self._transport.trouble.lower()
         said = f"no heartbeat for {timeout:g} s"
@@ -214,7 +215,7 @@ class Connection:
             return f"{said}; {pluralize(self.refused, 'frame')} rejected by signature"
         if self._on_message or not self.url.startswith("udpout:"):
             return said
-        # Who waits on UDP with a key set does not even answer without it.
+        # A UDP peer with a key does not respond to a client without it.
         advice = (
             "check that the vehicle has this signing key"
             if self._signing.active
@@ -228,7 +229,7 @@ class Connection:
         watch: Callable[[AnyExchange], None] | None = None,
         timeout: float = 120.0,
     ) -> AnyExchange:
-        """Drive an exchange to its end; ``watch`` sees it after every step.
+        """Run an exchange to its end; ``watch`` is called after every step.
 
         Raises:
             NoAnswer: it failed, or took longer than ``timeout`` (s).
@@ -252,7 +253,7 @@ class Connection:
         return exchange
 
     def _hint(self) -> str:
-        """What may be behind silence: a vehicle that signs hears nobody who does not."""
+        """Return a hint about missing responses: a signing vehicle ignores unsigned frames."""
         unsigned = self._signed and not self._signing.active
         return "; the vehicle signs its messages and may require --signing-key" if unsigned else ""
 
@@ -261,23 +262,23 @@ class Connection:
             self.send(message)
 
     def close(self) -> None:
-        """Release the port."""
+        """Close the port."""
         self._transport.close()
 
 
 def _heartbeat(stays: bool) -> Any:
-    """A ground station's, whose silence a vehicle takes for a lost link; or that of one who only has a question."""
+    """Build the heartbeat of a ground station, whose loss is a link loss, or of a temporary client."""
     kind = mavlink.MAV_TYPE_GCS if stays else mavlink.MAV_TYPE_ONBOARD_CONTROLLER
     return mavlink.MAVLink_heartbeat_message(kind, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, mavlink.MAV_STATE_ACTIVE, 3)
 
 
 def listen_locally(first: int = 14600, last: int = 14999) -> Connection:
-    """A passive connection on a free UDP port of the loopback interface.
+    """Open a passive connection on a random free UDP port of the loopback interface.
 
-    Which one is left to chance: a vehicle whose listener died still speaks to the port that he had.
+    The port is random because a vehicle continues to send to the port of a listener that has ended.
 
     Raises:
-        InputError: every port of the range is taken.
+        InputError: every port of the range is in use.
     """
     for port in random.sample(range(first, last), last - first):
         try:

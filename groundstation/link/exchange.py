@@ -15,22 +15,22 @@ from avionics.link.dialect import mavlink
 Outgoing = tuple[Any, ...]
 
 RETRY = 0.7
-"""s; silence after which a request is repeated"""
+"""s; response timeout after which a request is repeated"""
 ATTEMPTS = 12
-"""requests without any answer before an exchange gives up: with 30 % lost each way, one in 3000 does so in vain"""
+"""unanswered requests before an exchange fails: with 30 % loss in each direction, one in 3000 fails"""
 EXPLANATION = 0.3
-"""s; a vehicle has to say why it refused"""
+"""s; time for a vehicle to send the reason of a denial"""
 NOT_YET = 6.0
-"""s; for which what a vehicle rejects for the moment is asked again"""
+"""s; time for which a temporarily rejected request is repeated"""
 LONG_WAIT = 15.0
-"""s; allowed to a vehicle that answered IN_PROGRESS"""
+"""s; timeout for a vehicle that responded IN_PROGRESS"""
 
 SYSTEM = 255
 COMPONENT = 190
 
 
 class Target(NamedTuple):
-    """Whom an exchange talks to."""
+    """Target of an exchange."""
 
     system: int = 1
     """-; MAVLink system id"""
@@ -39,10 +39,10 @@ class Target(NamedTuple):
 
 
 def concerns(message: Any, target: Target) -> bool:
-    """Whether a message is a part of our conversation with ``target``.
+    """Return whether a message belongs to the exchange with ``target``.
 
-    It is when the target's autopilot said it, to us or to nobody in particular: others on the link talk to the same
-    vehicle or are vehicles themselves. A message without an addressee, or with 0 for one, is for all.
+    It does if the target's autopilot sent it, to this ground station or to no particular one: other stations may use
+    the same vehicle, and other vehicles the same link. A message without a target, or with target 0, is a broadcast.
     """
     sender = (message.get_srcSystem(), message.get_srcComponent())
     system, component = (getattr(message, f"target_{part}", 0) for part in ("system", "component"))
@@ -50,64 +50,64 @@ def concerns(message: Any, target: Target) -> bool:
 
 
 class Progress(NamedTuple):
-    """How far an exchange is."""
+    """Progress of an exchange."""
 
     done: int
     """-; parts received or sent"""
     total: int
-    """-; parts altogether, 0 while unknown"""
+    """-; parts in total, 0 if unknown"""
     note: str = ""
     """-; for people, such as "got 43 of 120 parameters, retrying\""""
 
 
 class Exchange(Protocol):
-    """A conversation that ends by itself, well or with a ``failure``."""
+    """Protocol of an exchange with the vehicle, which ends by itself, with a ``failure`` if it failed."""
 
     @property
     def failure(self) -> str:
-        """Why it failed, one line; empty while it did not."""
+        """Reason of the failure, one line; empty without a failure."""
 
     @property
     def finished(self) -> bool:
-        """True once it ended, well or badly."""
+        """Whether the exchange has ended."""
 
     def progress(self) -> Progress:
-        """How far it is."""
+        """Return the progress."""
 
     def step(self, now: float, message: Any | None) -> tuple[Self, Outgoing]:
-        """Take one message, or the passing of time; return the next value and what to send."""
+        """Process one message, or the passing of time; return the next state and the messages to send."""
 
 
 class Timer(NamedTuple):
-    """When the last request went out, and how many went without an answer."""
+    """Time of the last request, and number of requests without a response."""
 
     sent_at: float = float("-inf")
     """s; monotonic"""
     attempts: int = 0
-    """-; since the last answer"""
+    """-; since the last response"""
 
     def due(self, now: float, wait: float = RETRY) -> bool:
-        """Whether it is time to ask (again)."""
+        """Return whether a request is due."""
         return now - self.sent_at >= wait
 
     def again(self, now: float) -> Timer:
-        """After a request was sent."""
+        """Return the timer after a request was sent."""
         return Timer(now, self.attempts + 1)
 
     def answered(self, now: float) -> Timer:
-        """After an answer came: the next request waits its full time."""
+        """Return the timer after a response: the next request waits for the full timeout."""
         return Timer(now, 0)
 
     @property
     def spent(self) -> bool:
-        """Whether all attempts are used."""
+        """Return whether all attempts are used."""
         return self.attempts >= ATTEMPTS
 
 
 def explained(reason: str, message: Any) -> str:
-    """Why the vehicle refuses, as far as it has said it: ``reason`` so far, and what one STATUSTEXT adds to it.
+    """Return the reason of a denial: ``reason`` so far, extended by one STATUSTEXT.
 
-    What is no warning is no reason.
+    Only warnings and more severe messages are reasons.
     """
     if message.severity > mavlink.MAV_SEVERITY_WARNING:
         return reason
@@ -115,6 +115,6 @@ def explained(reason: str, message: Any) -> str:
 
 
 def chunk_of(message: Any) -> str:
-    """The printable text of a STATUSTEXT that may be a part of a longer one, its spaces kept."""
+    """Return the printable text of a STATUSTEXT chunk, with its blanks."""
     text = message.text if isinstance(message.text, str) else message.text.decode("utf-8", "replace")
     return "".join(letter if letter.isprintable() else " " for letter in text.partition("\0")[0])

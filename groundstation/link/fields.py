@@ -13,7 +13,7 @@ _PATTERN = re.compile(r"([A-Za-z0-9_]+)\.([A-Za-z0-9_]+)(?:\[(\d+)\])?")
 
 
 class Field(NamedTuple):
-    """Which number of which message."""
+    """Field of a message."""
 
     message: str
     """-; name of the message"""
@@ -22,25 +22,25 @@ class Field(NamedTuple):
     element: int | None = None
     """-; of an element of an array"""
     unit: str = ""
-    """-; of the wire"""
+    """-; unit on the wire"""
 
     @property
     def path(self) -> str:
-        """As it is written."""
+        """Notation MESSAGE.field."""
         return f"{self.message}.{self.name}" + ("" if self.element is None else f"[{self.element}]")
 
     def value(self, message: Any) -> Any:
-        """The field of a message of this kind: a number, a text, or a list."""
+        """Return the field's value in a message of this type: a number, a text, or a list."""
         value = getattr(message, self.name)
         return value if self.element is None else value[self.element]
 
 
 def parse_field(text: str) -> Field:
-    """The field that ``text`` names, in any case.
+    """Parse a field name, case-insensitive.
 
     Raises:
-        InputError: not MESSAGE.FIELD, an unknown message, or a field that it does not have; the text says which it
-            has.
+        InputError: not MESSAGE.FIELD, an unknown message, or a field that it does not have; the message lists its
+            fields.
     """
     match = _PATTERN.fullmatch(text.strip())
     if match is None:
@@ -63,14 +63,14 @@ def parse_field(text: str) -> Field:
 
 
 def _length(kind: Any, name: str) -> int:
-    """Elements of an array of numbers; 0 for a single value or a text."""
+    """Return the number of elements of a numeric array; 0 for a single value or a text."""
     if kind.fieldtypes[kind.fieldnames.index(name)] == "char":
         return 0
     return int(kind.array_lengths[kind.ordered_fieldnames.index(name)])
 
 
 def message_names() -> list[str]:
-    """Of our dialect."""
+    """Return the message names of the Wingbeat dialect."""
     from avionics.link.dialect import mavlink
 
     return [kind.msgname for kind in mavlink.mavlink_map.values()]

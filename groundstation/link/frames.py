@@ -10,17 +10,17 @@ from avionics.link.framing import MARKER_V2, Frame, FrameReader, decode
 
 
 class Arrival(NamedTuple):
-    """One frame, and what it says."""
+    """One frame with its message."""
 
     frame: Frame
     message: Any
-    """the generated message object; None where no dialect at hand knows it"""
+    """decoded message; None if no known dialect defines it"""
     at: float
-    """s; of the ground's monotonic clock"""
+    """s; on the ground's monotonic clock"""
 
 
 class GroundReader(FrameReader):
-    """Cuts frames out of one stream and gives those with an unknown number too, in the order in which they came."""
+    """Parser of the frames of one stream, those of unknown messages included, in order of arrival."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -44,17 +44,17 @@ def _foreign(raw: bytes) -> Frame:
 
 
 def sequence(frame: Frame) -> int:
-    """The sender's count of its frames, 0 to 255."""
+    """Return the sender's frame counter, 0 to 255."""
     return frame.raw[4] if frame.raw[0] == MARKER_V2 else frame.raw[2]
 
 
 def known(message_id: int) -> bool:
-    """Whether our own dialect has a message."""
+    """Return whether the Wingbeat dialect defines a message."""
     return message_id in mavlink.mavlink_map
 
 
 def read(frame: Frame) -> Any | None:
-    """The message in a frame; None where its number is unknown or its payload is not that message's."""
+    """Decode the message of a frame; None if its number is unknown or its payload is invalid."""
     try:
         return decode(frame) if known(frame.message_id) else _read_foreign(frame)
     except (mavlink.MAVError, ValueError):
@@ -73,14 +73,14 @@ def _read_foreign(frame: Frame) -> Any | None:
 
 @functools.cache
 def _other_dialect() -> Any:
-    """ArduPilot's, with the common messages in it; only who hears a stranger pays the tenths of a second."""
+    """Return ArduPilot's dialect, with the common messages; loaded on demand because the import is slow."""
     from pymavlink.dialects.v20 import ardupilotmega
 
     return ardupilotmega
 
 
 def message_class(name: str) -> Any | None:
-    """The generated class of a message by its name, in our dialect or else in the other."""
+    """Return the message class of a name in the Wingbeat dialect or else in the other."""
     return _named(mavlink, name) or _named(_other_dialect(), name)
 
 
@@ -89,13 +89,13 @@ def _named(dialect: Any, name: str) -> Any | None:
 
 
 def label(message: Any, enum: str, value: int) -> str:
-    """Name of a value of an enumeration, as the dialect of ``message`` has it; empty where there is none."""
+    """Return the name of an enumeration value in the dialect of ``message``; empty if there is none."""
     entry = _dialect_of(type(message)).enums.get(enum, {}).get(value)
     return "" if entry is None else str(entry.name)
 
 
 def labels(kind: Any, field: str) -> dict[int, str]:
-    """Names of the values of a field of a generated message class; none for flags, which are many at once."""
+    """Return the value names of a field of a message class; none for bit masks."""
     enum = kind.fieldenums_by_name.get(field)
     if enum is None or kind.fielddisplays_by_name.get(field) == "bitmask":
         return {}

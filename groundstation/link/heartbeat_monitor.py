@@ -8,25 +8,25 @@ from groundstation.link.frames import Arrival
 from groundstation.link.vehicle_state import VehicleState
 
 NOTICED = 5.0
-"""s; a vehicle says at least its heartbeat once a second: five of them in a row are missing"""
+"""s; silence that counts as a loss: five missing heartbeats"""
 AGAIN = 60.0
-"""s; of silence, between two lines about it"""
+"""s; of silence, between two notices"""
 
 
 class HeartbeatMonitor:
-    """Listens to the frames of one vehicle, and says when there are none."""
+    """Monitor of the frames of one vehicle with notices of their loss."""
 
     def __init__(self, state: Callable[[], VehicleState], now: float) -> None:
-        """``state`` tells whose frames count; ``now`` (s) is the clock that arrivals are stamped with."""
+        """Monitor the vehicle of ``state``; ``now`` (s) is the clock of the arrival times."""
         self.total = 0.0
-        """s; of all silences that were noticed and have ended"""
+        """s; total of the losses that have ended"""
         self._state = state
         self._received_at = now
         self._due = now + NOTICED
         self._news: list[str] = []
 
     def handle_frame(self, arrival: Arrival) -> None:
-        """Take one frame of anybody's."""
+        """Process one frame of any sender."""
         if arrival.frame.system != self._state().system:
             return
         silence = arrival.at - self._received_at
@@ -36,12 +36,12 @@ class HeartbeatMonitor:
         self._received_at, self._due = arrival.at, arrival.at + NOTICED
 
     def silence(self, now: float) -> float:
-        """s; of silence so far, the one that lasts included."""
+        """Return the total silence in s, the present one included."""
         lasting = now - self._received_at
         return self.total + (lasting if lasting >= NOTICED else 0.0)
 
     def news(self, now: float) -> list[str]:
-        """Lines for people that were not told yet."""
+        """Return the new notices."""
         told, self._news = self._news, []
         if now >= self._due:
             silence = now - self._received_at

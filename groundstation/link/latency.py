@@ -9,13 +9,13 @@ from typing import Any
 from avionics.link.dialect import mavlink
 
 PERIOD = 1.0
-"""s; between two questions"""
+"""s; between two requests"""
 PENDING = 16
-"""questions whose answer may still come"""
+"""number of requests whose response is awaited"""
 
 
 class Latency:
-    """Asks once a second; the median of the last answers is the latency."""
+    """Latency measurement: the median of the last responses to requests once a second."""
 
     def __init__(self) -> None:
         self._requested_at = float("-inf")
@@ -24,7 +24,7 @@ class Latency:
         self._number = 0
 
     def questions(self, now: float) -> tuple[Any, ...]:
-        """What to send at ``now`` (s, monotonic)."""
+        """Return the messages to send at ``now`` (s, monotonic)."""
         if now - self._requested_at < PERIOD:
             return ()
         self._requested_at = now
@@ -35,7 +35,7 @@ class Latency:
         return sync, mavlink.MAVLink_ping_message(stamp // 1000, self._number, 0, 0)
 
     def handle_message(self, message: Any, now: float) -> None:
-        """Take any message; only an answer to a question of ours counts."""
+        """Process any message; only a response to a request of this station counts."""
         kind = message.get_type()
         if kind == "TIMESYNC" and message.tc1 != 0 and message.ts1 in self._questions:
             self._trips.append((now, now - message.ts1 * 1e-9))
@@ -46,6 +46,6 @@ class Latency:
         return any(stamp // 1000 == ping.time_usec for stamp in self._questions)
 
     def value(self, now: float) -> float | None:
-        """s; there and back, None where nobody answered for ten seconds."""
+        """Return the round-trip time in s, None without a response within ten seconds."""
         lately = [trip for at, trip in self._trips if now - at <= 10.0]
         return statistics.median(lately) if lately else None

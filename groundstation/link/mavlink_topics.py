@@ -17,7 +17,7 @@ from logs.layout import Field, Layout
 from wingbeat.topic import Topic
 
 FIRST_CHANNEL = 3000
-"""the ground's channels: below are the flight computer's, the world's and the viewers'"""
+"""channels of the ground station: lower ones are those of the flight computer, the world and the viewers"""
 SCALARS = {
     "uint8_t": "fixed32",
     "uint16_t": "fixed32",
@@ -34,20 +34,20 @@ TIME = Field("time_us", 1, "fixed64", 0, "us", "since boot of the vehicle, by it
 
 
 def topic_of(kind: Any, channel: int) -> Topic[Any]:
-    """The topic of a generated message class, ``/mavlink/ATTITUDE``; its rate is not known, so 0."""
+    """Return the topic of a message class, ``/mavlink/ATTITUDE``; its rate is unknown, so 0."""
     message = Document if "char" in kind.fieldtypes else _numbers(kind)
     return Topic(f"/mavlink/{kind.msgname}", message, channel, 0.0, deterministic=False)
 
 
 def encode(topic: Topic[Any], message: Any, time_us: int) -> Any:
-    """What of a MAVLink message goes into its topic."""
+    """Convert a MAVLink message to a message of its topic."""
     if topic.message is Document:
         return Document(time_us, document(message))
     return topic.message(time_us, *(getattr(message, name) for name in message.fieldnames))
 
 
 def document(message: Any) -> dict[str, Any]:
-    """Every field of a message in the types of JSON."""
+    """Convert every field of a message to JSON types."""
     return {name: _plain(getattr(message, name)) for name in message.fieldnames}
 
 

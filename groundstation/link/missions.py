@@ -17,15 +17,15 @@ from groundstation.link.exchange import (
 )
 
 CONFIRMATION = 1.5
-"""s; a vehicle has to take a whole mission over and to say so, before its last item is sent again"""
+"""s; timeout of a vehicle's confirmation of a complete mission, before the last item is repeated"""
 REPEATS = 3
-"""times that the last item is sent again to a vehicle which does not confirm the mission"""
+"""number of repetitions of the last item if the vehicle does not confirm the mission"""
 OFFERS = 2
-"""times that a whole mission is offered again to a vehicle which does not confirm it"""
+"""number of repetitions of the whole transfer if the vehicle does not confirm the mission"""
 
 
 class Item(NamedTuple):
-    """One mission item as MISSION_ITEM_INT carries it."""
+    """Mission item in the format of MISSION_ITEM_INT."""
 
     frame: int
     """-; MAV_FRAME"""
@@ -40,17 +40,17 @@ class Item(NamedTuple):
     z: float
     """m; altitude"""
     autocontinue: int = 1
-    """-; 1 to go on to the next item"""
+    """-; 1 to continue with the next item"""
 
 
 def item_of(message: Any) -> Item:
-    """Take the item out of a MISSION_ITEM_INT."""
+    """Read the item of a MISSION_ITEM_INT."""
     parameters = (message.param1, message.param2, message.param3, message.param4)
     return Item(message.frame, message.command, parameters, message.x, message.y, message.z, message.autocontinue)
 
 
 class MissionDownload(NamedTuple):
-    """MISSION_REQUEST_LIST, then item by item, then our acknowledgement."""
+    """MISSION_REQUEST_LIST, then each item, then the acknowledgement to the vehicle."""
 
     target: Target
     items: tuple[Item, ...] = ()
@@ -62,11 +62,11 @@ class MissionDownload(NamedTuple):
 
     @property
     def finished(self) -> bool:
-        """True once every item was heard."""
+        """Whether every item was received or the download failed."""
         return bool(self.failure) or (self.total is not None and len(self.items) >= self.total)
 
     def progress(self) -> Progress:
-        """Items received, of how many."""
+        """Items received, and their total."""
         note = f"got {len(self.items)} of {'?' if self.total is None else self.total} mission items"
         return Progress(len(self.items), self.total or 0, note + (", retrying" if self.timer.attempts > 1 else ""))
 
@@ -105,11 +105,11 @@ class MissionDownload(NamedTuple):
 
 
 class MissionUpload(NamedTuple):
-    """MISSION_COUNT, then the items the vehicle asks for, until its MISSION_ACK.
+    """MISSION_COUNT, then the items that the vehicle requests, until its MISSION_ACK.
 
-    While the vehicle asks, repeating is its part (MAVLink mission protocol). The acknowledgement at the end nobody
-    asks for, and it is said once: whoever does not hear it sends the last item again, which a vehicle that has it all
-    acknowledges again (PX4, ours), calls an error (ArduPilot) or passes over. Then the mission is offered anew.
+    The vehicle repeats its requests (MAVLink mission protocol). Its final acknowledgement is sent once without a
+    request. If it is lost, the last item is sent again: a vehicle with the complete mission acknowledges it again
+    (PX4, Wingbeat), reports an error (ArduPilot) or ignores it. Then the transfer is repeated.
     """
 
     target: Target
@@ -119,24 +119,24 @@ class MissionUpload(NamedTuple):
     timer: Timer = Timer()
     accepted: bool = False
     reason: str = ""
-    """-; what the vehicle said meanwhile: why it refuses"""
+    """-; STATUSTEXT meanwhile, as the reason of a denial"""
     failure: str = ""
     mission_type: int = 0
     """-; MAV_MISSION_TYPE: mission, fence or rally points"""
     result: int | None = None
-    """-; MAV_MISSION_RESULT of a refusal"""
+    """-; MAV_MISSION_RESULT of a denial"""
     repeats: int = 0
-    """-; times that the last item was sent again"""
+    """-; repetitions of the last item"""
     offers: int = 0
-    """-; times that the whole was offered again"""
+    """-; repetitions of the whole transfer"""
 
     @property
     def finished(self) -> bool:
-        """True once the vehicle acknowledged."""
+        """Whether the vehicle acknowledged or the upload failed."""
         return self.accepted or bool(self.failure)
 
     def progress(self) -> Progress:
-        """Items sent, of how many."""
+        """Items sent, and their total."""
         total = len(self.items)
         if self.repeats or self.offers:
             return Progress(self.sent, total, f"sent all {total} mission items, not confirmed yet, retrying")
@@ -158,13 +158,13 @@ class MissionUpload(NamedTuple):
 
     @property
     def _wait(self) -> float:
-        """s; of silence that the vehicle is allowed."""
+        """Return the timeout in s."""
         if self.sent == 0:
             return RETRY
         return CONFIRMATION if self._all_sent else ATTEMPTS * RETRY
 
     def _remind(self, now: float) -> tuple[MissionUpload, Outgoing]:
-        """What silence asks for: the offer again, the last item again, or an end."""
+        """Act on a timeout: repeat the count, repeat the last item, or fail."""
         if self.sent == 0 and not self.timer.spent:
             count = mavlink.MAVLink_mission_count_message(*self.target, len(self.items), self.mission_type)
             return self._replace(timer=self.timer.again(now)), (count,)
@@ -204,17 +204,17 @@ class MissionUpload(NamedTuple):
 
     def _acknowledged(self, now: float, result: int) -> MissionUpload:
         if result == mavlink.MAV_MISSION_ACCEPTED:
-            # Before the last item was sent it is that of an older transfer.
+            # Before the last item was sent, the acknowledgement is that of an older transfer.
             return self._replace(accepted=self._all_sent)
         if result == mavlink.MAV_MISSION_INVALID_SEQUENCE:
-            # An item came twice; the vehicle asks on for the one it wants.
+            # A duplicate item; the vehicle continues with the request of the required one.
             return self
         if result == mavlink.MAV_MISSION_ERROR and self.repeats:
             return self._offer_again()
         return self._replace(result=result, timer=Timer(now, 1))._refused(now)
 
     def _refused(self, now: float) -> MissionUpload:
-        """Give the vehicle a moment to say why: its STATUSTEXT may come after the acknowledgement."""
+        """Wait for the reason: the STATUSTEXT may follow the acknowledgement."""
         if not self.reason and not self.timer.due(now, EXPLANATION):
             return self
         reason = f": {self.reason.strip()}" if self.reason else ""
@@ -238,6 +238,6 @@ class MissionUpload(NamedTuple):
 
 
 def mission_result(result: int) -> str:
-    """Words of a MAV_MISSION_RESULT."""
+    """Return the text of a MAV_MISSION_RESULT."""
     entry = mavlink.enums["MAV_MISSION_RESULT"].get(result)
     return str(entry.name).removeprefix("MAV_MISSION_").lower().replace("_", " ") if entry else f"result {result}"

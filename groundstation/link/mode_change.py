@@ -12,18 +12,18 @@ from groundstation.link.vehicle_state import is_autopilot
 
 
 class ModeChange(NamedTuple):
-    """DO_SET_MODE until a HEARTBEAT shows the mode: an acknowledgement alone does not prove it."""
+    """DO_SET_MODE until a HEARTBEAT shows the mode; an acknowledgement is not sufficient."""
 
     request: CommandExchange
     custom_mode: int
-    """-; as HEARTBEAT will show it"""
+    """-; as in HEARTBEAT"""
     confirmed: bool = False
     accepted_at: float | None = None
     timed_out: bool = False
 
     @property
     def failure(self) -> str:
-        """Why it failed, one line."""
+        """Reason of the failure, one line."""
         if self.timed_out:
             return "the vehicle accepted the mode but did not change to it" + self._because()
         return self.request.failure
@@ -33,11 +33,11 @@ class ModeChange(NamedTuple):
 
     @property
     def finished(self) -> bool:
-        """True once the heartbeat shows the mode, or it failed."""
+        """Whether the heartbeat shows the mode, or the change failed."""
         return self.confirmed or bool(self.failure)
 
     def progress(self) -> Progress:
-        """Two parts: acknowledged, and shown."""
+        """Two parts: acknowledgement and heartbeat."""
         return Progress(int(self.request.finished) + int(self.confirmed), 2, self.request.progress().note)
 
     def step(self, now: float, message: Any | None) -> tuple[ModeChange, Outgoing]:
@@ -58,7 +58,7 @@ class ModeChange(NamedTuple):
 
 
 def change_mode(target: Target, custom_mode: int, main_and_sub: bool) -> ModeChange:
-    """Build the exchange; ``main_and_sub`` for the custom modes of PX4's layout (main << 16 | sub << 24)."""
+    """Build the exchange; ``main_and_sub`` for custom modes in PX4's layout (main << 16 | sub << 24)."""
     numbers = (custom_mode >> 16 & 0xFF, custom_mode >> 24 & 0xFF) if main_and_sub else (custom_mode, 0)
     flags = float(mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED)
     command = CommandExchange(target, mavlink.MAV_CMD_DO_SET_MODE, (flags, float(numbers[0]), float(numbers[1])))
@@ -66,7 +66,7 @@ def change_mode(target: Target, custom_mode: int, main_and_sub: bool) -> ModeCha
 
 
 class ModeNames(NamedTuple):
-    """Ask for AVAILABLE_MODES; a vehicle without them is no failure."""
+    """AVAILABLE_MODES request; a vehicle without them is not a failure."""
 
     request: CommandExchange
     names: Mapping[int, str] = {}
@@ -78,11 +78,11 @@ class ModeNames(NamedTuple):
 
     @property
     def finished(self) -> bool:
-        """True once all names are known, or the vehicle has none."""
+        """Whether all names are known, or the vehicle has none."""
         return self.given_up or (self.total is not None and len(self.names) >= self.total)
 
     def progress(self) -> Progress:
-        """Modes heard of."""
+        """Number of modes received."""
         return Progress(len(self.names), self.total or 0)
 
     def step(self, now: float, message: Any | None) -> tuple[ModeNames, Outgoing]:
@@ -97,6 +97,6 @@ class ModeNames(NamedTuple):
 
 
 def request_mode_names(target: Target) -> ModeNames:
-    """Build the exchange that asks a vehicle for the names of its modes."""
+    """Build the exchange that requests the mode names of a vehicle."""
     wanted = (float(mavlink.MAVLINK_MSG_ID_AVAILABLE_MODES), 0.0)
     return ModeNames(CommandExchange(target, mavlink.MAV_CMD_REQUEST_MESSAGE, wanted))

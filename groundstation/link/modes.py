@@ -13,12 +13,12 @@ PX4 = 12
 
 
 def known_modes(state: VehicleState) -> dict[str, int]:
-    """Upper-case names to custom modes; empty where neither the vehicle nor its kind says."""
+    """Return upper-case names with custom modes; empty if neither the vehicle nor its type defines them."""
     return {canonical(name): number for number, name in state.mode_names} or _table(state)
 
 
 def mode_numbers(state: VehicleState) -> dict[str, int]:
-    """`known_modes`, and the usual names of its autopilot for modes that the vehicle announces by others."""
+    """Return `known_modes`, and the usual names of the autopilot for modes announced under other names."""
     known = known_modes(state)
     there = set(known.values())
     return {**{name: number for name, number in _table(state).items() if number in there}, **known}
@@ -32,7 +32,7 @@ EQUIVALENT = (
     ("LAND", "AUTOLAND"),
     ("LOITER", "HOLD"),
 )
-"""names of the same mode with different autopilots, in the order in which they are tried"""
+"""names of the same mode on different autopilots, in order of preference"""
 
 
 def equivalent(state: VehicleState, name: str) -> str:
@@ -43,7 +43,7 @@ def equivalent(state: VehicleState, name: str) -> str:
 
 
 def canonical(name: str) -> str:
-    """A mode's name as the tables spell it."""
+    """Return a mode name in the notation of the tables."""
     return name.upper().replace(" ", "_").replace("-", "_")
 
 
@@ -56,13 +56,13 @@ def _table(state: VehicleState) -> dict[str, int]:
 
 
 def mode_name(state: VehicleState) -> str:
-    """Name of the present mode for people, as events and `known_modes` have it; empty before the first heartbeat."""
+    """Return the present mode's display name, as in events and `known_modes`; empty before a heartbeat."""
     key = mode_key(state)
     return key if key in known_modes(state) else key.replace("_", " ")
 
 
 def mode_key(state: VehicleState) -> str:
-    """The present mode as `known_modes` spells it, ``ALTITUDE_HOLD``, or ``mode_5``; empty before a heartbeat."""
+    """Return the present mode in the notation of `known_modes`, or ``mode_5``; empty before a heartbeat."""
     if state.custom_mode is None:
         return ""
     names: Mapping[int, str] = {number: name for name, number in known_modes(state).items()}
@@ -70,19 +70,19 @@ def mode_key(state: VehicleState) -> str:
 
 
 def type_name(vehicle_type: int | None) -> str:
-    """Name of a MAV_TYPE for people: ``flapping wing``."""
+    """Return the display name of a MAV_TYPE: ``flapping wing``."""
     entry = mavlink.enums["MAV_TYPE"].get(vehicle_type)
     return "vehicle" if entry is None else str(entry.name).removeprefix("MAV_TYPE_").lower().replace("_", " ")
 
 
 def autopilot_name(autopilot: int | None) -> str:
-    """Name of a MAV_AUTOPILOT for people: ``ardupilotmega``."""
+    """Return the display name of a MAV_AUTOPILOT: ``ardupilotmega``."""
     entry = mavlink.enums["MAV_AUTOPILOT"].get(autopilot)
     return "autopilot" if entry is None else str(entry.name).removeprefix("MAV_AUTOPILOT_").lower().replace("_", " ")
 
 
 def uses_main_and_sub(state: VehicleState) -> bool:
-    """Whether DO_SET_MODE takes main and sub mode apart, as PX4 does and we do."""
+    """Return whether DO_SET_MODE takes separate main and sub modes, as PX4 and Wingbeat do."""
     return state.autopilot != ARDUPILOT
 
 

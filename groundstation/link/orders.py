@@ -17,46 +17,46 @@ from wingbeat.errors import InputError
 from wingbeat.text import did_you_mean
 
 FORCE = 21196.0
-"""MAVLink's magic number that disarms in flight"""
+"""MAVLink's magic number to disarm in flight"""
 AUTOLAND = "AUTOLAND"
 TAKEOFF_ALTITUDE = "TKOFF_ALT"
-"""ArduPlane's parameter, m above where it takes off"""
+"""ArduPlane parameter, m above the takeoff position"""
 CHANGE_MODE = 1.0
-"""MAV_DO_REPOSITION_FLAGS: change into the mode that flies to a place"""
+"""MAV_DO_REPOSITION_FLAGS: change to the mode that flies to a position"""
 
 
 def arm(target: Target) -> CommandExchange:
-    """Let the wings move."""
+    """Arm: enable the wings."""
     return CommandExchange(target, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, (1.0, 0.0))
 
 
 def disarm(target: Target, force: bool = False) -> CommandExchange:
-    """Stop the wings; with ``force`` even in flight."""
+    """Disarm: stop the wings; with ``force`` even in flight."""
     return CommandExchange(target, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, (0.0, FORCE if force else 0.0))
 
 
 def kill(target: Target) -> CommandExchange:
-    """Stop the wings wherever they are."""
+    """Stop the wings at once, also in flight."""
     return disarm(target, force=True)
 
 
 def return_home(connection: Connection) -> Exchange:
-    """Come back: the command, which every autopilot has."""
+    """Return home by the command, which every autopilot supports."""
     return CommandExchange(connection.target, mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH)
 
 
 def land(connection: Connection) -> Exchange:
-    """Land here; an aeroplane of ArduPilot's, which takes no such command, by its mode AUTOLAND, else RTL."""
+    """Land; an ArduPilot airplane, which lacks the command, by its mode AUTOLAND, else RTL."""
     if flies_by_modes(connection.state):
         return change_to(connection, landing_mode(connection.state))
     return CommandExchange(connection.target, mavlink.MAV_CMD_NAV_LAND)
 
 
 def change_to(connection: Connection, name: str) -> ModeChange:
-    """Change to a mode by its name, in any case, with spaces, dashes or underscores.
+    """Change to a mode by name, case-insensitive, with blanks, dashes or underscores.
 
     Raises:
-        InputError: the vehicle has no such mode; the text says which it has.
+        InputError: the vehicle has no such mode; the message lists its modes.
     """
     state = connection.state
     number = modes.mode_numbers(state).get(modes.canonical(name))
@@ -70,7 +70,7 @@ def change_to(connection: Connection, name: str) -> ModeChange:
 
 
 class Place(NamedTuple):
-    """Where to fly."""
+    """Target position."""
 
     latitude: float
     """degrees; WGS-84"""
@@ -79,22 +79,22 @@ class Place(NamedTuple):
     altitude: float
     """m; above home"""
     radius: float = math.nan
-    """m; of the circle there, NaN for the vehicle's own"""
+    """m; loiter radius, NaN for the vehicle's default"""
 
 
 def counts_from_the_sea(state: VehicleState) -> bool:
-    """Whether commands give altitudes above the sea, as PX4 takes them whatever the frame says."""
+    """Return whether commands use altitudes above sea level, as PX4 does regardless of the frame."""
     return state.autopilot == modes.PX4
 
 
 def flies_by_modes(state: VehicleState) -> bool:
-    """Whether takeoff and landing are modes and no commands: of an ArduPlane without rotors to hover on."""
+    """Return whether takeoff and landing are modes instead of commands: for an ArduPlane without hover rotors."""
     fixed = state.vehicle_type == mavlink.MAV_TYPE_FIXED_WING
     return fixed and state.autopilot == modes.ARDUPILOT and not state.is_wingbeat
 
 
 def landing_mode(state: VehicleState) -> str:
-    """The mode that an ArduPlane lands in; those before 4.6 know no AUTOLAND, and announce no modes either."""
+    """Return the landing mode of an ArduPlane; versions before 4.6 lack AUTOLAND and announce no modes."""
     announced = {number for number, _ in state.mode_names}
     return AUTOLAND if modes.mode_numbers(state).get(AUTOLAND) in announced else "RTL"
 
@@ -105,20 +105,20 @@ RESULTING: dict[str, tuple[str, ...]] = {
     "return": ("RETURN", "RTL"),
     "land": ("LAND", AUTOLAND),
 }
-"""modes that an order leads to, by their names with the autopilots: an order is obeyed when the vehicle is in one"""
+"""modes that result from a command, by their names on the autopilots: one of them shows its execution"""
 
 
 def resulting_modes(state: VehicleState, verb: str) -> frozenset[int]:
-    """Custom modes, one of which the vehicle shows when it obeys an order; empty where it has none of their names."""
+    """Return the custom modes that show the execution of a command; empty if the vehicle has none of them."""
     known = modes.mode_numbers(state)
     wanted = (landing_mode(state),) if verb == "land" and flies_by_modes(state) else RESULTING[verb]
     return frozenset(known[name] for name in wanted if name in known)
 
 
 def takeoff(connection: Connection, altitude: float, home: Home | None) -> Exchange:
-    """Climb to ``altitude`` (m above home, NaN for what is planned); ``home`` for who counts from the sea.
+    """Take off to ``altitude`` (m above home, NaN for the planned one); ``home`` if altitudes are above sea level.
 
-    An aeroplane of ArduPilot's does it by its mode TAKEOFF, to the altitude of its parameter `TAKEOFF_ALTITUDE`.
+    An ArduPilot airplane uses its mode TAKEOFF, to the altitude of its parameter `TAKEOFF_ALTITUDE`.
     """
     if flies_by_modes(connection.state):
         return change_to(connection, "TAKEOFF")
@@ -129,11 +129,11 @@ def takeoff(connection: Connection, altitude: float, home: Home | None) -> Excha
 
 
 def go_to(connection: Connection, place: Place, home: Home | None) -> CommandExchange:
-    """Fly to ``place`` and circle there; ``home`` for who counts from the sea."""
+    """Fly to ``place`` and loiter; ``home`` is used if altitudes are above sea level."""
     frame = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT if home is None else mavlink.MAV_FRAME_GLOBAL
     altitude = place.altitude + (0.0 if home is None else home.altitude)
     x, y = (float(round(1e7 * angle)) for angle in (place.latitude, place.longitude))
-    # ArduPilot takes no NaN for a radius or a direction of circling; 0 is its own.
+    # ArduPilot accepts no NaN for radius or direction of a loiter; 0 is its default.
     ardupilot = connection.state.autopilot == modes.ARDUPILOT
     radius = 0.0 if ardupilot and math.isnan(place.radius) else place.radius
     heading = 0.0 if ardupilot else math.nan

@@ -26,10 +26,10 @@ def write(path: Path, target: Target, parameters: Sequence[Parameter]) -> None:
 
 
 def read(path: Path) -> dict[str, float]:
-    """Values by name.
+    """Read the values by name.
 
     Raises:
-        InputError: unreadable, or a line that is malformed; the text gives its number.
+        InputError: unreadable, or a line that is malformed; the message has its number.
     """
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()

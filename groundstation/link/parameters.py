@@ -12,9 +12,9 @@ from groundstation.link.modes import PX4
 from groundstation.link.vehicle_state import VehicleState
 
 BATCH = 12
-"""missing parameters asked for at once"""
+"""number of missing parameters requested at once"""
 DOUBTED = 3
-"""times that a value is sent before an answer with the old one counts: on a slow link it may be that of a reading"""
+"""transmissions of a value before a response with the old value counts: on a slow link it may belong to a read"""
 _INTEGER_LAYOUT = {1: "<Bxxx", 2: "<bxxx", 3: "<Hxx", 4: "<hxx", 5: "<I", 6: "<i"}
 
 
@@ -24,11 +24,11 @@ class Parameter(NamedTuple):
     name: str
     """-; at most 16 characters"""
     value: float | int
-    """-; in the vehicle's own unit"""
+    """-; in the vehicle's unit"""
     kind: int
     """-; MAV_PARAM_TYPE"""
     number: int
-    """-; in the vehicle's list, 65535 when not said"""
+    """-; index in the vehicle's list, 65535 if unspecified"""
 
 
 def decode_parameter(message: Any, bytewise: bool) -> Parameter:
@@ -41,7 +41,7 @@ def decode_parameter(message: Any, bytewise: bool) -> Parameter:
 
 
 def encode_value(value: float, kind: int, bytewise: bool) -> float:
-    """The float that carries ``value`` on the wire.
+    """Return the float that carries ``value`` on the wire.
 
     Raises:
         ValueError: the value does not fit the parameter's integer type.
@@ -59,7 +59,7 @@ def encode_value(value: float, kind: int, bytewise: bool) -> float:
         return float(value)
     carried = float(struct.unpack("<f", packed)[0])
     if struct.pack("<f", carried) != packed:
-        # The bytes are those of a signalling NaN, which arithmetic silences on its way.
+        # The bytes may be a signaling NaN, which floating-point operations would change.
         raise ValueError(f"{value:g} cannot be carried by MAVLink's float")
     return carried
 
@@ -70,7 +70,7 @@ def _name(message: Any) -> str:
 
 
 def is_bytewise(state: VehicleState) -> bool:
-    """Whether a vehicle sends whole numbers as the float's bytes: as its capabilities say, else as its kind does."""
+    """Return whether a vehicle sends integers as the float's bytes, from its capabilities or its type."""
     capabilities = state.capabilities or 0
     if capabilities & mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_BYTEWISE:
         return True
@@ -80,7 +80,7 @@ def is_bytewise(state: VehicleState) -> bool:
 
 
 class ParameterDownload(NamedTuple):
-    """The whole list; what is missing after a silence is asked for by index."""
+    """Download of all parameters; missing ones are requested by index after a timeout."""
 
     target: Target
     bytewise: bool = False
@@ -93,11 +93,11 @@ class ParameterDownload(NamedTuple):
 
     @property
     def finished(self) -> bool:
-        """True once every index was heard, or nothing more comes."""
+        """Whether every index was received, or the download ended."""
         return bool(self.failure) or (self.total is not None and len(self.values) >= self.total)
 
     def progress(self) -> Progress:
-        """Parameters received, of how many."""
+        """Parameters received, and their total."""
         note = f"got {len(self.values)} of {self.total or '?'} parameters"
         return Progress(len(self.values), self.total or 0, note + (", retrying" if self.retrying else ""))
 
@@ -132,7 +132,7 @@ def _retrying(timer: Timer, name: str) -> str:
 
 
 class ParameterRead(NamedTuple):
-    """One parameter by its name."""
+    """Read of one parameter by name."""
 
     target: Target
     name: str
@@ -143,7 +143,7 @@ class ParameterRead(NamedTuple):
 
     @property
     def finished(self) -> bool:
-        """True once it was heard, or is known not to exist."""
+        """Whether it was received, or does not exist."""
         return self.value is not None or bool(self.failure)
 
     def progress(self) -> Progress:
@@ -171,27 +171,27 @@ class ParameterRead(NamedTuple):
 
 
 class ParameterWrite(NamedTuple):
-    """Set one parameter; the answer says what the vehicle made of it."""
+    """Write of one parameter; the response has the value that the vehicle stored."""
 
     target: Target
     known: Parameter
     """as read before: name and type"""
     value: float
-    """-; asked for"""
+    """-; requested"""
     bytewise: bool = False
     answer: Parameter | None = None
     timer: Timer = Timer()
     reason: str = ""
-    """-; what the vehicle said meanwhile: why it refuses, and what it allows"""
+    """-; STATUSTEXT meanwhile: reason and limits of a denial"""
     failure: str = ""
     kept: Parameter | None = None
-    """what the vehicle holds instead of the value asked for"""
+    """value that the vehicle stored instead of the requested one"""
     error: int | None = None
     """-; MAV_PARAM_ERROR"""
 
     @property
     def finished(self) -> bool:
-        """True once the vehicle answered."""
+        """Whether the vehicle responded."""
         return self.answer is not None or bool(self.failure)
 
     def progress(self) -> Progress:
@@ -226,7 +226,7 @@ class ParameterWrite(NamedTuple):
         return self._replace(answer=answer)
 
     def _refused(self, now: float) -> ParameterWrite:
-        """Give the vehicle a moment to say what it allows: PARAM_ERROR and STATUSTEXT follow PARAM_VALUE."""
+        """Wait for the limits: PARAM_ERROR and STATUSTEXT follow PARAM_VALUE."""
         if not self.reason and not self.timer.due(now, EXPLANATION):
             return self
         return self._replace(failure=f"{self._denial()}{self._because()}")
@@ -248,5 +248,5 @@ class ParameterWrite(NamedTuple):
 
 
 def same(first: float, second: float) -> bool:
-    """Whether two values are equal after a round trip through the wire's single-precision float."""
+    """Return whether two values are equal after a round trip through the single-precision float."""
     return abs(first - second) <= 1e-6 * max(abs(first), abs(second), 1e-9)

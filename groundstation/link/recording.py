@@ -28,13 +28,13 @@ from wingbeat.message import Event
 from wingbeat.topic import Topic
 
 PATIENCE = 3.0
-"""s; that a vehicle has to say who it is and what time it has, before the file is begun without"""
+"""s; timeout of the vehicle's identity and time, after which the file is begun without them"""
 REBOOT = 5.0
-"""s; a stamp that is this much behind is that of a vehicle which booted anew"""
+"""s; backward step of a time stamp that indicates a reboot of the vehicle"""
 SENT = Topic("/ground/sent", Document, mavlink_topics.FIRST_CHANNEL, 0.0, deterministic=False)
 UNKNOWN = Topic("/mavlink/unknown", Document, mavlink_topics.FIRST_CHANNEL + 1, 0.0, deterministic=False)
 NOT_KEPT = frozenset(("HEARTBEAT", "TIMESYNC", "PING", "SETUP_SIGNING"))
-"""what we send every second, and a key"""
+"""sent messages that are not recorded: those of every second, and a key"""
 _WRITING = Writing(IN_FLIGHT, account=topics.RECORDER)
 STATEFUL = frozenset(
     (
@@ -47,38 +47,38 @@ STATEFUL = frozenset(
         "WINGBEAT_WING_STATE",
     )
 )
-"""messages that others are read with"""
+"""messages needed to interpret others"""
 
 
 class Where(NamedTuple):
-    """Where a recording goes."""
+    """Location of a recording."""
 
     url: str
-    """-; of the link, noted in the file"""
+    """-; of the link, recorded in the file"""
     file: Path | None = None
-    """of the first recording; one with a name of its own in ``folder`` when not given"""
+    """of the first recording (default: a generated name in ``folder``)"""
     folder: Path = RECORDINGS
     verb: str = ""
-    """-; what was asked of the vehicle, a part of the file's own name; empty for nothing in particular"""
+    """-; command-line verb, a part of the generated name; empty for none"""
 
 
 class _Sent(NamedTuple):
-    """A message of ours."""
+    """Sent message."""
 
     epoch_ns: int
     message: Any
 
 
 class VehicleTime:
-    """The vehicle's clock as the ground knows it: from one ``time_boot_ms`` to the next."""
+    """Vehicle clock estimated from the latest ``time_boot_ms``."""
 
     def __init__(self) -> None:
         self.offset: float | None = None
-        """s; of the vehicle's clock before the ground's"""
+        """s; vehicle clock minus ground clock"""
         self._last: dict[int, float] = {}
 
     def read(self, arrival: Arrival) -> bool:
-        """Take a stamp, where there is one; True when the vehicle has booted anew."""
+        """Process the time stamp of a message, if any; return whether the vehicle has rebooted."""
         stamp = boot_stamp(arrival.message)
         if stamp is None:
             return False
@@ -88,7 +88,7 @@ class VehicleTime:
         return anew
 
     def of(self, arrival: Arrival) -> int:
-        """us since boot of a message: its stamp, or the ground's time; that never runs backwards in one channel."""
+        """Return us since boot of a message: its time stamp, or the ground time, nondecreasing in one channel."""
         stamp = self._stamp(arrival)
         number = arrival.frame.message_id
         at = max(self.at(arrival.at), self._last.get(number, 0.0)) if stamp is None else stamp
@@ -96,7 +96,7 @@ class VehicleTime:
         return round(at * 1e6)
 
     def _stamp(self, arrival: Arrival) -> float | None:
-        """s since boot; of ``time_usec``, which counts from other moments too, only where it can be from boot."""
+        """Return s since boot; ``time_usec``, whose epoch varies, counts only if it is close to the boot time."""
         stamp = boot_stamp(arrival.message)
         microseconds = getattr(arrival.message, "time_usec", None)
         if stamp is not None or not microseconds:
@@ -104,14 +104,14 @@ class VehicleTime:
         return microseconds * 1e-6 if abs(microseconds * 1e-6 - self.at(arrival.at)) < REBOOT else None
 
     def at(self, now: float) -> float:
-        """s since boot, at ``now`` of the ground's clock."""
+        """Return s since boot at ``now`` of the ground clock."""
         return max(now + (self.offset or 0.0), 0.0)
 
 
 def boot_stamp(message: Any | None) -> float | None:
-    """s since boot that a message was stamped with; None without such a stamp.
+    """Return the time stamp of a message in s since boot; None without one.
 
-    SYSTEM_TIME is passed over: our vehicle stamps with it what it says next, which may be older.
+    SYSTEM_TIME is excluded: Wingbeat sends it as the time stamp of the next message, which may be older.
     """
     if message is None or message.get_type() == "SYSTEM_TIME":
         return None
@@ -120,20 +120,20 @@ def boot_stamp(message: Any | None) -> float | None:
 
 
 class Recording:
-    """Takes every frame and every message of ours; never raises while it does.
+    """Recorder of all frames and sent messages of a link; no method raises during recording.
 
-    The file is begun when the vehicle has said who it is and what time it has, or is not going to; what came before
-    is in it. Where nothing was heard there is no file.
+    The file is created when the vehicle's identity and time are known, or after a timeout; earlier messages are
+    included. Without received messages there is no file.
     """
 
     def __init__(self, where: Where, epoch_ns: Callable[[], int] = time.time_ns) -> None:
         self.where = where
         self.failure = ""
-        """-; why nothing is recorded, one line"""
+        """-; reason why recording ended, one line"""
         self.messages = 0
-        """-; written, those that make up the vehicle's topics aside"""
+        """-; number of recorded messages, without those of the vehicle's topics"""
         self.files: list[Path] = []
-        """begun so far: one for each boot of the vehicle"""
+        """files so far: one for each boot of the vehicle"""
         self._epoch_ns = epoch_ns
         self._recorder: McapRecorder | None = None
         self._systems: SceneRecorder | None = None
@@ -146,11 +146,11 @@ class Recording:
 
     @property
     def path(self) -> Path | None:
-        """The file that is written, None before the first."""
+        """Path of the current file, None before the first."""
         return None if self._recorder is None else self._recorder.path
 
     def handle_frame(self, arrival: Arrival) -> None:
-        """Take one frame; a signing key that is overheard is not kept."""
+        """Record one received frame, without signing keys."""
         if self.failure or arrival.frame.message_id == mavlink.MAVLINK_MSG_ID_SETUP_SIGNING:
             return
         ours = arrival.frame.system == self._state.system
@@ -166,7 +166,7 @@ class Recording:
             self._begin(arrival.at)
 
     def sent(self, message: Any) -> None:
-        """Take one message of ours; those of every second are not kept, nor is a signing key."""
+        """Record one sent message, without those of every second and signing keys."""
         if self.failure or message.get_type() in NOT_KEPT:
             return
         sent = _Sent(self._epoch_ns(), message)
@@ -176,7 +176,7 @@ class Recording:
             self._record_sent(self._recorder, sent)
 
     def close(self) -> None:
-        """Finish the file."""
+        """Close the file."""
         if self._waiting:
             self._begin(self._waiting[-1].at)
         if self._recorder is not None:
@@ -217,14 +217,14 @@ class Recording:
         return recorder
 
     def _create(self, name: str, boot_ns: int) -> McapRecorder:
-        """A new file, whose name no other program takes meanwhile."""
+        """Create a file with a locked name."""
         if self.where.file is not None:
             return McapRecorder(self.where.file, start_epoch_ns=boot_ns, writing=_WRITING)
         with reserved(name.replace(" ", "_"), folder=self.where.folder) as path:
             return McapRecorder(path, start_epoch_ns=boot_ns, writing=_WRITING)
 
     def _restart(self) -> None:
-        """A file for every boot: what the vehicle's clock counts from is one moment in each."""
+        """Begin a new file after a reboot: the time in a file is since one boot."""
         assert self._recorder is not None
         self._recorder.close()
         self._recorder = None

@@ -22,24 +22,24 @@ from groundstation.link.vehicle_state import VehicleState, is_wingbeat_vehicle
 
 NOTES_KEPT = 50
 LOOK = 3.0
-"""s; after a vehicle was met, until it is looked at how often it says what the screen shows"""
+"""s; time from the detection of a vehicle to the check of its message rates"""
 LOOK_AGAIN = 10.0
-"""s; between two such looks: a vehicle that booted anew has forgotten what it was asked for"""
+"""s; interval of such checks: a rebooted vehicle has lost its rate requests"""
 
 
 class Note(NamedTuple):
-    """A line of the ground's own: what became of a command."""
+    """Notice of the ground station about a command."""
 
     time: float | None
-    """s; of the vehicle since boot"""
+    """s; vehicle time since boot"""
     text: str
     """-; one line"""
     failed: bool = False
-    """-; True when it was refused or not answered"""
+    """-; True if it was denied or timed out"""
 
 
 class Picture(NamedTuple):
-    """Everything that a view shows, as it was at one moment."""
+    """Snapshot of the data of all views."""
 
     url: str = ""
     state: VehicleState = VehicleState()
@@ -47,24 +47,24 @@ class Picture(NamedTuple):
     silence: float | None = None
     """s; since the last message of the vehicle, None before the first"""
     mission: tuple[Item, ...] = ()
-    """what is aboard, as far as it was asked for"""
+    """downloaded mission"""
     notes: tuple[Note, ...] = ()
-    """of the ground, oldest first, at most `NOTES_KEPT`"""
+    """notices of the ground station, oldest first, at most `NOTES_KEPT`"""
     busy: str = ""
-    """-; what is being asked of the vehicle, empty for nothing"""
+    """-; request in progress, empty for none"""
     recording: Path | None = None
-    """where what is heard goes"""
+    """path of the recording"""
     note_count: int = 0
-    """-; lines of the ground since the link was opened"""
+    """-; number of notices since the link was opened"""
 
 
 def new_notes(picture: Picture, note_count: int) -> tuple[Note, ...]:
-    """What was noted since the count of lines was ``note_count``."""
+    """Return the notices added since their count was ``note_count``."""
     return picture.notes[-(picture.note_count - note_count) :] if picture.note_count > note_count else ()
 
 
 class Station:
-    """Polled often by whoever shows it; `picture` is a value."""
+    """Ground station that a view polls frequently; `picture` is a value."""
 
     def __init__(self, connection: Connection, clock: Callable[[], float] = time.monotonic) -> None:
         self.connection = connection
@@ -87,7 +87,7 @@ class Station:
             self._latency.handle_message(arrival.message, arrival.at)
 
     def poll(self) -> bool:
-        """Take what has come and ask what is due; whether anything came."""
+        """Receive messages and send due requests; return whether anything was received."""
         heard = bool(self.connection.receive())
         for question in self._latency.questions(self._clock()):
             self.connection.send(question)
@@ -99,7 +99,9 @@ class Station:
         return heard
 
     def _meet(self) -> None:
-        """Ask who it is first: ours may call itself another's, and need not be asked for what it sends anyway."""
+        """Request the identity first: a Wingbeat vehicle may report another autopilot type and needs no stream
+        requests.
+        """
         if is_wingbeat_vehicle(self.connection.state):
             self._request_modes(None)
             return
@@ -112,7 +114,7 @@ class Station:
         self.connection.begin(request_mode_names(self.connection.target), self._request_mission)
 
     def _request_streams(self) -> None:
-        """Ask a vehicle that is not ours for what comes too seldom, one question at a time."""
+        """Request messages of other vehicles that arrive too seldom, one request at a time."""
         self._look_at = math.inf
         state, now = self.connection.state, self._clock()
         if is_wingbeat_vehicle(state):
@@ -129,7 +131,7 @@ class Station:
         self.read_mission()
 
     def read_mission(self) -> None:
-        """Ask for the mission aboard; `Picture.mission` has it once it is whole."""
+        """Download the mission; `Picture.mission` has it once it is complete."""
         self.connection.begin(MissionDownload(self.connection.target), self._take_mission)
 
     def _take_mission(self, download: MissionDownload) -> None:
@@ -137,7 +139,7 @@ class Station:
             self._mission = download.items
 
     def command(self, label: str, exchange: Exchange, done: str) -> None:
-        """Begin a conversation that a person asked for; what becomes of it is noted."""
+        """Start an exchange that the user requested; its result becomes a notice."""
         running = [entry for entry in self._running if entry[0] != label]
         self._running = [*running, (label, exchange)]
         self.connection.begin(exchange, lambda ended: self._end(label, ended, done))
@@ -147,12 +149,12 @@ class Station:
         self.note(ended.failure or done, failed=bool(ended.failure))
 
     def note(self, text: str, failed: bool = False) -> None:
-        """Add a line of the ground's own."""
+        """Add a notice of the ground station."""
         self._notes = (*self._notes, Note(self.connection.state.time, text, failed))[-NOTES_KEPT:]
         self._note_count += 1
 
     def picture(self) -> Picture:
-        """What is known now."""
+        """Return the present snapshot."""
         now, state = self._clock(), self.connection.state
         quality = self.traffic.quality(now)
         return Picture(

@@ -11,7 +11,7 @@ from groundstation.link.exchange import Outgoing, Progress, Target
 
 
 class Stream(NamedTuple):
-    """A message that the screen shows, and how often it is wanted."""
+    """Message on the screen with its requested rate."""
 
     name: str
     number: int
@@ -30,7 +30,7 @@ STREAMS = (
     Stream("GPS_RAW_INT", mavlink.MAVLINK_MSG_ID_GPS_RAW_INT, 1.0),
     Stream("MISSION_CURRENT", mavlink.MAVLINK_MSG_ID_MISSION_CURRENT, 1.0),
 )
-"""about 1 kB/s altogether, a fifth of what a radio of 57,600 baud carries"""
+"""about 1 kB/s in total, a fifth of the capacity of a radio of 57,600 baud"""
 GROUPS = (
     (mavlink.MAV_DATA_STREAM_EXTRA1, 10),
     (mavlink.MAV_DATA_STREAM_EXTRA2, 4),
@@ -38,15 +38,15 @@ GROUPS = (
     (mavlink.MAV_DATA_STREAM_EXTENDED_STATUS, 1),
     (mavlink.MAV_DATA_STREAM_EXTRA3, 1),
 )
-"""MAV_DATA_STREAM and Hz: the same for who knows no SET_MESSAGE_INTERVAL, as ArduPilot has it in its groups"""
+"""MAV_DATA_STREAM and Hz: the same rates for vehicles without SET_MESSAGE_INTERVAL"""
 
 
 class StreamRequest(NamedTuple):
-    """SET_MESSAGE_INTERVAL for one message after the other; REQUEST_DATA_STREAM, which has no answer, for elders."""
+    """SET_MESSAGE_INTERVAL for each message; REQUEST_DATA_STREAM, which has no response, for older vehicles."""
 
     target: Target
     pending: tuple[Stream, ...]
-    """still to be asked for"""
+    """-; messages not yet requested"""
     refused: frozenset[str] = frozenset()
     """names of messages that the vehicle does not send"""
     command: CommandExchange | None = None
@@ -54,11 +54,11 @@ class StreamRequest(NamedTuple):
 
     @property
     def finished(self) -> bool:
-        """True once all were asked for."""
+        """Whether all messages were requested."""
         return not self.pending
 
     def progress(self) -> Progress:
-        """Messages still to be asked for."""
+        """Messages not yet requested."""
         return Progress(0, len(self.pending))
 
     def step(self, now: float, message: Any | None) -> tuple[StreamRequest, Outgoing]:
@@ -85,5 +85,5 @@ class StreamRequest(NamedTuple):
 
 
 def too_slow(rates: dict[str, float], without: frozenset[str] = frozenset()) -> Sequence[Stream]:
-    """Those of `STREAMS` that come at less than half of their rate (``rates`` in Hz), but for those ``without``."""
+    """Return the `STREAMS` below half of their rate (``rates`` in Hz), except those in ``without``."""
     return [each for each in STREAMS if rates.get(each.name, 0.0) < 0.5 * each.rate and each.name not in without]

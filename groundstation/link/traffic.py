@@ -12,67 +12,67 @@ from typing import Any, NamedTuple
 from groundstation.link.frames import Arrival, sequence
 
 KEPT = 600
-"""messages of each kind that are remembered"""
+"""number of stored messages of each type"""
 WINDOW = 5.0
-"""s; over which rates and losses are counted"""
+"""s; averaging window of rates and losses"""
 LATE = 128
-"""frames; a count that is further ahead than this is one that comes late"""
+"""frames; a counter further ahead than this belongs to a late frame"""
 
 
 class Quality(NamedTuple):
-    """How good a link is."""
+    """Quality of a link."""
 
     messages_per_s: float = 0.0
-    """1/s; frames heard"""
+    """1/s; received frames"""
     bytes_per_s: float = 0.0
     """B/s; of those frames"""
     loss: float | None = None
-    """-; 0 to 1, share of the frames sent that were not heard lately; None before anything was heard"""
+    """-; 0 to 1, recent fraction of lost frames; None before the first frame"""
     lost: int = 0
-    """-; frames that were never heard"""
+    """-; number of lost frames"""
     doubled: int = 0
-    """-; frames that were heard again"""
+    """-; number of duplicate frames"""
     received: int = 0
     """-; frames"""
     latency: float | None = None
-    """s; from our question to the vehicle's answer; None where it answers none"""
+    """s; round-trip time; None without a response"""
     bad_bytes: int = 0
-    """-; bytes that belonged to no frame"""
+    """-; bytes outside of frames"""
 
 
 def quality_record(quality: Quality) -> dict[str, Any]:
-    """Return the quality as a JSON object; the key ``heard`` has the number of frames received."""
+    """Return the quality as a JSON object; the key ``heard`` has the number of received frames."""
     return {"heard" if name == "received" else name: value for name, value in quality._asdict().items()}
 
 
 class MessageRow(NamedTuple):
-    """One kind of message from one sender, for the inspector."""
+    """Statistics of one message type from one sender, for the inspector."""
 
     name: str
-    """-; as in the dialect, UNKNOWN_123 where none knows it"""
+    """-; as in the dialect, UNKNOWN_123 if none defines it"""
     sender: tuple[int, int]
     """-; system and component"""
     total: int
     """-; since the link was opened"""
     rate: float
-    """Hz; lately, 0 when it comes no more"""
+    """Hz; recent rate, 0 if the message has stopped"""
     size: int
     """B; of the last frame"""
     age: float
     """s; since the last one"""
     message: Any
-    """the last one; None where no dialect knows it"""
+    """the last one; None if no dialect defines it"""
 
 
 class _Sender:
-    """The count of one sender's frames."""
+    """Frame counter of one sender."""
 
     def __init__(self) -> None:
         self.last: int | None = None
         self.received: deque[int] = deque(maxlen=LATE)
 
     def missing(self, number: int) -> tuple[int, bool]:
-        """How many frames are missing before this one, -1 for one missed that comes late; and whether it is new."""
+        """Return the number of frames missing before this one (-1 for a late one), and whether it is new."""
         before, self.last = self.last, number if self.last is None else self.last
         if before is None:
             self.received.append(number)
@@ -88,7 +88,7 @@ class _Sender:
 
 
 class _Kind:
-    """One kind of message from one sender."""
+    """Statistics of one message type from one sender."""
 
     def __init__(self) -> None:
         self.count = 0
@@ -97,7 +97,7 @@ class _Kind:
 
 
 class Traffic:
-    """Counts what goes by; everything that it tells is a value."""
+    """Traffic statistics of a link; all results are values."""
 
     def __init__(self) -> None:
         self._senders: dict[tuple[int, int], _Sender] = {}
@@ -110,7 +110,7 @@ class Traffic:
         self._counts = 0
 
     def handle_frame(self, arrival: Arrival) -> None:
-        """Take one frame."""
+        """Count one frame."""
         frame, now = arrival.frame, arrival.at
         self._started = now if self._started is None else self._started
         missing, new = self._senders.setdefault((frame.system, frame.component), _Sender()).missing(sequence(frame))
@@ -129,7 +129,7 @@ class Traffic:
         kind.recent.append((now, arrival.message))
 
     def quality(self, now: float) -> Quality:
-        """The link over the last `WINDOW` seconds, or since it was opened."""
+        """Return the link quality over the last `WINDOW` seconds, or since the link was opened."""
         if self._started is None:
             return Quality()
         while self._lately and now - self._lately[0][0] > WINDOW:
@@ -147,7 +147,7 @@ class Traffic:
         )
 
     def rows(self, now: float) -> list[MessageRow]:
-        """Every kind of message that was heard, by name."""
+        """Return every received message type, by name."""
         rows = [self._row(key, kind, now) for key, kind in self._kinds.items()]
         return sorted(rows, key=lambda row: (row.name, row.sender))
 
@@ -157,7 +157,7 @@ class Traffic:
         return MessageRow(self._names[key], key[:2], kind.count, rate, kind.size, now - last, message)
 
     def series(self, name: str, field: str, index: int | None = None) -> list[tuple[float, float]]:
-        """What is remembered of a field: (s of the ground's clock, value) of the sender who says most of it."""
+        """Return the stored samples (s of the ground clock, value) of a field from its most frequent sender."""
         kinds = [kind for key, kind in self._kinds.items() if self._names[key] == name]
         if not kinds:
             return []
@@ -165,19 +165,19 @@ class Traffic:
         return list(_numbers(busiest.recent, field, index))
 
     def latest(self, name: str) -> Any | None:
-        """The last message of a kind, None where none was heard."""
+        """Return the last message of a type, None without one."""
         heard = [kind.recent[-1] for key, kind in self._kinds.items() if self._names[key] == name]
         return max(heard, key=lambda pair: pair[0])[1] if heard else None
 
     def names(self) -> list[str]:
-        """Names of all kinds of messages that were heard."""
+        """Return the names of all received message types."""
         return sorted(set(self._names.values()))
 
 
 def rate_of(times: list[float], now: float) -> float:
-    """Hz; of messages at ``times`` (s, oldest first): of the last `WINDOW` seconds, at least of the last two.
+    """Return the rate in Hz of messages at ``times`` (s, oldest first) over the last `WINDOW` seconds.
 
-    What has been silent for twice its own period and the window comes no more: 0.
+    The window is at least two seconds. A message without a sample for twice its period and the window has stopped: 0.
     """
     if len(times) < 2:
         return 0.0

@@ -19,7 +19,7 @@ EVENTS_KEPT = 200
 _UNKNOWN_U16 = 65535
 _ARMED = 128
 _FLOWN_BATTERY = 0
-"""that of SYS_STATUS too; others are of payloads, or spare"""
+"""battery of SYS_STATUS; others supply payloads or are spare"""
 _TYPE_GROUND_STATION = 6
 _AUTOPILOT_INVALID = 8
 _OUR_HARDWARE = Identity().uid
@@ -27,10 +27,10 @@ _OUR_WORDS = "WINGBEAT_"
 
 
 class StatusLine(NamedTuple):
-    """One line of text from the vehicle."""
+    """STATUSTEXT of the vehicle."""
 
     time: float | None
-    """s; of the vehicle since boot, None before its first time stamp"""
+    """s; vehicle time since boot, None before its first time stamp"""
     severity: Severity
     """-; MAVLink severity"""
     text: str
@@ -38,29 +38,30 @@ class StatusLine(NamedTuple):
 
 
 class VehicleState(NamedTuple):
-    """What the ground knows of a vehicle; None where nothing was heard."""
+    """Vehicle state received by the ground station; None for missing data."""
 
     system: int | None = None
     """-; MAVLink system id"""
     autopilot: int | None = None
     """-; MAV_AUTOPILOT"""
     is_wingbeat: bool = False
-    """-; a Wingbeat flight computer, whatever autopilot it calls itself: it said so in AUTOPILOT_VERSION, or speaks
-    our dialect"""
+    """-; whether it is a Wingbeat flight computer, whatever autopilot type it reports: from AUTOPILOT_VERSION, or
+    from a message of the Wingbeat dialect
+    """
     vehicle_type: int | None = None
     """-; MAV_TYPE"""
     custom_mode: int | None = None
     """-; as in HEARTBEAT"""
     beats: int = 0
-    """-; heartbeats heard"""
+    """-; number of received heartbeats"""
     armed: bool | None = None
-    """-; True when the wings may move"""
+    """-; True if the wings are enabled"""
     time: float | None = None
-    """s; of the vehicle since boot"""
+    """s; vehicle time since boot"""
     received_at: float | None = None
-    """s; of the ground's monotonic clock, the last message"""
+    """s; time of the last message on the ground's monotonic clock"""
     messages: int = 0
-    """-; messages heard"""
+    """-; number of received messages"""
     roll: float | None = None
     """rad; right wing down is positive"""
     pitch: float | None = None
@@ -90,14 +91,16 @@ class VehicleState(NamedTuple):
     fix_type: int | None = None
     """-; 0 none, 2 two-, 3 three-dimensional"""
     voltage: float | None = None
-    """V; supply: with `mean_supply` weighted with the current, so that it times ``current`` is ``power``"""
+    """V; supply. With `mean_supply` it is weighted with the current, so that voltage times ``current`` is ``power``
+    """
     current: float | None = None
     """A; supply"""
     power: float | None = None
     """W; supply"""
     mean_supply: bool = False
-    """-; whether the supply is a mean since the message before, as our own vehicle's from its second one on; else it
-    is that of a moment"""
+    """-; whether the supply is a mean since the previous message, as for Wingbeat from its second message; else it
+    is a sample
+    """
     energy: float | None = None
     """J; drawn since boot"""
     charge: float | None = None
@@ -127,29 +130,29 @@ class VehicleState(NamedTuple):
     distance: float | None = None
     """m; to the item's place"""
     altitude_setpoint: float | None = None
-    """m; above home"""
+    """m; to the position of the item"""
     heading_setpoint: float | None = None
     """rad; course to fly"""
     exciting: bool | None = None
-    """-; True while an identification input runs"""
+    """-; True during an identification input"""
     capabilities: int | None = None
     """-; MAV_PROTOCOL_CAPABILITY"""
     home: Home | None = None
-    """where north and east are counted from"""
+    """origin of north and east"""
     events: tuple[StatusLine, ...] = ()
     """lines received, oldest first, at most `EVENTS_KEPT`"""
     text_count: int = 0
     """-; lines received since the link was opened"""
     mode_names: tuple[tuple[int, str], ...] = ()
-    """custom modes the vehicle announced with AVAILABLE_MODES"""
+    """custom modes announced by AVAILABLE_MODES"""
     sentence: tuple[int, str] | None = None
-    """id and text so far of a STATUSTEXT that comes in chunks"""
+    """id and text so far of a STATUSTEXT in chunks"""
     stamp: float | None = None
-    """s; of the vehicle since boot, in the SYSTEM_TIME just before: that of the STATUSTEXT that follows"""
+    """s; vehicle time since boot of the last SYSTEM_TIME: the time stamp of the STATUSTEXT that follows"""
 
 
 def is_wingbeat_vehicle(state: VehicleState) -> bool:
-    """Whether it is a Wingbeat flight computer, as far as it is known; what is generic is taken for one."""
+    """Return whether it is a Wingbeat flight computer as far as known; a generic autopilot counts as one."""
     return state.is_wingbeat or state.autopilot == mavlink.MAV_AUTOPILOT_GENERIC
 
 
@@ -162,9 +165,9 @@ Receiver = Callable[[VehicleState, Any], VehicleState]
 
 
 def receive(state: VehicleState, message: Any, now: float) -> VehicleState:
-    """Take one decoded MAVLink message, heard at ``now`` (s, any monotonic clock).
+    """Process one decoded MAVLink message received at ``now`` (s, any monotonic clock).
 
-    The first autopilot heard is the vehicle; other systems and other ground stations on the link are ignored.
+    The first autopilot is the vehicle; other systems and other ground stations on the link are ignored.
     """
     kind = message.get_type()
     if kind == "BAD_DATA" or message.get_srcSystem() != (state.system or message.get_srcSystem()):
@@ -186,7 +189,7 @@ def receive(state: VehicleState, message: Any, now: float) -> VehicleState:
 
 
 def is_autopilot(heartbeat: Any) -> bool:
-    """Whether a HEARTBEAT comes from an autopilot, not from a ground station, a gimbal or a router."""
+    """Return whether a HEARTBEAT is that of an autopilot, not of a ground station, a gimbal or a router."""
     return bool(heartbeat.type != _TYPE_GROUND_STATION and heartbeat.autopilot != _AUTOPILOT_INVALID)
 
 
@@ -228,7 +231,7 @@ def _home(state: VehicleState, message: Any) -> VehicleState:
 
 
 def _local_position(state: VehicleState, message: Any) -> VehicleState:
-    """Of ours the origin is home; others put it where they began, so that their altitude comes with the globe's."""
+    """Process LOCAL_POSITION_NED: only for Wingbeat its origin is home and its altitude used."""
     altitude = -message.z if is_wingbeat_vehicle(state) else state.altitude
     return state._replace(north=message.x, east=message.y, altitude=altitude)
 
@@ -287,9 +290,10 @@ def _power(state: VehicleState, message: Any) -> VehicleState:
 
 
 def _mean_supply(state: VehicleState, message: Any) -> tuple[float, float, float] | None:
-    """V, A, W; from energy and charge drawn since the message before; None where there is none, or hardly before.
+    """Return mean V, A, W from energy and charge since the previous message; None without a sufficient interval.
 
-    The message's own are those of 10 ms: told at a multiple of the stroke, they show one phase of it for ever.
+    The samples in the message cover 10 ms. If their rate is a multiple of the flapping frequency, they always show
+    the same phase of the stroke.
     """
     if state.energy is None or state.charge is None or state.energy_time is None:
         return None
@@ -314,7 +318,7 @@ def _wing(state: VehicleState, message: Any) -> VehicleState:
 
 def _navigation(state: VehicleState, message: Any) -> VehicleState:
     known = message.stage in Stage._value2member_map_
-    # As MISSION_CURRENT counts: item 0 is home for ArduPilot.
+    # As in MISSION_CURRENT: item 0 is home on ArduPilot.
     first = 1 if state.autopilot == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA else 0
     return state._replace(
         stage=Stage(message.stage) if known else None,
@@ -340,7 +344,7 @@ def _version(state: VehicleState, message: Any) -> VehicleState:
 
 
 def _navigation_output(state: VehicleState, message: Any) -> VehicleState:
-    """What other autopilots say of where they fly to; ours says it in its own message, and more exactly."""
+    """Process the guidance output of other autopilots; Wingbeat has a more precise message."""
     if state.stage is not None:
         return state
     bearing = math.radians(message.target_bearing)
@@ -348,7 +352,9 @@ def _navigation_output(state: VehicleState, message: Any) -> VehicleState:
 
 
 def _system_time(state: VehicleState, message: Any) -> VehicleState:
-    """The time of what is said next; an event may be older than the telemetry, which time never follows backwards."""
+    """Process the time of the next message, which may be older than the telemetry; the telemetry time never
+    decreases.
+    """
     if not message.time_boot_ms:
         return state
     stamp = message.time_boot_ms * 1e-3
@@ -403,4 +409,4 @@ RECEIVERS: dict[str, Receiver] = {
     "WINGBEAT_NAVIGATION": _navigation,
     "WINGBEAT_EXCITATION": _excitation,
 }
-"""MAVLink message to the function that takes it."""
+"""MAVLink message to the function that processes it."""

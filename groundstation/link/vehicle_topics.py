@@ -28,7 +28,7 @@ class Entry(NamedTuple):
 
 
 Builder = Callable[[Any, int, VehicleState], Any]
-"""(MAVLink message, us since boot, what is known of the vehicle) to a message of the topic, None for none"""
+"""(MAVLink message, us since boot, vehicle state) to a message of the topic, None for none"""
 
 
 def _attitude(message: Any, time_us: int, state: VehicleState) -> m.Attitude:
@@ -50,7 +50,7 @@ def _position(message: Any, time_us: int, state: VehicleState) -> m.Position:
 
 
 def _air_data(message: Any, time_us: int, state: VehicleState) -> m.AirData | None:
-    """Of our own vehicle alone: what others call airspeed there is indicated, not true."""
+    """Convert air data of a Wingbeat vehicle; the airspeed of others is indicated, not true."""
     if not is_wingbeat_vehicle(state):
         return None
     return m.AirData(time_us, message.airspeed, *(NAN,) * 9)
@@ -78,7 +78,7 @@ def _gps(message: Any, time_us: int, state: VehicleState) -> m.GpsFix:
 
 
 def _mode(state: VehicleState) -> Any:
-    """avionics.messages.Mode of a custom mode, by the identity that our vehicle has taken; 0 for one it has not."""
+    """Return avionics.messages.Mode of a custom mode in the vehicle's MAVLink profile; 0 for an unknown one."""
     identity = next((each for each in PROFILES.values() if each.autopilot == state.autopilot), None)
     known = None if identity is None else identity.by_custom_mode(state.custom_mode or 0)
     return 0 if known is None else known
@@ -100,7 +100,7 @@ def _navigation(message: Any, time_us: int, state: VehicleState) -> m.Navigation
 
 
 def _same_names(kind: Any) -> Builder:
-    """A message of our dialect whose fields have the names of the topic's."""
+    """Return the converter of a Wingbeat message whose field names equal those of the topic."""
 
     def build(message: Any, time_us: int, state: VehicleState) -> Any:
         return kind(time_us, *(getattr(message, name) for name in kind._fields[1:]))
@@ -124,11 +124,11 @@ BUILDERS: dict[str, tuple[Topic[Any], Builder]] = {
     "WINGBEAT_NAVIGATION": (_as_received(t.NAVIGATION), _navigation),
     "WINGBEAT_EXCITATION": (_as_received(t.EXCITATION), _same_names(m.ExcitationStatus)),
 }
-"""MAVLink message to the topic that it gives, and how"""
+"""MAVLink message to its topic and converter"""
 
 
 def entry_of(message: Any, time_us: int, state: VehicleState) -> Entry | None:
-    """What a MAVLink message gives of the vehicle's own topics, if anything."""
+    """Convert a MAVLink message to a message of the vehicle's own topics, if there is one."""
     found = BUILDERS.get(message.get_type())
     if found is None:
         return None

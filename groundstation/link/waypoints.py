@@ -22,39 +22,39 @@ from groundstation.link.modes import ARDUPILOT
 from wingbeat.errors import InputError
 
 CLOSE = 2
-"""1e-7 deg or 1e-4 m; that a place may move by on its way through metres and degrees"""
+"""1e-7 deg or 1e-4 m; rounding tolerance of a position converted to meters and degrees"""
 
 
 class Upload(NamedTuple):
-    """What of a file is sent to a vehicle."""
+    """Part of a file that is sent to a vehicle."""
 
     mission: tuple[Item, ...]
     fence: tuple[Item, ...] = ()
     rally: tuple[Item, ...] = ()
     notes: tuple[str, ...] = ()
-    """-; what of the file is not sent, for people"""
+    """-; text about the parts of the file that are not sent"""
 
 
 class Convention(NamedTuple):
-    """What a kind of vehicle takes for a mission."""
+    """Mission convention of a vehicle type."""
 
     home_first: bool
-    """-; item 0 is home, as ArduPilot has it: it is sent for the count's sake, and the vehicle puts its own there"""
+    """-; item 0 is home, as for ArduPilot: it is sent as a placeholder, and the vehicle replaces it"""
     local: bool
-    """-; it takes places in metres from home"""
+    """-; whether positions in meters from home are accepted"""
 
 
 def convention_of(autopilot: int | None, is_wingbeat: bool = False) -> Convention:
-    """The convention of a MAV_AUTOPILOT; what is not known is taken for PX4's, which is MAVLink's own.
+    """Return the convention of a MAV_AUTOPILOT; an unknown one has PX4's, which is that of MAVLink.
 
-    ``is_wingbeat`` for our own vehicle, whatever it calls itself; what is generic is taken for it.
+    ``is_wingbeat`` for a Wingbeat vehicle with any autopilot type; a generic autopilot counts as one.
     """
     is_wingbeat = is_wingbeat or autopilot == mavlink.MAV_AUTOPILOT_GENERIC
     return Convention(home_first=autopilot == ARDUPILOT, local=is_wingbeat)
 
 
 def read(path: Path) -> tuple[Item, ...]:
-    """The mission of a file as it stands in it, for whatever vehicle.
+    """Read the mission of a file, independent of the vehicle.
 
     Raises:
         InputError: as of `read_upload`.
@@ -65,7 +65,7 @@ def read(path: Path) -> tuple[Item, ...]:
 
 
 def needs_home(path: Path, convention: Convention) -> bool:
-    """Whether the vehicle's home has to be known before a file can be sent."""
+    """Return whether the vehicle's home position is required to send a file."""
     return _is_native(path) and not convention.local
 
 
@@ -74,13 +74,13 @@ def _is_native(path: Path) -> bool:
 
 
 def read_upload(path: Path, convention: Convention, home: Home | None = None) -> Upload:
-    """Mission, fence and rally points of a file, as a vehicle of this ``convention`` takes them.
+    """Read mission, fence and rally points of a file in the ``convention`` of a vehicle.
 
-    The home that a plain list begins with is left out where the vehicle has no use for it. ``home`` is the vehicle's,
-    for the metres of our own files where places have to be on the globe.
+    The home item of a plain list is omitted if the vehicle does not use it. ``home`` is the vehicle's home position,
+    to convert meters in Wingbeat files if the vehicle accepts global positions only.
 
     Raises:
-        InputError: unreadable, not such a list or plan, or a part that is malformed; the text says which.
+        InputError: unreadable, not such a list or plan, or a part that is malformed; the message names it.
     """
     if _is_native(path):
         return _native_mission(path, convention, home)
@@ -99,7 +99,7 @@ def read_upload(path: Path, convention: Convention, home: Home | None = None) ->
 
 
 def _behind(home: Home | None, items: tuple[Item, ...]) -> tuple[Item, ...]:
-    """The items behind a home as number 0, jumps moved with them."""
+    """Return the items after a home item, with jump targets adjusted."""
     x, y, z = (
         (0.0, 0.0, 0.0)
         if home is None
@@ -116,7 +116,7 @@ def _moved(item: Item, by: int) -> Item:
 
 
 def without_first(content: Upload, convention: Convention) -> Upload:
-    """Without the home that a mission of this ``convention`` begins with, jumps moved with it."""
+    """Return the items without the home item of this ``convention``, with jump targets adjusted."""
     if not convention.home_first:
         return content
     return content._replace(mission=tuple(_moved(item, -1) for item in content.mission[1:]))
@@ -146,12 +146,12 @@ def _native_mission(path: Path, convention: Convention, home: Home | None) -> Up
 
 
 def is_local(item: Item) -> bool:
-    """Whether the item's place is in metres from home."""
+    """Return whether the item's position is in meters from home."""
     return bool(item.frame == mavlink.MAV_FRAME_LOCAL_NED)
 
 
 def on_globe(item: Item, home: Home) -> Item:
-    """The item with its place on the globe, where it is in metres from ``home``; any other as it is."""
+    """Convert the item's position from meters from ``home`` to a global one; other items are unchanged."""
     if not is_local(item):
         return item
     wire = wire_item(item)
@@ -170,7 +170,7 @@ _SAME_FRAME = {
 def differences(
     file_items: Sequence[Item], vehicle_items: Sequence[Item]
 ) -> list[tuple[int, Item | None, Item | None]]:
-    """Number, and both items, where two lists differ; None where one list has ended."""
+    """Return number and items at which two lists differ; None for the end of a list."""
     pairs = enumerate(itertools.zip_longest(file_items, vehicle_items))
     return [
         (number, is_wingbeat, vehicle_items)
@@ -205,14 +205,14 @@ def _near(first: float, second: float) -> bool:
 
 
 def item_of(item: WireItem, autocontinue: int = 1) -> Item:
-    """As MISSION_ITEM_INT carries it."""
+    """Convert to MISSION_ITEM_INT."""
     scale = wire_scale(item.frame)
     x, y = (0.0 if math.isnan(value) else value for value in (item.x, item.y))
     return Item(item.frame, item.command, item.params, round(x * scale), round(y * scale), item.z, autocontinue)
 
 
 def wire_item(item: Item) -> WireItem:
-    """The other way round."""
+    """Convert from MISSION_ITEM_INT."""
     scale = wire_scale(item.frame)
     return WireItem(item.frame, item.command, item.parameters, item.x / scale, item.y / scale, item.z)
 

@@ -15,7 +15,7 @@ from groundstation.views.printable import printable
 
 
 class Confirmation(ModalScreen[bool]):
-    """Asks one question; only ``y`` is a yes."""
+    """Confirmation dialog; only ``y`` confirms."""
 
     BINDINGS: ClassVar[list[BindingType]] = [("y", "answer(True)", "Yes"), ("n,escape", "answer(False)", "No")]
 
@@ -24,7 +24,7 @@ class Confirmation(ModalScreen[bool]):
         self._question, self._warning = question, warning
 
     def compose(self) -> ComposeResult:
-        """The question, what it means, and the keys."""
+        """Compose the question, its explanation, and the keys."""
         with Vertical(classes="dialog"):
             yield Label(printable(self._question), classes="question", markup=False)
             if self._warning:
@@ -37,7 +37,7 @@ class Confirmation(ModalScreen[bool]):
 
 
 class ModeChoice(ModalScreen[str | None]):
-    """The modes that the vehicle has."""
+    """List of the vehicle's modes."""
 
     BINDINGS: ClassVar[list[BindingType]] = [("escape", "leave", "Leave it")]
 
@@ -46,13 +46,13 @@ class ModeChoice(ModalScreen[str | None]):
         self._names, self._present = list(names), present
 
     def compose(self) -> ComposeResult:
-        """A list of names, the present one chosen."""
+        """Compose a list of names with the present one selected."""
         with Vertical(classes="dialog"):
             yield Label("flight mode", classes="question")
             yield OptionList(*map(printable, self._names), markup=False)
 
     def on_mount(self) -> None:
-        """Begin at the present mode."""
+        """Highlight the present mode."""
         modes = self.query_one(OptionList)
         if self._present in self._names:
             modes.highlighted = self._names.index(self._present)

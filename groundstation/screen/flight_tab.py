@@ -14,10 +14,10 @@ from groundstation.views.tape import AIRSPEED, ALTITUDE, tape
 
 
 class FlightTab(Horizontal):
-    """Everything that is watched in flight."""
+    """Tab with the flight instruments."""
 
     def compose(self) -> ComposeResult:
-        """Instruments to the left, panels to the right."""
+        """Compose instruments on the left, panels on the right."""
         with Vertical(id="left"):
             with Horizontal(id="instruments"):
                 yield Panel(airspeed, id="airspeed")
@@ -32,26 +32,26 @@ class FlightTab(Horizontal):
             yield Panel(panels.link, "link", id="link")
 
     def show(self, picture: Picture) -> None:
-        """Draw what is known now."""
+        """Draw the present data."""
         for panel in self.query(Panel):
             panel.show(picture)
 
 
 def airspeed(picture: Picture, columns: int, rows: int) -> RenderableType:
-    """The tape of airspeed."""
+    """Draw the airspeed tape."""
     return tape(AIRSPEED, picture.state.airspeed, None, columns, rows)
 
 
 def altitude(picture: Picture, columns: int, rows: int) -> RenderableType:
-    """The tape of altitude, with its setpoint."""
+    """Draw the altitude tape with its setpoint."""
     return tape(ALTITUDE, picture.state.altitude, picture.state.altitude_setpoint, columns, rows)
 
 
 def attitude(picture: Picture, columns: int, rows: int) -> RenderableType:
-    """The artificial horizon."""
+    """Draw the artificial horizon."""
     return horizon(picture.state.roll, picture.state.pitch, columns, rows)
 
 
 def heading(picture: Picture, columns: int, rows: int) -> RenderableType:
-    """Roll, pitch, heading and climb as numbers."""
+    """Draw roll, pitch, heading and climb rate as numbers."""
     return panels.heading(picture, columns)

@@ -14,7 +14,7 @@ from groundstation.views.joystick import stick_bars
 
 
 class JoystickMonitor(Monitor):
-    """Shows a station and the sticks, and takes a person's keys."""
+    """Screen with a station and the sticks; handles keys."""
 
     TITLE = "wingbeat gcs joystick"
 
@@ -23,7 +23,7 @@ class JoystickMonitor(Monitor):
         self._control = control
 
     def compose(self) -> ComposeResult:
-        """The monitor's widgets, with the sticks above the keys."""
+        """Compose the monitor's widgets, with the sticks above the keys."""
         for widget in super().compose():
             if isinstance(widget, Footer):
                 yield Panel(self._sticks, "joystick", id="sticks")

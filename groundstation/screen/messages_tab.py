@@ -16,10 +16,10 @@ from groundstation.views.terminal import plain_text
 
 
 class MessagesTab(Horizontal):
-    """The inspector."""
+    """Message inspector tab."""
 
     class Chosen(Message):
-        """A field was chosen, to be plotted."""
+        """Event: a field was selected for a plot."""
 
         def __init__(self, path: str) -> None:
             super().__init__()
@@ -31,12 +31,12 @@ class MessagesTab(Horizontal):
         self._shown = ""
 
     def compose(self) -> ComposeResult:
-        """Messages to the left, fields to the right."""
+        """Compose messages on the left, fields on the right."""
         yield DataTable[Text](id="kinds", cursor_type="row", zebra_stripes=True)
         yield DataTable[Text](id="fields", cursor_type="row", zebra_stripes=True)
 
     def on_mount(self) -> None:
-        """Name the columns."""
+        """Set the column names."""
         for name in inspector.COLUMNS:
             self._kinds.add_column(name, key=name)
         for name in ("field", "value", "unit"):
@@ -52,7 +52,7 @@ class MessagesTab(Horizontal):
         return self.query_one("#fields", DataTable)
 
     def show(self, rows: Sequence[MessageRow]) -> None:
-        """Draw what is known now; a row stays where it is, a new kind of message is put in its place."""
+        """Draw the present data; rows keep their order, a new message type is inserted."""
         table = self._kinds
         known = self._rows
         self._rows = {f"{row.name} {row.sender}": row for row in rows}
@@ -95,12 +95,12 @@ class MessagesTab(Horizontal):
             table.update_cell(field.path, "value", plain_text(field.value))
 
     def on_data_table_row_highlighted(self, event: DataTable.RowHighlighted) -> None:
-        """Show the fields of another message at once."""
+        """Show the fields of another message."""
         if event.data_table is self._kinds:
             self._show_fields()
 
     def on_data_table_row_selected(self, event: DataTable.RowSelected) -> None:
-        """From a message to its fields; from a field to its plot."""
+        """Move from a message to its fields, or from a field to its plot."""
         if event.data_table is self._kinds:
             self._fields.focus()
         elif self._shown:

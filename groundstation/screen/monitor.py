@@ -24,15 +24,15 @@ from groundstation.views import panels
 from groundstation.views.printable import printable
 
 POLL = 0.01
-"""s; between two looks at the link"""
+"""s; polling interval of the link"""
 REFRESH = 0.1
-"""s; between two pictures of the flight"""
+"""s; interval of the flight display"""
 SLOW = 5
-"""pictures of the flight for one of the messages and plots"""
+"""updates of the flight display per update of messages and plots"""
 
 
 class Monitor(App[None]):
-    """Shows a station and takes a person's keys."""
+    """Screen with a station; handles keys."""
 
     TITLE = "wingbeat gcs"
     CSS_PATH = "monitor.tcss"
@@ -67,7 +67,7 @@ class Monitor(App[None]):
         self._recorded = 0
 
     def compose(self) -> ComposeResult:
-        """The line of state, the tabs, the keys."""
+        """Compose the status line, the tabs, the keys."""
         yield Panel(lambda picture, columns, rows: panels.status_line(picture, columns), id="status")
         with TabbedContent(initial="flight"):
             with TabPane("1 Flight", id="flight"):
@@ -79,7 +79,7 @@ class Monitor(App[None]):
         yield Footer(compact=True)
 
     def on_ready(self) -> None:
-        """Begin to listen and to draw, once there is something to draw on."""
+        """Start receiving and drawing once the screen exists."""
         self.run_worker(self._listen(), exclusive=True)
         self.set_interval(REFRESH, self.draw)
         if self._plots:
@@ -91,11 +91,11 @@ class Monitor(App[None]):
             await asyncio.sleep(POLL)
 
     def poll(self) -> None:
-        """Receive what has arrived and send what is due."""
+        """Receive pending messages and send due ones."""
         self.station.poll()
 
     def draw(self) -> None:
-        """Draw the tab that is looked at, and the line above it."""
+        """Draw the visible tab and the status line."""
         picture = self.station.picture()
         for panel in self.query("#status").results(Panel):
             panel.show(picture)
@@ -114,7 +114,7 @@ class Monitor(App[None]):
                 self.query_one(PlotsTab).show(self.station.traffic, now)
 
     def _announce(self, picture: Picture) -> None:
-        """Tell what became of a command, whatever tab is looked at."""
+        """Show the result of a command on any tab."""
         for note in new_notes(picture, self._recorded):
             self.notify(printable(note.text), severity="error" if note.failed else "information", markup=False)
         self._recorded = picture.note_count
@@ -126,13 +126,13 @@ class Monitor(App[None]):
     # --- keys -------------------------------------------------------------------------------------------
 
     def action_tab(self, name: str) -> None:
-        """Look at another tab."""
+        """Switch to another tab."""
         self.query_one(TabbedContent).active = name
         self.screen.set_focus(self.query_one("#kinds") if name == "messages" else None)
         self._count = -1  # draw it at once
 
     def action_blur(self) -> None:
-        """Leave the line that is typed into."""
+        """Leave the input line."""
         self.screen.set_focus(None)
 
     def _confirmed(self, question: str, warning: str, order: Callable[[], None]) -> None:
@@ -149,25 +149,25 @@ class Monitor(App[None]):
         self.station.command(label, build(self.station), done)
 
     def action_arm(self) -> None:
-        """Arm, after a yes."""
+        """Arm, after a confirmation."""
         order = lambda: self._order("arm", lambda station: arm(station.connection.target), "armed")  # noqa: E731
         self._confirmed("Arm?", "The wings may move at once.", order)
 
     def action_disarm(self) -> None:
-        """Disarm; a vehicle in flight refuses."""
+        """Disarm; a vehicle in flight denies it."""
         self._order("disarm", lambda station: disarm(station.connection.target), "disarmed")
 
     def action_kill(self) -> None:
-        """Stop the wings wherever they are, after a yes."""
+        """Stop the wings at once, after a confirmation."""
         order = lambda: self._order("kill", lambda station: kill(station.connection.target), "killed")  # noqa: E731
         self._confirmed("Kill?", "The wings stop at once. In flight it falls.", order)
 
     def action_return_home(self) -> None:
-        """Come back and land or circle, as the vehicle does it."""
+        """Return home and land or loiter, depending on the vehicle."""
         self._order("return", lambda station: return_home(station.connection), "returning")
 
     def action_land(self) -> None:
-        """Land here."""
+        """Land."""
         self._order("land", lambda station: land(station.connection), "landing")
 
     def action_mode(self) -> None:
@@ -182,16 +182,16 @@ class Monitor(App[None]):
         self.push_screen(ModeChoice(names, modes.mode_key(state)), chosen)
 
     def action_read_mission(self) -> None:
-        """Ask for the mission aboard again."""
+        """Download the mission again."""
         self.station.read_mission()
 
     def action_plot(self) -> None:
-        """Name a field to plot."""
+        """Enter a field to plot."""
         self.action_tab("plots")
         self.query_one(PlotsTab).prompt()
 
     async def action_drop_plot(self) -> None:
-        """Take the last plot away."""
+        """Remove the last plot."""
         await self.query_one(PlotsTab).drop()
 
     async def on_messages_tab_chosen(self, event: MessagesTab.Chosen) -> None:

@@ -11,11 +11,11 @@ from groundstation.link.station import Picture
 from groundstation.views.terminal import Printable
 
 View = Callable[[Picture, int, int], RenderableType]
-"""(what is known, columns, rows) to what is drawn"""
+"""(snapshot, columns, rows) to the drawing"""
 
 
 class Panel(Widget):
-    """One view in a frame of its own; ``show`` draws it anew."""
+    """View in a frame; ``show`` redraws it."""
 
     def __init__(self, view: View, title: str = "", id: str | None = None) -> None:
         super().__init__(id=id)
@@ -24,11 +24,11 @@ class Panel(Widget):
         self.border_title = title
 
     def show(self, picture: Picture) -> None:
-        """Draw what is known now."""
+        """Draw the present data."""
         self._picture = picture
         self.refresh()
 
     def render(self) -> RenderableType:
-        """The view, as large as the widget."""
+        """Render the view in the size of the widget."""
         columns, rows = self.content_size
         return Printable(self._view(self._picture, columns, rows)) if columns > 0 and rows > 0 else ""

@@ -18,11 +18,11 @@ from groundstation.views.printable import printable
 from wingbeat.errors import InputError
 
 MOST = 4
-"""plots at once; one more takes the place of the oldest"""
+"""limit of the plots; one more replaces the oldest"""
 
 
 class Plot(Widget):
-    """One field over time."""
+    """Plot of one field over time."""
 
     def __init__(self, field: Field, color: str) -> None:
         super().__init__()
@@ -32,20 +32,20 @@ class Plot(Widget):
         self._now = 0.0
 
     def show(self, traffic: Traffic, now: float) -> None:
-        """Draw what is known now."""
+        """Draw the present data."""
         self._points = traffic.series(self.field.message, self.field.name, self.field.element)
         self._now = now
         self.refresh()
 
     def render(self) -> RenderableType:
-        """The plot, as large as the widget."""
+        """Render the plot in the size of the widget."""
         columns, rows = self.content_size
         trace = Trace(self.field.path, self.field.unit, self._points)
         return field_plot(trace, self._now, columns, rows, self.color) if columns > 20 and rows > 3 else ""
 
 
 class PlotsTab(Vertical):
-    """A line to choose a field with, and up to `MOST` plots."""
+    """Tab with an input line for fields and up to `MOST` plots."""
 
     def __init__(self, fields: Iterable[str] = (), known: Callable[[], list[str]] = list) -> None:
         super().__init__()
@@ -54,7 +54,7 @@ class PlotsTab(Vertical):
         self._number = 0
 
     def compose(self) -> ComposeResult:
-        """The line, the plots, and what to do while there is none."""
+        """Compose the input line, the plots, and a hint if there is none."""
         yield Input(placeholder="MESSAGE.field, such as ATTITUDE.pitch", id="choice")
         yield Label(
             "no plots: p adds a field, enter on a field of tab 2 plots it, x removes the last",
@@ -62,18 +62,18 @@ class PlotsTab(Vertical):
         )
 
     async def on_mount(self) -> None:
-        """Begin with the fields given on the command line."""
+        """Add the plots given on the command line."""
         for path in self._first:
             await self.add(path)
 
     def prompt(self) -> None:
-        """Let a person name a field; what is heard is offered."""
+        """Prompt for a field, with the received fields as suggestions."""
         line = self.query_one(Input)
         line.suggester = SuggestFromList(self._known(), case_sensitive=False)
         line.focus()
 
     async def add(self, path: str) -> None:
-        """Plot one more field.
+        """Add a plot of a field.
 
         Raises:
             InputError: there is no such field.
@@ -89,14 +89,14 @@ class PlotsTab(Vertical):
         self._number += 1
 
     async def drop(self) -> None:
-        """Take the last plot away."""
+        """Remove the last plot."""
         plots = list(self.query(Plot))
         if plots:
             await plots[-1].remove()
         self.query_one("#no-plots").display = len(plots) <= 1
 
     async def on_input_submitted(self, event: Input.Submitted) -> None:
-        """Plot what was named, or say why it cannot be."""
+        """Plot the entered field, or show why it cannot be plotted."""
         try:
             await self.add(event.value)
         except InputError as reason:
@@ -106,6 +106,6 @@ class PlotsTab(Vertical):
         self.screen.set_focus(None)
 
     def show(self, traffic: Traffic, now: float) -> None:
-        """Draw what is known now."""
+        """Draw the present data."""
         for plot in self.query(Plot):
             plot.show(traffic, now)

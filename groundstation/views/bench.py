@@ -19,14 +19,14 @@ from groundstation.views import tables, wording
 from wingbeat.text import pluralize
 
 REFRESH = 0.1
-"""s; between two pictures"""
+"""s; between two updates"""
 LINE_EVERY = 1.0
-"""s; between two lines where there is no terminal"""
+"""s; between two lines without a terminal"""
 LAYOUT = "+z.1f"
 
 
 class Bench(NamedTuple):
-    """What is shown."""
+    """Data of the view."""
 
     board: str
     """address"""
@@ -35,17 +35,17 @@ class Bench(NamedTuple):
     step: float
     """s; between two frames"""
     attitude: Attitude
-    """the flight computer's"""
+    """attitude estimated by the flight computer"""
     local: Angles | None
-    """the board's, None where it tells none"""
+    """attitude from the board, None if it sends none"""
     losses: Losses
-    """of the line"""
+    """losses on the line"""
     restarts: int
-    """-; times that the board restarted"""
+    """-; restarts of the board"""
 
 
 def render(bench: Bench) -> Group:
-    """The picture: a table of three angles and a line about the line."""
+    """Render a table of three angles and a line about the connection."""
     return Group(Text(bench.board, style="bold"), _table(bench), Text(_line(bench), style="dim"))
 
 
@@ -73,7 +73,7 @@ def _line(bench: Bench) -> str:
 
 
 def plain_line(bench: Bench) -> str:
-    """The same on one line."""
+    """Format the same data on one line."""
     mine, local = bench.attitude, bench.local
     angles = "  ".join(f"{name} {wording.angle(getattr(mine, name), LAYOUT):>7}" for name in Angles._fields)
     if local is not None:
@@ -82,7 +82,7 @@ def plain_line(bench: Bench) -> str:
 
 
 class BenchView:
-    """Shows a `Bench` now and then: a picture on a terminal, lines elsewhere; to be used in a ``with``."""
+    """Periodic view of a `Bench`: live on a terminal, lines elsewhere; a context manager."""
 
     def __init__(self, console: Console, clock: Callable[[], float] = time.monotonic) -> None:
         self._console = console
@@ -91,7 +91,7 @@ class BenchView:
         self._next = -math.inf
 
     def __enter__(self) -> BenchView:
-        """Take the terminal."""
+        """Start the live display."""
         if self._live is not None:
             self._live.start()
         return self
@@ -99,17 +99,17 @@ class BenchView:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Leave the last picture standing."""
+        """End the live display; its last state remains visible."""
         if self._live is not None:
             self._live.stop()
 
     @property
     def due(self) -> bool:
-        """Whether it is time for the next picture or line."""
+        """Return whether the next update is due."""
         return self._clock() >= self._next
 
     def show(self, bench: Bench) -> None:
-        """Show it now."""
+        """Update the view."""
         self._next = self._clock() + (LINE_EVERY if self._live is None else REFRESH)
         if self._live is None:
             self._console.print(plain_line(bench), soft_wrap=True)

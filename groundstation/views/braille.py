@@ -9,12 +9,12 @@ from typing import NamedTuple
 _DOTS = ((0x01, 0x02, 0x04, 0x40), (0x08, 0x10, 0x20, 0x80))
 _BLANK = 0x2800
 EMPTY = chr(_BLANK)
-"""a cell without a dot"""
+"""empty cell"""
 Point = tuple[float, float]
 
 
 class Window(NamedTuple):
-    """The part of the plane that is drawn."""
+    """Section of the plane to draw."""
 
     left: float
     right: float
@@ -23,7 +23,7 @@ class Window(NamedTuple):
 
 
 def draw(lines: Iterable[Sequence[Point]], window: Window, columns: int, rows: int) -> list[str]:
-    """Draw polylines of (x, y) into ``rows`` strings of ``columns`` characters; what leaves the window is cut."""
+    """Draw polylines of (x, y) into ``rows`` strings of ``columns`` characters, clipped to the window."""
     cells = [[0] * columns for _ in range(rows)]
     for line in lines:
         dots = [_dot(point, window, columns, rows) for point in line]
@@ -33,7 +33,7 @@ def draw(lines: Iterable[Sequence[Point]], window: Window, columns: int, rows: i
 
 
 def _dot(point: Point, window: Window, columns: int, rows: int) -> Point:
-    """Place of a point in dots from the upper left corner, not yet rounded."""
+    """Return the position of a point in dots from the upper left corner, not rounded."""
     across = (point[0] - window.left) / ((window.right - window.left) or 1.0)
     up = (point[1] - window.bottom) / ((window.top - window.bottom) or 1.0)
     return across * (2 * columns - 1), (1.0 - up) * (4 * rows - 1)
@@ -53,7 +53,7 @@ def _segment(cells: list[list[int]], start: Point, end: Point) -> None:
 
 
 def _clipped(start: Point, end: Point, size: tuple[int, int]) -> tuple[Point, Point] | None:
-    """The part of a segment inside 0 to ``size`` (Liang and Barsky); None when there is none."""
+    """Clip a segment to 0 to ``size`` (Liang and Barsky); None if it is outside."""
     if not all(math.isfinite(value) for value in (*start, *end)):
         return None
     enter, leave = 0.0, 1.0
@@ -76,7 +76,7 @@ def _along(start: Point, end: Point, share: float, size: tuple[int, int]) -> Poi
 
 
 def round_up(value: float) -> float:
-    """The next of 1, 2, 5 times a power of ten: a calm upper end for an axis."""
+    """Round up to the next of 1, 2, 5 times a power of ten, for the end of an axis."""
     if not 0.0 < value < math.inf:
         return 1.0
     size = 10.0 ** math.ceil(math.log10(value) - 1e-9)

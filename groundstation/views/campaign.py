@@ -17,18 +17,18 @@ from logs.campaigns.metrics import METRICS
 from wingbeat.text import pluralize
 
 SHOWN = 5
-"""-; reasons of failures that are told, the most frequent first"""
+"""-; number of listed failure reasons, the most frequent first"""
 
 
 def progress(done: int, size: int, failed: int, remaining: float | None) -> str:
-    """How far a campaign is; ``remaining`` in s, None while that cannot be told."""
+    """Format the progress of a campaign; ``remaining`` in s, None if unknown."""
     failures = f", {failed} failed" if failed else ""
     left = "" if remaining is None or done == size else f", {duration(remaining)} left"
     return f"{done} of {pluralize(size, 'flight')}{failures}{left}"
 
 
 def duration(seconds: float) -> str:
-    """Time for people: 8 s, 2 min 5 s, 3 h 10 min."""
+    """Format a duration: 8 s, 2 min 5 s, 3 h 10 min."""
     whole = round(seconds)
     if whole < 60:
         return f"{whole} s"
@@ -48,12 +48,12 @@ def stopped(done: int, size: int) -> str:
 
 
 def too_late_for_logs(table: Path) -> str:
-    """Said when flights are to be recorded that have been flown before."""
+    """Return the notice that completed flights can no longer be recorded."""
     return f"{table} is complete: --logs has no effect; --flight N --log FILE repeats and records one flight"
 
 
 def summary(name: str, table: Path, outcomes: Mapping[str, int], done: tuple[int, float]) -> RenderableType:
-    """What came of all flights; ``done`` is how many were flown now, and in how many s."""
+    """Summarize all flights; ``done`` is the number of flights run now, and the time in s."""
     rows = Table.grid(padding=(0, 3))
     rows.add_column(style="dim", min_width=9)
     rows.add_column()
@@ -68,7 +68,7 @@ def summary(name: str, table: Path, outcomes: Mapping[str, int], done: tuple[int
 
 
 def failures(failed: Sequence[Mapping[str, Any]]) -> str:
-    """The reasons of failures that came most often, a line each."""
+    """Return the most frequent failure reasons, a line each."""
     if not failed:
         return ""
     counts = Counter(row["reason"] for row in failed)
@@ -85,7 +85,7 @@ def failures(failed: Sequence[Mapping[str, Any]]) -> str:
 def one_flight(
     swept: Sequence[str], values: Mapping[str, Any], row: Mapping[str, Any], log: Path | None
 ) -> RenderableType:
-    """A flight by itself: what entered it, what came of it."""
+    """Format the inputs and the result of one flight."""
     table = plain_table(("", ""), ("", NUMBER), ("", SENTENCES), header=False)
     table.add_row("flight", str(row["flight"]), "")
     for key in dict.fromkeys((*swept, *values)):

@@ -19,11 +19,11 @@ from logs.campaigns.table import Table
 from wingbeat.text import pluralize
 
 STRONGEST = 10
-"""-; pairs of an input and a metric that are told"""
+"""-; number of listed pairs of input and metric"""
 
 
 def report(table: Table, by: str | None, worst: Sequence[Worst], changed: str, page: Path) -> RenderableType:
-    """Outcomes, spreads, what matters, the worst flights, and where the page is."""
+    """Report outcomes, distributions, sensitivities, the worst flights, and the path of the page."""
     parts: list[RenderableType] = [_heading(table), Text(), _spreads(table)]
     for compared in comparisons(table):
         parts += [Text(), *_compared(compared)]

@@ -12,7 +12,7 @@ UPPER = "▀"
 
 
 class Canvas:
-    """``columns`` by ``rows`` cells, that is ``columns`` by twice ``rows`` pixels, with letters laid over them."""
+    """Canvas of ``columns`` by ``rows`` cells, which are ``columns`` by twice ``rows`` pixels, with text overlay."""
 
     def __init__(self, columns: int, rows: int, ground: Color) -> None:
         self.columns, self.rows = columns, rows
@@ -20,22 +20,22 @@ class Canvas:
         self._letters: dict[tuple[int, int], tuple[str, Color]] = {}
 
     def set(self, x: int, y: int, color: Color) -> None:
-        """Colour the pixel in column ``x`` and row ``y`` from the top; outside is no error."""
+        """Set the pixel in column ``x`` and row ``y`` from the top; pixels outside are ignored."""
         if 0 <= x < self.columns and 0 <= y < 2 * self.rows:
             self._pixels[y][x] = color
 
     def row(self, y: int, colors: list[Color]) -> None:
-        """Colour a whole row of pixels."""
+        """Set a row of pixels."""
         self._pixels[y] = colors
 
     def write(self, column: int, row: int, text: str, color: Color) -> None:
-        """Lay letters over the cells from ``column`` on."""
+        """Write text over the cells from ``column``."""
         for place, letter in enumerate(text, column):
             if 0 <= place < self.columns and 0 <= row < self.rows:
                 self._letters[row, place] = (letter, color)
 
     def text(self) -> Text:
-        """The picture; neighbours of one style are one span."""
+        """Return the text; adjacent cells of one style form a span."""
         text = Text(no_wrap=True, end="")
         for row in range(self.rows):
             if row:

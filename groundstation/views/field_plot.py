@@ -14,11 +14,11 @@ LABEL = "#8794a2"
 FAINT = "#5b6672"
 COLORS = ("#5fc8d8", "#ffcc33", "#d16ad1", "#6cc26c")
 AXIS = 10
-"""characters; for the numbers beside a plot"""
+"""characters; width of the axis labels"""
 
 
 class Trace(NamedTuple):
-    """One field to be drawn."""
+    """Data of a field to plot."""
 
     name: str
     """-; MESSAGE.field"""
@@ -29,7 +29,7 @@ class Trace(NamedTuple):
 
 
 def field_plot(trace: Trace, now: float, columns: int, rows: int, color: str = COLORS[0]) -> Text:
-    """The trace up to ``now`` (s, the clock of its points), with its name, last value, range and time axis."""
+    """Plot the trace up to ``now`` (s, the clock of its points), with name, last value, range and time axis."""
     points = [point for point in trace.points if math.isfinite(point[1])]
     text = _title(trace, points, columns, color)
     if not points:
@@ -56,7 +56,7 @@ def _title(trace: Trace, points: Sequence[tuple[float, float]], columns: int, co
 
 
 def _bounds(values: Sequence[float]) -> tuple[float, float]:
-    """Calm ends for the axis: whole steps of 1, 2 or 5 times a power of ten."""
+    """Return the axis limits: multiples of 1, 2 or 5 times a power of ten."""
     low, high = min(values), max(values)
     spread = high - low or abs(high) or 1.0
     step = braille.round_up(0.2 * spread)

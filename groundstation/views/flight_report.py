@@ -14,17 +14,17 @@ from logs.summary import AltitudeHold, EstimateError, FlightSummary, Touchdown
 
 
 def log_line(path: Path) -> Text:
-    """Where the log is."""
+    """Return the line with the path of the log."""
     return Text.assemble(("log".ljust(12), "dim"), str(path), (f"   {wording.size(path.stat().st_size)}", "dim"))
 
 
 def missed_line(fault: str, end: float) -> Text:
-    """A fault, as it was asked for, whose time lay after the ``end`` (s since boot) of the flight."""
+    """Return the notice of a fault with a time after the ``end`` (s since boot) of the flight."""
     return Text.assemble(("fault".ljust(12), "dim"), f"{fault} did not occur: the flight ended at {end:.1f} s")
 
 
 def flight_metrics_table(summary: FlightSummary) -> RenderableType:
-    """The flight in a few rows; what the log does not tell is left out."""
+    """Return the flight metrics as a table without missing data."""
     table = Table.grid(padding=(0, 3))
     table.add_column(style="dim", min_width=9)
     table.add_column()

@@ -27,25 +27,25 @@ TRACE = "cyan"
 
 
 class Header(NamedTuple):
-    """What stands above the state and is not telemetry."""
+    """Header line besides the telemetry."""
 
     title: str
     """-; the vehicle's name, or the link"""
     mode: str = ""
     """-; name of the mode"""
     note: str = ""
-    """-; such as the speed factor or how long the link is silent"""
+    """-; such as the speed factor or the duration of a link loss"""
     alarm: bool = False
-    """-; True when the note is a warning"""
+    """-; True if the note is a warning"""
 
 
 class FlightView(NamedTuple):
-    """Everything the picture is made of; a rich renderable that follows the terminal's width."""
+    """Data of the view; a rich renderable that adapts to the terminal's width."""
 
     header: Header
     state: VehicleState
     history: History | None
-    """None leaves the plots out"""
+    """None omits the plots"""
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         width = min(options.max_width, 100)
@@ -53,7 +53,7 @@ class FlightView(NamedTuple):
 
 
 def render(view: FlightView, width: int) -> RenderableType:
-    """The picture, ``width`` characters wide; below 60 the plots are left out."""
+    """Render ``width`` characters; below 60 the plots are omitted."""
     parts: list[RenderableType] = [_title(view, width), Rule(style=QUIET), _numbers(view.state, width)]
     if width >= 60 and view.history is not None:
         parts += [Text(), _plots(view.history, width)]
@@ -83,7 +83,7 @@ def _title(view: FlightView, width: int) -> RenderableType:
 
 
 def _numbers(state: VehicleState, width: int) -> RenderableType:
-    """Three groups side by side, or below each other where the terminal is narrow; widths never jump."""
+    """Format three groups side by side, or stacked on a narrow terminal, with constant widths."""
     groups = (_position(state), _attitude(state), _drive(state))
     abreast = width >= 60
     room = min((width if abreast else 3 * width) // 3 - 20, 16)
@@ -143,7 +143,7 @@ def _drive(state: VehicleState) -> list[Row]:
 
 
 def bar(share: float | None, cells: int) -> str:
-    """A share of 0 to 1 as a thin bar."""
+    """Draw a fraction of 0 to 1 as a thin bar."""
     if share is None or share != share:
         return ""
     full = round(min(max(share, 0.0), 1.0) * cells)
@@ -176,7 +176,7 @@ def _altitude_plot(history: History, columns: int, rows: int) -> Text:
 
 
 def _track_plot(history: History, columns: int, rows: int) -> Text:
-    """The track from above, north up, the same scale both ways; a cross marks home."""
+    """Draw the track from above, north up, with equal scales; a cross marks home."""
     track = history.track
     east = [0.0, *(point[0] for point in track)]
     north = [0.0, *(point[1] for point in track)]
@@ -208,7 +208,7 @@ def _event(status_texts: StatusLine, width: int) -> Text:
 
 
 def progress_line(state: VehicleState, mode: str) -> str:
-    """One plain line of the flight, for where there is no terminal."""
+    """Format the flight state on one plain line, without a terminal."""
     stage = "" if state.stage is None else wording.words(Stage(state.stage).name)
     item = "" if state.item is None else f"waypoint {state.item}"
     parts = (
@@ -225,5 +225,5 @@ def progress_line(state: VehicleState, mode: str) -> str:
 
 
 def event_line(status_texts: StatusLine) -> str:
-    """One plain line of what the vehicle said."""
+    """Format a STATUSTEXT on one plain line."""
     return f"{wording.number(status_texts.time, '6.1f', 's')}  {wording.one_line(status_texts.text)}"

@@ -22,7 +22,7 @@ class History(NamedTuple):
 
 
 def remember(history: History, state: VehicleState) -> History:
-    """Add a point once `History.spacing` went by; at `POINTS` every second point is dropped."""
+    """Add a point after each `History.spacing`; at `POINTS` every second point is removed."""
     if state.time is None or state.altitude is None or not math.isfinite(state.time + state.altitude):
         return history
     if history.altitude and state.time < history.altitude[-1][0]:

@@ -10,24 +10,24 @@ from groundstation.views import braille
 from groundstation.views.canvas import Canvas, Color
 
 SKY: tuple[Color, ...] = ((44, 108, 178), (36, 94, 160), (29, 80, 142), (22, 66, 122))
-"""from the horizon up"""
+"""colors upwards from the horizon"""
 GROUND: tuple[Color, ...] = ((122, 84, 48), (106, 72, 40), (90, 61, 34), (76, 51, 28))
-"""from the horizon down"""
+"""colors downwards from the horizon"""
 SHADE = math.radians(12.0)
-"""rad; of elevation to a shade"""
+"""rad; elevation range of a shade"""
 BLANK: Color = (28, 32, 38)
 LINE: Color = (235, 238, 242)
 FAINT: Color = (170, 186, 204)
 AIRCRAFT: Color = (255, 204, 51)
 SPAN = math.radians(50.0)
-"""rad; of elevation from the lower edge to the upper"""
+"""rad; elevation range of the view"""
 RUNG = math.radians(10.0)
 BANKS = (-60, -45, -30, -20, -10, 0, 10, 20, 30, 45, 60)
-"""deg; marks of the scale"""
+"""deg; marks of the bank scale"""
 
 
 def horizon(roll: float | None, pitch: float | None, columns: int, rows: int) -> Text:
-    """The picture for ``roll`` and ``pitch`` (rad, None where nothing was heard), ``columns`` by ``rows`` cells."""
+    """Draw the horizon for ``roll`` and ``pitch`` (rad, None if unknown), ``columns`` by ``rows`` cells."""
     canvas = Canvas(columns, rows, BLANK)
     if roll is None or pitch is None or not math.isfinite(roll + pitch):
         canvas.write(columns // 2 - 5, rows // 2, "no attitude", FAINT)
@@ -40,12 +40,12 @@ def horizon(roll: float | None, pitch: float | None, columns: int, rows: int) ->
 
 
 def _per_radian(canvas: Canvas) -> float:
-    """Pixels to a radian of elevation."""
+    """Return pixels per radian of elevation."""
     return 2 * canvas.rows / SPAN
 
 
 def _paint(canvas: Canvas, roll: float, pitch: float) -> None:
-    """Sky and ground: what a pixel shows depends on its elevation alone, which changes evenly along a row."""
+    """Draw sky and ground: the color of a pixel depends on its elevation, which is linear along a row."""
     scale = _per_radian(canvas)
     sine, cosine = math.sin(roll), math.cos(roll)
     middle_x, middle_y = 0.5 * (canvas.columns - 1), canvas.rows - 0.5
@@ -61,7 +61,7 @@ def _shade(elevation: float) -> Color:
 
 
 def _ladder(canvas: Canvas, roll: float, pitch: float) -> None:
-    """A rung every ten degrees, as far as it stays under the scale of bank."""
+    """Draw a pitch ladder with ten-degree spacing, below the bank scale."""
     nearest = round(pitch / RUNG)
     half = min(canvas.columns / 8.0, 8.0)
     lines = []
@@ -78,7 +78,7 @@ def _ladder(canvas: Canvas, roll: float, pitch: float) -> None:
 
 
 def _draw(canvas: Canvas, lines: list[list[tuple[float, float]]], color: Color) -> None:
-    """Thin lines between pixels, in braille dots over the picture."""
+    """Draw thin lines in braille dots over the pixels."""
     window = braille.Window(0.0, canvas.columns - 0.5, 2.0 * canvas.rows - 0.75, -0.25)
     for row, letters in enumerate(braille.draw(lines, window, canvas.columns, canvas.rows)):
         for column, letter in enumerate(letters):
@@ -87,7 +87,7 @@ def _draw(canvas: Canvas, lines: list[list[tuple[float, float]]], color: Color) 
 
 
 def _place(canvas: Canvas, roll: float, across: float, up: float) -> tuple[float, float]:
-    """Pixel of a point of the earth's axes, ``across`` and ``up`` in pixels from the middle."""
+    """Return the pixel of a point in earth axes, ``across`` and ``up`` in pixels from the center."""
     x = 0.5 * (canvas.columns - 1) + across * math.cos(roll) - up * math.sin(roll)
     y = canvas.rows - 0.5 - across * math.sin(roll) - up * math.cos(roll)
     return x, y
@@ -117,7 +117,7 @@ def _polar(bank: float, radius: float) -> tuple[float, float]:
 
 
 def _aircraft(canvas: Canvas) -> None:
-    """The fixed symbol: wings either side of a dot in the middle."""
+    """Draw the fixed aircraft symbol."""
     row, middle = canvas.rows // 2, canvas.columns // 2
     wing = max(min(canvas.columns // 10, 6), 2)
     canvas.write(middle - wing - 3, row, "━" * wing + "┓", AIRCRAFT)

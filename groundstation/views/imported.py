@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def print_imported(report: ImportReport) -> None:
-    """The topics with what they were made of, then damage and dropped rows, then the new file."""
+    """Print the topics with their sources, then damage and dropped rows, then the new file."""
     console = open_console()
     console.print(
         Text.assemble(

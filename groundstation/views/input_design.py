@@ -17,11 +17,11 @@ from sim_bridge.tuning.model import LinearModel
 
 WHITE = "of white sensor noise alone; gusts, and what the wing's shaking leaves after averaging, come on top (--gust)"
 SHARE_SHOWN = 10.0
-"""-; a relative error above it says nothing"""
+"""-; relative error above which an estimate is not useful"""
 
 
 def plan_view(model: LinearModel, prior: Prior, requested: Asked, designs: Plan) -> RenderableType:
-    """Heading, predicted errors, envelope, and how it is flown."""
+    """Show heading, predicted errors, envelope, and the flight instructions."""
     return Group(
         Text.assemble(("predicted errors", "bold"), f", on {model.origin}"),
         _errors(designs),

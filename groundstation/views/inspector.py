@@ -14,25 +14,25 @@ COLUMNS = ("message", "from", "rate", "count", "size", "age")
 
 
 class FieldRow(NamedTuple):
-    """One number or text of a message."""
+    """One field of a message."""
 
     path: str
-    """-; the field's name, with [3] behind it for an element of an array"""
+    """-; the field's name, with an index such as [3] for an array element"""
     value: str
-    """-; as it came on the wire, the label of an enumeration beside it"""
+    """-; value on the wire, with its enumeration label"""
     unit: str
-    """-; of the wire"""
+    """-; unit on the wire"""
 
 
 def message_cells(row: MessageRow) -> tuple[str, ...]:
-    """One row of the inspector, in the order of `COLUMNS`."""
+    """Return the cells of one row of the inspector, in the order of `COLUMNS`."""
     rate = f"{row.rate:.1f} Hz" if row.rate else wording.UNKNOWN
     age = f"{row.age:.1f} s" if row.age < 60.0 else f"{row.age / 60.0:.0f} min"
     return row.name, f"{row.sender[0]}/{row.sender[1]}", rate, str(row.total), f"{row.size} B", age
 
 
 def field_rows(message: Any) -> list[FieldRow]:
-    """Every field of a message; none for a message that no dialect knows."""
+    """Return every field of a message; none for a message that no dialect defines."""
     if message is None:
         return []
     units = message.fieldunits_by_name
@@ -61,7 +61,7 @@ def _value(message: Any, name: str, value: Any) -> str:
 
 
 def _label(message: Any, name: str, value: int) -> str:
-    """Name of an enumeration's value; nothing for flags, which are many at once."""
+    """Return the name of an enumeration value; empty for bit masks."""
     enum = message.fieldenums_by_name.get(name)
     if enum is None or message.fielddisplays_by_name.get(name) == "bitmask":
         return ""

@@ -28,7 +28,7 @@ MIN_BAR = 5
 
 
 def stick_bars(status: ControlStatus, picture: Picture, columns: int) -> RenderableType:
-    """Draw device and link in one line, and below it the sticks in two rows of two bars."""
+    """Draw device and link on one line, and the sticks below in two rows of two bars."""
     head = Text(f"{STATE_TEXTS[status.state]}  ", style=STATE_STYLES[status.state], no_wrap=True, end="")
     head.append(status.device, style=VALUE)
     link = Text(f"  {_link_text(picture)}", style=LABEL)
@@ -58,7 +58,7 @@ def _link_text(picture: Picture) -> str:
 
 
 def centered_bar(value: float | None, cells: int) -> str:
-    """Draw a deflection from -1 to 1 as a bar from the middle of an odd number of ``cells`` or one less."""
+    """Draw a deflection from -1 to 1 as a bar from the center, with an odd number of cells up to ``cells``."""
     half = max(cells - 1, 0) // 2
     filled = 0 if value is None else round(min(abs(value), 1.0) * half)
     full, rest = "━" * filled, "╌" * (half - filled)
@@ -106,7 +106,7 @@ def control_record(status: ControlStatus, station: Station) -> dict[str, Any]:
 
 
 class ControlLines:
-    """Prints a line or JSON object a second, and what was noted meanwhile."""
+    """Printer of a line or JSON object a second, and of new notices."""
 
     def __init__(self, station: Station, as_json: bool, now: float) -> None:
         self._station, self._as_json = station, as_json
@@ -114,7 +114,7 @@ class ControlLines:
         self._printed = 0
 
     def show(self, status: ControlStatus, now: float) -> None:
-        """Print what is due at ``now`` (s)."""
+        """Print the lines due at ``now`` (s)."""
         picture = self._station.picture()
         if not self._as_json:
             for note in new_notes(picture, self._printed):

@@ -12,23 +12,23 @@ from groundstation.views.printable import CONTROLS
 
 
 def print_document(document: Any) -> None:
-    """One indented JSON document on stdout."""
+    """Print one indented JSON document to stdout."""
     sys.stdout.write(_encode(document, indent=2) + "\n")
 
 
 def print_line(document: Any) -> None:
-    """One JSON document on a line of its own, at once."""
+    """Print one JSON document on one line and flush it."""
     print(_encode(document), flush=True)
 
 
 def _encode(document: Any, indent: int | None = None) -> str:
     text = json.dumps(plain(document), indent=indent, ensure_ascii=False, allow_nan=False)
-    # JSON escapes C0 controls by itself. The others occur in strings only, where an escape keeps their value.
+    # JSON escapes C0 controls. Other controls occur in strings only, where an escape keeps their value.
     return CONTROLS.sub(lambda match: match[0] if match[0] == "\t" else f"\\u{ord(match[0]):04x}", text)
 
 
 def plain(value: Any) -> Any:
-    """``value`` in the types of JSON; a NamedTuple becomes an object, an array a list."""
+    """Convert ``value`` to JSON types; a NamedTuple becomes an object, an array a list."""
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
     if hasattr(value, "_asdict"):

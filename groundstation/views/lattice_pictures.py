@@ -17,9 +17,9 @@ from wingbeat.errors import InputError
 
 WAKE, LIFT = "lattice_wake.svg", "lattice_lift.svg"
 SIZE, HEAD, EDGE = Size(820.0, 380.0), 54.0, 12.0
-"""px; of the plot, above it for title and key, and around"""
+"""px; plot width and height, height of title and legend, margin"""
 COLOURS = {MEASURED: "#4a525e", MODEL: "#d55e00", OTHER: "#0072b2"}
-"""Okabe and Ito: told apart by any colour vision"""
+"""Okabe and Ito: distinguishable with color vision deficiency"""
 STYLE = (
     'text{font:11px system-ui,-apple-system,"Segoe UI",Roboto,"Liberation Sans",sans-serif;fill:#5b6572}'
     ".name,.key{fill:#1c2128}.key{font-size:13px}.title{font-size:16px;font-weight:600;fill:#1c2128}"
@@ -30,7 +30,7 @@ STYLE = (
 
 
 def draw_lattice(folder: Path, progress: Callable[[float], None]) -> list[Path]:
-    """Draw both into new files of ``folder``, which is made if it is not there; ``progress`` hears the share done.
+    """Draw both figures into new files of ``folder``, created if missing; ``progress`` gets the fraction.
 
     Raises:
         InputError: one of the files exists, or cannot be written.
@@ -51,7 +51,7 @@ def draw_lattice(folder: Path, progress: Callable[[float], None]) -> list[Path]:
 
 
 def lift_plot() -> Plot:
-    """Lift of both wings over a stroke, as measured, by strip theory, and by the lattice with and without stall."""
+    """Plot lift of both wings over a stroke: measured, by strip theory, and by the lattice with and without stall."""
     phase, lattice = np.arange(STEPS) / STEPS, lattice_stroke("prescribed")
     return Plot(
         "Lift of a flapping wing over a stroke (Yeo 2011)",
@@ -69,7 +69,7 @@ def lift_plot() -> Plot:
 
 
 def _framed(plot: Plot) -> str:
-    """The plot as a file of its own: its title and key above it."""
+    """Return the plot as a complete file with title and legend."""
     width, height = SIZE.width + 2.0 * EDGE, SIZE.height + HEAD + EDGE
     inner = drawn(plot, SIZE).replace("<svg ", f'<svg x="{EDGE:g}" y="{HEAD:g}" width="{SIZE.width:g}" ', 1)
     inner = inner.replace("<svg ", f'<svg height="{SIZE.height:g}" ', 1)

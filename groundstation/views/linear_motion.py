@@ -17,7 +17,7 @@ STATES = ("u m/s", "w m/s", "q rad/s", "theta rad")
 
 
 def linear_tables(linear: Linearization, orbit: Orbit) -> RenderableType:
-    """Modes of both models, A and B, and what to beware of."""
+    """Show the modes of both models, A and B, and warnings."""
     notes = [Text(difference(linear), style="dim"), *(Text(f"beware: {words}") for words in warnings(linear, orbit))]
     return Group(
         Text(), modes_table(linear, orbit), Text(), matrices_table(linear.averaged), *(note for note in notes if note)
@@ -25,7 +25,7 @@ def linear_tables(linear: Linearization, orbit: Orbit) -> RenderableType:
 
 
 def modes_table(linear: Linearization, orbit: Orbit) -> tables.PlainTable:
-    """One row a mode: of the stroke map those slower than the flapping, then those of A."""
+    """Show one row per mode: of the stroke map those slower than the flapping, then those of A."""
     numbers = (("frequency", "right"), ("damping", "right"), ("period", "right"), ("half or double", "right"))
     table = tables.plain_table(("", tables.GROUP), ("", ""), *numbers)
     slow = [mode for mode in linear.floquet if mode.natural_frequency < 2.0 * math.pi * orbit.inputs.frequency]
@@ -48,7 +48,7 @@ def _unnamed(mode: Mode) -> str:
 
 
 def matrices_table(model: AveragedModel) -> tables.PlainTable:
-    """A and B, a row for each state's rate."""
+    """Show A and B, a row for each state derivative."""
     columns = ((name, "right") for name in (*STATES, "elevator rad", "unexplained"))
     table = tables.plain_table(("A, B", ""), *columns)
     for i, state in enumerate(STATES):

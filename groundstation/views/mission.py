@@ -32,44 +32,44 @@ AIMED = frozenset((mavlink.MAV_CMD_DO_SET_ROI_LOCATION, mavlink.MAV_CMD_DO_SET_R
 
 
 class MissionItemView(NamedTuple):
-    """One item in SI and radians; None where it has no such number."""
+    """Mission item in SI units and radians; None for numbers that it lacks."""
 
     does: str
-    """-; in words"""
+    """-; description"""
     north: float | None = None
-    """m; from home, of a place in a local frame"""
+    """m; from home, of a position in a local frame"""
     east: float | None = None
-    """m; from home, of a place in a local frame"""
+    """m; from home, of a position in a local frame"""
     latitude: float | None = None
-    """rad; WGS-84, of a place on the globe"""
+    """rad; WGS-84, of a global position"""
     longitude: float | None = None
-    """rad; WGS-84, of a place on the globe"""
+    """rad; WGS-84, of a global position"""
     altitude: float | None = None
     """m; above ``altitude_above``"""
     altitude_above: str | None = None
     """-; home, sea or terrain"""
     duration: float | None = None
-    """s; to hold or to circle"""
+    """s; of a hold or loiter"""
     heading: float | None = None
-    """rad; clockwise from north, to hold or to land on"""
+    """rad; clockwise from north, of a hold or landing"""
     radius: float | None = None
     """m; positive clockwise"""
     turns: float | None = None
-    """-; to circle"""
+    """-; number of loiter turns"""
     acceptance: float | None = None
-    """m; a waypoint is reached within it"""
+    """m; acceptance radius of a waypoint"""
     jump_to: int | None = None
-    """-; number of the item to go on with"""
+    """-; number of the next item after a jump"""
     repeats: int | None = None
-    """-; how often it is jumped, -1 for ever"""
+    """-; number of jumps, -1 for no limit"""
     excitation: Excitation | None = None
     """-; the identification input"""
     airspeed: float | None = None
-    """m/s; setpoint from here on"""
+    """m/s; setpoint from this item on"""
 
 
 def item_view(item: Item) -> MissionItemView:
-    """What an item says."""
+    """Convert an item to SI units."""
     known = KINDS.get(item.command)
     if known is not None:
         return known(item)
@@ -93,7 +93,7 @@ def _radians(degrees: float) -> float | None:
 
 
 def _placed(item: Item, does: str) -> MissionItemView:
-    """With the place and the altitude that an item of most commands has."""
+    """Add position and altitude, which are the same for most commands."""
     if _has_no_place(item):
         return MissionItemView(does)
     scale, above = wire_scale(item.frame), _above(item.frame)
@@ -109,7 +109,7 @@ def _placed(item: Item, does: str) -> MissionItemView:
 
 
 def _has_no_place(item: Item) -> bool:
-    """Whether the last three parameters are not a position; cameras send such commands in any frame."""
+    """Return whether the last three parameters are not a position, as for camera commands in any frame."""
     return item.frame == MISSION_FRAME or (item.command in SKIPPED and item.command not in AIMED)
 
 
@@ -146,7 +146,7 @@ def _speed(item: Item) -> MissionItemView:
 
 
 def _circle(does: str, radius_at: int, **amounts: int) -> Callable[[Item], MissionItemView]:
-    """A circle whose radius and ``amounts`` are parameters at these places, from 0."""
+    """Return the view of a loiter whose radius and ``amounts`` are the parameters with these indices, from 0."""
 
     def read(item: Item) -> MissionItemView:
         values: dict[str, Any] = {name: _positive(item.parameters[at]) for name, at in amounts.items()}
@@ -178,11 +178,11 @@ KINDS: dict[int, Callable[[Item], MissionItemView]] = {
     ItemKind.HOLD: _level_text,
     **dict.fromkeys(DECODERS, _excite),
 }
-"""What reads an item, by its command"""
+"""converter of an item, by command"""
 
 
 def mission_record(number: int, item: Item) -> dict[str, Any]:
-    """An item as a JSON object: the numbers of `MissionItemView`, and the item as MISSION_ITEM_INT carries it."""
+    """Return an item as a JSON object: the fields of `MissionItemView`, and those of MISSION_ITEM_INT."""
     text = item_view(item)._asdict()
     if text["excitation"] is not None:
         text["excitation"] = _excitation_record(text["excitation"])
@@ -202,7 +202,7 @@ def _excitation_record(requested: Excitation) -> dict[str, Any]:
 
 
 def difference_lines(part: str, number: int, file_item: Item | None, vehicle_item: Item | None) -> list[str]:
-    """Two lines, of the file and of the vehicle, about an item in which they differ."""
+    """Return two lines, of the file and of the vehicle, about a different item."""
     ours, theirs = ("nothing" if item is None else _line(item) for item in (file_item, vehicle_item))
     return [f"{part} {number}  file     {ours}", f"{'':{len(part) + len(str(number)) + 1}}  vehicle  {theirs}"]
 
@@ -213,7 +213,7 @@ def _line(item: Item) -> str:
 
 
 def print_mission(items: Sequence[Item], home_first: bool = False) -> None:
-    """The vehicle's mission, one row an item; ``home_first`` where number 0 is home."""
+    """Print the vehicle's mission, one row per item; with ``home_first`` number 0 is home."""
     if not items:
         print("the vehicle has no mission")
         return
@@ -242,7 +242,7 @@ def _altitude(text: MissionItemView) -> str:
 
 
 def _how(text: MissionItemView, item: Item) -> str:
-    """The numbers of an item that are neither place nor altitude, each with its unit."""
+    """Format the values of an item other than position and altitude, with units."""
     if item.command not in KINDS:
         return _raw(item)
     if text.excitation is not None:
@@ -272,7 +272,7 @@ def _repeats(repeats: int | None) -> str:
 
 
 def _raw(item: Item) -> str:
-    """The parameters as they came, of a command that is not known here."""
+    """Format the raw parameters of an unknown command."""
     scale = wire_scale(item.frame)
     places = (item.x / scale, item.y / scale, item.z) if _has_no_place(item) else ()
     values = enumerate((*item.parameters, *places), 1)

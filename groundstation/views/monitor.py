@@ -17,7 +17,7 @@ LINE_EVERY = 1.0
 
 
 def watch_lines(station: Station, as_json: bool) -> None:
-    """A line a second, or a JSON object, until Ctrl-C; what the vehicle says is a line of its own."""
+    """Print a line a second, or a JSON object, until Ctrl-C; messages of the vehicle are separate lines."""
     connection = station.connection
     said = 0
     due = connection.now() + LINE_EVERY
@@ -40,11 +40,11 @@ def watch_lines(station: Station, as_json: bool) -> None:
 
 
 JSON_KEYS = {"text_count": "said"}
-"""fields of `VehicleState` whose key in JSON documents has another name"""
+"""fields of `VehicleState` that have another key in JSON documents"""
 
 
 def state_record(state: VehicleState) -> dict[str, Any]:
-    """The telemetry as a JSON object: SI and radians, null where nothing was heard."""
+    """Return the telemetry as a JSON object: SI and radians, null for missing data."""
     hidden = ("sentence", "mode_names", "received_at", "events", "stage", "home", "stamp", "is_wingbeat", "beats")
     record = {JSON_KEYS.get(key, key): value for key, value in state._asdict().items() if key not in hidden}
     return {
@@ -59,11 +59,11 @@ def state_record(state: VehicleState) -> dict[str, Any]:
 
 
 def print_once(url: str, state: VehicleState, quality: Quality) -> None:
-    """Print the picture once, without the plots, and how good the link is."""
+    """Print the view once, without plots, and the link quality."""
     open_console().print(FlightView(Header(url, modes.mode_name(state), link_note(quality)), state, None))
 
 
 def link_note(quality: Quality) -> str:
-    """Rate and loss of a link in a few words."""
+    """Format rate and loss of a link."""
     rate = f"{quality.bytes_per_s / 1e3:.1f} kB/s"
     return rate if quality.loss is None else f"{rate}, {100.0 * quality.loss:.1f} % lost"

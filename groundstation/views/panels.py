@@ -25,12 +25,12 @@ CAUTION = "#ffcc33"
 BAD = "bold #ff6b5e"
 TRACE = "#5fc8d8"
 SILENT_AFTER = 3.0
-"""s; without a message before a view says so"""
+"""s; without a message, after which a view shows a link loss"""
 FIXES = {0: "no GPS", 1: "no fix", 2: "2D fix", 3: "3D fix", 4: "DGPS", 5: "RTK float", 6: "RTK fix"}
 
 
 def status_line(picture: Picture, columns: int) -> Text:
-    """Who it is, what it does, and how far it is in its flight: one line."""
+    """Format vehicle, mode and flight stage on one line."""
     state = picture.state
     line = Text(no_wrap=True, end="", overflow="ellipsis")
     line.append(f" {vehicle_name(state) or picture.url} ", style="bold #0b0e12 on #5fc8d8")
@@ -68,7 +68,7 @@ def _fix(state: VehicleState) -> str:
 
 
 def vehicle_name(state: VehicleState) -> str:
-    """Kind and number of a vehicle, such as ``flapping wing 1``; empty before its heartbeat."""
+    """Return type and number of a vehicle, such as ``flapping wing 1``; empty before its heartbeat."""
     if state.system is None:
         return ""
     return f"{modes.type_name(state.vehicle_type)} {state.system}"
@@ -88,7 +88,7 @@ def _pair(value: str, adjacent: str) -> Text:
 
 
 def _fitting(columns: int, value: str, *besides: str) -> str:
-    """The first of several ways to say what stands beside a value that its row has room for; else the last."""
+    """Return the first of several texts that fits beside a value, else the last."""
     width = columns - 10 - len(value) - 2
     return next((adjacent for adjacent in besides if len(adjacent) <= width), besides[-1])
 
@@ -97,7 +97,7 @@ def _fitting(columns: int, value: str, *besides: str) -> str:
 
 
 def flapping(picture: Picture, columns: int, rows: int) -> RenderableType:
-    """The wings as seen from behind, where in the stroke they are, and how fast they beat."""
+    """Draw the wings from behind, the phase of the stroke, and the flapping frequency."""
     state = picture.state
     amplitude = "" if not state.flap_amplitude else f"±{wording.angle(state.flap_amplitude, '.0f')}"
     table = _rows(
@@ -111,7 +111,7 @@ def flapping(picture: Picture, columns: int, rows: int) -> RenderableType:
 
 
 def _phase(state: VehicleState, columns: int) -> Text:
-    """One stroke from its middle, the wing on the way up, with a mark where it is now."""
+    """Draw one stroke from its middle, wing moving up, with a mark at the present phase."""
     if state.flap_phase is None or not math.isfinite(state.flap_phase) or not state.flap_frequency:
         return Text(wording.UNKNOWN)
     stroke = "⣀⡠⠔⠒⠊⠉⠉⠑⠒⠢⢄⣀"
@@ -127,7 +127,7 @@ def _phase(state: VehicleState, columns: int) -> Text:
 
 
 def wings(state: VehicleState, columns: int, rows: int) -> Text:
-    """Both wings from behind, at their angles."""
+    """Draw both wings from behind at their angles."""
     text = Text(no_wrap=True, justify="center")
     if state.flap_left is None or state.flap_right is None:
         return text.append("\n" * (rows // 2) + "no wing angles" + "\n" * (rows - rows // 2 - 1), style=FAINT)
@@ -151,7 +151,7 @@ def _tip(side: float, angle: float) -> tuple[float, float]:
 
 
 def power(picture: Picture, columns: int, rows: int) -> RenderableType:
-    """Battery, supply and what the wings take."""
+    """Show battery, supply and power of the wings."""
     state = picture.state
     share = state.battery_remaining
     style = GOOD if share is None or share > 0.4 else CAUTION if share > 0.2 else BAD
@@ -168,7 +168,7 @@ def power(picture: Picture, columns: int, rows: int) -> RenderableType:
 
 
 def _kind(columns: int, watts: str, energy: float | None, means: bool) -> str:
-    """What stands beside the power: whether it is a mean, of current and voltage too, and the energy drawn (J)."""
+    """Return the text beside the power: whether power, current and voltage are means, and the energy (J)."""
     if energy is None:
         return ""
     hours = f"{energy / 3600.0:.2f} Wh"
@@ -181,7 +181,7 @@ def _kind(columns: int, watts: str, energy: float | None, means: bool) -> str:
 
 
 def link(picture: Picture, columns: int, rows: int) -> RenderableType:
-    """Loss, rate and latency of the link, and where what is heard is kept."""
+    """Show loss, rate and latency of the link, and the path of the recording."""
     quality = picture.quality
     loss = quality.loss
     style = VALUE if loss is None else GOOD if loss < 0.02 else CAUTION if loss < 0.1 else BAD
@@ -201,7 +201,7 @@ def link(picture: Picture, columns: int, rows: int) -> RenderableType:
 
 
 def _end(name: str, columns: int) -> str:
-    """The end of a file's name, where its time is."""
+    """Return the end of a file's name, which has its time."""
     return name if len(name) <= columns else f"…{name[-max(columns - 1, 1) :]}"
 
 
@@ -213,7 +213,7 @@ def _rate(bytes_per_s: float) -> str:
 
 
 def mission(picture: Picture, columns: int, rows: int) -> RenderableType:
-    """How far the mission is: the item that is flown, those around it, and what is left to its place."""
+    """Show the progress of the mission: present item, adjacent ones, and the distance to its position."""
     state = picture.state
     count = len(picture.mission) or state.items
     number = state.item
@@ -231,7 +231,7 @@ def mission(picture: Picture, columns: int, rows: int) -> RenderableType:
     table = _rows(
         columns,
         ("item", item),
-        # The altitude to fly at is on its tape as well.
+        # The altitude setpoint is on the altitude tape, too.
         ("course", _pair(bearing, _fitting(columns, bearing, both, to_go or at_height))),
         ("home", _pair(home, _over_ground(state, columns, home))),
     )
@@ -247,7 +247,7 @@ def _over_ground(state: VehicleState, columns: int, home: str) -> str:
 
 
 def _items(picture: Picture, columns: int, rows: int) -> Text:
-    """The items around the one that is flown."""
+    """Show the items around the present one."""
     flown = picture.state.item or 0
     first = max(min(flown - 1, len(picture.mission) - rows), 0)
     text = Text(no_wrap=True, overflow="ellipsis")
@@ -271,7 +271,7 @@ STYLES = {
 
 
 def sayings(picture: Picture, columns: int, rows: int) -> Text:
-    """What the vehicle said and what became of our commands, the newest below."""
+    """Show messages of the vehicle and results of commands, the newest below."""
     said = [
         (heard.time, _word(heard.severity), heard.text, STYLES.get(heard.severity, BAD))
         for heard in picture.state.events
@@ -295,7 +295,7 @@ def _word(severity: Severity) -> str:
 
 
 def heading(picture: Picture, columns: int) -> Text:
-    """Heading, roll, pitch and climb in one line."""
+    """Show heading, roll, pitch and climb rate on one line."""
     state = picture.state
     climb = state.climb_rate
     arrow = "" if climb is None or not math.isfinite(climb) else "↑ " if climb > 0.1 else "↓ " if climb < -0.1 else ""

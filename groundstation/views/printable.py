@@ -66,5 +66,5 @@ def printable_streams() -> Iterator[None]:
 
 
 def unfiltered(stream: TextIO) -> TextIO:
-    """Return the stream behind a `PrintableStream`, for output that contains control sequences of our own."""
+    """Return the stream behind a `PrintableStream`, for output with control sequences of Wingbeat."""
     return getattr(stream, "unfiltered", stream)

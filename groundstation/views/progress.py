@@ -13,15 +13,15 @@ from rich.progress import BarColumn, Progress, TaskID, TextColumn
 from groundstation.views.terminal import open_console
 
 APPEARS_AFTER = 1.0
-"""s; shorter work stays silent"""
+"""s; shorter work shows no progress"""
 LINE_EVERY = 1.0
-"""s; between two lines where there is no terminal"""
+"""s; between two lines without a terminal"""
 
 
 class ProgressBar:
-    """Shows on stderr how far a piece of work is; as a context manager it cleans up after itself.
+    """Progress bar on stderr; a context manager that removes the bar at the end.
 
-    ``quiet`` draws no bar; who is ``reporting`` prints lines where there is none, no two within ``every`` s.
+    ``quiet`` draws no bar. With ``reporting``, lines are printed if there is no terminal, at least ``every`` s apart.
     """
 
     def __init__(
@@ -53,7 +53,7 @@ class ProgressBar:
             self._bar.stop()
 
     def show(self, done: float, total: float, note: str = "") -> None:
-        """Tell how far the work is; ``total`` 0 while that is unknown."""
+        """Show the progress; ``total`` is 0 while it is unknown."""
         if self._clock() - self._started < APPEARS_AFTER:
             return
         if not self._shown:
@@ -71,7 +71,7 @@ class ProgressBar:
         self._bar.update(self._task, completed=done, total=total or None, description=note or self._label)
 
     def _report(self, note: str) -> None:
-        """A line where a bar cannot be: only what is new, and not too often."""
+        """Print a line without a terminal: new text only, with limited rate."""
         now = self._clock()
         if self._reporting and note and note != self._reported and now - self._reported_at >= self._every:
             self._reported, self._reported_at = note, now

@@ -19,7 +19,7 @@ UNMODELLED = "not modelled: the wings' motion is prescribed, without a drive tha
 
 
 def flight_heading(vehicle: SimulatedVehicle, orbit: Orbit) -> Text:
-    """What flies, and how fast."""
+    """Return vehicle and flight condition."""
     means = orbit.means
     climb = f"climbing {means.climb_rate:+.2f} m/s" if abs(means.climb_rate) > 5e-3 else "level"
     flown = f"{means.airspeed:.2f} m/s, {climb}, air loads by {vehicle.aerodynamics.model}"
@@ -27,7 +27,7 @@ def flight_heading(vehicle: SimulatedVehicle, orbit: Orbit) -> Text:
 
 
 def trim_table(vehicle: SimulatedVehicle, orbit: Orbit, moved: Excursions, numbers: Figures) -> RenderableType:
-    """What the flight asks of drive and tail, what it costs, and how it shakes."""
+    """Return settings of drive and tail, power and vibration of the flight as a table."""
     table = Table.grid(padding=(0, 3))
     table.add_column(style="dim", min_width=9)
     table.add_column()
@@ -50,7 +50,7 @@ def trim_table(vehicle: SimulatedVehicle, orbit: Orbit, moved: Excursions, numbe
 
 
 def drive_words(vehicle: SimulatedVehicle, orbit: Orbit) -> str:
-    """The drive's setting and the stroke that comes of it."""
+    """Describe the drive's setting and the resulting stroke."""
     inputs = orbit.inputs
     achieved = f"stroke ±{wording.angle(orbit.means.flap_amplitude, '.1f')}"
     if vehicle.drive.kind == "servo":
@@ -63,7 +63,7 @@ def drive_words(vehicle: SimulatedVehicle, orbit: Orbit) -> str:
 
 
 def draws_current(vehicle: SimulatedVehicle) -> bool:
-    """Whether the drive has a torque; without one the wings' motion is prescribed, and what it takes is given."""
+    """Return whether the drive has a torque; otherwise the wing motion is prescribed and its power given."""
     return vehicle.drive.kind == "linkage" or vehicle.drive.stall_torque > 0.0
 
 

@@ -15,17 +15,18 @@ from groundstation.link.parameters import Parameter
 PARAMETER_TYPES = {1: "uint8", 2: "int8", 3: "uint16", 4: "int16", 5: "uint32", 6: "int32", 9: "float"}
 
 GAP, NARROW = 3, 2
-"""characters between two columns: where there is room, and where there is none"""
+"""characters between two columns: normal, and on a narrow terminal"""
 READABLE = 32
-"""characters; sentences in a narrower column stand below their row instead"""
+"""characters; minimum width of a text column, below which its text is put below the row"""
 INDENT = 4
-"""characters; of sentences below their row"""
+"""characters; indentation of text below its row"""
 FOLDED = 2
-"""-; lines that a name may take"""
+"""-; maximum number of lines of a name"""
 
 NAME, NUMBER, UNIT, GROUP, SENTENCES, SPARE = "", "right", "unit", "group", "text", "spare"
-"""kinds of columns: names fold between words, numbers and units stay whole, a group is the name of the rows below it,
-sentences fold as they come, what is spare is left out where there is no room"""
+"""kinds of columns: names wrap between words, numbers and units do not, a group is the name of the rows below it,
+sentences wrap anywhere between words, spare columns are omitted on a narrow terminal
+"""
 
 
 class _Column(NamedTuple):
@@ -35,11 +36,11 @@ class _Column(NamedTuple):
 
     @property
     def full(self) -> int:
-        """Characters that nothing of it has to be folded for."""
+        """Return the width without wrapping, in characters."""
         return max(map(_length, (Text(self.heading), *self.cells)), default=0)
 
     def least(self, lines: int) -> int:
-        """Characters below which a number or unit is cut, or a name takes more than so many ``lines``."""
+        """Return the least width, at which no number or unit is cut and names take at most ``lines``."""
         words = max(map(cell_len, self.heading.split()), default=0)
         if self.kind in (NUMBER, UNIT):
             return max([words, *map(_length, self.cells)])
@@ -49,7 +50,7 @@ class _Column(NamedTuple):
 
 
 class _Block(NamedTuple):
-    """Columns beside each other."""
+    """Columns that are side by side."""
 
     columns: tuple[_Column, ...]
     widths: tuple[int, ...]
@@ -57,16 +58,16 @@ class _Block(NamedTuple):
 
 
 class _Around(NamedTuple):
-    """Columns that do not stand beside the others, on a terminal of so many characters."""
+    """Columns that are not beside the others, and the terminal width in characters."""
 
     width: int
     groups: tuple[_Column, ...] = ()
     names: tuple[_Column, ...] = ()
-    """and their units, above their numbers"""
+    """names and units, above their numbers"""
     below: tuple[_Column, ...] = ()
 
     def over(self, groups: Sequence[Text], names: Sequence[Text]) -> Iterator[Text]:
-        """Lines above a row."""
+        """Return the lines above a row."""
         inset = NARROW if self.groups else 0
         for text in groups:
             yield from (line for line in _folded(text, self.width) if line)
@@ -74,22 +75,21 @@ class _Around(NamedTuple):
         yield from (_indented(line, inset) for line in _folded(joined, self.width - inset) if line)
 
     def inset(self, lines: Iterable[Text]) -> Iterator[Text]:
-        """Lines of the row itself."""
+        """Return the lines of a row."""
         yield from (_indented(line, INDENT if self.names else 0) for line in lines)
 
     def under(self, texts: Sequence[Text]) -> Iterator[Text]:
-        """Lines below a row."""
+        """Return the lines below a row."""
         for text in texts:
             yield from (_indented(line, INDENT) for line in _folded(text, self.width - INDENT) if line)
 
 
 class PlainTable:
-    """A table without lines that fits itself to the terminal.
+    """Table without rules that fits itself to the terminal.
 
-    Where it is too wide, in this order: what is spare is left out; a group stands above its rows; the columns move
-    together; names and headings fold between words; sentences stand below their row; names stand above their numbers;
-    where those are too many for a line, the columns that find no room stand in a table of their own below, with names
-    and units again.
+    If it is too wide, these measures are taken in order: spare columns are omitted; a group is put above its rows;
+    the column gap is reduced; names and headings wrap between words; sentences are put below their row; names are put
+    above their numbers; the columns that do not fit form another table below, with names and units again.
     """
 
     def __init__(self, columns: Sequence[tuple[str, str]], header: bool) -> None:
@@ -98,12 +98,12 @@ class PlainTable:
         self._rows: list[tuple[Text, ...]] = []
 
     def add_row(self, *cells: str | Text) -> None:
-        """A cell for each column; a text without markup, or with its own styles."""
+        """Add a row with a cell for each column; a text without markup, or with its own styles."""
         padded = (*cells, *[""] * (len(self._columns) - len(cells)))
         self._rows.append(tuple(one.copy() if isinstance(one, Text) else Text(one) for one in padded))
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
-        """Lines without trailing blanks, no longer than the terminal is wide as long as every word fits on it."""
+        """Yield lines without trailing blanks, within the terminal width if every word fits."""
         for line in self._lines(options.max_width):
             line.rstrip()
             line.overflow = "fold"
@@ -131,7 +131,7 @@ class PlainTable:
             yield from self._block(block, around._replace(below=() if place else around.below))
 
     def _filled(self) -> tuple[_Column, ...]:
-        """Columns that have anything in them."""
+        """Return the columns with content."""
         cells = zip(*self._rows, strict=True) if self._rows else ((),) * len(self._columns)
         columns = (_Column(*one, tuple(those)) for one, those in zip(self._columns, cells, strict=True))
         return tuple(one for one in columns if any(one.cells) or not self._rows)
@@ -151,12 +151,12 @@ class PlainTable:
 
 
 def plain_table(*columns: tuple[str, str], header: bool = True) -> PlainTable:
-    """A table without lines: each column is a heading and its kind, such as `NUMBER`."""
+    """Create a table without rules: each column has a heading and a kind, such as `NUMBER`."""
     return PlainTable(columns, header)
 
 
 def _blocks(columns: Sequence[_Column], width: int) -> Iterator[_Block]:
-    """The columns in as many tables as the width asks for, names and units in each."""
+    """Split the columns into tables of the given width, with names and units in each."""
     keys = {*range(_names(columns)), *(i for i, one in enumerate(columns) if one.kind == UNIT)}
     lines = FOLDED if all(_fits(columns, {*keys, i}, FOLDED, width) for i in range(len(columns))) else width
     left = [i for i in range(len(columns)) if i not in keys]
@@ -170,7 +170,7 @@ def _blocks(columns: Sequence[_Column], width: int) -> Iterator[_Block]:
 
 
 def _names(columns: Sequence[_Column]) -> int:
-    """Columns that say what a row is: the first, and names behind it."""
+    """Return the columns that identify a row: the first, and names after it."""
     return next((i for i, one in enumerate(columns) if i and one.kind != NAME), len(columns))
 
 
@@ -179,7 +179,7 @@ def _fits(columns: Sequence[_Column], chosen: Iterable[int], lines: int, width: 
 
 
 def _fitted(columns: Sequence[_Column], lines: int, width: int) -> _Block:
-    """Every column as wide as it would be, the widest narrowed until all fit."""
+    """Return the columns in full width, the widest reduced until all fit."""
     widths = [one.full for one in columns]
     if _needed(widths, GAP) <= width:
         return _Block(tuple(columns), tuple(widths), GAP)
@@ -201,7 +201,7 @@ def _length(text: Text) -> int:
 
 
 def _narrowest(text: str, lines: int) -> int:
-    """Characters on which ``text`` folds between words to no more than so many lines."""
+    """Return the width at which ``text`` wraps between words to at most ``lines`` lines."""
     words = re.findall(r"\S+\s*", text)
     width = max((cell_len(word.rstrip()) for word in words), default=0)
     while _count(words, width) > lines:
@@ -210,7 +210,7 @@ def _narrowest(text: str, lines: int) -> int:
 
 
 def _count(words: Sequence[str], width: int) -> int:
-    """Lines that words take."""
+    """Return the number of lines of the words."""
     lines, used = 0, width
     for word in words:
         if used + cell_len(word.rstrip()) > width:
@@ -220,7 +220,7 @@ def _count(words: Sequence[str], width: int) -> int:
 
 
 def _folded(text: Text, width: int) -> list[Text]:
-    """Lines of a text, broken between words."""
+    """Wrap a text between words."""
     lines = text.wrap(_RULER, max(width, 1), justify="left", overflow="fold")
     for line in lines:
         line.rstrip()
@@ -228,11 +228,11 @@ def _folded(text: Text, width: int) -> list[Text]:
 
 
 _RULER = Console(width=10_000)
-"""measures texts, prints none"""
+"""measures texts, without output"""
 
 
 def _row(cells: Sequence[Text], block: _Block) -> Iterator[Text]:
-    """The lines of a row, as many as its most folded cell has."""
+    """Return the lines of a row, as many as its tallest cell has."""
     folded = [_folded(cell, width) for cell, width in zip(cells, block.widths, strict=True)]
     for i in range(max(map(len, folded), default=0)):
         line = Text()
@@ -249,6 +249,6 @@ def _indented(line: Text, inset: int) -> Text:
 
 
 def parameter_record(parameter: Parameter) -> dict[str, Any]:
-    """A parameter as a JSON object."""
+    """Return a parameter as a JSON object."""
     kind = PARAMETER_TYPES.get(parameter.kind, str(parameter.kind))
     return {"name": parameter.name, "value": parameter.value, "type": kind}

@@ -16,20 +16,20 @@ FAINT = "#5b6672"
 
 
 class Scale(NamedTuple):
-    """How a tape is divided."""
+    """Scale of a tape."""
 
     heading: str
-    """-; what it shows"""
+    """-; name of the quantity"""
     unit: str
-    """-; written under the heading"""
+    """-; shown below the heading"""
     row: float
-    """in the unit; to a row"""
+    """in the unit; step of a row"""
     mark: int
-    """rows from one number to the next"""
+    """number of rows between two labels"""
     layout: str = ".1f"
-    """-; format of the value in the window"""
+    """-; number format of the value"""
     lowest: float = -math.inf
-    """in the unit; nothing is below it"""
+    """in the unit; lower end of the scale"""
 
 
 AIRSPEED = Scale("airspeed", "m/s", 0.5, 2, lowest=0.0)
@@ -37,7 +37,7 @@ ALTITUDE = Scale("altitude", "m", 1.0, 5)
 
 
 def tape(scale: Scale, value: float | None, target: float | None, columns: int, rows: int) -> Text:
-    """The tape with ``value`` in the middle and a bug at ``target`` (both in the scale's unit, None for unknown)."""
+    """Draw the tape with ``value`` in the middle and a bug at ``target`` (in the scale's unit, None if unknown)."""
     heading = Text(f"{scale.heading:^{columns}}\n", style=INK, no_wrap=True, end="")
     heading.append(f"{scale.unit:^{columns}}", style=FAINT)
     known = value is not None and math.isfinite(value)
@@ -53,7 +53,7 @@ def tape(scale: Scale, value: float | None, target: float | None, columns: int, 
 
 
 def _row(text: Text, scale: Scale, number: int, target: float | None, columns: int) -> None:
-    """One row of the scale: a number at every mark, a tick elsewhere, the bug where the setpoint is."""
+    """Return one row of the scale: a label at every mark, a tick elsewhere, the bug at the setpoint."""
     here = number * scale.row
     if here < scale.lowest:
         return

@@ -14,16 +14,16 @@ from rich.text import Text
 from groundstation.views.printable import CONTROLS, printable, unfiltered
 
 UNBOUNDED = 160
-"""characters; of a line where there is no terminal to fit it to"""
+"""characters; line width without a terminal"""
 
 
 def plain_text(text: str) -> Text:
-    """Return `printable` text in which no markup is interpreted, for widgets that would."""
+    """Return `printable` text without markup interpretation, for widgets that interpret markup."""
     return Text(printable(text), end="")
 
 
 class Printable:
-    """A rich renderable whose text is filtered by `printable`, for consoles other than ours (Textual's)."""
+    """Rich renderable with text filtered by `printable`, for other consoles (Textual's)."""
 
     def __init__(self, renderable: RenderableType) -> None:
         self._renderable = renderable
@@ -41,7 +41,7 @@ def _printable_segments(segments: Iterable[Segment]) -> Iterator[Segment]:
 
 
 class PrintableConsole(Console):
-    """A console that prints no control characters of its texts and interprets no markup in them."""
+    """Console that prints no control characters of texts and interprets no markup in them."""
 
     def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
         """Render to segments of printable text."""
@@ -53,28 +53,28 @@ class PrintableConsole(Console):
 
 
 class Stripped:
-    """Standard output, on whose lines no blanks trail."""
+    """Standard output without trailing blanks on its lines."""
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
 
     def write(self, text: str) -> int:
-        """Whole lines, as the console writes them; the number of characters that were asked for."""
+        """Write complete lines; return the number of requested characters."""
         self._stream.write(re.sub(r" +$", "", text, flags=re.MULTILINE))
         return len(text)
 
     def flush(self) -> None:
-        """On to the reader."""
+        """Flush standard output."""
         self._stream.flush()
 
     @property
     def encoding(self) -> str:
-        """Of standard output."""
+        """Encoding of standard output."""
         return self._stream.encoding
 
 
 def open_console(quiet: bool = False, stderr: bool = False) -> Console:
-    """A console on stdout or stderr: as wide as the terminal, wide enough for every table where there is none."""
+    """Open a console on stdout or stderr in the width of the terminal, or without limit if there is none."""
     stream = unfiltered(sys.stderr if stderr else sys.stdout)
     console = PrintableConsole(file=stream, quiet=quiet, highlight=False, markup=False, emoji=False)
     if console.is_terminal or stderr:

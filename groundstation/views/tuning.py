@@ -18,18 +18,18 @@ from sim_bridge.tuning.margins import LIMITS
 
 SHORT = {"throttle_error": "P", "throttle_integral": "I", "proportional": "P", "integral": "I", "damping": "D"}
 DESIGNED_FOR = "airspeed"
-"""a loop's key that is no gain but the airspeed (m/s) that its gains are for"""
+"""a loop's key that is not a gain: the design airspeed (m/s)"""
 
 
 def design_heading(vehicle: FlightVehicle, design: Design) -> Text:
-    """What is tuned, and on what."""
+    """Return vehicle and model of the design."""
     model = design.model
     about = f"on {model.origin}, flapping at {model.frequency:.2f} Hz"
     return Text.assemble((vehicle.title, "bold"), "\n", about)
 
 
 def design_table(design: Design) -> RenderableType:
-    """Two rows a loop, before and after: margins, bandwidth, gains."""
+    """Show two rows per loop, before and after: margins, bandwidth, gains."""
     numbers = (("gain margin", "right"), ("phase margin", "right"), ("crossover", "right"), ("bandwidth", "right"))
     table = tables.plain_table(("", tables.GROUP), ("", ""), *numbers, ("gains", tables.SENTENCES))
     for before, after in zip(design.before, design.after, strict=True):
@@ -71,7 +71,7 @@ def _notes(design: Design) -> list[str]:
 
 
 def proof_table(proof: Proof) -> RenderableType:
-    """The same flight with the gains before and after."""
+    """Show the same flight with the gains before and after."""
     table = tables.plain_table(("", ""), ("before", "right"), ("after", "right"), ("", tables.SENTENCES))
     before, after = (_flight_cells(flight) for flight in proof)
     for (label, one, note), (_, other, _) in zip(before, after, strict=True):
@@ -99,7 +99,7 @@ def _flight_cells(flight: FlightQuality) -> list[tuple[str, str, str]]:
 
 
 def comparison_line(proof: Proof) -> Text:
-    """Whether the gains after fly better, in one line."""
+    """Return one line on whether the new gains perform better."""
     before, after = proof
     if before.touched != after.touched:
         reason = f"it touched the ground with the gains {'after' if after.touched else 'before'}"
@@ -118,17 +118,17 @@ def comparison_line(proof: Proof) -> Text:
 
 
 def withheld_line(words: Sequence[str]) -> Text:
-    """That no file was written because the flight got worse; ``words`` are those of the command line."""
+    """Return the line that no file was written because the flight got worse; ``words`` is the command line."""
     return Text(f"\nnothing was written: wingbeat tune {shlex.join(words)} --force writes gains that fly worse")
 
 
 def written_line(written: Sequence[Path]) -> Text:
-    """Where the files are."""
+    """Return the line with the paths of the files."""
     return Text(f"\nwritten {' and '.join(str(path) for path in written)}")
 
 
 def unwritten_line(words: Sequence[str]) -> Text:
-    """That the gains are kept nowhere, and the command line that keeps them; ``words`` are those behind ``tune``."""
+    """Return the line that the gains were not stored, and the ``tune`` arguments ``words`` that store them."""
     return Text(
         f"\nnothing was written; wingbeat tune {shlex.join(words)} --out DIR writes a vehicle with these gains"
     )

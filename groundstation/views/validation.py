@@ -17,7 +17,7 @@ STYLES = {WITHIN: "green", SHORT: "yellow", FITTED: "dim", UNREPRODUCIBLE: "dim"
 
 
 def validation_table(results: Mapping[str, Sequence[Row]]) -> RenderableType:
-    """One row a figure, the papers one below the other, each with what has to be said of its figures below it."""
+    """Show one row per figure, grouped by paper, with the remarks on the figures below each paper."""
     parts: list[RenderableType] = []
     for name, rows in results.items():
         notes = list(dict.fromkeys(row.why for row in rows if row.why))
@@ -26,7 +26,7 @@ def validation_table(results: Mapping[str, Sequence[Row]]) -> RenderableType:
 
 
 def summary_line(results: Mapping[str, Sequence[Row]]) -> Text:
-    """How many rows there are of each verdict."""
+    """Return the number of rows of each outcome."""
     every = [row for rows in results.values() for row in rows]
     counts = [f"{outcome} {sum(row.outcome == outcome for row in every)}" for outcome in OUTCOMES]
     return Text(f"{len(every)} figures: {', '.join(counts)}")
@@ -74,7 +74,7 @@ def _printed(printed: Figure) -> str:
 
 
 def _difference(row: Row) -> str:
-    """As a share of the published number, or as it is where that is zero."""
+    """Return the relative difference, or the absolute one if the published number is zero."""
     if row.computed is None or row.difference is None:
         return ""
     if row.difference == 0.0 and row.figure.low != row.figure.high:

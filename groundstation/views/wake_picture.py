@@ -14,17 +14,17 @@ from sim_bridge.aerodynamics.vortex_lattice.unsteady import Snapshot
 from sim_bridge.vectors import Floats
 
 WIDTH, HEIGHT, MARGIN, HEAD, FOOT = 1100.0, 600.0, 50.0, 66.0, 60.0
-"""px; HEAD for the title and the name of the upright axis, FOOT for the numbers below"""
+"""px; HEAD for title and name of the vertical axis, FOOT for the numbers below"""
 AZIMUTH, ELEVATION = math.radians(-58.0), math.radians(28.0)
-"""of the eye: from ahead to the side, and above"""
+"""of the camera: from ahead to the side, and above"""
 THINNED = 2
-"""rows of the wake that are drawn as one"""
+"""number of wake rows that are drawn as one"""
 STRONGEST = 0.98
-"""-; quantile of the strengths at which the colours end"""
+"""-; quantile of the strengths at the ends of the color scale"""
 NEGATIVE, NOTHING, POSITIVE = (0.0, 69.0, 120.0), (244.0, 244.0, 240.0), (170.0, 60.0, 0.0)
-"""red, green, blue: blue and vermilion are told apart by any colour vision"""
+"""red, green, blue: blue and vermilion, distinguishable with color vision deficiency"""
 NAMES = np.array([[-30.0, 42.0], [72.0, 24.0], [0.0, -16.0]])
-"""px; of the axes' names from the middles of the first two and the end of the third"""
+"""px; distance of the axis names from the middles of the first two axes and the end of the third"""
 WING = "#3a3f47"
 STYLE = (
     'text{font:13px system-ui,-apple-system,"Segoe UI",Roboto,"Liberation Sans",sans-serif;fill:#1c2128}'
@@ -33,7 +33,7 @@ STYLE = (
 
 
 class Patch(NamedTuple):
-    """A four-sided piece of wing or wake."""
+    """Quadrilateral of wing or wake."""
 
     corners: Floats
     """(4, 3) m"""
@@ -41,7 +41,7 @@ class Patch(NamedTuple):
 
 
 class View(NamedTuple):
-    """Metres to px."""
+    """Projection from meters to px."""
 
     scale: float
     """px/m"""
@@ -54,9 +54,9 @@ class View(NamedTuple):
 
 
 def wake_svg(lattice: Lattice, at: Snapshot, title: str) -> str:
-    """The picture of the lattice's first surface, its mirror image in y = 0 and both wakes.
+    """Draw the lattice's first surface, its mirror image in y = 0 and both wakes.
 
-    Lengths are told from the foremost point of the wing, back, right and up.
+    Lengths are from the foremost point of the wing, back, right and up.
     """
     nose = np.array([float(at.nodes[0].min()), 0.0, 0.0])
     wake, strengths = at.wake_nodes.transpose(1, 2, 0) - nose, at.wake_strengths
@@ -75,7 +75,7 @@ def wake_svg(lattice: Lattice, at: Snapshot, title: str) -> str:
 
 
 def shade(share: float) -> tuple[float, float, float]:
-    """Red, green and blue, 0 to 255, of a strength as a share of the strongest, -1 to 1."""
+    """Return red, green and blue, 0 to 255, of a relative strength, -1 to 1."""
     end, much = (POSITIVE if share > 0.0 else NEGATIVE), min(abs(share), 1.0)
     red, green, blue = (a + much * (b - a) for a, b in zip(NOTHING, end, strict=True))
     return red, green, blue
