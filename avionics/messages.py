@@ -1,6 +1,6 @@
-"""Every message that crosses a module border of the flight computer, declared once.
+"""Messages between modules of the flight computer.
 
-Conventions of units and axes, and the types of fields, as in `wingbeat.message`.
+Conventions of units and axes, and the types of fields, are those of `wingbeat.message`.
 """
 
 from __future__ import annotations
@@ -40,11 +40,11 @@ from wingbeat.samples import (
     TorqueSample as TorqueSample,
 )
 
-# --- what enters from the ground ------------------------------------------------------------------------
+# --- inputs from the ground -------------------------------------------------------------------------------
 
 
 class PilotSource(IntEnum):
-    """Where the pilot's sticks come from; a greater value goes before a smaller one."""
+    """Sources of the stick inputs; a larger value has priority."""
 
     NONE = 0
     MANUAL_CONTROL = 1
@@ -53,37 +53,37 @@ class PilotSource(IntEnum):
 
 
 class PilotInput(NamedTuple):
-    """The pilot's sticks; those of MANUAL_CONTROL are an input, the others follow from logged channels."""
+    """Stick inputs; MANUAL_CONTROL is an input, other sources follow from logged channels."""
 
     time_us: Time
-    """us; since boot, when it was applied"""
+    """us; since boot, time of execution"""
     pitch: float
-    """-; -1 nose down to 1 nose up"""
+    """-; from -1 nose down to 1 nose up"""
     roll: float
-    """-; -1 left to 1 right"""
+    """-; from -1 left to 1 right"""
     yaw: float
-    """-; -1 left to 1 right"""
+    """-; from -1 left to 1 right"""
     throttle: float
-    """-; 0 to 1 flapping"""
+    """-; from 0 to 1 flapping"""
     source: Annotated[PilotSource, Wire("fixed32")] = PilotSource.MANUAL_CONTROL
-    """-; where they come from"""
+    """-; source of the stick inputs"""
 
 
 OVERRIDDEN = 18
-"""channels of RC_CHANNELS_OVERRIDE"""
+"""number of channels in RC_CHANNELS_OVERRIDE"""
 
 
 class ChannelOverride(NamedTuple):
-    """RC_CHANNELS_OVERRIDE: channels that a ground station sets instead of a receiver."""
+    """RC_CHANNELS_OVERRIDE: channels set by a ground station instead of a receiver."""
 
     time_us: Time
-    """us; since boot, when it was applied"""
+    """us; since boot, time of execution"""
     pulses: Annotated[tuple[int, ...], Wire("fixed32", OVERRIDDEN)]
-    """us; pulse widths, 0 to release a channel, 65535 to leave it as it was"""
+    """us; pulse widths, 0 to release a channel, 65535 to keep it unchanged"""
 
 
 class CommandKind(IntEnum):
-    """What a `Command` asks for."""
+    """Kinds of a `Command`."""
 
     ARM = 1
     DISARM = 2
@@ -105,30 +105,31 @@ class CommandKind(IntEnum):
 
 
 class Command(NamedTuple):
-    """One input from outside, applied at the start of the tick it is logged with."""
+    """External command, executed at the start of the tick it is logged with."""
 
     time_us: int
-    """us; since boot, the tick at which it is applied"""
+    """us; since boot, time of the tick that executes it"""
     kind: CommandKind
-    """-; what is asked"""
+    """-; kind of the command"""
     name: str = ""
-    """-; the parameter's name, the mode's name, what to calibrate (empty to cancel), or empty; LOITER for a
-    CHANGE_ALTITUDE that enters this mode if the vehicle circles in none"""
+    """-; name of the parameter, of the mode or of the calibration (empty to cancel), or empty; LOITER for a
+    CHANGE_ALTITUDE that enters this mode if the vehicle does not circle"""
     value: float = 0.0
-    """-; the parameter's value, the item's number, what a calibration is given, the altitude above home in m for
+    """-; value of the parameter, index of the item, argument of a calibration, altitude above home in m for
     CHANGE_ALTITUDE, or 0"""
     payload: Any = None
     """-; mission items for SET_MISSION, a fence for SET_FENCE, rally points for SET_RALLY, an excitation item for
-    EXCITE, a LOITER item for LOITER_AT, a setpoint for SET_SETPOINT, or for SET_MODE one to begin OFFBOARD with"""
+    EXCITE, a LOITER item for LOITER_AT, a setpoint for SET_SETPOINT, or an initial setpoint of OFFBOARD for SET_MODE
+    """
     source: str = ""
-    """-; who asked: a link's name, "script" or "pilot\""""
+    """-; sender: "script", "pilot" or the name of a link"""
 
 
 Input = Command | PilotInput | ChannelOverride
-"""whatever enters a flight from outside, beside the sensors"""
+"""inputs of a flight other than sensor frames"""
 
 
-# --- what the flight computer believes ------------------------------------------------------------------
+# --- estimates --------------------------------------------------------------------------------------------
 
 
 class Attitude(NamedTuple):
@@ -137,9 +138,9 @@ class Attitude(NamedTuple):
     time_us: Time
     """us; since boot"""
     roll: float
-    """rad; right wing down is positive, -pi to pi"""
+    """rad; positive right wing down, -pi to pi"""
     pitch: float
-    """rad; nose up is positive"""
+    """rad; positive nose up"""
     yaw: float
     """rad; clockwise from magnetic-corrected north, -pi to pi"""
     roll_rate: float
@@ -165,23 +166,23 @@ class Attitude(NamedTuple):
     accel_down: float
     """m/s^2; acceleration along NED z (gravity removed), unfiltered"""
     tilt_error: float
-    """rad; size of the last gravity correction before its gain"""
+    """rad; magnitude of the last gravity correction before its gain"""
     heading_error: float
     """rad; last magnetic correction before its gain"""
     window: float
-    """s; over which the specific force was averaged; 0 before the first average"""
+    """s; averaging time of the specific force; 0 before the first average"""
     tilt_sigma: float
-    """rad; one sigma of the tilt about each horizontal axis, pi when it is not known"""
+    """rad; one sigma of the tilt about each horizontal axis, pi if unknown"""
     heading_sigma: float
-    """rad; one sigma of the heading, pi when it is not known"""
+    """rad; one sigma of the heading, pi if unknown"""
     magnetometer_disturbed: Number
-    """-; 1 while the magnetic field is refused and the heading is the gyro's (and the GPS's)"""
+    """-; 1 while the magnetic field is rejected and the heading comes from the gyro (and the GPS)"""
     gps_aided: Number
-    """-; 1 while the ground velocity of the GPS tells the tilt, 0 while airspeed and averages do"""
+    """-; 1 while the ground velocity of the GPS corrects the tilt, 0 while airspeed and averages correct it"""
 
     @property
     def quaternion(self) -> tuple[float, float, float, float]:
-        """-; of r_ned_from_frd, (w, x, y, z)"""
+        """Quaternion of r_ned_from_frd as (w, x, y, z)."""
         return self.quaternion_w, self.quaternion_x, self.quaternion_y, self.quaternion_z
 
 
@@ -199,9 +200,10 @@ class WingState(NamedTuple):
     rate_right: float
     """rad/s; flap rate"""
     phase: float
-    """rad; of the mean of both wings, 0 to 2 pi in equal times, 0 at the upward crossing of the stroke's middle"""
+    """rad; mean of both wings, 0 to 2 pi proportional to time, 0 at the upward crossing of the stroke middle"""
     frequency: float
-    """Hz; of the stroke that runs, by the last two, or by the command while wings follow it; 0 when not flapping"""
+    """Hz; present stroke, from the last two strokes, or from the command while the wings follow it; 0 without
+    flapping"""
     amplitude_left: float
     """rad; half the peak-to-peak angle of the last stroke"""
     amplitude_right: float
@@ -209,25 +211,25 @@ class WingState(NamedTuple):
     mean_angle: float
     """rad; middle of the last stroke, both wings"""
     downstroke_ratio: float
-    """-; downstroke's share of the last stroke, mean of both wings"""
+    """-; fraction of the downstroke in the last stroke, mean of both wings"""
     strokes: Number
     """-; full strokes since boot"""
     flapping: Number
     """-; 1 while a stroke is measured (without encoders: commanded), 0 otherwise"""
     downstroke_ratio_left: float
-    """-; downstroke's share of the left wing's last stroke"""
+    """-; fraction of the downstroke in the last stroke of the left wing"""
     downstroke_ratio_right: float
-    """-; downstroke's share of the right wing's last stroke"""
+    """-; fraction of the downstroke in the last stroke of the right wing"""
     valid_left: Number
-    """-; 0 while the left encoder is not believed: its wing is taken to move as the other"""
+    """-; 0 while the left encoder is rejected and replaced by the right one"""
     valid_right: Number
-    """-; 0 while the right encoder is not believed: its wing is taken to move as the other"""
+    """-; 0 while the right encoder is rejected and replaced by the left one"""
     missed_counts: Number
-    """counts; missed by both encoders since boot, as their indices told"""
+    """counts; missed by both encoders since boot, from their indices"""
 
 
 class PowerState(NamedTuple):
-    """Supply of the wing drives, averaged over whole PWM periods."""
+    """Drive supply, averaged over whole PWM periods."""
 
     time_us: Time
     """us; since boot, end of the averaging window"""
@@ -242,17 +244,18 @@ class PowerState(NamedTuple):
     energy: float
     """J; drawn since boot"""
     energy_per_stroke: float
-    """J; of the last full stroke"""
+    """J; energy of the last full stroke"""
     battery_remaining: float
     """-; 0 to 1, from the charge drawn and the open-circuit voltage"""
     open_circuit_voltage: float
-    """V; of the battery: the voltage plus its sag under the current"""
+    """V; open-circuit voltage of the battery: voltage plus voltage drop"""
     resistance: float
-    """ohm; of battery and leads, measured as the slope of that sag once the current varies"""
+    """ohm; battery and leads, measured in flight once the current varies"""
     current_zero: float
-    """A; zero of the current sensor learned at rest, already taken off"""
+    """A; estimated zero of the current sensor, already subtracted"""
     clipped: Number
-    """-; looks at a burst, 25 a second, that found the current at the end of its sensor's range: all is too little"""
+    """-; number of battery updates (25 a second) with a saturated current sensor: power and charge are underestimated
+    """
 
 
 class DriveTorque(NamedTuple):
@@ -261,9 +264,9 @@ class DriveTorque(NamedTuple):
     time_us: Time
     """us; since boot"""
     left: float
-    """N m; positive when it drives the wing up"""
+    """N m; positive in the direction of the upstroke"""
     right: float
-    """N m; positive when it drives the wing up"""
+    """N m; positive in the direction of the upstroke"""
 
 
 class AirData(NamedTuple):
@@ -286,11 +289,11 @@ class AirData(NamedTuple):
     pressure_altitude: float
     """m; above the altitude at boot, unfiltered"""
     airspeed_variance: float
-    """m^2/s^2; of the airspeed: noise, gusts that it lags behind, zero and scale of the pitot"""
+    """m^2/s^2; variance of the airspeed: noise, lag in gusts, zero and scale of the pitot"""
     innovation: float
-    """Pa; last reading of the pitot less the dynamic pressure before it, refused or not"""
+    """Pa; last pitot reading minus the previous dynamic pressure, accepted or rejected"""
     innovation_variance: float
-    """Pa^2; expected of the innovation"""
+    """Pa^2; expected variance of the innovation"""
 
 
 class Altitude(NamedTuple):
@@ -303,15 +306,15 @@ class Altitude(NamedTuple):
     climb_rate: float
     """m/s; positive up, mean over the last wing period"""
     accel_bias: float
-    """m/s^2; of the vertical acceleration"""
+    """m/s^2; bias of the vertical acceleration"""
     altitude_variance: float
-    """m^2; of the altitude, the barometer's drift since boot included"""
+    """m^2; variance of the altitude, including the barometer drift since boot"""
     climb_variance: float
-    """m^2/s^2; of the climb rate"""
+    """m^2/s^2; variance of the climb rate"""
     innovation: float
     """m; last barometer innovation"""
     innovation_variance: float
-    """m^2; expected of the innovation, 0 before the first and without a barometer"""
+    """m^2; expected variance of the innovation, 0 before the first and without a barometer"""
 
 
 class Position(NamedTuple):
@@ -328,40 +331,43 @@ class Position(NamedTuple):
     v_east: float
     """m/s; ground velocity"""
     wind_north: float
-    """m/s; velocity of the air over ground"""
+    """m/s; wind velocity over ground"""
     wind_east: float
-    """m/s; velocity of the air over ground"""
+    """m/s; wind velocity over ground"""
     latitude: float
     """rad; WGS-84, 0 before the first fix"""
     longitude: float
     """rad; WGS-84, 0 before the first fix"""
     position_variance: float
-    """m^2; of the place, each axis, the receiver's slow error included"""
+    """m^2; variance of the position, each axis, including the slow error of the receiver"""
     valid: Number
     """-; 1 once a fix set home"""
     velocity_variance: float
-    """m^2/s^2; of the ground velocity, each axis"""
+    """m^2/s^2; variance of the ground velocity, each axis"""
     wind_variance: float
-    """m^2/s^2; of the wind, each axis, errors of airspeed and heading included"""
+    """m^2/s^2; variance of the wind, each axis, including errors of airspeed and heading"""
     innovation_north: float
-    """m; of the last fix's place, refused or not"""
+    """m; position innovation of the last fix, accepted or rejected"""
     innovation_east: float
-    """m; of the last fix's place"""
+    """m; position innovation of the last fix"""
     innovation_v_north: float
-    """m/s; of the last fix's velocity"""
+    """m/s; velocity innovation of the last fix"""
     innovation_v_east: float
-    """m/s; of the last fix's velocity"""
+    """m/s; velocity innovation of the last fix"""
     place_innovation_variance: float
-    """m^2; expected of the innovation of the place, each axis, 0 before the first"""
+    """m^2; expected variance of the position innovation, each axis, 0 before the first"""
     velocity_innovation_variance: float
-    """m^2/s^2; expected of the innovation of the velocity, each axis, 0 before the first"""
+    """m^2/s^2; expected variance of the velocity innovation, each axis, 0 before the first"""
 
 
-# --- what it intends ------------------------------------------------------------------------------------
+# --- setpoints and loop states ----------------------------------------------------------------------------
 
 
 class Mode(IntEnum):
-    """Flight modes; the values are part of the log and of the parameters, never renumber."""
+    """Flight modes; the values are part of the log and of the parameters.
+
+    They must not be renumbered.
+    """
 
     MANUAL = 1
     STABILIZED = 2
@@ -374,7 +380,7 @@ class Mode(IntEnum):
 
 
 class Stage(IntEnum):
-    """Where the flight is, from the hand to the ground."""
+    """Flight stages from launch to landing."""
 
     ON_GROUND = 0
     WAIT_LAUNCH = 1
@@ -386,7 +392,7 @@ class Stage(IntEnum):
 
 
 class NavigationStatus(NamedTuple):
-    """What the navigation asks for and why."""
+    """Setpoints of the navigation with mode and stage."""
 
     time_us: Time
     """us; since boot"""
@@ -395,23 +401,23 @@ class NavigationStatus(NamedTuple):
     stage: Annotated[Stage, Wire("fixed32")]
     """-; stage of the flight"""
     armed: Number
-    """-; 1 when the wings may move"""
+    """-; 1 if the wings may move"""
     item: Number
-    """-; mission item being flown"""
+    """-; index of the active mission item"""
     distance: float
-    """m; to the item's place"""
+    """m; distance to the position of the item"""
     cross_track: float
-    """m; off the leg, positive to the right of it"""
+    """m; distance from the leg, positive to its right"""
     altitude_setpoint: float
     """m; above the altitude at boot"""
     heading_setpoint: float
-    """rad; course to fly, -pi to pi"""
+    """rad; course setpoint, -pi to pi"""
     frozen: Number
     """-; 1 while the altitude and pitch loops are frozen for an excitation"""
 
 
 class AltitudeStatus(NamedTuple):
-    """Altitude and climb loops: altitude -> climb -> flapping and pitch setpoint."""
+    """Altitude and climb loops: altitude to climb rate to throttle and pitch setpoint."""
 
     time_us: Time
     """us; since boot"""
@@ -422,113 +428,113 @@ class AltitudeStatus(NamedTuple):
     climb_error: float
     """m/s; setpoint minus estimate"""
     integral: float
-    """-; of the climb loop, in throttle"""
+    """-; throttle integrator of the climb loop"""
     throttle: float
     """-; 0 to 1, flapping"""
     pitch_setpoint: float
-    """rad; nose up is positive"""
+    """rad; positive nose up"""
     saturated: Number
-    """-; 1 when the throttle is at a limit"""
+    """-; 1 if the throttle is saturated"""
 
 
 class HeadingStatus(NamedTuple):
-    """Heading loop: heading -> roll setpoint."""
+    """Heading loop: heading to roll setpoint."""
 
     time_us: Time
     """us; since boot"""
     heading: float
-    """rad; what is steered: the course over ground, or the yaw without a position; -pi to pi"""
+    """rad; controlled angle: course over ground, or yaw without a position; -pi to pi"""
     heading_error: float
     """rad; setpoint minus measured, -pi to pi"""
     roll_setpoint: float
-    """rad; right wing down is positive"""
+    """rad; positive right wing down"""
     saturated: Number
-    """-; 1 when the bank is at its limit"""
+    """-; 1 if the bank is saturated"""
 
 
 class PitchStatus(NamedTuple):
-    """Pitch loop: pitch setpoint -> elevator."""
+    """Pitch loop: pitch setpoint to elevator."""
 
     time_us: Time
     """us; since boot"""
     pitch_setpoint: float
-    """rad; nose up is positive"""
+    """rad; positive nose up"""
     pitch_error: float
     """rad; setpoint minus measured"""
     proportional: float
-    """rad; of elevator"""
+    """rad; proportional term of the elevator"""
     integral: float
-    """rad; of elevator"""
+    """rad; integral term of the elevator"""
     damping: float
-    """rad; of elevator"""
+    """rad; damping term of the elevator"""
     elevator: float
     """rad; positive pitches the nose up"""
     saturated: Number
-    """-; 1 when the elevator is at a limit"""
+    """-; 1 if the elevator is saturated"""
 
 
 class RollStatus(NamedTuple):
-    """Roll loop: roll setpoint -> tail rudder and wing asymmetry."""
+    """Roll loop: roll setpoint to tail rudder and wing asymmetry."""
 
     time_us: Time
     """us; since boot"""
     roll_setpoint: float
-    """rad; right wing down is positive"""
+    """rad; positive right wing down"""
     roll_error: float
     """rad; setpoint minus measured"""
     proportional: float
-    """-; of roll command"""
+    """-; proportional term of the roll command"""
     integral: float
-    """-; of roll command"""
+    """-; integral term of the roll command"""
     damping: float
-    """-; of roll command"""
+    """-; damping term of the roll command"""
     roll_command: float
     """-; -1 to 1, positive rolls right"""
     saturated: Number
-    """-; 1 when the roll command is at a limit"""
+    """-; 1 if the roll command is saturated"""
 
 
 class ExcitationStatus(NamedTuple):
-    """The identification input as applied."""
+    """Identification input as applied."""
 
     time_us: Time
     """us; since boot"""
     active: Number
-    """-; 1 while a manoeuvre runs, its settling time included"""
+    """-; 1 during a maneuver, including its settling times"""
     manoeuvre: Number
-    """-; counts the manoeuvres since boot"""
+    """-; number of maneuvers since boot"""
     elevator: float
-    """rad; added to the elevator"""
+    """rad; increment of the elevator"""
     throttle: float
-    """-; added to the throttle"""
+    """-; increment of the throttle"""
     rudder: float
-    """rad; added to the rudder"""
+    """rad; increment of the rudder"""
     aborted: Number
-    """-; 1 when an envelope limit ended the manoeuvre"""
+    """-; 1 if an envelope limit aborted the maneuver"""
 
 
 class FlapCommand(NamedTuple):
-    """The stroke asked of the wing drives."""
+    """Commanded stroke of the wing drives."""
 
     time_us: Time
     """us; since boot"""
     frequency: float
-    """Hz; flapping"""
+    """Hz; flapping frequency"""
     amplitude: float
     """rad; half the peak-to-peak stroke"""
     mean_angle: float
     """rad; middle of the stroke"""
     phase: float
-    """rad; of the commanded stroke, 0 to 2 pi"""
+    """rad; phase of the commanded stroke, 0 to 2 pi"""
     asymmetry: float
-    """-; share by which the right wing's stroke is smaller and the left wing's larger"""
+    """-; relative increase of the left stroke and decrease of the right stroke"""
 
 
 class ActuatorCommand(NamedTuple):
-    """What goes to the servos and the motor."""
+    """Commands of the servos and the motor."""
 
     time_us: Time
-    """us; since boot: the sensor time it answers"""
+    """us; since boot: time of the sensor frame it replies to"""
     wing_left: float
     """rad; commanded flap angle of the left wing servo (servo drives)"""
     wing_right: float
@@ -540,53 +546,53 @@ class ActuatorCommand(NamedTuple):
     rudder: float
     """rad; positive yaws the nose right"""
     armed: Number
-    """-; 1 when the wings may move"""
+    """-; 1 if the wings may move"""
 
 
-# --- about the flight computer itself -------------------------------------------------------------------
+# --- flight computer --------------------------------------------------------------------------------------
 
 
 class Calibration(IntEnum):
-    """What can be calibrated."""
+    """Kinds of calibration."""
 
     NONE = 0
     ACCELEROMETER = 1
-    """on six sides, at rest on each"""
+    """at rest on each of six sides"""
     LEVEL = 2
     """accelerometer, level and at rest"""
     MAGNETOMETER = 3
-    """while it is turned about all axes"""
+    """rotation about all axes"""
     AIRSPEED_ZERO = 4
-    """at rest, the pitot covered"""
+    """at rest with the pitot covered"""
     AIRSPEED = 5
-    """in flight, over a circle or both ways"""
+    """in flight, over a circle or in opposite directions"""
     WINGS = 6
     """both wings at rest at a known angle"""
     BATTERY = 7
-    """the drives at rest, a voltage given"""
+    """drives at rest, with a given voltage"""
 
 
 class CalibrationStatus(NamedTuple):
-    """How a calibration goes, and how the last one ended."""
+    """Progress of a calibration, and result of the last one."""
 
     time_us: Time
     """us; since boot"""
     kind: Annotated[Calibration, Wire("fixed32")]
-    """-; that runs, or that ended last"""
+    """-; active or last calibration"""
     running: Number
-    """-; 1 while samples are gathered"""
+    """-; 1 while samples are collected"""
     progress: float
     """-; 0 to 1"""
     calibration_count: Number
-    """-; calibrations since boot, this one included"""
+    """-; number of calibrations since boot, including this one"""
     succeeded: Number
-    """-; 1 when the last one that ended set its parameters"""
+    """-; 1 if the last completed calibration set its parameters"""
     residual: float
-    """RMS that the found values leave, in the sensor's unit"""
+    """RMS residual of the result, in the unit of the sensor"""
 
 
 class Failsafe(IntFlag):
-    """Failures that are present."""
+    """Flags of present failures."""
 
     NONE = 0
     LINK_LOST = 1
@@ -611,20 +617,20 @@ class Failsafe(IntFlag):
 
 
 class Health(NamedTuple):
-    """Failures, and counts of what was refused."""
+    """Failures and number of rejected samples."""
 
     time_us: Time
     """us; since boot"""
     failsafe: Annotated[int, Wire("fixed32")]
     """-; flags of `Failsafe`"""
     rejected_samples: Number
-    """-; sensor samples that were not finite or out of range"""
+    """-; flags of `Failsafe`"""
     ticks: Number
-    """-; since boot"""
+    """-; ticks since boot"""
 
 
 class VibrationStatus(NamedTuple):
-    """Vibration of the accelerometer above 5 Hz, the wings' own included."""
+    """Accelerometer vibration above 5 Hz, including that of the wings."""
 
     time_us: Time
     """us; since boot"""
@@ -635,11 +641,11 @@ class VibrationStatus(NamedTuple):
     level_z: float
     """m/s^2; along FRD z"""
     clipped: Number
-    """-; samples with an axis at the end of the range since boot"""
+    """-; number of samples with a saturated axis since boot"""
 
 
 class Breach(IntEnum):
-    """What of a fence was passed."""
+    """Violated limit of a fence."""
 
     NONE = 0
     FLOOR = 1
@@ -648,30 +654,34 @@ class Breach(IntEnum):
 
 
 class FenceState(NamedTuple):
-    """Whether the flight is outside of the vehicle's or the plan's fence, and how it last came to be."""
+    """Fence status of the vehicle and the plan, and the last breach."""
 
     time_us: Time
     """us; since boot"""
     outside: Number
-    """-; 1 while it is"""
+    """-; 1 while outside"""
     breaches: Number
-    """-; since boot"""
+    """-; number of breaches since boot"""
     kind: Annotated[Breach, Wire("fixed32")]
-    """-; of the last one"""
+    """-; limit violated by the last breach"""
     since: float
-    """s; since boot, when the last one began"""
+    """s; start of the last breach since boot"""
 
 
 class TaskTiming(NamedTuple):
-    """Run times of one processor, or of whole ticks, over the last second, as the board measured them."""
+    """Run times of one processor, or of whole ticks, over the last second.
+
+    The board measures them.
+    """
 
     time_us: Time
     """us; since boot"""
     processor: Number
-    """-; 0 attitude, 1 power, 2 main, 3 logger; 4 the whole tick, from a frame's arrival on, with the ground links"""
+    """-; 0 attitude, 1 power, 2 main, 3 logger; 4 whole tick from the arrival of a frame, including the ground links
+    """
     mean_us: float
     """us; mean run time of a tick"""
     worst_us: float
-    """us; longest run time of a tick"""
+    """us; maximum run time of a tick"""
     overruns: Number
-    """-; ticks longer than their period"""
+    """-; number of ticks longer than their period"""

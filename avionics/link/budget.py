@@ -1,15 +1,15 @@
-"""What a slow link still carries: a bucket of bytes that fills at the link's rate.
+"""Bandwidth budget of a slow link: a token bucket filled at the rate of the link.
 
-What must not wait is sent at once, and may leave a debt; everything else asks first whether the bucket holds what is
-kept for those before it. The order, first served first:
+Urgent messages are sent at once and may leave a deficit. All others are sent only if the bucket contains the reserve
+of the higher priorities. The order of priority:
 
-1. at once: HEARTBEAT, acknowledgements, STATUSTEXT, missions, what was asked for (`URGENT`)
+1. at once: HEARTBEAT, acknowledgements, STATUSTEXT, missions, requested messages (`URGENT`)
 2. lists of parameters (`PARAMETERS`)
-3. where it is and how it is: `Rank.FIRST`
-4. the other instruments: `Rank.SECOND`
-5. files, and what other links send (`BULK`)
-6. our own dialect and the details: `Rank.THIRD`
-7. what repeats for others what is sent anyway: `Rank.LAST`
+3. position and vehicle status: `Rank.FIRST`
+4. other instruments: `Rank.SECOND`
+5. files and messages of other links (`BULK`)
+6. the Wingbeat dialect and details: `Rank.THIRD`
+7. duplicates of other messages for other stations: `Rank.LAST`
 """
 
 from __future__ import annotations
@@ -19,30 +19,30 @@ from collections.abc import Callable
 from enum import Enum
 
 DEPTH = 0.25
-"""s; of the rate that may be sent at once"""
+"""s; depth of the bucket as a duration of the rate"""
 SHALLOWEST = 600.0
-"""bytes; two of the longest frames"""
+"""bytes; minimum depth: two of the longest frames"""
 USED = 0.95
-"""share of the rate that is used: a radio has words of its own"""
+"""-; fraction of the rate that is used, because a radio has overhead"""
 BITS_PER_BYTE = 10.0
-"""on a serial line, with start and stop"""
+"""-; bits per byte on a serial line, including start and stop bits"""
 DEBT = 2.0
-"""s; of the rate that may be owed before even an answer is dropped"""
+"""s; maximum deficit as a duration of the rate, above which acknowledgements are dropped as well"""
 PARAMETERS = 0.0
 BULK = 0.4
-"""share of the depth that must be left"""
+"""-; fraction of the depth to be reserved"""
 STALE = 5.0
-"""s; a radio that was not heard for so long throttles no more"""
+"""s; age of the last radio status above which the radio does not limit the rate"""
 SLOWEST = 0.1
-"""share of the rate that no radio can take from us"""
+"""-; minimum fraction of the rate under throttling by a radio"""
 TELEMETRY_FRAMES = 32
-"""-; telemetry frames between two ticks over all links and peers, however many there are and whatever they ask for"""
+"""-; telemetry frames between two ticks over all links and peers, independent of their number and requests"""
 Capacity = Callable[[float], float]
-"""bytes that a link accepts now, as a function of the fraction of its depth that must be left"""
+"""bytes that a link accepts now, as a function of the reserved fraction of its depth"""
 
 
 class Rank(Enum):
-    """How much of the depth must be left for a stream to be sent."""
+    """Fraction of the depth to be reserved when a stream is sent."""
 
     FIRST = 0.1
     SECOND = 0.25
@@ -51,10 +51,10 @@ class Rank(Enum):
 
 
 class Budget:
-    """The bucket of one link; without a rate it never empties."""
+    """Token bucket of one link; without a rate it is unlimited."""
 
     def __init__(self, baud: int) -> None:
-        """``baud`` is 0 where nothing limits the link."""
+        """Create the bucket; ``baud`` is 0 for an unlimited link."""
         self._named = USED * baud / BITS_PER_BYTE if baud else math.inf
         self._nominal = self._named
         self._share = 1.0
@@ -66,16 +66,16 @@ class Budget:
 
     @property
     def rate(self) -> float:
-        """Bytes/s that may be sent now."""
+        """Present rate (bytes/s)."""
         return self._nominal * self._share
 
     @property
     def depth(self) -> float:
-        """Bytes that may be sent at once."""
+        """Present depth of the bucket (bytes)."""
         return max(DEPTH * self.rate, SHALLOWEST)
 
     def advance(self, now: float) -> None:
-        """Fill up to the wall-clock time ``now`` in s."""
+        """Fill the bucket up to the wall-clock time ``now`` (s)."""
         before, self._filled_at = self._filled_at, now
         if before is None or now <= before:
             return
@@ -88,23 +88,26 @@ class Budget:
         self._level = self.depth if math.isinf(self.rate) else min(self._level + elapsed * self.rate, self.depth)
 
     def spend(self, size: int) -> None:
-        """``size`` bytes were sent."""
+        """Account for ``size`` sent bytes."""
         self._sent += size
         self._level -= size
 
     def available_bytes(self, kept: float) -> float:
-        """Bytes that may be sent while the share ``kept`` of the depth is left; negative for none."""
+        """Return the bytes that may be sent with the fraction ``kept`` in reserve.
+
+        The result is negative if none may be sent.
+        """
         return math.inf if math.isinf(self.rate) else self._level - kept * self.depth
 
     def broke(self) -> bool:
-        """Whether so much is owed that only heartbeats and acknowledgements are sent."""
+        """Return whether the deficit permits only heartbeats and acknowledgements."""
         return self._level < -DEBT * self.rate
 
     def note_radio(self, free: int, now: float) -> None:
-        """A RADIO_STATUS says how many percent of the radio's buffer are free.
+        """Adapt the rate to the free buffer (percent) of a RADIO_STATUS.
 
-        Below half the rate goes down, near the end faster, and above nine tenths up again; a link whose rate nobody
-        named begins at what is sent now.
+        Below one half the rate decreases, near the end faster; above nine tenths it increases. A link without a
+        specified rate starts at the present send rate.
         """
         self._radio_received = now
         if free < 50 and math.isinf(self._nominal):

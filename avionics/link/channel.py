@@ -1,4 +1,4 @@
-"""One link: a transport with a reader for each peer, who may speak on it, and how fast it is."""
+"""Link channel: a transport with a reader for each peer, access control and rate."""
 
 from __future__ import annotations
 
@@ -19,51 +19,51 @@ from avionics.link.transport import MOST_PEERS, Packet, Peer, Transport
 from avionics.link.vehicle import Identity
 
 PAUSE = 0.2
-"""s; a frame does not pause for longer, even on a slow radio"""
+"""s; maximum pause within a frame, even on a slow radio"""
 NOISE_EVERY = 1.0
-"""s; between two events about noise on a link"""
+"""s; minimum interval of events about noise on a link"""
 PORTION = 2048
-"""bytes; looked at between two ticks over all links; the rest waits in the kernel"""
+"""bytes; processed between two ticks over all links; the remainder stays in the kernel"""
 SMALLEST_PORTION = 280
-"""bytes; of one link, however many there are: one of the longest frames"""
+"""bytes; minimum for one link, independent of the number of links: one of the longest frames"""
 VERSION_MEMORY = 5.0
-"""s; without a frame of MAVLink 2 after which a peer that sends MAVLink 1 is answered in MAVLink 1"""
+"""s; time without a MAVLink 2 frame after which a peer that sends MAVLink 1 is answered in MAVLink 1"""
 VITAL = frozenset({"HEARTBEAT", "COMMAND_ACK"})
-"""What is sent however much a link owes."""
+"""messages that are sent at any deficit of a link"""
 
 
 class LinkCounts(NamedTuple):
-    """What went over one link."""
+    """Traffic counters of one link."""
 
     url: str
     frames: int
-    """received with a correct checksum"""
+    """frames received with a valid checksum"""
     bad_bytes: int
-    """received that were no part of a frame"""
+    """received bytes outside frames"""
     unknown: int
-    """frames received of messages that are not known here"""
+    """received frames with an unknown message ID"""
     refused: int
-    """frames received with a correct checksum whose content does not fit the message"""
+    """frames with a valid checksum and content that does not fit the message"""
     dropped: int
     """frames that could not be sent"""
     unsigned: int
-    """frames refused because they carried no signature"""
+    """frames rejected without a signature"""
     forged: int
-    """frames refused because of a wrong signature"""
+    """frames rejected for an invalid signature"""
     replayed: int
-    """frames refused because they were said before"""
+    """frames rejected as replayed"""
     forwarded: int
-    """frames of other links that were passed on to this one"""
+    """frames of other links forwarded to this one"""
     withheld: int
-    """frames of other links that were not, because this one was full"""
+    """frames of other links not forwarded because this one was full"""
     ahead: int = 0
-    """frames refused because their time stamp was ahead of the vehicle's clock"""
+    """frames rejected for a timestamp ahead of the vehicle's clock"""
 
 
 class ProtocolVersions:
-    """Which peers understand MAVLink 1 only: MAVLink 2 is sent until a peer shows itself to be older.
+    """Protocol version of each peer: MAVLink 2, unless a peer supports MAVLink 1 only.
 
-    Several stations may share a wire. One frame of MAVLink 2 shows that it can be sent for `VERSION_MEMORY`.
+    Several stations may share a wire. One frame of MAVLink 2 permits its use for `VERSION_MEMORY`.
     """
 
     def __init__(self) -> None:
@@ -71,7 +71,10 @@ class ProtocolVersions:
         self._version_1: set[Peer | None] = set()
 
     def note(self, peer: Peer | None, frames: Sequence[Frame], now: float) -> None:
-        """Frames that came from a peer at wall-clock time ``now`` in s; a radio's own frames do not count."""
+        """Process frames of a peer at wall-clock time ``now`` (s).
+
+        Frames of a radio do not count.
+        """
         versions = {frame.raw[0] for frame in frames if frame.message_id != mavlink.MAVLINK_MSG_ID_RADIO_STATUS}
         if len(self._since_version_2) + len(self._version_1) >= 4 * MOST_PEERS:
             self._since_version_2.clear()
@@ -83,15 +86,15 @@ class ProtocolVersions:
             self._version_1.add(peer)
 
     def is_version_1(self, peer: Peer | None) -> bool:
-        """Whether a peer understands MAVLink 1 only."""
+        """Return whether a peer supports MAVLink 1 only."""
         return peer in self._version_1
 
 
 class LinkFault(NamedTuple):
-    """What is wrong on a link, for people."""
+    """Fault of a link, for the operator."""
 
     kind: str
-    """-; the same for all that is worth saying once"""
+    """-; identifier of faults that are reported once"""
     text: str
 
 
@@ -107,12 +110,15 @@ class Channel:
         isolation: Isolation,
         portion: int = PORTION,
     ) -> None:
-        """``number`` is the link's among the vehicle's, and in its signatures; ``portion`` its share of `PORTION`."""
+        """Create the channel.
+
+        ``number`` is the index of the link, also in its signatures. ``portion`` is its part of `PORTION`.
+        """
         transport.portion = portion
         self.transport = transport
         self.name = str(transport.url)
         self.guard = isolation.guard(f"link {self.name}", self.reset, vital=True)
-        """of its transport and its reader; what cannot be packed is the fault of whoever sends it"""
+        """guard of transport and reader; a message that cannot be packed is a fault of its sender"""
         self.budget = Budget(transport.url.baud)
         self.refused = 0
         self.unknown = 0
@@ -133,19 +139,22 @@ class Channel:
         self._noise_due = 0.0
         self._dropped = self._forwarded = self._withheld = 0
 
-    # --- in
+    # --- receive
 
     def receive(self, now: float) -> None:
-        """Queue the frames that have arrived and count; while any waits to be taken, the rest waits in the kernel."""
+        """Queue and count the received frames.
+
+        While a frame is queued, the remaining bytes stay in the kernel.
+        """
         if not self._waiting:
             self._waiting.extend(self.guard.run(self._on_received, now) or ())
 
     def take(self) -> tuple[Frame, Peer] | None:
-        """The oldest frame that waits, with its sender's address."""
+        """Return the oldest queued frame with the address of its sender."""
         return self._waiting.popleft() if self._waiting else None
 
     def reset(self) -> None:
-        """Forget what was received in part."""
+        """Discard partially received frames."""
         self._waiting.clear()
         for peer in tuple(self._readers):
             self._shared.bad_bytes += self._drop_peer(peer)
@@ -166,7 +175,7 @@ class Channel:
         return heard
 
     def _settle(self) -> list[tuple[Frame, Peer]]:
-        """Nothing more came: what looks like the beginning of a frame was noise."""
+        """Discard an incomplete frame after a pause and parse the bytes after its marker."""
         self._settled = True
         late = [(frame, peer) for peer, reader in self._readers.items() for frame in reader.give_up()]
         return [(frame, peer) for frame, peer in late if self._admits(frame)]
@@ -191,7 +200,10 @@ class Channel:
         return reader.bad_bytes
 
     def _admits(self, frame: Frame) -> bool:
-        """Not our own voice, echoed by a loop of links, and signed where it must be."""
+        """Return whether a frame is accepted.
+
+        Own frames that return in a loop are rejected, and unsigned frames if signing is required.
+        """
         if (frame.system, frame.component) == self._address:
             return False
         if not self._signing.active:
@@ -204,26 +216,30 @@ class Channel:
         return False
 
     def _admits_unsigned(self, frame: Frame) -> bool:
-        """Where the user allows it, but never another key; and a radio's own word, on the wire that it sits on."""
+        """Return whether an unsigned frame is accepted.
+
+        The user may allow unsigned frames, but not those of another key. Frames of a radio are accepted on its own
+        wire.
+        """
         if frame.message_id == mavlink.MAVLINK_MSG_ID_RADIO_STATUS and self.transport.url.kind == "serial":
             return True
         return self.transport.url.unsigned and frame.message_id != mavlink.MAVLINK_MSG_ID_SETUP_SIGNING
 
     def confidential(self, peer: Peer) -> bool:
-        """Whether nobody else hears what this peer says: a wire, or the same computer."""
+        """Return whether the link to a peer is private: a wire, or the same computer."""
         if self.transport.url.kind == "serial":
             return True
         with contextlib.suppress(ValueError, TypeError, IndexError):
             return ipaddress.ip_address(peer[0]).is_loopback  # type: ignore[index]
         return False
 
-    # --- out
+    # --- send
 
     def send(self, message: Any, peer: Peer | None = None) -> int:
-        """Send a message of ours to one peer, or to all; dropped only where far too much is owed, or after a fault.
+        """Send a message to one peer, or to all; return the number of sent frames.
 
-        Each peer's frames are counted for themselves: what is said to another one is no loss. Returns how many are
-        sent.
+        A message is dropped only at an excessive deficit or after a fault. Sequence numbers are counted for each
+        peer, so that frames to other peers do not appear as losses.
         """
         if not self.guard.enabled or (self.budget.broke() and message.get_type() not in VITAL):
             self._dropped += 1
@@ -239,7 +255,7 @@ class Channel:
         return len(sent)
 
     def _key(self, peer: Peer | None) -> Peer | None:
-        """What a peer's sequence numbers and protocol version are kept by."""
+        """Return the key of the sequence number and protocol version of a peer."""
         return None if self.transport.peers is None else peer
 
     def _writer(self, peer: Peer | None) -> FrameWriter:
@@ -253,7 +269,7 @@ class Channel:
         return writer
 
     def _pack(self, message: Any, writers: Sequence[FrameWriter]) -> list[bytes]:
-        """A frame from each writer; the payload is packed once."""
+        """Return a frame of each writer; the payload is packed once."""
         if not writers:
             return []
         number = message.get_msgId()
@@ -270,7 +286,7 @@ class Channel:
         ]
 
     def forward(self, raw: bytes, peer: Peer | None) -> None:
-        """Pass a frame of another link on as it is, while there is room."""
+        """Forward a frame of another link unchanged if the capacity permits."""
         if self.budget.available_bytes(BULK) < len(raw):
             self._withheld += 1
             return
@@ -279,10 +295,13 @@ class Channel:
         self.budget.spend(len(raw))
         self.guard.run(self.transport.send, raw, peer)
 
-    # --- what is to be said of it
+    # --- status
 
     def faults(self, now: float) -> list[LinkFault]:
-        """What has gone wrong since this was last said: the first at once, then at most once in `NOISE_EVERY`."""
+        """Return the faults since the last report.
+
+        The first is reported at once, later ones at most once in `NOISE_EVERY`.
+        """
         if now < self._noise_due:
             return []
         noise = self._bad_bytes()
@@ -304,18 +323,18 @@ class Channel:
 
     @property
     def has_received_frames(self) -> bool:
-        """Whether any byte has come."""
+        """Return whether any byte was received."""
         counts = self.counts()
         return bool(counts.frames or counts.bad_bytes)
 
     def summary(self) -> str:
-        """One line of all that is not zero."""
+        """Return all non-zero counters in one line."""
         url, *numbers = self.counts()
         named = zip(LinkCounts._fields[1:], numbers, strict=True)
         return f"{url}: {', '.join(f'{name} {number}' for name, number in named if number)}"
 
     def counts(self) -> LinkCounts:
-        """What has gone over the link."""
+        """Return the counters of the link."""
         readers = [self._shared, *self._readers.values()]
         return LinkCounts(
             self.name,

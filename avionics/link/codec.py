@@ -1,9 +1,9 @@
-"""The wire units of the bridge between world and flight computer, and nowhere else.
+"""Wire units of the bridge between simulator and flight computer.
 
-One direction carries sensors (HIL_SENSOR, HIL_GPS and Wingbeat's raw counts), the other HIL_ACTUATOR_CONTROLS.
-A sensor frame travels as several messages of the same time stamp; HIL_SENSOR comes last and closes the tick.
-Numbers are packed straight from and into `avionics.messages`, without pymavlink's message objects, because this
-happens in every tick. Telemetry to the ground is in `telemetry.py`, mission items are in `mission_codec.py`.
+One direction carries sensors (HIL_SENSOR, HIL_GPS and raw counts of Wingbeat), the other HIL_ACTUATOR_CONTROLS. A
+sensor frame consists of several messages with the same timestamp; HIL_SENSOR is the last and closes the tick. Numbers
+are packed directly from and into `avionics.messages`, without message objects of pymavlink, because this runs in
+every tick. Telemetry to the ground is in `telemetry.py`, mission items are in `mission_codec.py`.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ from avionics.link.sensor_codec import BY_MESSAGE, HIL_SENSOR, decode_imu, layou
 from wingbeat.records import constructor
 
 FULL_DEFLECTION = math.pi / 2
-"""rad; an angle of this size is a control of 1 in HIL_ACTUATOR_CONTROLS, for wings, elevator and rudder alike."""
+"""rad; angle of a control of 1 in HIL_ACTUATOR_CONTROLS, for wings, elevator and rudder"""
 
 CONTROL_WING_LEFT, CONTROL_WING_RIGHT, CONTROL_ELEVATOR, CONTROL_RUDDER, CONTROL_THROTTLE = range(5)
-"""Places in ``HIL_ACTUATOR_CONTROLS.controls``."""
+"""indices in ``HIL_ACTUATOR_CONTROLS.controls``"""
 
 ARMED = 128
-"""MAV_MODE_FLAG_SAFETY_ARMED."""
+"""MAV_MODE_FLAG_SAFETY_ARMED"""
 _CUSTOM_MODE = 1
 LOCKSTEP = 1
-"""HIL_ACTUATOR_CONTROLS flag: this command answers one sensor frame, whose time it carries."""
+"""flag of HIL_ACTUATOR_CONTROLS: the command replies to one sensor frame and has its time"""
 
 HIL_ACTUATOR_CONTROLS: int = mavlink.MAVLINK_MSG_ID_HIL_ACTUATOR_CONTROLS
 END: int = mavlink.MAVLINK_MSG_ID_WINGBEAT_END
@@ -37,11 +37,11 @@ HEARTBEAT: int = mavlink.MAVLINK_MSG_ID_HEARTBEAT
 
 
 class ActuatorReply(NamedTuple):
-    """A decoded HIL_ACTUATOR_CONTROLS."""
+    """Decoded HIL_ACTUATOR_CONTROLS."""
 
     command: m.ActuatorCommand
     lockstep: bool
-    """the command's time is the time of the sensor frame that it answers"""
+    """True if the time of the command is that of the sensor frame it replies to"""
 
 
 _ACTUATORS = layout_of(HIL_ACTUATOR_CONTROLS)
@@ -50,45 +50,48 @@ _CONTROLS32 = struct.Struct("<5f")
 
 
 class FrameWriter:
-    """Numbers and frames what one end of a bridge says."""
+    """Framing of the messages of one end of a bridge."""
 
     def __init__(self, system: int, component: int) -> None:
         self.system = system
         self.component = component
         self.version_1 = False
-        """whether the receiver understands MAVLink 1 only"""
+        """True if the receiver supports MAVLink 1 only"""
         self._sequence = 0
         self._mav: Any = mavlink.MAVLink(None, system, component)
 
     def frame(self, message_id: int, payload: bytes) -> bytes:
-        """The next frame of this sender; empty for a message that the receiver's MAVLink does not have."""
+        """Return the next frame of this sender.
+
+        The result is empty for a message that the MAVLink version of the receiver does not have.
+        """
         build = build_frame_v1 if self.version_1 else build_frame
         frame = build(message_id, payload, self._sequence, self.system, self.component)
         self._sequence = (self._sequence + bool(frame)) & 0xFF
         return frame
 
     def pack(self, message: Any) -> bytes:
-        """The next MAVLink 2 frame of this sender, from one of pymavlink's message objects."""
+        """Return the next MAVLink 2 frame from a message object of pymavlink."""
         self._mav.seq = self._sequence
         self._sequence = (self._sequence + 1) & 0xFF
         packed: bytes = message.pack(self._mav)
         return packed
 
     def pack_signed(self, message: Any, sign: Callable[[bytes], bytes]) -> bytes:
-        """As `pack`, with the flag that says so and behind it what ``sign`` gives for the frame."""
+        """Return a frame as `pack` does, with signed flag and the signature from ``sign``."""
         return signed(self.pack(message), message.get_msgId(), sign)
 
     def sensors(self, frame: m.SensorFrame) -> bytes:
-        """All messages of one tick, HIL_SENSOR last."""
+        """Return all messages of one tick, HIL_SENSOR last."""
         return b"".join(self.frame(message_id, payload) for message_id, payload in payloads(frame))
 
     def actuators(self, command: m.ActuatorCommand) -> bytes:
-        """The reply to one tick."""
+        """Return the reply to one tick."""
         return self.frame(HIL_ACTUATOR_CONTROLS, encode_actuators(command))
 
 
 def signed(unsigned: bytes, message_id: int, sign: Callable[[bytes], bytes]) -> bytes:
-    """A frame with the flag that says so and behind it what ``sign`` gives for it."""
+    """Return a frame with the signed flag and the signature from ``sign``."""
     frame = bytearray(unsigned)
     frame[2] |= SIGNED
     crc = checksum(bytes(frame[1:-2]) + CRC_EXTRA[message_id])
@@ -97,13 +100,16 @@ def signed(unsigned: bytes, message_id: int, sign: Callable[[bytes], bytes]) -> 
 
 
 class FrameAssembler:
-    """Collects the messages of one tick until HIL_SENSOR closes it."""
+    """Assembly of the messages of one tick until HIL_SENSOR closes it."""
 
     def __init__(self) -> None:
         self._parts: dict[str, Any] = {}
 
     def add(self, frame: Frame) -> m.SensorFrame | None:
-        """The sensor frame when this message closes a tick; messages that are no sensors are passed over."""
+        """Return the sensor frame if this message closes a tick.
+
+        Messages that are not sensors are ignored.
+        """
         if frame.message_id == HIL_SENSOR:
             imu = decode_imu(frame.payload)
             parts, self._parts = self._parts, {}
@@ -121,11 +127,11 @@ class FrameAssembler:
 
 
 Controls = tuple[float, float, float, float, float]
-"""left and right wing, elevator, rudder, throttle, as the first five of ``HIL_ACTUATOR_CONTROLS.controls``"""
+"""left and right wing, elevator, rudder, throttle, the first five of ``HIL_ACTUATOR_CONTROLS.controls``"""
 
 
 def _limited(control: float) -> float:
-    # A NaN, of which no comparison holds, travels as it is; the reader refuses it.
+    # A NaN fails every comparison and is sent unchanged; the reader rejects it.
     if control > 1.0:
         return 1.0
     return -1.0 if control < -1.0 else control
@@ -145,7 +151,7 @@ _new_actuator_command = constructor(m.ActuatorCommand)
 
 
 def _commanded(time_us: int, controls: Controls, armed: int) -> m.ActuatorCommand | None:
-    """The command of its controls; None when one is not a finite number."""
+    """Return the command of the controls; None if one is not finite."""
     left, right, elevator, rudder, throttle = controls
     if not math.isfinite(left + right + elevator + rudder + throttle):
         return None
@@ -156,25 +162,25 @@ def _commanded(time_us: int, controls: Controls, armed: int) -> m.ActuatorComman
 
 
 def encode_actuators(command: m.ActuatorCommand) -> bytes:
-    """Payload of HIL_ACTUATOR_CONTROLS; angles beyond `FULL_DEFLECTION` are limited to it.
+    """Return the payload of HIL_ACTUATOR_CONTROLS, angles limited to `FULL_DEFLECTION`.
 
-    The time is that of the sensor frame answered, and the flags say so.
+    The time is that of the sensor frame, as indicated by the flags.
     """
     mode = _CUSTOM_MODE | (ARMED if command.armed else 0)
     return _ACTUATORS.pack(command.time_us, LOCKSTEP, *_controls(command), *_SPARE_CONTROLS, mode)
 
 
 def decode_actuators(payload: bytes) -> ActuatorReply | None:
-    """From a payload of HIL_ACTUATOR_CONTROLS; None when a control is not a finite number."""
+    """Decode a payload of HIL_ACTUATOR_CONTROLS; None if a control is not finite."""
     values = padded(_ACTUATORS, payload)
     command = _commanded(values[0], values[2:7], values[-1] & ARMED)
     return None if command is None else ActuatorReply(command, bool(values[1] & LOCKSTEP))
 
 
-# --- the same numbers in one process and over the wire -----------------------------------------------------
+# --- identical numbers in one process and over the wire ---------------------------------------------------
 
 
 def quantized_command(command: m.ActuatorCommand) -> m.ActuatorCommand:
-    """``command`` as the wire delivers it; a command that is not finite is returned as it is."""
+    """Return ``command`` as received over the wire; unchanged if it is not finite."""
     controls = _CONTROLS32.unpack(_CONTROLS32.pack(*_controls(command)))
     return _commanded(command.time_us, controls, command.armed) or command

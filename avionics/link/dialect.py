@@ -1,8 +1,8 @@
-"""The generated MAVLink module: Wingbeat's own messages and the standard ones that are used, nothing else.
+"""Generated MAVLink module: Wingbeat messages and the standard ones in use.
 
-pymavlink's generator writes the module at first use into the user's cache, under a name that is a hash of
-everything that shapes it; later starts only import it. The ids and CRC_EXTRA are those of the full dialects,
-because the definitions are copied from pymavlink's own XML files unchanged.
+The generator of pymavlink writes the module at first use into the cache of the user, under a name that is a hash of
+all its inputs; later starts only import it. The IDs and CRC_EXTRA are those of the full dialects, because the
+definitions are copied unchanged from the XML files of pymavlink.
 """
 
 from __future__ import annotations
@@ -42,11 +42,11 @@ _NAMES = """
     HIL_SENSOR HIL_GPS HIL_RC_INPUTS_RAW HIL_ACTUATOR_CONTROLS HIL_STATE_QUATERNION HIL_CONTROLS
 """
 STANDARD_MESSAGES = frozenset(_NAMES.split())
-"""Copied from the standard dialects; both the flight computer and the ground station read with this module."""
+"""messages copied from the standard dialects, used by flight computer and ground station"""
 
 _SOURCES = ("minimal", "standard", "common", "development", "ardupilotmega")
 _PASSED_ON = (*_SOURCES, "uAvionix", "icarous", "loweheiser", "cubepilot", "csAirLink")
-"""Dialects whose messages are checked and passed on from link to link, whether or not they are read here."""
+"""dialects with messages that are checked and forwarded between links, whether or not they are decoded here"""
 _OWN_XML = Path(__file__).with_name("wingbeat.xml")
 
 _RETIRED = """
@@ -82,16 +82,19 @@ _RETIRED = """
   </message>
 </messages></mavlink>
 """
-"""Messages that pymavlink's definitions do not have and ground stations still request."""
+"""messages that are not in the definitions of pymavlink and that ground stations still request"""
 
 
 def standard_definitions() -> Path:
-    """Folder of pymavlink's XML files."""
+    """Return the folder of the XML files of pymavlink."""
     return Path(pymavlink.__file__).parent / "dialects" / "v20"
 
 
 def slim_definition() -> ET.Element:
-    """One MAVLink definition without includes: the standard messages in use, their enums, and our own."""
+    """Return one MAVLink definition without includes.
+
+    It contains the standard messages in use, their enums, and the Wingbeat messages.
+    """
     enums: dict[str, ET.Element] = {}
     messages: dict[str, ET.Element] = {}
     own = ET.parse(_OWN_XML).getroot()
@@ -116,7 +119,7 @@ def _standard_trees() -> list[ET.Element]:
 
 
 def _strip_descriptions(tree: ET.Element) -> None:
-    # Prose is half of the generated module's size and import time; the XML files keep it.
+    # Descriptions are half of the size and import time of the generated module.
     for element in tree.iter():
         if element.tag in ("description", "field"):
             element.text = ""
@@ -140,7 +143,10 @@ def _remove_all(element: ET.Element, tags: tuple[str, ...]) -> None:
 
 
 def fingerprint() -> str:
-    """Hash of all that shapes the generated module: our XML, the list of messages, the version of pymavlink."""
+    """Return the hash of all inputs of the generated module.
+
+    The inputs are the XML, the list of messages and the version of pymavlink.
+    """
     digest = hashlib.sha256(_OWN_XML.read_bytes())
     digest.update(Path(__file__).read_bytes())
     digest.update(str(pymavlink.__version__).encode())
@@ -148,7 +154,10 @@ def fingerprint() -> str:
 
 
 def cache_folder() -> Path:
-    """Where the generated module is kept: ``WINGBEAT_CACHE``, or the platform's cache folder of the user."""
+    """Return the folder of the generated module.
+
+    It is ``WINGBEAT_CACHE``, or the cache folder of the user on this platform.
+    """
     chosen = os.environ.get("WINGBEAT_CACHE")
     if chosen:
         return Path(chosen) / "dialect"
@@ -162,9 +171,9 @@ def cache_folder() -> Path:
 
 
 def generate(folder: Path) -> Path:
-    """Write the module into ``folder`` and return its path; safe when several processes do it at once.
+    """Write the module into ``folder`` and return its path.
 
-    Each writes into a folder of its own and moves the finished file into place in one step.
+    Concurrent calls are safe: each process writes into a temporary folder and moves the finished file in one step.
 
     Raises:
         OSError: the folder cannot be written.
@@ -188,7 +197,10 @@ def generate(folder: Path) -> Path:
 
 
 def _wire_table(definitions: list[Path]) -> dict[int, tuple[int, int, int, int]]:
-    """CRC_EXTRA, offsets of target system and component (-1: none), and size without extensions, by message id."""
+    """Return CRC_EXTRA, target offsets and size by message ID.
+
+    The offsets are those of target system and component (-1: none). The size excludes extensions.
+    """
     from pymavlink.generator import mavparse
 
     messages = [message for path in definitions for message in mavparse.MAVXML(str(path), "2.0").message]
@@ -204,12 +216,12 @@ def _wire_table(definitions: list[Path]) -> dict[int, tuple[int, int, int, int]]
 
 
 def load_dialect() -> Any:
-    """Import the generated module, writing it first where the cache does not hold a sound one."""
+    """Import the generated module; write it first unless the cache has a valid one."""
     path = cache_folder() / f"wingbeat_dialect_{fingerprint()}.py"
     try:
         return _load(path if path.exists() else generate(path.parent))
     except (OSError, ImportError, SyntaxError, ValueError, AttributeError):
-        # An unwritable or damaged cache must not keep the aircraft on the ground.
+        # A cache that is damaged or read-only must not prevent a flight.
         with tempfile.TemporaryDirectory(prefix="wingbeat-dialect-") as folder:
             return _load(generate(Path(folder)))
 
@@ -226,4 +238,4 @@ def _load(path: Path) -> Any:
 
 
 mavlink: Any = load_dialect()
-"""The generated module. It has no types: this is the one place where it enters typed code."""
+"""generated module, without types"""

@@ -1,4 +1,7 @@
-"""The codec's part for identification inputs: three commands, as mission items or as COMMAND_LONG and COMMAND_INT."""
+"""Codec of identification inputs: three commands, as mission items or commands.
+
+The commands are sent as COMMAND_LONG or COMMAND_INT.
+"""
 
 from __future__ import annotations
 
@@ -16,11 +19,11 @@ SWEEP: int = mavlink.MAV_CMD_WINGBEAT_EXCITE_SWEEP
 MULTISINE: int = mavlink.MAV_CMD_WINGBEAT_EXCITE_MULTISINE
 
 LOOPS_FLY_ON = 1000
-"""added to the repeats"""
+"""offset of the repeats if the loops stay active"""
 LOGARITHMIC = 10
-"""added to the channel of a sweep"""
+"""offset of the channel for a logarithmic sweep"""
 LOWEST = 1000
-"""factor of the lowest harmonic of a multisine, beside the highest"""
+"""factor of the lowest harmonic of a multisine, added to the highest"""
 _BY_CHANNEL_CODE = {
     offset + channel: (channel, shape)
     for offset, shape in ((0, Shape.LINEAR_SWEEP), (LOGARITHMIC, Shape.LOGARITHMIC_SWEEP))
@@ -29,7 +32,7 @@ _BY_CHANNEL_CODE = {
 
 
 def decode_excitation(item: WireItem) -> Excitation:
-    """The identification input of one of the three commands, from a mission item or a command.
+    """Decode an identification input from a mission item or a command.
 
     Raises:
         ItemRefused: unknown channel or shape, or a number outside its range.
@@ -80,11 +83,11 @@ def _multisine(item: WireItem, repeats: int) -> Excitation:
 
 
 DECODERS: dict[int, Callable[[WireItem, int], Excitation]] = {STEPS: _steps, SWEEP: _sweep, MULTISINE: _multisine}
-"""The commands that ask for an identification input."""
+"""decoders of the commands for an identification input"""
 
 
 def encode_excitation(requested: Excitation) -> WireItem:
-    """The input as a mission item of the command that says its shape."""
+    """Return the input as a mission item with the command of its shape."""
     repeats = float(requested.repeats + LOOPS_FLY_ON * requested.loops)
     if requested.shape == Shape.MULTISINE:
         first, last = harmonics(requested)

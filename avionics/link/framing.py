@@ -1,8 +1,8 @@
-"""MAVLink frames cut out of a stream of bytes, and made.
+"""MAVLink frame parser and writer.
 
-pymavlink's stream parser throws a whole would-be frame away when its checksum is wrong, and waits for the rest
-of one that is only noise; a lockstep partner then waits for ever. This reader drops one byte and looks again, so
-noise costs the noise alone.
+The stream parser of pymavlink discards a whole frame with a wrong checksum, and waits for the remainder of a frame
+that is only noise; a lockstep partner then waits without end. This parser discards one byte and continues, so that
+only the noise is lost.
 """
 
 from __future__ import annotations
@@ -20,30 +20,30 @@ HEADER_V2 = 10
 CRC_BYTES = 2
 _SIGNATURE = 13
 SIGNED = 0x01
-"""flag of a frame with a signature"""
+"""flag of a signed frame"""
 _LIKELY_V2 = re.compile(rb"\xfd(?:.[\0\1]|.?\Z)", re.DOTALL)
-"""A marker with flags that are known, or not here yet; so a flood of markers costs no more than other noise."""
+"""marker followed by known flags, or incomplete; limits the cost of a flood of markers"""
 _LIKELY = re.compile(rb"\xfe|" + _LIKELY_V2.pattern, re.DOTALL)
 _PACK_HEADER = struct.Struct("<BBBBBBBHB").pack
 
 CRC_EXTRA: dict[int, bytes] = {number: bytes([kind.crc_extra]) for number, kind in mavlink.mavlink_map.items()}
-"""CRC_EXTRA of every known message, as the byte that is appended before the checksum."""
+"""CRC_EXTRA of every known message, as the byte appended before the checksum"""
 
 _ALL_CRC_EXTRA: dict[int, bytes] = {number: bytes([wire[0]]) for number, wire in mavlink.wire_table.items()}
 _ALL_CRC_EXTRA |= CRC_EXTRA
 
 TARGETS: dict[int, tuple[int, int]] = {number: wire[1:3] for number, wire in mavlink.wire_table.items()}
-"""Where target system and component stand in a payload, -1 for nowhere; of every message that can be passed on."""
+"""offsets of target system and component in the payload, -1 for none, for all messages that can be forwarded"""
 
 _SIZE_V1: dict[int, int] = {number: wire[3] for number, wire in mavlink.wire_table.items() if number <= 0xFF}
-"""Bytes of the payload in MAVLink 1, which has no extension fields and no message ids above 255."""
+"""bytes; payload size in MAVLink 1, without extension fields and message IDs above 255"""
 
 LONGEST: dict[int, int] = {number: kind.unpacker.size for number, kind in mavlink.mavlink_map.items()}
-"""Bytes of every known message's payload."""
+"""bytes; payload size of every known message"""
 
 
 class Frame(NamedTuple):
-    """One frame with a correct checksum; the payload still lacks the zeros that MAVLink 2 cuts off."""
+    """Frame with a valid checksum; trailing zeros of the payload are not restored."""
 
     message_id: int
     system: int
@@ -53,13 +53,13 @@ class Frame(NamedTuple):
 
 
 def checksum(data: bytes) -> int:
-    """CRC-16/MCRF4XX of ``data``, MAVLink's checksum."""
+    """Return the CRC-16/MCRF4XX of ``data``, the checksum of MAVLink."""
     crc: int = mavlink.x25crc(data).crc
     return crc
 
 
 def build_frame(message_id: int, payload: bytes, sequence: int, system: int, component: int) -> bytes:
-    """One unsigned MAVLink 2 frame around a payload in wire order."""
+    """Return an unsigned MAVLink 2 frame of a payload in wire order."""
     payload = payload.rstrip(b"\0") or payload[:1]
     header = _PACK_HEADER(
         MARKER_V2,
@@ -77,7 +77,10 @@ def build_frame(message_id: int, payload: bytes, sequence: int, system: int, com
 
 
 def build_frame_v1(message_id: int, payload: bytes, sequence: int, system: int, component: int) -> bytes:
-    """One MAVLink 1 frame around a payload in wire order; empty for a message that MAVLink 1 does not have."""
+    """Return a MAVLink 1 frame of a payload in wire order.
+
+    The result is empty for a message that MAVLink 1 does not have.
+    """
     size = _SIZE_V1.get(message_id)
     if size is None:
         return b""
@@ -87,7 +90,7 @@ def build_frame_v1(message_id: int, payload: bytes, sequence: int, system: int, 
 
 
 def decode(frame: Frame) -> Any:
-    """The generated message object of a frame.
+    """Return the generated message object of a frame.
 
     Raises:
         mavlink.MAVError: the payload does not fit the message.
@@ -99,12 +102,13 @@ _DECODER = mavlink.MAVLink(None)
 
 
 class FrameReader:
-    """Cuts frames out of one stream; ``bad_bytes``, ``frames`` and ``unknown`` count what went by."""
+    """Frame parser of one stream, with the counters ``bad_bytes``, ``frames``, ``unknown``."""
 
     def __init__(self, version_1: bool = True, foreign: bool = False) -> None:
-        """``version_1`` False takes MAVLink 1's marker for noise, as the bridge does, which never speaks it.
+        """Create the parser.
 
-        ``foreign`` True gives also frames of messages that can be passed on, and not be decoded here.
+        If ``version_1`` is False, the marker of MAVLink 1 counts as noise, as on the bridge, which does not use it.
+        If ``foreign`` is True, frames that can be forwarded but not decoded here are returned as well.
         """
         self._crc_extra = _ALL_CRC_EXTRA if foreign else CRC_EXTRA
         self._markers = (MARKER_V2, MARKER_V1) if version_1 else (MARKER_V2,)
@@ -115,7 +119,10 @@ class FrameReader:
         self._pending = b""
 
     def feed(self, data: bytes) -> list[Frame]:
-        """All frames that are complete with ``data``; the tail waits for the next call."""
+        """Return all frames completed by ``data``.
+
+        An incomplete frame waits for the next call.
+        """
         buffer = self._pending + data if self._pending else data
         parsed: list[Frame] = []
         position = self._scan(buffer, parsed)
@@ -124,9 +131,9 @@ class FrameReader:
         return parsed
 
     def give_up(self) -> list[Frame]:
-        """Take what looks like the beginning of a frame for noise, and look for frames behind it.
+        """Discard an incomplete frame and parse the bytes after its marker.
 
-        For a lockstep partner whose wait ran out, and for the end of a datagram.
+        This is used after the timeout of a lockstep partner and at the end of a datagram.
         """
         parsed: list[Frame] = []
         while self._pending:
@@ -136,7 +143,7 @@ class FrameReader:
         return parsed
 
     def reset(self) -> None:
-        """Forget what was received in part."""
+        """Discard partially received frames."""
         self.bad_bytes += len(self._pending)
         self._pending = b""
 
@@ -158,7 +165,10 @@ class FrameReader:
         return position
 
     def _version_2(self, buffer: bytes, position: int, parsed: list[Frame]) -> int:
-        """Size taken at ``position``: of a frame, 1 for a false marker, 0 to wait for more."""
+        """Return the bytes consumed at ``position``.
+
+        The result is the size of a frame, 1 for a false marker, or 0 for an incomplete frame.
+        """
         if len(buffer) - position < HEADER_V2:
             return 0
         flags = buffer[position + 2]
@@ -198,8 +208,8 @@ class FrameReader:
         return stop - position
 
     def _unknown(self, buffer: bytes, position: int, stop: int) -> int:
-        # Without its CRC_EXTRA a foreign message cannot be checked: believe it where the next frame, or
-        # nothing, follows its end.
+        # Without its CRC_EXTRA a foreign message cannot be checked: accept it if its end is followed by the next
+        # frame or by nothing.
         if stop == len(buffer) or (stop < len(buffer) and buffer[stop] in self._markers):
             self.unknown += 1
             return stop - position

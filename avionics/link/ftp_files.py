@@ -1,6 +1,6 @@
-"""What can be read over MAVLink FTP: the parameters as one file, and the logs.
+"""Files for MAVLink FTP: the parameters as one file, and the logs.
 
-A path is looked up among the names that there are, never put together with one, so that no path leads anywhere else.
+A path is looked up in the list of existing names and never joined to a folder, so that no path leads to other files.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from wingbeat.errors import InputError
 
 PARAMETERS = "@PARAM/param.pck"
 LOGS = ("logs", "@MAV_LOG")
-"""The folder of logs, and MAVLink's own name for it."""
+"""folder of logs, and its standard name in MAVLink"""
 SUFFIX = ".mcap"
 MAX_NAME = 220
-"""bytes; a listing's line with a longer name does not fit a message"""
+"""bytes; limit of a name, because a longer line of a listing does not fit a message"""
 LARGEST = 2**32 - 1
-"""bytes; FTP's offsets have 32 bits"""
+"""bytes; limit of a file, because the offsets of FTP have 32 bits"""
 _MAGIC, _MAGIC_DEFAULTS = 0x671B, 0x671C
 _FLOAT = 4
 _HAS_DEFAULT = 1 << 4
@@ -29,42 +29,50 @@ _LONGEST_COMMON = 15
 
 
 class Content(Protocol):
-    """Something that can be read."""
+    """Readable content."""
 
     @property
     def size(self) -> int:
-        """bytes"""
+        """Size in bytes."""
 
     def read(self, offset: int, size: int) -> bytes:
-        """At most ``size`` bytes, none behind the end; raises `OSError`."""
+        """Read at most ``size`` bytes, none beyond the end.
+
+        Raises:
+            OSError: the content cannot be read.
+        """
 
 
 class Memory(NamedTuple):
-    """Bytes as they were when the file was opened."""
+    """Content of a file when it was opened."""
 
     data: bytes
 
     @property
     def size(self) -> int:
-        """bytes"""
+        """Size in bytes."""
         return len(self.data)
 
     def read(self, offset: int, size: int) -> bytes:
-        """A part of them."""
+        """Read a part of the content."""
         return self.data[offset : offset + size]
 
 
 class LogFile(NamedTuple):
-    """A log on disk, which may still be growing; opened for each part, so that nothing is left open."""
+    """Log file on disk, which may still grow; it is opened for each read only."""
 
     path: Path
     size: int
-    """bytes"""
+    """size in bytes"""
     modified: int
-    """s; since 1970, when it was last written"""
+    """s; modification time since 1970"""
 
     def read(self, offset: int, size: int) -> bytes:
-        """A part of it; raises `OSError`, also where the name has become a link."""
+        """Read a part of the file.
+
+        Raises:
+            OSError: the file cannot be read, or its name has become a link.
+        """
         descriptor = os.open(self.path, os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0))
         try:
             os.lseek(descriptor, offset, os.SEEK_SET)
@@ -74,7 +82,7 @@ class LogFile(NamedTuple):
 
 
 class FtpFileSystem:
-    """The files of a vehicle."""
+    """File system of a vehicle."""
 
     def __init__(
         self,
@@ -83,14 +91,20 @@ class FtpFileSystem:
         logs: Path | None = None,
         metadata: Mapping[str, bytes] | None = None,
     ) -> None:
-        """``storage`` has the default parameters, ``logs`` is a folder, ``metadata`` maps paths to files."""
+        """Create the file system.
+
+        ``storage`` has the default parameters, ``logs`` is a folder, ``metadata`` maps paths to files.
+        """
         self._metadata = metadata or {}
         self._vehicle = vehicle
         self._storage = storage
         self._logs = logs
 
     def entries(self, path: str) -> list[str] | None:
-        """A folder's entries as FTP writes them, ``F`` name tab size or ``D`` name; None for no folder of ours."""
+        """Return the entries of a folder in FTP format; None for an unknown folder.
+
+        The formats are ``F`` name tab size, and ``D`` name.
+        """
         place = path.strip("/")
         if place == "":
             return [f"D{LOGS[0]}"]
@@ -99,7 +113,7 @@ class FtpFileSystem:
         return [f"F{name}\t{file.size}" for name, file in sorted(self._log_files().items())]
 
     def open(self, path: str) -> Content | None:
-        """The file of this path, or None."""
+        """Return the file of a path, or None."""
         place, _, query = path.lstrip("/").partition("?")
         if place == PARAMETERS:
             return Memory(self._parameters(with_defaults="withdefaults=1" in query.split("&")))
@@ -109,7 +123,7 @@ class FtpFileSystem:
         return self._log_files().get(name) if folder in LOGS else None
 
     def logs(self) -> tuple[LogFile, ...]:
-        """The logs in the order of their names."""
+        """Return the logs in order of their names."""
         return tuple(file for _, file in sorted(self._log_files().items()))
 
     def _log_files(self) -> dict[str, LogFile]:
@@ -141,14 +155,18 @@ class FtpFileSystem:
 
 
 def listed_name(name: str) -> str:
-    """A file's name as it is listed and opened: what is not printable, or not UTF-8 on the disk, is escaped."""
+    """Return the name of a file for listing and opening.
+
+    Characters that are not printable, or not UTF-8 on the disk, are escaped.
+    """
     return "".join(each if each.isprintable() else each.encode("unicode_escape").decode() for each in name)
 
 
 def pack_parameters(parameters: Sequence[Parameter], defaults: Mapping[str, float] | None = None) -> bytes:
-    """ArduPilot's packed list: names without what they share with the one before, values as floats.
+    """Return the packed parameter list of ArduPilot.
 
-    Where ``defaults`` are given, a value that differs from its own has it behind.
+    Names are stored without the prefix shared with the previous one, and values as floats. If ``defaults`` are given,
+    a value that differs from its default is followed by the default.
     """
     parts = [struct.pack("<HHH", _MAGIC if defaults is None else _MAGIC_DEFAULTS, len(parameters), len(parameters))]
     before = b""

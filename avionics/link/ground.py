@@ -1,7 +1,7 @@
-"""All links to the ground: bytes in, commands out; topics in, telemetry out.
+"""Ground link: commands from received bytes, and telemetry from topics.
 
-`GroundLink` is called between two ticks of the flight computer. It lives on the wall clock and never touches the
-flight core: it reads a `VehicleView` and returns inputs, which the core logs and applies at its next tick.
+`GroundLink` is called between two ticks of the flight computer. It uses the wall clock and has no access to the
+flight core: it reads a `VehicleView` and returns inputs, which the core logs and executes at its next tick.
 """
 
 from __future__ import annotations
@@ -46,45 +46,45 @@ from avionics.messages import ChannelOverride, CommandKind, Input, PilotInput
 from wingbeat.message import Event, Severity
 
 MOST_WORK = 48
-"""-; frames taken, and sent because of them, in one poll over all links; the one that passes it is the last. Each is
-some 30 us, so that a flood costs less than half of a tick of 5 ms; who speaks once a tick is answered in it"""
+"""-; maximum frames processed and sent in one poll over all links; the frame that exceeds it is the last. At about 30
+us each, a flood costs less than half of a tick of 5 ms, and a station that sends once a tick is answered in it"""
 WORK_OF_INPUT = 8
-"""-; frames that an input for the flight core counts as: it is logged, obeyed, and told to everyone"""
+"""-; cost of an input for the flight core in frames, because it is logged, executed and reported"""
 
 
 class Files(NamedTuple):
-    """What the link has on disk; its owner is at the edge."""
+    """Files of the link, owned by the calling program."""
 
     storage: Storage | None = None
     """parameters"""
     signing: Signing | None = None
-    """the key and what was signed"""
+    """key and timestamps of signatures"""
     logs: Path | None = None
-    """a folder of them, which can be read over FTP"""
+    """folder of logs for FTP"""
 
 
 class ServiceRow(NamedTuple):
-    """One row of the table of services."""
+    """Row of the table of services."""
 
     name: str
     build: Callable[[], Service]
-    """makes it, and makes it anew after a fault"""
+    """constructor, also used after a fault"""
     keeps_memory: bool = False
-    """goes on as it is after a fault: what it remembers is not lost"""
+    """True if the service keeps its state after a fault"""
     vital: bool = False
-    """is restarted without end"""
+    """True if it is restarted without limit"""
 
 
 @dataclass
 class Hosted:
-    """A service that runs behind its guard."""
+    """Service with its guard."""
 
     service: Service
     guard: Guard
 
 
 class GroundLink:
-    """Owns the transports and the services of a vehicle."""
+    """Transports and services of a vehicle."""
 
     def __init__(
         self,
@@ -95,10 +95,10 @@ class GroundLink:
         unix_time: Callable[[], float] = time.time,
         files: Files = Files(),  # noqa: B008 (immutable)
     ) -> None:
-        """Open all links; without ``files`` no parameters and no key are kept.
+        """Open all links; without ``files`` neither parameters nor a key are stored.
 
         Raises:
-            InputError: not a link address, a port in use, a missing device; no link stays open then.
+            InputError: not a link address, a port in use, a missing device; all links are closed in this case.
         """
         self._identity = identity or Identity()
         self._vehicle = vehicle
@@ -120,7 +120,7 @@ class GroundLink:
         self._silence = SilenceService(vehicle, gains or LinkGains())
         self._texts = StatustextService(vehicle, unix_time)
         self._unsent: deque[Event] = deque(maxlen=64)
-        """for the status text service, which may be disabled"""
+        """events for the status text service, which may be disabled"""
         self._services = {row.name: self._host(row) for row in self._table(gains or LinkGains(), files)}
         self._by_message: dict[str, list[Hosted]] = {}
         for hosted in self._services.values():
@@ -128,13 +128,13 @@ class GroundLink:
                 self._by_message.setdefault(name, []).append(hosted)
         self._journal: list[Event] = []
         self.announced: list[Event] = []
-        """what the links have said to the ground of their own troubles, each once; on UDP perhaps to nobody"""
+        """reports of link faults to the ground, each once; on UDP possibly without a receiver"""
 
     def _capacities(self) -> list[Capacity]:
         return [link.budget.available_bytes for link in self._links]
 
     def _table(self, gains: LinkGains, files: Files) -> tuple[ServiceRow, ...]:
-        """The services, in the order in which they are served."""
+        """Return the services in order of execution."""
         vehicle, identity, shown = self._vehicle, self._identity, ShownMode(self._vehicle, self._identity)
 
         flights, setpoints = FlightInformation(vehicle), SetpointService(vehicle, identity)
@@ -182,22 +182,23 @@ class GroundLink:
 
     @property
     def counts(self) -> list[LinkCounts]:
-        """What has gone over each link."""
+        """Return the traffic counters of each link."""
         return [link.counts() for link in self._links]
 
     @property
     def stations(self) -> int:
-        """Ground stations that are heard."""
+        """Return the number of connected ground stations."""
         return self._silence.stations
 
     def poll(self, now: float) -> list[Input]:
-        """Answer what has arrived, and give the inputs for the flight core, of each link in the order of arrival.
+        """Process received frames and return the inputs for the flight core.
 
-        The links take turns, frame by frame, until there is nothing left or `MOST_WORK` is done: what then waits is
-        first at the next call, so that no flood costs a tick, and none on one link keeps another from an answer.
+        The inputs of each link are in order of arrival. The links alternate frame by frame until none is left or
+        `MOST_WORK` is reached. Remaining frames are first at the next call, so that a flood neither delays a tick nor
+        blocks another link.
 
         Args:
-            now: wall-clock time in s, from any zero, never going back.
+            now: s; wall-clock time from any zero, never decreasing.
         """
         inputs: list[Input] = []
         self._isolation.advance(now)
@@ -231,7 +232,7 @@ class GroundLink:
                 self._handle_frame(*heard, number, now, inputs)
 
     def _work(self, inputs: list[Input]) -> int:
-        """What was done so far, in frames."""
+        """Return the work done so far, in frames."""
         return self._taken + sum(link.sent for link in self._links) + WORK_OF_INPUT * len(inputs)
 
     def _handle_frame(self, frame: Frame, peer: Peer, number: int, now: float, inputs: list[Input]) -> None:
@@ -254,7 +255,7 @@ class GroundLink:
             self._links[hop.link].forward(frame.raw, hop.peer)
 
     def _report_link_faults(self, link: Channel, now: float) -> None:
-        """What goes wrong on a link, into the log; what is no mere noise also to the ground, once."""
+        """Log link faults; faults other than noise are also reported to the ground once."""
         for complaint in link.faults(now):
             self._journal.append(self._event(Severity.WARNING, complaint.text))
             if complaint.kind != "noise":
@@ -263,7 +264,7 @@ class GroundLink:
             self._announce(Severity.WARNING, f"signing: time stamps not stored: {self._signing.failure}")
 
     def _announce(self, severity: Severity, text: str) -> None:
-        """Say something to the ground and to the log, but never twice."""
+        """Report a text to the ground and the log, once."""
         if all(event.text != text for event in self.announced):
             self._publish(self._event(severity, text))
 
@@ -279,7 +280,7 @@ class GroundLink:
             guard.run(self._texts.send_statustext, self._unsent.popleft())
 
     def _report_faults(self) -> None:
-        """Report what the guards caught: in one line to the ground, with the traceback to the log."""
+        """Report faults of the guards: one line to the ground, the traceback to the log."""
         for fault in self._isolation.take_faults():
             event, *details = fault_events(fault, self._vehicle.time_us)
             self._publish(event)
@@ -292,7 +293,7 @@ class GroundLink:
         return self._links[sender.link].confidential(sender.peer)
 
     def stream(self, now: float) -> None:
-        """Send the telemetry that is due at wall-clock time ``now`` in s."""
+        """Send the telemetry that is due at wall-clock time ``now`` (s)."""
         self._telemetry.run(self._stream, now)
         self._report_faults()
 
@@ -309,12 +310,12 @@ class GroundLink:
         return self._links[link].send(message)
 
     def take_events(self) -> list[Event]:
-        """What the links did since the last call, for the log (`topics.LINK_EVENTS`)."""
+        """Return the link events since the last call, for the log (`topics.LINK_EVENTS`)."""
         events, self._journal = self._journal, []
         return events
 
     def close(self) -> None:
-        """Release all ports and devices, and keep the time stamps."""
+        """Close all ports and devices, and store the timestamps."""
         self._services["signing setup"].guard.run(self._signing.close)
         for link in self._links:
             link.guard.run(link.transport.close)
@@ -323,7 +324,7 @@ class GroundLink:
         self._report_faults()
 
     def _decoded(self, frame: Frame, number: int) -> Any:
-        """The message of a frame; None if it is not known here, or does not fit."""
+        """Return the message of a frame; None if it is unknown or does not fit."""
         if frame.message_id not in mavlink.mavlink_map:
             self._links[number].unknown += 1
             return None
@@ -339,7 +340,7 @@ class GroundLink:
         return system in (0, self._identity.system) and component in (0, self._identity.component)
 
     def _deliver(self, outputs: list[Output], inputs: list[Input]) -> None:
-        # An answer that cannot be sent must not cost an input that follows it.
+        # A reply that cannot be sent must not discard the inputs after it.
         for output in outputs:
             if not isinstance(output, Reply):
                 inputs.append(output)

@@ -1,7 +1,7 @@
-"""The signing key in a file of the user's, and beside it the time stamps that were used.
+"""File of the signing key, and file of the used timestamps.
 
-The file holds one line: 64 hexadecimal digits, or ``passphrase`` and a text, whose SHA-256 is the key as in MAVProxy
-and QGroundControl. Nobody but its owner may read it. Neither file ever enters a log.
+The key file has one line: 64 hexadecimal digits, or ``passphrase`` and a text, whose SHA-256 is the key as in
+MAVProxy and QGroundControl. Only its owner may have read access. Neither file is logged.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ _OTHERS = 0o077
 
 
 class KeyFile:
-    """One key file; `avionics.link.signing.KeyStore`."""
+    """Key file; implements `avionics.link.signing.KeyStore`."""
 
     def __init__(self, path: Path) -> None:
-        """Nothing is read or written yet."""
+        """Store the path; no file is read or written."""
         self.path = path
         self._stamps = path.with_name(path.name + ".stamps")
 
     def load_key(self) -> bytes | None:
-        """The key; None where there is no file.
+        """Return the key; None without a file.
 
         Raises:
             InputError: the file cannot be read, is not a key, or others may read it.
@@ -57,10 +57,10 @@ class KeyFile:
         raise InputError(f"signing key {self.path}: not {2 * KEY_BYTES} hexadecimal digits, and no passphrase")
 
     def load_stamps(self) -> Stamps:
-        """The time stamps kept with the key; none where there is no file.
+        """Return the timestamps stored with the key; none without a file.
 
         Raises:
-            InputError: the file is damaged: without it old frames could be repeated.
+            InputError: the file is damaged; without it old frames could be replayed.
         """
         try:
             document = parse_json(self._stamps.read_text(encoding="utf-8-sig"))
@@ -74,7 +74,7 @@ class KeyFile:
             ) from None
 
     def save_key(self, key: bytes | None) -> None:
-        """Write the key for its owner's eyes alone, or remove it."""
+        """Write the key with access for its owner only, or remove it."""
         if key is None:
             self.path.unlink(missing_ok=True)
             sync_folder(self.path.parent)
@@ -82,17 +82,20 @@ class KeyFile:
             _write(self.path, key.hex() + "\n", settle=True)
 
     def save_stamps(self, stamps: Stamps, settle: bool = False) -> None:
-        """Write the time stamps; ``settle`` waits for the disk, which takes several ticks and is not for a flight."""
+        """Write the timestamps.
+
+        ``settle`` waits for the disk, which takes several ticks and is not for use in flight.
+        """
         streams = [[*stream, stamp] for stream, stamp in stamps.streams.items()]
         document = {"ours": stamps.local, "streams": streams, "clock": stamps.clock}
         _write(self._stamps, json.dumps(document) + "\n", settle)
 
 
 def load_signing(file: KeyFile | None, unix_time: Callable[[], float] = time.time) -> Signing:
-    """What the link signs with: the key of the file, if there is one, and never a time stamp twice.
+    """Return the signing state of the link: key of the file and unique timestamps.
 
     Raises:
-        InputError: the file or its time stamps cannot be used.
+        InputError: the file or its timestamps cannot be used.
     """
     if file is None:
         return Signing(unix_time)
