@@ -1,4 +1,4 @@
-"""Calibrations by command: acknowledged as in progress until the flight core has ended them, well or badly."""
+"""Calibration commands, acknowledged as in progress until they end."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from avionics.messages import Calibration, CalibrationStatus, Command, CommandKi
 PREFLIGHT: int = mavlink.MAV_CMD_PREFLIGHT_CALIBRATION
 OWN: int = mavlink.MAV_CMD_WINGBEAT_CALIBRATE
 TELL_EVERY = 1.0
-"""s; between two acknowledgements that it is in progress"""
+"""s; interval of the acknowledgements in progress"""
 CONFIRM = 1.0
-"""s; for the flight core to begin"""
+"""s; timeout for the start in the flight core"""
 PREFLIGHT_KINDS: dict[tuple[int, float], Calibration] = {
     (2, 1.0): Calibration.MAGNETOMETER,
     (5, 1.0): Calibration.ACCELEROMETER,
@@ -26,21 +26,23 @@ PREFLIGHT_KINDS: dict[tuple[int, float], Calibration] = {
     (6, 1.0): Calibration.AIRSPEED_ZERO,
     (6, 2.0): Calibration.AIRSPEED_ZERO,
 }
-"""Parameter number and value of MAV_CMD_PREFLIGHT_CALIBRATION: 5 is the accelerometer (1 on all sides, 2 level, 4 in
-one pose), 6 the airspeed (1 as PX4 has it, 2 as the definition)"""
+"""calibrations by parameter number and value of MAV_CMD_PREFLIGHT_CALIBRATION:
+
+5 is the accelerometer (1 on all sides, 2 level, 4 in one pose), 6 the airspeed (1 as in PX4, 2 as in the definition)
+"""
 NOT_NEEDED = "neither the gyroscope (learned at rest) nor the barometer (zero at boot) needs a calibration"
 
 
 class _Pending(NamedTuple):
     request: Request
     calibration_number: int
-    """calibrations since boot once it has begun"""
+    """number of calibrations since boot once it has begun"""
     requested_at: float
     acknowledged_at: float
 
 
 class CalibrationRequests:
-    """The commands that calibrate, for the command service."""
+    """Calibration commands of the command service."""
 
     def __init__(self, vehicle: VehicleView) -> None:
         self._vehicle = vehicle
@@ -48,7 +50,10 @@ class CalibrationRequests:
         self._fresh: Request | None = None
 
     def answer(self, request: Request) -> CommandResult:
-        """Begin, cancel, or say why not; who asks again is told that it is in progress."""
+        """Begin or cancel a calibration, or return the reason of a denial.
+
+        A repeated request is acknowledged as in progress.
+        """
         if self._pending is not None and self._pending.request == request:
             return CommandResult(mavlink.MAV_RESULT_IN_PROGRESS)
         if request.command == PREFLIGHT and not any(request.params):
@@ -71,7 +76,7 @@ class CalibrationRequests:
         return refused(reason) if reason else CommandResult(mavlink.MAV_RESULT_ACCEPTED, (command,))
 
     def step(self, now: float) -> list[Output]:
-        """Acknowledge once a second that it is in progress, and at its end how it ended."""
+        """Acknowledge a calibration in progress once a second, and its result at the end."""
         if self._fresh is not None:
             before = _calibration_count(self._vehicle)
             self._pending, self._fresh = _Pending(self._fresh, before + 1, now, now), None
@@ -102,7 +107,7 @@ def _calibration_count(vehicle: VehicleView) -> int:
 
 
 def _requested_kind(request: Request) -> tuple[Calibration, float]:
-    """What is to be calibrated, NONE for nothing that can be, and what is given for it."""
+    """Return the requested calibration and its argument; NONE if unknown."""
     if request.command == OWN:
         number, argument = request.params[:2]
         known = math.isfinite(number) and number in tuple(Calibration)

@@ -1,4 +1,4 @@
-"""A command as it was asked, and what became of it."""
+"""MAVLink command requests and their results (COMMAND_ACK)."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from avionics.link.vehicle import NO_FRAMES
 
 
 class Request(NamedTuple):
-    """A command of either form."""
+    """Command of COMMAND_LONG or COMMAND_INT."""
 
     command: int
     params: tuple[float, ...]
-    """seven numbers; the fifth and sixth of a COMMAND_INT are its integers as they are"""
+    """seven numbers; the fifth and sixth of a COMMAND_INT are its integers unchanged"""
     sender: Sender
     frame: int = 0
     """MAV_FRAME of a COMMAND_INT"""
@@ -22,7 +22,7 @@ class Request(NamedTuple):
 
 
 class CommandResult(NamedTuple):
-    """What became of a command."""
+    """Result of a command."""
 
     result: int
     outputs: tuple[Output, ...] = ()
@@ -30,11 +30,14 @@ class CommandResult(NamedTuple):
 
 
 def refused(reason: str) -> CommandResult:
-    """The flight core would not take it; while it does not tick, not yet."""
+    """Return the result of a denied command.
+
+    The denial is temporary while the flight core does not tick.
+    """
     return CommandResult(refusal_result(reason), (), reason)
 
 
 def refusal_result(reason: str) -> int:
-    """MAV_RESULT of a command that the flight core would refuse for ``reason``."""
+    """Return the MAV_RESULT of a command that the flight core denies for ``reason``."""
     later = reason == NO_FRAMES
     return int(mavlink.MAV_RESULT_TEMPORARILY_REJECTED if later else mavlink.MAV_RESULT_DENIED)

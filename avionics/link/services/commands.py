@@ -1,4 +1,7 @@
-"""COMMAND_LONG, COMMAND_INT and the old SET_MODE: each gets one COMMAND_ACK; a denial comes with its reason."""
+"""Command service: COMMAND_LONG, COMMAND_INT and the old SET_MODE.
+
+Each is answered by one COMMAND_ACK; a denial includes its reason.
+"""
 
 from __future__ import annotations
 
@@ -31,14 +34,14 @@ _DENIED = mavlink.MAV_RESULT_DENIED
 _UNSUPPORTED = mavlink.MAV_RESULT_UNSUPPORTED
 _LATER = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
 TURNING_ALTITUDE = "NAV_RETURN_FLOOR"
-"""Parameter: m above home, below which a way is flown straight on, wings level."""
+"""parameter: m above home, below which the flight path stays straight with wings level"""
 
 
 Answer = Callable[[Request], CommandResult]
 
 
 class CommandService:
-    """Answers commands by a table from MAV_CMD to a method."""
+    """Dispatch of commands by a table from MAV_CMD to a method."""
 
     takes = frozenset({"COMMAND_LONG", "COMMAND_INT", "SET_MODE"})
 
@@ -62,7 +65,7 @@ class CommandService:
         self._answers = self._build_answers(StorageRequests(vehicle, storage))
 
     def _build_answers(self, storage: StorageRequests) -> dict[int, Answer]:
-        """Who answers which command."""
+        """Return the table of command handlers."""
         return {
             mavlink.MAV_CMD_COMPONENT_ARM_DISARM: self._arm,
             mavlink.MAV_CMD_DO_SET_MODE: self._set_mode,
@@ -88,7 +91,7 @@ class CommandService:
         }
 
     def receive(self, message: Any, sender: Sender, now: float) -> list[Output]:
-        """The acknowledgement first, then what was asked for."""
+        """Process a command; the acknowledgement precedes the requested messages."""
         request = _read(message, sender)
         answer = self._answers.get(request.command)
         command_result = CommandResult(_UNSUPPORTED) if answer is None else answer(request)
@@ -98,11 +101,14 @@ class CommandService:
         return [Reply(ack, sender), *refusal_text(command_result.reason, sender), *command_result.outputs]
 
     def step(self, now: float) -> list[Output]:
-        """How a calibration goes, and how it ended."""
+        """Return the progress and the result of a calibration."""
         return self._calibrations.step(now)
 
     def _forward(self, *commands: Command) -> CommandResult:
-        """Accepted when the flight core would take the first of ``commands``; the rest follow from it."""
+        """Accept if the flight core accepts the first of ``commands``.
+
+        The other commands depend on it.
+        """
         reason = self._vehicle.refusal(commands[0])
         return refused(reason) if reason else CommandResult(_ACCEPTED, commands)
 
@@ -121,7 +127,10 @@ class CommandService:
         return self._forward(self._command(CommandKind.KILL, request))
 
     def _mode(self, request: Request, mode: Mode | None, requested: float = math.nan) -> CommandResult:
-        """Change to ``mode``; ``requested`` is the custom mode of the command, NaN if it has none."""
+        """Change to ``mode``.
+
+        ``requested`` is the custom mode of the command, NaN if it has none.
+        """
         if mode is None:
             names = ", ".join(dict.fromkeys(entry.mode.name for entry in self._identity.modes))
             return CommandResult(_DENIED, (), f"no such mode; there are {names}")
@@ -155,7 +164,7 @@ class CommandService:
         return refused(reason) if reason else CommandResult(_ACCEPTED, (select, auto))
 
     def _takeoff(self, request: Request) -> CommandResult:
-        """The takeoff as it is reported; on the ground it begins with the throw."""
+        """Begin a takeoff and report its mode; on the ground it starts with the throw."""
         command_result = self._begin_takeoff(request)
         if command_result.result != _ACCEPTED:
             return command_result
@@ -164,7 +173,7 @@ class CommandService:
         return command_result._replace(reason="; ".join(filter(None, (command_result.reason, waits))))
 
     def _begin_takeoff(self, request: Request) -> CommandResult:
-        """AUTO from the mission's TAKEOFF item, which gets the altitude that was asked for, if one was."""
+        """Enter AUTO at the TAKEOFF item, with the requested altitude, if any."""
         mission = self._vehicle.mission
         kinds = [item.kind for item in mission]
         if not mission:
@@ -191,7 +200,7 @@ class CommandService:
         return CommandResult(_ACCEPTED, (*put.outputs, *begun.outputs), raised)
 
     def _takeoff_without_mission(self, request: Request) -> CommandResult:
-        """A mission of a takeoff to the altitude of the command, and a circle at home."""
+        """Set a mission of a takeoff to the altitude of the command and a circle at home."""
         if self._vehicle.home is None:
             return CommandResult(_LATER, (), "takeoff: no GPS position")
         floor = self._turning_altitude()
@@ -211,13 +220,20 @@ class CommandService:
         )
 
     def _takeoff_altitude(self, request: Request) -> float:
-        """m above home; raises `ItemRefused`."""
+        """Return the altitude of a takeoff (m above home).
+
+        Raises:
+            ItemRefused: the altitude cannot be decoded.
+        """
         frame = request.frame if request.is_int else self._identity.takeoff_frame
         wanted = WireItem(frame, mavlink.MAV_CMD_NAV_TAKEOFF, (0.0,) * 4, 0.0, 0.0, request.params[6])
         return decode_item(wanted, self._vehicle.home).altitude
 
     def _lowest_takeoff(self, planned: MissionItem) -> float:
-        """m above home: where it may turn, or what is planned where that is lower; MAVSDK says 2 m unasked."""
+        """Return the minimum takeoff altitude (m above home).
+
+        It is the minimum altitude of turns, or the planned altitude if lower. MAVSDK sends 2 m by default.
+        """
         return min(planned.altitude, self._turning_altitude())
 
     def _turning_altitude(self) -> float:
@@ -235,7 +251,7 @@ class CommandService:
         )
 
     def _start_landing(self, request: Request) -> CommandResult:
-        """AUTO from the DO_LAND_START of the mission on, as in ArduPlane."""
+        """Enter AUTO at the DO_LAND_START of the mission, as in ArduPlane."""
         start = landing_sequence(self._vehicle.mission)
         if start is None:
             return CommandResult(_DENIED, (), "the mission has no DO_LAND_START that leads to a landing")
@@ -281,7 +297,7 @@ class CommandService:
 
 
 def _whole(value: float) -> int:
-    """``value`` as a whole number, -1 when it is none."""
+    """Return ``value`` as an integer, -1 if it is not one."""
     return int(value) if value == value and abs(value) < 1e6 and value == int(value) else -1
 
 

@@ -1,4 +1,4 @@
-"""FLIGHT_INFORMATION: when the vehicle was armed, took off and landed, and which flight this is."""
+"""FLIGHT_INFORMATION: times of arming, takeoff and landing, and the flight number."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ _AIRBORNE = (mavlink.MAV_LANDED_STATE_TAKEOFF, mavlink.MAV_LANDED_STATE_IN_AIR, 
 
 
 INTERVAL = 5.0
-"""s; between two messages"""
+"""s; interval of the message"""
 
 
 class FlightInformation:
-    """Notes the times of the last flight."""
+    """Times of the last flight."""
 
     takes: frozenset[str] = frozenset()
 
@@ -29,17 +29,23 @@ class FlightInformation:
         self._due = -float("inf")
 
     def build(self) -> Any:
-        """The message; times are 0 before the first arming, the landing is 0 in flight."""
+        """Return the message.
+
+        Times are 0 before the first arming; the time of the landing is 0 in flight.
+        """
         return mavlink.MAVLink_flight_information_message(
             telemetry.boot_ms(self._vehicle.time_us), self._armed_us, self._takeoff_us, self._flight, self._landing_ms
         )
 
     def receive(self, message: Any, sender: Sender, now: float) -> list[Output]:
-        """Takes no message."""
+        """Ignore the message."""
         return []
 
     def step(self, now: float) -> list[Output]:
-        """Note what changed, with times since boot; the message every `INTERVAL`, which MAVSDK waits for."""
+        """Update the times since boot, and send the message every `INTERVAL`.
+
+        MAVSDK requires periodic messages.
+        """
         armed, airborne = self._vehicle.armed, telemetry.landed_state(self._vehicle) in _AIRBORNE
         if armed and not self._armed:
             self._armed_us, self._flight = self._vehicle.time_us, self._flight + 1

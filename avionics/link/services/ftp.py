@@ -1,8 +1,8 @@
-"""MAVLink FTP, for reading: folders are listed, files opened, read, read in bursts, and their checksum taken.
+"""MAVLink FTP for reading: list, open, read, burst read and checksum.
 
-Whatever else is asked gets a NAK at once, which spares a ground station its time-outs. A request that comes again
-gets the same answer again; bursts and checksums go on in `step`, a little each time. Each sender numbers its
-sessions itself: some ask for a number and never look which one they were given.
+Other requests are answered by a NAK at once, so that a ground station does not run into timeouts. A repeated request
+gets the same answer. Bursts and checksums continue in `step` in small parts. Each sender numbers its own sessions:
+some request a number and do not read the assigned one.
 """
 
 from __future__ import annotations
@@ -23,20 +23,20 @@ _HEADER = struct.Struct("<HBBBBBBI")
 """sequence, session, opcode, size, requested opcode, burst complete, padding, offset"""
 _PAYLOAD = 251
 ROOM = _PAYLOAD - _HEADER.size
-"""bytes of data in one message"""
+"""bytes; data in one message"""
 FRAME_BYTES = 280.0
-"""of one message on the wire, signed"""
+"""bytes; size of one message on the wire, signed"""
 MOST_SESSIONS = 8
 REPEATED = 3.0
-"""s; in which the same request is one that comes again, and not a new one"""
+"""s; interval in which an identical request counts as repeated"""
 IDLE = 60.0
-"""s; after which a session may be taken by another"""
+"""s; idle time after which a session may be replaced"""
 BURST = 100
-"""messages; then the station asks for the next burst, if it is still there"""
+"""messages; length of a burst, after which the station requests the next one"""
 BURST_PER_STEP = 10
-"""messages; of all bursts together, so that the senders take turns burst by burst"""
+"""messages; limit of all bursts in one step, so that the senders alternate"""
 CHECKED_PER_STEP = 65536
-"""bytes"""
+"""bytes; checksum progress in one step"""
 
 
 class _Op(IntEnum):
@@ -109,17 +109,17 @@ class _Checksum:
     request: _Request
     content: Content
     offset: int = 0
-    # Without the usual inversions, which zlib has built in.
+    # Without the usual inversions, which are built into zlib.
     crc: int = 0xFFFFFFFF
 
 
 class FtpService:
-    """Answers FILE_TRANSFER_PROTOCOL."""
+    """Service for FILE_TRANSFER_PROTOCOL."""
 
     takes = frozenset({"FILE_TRANSFER_PROTOCOL"})
 
     def __init__(self, files: FtpFileSystem, capacities: Sequence[Capacity]) -> None:
-        """``capacities`` says how much each link takes now."""
+        """Create the service; ``capacities`` return the bytes that each link accepts now."""
         self._files = files
         self._capacities = capacities
         self._sessions: dict[tuple[Sender, int], _Session] = {}
@@ -135,7 +135,7 @@ class FtpService:
         }
 
     def receive(self, message: Any, sender: Sender, now: float) -> list[Output]:
-        """One answer to one request, at once or, of a burst and a checksum, bit by bit."""
+        """Answer a request at once, or in parts in the case of a burst or a checksum."""
         request = _read_request(bytes(message.payload))
         if request.opcode >= _Op.ACK:
             return []
@@ -180,7 +180,7 @@ class FtpService:
         return b""
 
     def _reset(self, request: _Request, sender: Sender, now: float) -> bytes:
-        """The sender's own sessions: another station may be reading."""
+        """Close the sessions of the sender only, because another station may be reading."""
         self._sessions = {key: each for key, each in self._sessions.items() if key[0] != sender}
         return b""
 
@@ -205,7 +205,7 @@ class FtpService:
         return struct.pack("<I", content.size)
 
     def _evict(self, key: tuple[Sender, int], now: float) -> None:
-        """An idle session makes room for another; one that its sender opens anew is replaced."""
+        """Close an idle session for another one, or replace a reopened session."""
         if key in self._sessions or len(self._sessions) < MOST_SESSIONS:
             return
         oldest = min(self._sessions, key=lambda each: self._sessions[each].used)
@@ -230,10 +230,10 @@ class FtpService:
         content = self._session(sender, request, now).content
         return _part(content, request.offset, request.size or ROOM)
 
-    # --- what goes on bit by bit
+    # --- transfers in parts
 
     def step(self, now: float) -> list[Output]:
-        """The next part of every burst and checksum."""
+        """Send the next part of every burst and checksum."""
         if not self._bursts and not self._checksums:
             return []
         outputs: list[Output] = []
@@ -253,7 +253,10 @@ class FtpService:
         return outputs
 
     def _next_part(self, sender: Sender, burst: _Burst, now: float) -> Reply:
-        """One message; the last of a burst says so, and behind the end of the file there is a NAK."""
+        """Return the next message of a burst.
+
+        The last one is marked; beyond the end of the file the answer is a NAK.
+        """
         request = burst.request._replace(sequence=burst.sequence - 1, offset=burst.offset)
         try:
             content = self._session(sender, request, now).content

@@ -1,4 +1,7 @@
-"""HEARTBEAT: once a second, at once when mode or arming change, and to a newcomer as it says hello."""
+"""HEARTBEAT service.
+
+It sends once a second, at changes of mode or arming, and at the first message of a new station.
+"""
 
 from __future__ import annotations
 
@@ -13,12 +16,12 @@ from avionics.messages import Failsafe
 
 _CUSTOM_MODE_ENABLED = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
 MOST_GREETED = 100
-"""Newcomers remembered before all are forgotten, so that forged senders fill no memory."""
+"""new stations stored before all are discarded, to limit the memory for forged senders"""
 _SAFETY_ARMED = mavlink.MAV_MODE_FLAG_SAFETY_ARMED
 
 
 def heartbeat(vehicle: VehicleView, identity: Identity, numbers: ModeNumbers) -> Any:
-    """HEARTBEAT of the vehicle as it is now; ``numbers`` are those of the mode that it says."""
+    """Return the present HEARTBEAT with the given mode ``numbers``."""
     base_mode = numbers.base_mode | _CUSTOM_MODE_ENABLED | (_SAFETY_ARMED if vehicle.armed else 0)
     return mavlink.MAVLink_heartbeat_message(
         identity.type, identity.autopilot, base_mode, numbers.custom_mode, system_status(vehicle), 3
@@ -26,7 +29,7 @@ def heartbeat(vehicle: VehicleView, identity: Identity, numbers: ModeNumbers) ->
 
 
 def system_status(vehicle: VehicleView) -> int:
-    """MAV_STATE: critical while a failsafe is active, otherwise active or standby."""
+    """Return MAV_STATE: critical while a failsafe is active, else active or standby."""
     health = vehicle.latest(topics.HEALTH)
     if health is not None and health.failsafe & ~Failsafe.LINK_LOST:
         return int(mavlink.MAV_STATE_CRITICAL)
@@ -34,7 +37,7 @@ def system_status(vehicle: VehicleView) -> int:
 
 
 class HeartbeatService:
-    """Sends HEARTBEAT."""
+    """HEARTBEAT service."""
 
     takes = frozenset({"HEARTBEAT"})
 
@@ -48,7 +51,7 @@ class HeartbeatService:
         self._greeted: set[Sender] = set()
 
     def receive(self, message: Any, sender: Sender, now: float) -> list[Output]:
-        """HEARTBEAT to whoever says one for the first time."""
+        """Answer the first HEARTBEAT of a station."""
         if sender in self._greeted:
             return []
         if len(self._greeted) >= MOST_GREETED:
@@ -57,7 +60,7 @@ class HeartbeatService:
         return [Reply(self._heartbeat(), sender)]
 
     def step(self, now: float) -> list[Output]:
-        """HEARTBEAT when it is due."""
+        """Send HEARTBEAT when it is due."""
         state = (self._shown.numbers, self._vehicle.armed)
         if now < self._due and state == self._sent:
             return []

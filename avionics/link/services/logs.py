@@ -1,4 +1,7 @@
-"""LOG_REQUEST_LIST, LOG_REQUEST_DATA and LOG_ERASE: log download for ground stations that do not use MAVLink FTP."""
+"""Log download by LOG_REQUEST_LIST, LOG_REQUEST_DATA and LOG_ERASE.
+
+It serves ground stations that do not use MAVLink FTP.
+"""
 
 from __future__ import annotations
 
@@ -13,14 +16,14 @@ from avionics.link.services.service import Output, Reply, Sender
 from avionics.link.services.statustext import refusal_text
 
 PART = 90
-"""bytes of data in one LOG_DATA"""
+"""bytes; data in one LOG_DATA"""
 FRAME_BYTES = 130.0
-"""of one message on the wire, signed"""
+"""bytes; size of one message on the wire, signed"""
 PER_STEP = 16
-"""messages of all downloads together, so that the senders take turns"""
+"""messages; limit of all downloads in one step, so that the senders alternate"""
 MOST_DOWNLOADS = 8
 LISTING_AGE = 2.0
-"""s; after which the folder is read again: with 1000 logs it costs 30 ms"""
+"""s; maximum age of the folder listing: with 1000 logs it takes 30 ms"""
 
 
 @dataclass
@@ -39,12 +42,15 @@ class _Listing:
 
 
 class LogService:
-    """Answers LOG_*; logs are numbered from 1 by their names, which begin with the date."""
+    """Service for LOG_* messages.
+
+    Logs are numbered from 1 by their names, which begin with the date.
+    """
 
     takes = frozenset({"LOG_REQUEST_LIST", "LOG_REQUEST_DATA", "LOG_REQUEST_END", "LOG_ERASE"})
 
     def __init__(self, files: FtpFileSystem, capacities: Sequence[Capacity]) -> None:
-        """``capacities`` return how many bytes each link takes now."""
+        """Create the service; ``capacities`` return the bytes that each link accepts now."""
         self._files = files
         self._capacities = capacities
         self._listings: dict[Sender, _Listing] = {}
@@ -53,7 +59,7 @@ class LogService:
         self._read_at = -float("inf")
 
     def receive(self, message: Any, sender: Sender, now: float) -> list[Output]:
-        """One request; entries and data follow in `step`."""
+        """Process a request; entries and data follow in `step`."""
         kind = message.get_type()
         if kind == "LOG_ERASE":
             return list(refusal_text("logs are not erased over the link", sender))
@@ -88,7 +94,7 @@ class LogService:
         return []
 
     def step(self, now: float) -> list[Output]:
-        """The next entries and parts of every listing and download, while the links have room."""
+        """Send the next part of every transfer within the capacity of the links."""
         outputs: list[Output] = []
         for sender, listing in tuple(self._listings.items()):
             outputs += self._entries(sender, listing, self._capacity(sender, outputs))
@@ -118,7 +124,10 @@ class LogService:
         return outputs
 
     def _part(self, sender: Sender, download: _Download) -> Any:
-        """LOG_DATA; one shorter than `PART` ends the download, also where the file cannot be read."""
+        """Return a LOG_DATA; one shorter than `PART` ends the download.
+
+        A read error also ends the download.
+        """
         wanted = max(min(PART, download.end - download.offset), 0)
         try:
             data = download.file.read(download.offset, wanted) if wanted else b""

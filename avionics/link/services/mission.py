@@ -1,7 +1,7 @@
-"""Missions, fences and rally points: upload, download, clear; choose the item, tell which was reached.
+"""Mission protocol: transfer of missions, fences and rally points.
 
-A list arrives item by item, each asked for and asked for again when it does not come; it enters the flight
-core whole or not at all.
+Further messages select the current item and report reached ones. A list is transferred item by item, each requested
+and requested again after a timeout; the flight core receives only complete lists.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class _Upload:
     deadline: float
     requests: int = 1
     as_int: bool = True
-    """asked for by MISSION_REQUEST_INT; old stations know MISSION_REQUEST alone"""
+    """True if requested by MISSION_REQUEST_INT; older stations use MISSION_REQUEST"""
     items: list[WireItem] = field(default_factory=list)
 
 
@@ -45,18 +45,18 @@ class _Pending(NamedTuple):
     content: Any
     items: int
     mission_type: int
-    """as it was said: a type, or all of them"""
+    """type as received: one type, or all of them"""
     deadline: float
     notes: tuple[str, ...] = ()
-    """for people, once it is on board"""
+    """notices to the operator after acceptance"""
     answered: bool = False
-    """its sender has got the MISSION_ACK"""
+    """True once its sender has received the MISSION_ACK"""
     sent: tuple[WireItem, ...] = ()
-    """the items as they came"""
+    """items as received"""
 
 
 class _Encoded(NamedTuple):
-    """A list as it was last asked for; it stays as it is until what is on board or home changes."""
+    """Encoded list of the last request, valid until the list or home changes."""
 
     content: Any
     home: Home | None
@@ -64,7 +64,7 @@ class _Encoded(NamedTuple):
 
 
 class MissionService:
-    """Answers MISSION_*."""
+    """Service for MISSION_* messages."""
 
     takes = frozenset(
         {
@@ -83,23 +83,23 @@ class MissionService:
     )
 
     def __init__(self, vehicle: VehicleView, gains: LinkGains, first_item: int = 0) -> None:
-        """``first_item`` is `Identity.first_item`."""
+        """Create the service; ``first_item`` is `Identity.first_item`."""
         self._vehicle = vehicle
         self._gains = gains
         self._first = first_item
         self._parts = plan_parts(first_item)
         self._upload: _Upload | None = None
         self._without_home: dict[int, _Upload] = {}
-        """by mission type: lists that were accepted and wait for home, from which their places count"""
+        """accepted lists by mission type that require home for their positions"""
         self._pending: list[_Pending] = []
         self._done: tuple[Sender, int, int] | None = None
         self._as_sent: dict[int, tuple[Any, tuple[WireItem, ...]]] = {}
-        """by mission type: what is on board and its items as they came, so that a download returns every parameter"""
+        """lists on board by mission type, and their items as received, so that a download returns every parameter"""
         self._item = 0
         self._encoded: dict[int, _Encoded] = {}
 
     def receive(self, message: Any, sender: Sender, now: float) -> list[Output]:
-        """One step of a transfer."""
+        """Process one message of a transfer."""
         kind = message.get_type()
         if kind in ("MISSION_ITEM", "MISSION_ITEM_INT"):
             return self._take_item(message, sender, now)
@@ -117,7 +117,7 @@ class MissionService:
             return self._cancelled(message, sender, now)
         return [_ack(sender, mavlink.MAV_MISSION_UNSUPPORTED, message.mission_type)]
 
-    # --- to the vehicle
+    # --- upload
 
     def _begin(self, message: Any, sender: Sender, now: float) -> list[Output]:
         mission_type = message.mission_type
@@ -139,7 +139,7 @@ class MissionService:
         return [_request(self._upload)]
 
     def _busy_with_another(self, sender: Sender) -> bool:
-        """Whether somebody else's upload goes on; one that has fallen silent makes room."""
+        """Return whether an upload of another station is active and has not timed out."""
         upload = self._upload
         return upload is not None and upload.sender != sender and upload.requests <= self._gains.yield_after
 
@@ -184,7 +184,7 @@ class MissionService:
         return self._install(pending._replace(sent=tuple(items)))
 
     def _wait_for_home(self, upload: _Upload) -> list[Output]:
-        """Accept a list whose places cannot be decoded yet; it goes on board once home is known."""
+        """Accept a list that requires home; it is set once home is known."""
         mission_type, items = upload.part.mission_type, upload.items
         try:
             upload.part.decode(items, assumed_home(items))
@@ -196,7 +196,7 @@ class MissionService:
         return [_ack(upload.sender, _ACCEPTED, mission_type), *refusal_text(text, upload.sender)]
 
     def _at_home(self, now: float) -> list[Output]:
-        """Put on board what waited for home; a reason why not goes to its sender, who was answered long ago."""
+        """Set the lists that required home; report a denial to the sender."""
         waiting, self._without_home = self._without_home, {}
         outputs: list[Output] = []
         for upload in waiting.values():
@@ -222,7 +222,7 @@ class MissionService:
         return Command(self._vehicle.time_us, part.kind, "", 0.0, content, sender.name)
 
     def _clear(self, mission_type: int, sender: Sender, now: float) -> list[Output]:
-        """One list, or all: then the mission's answer speaks for them."""
+        """Clear one list, or all; the result for all is that of the mission."""
         if mission_type != _ALL and mission_type not in self._parts:
             return [_ack(sender, _ACCEPTED, mission_type)]
         part = self._parts[_MISSION if mission_type == _ALL else mission_type]
@@ -239,15 +239,15 @@ class MissionService:
         reason = self.current_refusal(sequence) or self._vehicle.refusal(command)
         if reason:
             return list(refusal_text(reason, sender))
-        # The flight core takes the item at its next tick; MAVSDK sends the message again until the number is its own.
+        # The flight core selects the item at its next tick; MAVSDK repeats the message until the number matches.
         return [command, Reply(telemetry.mission_current(self._vehicle, self._first, sequence))]
 
     def item(self, sequence: int) -> int:
-        """Which item of the mission has this number on the wire; home stands for the first."""
+        """Return the mission item of a wire number; home represents the first one."""
         return max(sequence - self._first, 0)
 
     def current_refusal(self, sequence: int) -> str:
-        """Why the item with this number on the wire cannot be flown next; empty when it can."""
+        """Return why the item of a wire number cannot be selected; empty if it can."""
         count = len(self._vehicle.mission)
         known = sequence >= 0 and self.item(sequence) < count
         return "" if known else f"there is no mission item {sequence}, only {pluralize(count, 'item')}"
@@ -261,7 +261,7 @@ class MissionService:
         self._upload = None
         return []
 
-    # --- from the vehicle
+    # --- download
 
     def _count(self, mission_type: int, sender: Sender) -> Output:
         count = len(self._items(mission_type))
@@ -284,7 +284,7 @@ class MissionService:
         return [Reply(write_message(items[message.seq], slot, to, as_int), sender)]
 
     def _items(self, mission_type: int) -> tuple[WireItem, ...]:
-        """The list as it goes on the wire, encoded once and not for every item that is asked for."""
+        """Return the wire items of a list, encoded once for all requests."""
         part = self._parts.get(mission_type)
         if part is None:
             return ()
@@ -301,10 +301,10 @@ class MissionService:
             known = self._encoded[mission_type] = _Encoded(content, home, items)
         return known.items
 
-    # --- what is due
+    # --- periodic
 
     def step(self, now: float) -> list[Output]:
-        """Confirm what the flight core has taken, ask again for what did not come, tell what was reached."""
+        """Confirm accepted lists, repeat requests after a timeout, report reached items."""
         outputs: list[Output] = []
         if self._without_home and self._vehicle.home is not None:
             outputs += self._at_home(now)

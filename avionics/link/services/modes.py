@@ -1,4 +1,4 @@
-"""Modes: AVAILABLE_MODES, CURRENT_MODE, and the mode that a command requests."""
+"""Mode service: AVAILABLE_MODES, CURRENT_MODE and requested modes."""
 
 from __future__ import annotations
 
@@ -16,11 +16,14 @@ from avionics.messages import Command, CommandKind, Mode, Stage
 
 ON_GROUND = (Stage.ON_GROUND, Stage.WAIT_LAUNCH, Stage.LANDED)
 CURRENT_MODE_INTERVAL = 2.0
-"""s; between two CURRENT_MODE messages when the mode stays"""
+"""s; interval of CURRENT_MODE without a change"""
 
 
 def available_modes(identity: Identity, index: int = 0) -> list[Any]:
-    """AVAILABLE_MODES of all modes, or of the one with this index counted from 1; empty when there is none."""
+    """Return AVAILABLE_MODES of all modes, or of one.
+
+    ``index`` counts from 1; the result is empty if it does not exist.
+    """
     modes = identity.modes
     return [
         mavlink.MAVLink_available_modes_message(
@@ -32,12 +35,12 @@ def available_modes(identity: Identity, index: int = 0) -> list[Any]:
 
 
 def current_mode(numbers: ModeNumbers) -> Any:
-    """CURRENT_MODE."""
+    """Return CURRENT_MODE."""
     return mavlink.MAVLink_current_mode_message(numbers.standard_mode, numbers.custom_mode, 0)
 
 
 def custom_mode(identity: Identity, main: float, sub: float) -> float:
-    """Parameters 2 and 3 of DO_SET_MODE as one custom mode; NaN for a mode that there is not."""
+    """Return parameters 2 and 3 of DO_SET_MODE as a custom mode; NaN if unknown."""
     if not (math.isfinite(main) and math.isfinite(sub)) or not (0 <= main < 2**32 and 0 <= sub < 256):
         return math.nan
     raw, packed = int(main), px4_mode(int(main) & 0xFF, int(sub))
@@ -45,7 +48,10 @@ def custom_mode(identity: Identity, main: float, sub: float) -> float:
 
 
 def requested_mode(identity: Identity, main: float, sub: float) -> Mode | None:
-    """The mode that parameters 2 and 3 of DO_SET_MODE ask for: main and sub mode, or a raw custom mode."""
+    """Return the mode of parameters 2 and 3 of DO_SET_MODE.
+
+    These are main and sub mode, or a raw custom mode.
+    """
     number = custom_mode(identity, main, sub)
     return None if math.isnan(number) else identity.by_custom_mode(int(number))
 
@@ -57,22 +63,22 @@ class _Takeoff(Enum):
 
 
 class ShownMode:
-    """The mode reported to clients: the vehicle's, or the hold mode that a client set on the ground.
+    """Mode reported to clients.
 
-    On the ground the vehicle waits for commands in any mode. The hold mode is reported until the mode changes or it
-    flies.
+    It is the mode of the vehicle, or the hold mode that a client set on the ground. On the ground the vehicle waits
+    for commands in any mode. The hold mode is reported until the mode changes or the vehicle flies.
     """
 
     def __init__(self, vehicle: VehicleView, identity: Identity) -> None:
         self._vehicle = vehicle
         self._identity = identity
         self._standby: tuple[Mode, ModeNumbers] | None = None
-        """mode in which the vehicle waits on the ground, and the hold mode that was set"""
+        """mode of the vehicle on the ground, and the selected hold mode"""
         self._takeoff = _Takeoff.NONE
 
     @property
     def numbers(self) -> ModeNumbers:
-        """As it is written on the wire."""
+        """Return the numbers of the mode on the wire."""
         mode = self._vehicle.mode
         if self._takeoff is not _Takeoff.NONE and self._climbs_out(mode):
             return self._identity.takeoff
@@ -81,32 +87,36 @@ class ShownMode:
         return self._identity.numbers(mode) if self._standby is None else self._standby[1]
 
     def waits(self, custom_mode: float) -> bool:
-        """Whether a hold mode is set on the ground, which takes no command: the vehicle waits there in any mode.
+        """Return whether a hold mode is selected on the ground, which requires no command.
 
-        Not where it is armed in AUTO: thrown, it would fly the mission although the client set a hold mode.
+        On the ground the vehicle waits in any mode. The result is False if it is armed in AUTO: a throw would then
+        start the mission in spite of the hold mode.
         """
         flies_mission = self._vehicle.armed and self._vehicle.mode == Mode.AUTO
         return custom_mode in self._identity.standby_modes and self.on_ground and not flies_mission
 
     def accepted(self, custom_mode: float) -> None:
-        """A client set this mode, and gets it."""
+        """Store the mode that a client selected."""
         self._standby, self._takeoff = None, _Takeoff.NONE
         if self.waits(custom_mode):
             shown = next(each for each in self._identity.modes if each.custom_mode == custom_mode)
             self._standby = (self._vehicle.mode, shown)
 
     def takes_off(self) -> None:
-        """A NAV_TAKEOFF was accepted: the takeoff mode is reported until its item ends or the mode changes."""
+        """Report the takeoff mode until its item ends or the mode changes."""
         self._standby, self._takeoff = None, _Takeoff.COMMANDED
 
     @property
     def on_ground(self) -> bool:
-        """Whether the vehicle is on the ground or in the hand."""
+        """Return whether the vehicle is on the ground or in the hand."""
         navigation = self._vehicle.latest(topics.NAVIGATION)
         return navigation is not None and navigation.stage in ON_GROUND
 
     def _climbs_out(self, mode: Mode) -> bool:
-        """Whether the commanded takeoff is flown; the flight core begins it a tick after the command."""
+        """Return whether the commanded takeoff is active.
+
+        The flight core begins it one tick after the command.
+        """
         navigation, mission = self._vehicle.latest(topics.NAVIGATION), self._vehicle.mission
         item = len(mission) if navigation is None else navigation.item
         flown = mode == Mode.AUTO and item < len(mission) and mission[item].kind is ItemKind.TAKEOFF
@@ -118,12 +128,12 @@ class ShownMode:
 
 
 def mode_command(vehicle: VehicleView, mode: Mode, sender: Sender, entry: Setpoint | None = None) -> Command:
-    """SET_MODE for the flight core; ``entry`` is `SetpointService.entry`."""
+    """Return SET_MODE for the flight core; ``entry`` is `SetpointService.entry`."""
     return Command(vehicle.time_us, CommandKind.SET_MODE, mode.name, float(mode), entry, sender.name)
 
 
 class ModeService:
-    """CURRENT_MODE."""
+    """Service for CURRENT_MODE."""
 
     takes: frozenset[str] = frozenset()
 
@@ -133,11 +143,11 @@ class ModeService:
         self._sent: ModeNumbers | None = None
 
     def receive(self, message: Any, sender: Sender, now: float) -> list[Output]:
-        """Takes no message."""
+        """Ignore the message."""
         return []
 
     def step(self, now: float) -> list[Output]:
-        """CURRENT_MODE, at once when the mode changes."""
+        """Send CURRENT_MODE when due, and at once after a change of the mode."""
         numbers = self._shown.numbers
         if now < self._due and numbers is self._sent:
             return []

@@ -1,9 +1,8 @@
-"""Parameters: list, read by name or index, set.
+"""Parameter service: list, read by name or index, set.
 
-A set is answered with PARAM_VALUE in every case, once the flight core has taken the value or the time for it
-has passed: what is sent is what the vehicle flies with. Sets of one parameter that follow each other at once have one
-answer, to the last. A value that changes otherwise, by a calibration, is sent
-to everyone.
+A set is always answered by PARAM_VALUE, once the flight core has set the value or after a timeout, with the value in
+use. Consecutive sets of one parameter have one answer, to the last. A value changed by other means, such as a
+calibration, is sent to all stations.
 """
 
 from __future__ import annotations
@@ -21,13 +20,13 @@ from avionics.link.vehicle import LinkGains, Parameter, VehicleView
 from avionics.messages import Command, CommandKind
 
 _ROUNDING = 2e-7
-"""-; relative: PARAM_VALUE carries 24 bits"""
+"""-; relative rounding error: PARAM_VALUE has 24 bits"""
 
 
 VALUE_BYTES = 50.0
-"""of a signed PARAM_VALUE"""
+"""bytes; size of a signed PARAM_VALUE"""
 MOST_LISTS = 16
-"""Lists that are sent on one link at a time, as many as it has stations; another one ends the oldest."""
+"""concurrent lists on one link, equal to its stations; a further one ends the oldest"""
 
 
 class _Pending(NamedTuple):
@@ -36,12 +35,12 @@ class _Pending(NamedTuple):
 
 
 class ParameterService:
-    """Answers PARAM_REQUEST_LIST, PARAM_REQUEST_READ and PARAM_SET."""
+    """Service for PARAM_REQUEST_LIST, PARAM_REQUEST_READ and PARAM_SET."""
 
     takes = frozenset({"PARAM_REQUEST_LIST", "PARAM_REQUEST_READ", "PARAM_SET"})
 
     def __init__(self, vehicle: VehicleView, gains: LinkGains, capacities: Sequence[Capacity]) -> None:
-        """``capacities`` says how much each link takes now."""
+        """Create the service; ``capacities`` return the bytes that each link accepts now."""
         self._vehicle = vehicle
         self._gains = gains
         self._capacities = capacities
@@ -51,7 +50,7 @@ class ParameterService:
         self._shown = vehicle.parameters
 
     def receive(self, message: Any, sender: Sender, now: float) -> list[Output]:
-        """Begin a list, answer a reading, or pass a set on to the flight core."""
+        """Begin a list, answer a read request, or pass a set to the flight core."""
         kind = message.get_type()
         if kind == "PARAM_REQUEST_LIST":
             self._begin_list(sender)
@@ -61,7 +60,7 @@ class ParameterService:
         return self._set(message, sender, now)
 
     def _begin_list(self, sender: Sender) -> None:
-        """From the beginning; who asks again keeps his place among those who wait."""
+        """Begin a list; a repeated request keeps its position in the queue."""
         if sender not in self._lists:
             waiting = [other for other in self._lists if other.link == sender.link]
             for oldest in waiting[: max(len(waiting) + 1 - MOST_LISTS, 0)]:
@@ -88,7 +87,7 @@ class ParameterService:
         if value is None:
             limits = f"{parameter.minimum:g} and {parameter.maximum:g} {parameter.unit}".rstrip()
             text = f"{parameter.name} must be within {limits}"
-            # The error before the value: MAVSDK takes a value that is not the one it set for a stale one and repeats.
+            # The error precedes the value: MAVSDK takes a value other than the requested one as stale and repeats.
             return [
                 _error(parameter.name, index, mavlink.MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE, sender),
                 Reply(self._value(index), sender),
@@ -103,7 +102,7 @@ class ParameterService:
         return [command]
 
     def step(self, now: float) -> list[Output]:
-        """Values that the flight core has taken, to everyone, and the next part of every list."""
+        """Send changed values to all stations, and the next part of every list."""
         changed = self._changed()
         if not self._pending and not self._lists and not changed:
             return []
@@ -122,7 +121,7 @@ class ParameterService:
         return replies
 
     def _changed(self) -> list[int]:
-        """Numbers of the parameters that have changed since the last step."""
+        """Return the indices of the parameters changed since the last step."""
         before, now = self._shown, self._vehicle.parameters
         if now is before:
             return []
@@ -149,7 +148,10 @@ class ParameterService:
 
 
 def _within(parameter: Parameter, value: float) -> float | None:
-    """``value``, or the limit that it means: a limit rounded to 24 bits may lie a little outside; None if beyond."""
+    """Return ``value``, limited within the rounding error; None if out of range.
+
+    A limit rounded to 24 bits may be slightly out of range.
+    """
     for limit in (parameter.minimum, parameter.maximum):
         if math.isclose(value, limit, rel_tol=_ROUNDING):
             return limit

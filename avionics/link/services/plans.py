@@ -1,4 +1,4 @@
-"""What travels by the mission protocol: missions, fences and rally points, each with its number and its codec."""
+"""Lists of the mission protocol: missions, fences and rally points, with codecs."""
 
 from __future__ import annotations
 
@@ -27,23 +27,26 @@ MOST_ITEMS = 500
 
 
 class PlanPart(NamedTuple):
-    """One of the lists that the mission protocol carries."""
+    """One list type of the mission protocol."""
 
     mission_type: int
     """MAV_MISSION_TYPE"""
     kind: CommandKind
-    """the command that puts it on board"""
+    """command that sets the list"""
     none: Any
-    """what is on board when it is cleared"""
+    """content of a cleared list"""
     on_board: Callable[[VehicleView], Any]
     decode: Callable[[Sequence[WireItem], Home | None], Any]
     encode: Callable[[Any, Home | None], tuple[WireItem, ...]]
     probe: Callable[[int, WireItem, Home | None], Any]
-    """decodes one item, with its number, as soon as it comes, to refuse it at once"""
+    """decoder of one item with its number at its reception, for an immediate rejection"""
 
 
 def assumed_home(items: Sequence[WireItem]) -> Home:
-    """A home to check items against while the vehicle has none: at the first item with a place, at sea level."""
+    """Return a home for checks of items before home is known.
+
+    It is at the first item with a position, at sea level.
+    """
     places = ((item.x, item.y) for item in items if item.frame in GLOBES and (item.x or item.y))
     latitude, longitude = next(((x, y) for x, y in places if abs(x) <= 90.0 and abs(y) <= 180.0), (0.0, 0.0))
     return Home(math.radians(latitude), math.radians(longitude), 0.0)
@@ -54,7 +57,7 @@ def _decode_mission(items: Sequence[WireItem], home: Home | None) -> tuple[Missi
 
 
 def _decode_numbered(number: int, item: WireItem, home: Home | None, earlier: Sequence[WireItem] = ()) -> MissionItem:
-    """Decode an item; a home that a client sends first is kept, but not flown."""
+    """Decode an item; a home item that a client sends first is stored, but not flown."""
     return skipped_item(item) if number == 0 and is_home(item, home) else decode_item(item, home, earlier)
 
 
@@ -97,7 +100,10 @@ _PARTS: dict[int, PlanPart] = {
 
 
 def plan_parts(first_item: int) -> dict[int, PlanPart]:
-    """The lists by MAV_MISSION_TYPE; the mission's begins with home where ``first_item`` is 1."""
+    """Return the lists by MAV_MISSION_TYPE.
+
+    The mission begins with home if ``first_item`` is 1.
+    """
     mission = _PARTS[mavlink.MAV_MISSION_TYPE_MISSION]
     if first_item == 0:
         return _PARTS
@@ -114,7 +120,7 @@ def _shifted(item: MissionItem, by: int) -> MissionItem:
 
 
 def _decode_from_home(items: Sequence[WireItem], home: Home | None) -> tuple[MissionItem, ...]:
-    """The items after home, which is the vehicle's to know."""
+    """Decode the items after home, which the vehicle determines itself."""
     return tuple(_decode_after_home(item, home, items[1:number]) for number, item in enumerate(items) if number)
 
 
@@ -138,7 +144,7 @@ def _encode_from_home(mission: tuple[MissionItem, ...], home: Home | None) -> tu
 
 
 def _home_item(home: Home | None) -> WireItem:
-    """Home as a waypoint above the sea; zeros while it is not known."""
+    """Return home as a waypoint above mean sea level; zeros if unknown."""
     latitude, longitude, altitude = home or (0.0, 0.0, 0.0)
     place = (math.degrees(latitude), math.degrees(longitude), altitude)
     return WireItem(mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_CMD_NAV_WAYPOINT, (0.0, 0.0, 0.0, 0.0), *place)

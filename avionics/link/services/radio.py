@@ -1,4 +1,4 @@
-"""RADIO_STATUS: how full a telemetry radio's buffer is."""
+"""RADIO_STATUS: free buffer of a telemetry radio."""
 
 from __future__ import annotations
 
@@ -11,19 +11,22 @@ NoteRadio = Callable[[int, int, float], None]
 
 
 class RadioService:
-    """Tells the link's budget what the radio says of it."""
+    """Adaptation of the link budget to RADIO_STATUS."""
 
     takes = frozenset({"RADIO_STATUS"})
 
     def __init__(self, note: NoteRadio) -> None:
-        """``note`` is given the number of the link, the percentage of the buffer that is free, and the time."""
+        """Create the service.
+
+        ``note`` receives the index of the link, the free buffer in percent, and the time.
+        """
         self._note = note
 
     def receive(self, message: Any, sender: Sender, now: float) -> list[Output]:
-        """Take the state of the buffer; a radio has no answer."""
+        """Process the buffer state; there is no answer."""
         self._note(sender.link, message.txbuf, now)
         return []
 
     def step(self, now: float) -> list[Output]:
-        """Nothing is due without having been asked."""
+        """Return no periodic messages."""
         return []

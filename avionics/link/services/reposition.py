@@ -1,4 +1,7 @@
-"""Commands that circle, or change altitude or airspeed: NAV_LOITER_UNLIM, DO_REPOSITION, DO_ORBIT, DO_CHANGE_..."""
+"""Commands of circles, altitude and airspeed.
+
+The commands are NAV_LOITER_UNLIM, DO_REPOSITION, DO_ORBIT, DO_CHANGE_ALTITUDE and DO_CHANGE_SPEED.
+"""
 
 from __future__ import annotations
 
@@ -17,21 +20,21 @@ from avionics.messages import Command, CommandKind, Mode
 _ACCEPTED = mavlink.MAV_RESULT_ACCEPTED
 _DENIED = mavlink.MAV_RESULT_DENIED
 _NO_PLACE = 2**31 - 1
-"""degE7; a COMMAND_INT without a position"""
+"""degE7; COMMAND_INT without a position"""
 _REPOSITION = mavlink.MAV_CMD_DO_REPOSITION
 COUNTERCLOCKWISE = 1.0
-"""yaw of a DO_REPOSITION as ArduPlane reads it: the direction of the circle"""
+"""yaw of a DO_REPOSITION in ArduPlane: the direction of the circle"""
 
 
 class RepositionRequests:
-    """Answers the commands that lead to LOITER."""
+    """Handlers of the commands that lead to LOITER."""
 
     def __init__(self, vehicle: VehicleView, shown: ShownMode) -> None:
         self._vehicle = vehicle
         self._shown = shown
 
     def answers(self) -> dict[int, Callable[[Request], CommandResult]]:
-        """Methods by MAV_CMD."""
+        """Return the handlers by MAV_CMD."""
         return {
             mavlink.MAV_CMD_NAV_LOITER_UNLIM: self._circle,
             _REPOSITION: self._reposition,
@@ -42,7 +45,7 @@ class RepositionRequests:
         }
 
     def _submit(self, request: Request, command: Command, note: str = "") -> CommandResult:
-        """Accepted with ``note``, or denied with the flight core's reason."""
+        """Return acceptance with ``note``, or a denial with the reason of the flight core."""
         reason = self._vehicle.refusal(command)
         if reason:
             return refused(reason)
@@ -53,7 +56,10 @@ class RepositionRequests:
         return Command(self._vehicle.time_us, kind, name, value, None, request.sender.name)
 
     def _reposition(self, request: Request) -> CommandResult:
-        """Circle at a position; without one change the altitude, as QGroundControl does it for PX4."""
+        """Circle at a position; without one change the altitude.
+
+        QGroundControl uses the latter for PX4.
+        """
         speed, altitude = request.params[0], request.params[6]
         note = "reposition: the ground speed is ignored" if speed > 0.0 else ""
         if _position(request) is not None or not math.isfinite(altitude) or altitude == 0.0:
@@ -61,7 +67,7 @@ class RepositionRequests:
         return self._to_altitude(request, altitude, request.frame, Mode.LOITER.name, note)
 
     def _circle(self, request: Request, note: str = "") -> CommandResult:
-        """LOITER here, or at the position of the command."""
+        """Circle at the present position, or at the position of the command."""
         position = _position(request)
         if position is None:
             return self._submit(request, mode_command(self._vehicle, Mode.LOITER, request.sender), note)
@@ -71,7 +77,7 @@ class RepositionRequests:
         return self._circle_at(request, (*position, request.params[6]), radius, note)
 
     def _orbit(self, request: Request) -> CommandResult:
-        """A circle with a radius, about the position of the command or that of the vehicle."""
+        """Circle with a radius about the position of the command or of the vehicle."""
         radius, speed = request.params[:2]
         note = "orbit: the speed is ignored" if speed > 0.0 else ""
         position = _position(request)
@@ -87,7 +93,10 @@ class RepositionRequests:
     def _circle_at(
         self, request: Request, place: tuple[float, float, float], radius: float, note: str = ""
     ) -> CommandResult:
-        """LOITER_AT for latitude, longitude (deg) and altitude (m, NaN for the present one)."""
+        """Return the result of LOITER_AT for latitude, longitude (deg) and altitude (m).
+
+        A NaN altitude is the present one.
+        """
         latitude, longitude, altitude = place
         frame, height = request.frame, self._vehicle.latest(topics.ALTITUDE)
         if not math.isfinite(altitude) and height is not None:
@@ -101,14 +110,17 @@ class RepositionRequests:
         return self._submit(request, self._command(CommandKind.LOITER_AT, request)._replace(payload=item), note)
 
     def _change_altitude(self, request: Request) -> CommandResult:
-        """DO_CHANGE_ALTITUDE: altitude and its MAV_FRAME; LOITER or OFFBOARD must be flown."""
+        """Process DO_CHANGE_ALTITUDE with altitude and MAV_FRAME in LOITER or OFFBOARD."""
         altitude, frame = request.params[:2]
         if not 0.0 <= frame < 256.0:
             return CommandResult(_DENIED, (), "change altitude: no such frame")
         return self._to_altitude(request, altitude, int(frame), "", "")
 
     def _change_speed(self, request: Request) -> CommandResult:
-        """DO_CHANGE_SPEED: airspeed until the mode changes; throttle and acceleration are ignored."""
+        """Process DO_CHANGE_SPEED: airspeed until the mode changes.
+
+        Throttle and acceleration are ignored.
+        """
         speed = read_speed(request.params)
         if speed is None:
             return CommandResult(_DENIED, (), "change speed: only an airspeed or ground speed in m/s can be set")
@@ -129,7 +141,7 @@ class RepositionRequests:
 
 
 def _position(request: Request) -> tuple[float, float] | None:
-    """Latitude and longitude (deg) of a command, None if it has none."""
+    """Return latitude and longitude (deg) of a command, None if it has none."""
     latitude, longitude = request.params[4:6]
     if request.is_int:
         if max(abs(latitude), abs(longitude)) >= _NO_PLACE:

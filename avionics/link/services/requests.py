@@ -1,4 +1,7 @@
-"""Messages on request, and telemetry rates: REQUEST_MESSAGE, SET_MESSAGE_INTERVAL and their elders."""
+"""Requested messages and telemetry rates.
+
+The messages are REQUEST_MESSAGE, SET_MESSAGE_INTERVAL and their predecessors.
+"""
 
 from __future__ import annotations
 
@@ -18,11 +21,11 @@ from avionics.link.vehicle import Identity, VehicleView
 _MAVLINK_2 = 200
 _METADATA_URI = metadata_files.uri(metadata_files.GENERAL).encode()
 _DEVELOPMENT = 0
-"""FIRMWARE_VERSION_TYPE_DEV."""
+"""FIRMWARE_VERSION_TYPE_DEV"""
 
 
 def autopilot_version(identity: Identity) -> Any:
-    """AUTOPILOT_VERSION."""
+    """Return AUTOPILOT_VERSION."""
     major, minor, patch = identity.version
     version = major << 24 | minor << 16 | patch << 8 | _DEVELOPMENT
     none = [0] * 8
@@ -32,7 +35,7 @@ def autopilot_version(identity: Identity) -> Any:
 
 
 def basic_information(identity: Identity, time_ms: int) -> Any:
-    """COMPONENT_INFORMATION_BASIC."""
+    """Return COMPONENT_INFORMATION_BASIC."""
     version = ".".join(map(str, identity.version)).encode()
     vendor = metadata_files.VENDOR.encode()
     return mavlink.MAVLink_component_information_basic_message(
@@ -41,12 +44,12 @@ def basic_information(identity: Identity, time_ms: int) -> Any:
 
 
 def protocol_version() -> Any:
-    """PROTOCOL_VERSION: MAVLink 1 and 2, each peer in its own."""
+    """Return PROTOCOL_VERSION: MAVLink 1 and 2, according to the peer."""
     return mavlink.MAVLink_protocol_version_message(_MAVLINK_2, 100, _MAVLINK_2, [0] * 8, [0] * 8)
 
 
 class Requests:
-    """What may be asked for, and how often it is sent unasked."""
+    """Messages available on request, and their rates."""
 
     takes = frozenset({"REQUEST_DATA_STREAM"})
 
@@ -59,7 +62,7 @@ class Requests:
         flights: FlightInformation,
         metadata: Mapping[str, bytes],
     ) -> None:
-        """``metadata``: files of component metadata by path."""
+        """Create the service; ``metadata`` has the files of component metadata by path."""
         self._metadata_crc = metadata_files.crc32(metadata[metadata_files.GENERAL])
         self._vehicle = vehicle
         self._flights = flights
@@ -68,7 +71,10 @@ class Requests:
         self._streams = streams
 
     def build(self, message_id: float, argument: float, link: int) -> list[Any] | None:
-        """The messages asked for: empty while there is nothing to say yet, None for one that there is not."""
+        """Return the requested messages; None for an unknown one.
+
+        The list is empty if there is no content yet.
+        """
         if not math.isfinite(message_id):
             return None
         number = int(message_id)
@@ -105,24 +111,24 @@ class Requests:
         return self._vehicle.time_us // 1000 & 0xFFFFFFFF
 
     def interval(self, link: int, message_id: float) -> list[Any] | None:
-        """MESSAGE_INTERVAL of a message on this link; None for an id that the field cannot hold."""
+        """Return MESSAGE_INTERVAL of a message on this link; None for an invalid ID."""
         if not 0 <= message_id <= 0xFFFF:
             return None
         number = int(message_id)
         return [mavlink.MAVLink_message_interval_message(number, self._streams.interval_us(link, number))]
 
     def set_interval(self, link: int, message_id: float, interval_us: float) -> bool:
-        """SET_MESSAGE_INTERVAL; False for a message that there is not, or an interval that is not a number."""
+        """Process SET_MESSAGE_INTERVAL; False for an unknown message or a NaN interval."""
         if not (math.isfinite(message_id) and math.isfinite(interval_us)):
             return False
         return self._streams.set_interval(link, int(message_id), interval_us)
 
     def receive(self, message: Any, sender: Sender, now: float) -> list[Output]:
-        """REQUEST_DATA_STREAM, which has no answer."""
+        """Process REQUEST_DATA_STREAM, which has no answer."""
         rate = float(message.req_message_rate) if message.start_stop else 0.0
         self._streams.set_group(sender.link, message.req_stream_id, rate)
         return []
 
     def step(self, now: float) -> list[Output]:
-        """Nothing is due without having been asked."""
+        """Return no periodic messages."""
         return []

@@ -1,4 +1,7 @@
-"""What a MAVLink service is: it takes messages and the time, and gives messages and inputs for the flight core."""
+"""Interface of a MAVLink service.
+
+A service receives messages and the time, and returns messages and inputs for the flight core.
+"""
 
 from __future__ import annotations
 
@@ -9,20 +12,20 @@ from avionics.messages import Input
 
 
 class Sender(NamedTuple):
-    """Who sent a message."""
+    """Sender of a message."""
 
     system: int
     component: int
     link: int
-    """number of the link"""
+    """index of the link"""
     peer: Peer
     """address on that link"""
     name: str = ""
-    """the link's name, for the log"""
+    """name of the link, for the log"""
 
 
 class Reply(NamedTuple):
-    """A message to send: to one sender, or to everyone on every link."""
+    """Message to one sender, or to all stations on every link."""
 
     message: Any
     to: Sender | None = None
@@ -32,13 +35,13 @@ Output = Reply | Input
 
 
 class Service(Protocol):
-    """One of MAVLink's services."""
+    """MAVLink service."""
 
     takes: frozenset[str]
-    """names of the messages it takes"""
+    """names of the processed messages"""
 
     def receive(self, message: Any, sender: Sender, now: float) -> list[Output]:
-        """Answer a message; ``now`` is wall-clock time in s."""
+        """Process a message; ``now`` (s) is the wall-clock time."""
 
     def step(self, now: float) -> list[Output]:
-        """What is due without having been asked."""
+        """Return the periodic messages that are due."""

@@ -1,4 +1,7 @@
-"""Setpoint messages for OFFBOARD and GUIDED, and the guided waypoints of MISSION_ITEM (``current`` 2 and 3)."""
+"""Setpoint messages for OFFBOARD and GUIDED, and guided waypoints.
+
+Guided waypoints are MISSION_ITEM with ``current`` 2 and 3.
+"""
 
 from __future__ import annotations
 
@@ -17,9 +20,9 @@ from avionics.link.wire_item import ItemRefused
 from avionics.messages import Command, CommandKind, Mode
 
 PERIOD_US = 50_000
-"""us of flight time between two setpoints passed on: the period of the navigation"""
+"""us; minimum flight time between two setpoints: the period of the navigation"""
 REPORT_INTERVAL = 10.0
-"""s; between two STATUSTEXTs with the same reason to the same sender"""
+"""s; minimum interval of STATUSTEXTs with the same reason to the same sender"""
 MOST_REPORTS = 64
 GUIDED_WAYPOINT, GUIDED_ALTITUDE = 2, 3
 """``current`` of a MISSION_ITEM that is not part of an upload (ArduPilot, used by dronekit)"""
@@ -28,7 +31,7 @@ _Key = tuple[int, int, int]
 
 
 class SetpointService:
-    """Passes on the latest setpoint of all senders, at most once per `PERIOD_US`."""
+    """Forwarding of the latest setpoint of all senders, at most once per `PERIOD_US`."""
 
     takes = frozenset(
         {
@@ -48,14 +51,14 @@ class SetpointService:
         self._reported: dict[tuple[_Key, str], float] = {}
 
     def receive(self, message: Any, sender: Sender, now: float) -> list[Output]:
-        """Keep a setpoint for `step`; answer a guided waypoint."""
+        """Store a setpoint for `step`, or answer a guided waypoint."""
         if message.get_type() not in ("MISSION_ITEM", "MISSION_ITEM_INT"):
             self._latest = (message, sender)
             return []
         return self._guided_item(message, sender) if message.current in (GUIDED_WAYPOINT, GUIDED_ALTITUDE) else []
 
     def step(self, now: float) -> list[Output]:
-        """SET_SETPOINT for the flight core, or a STATUSTEXT to the sender with the reason of the rejection."""
+        """Return SET_SETPOINT for the flight core, or a STATUSTEXT with the rejection."""
         if self._latest is None or 0 <= self._vehicle.time_us - self._sent_us < PERIOD_US:
             return []
         (message, sender), self._latest = self._latest, None
@@ -69,9 +72,10 @@ class SetpointService:
         return self._report(reason, sender, now) if reason else [command]
 
     def entry(self, mode: Mode) -> Setpoint | None:
-        """Setpoint to enter ``mode`` with: the one that is not passed on yet, or a circle in ArduPlane's GUIDED.
+        """Return the setpoint with which ``mode`` begins.
 
-        MAVSDK sends the first setpoint and the change of the mode in one burst.
+        It is the one not forwarded yet, or a circle in GUIDED of ArduPlane. MAVSDK sends the first setpoint and the
+        change of the mode in one burst.
         """
         if mode is not Mode.OFFBOARD:
             return None
@@ -81,7 +85,10 @@ class SetpointService:
         return Setpoint(Path.CIRCLE_HERE, expires=0) if self._identity.guided is not None else None
 
     def _decoded(self, message: Any) -> Setpoint:
-        """ArduPlane's GUIDED keeps a position until it is replaced; PX4's OFFBOARD needs a stream."""
+        """Decode a setpoint; in GUIDED of ArduPlane a position does not expire.
+
+        OFFBOARD of PX4 requires a stream.
+        """
         setpoint = decode_setpoint(message, self._origin())
         streamed = self._identity.guided is None or setpoint.path in (Path.COURSE, Path.ATTITUDE)
         return setpoint._replace(expires=int(streamed))
@@ -95,7 +102,7 @@ class SetpointService:
         return Command(self._vehicle.time_us, kind, "", value, payload, sender.name)
 
     def _report(self, reason: str, sender: Sender, now: float) -> list[Output]:
-        """STATUSTEXT, once per sender and reason within `REPORT_INTERVAL`."""
+        """Return a STATUSTEXT, once per sender and reason within `REPORT_INTERVAL`."""
         key = ((sender.system, sender.component, sender.link), reason)
         if now - self._reported.get(key, -REPORT_INTERVAL) < REPORT_INTERVAL:
             return []
@@ -105,7 +112,7 @@ class SetpointService:
         return list(refusal_text(reason, sender))
 
     def _guided_item(self, message: Any, sender: Sender) -> list[Output]:
-        """A guided waypoint or altitude, acknowledged by MISSION_ACK."""
+        """Process a guided waypoint or altitude; the answer is a MISSION_ACK."""
         try:
             command = self._item_command(message, sender)
         except ItemRefused as refused:

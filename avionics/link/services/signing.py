@@ -1,8 +1,8 @@
-"""SETUP_SIGNING: another key, or none. It has no answer but a STATUSTEXT.
+"""SETUP_SIGNING: set or remove the key; the answer is a STATUSTEXT.
 
-A key is taken only while disarmed, only when the message names this vehicle, and only where nobody else hears it: on
-a serial line or from this computer. Once a key is set, the links let through only what is signed with it, so that
-nobody else can change it. The key is in no log and in no text.
+A key is accepted only while disarmed, only if the message addresses this vehicle, and only over a private link: a
+serial line or this computer. Once a key is set, the links accept only frames signed with it, so that only its owner
+can change it. The key is neither logged nor reported.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from avionics.link.vehicle import VehicleView
 
 Confidential = Callable[[Sender], bool]
 TELL_EVERY = 5.0
-"""s; between two accounts of what was refused"""
+"""s; interval of the reports of rejected frames"""
 COUNTERS = {
     Finding.UNSIGNED: b"sig_unsign",
     Finding.FORGED: b"sig_forged",
@@ -29,19 +29,22 @@ COUNTERS = {
 
 
 class SigningService:
-    """Takes SETUP_SIGNING."""
+    """Service for SETUP_SIGNING."""
 
     takes = frozenset({"SETUP_SIGNING"})
 
     def __init__(self, vehicle: VehicleView, signing: Signing, confidential: Confidential) -> None:
-        """``confidential`` says whether nobody else hears what a sender says."""
+        """Create the service.
+
+        ``confidential`` returns whether the link to a sender is private.
+        """
         self._vehicle = vehicle
         self._signing = signing
         self._confidential = confidential
         self._due = -float("inf")
 
     def receive(self, message: Any, sender: Sender, now: float) -> list[Output]:
-        """Take the key, or say why not."""
+        """Set the key, or return the reason of a denial."""
         reason = self._refusal(message, sender)
         return list(refusal_text(reason or self._take(message), sender))
 
@@ -66,7 +69,7 @@ class SigningService:
         return "signing: on" if self._signing.kept else "signing: on, until the next start"
 
     def step(self, now: float) -> list[Output]:
-        """How many frames were refused, now and then while there is a key, as NAMED_VALUE_INT."""
+        """Report the rejected frames periodically as NAMED_VALUE_INT while a key is set."""
         if not self._signing.active or now < self._due:
             return []
         self._due = now + TELL_EVERY

@@ -1,4 +1,4 @@
-"""The loss of the ground link: a ground station was heard, and now none is."""
+"""Detection of a lost ground link: timeout of all connected ground stations."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from avionics.messages import Command, CommandKind
 
 
 class SilenceService:
-    """Tells the flight core when the last ground station has fallen silent, and when one speaks again.
+    """Link-loss detection, reported to the flight core as LINK_LOST and LINK_REGAINED.
 
-    A ground station is who sent a HEARTBEAT of MAV_TYPE_GCS; any message of it counts as a word, which the
-    owner of the links reports with `received`. One that was heard for a moment only (`LinkGains.acquaintance`), as a
-    single command of `wingbeat gcs` is, may fall silent: nobody flies by it. Nor is one missed that leaves a vehicle
-    that is not armed; whoever arms it then is there.
+    A ground station is a sender of a HEARTBEAT of MAV_TYPE_GCS. Any of its messages resets the timeout; the owner of
+    the links reports them by `received`. A short connection (`LinkGains.acquaintance`), as of a single command of
+    `wingbeat gcs`, has no timeout, because no flight depends on it. A timeout while disarmed has no effect either;
+    arming then requires a connection.
     """
 
     takes = frozenset({"HEARTBEAT"})
@@ -31,11 +31,11 @@ class SilenceService:
 
     @property
     def stations(self) -> int:
-        """Ground stations that were heard within the time allowed."""
+        """Number of ground stations received within the timeout."""
         return len(self._stations)
 
     def receive(self, message: Any, sender: Sender, now: float) -> list[Output]:
-        """A HEARTBEAT makes its sender a ground station when it says so."""
+        """Register the sender of a HEARTBEAT of a ground station."""
         if message.type != mavlink.MAV_TYPE_GCS:
             return []
         key = (sender.system, sender.component, sender.link)
@@ -47,13 +47,13 @@ class SilenceService:
         return [Command(self._vehicle.time_us, CommandKind.LINK_REGAINED, source=sender.name)]
 
     def received(self, sender: Sender, now: float) -> None:
-        """Any message came from ``sender``."""
+        """Reset the timeout of ``sender`` after any message."""
         key = (sender.system, sender.component, sender.link)
         if key in self._stations:
             self._stations[key] = now
 
     def step(self, now: float) -> list[Output]:
-        """LINK_LOST once the last ground station has been silent for too long."""
+        """Return LINK_LOST after the timeout of the last ground station."""
         silent = [key for key, last in self._stations.items() if now - last > self._timeout]
         known = [key for key in silent if self._stations[key] - self._met[key] >= self._acquaintance]
         for key in silent:

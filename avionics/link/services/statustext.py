@@ -1,7 +1,7 @@
-"""STATUSTEXT: events for people, in chunks of 50 characters.
+"""STATUSTEXT service: events in chunks of 50 characters.
 
-A STATUSTEXT carries no time: the SYSTEM_TIME before it says when since boot the event was, however far apart the time
-stamps of the telemetry are in a simulation that is faster than real time.
+A STATUSTEXT has no time. The preceding SYSTEM_TIME gives the time of the event since boot, independent of the
+interval of telemetry timestamps in a simulation faster than real time.
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ from wingbeat.message import Event, Severity
 
 CHUNK = 50
 LONGEST = 4 * CHUNK
-"""Longer texts are cut: nobody reads more in flight."""
+"""characters; limit of a text"""
 MOST_AT_ONCE = 20
-"""Events sent in one step; older ones are in the log."""
+"""events sent in one step; older ones are in the log"""
 
 
 def chunks(severity: int, text: str, identifier: int) -> list[Any]:
-    """STATUSTEXT messages of one text; ``identifier`` joins the chunks and is 0 for a text of one.
+    """Return the STATUSTEXT messages of one text.
 
-    A text whose length is a whole number of chunks ends with an empty one, because the receiver takes a chunk
-    without a terminating zero as not the last.
+    ``identifier`` joins the chunks and is 0 for a single one. A text that fills its last chunk is followed by an
+    empty one, because the receiver does not take a chunk without a terminating zero as the last.
     """
     data = text.encode("utf-8", errors="replace")[:LONGEST]
     if len(data) <= CHUNK:
@@ -40,7 +40,7 @@ def chunks(severity: int, text: str, identifier: int) -> list[Any]:
 
 
 def refusal_text(reason: str, sender: Sender) -> list[Reply]:
-    """Why something was refused, to the one who asked."""
+    """Return the reason of a denial for the sender of the request."""
     if not reason:
         return []
     identifier = 1 + sum(reason.encode("utf-8", errors="replace")) % 0xFFFE
@@ -48,12 +48,12 @@ def refusal_text(reason: str, sender: Sender) -> list[Reply]:
 
 
 class StatustextService:
-    """Sends every event of the vehicle to every link."""
+    """Forwarding of every event of the vehicle to every link."""
 
     takes: frozenset[str] = frozenset()
 
     def __init__(self, vehicle: VehicleView, unix_time: Callable[[], float]) -> None:
-        """``unix_time`` tells the seconds since 1970."""
+        """Create the service; ``unix_time`` returns the seconds since 1970."""
         self._vehicle = vehicle
         self._unix_time = unix_time
         self._reported = 0
@@ -61,15 +61,15 @@ class StatustextService:
         self._local: list[Event] = []
 
     def send_statustext(self, event: Event) -> None:
-        """Send also what is no event of the vehicle."""
+        """Queue an event of another source."""
         self._local.append(event)
 
     def receive(self, message: Any, sender: Sender, now: float) -> list[Output]:
-        """Takes no message."""
+        """Ignore the message."""
         return []
 
     def step(self, now: float) -> list[Output]:
-        """SYSTEM_TIME and STATUSTEXT of the events that are new."""
+        """Return SYSTEM_TIME and STATUSTEXT of new events."""
         events = self._vehicle.events(self._reported)
         if not events and not self._local:
             return []

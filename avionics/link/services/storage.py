@@ -1,4 +1,7 @@
-"""MAV_CMD_PREFLIGHT_STORAGE: the parameters read from their file, written to it, or set back to the vehicle's."""
+"""MAV_CMD_PREFLIGHT_STORAGE: read, write or reset the parameters.
+
+A reset restores the values of the vehicle file.
+"""
 
 from __future__ import annotations
 
@@ -11,18 +14,21 @@ from avionics.messages import Command, CommandKind
 from wingbeat.errors import InputError
 
 READ, WRITE, RESET = 0.0, 1.0, 2.0
-"""of the first parameter; 3 (sensors alone) and 4 (everything) reset the parameters too"""
+"""values of the first parameter; 3 (sensors only) and 4 (everything) reset the parameters as well"""
 
 
 class StorageRequests:
-    """The command that stores parameters, for the command service."""
+    """Parameter storage commands of the command service."""
 
     def __init__(self, vehicle: VehicleView, storage: Storage | None) -> None:
         self._vehicle = vehicle
         self._storage = storage
 
     def answer(self, request: Request) -> CommandResult:
-        """Do what the first parameter says; refused while armed, and without a file."""
+        """Execute the action of the first parameter.
+
+        It is denied while armed and without a file.
+        """
         what = request.params[0]
         if self._storage is None:
             return CommandResult(mavlink.MAV_RESULT_DENIED, (), "storage: no parameter file is kept")
@@ -41,7 +47,7 @@ class StorageRequests:
         return CommandResult(mavlink.MAV_RESULT_UNSUPPORTED, (), "storage: 0 reads, 1 writes, 2 resets")
 
     def _set(self, request: Request, values: Mapping[str, float]) -> CommandResult:
-        """Inputs for the core that set what differs."""
+        """Return the inputs for the core that set changed values."""
         time_us, source = self._vehicle.time_us, request.sender.name
         commands = tuple(
             Command(time_us, CommandKind.SET_PARAMETER, entry.name, values[entry.name], None, source)

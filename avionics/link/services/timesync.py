@@ -1,4 +1,4 @@
-"""TIMESYNC and PING: whoever asks gets our time at once."""
+"""TIMESYNC and PING: immediate answer with the time of the vehicle."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from avionics.link.vehicle import VehicleView
 
 
 class TimesyncService:
-    """Answers TIMESYNC and PING."""
+    """Service for TIMESYNC and PING."""
 
     takes = frozenset({"TIMESYNC", "PING"})
 
@@ -18,7 +18,7 @@ class TimesyncService:
         self._vehicle = vehicle
 
     def receive(self, message: Any, sender: Sender, now: float) -> list[Output]:
-        """The answer, unless the message is itself one."""
+        """Return the answer, unless the message itself is one."""
         if message.get_type() == "PING":
             if message.target_system or message.target_component:
                 return []
@@ -29,5 +29,5 @@ class TimesyncService:
         return [Reply(mavlink.MAVLink_timesync_message(self._vehicle.time_us * 1000, message.ts1), sender)]
 
     def step(self, now: float) -> list[Output]:
-        """Nothing is due without having been asked."""
+        """Return no periodic messages."""
         return []
