@@ -1,4 +1,4 @@
-"""Component metadata (COMPONENT_METADATA): compressed JSON files that describe the parameters.
+"""Component metadata (COMPONENT_METADATA): compressed JSON files of the parameters.
 
 Format: https://mavlink.io/en/services/component_information.html, parameter schema version 3.
 """
@@ -17,15 +17,15 @@ from avionics.link.vehicle import Parameter, Storage
 from wingbeat.errors import InputError
 
 VENDOR = "Wingbeat"
-"""vendor and model"""
+"""vendor and model name"""
 GENERAL = "metadata/general.json.xz"
 PARAMETERS = "metadata/parameter.json.xz"
 _TYPE_PARAMETER = 1
 """COMP_METADATA_TYPE_PARAMETER"""
 _DIGITS = 4
-"""significant digits of the range that are shown"""
+"""significant digits of the displayed range"""
 _MAX_DECIMALS = 7
-"""single precision has no more significant digits"""
+"""limit of single precision"""
 
 
 def uri(path: str) -> str:
@@ -34,14 +34,14 @@ def uri(path: str) -> str:
 
 
 def crc32(data: bytes) -> int:
-    """CRC-32 of MAVLink FTP: initial value 0, no final inversion."""
+    """Return the CRC-32 of MAVLink FTP: initial value 0, no final inversion."""
     return zlib.crc32(data, 0xFFFFFFFF) ^ 0xFFFFFFFF
 
 
 def component_metadata(
     parameters: Sequence[Parameter], storage: Storage | None, version: tuple[int, int, int]
 ) -> Mapping[str, bytes]:
-    """Metadata files by path.
+    """Return the metadata files by path.
 
     Args:
         parameters: parameter table of the vehicle; its values are not used.
@@ -81,7 +81,7 @@ def _compress(content: Mapping[str, Any]) -> bytes:
 
 
 def _describe(parameter: Parameter, default: float | None) -> dict[str, Any]:
-    """One entry of the parameter file."""
+    """Return one entry of the parameter file."""
     note = "; set only while disarmed" if parameter.is_locked_armed else ""
     entry: dict[str, Any] = {
         "name": parameter.name,
@@ -96,13 +96,13 @@ def _describe(parameter: Parameter, default: float | None) -> dict[str, Any]:
         entry["values"] = [{"value": value, "description": text} for value, text in parameter.choices]
     if parameter.unit:
         entry["units"] = parameter.unit
-    # JSON has no infinity: an unbounded side is left out.
+    # JSON has no infinity: an unbounded limit is omitted.
     bounds = {"min": parameter.minimum, "max": parameter.maximum, "default": default}
     return entry | {name: value for name, value in bounds.items() if value is not None and math.isfinite(value)}
 
 
 def _decimals(parameter: Parameter) -> int:
-    """Decimal places for 4 significant digits of the range, at least 3."""
+    """Return the decimal places for 4 significant digits of the range, at least 3."""
     span = parameter.maximum - parameter.minimum
     if not 0.0 < span < math.inf:
         return _MAX_DECIMALS

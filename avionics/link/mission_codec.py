@@ -1,4 +1,7 @@
-"""The codec's part for missions: items in metres from home <-> MAVLink's latitudes, longitudes and parameters."""
+"""Codec of missions: items in meters from home to and from MAVLink.
+
+MAVLink uses latitudes, longitudes and parameters.
+"""
 
 from __future__ import annotations
 
@@ -15,14 +18,15 @@ from avionics.link.vehicle import Home
 from avionics.link.wire_item import HomeUnknown, ItemRefused, WireItem
 
 EARTH_RADIUS = 6_378_137.0
-"""m; WGS-84 semi-major axis. Missions stay within a few km of home, where a plane is good to centimetres."""
+"""m; WGS-84 semi-major axis. Missions are within a few km of home, so that the flat-earth error is some centimeters
+"""
 
 FARTHEST = 100e3
-"""m; from home"""
+"""m; maximum distance from home"""
 
 _GLOBAL = (mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_FRAME_GLOBAL_INT)
 _TERRAIN = (mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT, mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT)
-"""taken as relative to home: there is no terrain data"""
+"""frames handled as relative to home, because there is no terrain data"""
 _RELATIVE = (
     mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT,
     mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,
@@ -68,9 +72,9 @@ SKIPPED = frozenset(
         mavlink.MAV_CMD_VIDEO_STOP_CAPTURE,
     )
 )
-"""MAV_CMDs that are accepted in a mission, kept in their place and passed over in flight"""
+"""MAV_CMDs that are accepted in a mission, keep their index and are skipped in flight"""
 GLOBES = _GLOBAL + _RELATIVE
-"""MAV_FRAMEs whose x and y are latitude and longitude"""
+"""MAV_FRAMEs with latitude and longitude in x and y"""
 _LOCAL = (mavlink.MAV_FRAME_LOCAL_NED,)
 _CIRCLES = {
     mavlink.MAV_CMD_NAV_LOITER_TURNS: ItemKind.CIRCLE,
@@ -88,15 +92,15 @@ _CIRCLE_IN = mavlink.MAV_CMD_NAV_FENCE_CIRCLE_INCLUSION
 _CIRCLE_OUT = mavlink.MAV_CMD_NAV_FENCE_CIRCLE_EXCLUSION
 _RALLY_POINT = mavlink.MAV_CMD_NAV_RALLY_POINT
 _NO_INTEGER = 2**31 - 1
-"""what MISSION_ITEM_INT sends for NaN in x and y"""
+"""value of MISSION_ITEM_INT for NaN in x and y"""
 _LOCAL_SCALE = 1e4
-"""local coordinates in MISSION_ITEM_INT are metres times this"""
+"""scale of local coordinates in MISSION_ITEM_INT per meter"""
 LOCAL_FRAMES = frozenset((1, 4, 7, 8, 9, 12, 20, 21))
-"""MAV_FRAMEs whose x and y are metres, sent in 1e-4 m; the others are degrees, sent in 1e-7 deg"""
+"""MAV_FRAMEs with x and y in meters, sent in 1e-4 m; the others are degrees, sent in 1e-7 deg"""
 
 
 def to_metres(home: Home, latitude: float, longitude: float) -> tuple[float, float]:
-    """North and east of ``home`` in m, for a place in degrees."""
+    """Return north and east (m) of ``home`` for a position in degrees."""
     north = (math.radians(latitude) - home.latitude) * EARTH_RADIUS
     eastward = math.remainder(math.radians(longitude) - home.longitude, math.tau)
     east = eastward * EARTH_RADIUS * math.cos(home.latitude)
@@ -104,21 +108,24 @@ def to_metres(home: Home, latitude: float, longitude: float) -> tuple[float, flo
 
 
 def to_degrees(home: Home, north: float, east: float) -> tuple[float, float]:
-    """Latitude and longitude in degrees of a place in m from ``home``."""
+    """Return latitude and longitude in degrees of a position (m) from ``home``."""
     latitude = home.latitude + north / EARTH_RADIUS
     longitude = math.remainder(home.longitude + east / (EARTH_RADIUS * math.cos(home.latitude)), math.tau)
     return math.degrees(latitude), math.degrees(longitude)
 
 
 def wire_scale(frame: int) -> float:
-    """How many units of MISSION_ITEM_INT's x and y make a degree, a metre, or one of what the command says."""
+    """Return the scale of x and y in MISSION_ITEM_INT for a frame.
+
+    The units are those of a degree, a meter, or a plain parameter.
+    """
     if frame == mavlink.MAV_FRAME_MISSION:
         return 1.0
     return _LOCAL_SCALE if frame in LOCAL_FRAMES else 1e7
 
 
 def read_message(message: Any) -> WireItem:
-    """From MISSION_ITEM or MISSION_ITEM_INT."""
+    """Convert a MISSION_ITEM or MISSION_ITEM_INT."""
     params = (message.param1, message.param2, message.param3, message.param4)
     x, y = message.x, message.y
     if message.get_type() == "MISSION_ITEM_INT":
@@ -129,11 +136,13 @@ def read_message(message: Any) -> WireItem:
 
 
 def decode_item(item: WireItem, home: Home | None, earlier: Sequence[WireItem] = ()) -> MissionItem:
-    """The item in metres from home; ``earlier`` items give a landing without a heading its course.
+    """Decode an item to meters from home.
+
+    ``earlier`` items determine the course of a landing without a heading.
 
     Raises:
-        ItemRefused: unknown command or frame, a number that is not finite, an input outside its range, or a
-            place on the globe before home is known.
+        ItemRefused: unknown command or frame, a number that is not finite, an input outside its range, or a global
+        position before home is known.
     """
     if item.command in SKIPPED:
         return skipped_item(item)
@@ -171,9 +180,10 @@ def decode_item(item: WireItem, home: Home | None, earlier: Sequence[WireItem] =
 
 
 def _landing_course(place: Place, home: Home | None, earlier: Sequence[WireItem]) -> float:
-    """Course (rad) of a landing without a heading: from the last position before it, as ArduPlane and PX4 fly it.
+    """Return the course (rad) of a landing without a heading.
 
-    QGroundControl sends 0 for "none"; north is 360 degrees.
+    The course starts at the last position before it, as in ArduPlane and PX4. QGroundControl sends 0 for "none";
+    north is 360 degrees.
     """
     flown = (mavlink.MAV_CMD_NAV_WAYPOINT, *_CIRCLES)
     before = [_place(each, home) for each in earlier if each.command in flown and not _is_here(each)]
@@ -184,7 +194,7 @@ def _landing_course(place: Place, home: Home | None, earlier: Sequence[WireItem]
 
 
 def skipped_item(item: WireItem) -> MissionItem:
-    """The item in its place, passed over in flight.
+    """Return an item that keeps its index and is skipped in flight.
 
     Raises:
         ItemRefused: its fifth or sixth parameter does not fit into a MISSION_ITEM_INT.
@@ -199,9 +209,10 @@ def skipped_item(item: WireItem) -> MissionItem:
 
 
 def read_speed(params: Sequence[float]) -> float | None:
-    """Airspeed setpoint (m/s; 0: the vehicle's own) of a DO_CHANGE_SPEED; None if it changes something else.
+    """Return the airspeed setpoint (m/s) of a DO_CHANGE_SPEED.
 
-    A ground speed is taken as an airspeed, as in PX4. -1 is "no change", -2 and 0 are "default".
+    A setpoint of 0 is the default of the vehicle. The result is None if the command changes something else. A ground
+    speed is used as an airspeed, as in PX4. -1 is "no change", -2 and 0 are "default".
     """
     speed_type, speed = params[:2]
     if speed_type not in (_AIRSPEED, GROUND_SPEED):
@@ -212,7 +223,7 @@ def read_speed(params: Sequence[float]) -> float | None:
 
 
 def notes(items: Sequence[WireItem], first_item: int = 0) -> tuple[str, ...]:
-    """Describe what of a mission is flown differently from what was sent, one line for each kind.
+    """Return notices about items that are flown differently, one line for each kind.
 
     The list begins with home if ``first_item`` is 1.
     """
@@ -231,19 +242,25 @@ def notes(items: Sequence[WireItem], first_item: int = 0) -> tuple[str, ...]:
 
 
 def _names_a_place(item: WireItem) -> bool:
-    """Whether a takeoff, which needs none, has a place, as QGroundControl's have; 0, 0 and NaN are none."""
+    """Return whether a takeoff has a position, as those of QGroundControl do.
+
+    It needs none; 0, 0 and NaN count as none.
+    """
     if item.frame == mavlink.MAV_FRAME_MISSION or not (math.isfinite(item.x) and math.isfinite(item.y)):
         return False
     return (item.x, item.y) != (0.0, 0.0)
 
 
 def _is_here(item: WireItem) -> bool:
-    """Whether the place is that of the aircraft when the item begins: 0, 0 (ArduPilot) or NaN (PX4) on the globe."""
+    """Return whether an item uses the position of the vehicle at its start.
+
+    This is 0, 0 (ArduPilot) or NaN (PX4) in a global frame.
+    """
     return item.frame in GLOBES and not _names_a_place(item)
 
 
 def with_altitude(item: WireItem, earlier: Sequence[WireItem]) -> WireItem:
-    """The item, with the altitude of the last one before it where its own is NaN (null in a plan)."""
+    """Replace a NaN altitude (null in a plan) by that of the previous item."""
     if math.isfinite(item.z) or item.frame not in GLOBES:
         return item
     flown = (*_WITH_ALTITUDE, *_CIRCLES)
@@ -252,9 +269,10 @@ def with_altitude(item: WireItem, earlier: Sequence[WireItem]) -> WireItem:
 
 
 def is_home(item: WireItem, home: Home | None) -> bool:
-    """Whether the first item of an upload is home, which ArduPilot's clients send first, and not a waypoint.
+    """Return whether the first item of an upload is home and not a waypoint.
 
-    It is a waypoint with its altitude above the sea, either without a place or on the ground beside home.
+    Clients of ArduPilot send home first. It is a waypoint with its altitude above mean sea level, either without a
+    position or on the ground near home.
     """
     if (item.frame, item.command) not in [(frame, mavlink.MAV_CMD_NAV_WAYPOINT) for frame in _GLOBAL]:
         return False
@@ -264,19 +282,19 @@ def is_home(item: WireItem, home: Home | None) -> bool:
 
 
 _HOME_REACH = 100.0
-"""m; from home, within which a first item on the ground is taken for home"""
+"""m; maximum distance from home of a first item that counts as home"""
 _HOME_HEIGHT = 5.0
-"""m; above or below home, within which it is on the ground"""
+"""m; maximum height difference from home of a first item on the ground"""
 
 
 def command_name(command: int) -> str:
-    """Name of a MAV_CMD with its number, or its number alone."""
+    """Return the name of a MAV_CMD with its number, or its number alone."""
     entry = mavlink.enums["MAV_CMD"].get(command)
     return f"{str(entry.name).removeprefix('MAV_CMD_')} ({command})" if entry else f"command {command}"
 
 
 def _decode_circle(item: WireItem, home: Home | None) -> MissionItem:
-    """Turns, time or altitude of a circle; a NaN radius is the vehicle's own."""
+    """Decode turns, time or altitude of a circle; a NaN radius is the default."""
     kind = _CIRCLES[item.command]
     amount = item.params[0] if item.command in (ItemKind.CIRCLE, mavlink.MAV_CMD_NAV_LOITER_TIME) else 0.0
     if not math.isfinite(amount) or amount < 0.0:
@@ -309,7 +327,7 @@ def _decode_jump(item: WireItem) -> MissionItem:
 
 
 def _heading(degrees: float) -> float:
-    # NaN means "as you come": the field's zero.
+    # NaN selects the default, which is 0 in the field.
     return math.remainder(math.radians(degrees), math.tau) if math.isfinite(degrees) else 0.0
 
 
@@ -345,7 +363,9 @@ def _altitude(item: WireItem, home: Home | None) -> float:
 
 
 def decode_place(frame: int, x: float, y: float, home: Home | None) -> tuple[float, float]:
-    """North and east (m) of home; ``x`` and ``y`` in degrees, or in m in the local frame.
+    """Return north and east (m) of home.
+
+    ``x`` and ``y`` are in degrees, or in m in the local frame.
 
     Raises:
         ItemRefused: as `decode_item`.
@@ -354,7 +374,9 @@ def decode_place(frame: int, x: float, y: float, home: Home | None) -> tuple[flo
 
 
 def decode_altitude(frame: int, altitude: float, home: Home | None) -> float:
-    """Altitude (m) above home; ``altitude`` in m of ``frame``, down in the local one.
+    """Return the altitude (m) above home.
+
+    ``altitude`` is in m of ``frame``, positive down in the local one.
 
     Raises:
         ItemRefused: as `decode_item`.
@@ -363,7 +385,10 @@ def decode_altitude(frame: int, altitude: float, home: Home | None) -> float:
 
 
 def encode_item(item: MissionItem, home: Home | None) -> WireItem:
-    """The item as MAVLink writes it: places on the globe, or in the local frame while home is not known."""
+    """Encode an item for MAVLink.
+
+    Positions are global, or in the local frame while home is unknown.
+    """
     frame = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT
     nan = math.nan
     if item.skipped:
@@ -401,7 +426,7 @@ def _encode_circle(item: MissionItem, home: Home | None) -> WireItem:
 
 
 def _circle_command(item: MissionItem) -> tuple[int, tuple[float, float, float, float]]:
-    """MAV_CMD and parameters 1 to 4 of a circle."""
+    """Return MAV_CMD and parameters 1 to 4 of a circle."""
     if item.kind is ItemKind.LOITER:
         return item.kind, (0.0, 0.0, item.radius, math.nan)
     if item.turns > 0.0:
@@ -414,7 +439,7 @@ def _circle_command(item: MissionItem) -> tuple[int, tuple[float, float, float, 
 def _placed(
     command: int, params: tuple[float, float, float, float], place: tuple[float, float, float], home: Home | None
 ) -> WireItem:
-    """An item at north, east and altitude (m) of home, on the globe where home is known."""
+    """Return an item at north, east and altitude (m) of home, global if home is known."""
     north, east, altitude = place
     if home is None:
         return WireItem(mavlink.MAV_FRAME_LOCAL_NED, command, params, north, east, -altitude)
@@ -427,10 +452,10 @@ def _placed(
 
 
 def decode_fence(items: Sequence[WireItem], home: Home | None) -> Fence:
-    """The zones of a fence's items; its altitudes do not travel, they are the vehicle's own.
+    """Decode the zones of a fence; its altitudes are parameters of the vehicle.
 
     Raises:
-        ItemRefused: as `decode_item`, a polygon whose corners do not come one after the other, a return point.
+        ItemRefused: as `decode_item`, a polygon with corners that are not consecutive, a return point.
     """
     zones: list[Zone] = []
     corners: list[tuple[float, float]] = []
@@ -466,7 +491,7 @@ def _fence_radius(item: WireItem) -> float:
 
 
 def encode_fence(fence: Fence, home: Home | None) -> tuple[WireItem, ...]:
-    """One item for each circle and for each corner."""
+    """Return one item for each circle and for each corner."""
     items: list[WireItem] = []
     for zone in fence.zones:
         round_one = zone.radius > 0.0
@@ -480,7 +505,7 @@ def encode_fence(fence: Fence, home: Home | None) -> tuple[WireItem, ...]:
 
 
 def decode_rally(items: Sequence[WireItem], home: Home | None) -> Rally:
-    """The rally points of their items.
+    """Decode rally points.
 
     Raises:
         ItemRefused: as `decode_item`.
@@ -493,20 +518,20 @@ def decode_rally(items: Sequence[WireItem], home: Home | None) -> Rally:
 
 
 def encode_rally(rally: Rally, home: Home | None) -> tuple[WireItem, ...]:
-    """One item for each point."""
+    """Return one item for each point."""
     nothing = (0.0, 0.0, 0.0, 0.0)
     return tuple(_placed(_RALLY_POINT, nothing, (north, east, up), home) for north, east, up in rally)
 
 
 class Addressee(NamedTuple):
-    """Whom a mission item goes to."""
+    """Recipient of a mission item."""
 
     system: int
     component: int
 
 
 class Slot(NamedTuple):
-    """Where an item stands."""
+    """Index and list of an item."""
 
     sequence: int
     current: bool
@@ -515,7 +540,7 @@ class Slot(NamedTuple):
 
 
 def write_message(item: WireItem, slot: Slot, to: Addressee, as_int: bool) -> Any:
-    """MISSION_ITEM_INT, or the old MISSION_ITEM."""
+    """Return MISSION_ITEM_INT, or the old MISSION_ITEM."""
     sequence, current, mission_type = slot
     head = (to.system, to.component, sequence)
     tail = (item.command, int(current), 1, *item.params)

@@ -1,9 +1,9 @@
-"""Which links a frame that came over one of them goes on to.
+"""Routing of frames between links.
 
-Each link has a table of who was heard there. A frame for one of them goes where it was heard, a frame for all goes to
-every link; neither goes back to where it came from, nor to a link where its own sender was heard: there it is known
-already. A frame that was passed on a moment ago is not passed on again, so that links which meet elsewhere make no
-circle. Our own frames take no part in this.
+Each link has a table of the received senders. A frame for one of them is forwarded to its link, a frame for all to
+every link. It is neither returned to its source nor sent to a link on which its sender was received. A frame
+forwarded a moment ago is not forwarded again, so that external loops between links have no effect. Frames of the
+vehicle are not routed.
 """
 
 from __future__ import annotations
@@ -16,21 +16,21 @@ from avionics.link.framing import TARGETS, Frame
 from avionics.link.transport import Peer
 
 FORGET = 60.0
-"""s; after which who is silent is no longer known on a link"""
+"""s; timeout of a sender on a link"""
 MOST_KNOWN = 64
-"""senders on a link; forged ones fill no memory"""
+"""senders; limit of a table, to limit the memory for forged senders"""
 REPEAT = 1.0
-"""s; in which the same frame is not passed on again"""
+"""s; interval in which an identical frame is not forwarded again"""
 MOST_REMEMBERED = 256
 STAYS = frozenset({mavlink.MAVLINK_MSG_ID_RADIO_STATUS, mavlink.MAVLINK_MSG_ID_SETUP_SIGNING})
-"""What speaks of one link alone, and keys, which nobody else is to hear."""
+"""messages that are not forwarded: the status of a single link, and keys"""
 
 Address = tuple[int, int]
 """system and component"""
 
 
 class Route(NamedTuple):
-    """Where somebody was heard."""
+    """Link and time at which a sender was received."""
 
     peer: Peer
     received_at: float
@@ -38,39 +38,45 @@ class Route(NamedTuple):
 
 
 class Hop(NamedTuple):
-    """Where a frame goes: to one address on a link, or to all on it."""
+    """Destination of a frame: one address on a link, or all on it."""
 
     link: int
     peer: Peer | None
 
 
 def target_of(frame: Frame) -> Address:
-    """System and component that a frame is for, 0 for all."""
+    """Return system and component that a frame is for, 0 for all."""
     system, component = TARGETS.get(frame.message_id, (-1, -1))
     return _byte(frame.payload, system), _byte(frame.payload, component)
 
 
 def _byte(payload: bytes, offset: int) -> int:
-    # MAVLink 2 cuts zeros off the end of a payload.
+    # MAVLink 2 truncates trailing zeros of a payload.
     return payload[offset] if 0 <= offset < len(payload) else 0
 
 
 class Router:
-    """The tables of all links."""
+    """Routing tables of all links."""
 
     def __init__(self, open_links: list[bool], local: Address) -> None:
-        """``open_links`` says which links take part, ``local`` who we are."""
+        """Create the router.
+
+        ``open_links`` marks the participating links; ``local`` is the address of the vehicle.
+        """
         self._open = open_links
         self._local = local
         self._known: list[dict[Address, Route]] = [{} for _ in open_links]
         self._passed: deque[tuple[float, bytes]] = deque(maxlen=MOST_REMEMBERED)
 
     def known(self, link: int) -> dict[Address, Route]:
-        """Who was heard on a link."""
+        """Return the senders received on a link."""
         return dict(self._known[link])
 
     def hops(self, frame: Frame, link: int, peer: Peer, now: float) -> list[Hop]:
-        """Remember the sender, and say where the frame goes on to; ``now`` is wall-clock time in s."""
+        """Store the sender and return the destinations of a frame.
+
+        ``now`` (s) is the wall-clock time.
+        """
         sender = (frame.system, frame.component)
         self._learn(sender, link, Route(peer, now))
         if len(self._open) < 2 or not self._open[link] or frame.message_id in STAYS:
@@ -86,7 +92,7 @@ class Router:
         table[sender] = route
 
     def _others(self, sender: Address, link: int, now: float) -> list[int]:
-        """Open links where the sender is not known."""
+        """Return the open links on which the sender is unknown."""
         return [
             other
             for other, opened in enumerate(self._open)

@@ -1,6 +1,6 @@
-"""The wire format of sensor samples, from the table `avionics.sensors`.
+"""Wire format of sensor samples, from the table `avionics.sensors`.
 
-A message of Wingbeat's dialect has the fields of its sample in the same order. The standard messages differ from
+A message of the Wingbeat dialect has the fields of its sample in the same order. The standard messages differ from
 their samples and have a pair of functions in `CONVERSIONS`.
 """
 
@@ -22,7 +22,7 @@ from wingbeat.samples import CHANNELS, GpsFix, ImuSample, RangeSample, ReceiverS
 T = TypeVar("T")
 ACCELEROMETER, GYROSCOPE, MAGNETOMETER = 0x7, 0x38, 0x1C0
 IMU_FIELDS = ACCELEROMETER | GYROSCOPE | MAGNETOMETER
-"""``HIL_SENSOR.fields_updated`` of an IMU sample; pressures cross as raw counts in a message of their own."""
+"""``HIL_SENSOR.fields_updated`` of an IMU sample; pressures are raw counts in a separate message"""
 UNKNOWN_U8, UNKNOWN_U16 = 0xFF, 0xFFFF
 _DEGE7 = 1e7 * 180.0 / math.pi
 _NO_PRESSURE = (0.0, 0.0, 0.0, 0.0, IMU_FIELDS, 0)
@@ -30,7 +30,7 @@ _SPARE_CHANNELS = (0,) * 4
 
 
 class SampleCodec(NamedTuple, Generic[T]):
-    """Payloads of one sensor's samples."""
+    """Codec of the samples of one sensor."""
 
     message_id: int
     encode: Callable[[T], bytes]
@@ -39,18 +39,21 @@ class SampleCodec(NamedTuple, Generic[T]):
 
 
 def layout_of(message_id: int) -> struct.Struct:
-    """Return the layout of a message's payload."""
+    """Return the layout of the payload of a message."""
     unpacker: struct.Struct = mavlink.mavlink_map[message_id].unpacker
     return unpacker
 
 
 def padded(layout: struct.Struct, payload: bytes) -> tuple[Any, ...]:
-    """Unpack a payload that may lack trailing zeros, which MAVLink 2 cuts off, or have fields of a newer sender."""
+    """Unpack a payload with missing trailing zeros or with fields of a newer sender.
+
+    MAVLink 2 truncates trailing zeros.
+    """
     size = layout.size
     return layout.unpack(payload.ljust(size, b"\0")[:size] if len(payload) != size else payload)
 
 
-# --- standard messages, whose fields are not those of the sample ------------------------------------------------
+# --- standard messages with fields other than those of the sample -----------------------------------------
 
 _SENSOR = layout_of(mavlink.MAVLINK_MSG_ID_HIL_SENSOR)
 _GPS = layout_of(mavlink.MAVLINK_MSG_ID_HIL_GPS)
@@ -60,17 +63,20 @@ _new_imu_sample = constructor(ImuSample)
 
 
 def encode_imu(imu: ImuSample) -> bytes:
-    """Payload of HIL_SENSOR."""
+    """Return the payload of HIL_SENSOR."""
     return _SENSOR.pack(*imu, *_NO_PRESSURE)
 
 
 def decode_imu(payload: bytes) -> ImuSample:
-    """From a payload of HIL_SENSOR."""
+    """Decode a payload of HIL_SENSOR."""
     return _new_imu_sample(*padded(_SENSOR, payload)[:10])
 
 
 def encode_gps(fix: GpsFix) -> bytes:
-    """Payload of HIL_GPS: degE7, mm, cm and cm/s, as PX4 reads it (eph and epv are accuracies in cm)."""
+    """Return the payload of HIL_GPS: degE7, mm, cm and cm/s.
+
+    As in PX4, eph and epv are accuracies in cm.
+    """
     speed = math.hypot(fix.v_north, fix.v_east)
     course = math.degrees(math.atan2(fix.v_east, fix.v_north)) % 360.0
     return _GPS.pack(
@@ -93,7 +99,10 @@ def encode_gps(fix: GpsFix) -> bytes:
 
 
 def decode_gps(payload: bytes) -> GpsFix:
-    """From a payload of HIL_GPS; an unknown accuracy becomes 655.35 m, the largest the wire can carry."""
+    """Decode a payload of HIL_GPS.
+
+    An unknown accuracy becomes 655.35 m, the maximum of the field.
+    """
     time_us, lat, lon, alt, eph, epv, _, vn, ve, vd, _, fix_type, satellites, _, _ = padded(_GPS, payload)
     return GpsFix(
         time_us,
@@ -119,19 +128,25 @@ def _i16(value: float) -> int:
 
 
 def encode_receiver(sample: ReceiverSample) -> bytes:
-    """Payload of HIL_RC_INPUTS_RAW; it has no field for a lost signal: that is a strength of 0."""
+    """Return the payload of HIL_RC_INPUTS_RAW.
+
+    The message has no field for a lost signal, which is encoded as a strength of 0.
+    """
     rssi = 0 if sample.lost else max(sample.rssi, 1)
     return _RC.pack(sample.time_us, *sample.pulses, *_SPARE_CHANNELS, rssi)
 
 
 def decode_receiver(payload: bytes) -> ReceiverSample:
-    """From a payload of HIL_RC_INPUTS_RAW; channels beyond the eighth are ignored."""
+    """Decode a payload of HIL_RC_INPUTS_RAW; channels beyond the eighth are ignored."""
     time_us, *pulses, rssi = padded(_RC, payload)
     return ReceiverSample(time_us, tuple(pulses[:CHANNELS]), int(rssi == 0), rssi)
 
 
 def encode_range(sample: RangeSample) -> bytes:
-    """Payload of DISTANCE_SENSOR: ms and cm; a quality of 1 is an invalid reading."""
+    """Return the payload of DISTANCE_SENSOR: ms and cm.
+
+    A quality of 1 is an invalid reading.
+    """
     return _RANGE.pack(
         sample.time_us // 1000,
         *(_u16(distance * 1e2) for distance in (sample.min_distance, sample.max_distance, sample.distance)),
@@ -195,20 +210,20 @@ def _codec(sensor: Sensor[T]) -> SampleCodec[T]:
 
 
 def _length(hint: Any) -> int:
-    """Length of an array field, 0 for a single value."""
+    """Return the length of an array field, 0 for a single value."""
     return next((part.length for part in get_args(hint)[1:] if isinstance(part, Wire)), 0)
 
 
 CODECS: dict[str, SampleCodec[Any]] = {sensor.field: _codec(sensor) for sensor in SENSORS}
-"""by the field of `SensorFrame`"""
+"""codecs by the field of `SensorFrame`"""
 BY_MESSAGE = {CODECS[sensor.field].message_id: (sensor.field, CODECS[sensor.field].decode) for sensor in OTHERS}
-"""field and decoder of what may come before HIL_SENSOR in a tick, by message id"""
+"""field and decoder of messages before HIL_SENSOR in a tick, by message ID"""
 HIL_SENSOR: int = CODECS[IMU.field].message_id
 _BEFORE_IMU = tuple((sensor.field, CODECS[sensor.field]) for sensor in OTHERS)
 
 
 TELEMETRY = tuple(sensor for sensor in OTHERS if not sensor.wire.startswith(("HIL_", "WINGBEAT_")))
-"""sensors whose wire message is telemetry for ground stations as well"""
+"""sensors with a wire message that is telemetry for ground stations as well"""
 _DECODER = mavlink.MAVLink(None)
 
 
@@ -219,7 +234,7 @@ def message(sensor: Sensor[T], sample: T) -> Any:
 
 
 def payloads(frame: SensorFrame) -> list[tuple[int, bytes]]:
-    """Message ids and payloads of one tick; HIL_SENSOR comes last and closes it."""
+    """Return message IDs and payloads of one tick; HIL_SENSOR is last and closes it."""
     parts = [
         (codec.message_id, codec.encode(sample))
         for field, codec in _BEFORE_IMU

@@ -1,4 +1,4 @@
-"""A serial device that may be pulled out and plugged in again; nothing here waits longer than it was told."""
+"""Serial device that may be disconnected and reconnected; all waits are bounded."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from wingbeat.errors import InputError
 
 _CHUNK = 65536
 _FAILURES: tuple[type[Exception], ...] = (OSError, ValueError)
-"""what pyserial raises of a device that goes while it is spoken to"""
+"""exceptions of pyserial when a device disconnects"""
 with contextlib.suppress(ImportError):
     import termios
 
@@ -25,22 +25,22 @@ _READ_FAILURES: tuple[type[Exception], ...] = (*_FAILURES, TypeError)
 
 
 class SerialLine:
-    """The bytes of a serial device; satisfies `avionics.link.transport.Stream`.
+    """Byte stream of a serial device; implements `avionics.link.transport.Stream`.
 
-    `read` never says that the peer has gone: a device that was pulled out is opened again as soon as it is back.
+    `read` does not report a disconnection: a device is opened again as soon as it is reconnected.
     """
 
     def __init__(self, device: str, baud: int, sleep: Callable[[float], None] = time.sleep) -> None:
         """Open the device.
 
         Raises:
-            InputError: it is missing, in use, or does not take this baud rate.
+            InputError: it is missing, in use, or does not support this baud rate.
         """
         self.name = f"serial:{device},{baud}"
         self.dropped = 0
-        """writes that the device did not take whole"""
+        """incomplete writes"""
         self.replugged = 0
-        """times that the device came back"""
+        """reconnections of the device"""
         self._device, self._baud = device, baud
         self._sleep = sleep
         try:
@@ -50,11 +50,14 @@ class SerialLine:
 
     @property
     def plugged(self) -> bool:
-        """Whether the device is there."""
+        """True if the device is connected."""
         return self._port is not None
 
     def read(self, timeout: float, most: int = _CHUNK) -> bytes:
-        """Bytes, ``most`` at most, as soon as some are there; empty after ``timeout`` s or while it is unplugged."""
+        """Return at most ``most`` bytes as soon as some are available.
+
+        The result is empty after ``timeout`` (s) or while disconnected.
+        """
         if self._port is None and not self._reopened():
             self._sleep(timeout)
             return b""
@@ -68,7 +71,7 @@ class SerialLine:
             return b""
 
     def write(self, data: bytes) -> bool:
-        """Send without waiting; False when the device is gone or did not take all of it."""
+        """Write without waiting; False if disconnected or incomplete."""
         sent = self._port is not None and self._sent(data)
         self.dropped += not sent
         return sent
@@ -83,11 +86,14 @@ class SerialLine:
             return False
 
     def _has_tx_space(self) -> bool:
-        """Whether a write would be taken: pyserial spins on a full buffer until there is room, on POSIX."""
+        """Return whether a write would not block.
+
+        On POSIX pyserial spins on a full buffer.
+        """
         return os.name != "posix" or bool(select.select([], [self._port.fileno()], [], 0.0)[1])
 
     def close(self) -> None:
-        """Release the device."""
+        """Close the device."""
         if self._port is not None:
             self._close()
 

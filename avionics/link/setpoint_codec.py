@@ -1,4 +1,7 @@
-"""SET_POSITION_TARGET_GLOBAL_INT, SET_POSITION_TARGET_LOCAL_NED and SET_ATTITUDE_TARGET -> `Setpoint`."""
+"""Codec of setpoints for OFFBOARD and GUIDED.
+
+The messages are SET_POSITION_TARGET_GLOBAL_INT, SET_POSITION_TARGET_LOCAL_NED and SET_ATTITUDE_TARGET.
+"""
 
 from __future__ import annotations
 
@@ -41,7 +44,7 @@ class Origin(NamedTuple):
 
 
 def decode_setpoint(message: Any, origin: Origin) -> Setpoint:
-    """Setpoint of one of the three messages.
+    """Decode the setpoint of one of the three messages.
 
     Raises:
         ItemRefused: a frame or a type mask that is not supported, or a position before home is known.
@@ -69,12 +72,12 @@ def decode_setpoint(message: Any, origin: Origin) -> Setpoint:
 
 
 def _used(mask: int, bits: int, value: float) -> bool:
-    """Whether no field of ``bits`` is ignored; NaN means ignored as well, as in PX4."""
+    """Return whether no field of ``bits`` is ignored; a NaN is ignored, as in PX4."""
     return not mask & bits and math.isfinite(value)
 
 
 def _global_position(message: Any, home: Home | None) -> tuple[tuple[float, float] | None, float | None]:
-    """Position (m from home) and altitude (m above home), each None if it is not used."""
+    """Return position (m from home) and altitude (m above home), None if not used."""
     frame = _GLOBAL.get(message.coordinate_frame)
     if frame is None:
         raise ItemRefused(_UNSUPPORTED_FRAME, f"setpoint: frame {message.coordinate_frame} is not supported")
@@ -86,9 +89,9 @@ def _global_position(message: Any, home: Home | None) -> tuple[tuple[float, floa
 
 
 def _local_position(message: Any, origin: Origin) -> tuple[tuple[float, float] | None, float | None]:
-    """Position (m from home) and altitude (m above home), each None if it is not used.
+    """Return position (m from home) and altitude (m above home), None if not used.
 
-    An offset of zero in the plane keeps the path: ArduPlane and QGroundControl change the altitude by it.
+    A horizontal offset of zero keeps the path: ArduPlane and QGroundControl change the altitude by it.
     """
     mask, frame = message.type_mask, message.coordinate_frame
     offset = frame == mavlink.MAV_FRAME_LOCAL_OFFSET_NED

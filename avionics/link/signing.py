@@ -1,13 +1,13 @@
-"""MAVLink 2's message signing: who holds the key may speak, and what was said once cannot be said again.
+"""MAVLink 2 message signing, with protection against replay.
 
-A signature is the first 48 bits of the SHA-256 of key, frame, link number and time stamp. Time stamps count 10
-microseconds since 2015 and rise with every frame of a sender on a link; they outlive a restart through a `KeyStore`,
-which is told a little more than was used (`RESERVE`), so that it need not be told every time. pymavlink's own code
-remembers the time stamp of a frame before it has checked its signature, whereby a stranger can silence a station.
+A signature is the first 48 bits of the SHA-256 of key, frame, link number and timestamp. Timestamps count 10
+microseconds since 2015 and increase with every frame of a sender on a link. They are stored in a `KeyStore` with a
+reserve (`RESERVE`), so that not every one is written. The code of pymavlink stores the timestamp of a frame before it
+has checked the signature, which lets a third party block a station.
 
-Which time stamps are accepted follows https://mavlink.io/en/guide/message_signing.html, but each stream is compared
-with its own last time stamp or, if it is new, with the vehicle's clock, never with the time stamps of another stream:
-a station whose clock is ahead cannot lock out the others.
+The acceptance of timestamps follows https://mavlink.io/en/guide/message_signing.html. However, each stream is
+compared with its own last timestamp or, if it is new, with the clock of the vehicle, never with the timestamps of
+another stream: a station with its clock ahead cannot block the others.
 """
 
 from __future__ import annotations
@@ -25,47 +25,56 @@ from avionics.link.framing import MARKER_V2, SIGNED, Frame
 KEY_BYTES = 32
 SIGNATURE_BYTES = 13
 TICKS_PER_SECOND = 100_000
-"""of a time stamp"""
+"""timestamp ticks per second"""
 EPOCH = 1_420_070_400.0
 """s; Unix time of the first of January 2015"""
 LATEST = 1 << 47
-"""no time stamp lies behind the year 2059: one that does would leave none to follow it"""
+"""limit of a timestamp, in the year 2059: one beyond it would leave none to follow"""
 FRESH = 60 * TICKS_PER_SECOND
-"""ticks; maximum difference between the first time stamp of a stream and the vehicle's clock, either way"""
+"""ticks; maximum difference between the first timestamp of a stream and the vehicle's clock, in either direction"""
 MAX_STREAMS = 64
-"""-; streams whose last time stamp is kept; the one with the oldest time stamp is forgotten first"""
+"""-; streams with a stored last timestamp; the one with the oldest timestamp is discarded first"""
 LAST_ACCEPTED = LATEST - 365 * 86_400 * TICKS_PER_SECOND
-"""ticks; a year remains for the time stamps that follow one that is accepted"""
+"""ticks; maximum accepted timestamp, which leaves a year of timestamps after it"""
 AHEAD = 86_400 * TICKS_PER_SECOND
-"""ticks; a key may come with a first time stamp so far ahead of our clock, where we have one"""
+"""ticks; maximum first timestamp of a new key ahead of the vehicle's clock, if it is set"""
 RESERVE = 2 * TICKS_PER_SECOND
-"""ticks; after a crash a station may be refused for so long, and nothing it said before can be repeated"""
+"""ticks; reserve of stored timestamps: after a crash a station may be rejected for this long, and no earlier frame
+can be replayed"""
 
 Stream = tuple[int, int, int]
 """system, component and link number of a sender"""
 
 
 class Stamps(NamedTuple):
-    """The time stamps that were used, our own and each sender's last."""
+    """Used timestamps: own, and the last of each sender."""
 
     local: int = 0
     streams: Mapping[Stream, int] = {}
     clock: int = 0
-    """ticks; latest plausible reading of the vehicle's own clock"""
+    """ticks; latest plausible time of the vehicle's clock"""
 
 
 class KeyStore(Protocol):
-    """Where key and time stamps outlive a restart."""
+    """Persistent storage of key and timestamps."""
 
     def save_key(self, key: bytes | None) -> None:
-        """Keep another key, or none; raises `OSError`."""
+        """Store a key, or none.
+
+        Raises:
+            OSError: the key cannot be stored.
+        """
 
     def save_stamps(self, stamps: Stamps, settle: bool = False) -> None:
-        """Keep the time stamps, where ``settle`` on the disk before this ends; raises `OSError`."""
+        """Store the timestamps; ``settle`` waits for the disk.
+
+        Raises:
+            OSError: the timestamps cannot be stored.
+        """
 
 
 class Finding(Enum):
-    """What is to be said about a frame's signature."""
+    """Result of the signature check of a frame."""
 
     SIGNED = "signed"
     UNSIGNED = "unsigned"
@@ -75,18 +84,21 @@ class Finding(Enum):
 
 
 def signature_of(frame: Frame) -> bytes:
-    """Link number, time stamp and signature; empty for an unsigned frame."""
+    """Return link number, timestamp and signature; empty for an unsigned frame."""
     signed = frame.raw[0] == MARKER_V2 and frame.raw[2] & SIGNED
     return frame.raw[-SIGNATURE_BYTES:] if signed else b""
 
 
 def digest(key: bytes, data: bytes) -> bytes:
-    """The 48 bits that sign ``data``: a frame up to its time stamp, this included."""
+    """Return the 48-bit signature of ``data``.
+
+    The data is a frame up to and including its timestamp.
+    """
     return hashlib.sha256(key + data).digest()[:6]
 
 
 class Signing:
-    """The vehicle's key and all time stamps; without a key every frame counts as it is."""
+    """Key of the vehicle and all timestamps; without a key every frame is accepted."""
 
     def __init__(
         self,
@@ -103,13 +115,13 @@ class Signing:
         self._streams = dict(stamps.streams)
         self._clock_kept = stamps.clock
         self._anchor = (self._clock() if self._is_set() else stamps.local, monotonic())
-        """ticks, s; a time stamp and the monotonic clock then: what the vehicle's clock was set to at the start, or
-        what a key holder set it up to. It goes on when the system's clock is set meanwhile"""
+        """ticks, s; timestamp and monotonic clock at the start, or when a new key set the time. It continues if the
+        system clock is set meanwhile"""
         self._awaits_first = True
         self._store = store
         self._reserved = stamps._replace(streams=dict(self._streams))
         self.refused: Counter[Finding] = Counter()
-        """frames that were not let in, on all links"""
+        """rejected frames on all links"""
         self.failure = ""
         """reason why time stamps are not stored; empty if they are"""
 
@@ -118,19 +130,19 @@ class Signing:
 
     @property
     def active(self) -> bool:
-        """Whether a key is set."""
+        """True if a key is set."""
         return self._key is not None
 
     @property
     def kept(self) -> bool:
-        """Whether key and time stamps outlive a restart."""
+        """True if key and timestamps are stored persistently."""
         return self._store is not None
 
     def set_key(self, key: bytes | None, initial_stamp: int = 0) -> None:
-        """Take another key, or None to sign no more; the time stamps go on.
+        """Set a key, or None to disable signing; the timestamps continue.
 
         Raises:
-            OSError: it cannot be kept; the old one stays.
+            OSError: the key cannot be stored; the old one is kept.
         """
         if self._store is not None:
             self._store.save_key(key)
@@ -142,12 +154,12 @@ class Signing:
         self._reserve()
 
     def too_far_ahead(self, stamp: int) -> bool:
-        """Whether a first time stamp would shut out every station whose clock is right."""
+        """Return whether a first timestamp would block every station with a correct clock."""
         now = self._clock()
         return stamp >= LATEST or (now > 0 and stamp > now + AHEAD)
 
     def sign(self, frame: bytes, link: int) -> bytes:
-        """What follows a frame that carries the signed flag: 13 bytes.
+        """Return the 13 bytes that follow a frame with the signed flag.
 
         Raises:
             RuntimeError: there is no key.
@@ -164,20 +176,23 @@ class Signing:
         return self._last
 
     def _now(self) -> int:
-        """The later one of the vehicle's clock and of the clock that began at the anchor."""
+        """Return the later of the vehicle's clock and the clock started at the anchor."""
         anchored = self._anchor[0] + int((self._monotonic() - self._anchor[1]) * TICKS_PER_SECOND)
         return min(max(self._clock(), anchored, 0), LATEST)
 
     def _clock(self) -> int:
-        """The vehicle's own clock, negative before 2015."""
+        """Return the time of the vehicle's clock, negative before 2015."""
         return int((self._unix_time() - EPOCH) * TICKS_PER_SECOND)
 
     def _is_set(self) -> bool:
-        """Whether the vehicle's own clock is plausible."""
+        """Return whether the vehicle's clock is plausible."""
         return self._clock() > 0
 
     def examine(self, frame: Frame) -> Finding:
-        """Whether the frame is the key holder's and new; only such a one moves the time stamps."""
+        """Check whether a frame is signed with the key and new.
+
+        Only such a frame updates the timestamps.
+        """
         signature = signature_of(frame)
         if self._key is None or not signature:
             return Finding.UNSIGNED
@@ -191,11 +206,11 @@ class Signing:
         return finding
 
     def _judge(self, stream: Stream, stamp: int) -> Finding:
-        """Compare a time stamp with the last of its stream or, if it is new, with the vehicle's clock.
+        """Compare a timestamp with the last of its stream, or of a new one with the clock.
 
-        The first frame after the start or after a new key may be ahead by any time: it sets up a vehicle whose clock
-        is behind. No other frame may be over a minute ahead of the vehicle's clock and of what the vehicle sent,
-        to which stations raise their own time stamps.
+        The first frame after the start or after a new key may be ahead by any time: it sets the clock of a vehicle
+        that is behind. No other frame may be more than a minute ahead of the vehicle's clock and of its sent frames,
+        to which stations raise their own timestamps.
         """
         oldest = (self._clock() if self._is_set() else self._clock_kept) - FRESH - 1
         if stamp <= self._streams.get(stream, oldest):
@@ -206,7 +221,7 @@ class Signing:
         return Finding.SIGNED
 
     def _accept(self, stream: Stream, stamp: int) -> None:
-        # A clock that is not set has only the reserve of the last run, up to a minute behind and still accepting.
+        # A clock that is not set has only the reserve of the last run, which may be up to a minute behind.
         tolerance = 0 if self._awaits_first and not self._is_set() else FRESH
         if stamp > self._now() + tolerance:
             self._anchor = (stamp, self._monotonic())
@@ -216,7 +231,7 @@ class Signing:
             self._reserve()
 
     def _reserve(self) -> None:
-        """Keep more than was used."""
+        """Store the timestamps with a reserve."""
         for stream in sorted(self._streams, key=self._streams.__getitem__)[:-MAX_STREAMS]:
             del self._streams[stream]
         ahead = {stream: stamp + RESERVE for stream, stamp in self._streams.items()}
@@ -235,5 +250,5 @@ class Signing:
             self.failure = error.strerror or str(error)
 
     def close(self) -> None:
-        """Keep exactly what was used."""
+        """Store the exact used timestamps."""
         self._keep(self._stamps(), settle=True)

@@ -1,4 +1,4 @@
-"""All telemetry streams: what builds each, its default rate, its rank on a slow link, its group."""
+"""Table of telemetry streams: builder, default rate, rank on a slow link, group."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from avionics.link.vehicle import VehicleView
 
 
 class StreamEntry(NamedTuple):
-    """One telemetry message."""
+    """Telemetry stream of one message."""
 
     message_id: int
     build: Callable[[VehicleView], Any]
-    """gives a message, a list of messages, or None"""
+    """builder of a message, a list of messages, or None"""
     rate: float
-    """Hz; by default, 0 for only when asked"""
+    """Hz; default rate, 0 for messages on request only"""
     rank: Rank
-    """what comes first on a slow link"""
+    """priority on a slow link"""
     groups: frozenset[int]
     """MAV_DATA_STREAM groups of the old REQUEST_DATA_STREAM"""
     changes: Callable[[VehicleView], int] | None = None
-    """what nobody is to wait for: the message is sent at once when this changes"""
+    """trigger: the message is sent at once when this value changes"""
 
 
 _STATUS = mavlink.MAV_DATA_STREAM_EXTENDED_STATUS
@@ -86,4 +86,4 @@ STREAMS = (
         for each in TELEMETRY
     ),
 )
-"""All telemetry, with the rates of a fresh link."""
+"""all telemetry, with the rates of a new link"""

@@ -1,4 +1,4 @@
-"""Which telemetry goes out on which link, and when."""
+"""Telemetry schedule by link."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from avionics.link.telemetry import boot_ms, mission_current
 from avionics.link.vehicle import VehicleView
 
 _LONGEST_US = 2**31 - 1
-"""us; that MESSAGE_INTERVAL can hold"""
+"""us; maximum of MESSAGE_INTERVAL"""
 FASTEST = 0.005
-"""s; no message is sent more often"""
+"""s; minimum interval of a message"""
 LONGEST_WAIT = 5.0
-"""s; after which a thinned stream is sent once, whatever its rank"""
+"""s; maximum delay of a thinned stream, independent of its rank"""
 _LOOK_AGAIN = 0.005
-"""s; until a stream that found no room is looked at again"""
+"""s; retry interval of a stream without capacity"""
 
 
 Send = Callable[[int, Any], int]
-"""Sends a message on a link; returns the frames sent, one for each peer."""
+"""function that sends a message on a link and returns the number of frames, one for each peer"""
 
 
 @dataclass
@@ -33,14 +33,14 @@ class _Schedule:
     entry: StreamEntry
     guard: Guard
     kept: float
-    """share of a link's depth that is kept for streams of a higher rank"""
+    """fraction of the depth of a link reserved for streams of a higher rank"""
     interval: float
     due: float
     sent: float = -float("inf")
 
 
 class Streams:
-    """The telemetry schedule of every link, on the wall clock."""
+    """Telemetry schedule of every link, on the wall clock."""
 
     def __init__(
         self,
@@ -50,7 +50,10 @@ class Streams:
         isolation: Isolation,
         first_item: int = 0,
     ) -> None:
-        """``capacities`` says how much each link takes now, ``first_item`` is `Identity.first_item`."""
+        """Create the schedule.
+
+        ``capacities`` return the bytes that each link accepts now; ``first_item`` is `Identity.first_item`.
+        """
         self._vehicle = vehicle
         self._unix_time = unix_time
         system_time = StreamEntry(
@@ -70,7 +73,7 @@ class Streams:
         entries = sorted((*STREAMS, system_time, current), key=lambda entry: entry.rank.value)
         self._capacities = capacities
         self.guards = {entry.message_id: isolation.guard(f"telemetry {_name(entry)}") for entry in entries}
-        """of the builders"""
+        """guards of the builders"""
         self._links = [
             {entry.message_id: _fresh(entry, self.guards[entry.message_id]) for entry in entries} for _ in capacities
         ]
@@ -90,12 +93,15 @@ class Streams:
         }
 
     def build(self, message_id: int) -> list[Any] | None:
-        """The messages of this id as of now, perhaps none; None for one that is not telemetry."""
+        """Return the present messages of this ID; None if it is not telemetry."""
         schedule = self._links[0].get(message_id) if self._links else None
         return None if schedule is None else _as_list(schedule.guard.run(schedule.entry.build, self._vehicle))
 
     def set_interval(self, link: int, message_id: int, interval_us: float) -> bool:
-        """Microseconds between two messages: 0 for the default, -1 for never; False for an unknown message."""
+        """Set the interval (us) of a message: 0 for the default, -1 to disable.
+
+        The result is False for an unknown message.
+        """
         schedule = self._links[link].get(message_id)
         if schedule is None:
             return False
@@ -103,20 +109,23 @@ class Streams:
             schedule.interval = _default(schedule.entry)
         else:
             schedule.interval = max(interval_us * 1e-6, FASTEST) if interval_us > 0 else float("inf")
-        # From the last one on, so that asking again and again makes nothing come more often than was asked.
+        # The interval counts from the last message, so that repeated requests do not increase the rate.
         schedule.due = schedule.sent + schedule.interval if schedule.interval < float("inf") else float("inf")
         self._next = -float("inf")
         return True
 
     def interval_us(self, link: int, message_id: int) -> int:
-        """Microseconds between two messages; -1 for one that is switched off, 0 for one that there is not."""
+        """Return the interval (us) of a message: -1 if disabled, 0 if unknown."""
         schedule = self._links[link].get(message_id)
         if schedule is None:
             return 0
         return min(round(schedule.interval * 1e6), _LONGEST_US) if schedule.interval < float("inf") else -1
 
     def set_group(self, link: int, group: int, rate: float) -> bool:
-        """A whole group of REQUEST_DATA_STREAM to ``rate`` Hz, 0 for never; False for a group without messages."""
+        """Set a group of REQUEST_DATA_STREAM to ``rate`` (Hz), 0 to disable.
+
+        The result is False for a group without messages.
+        """
         everything = group == mavlink.MAV_DATA_STREAM_ALL
         chosen = [
             schedule.entry.message_id
@@ -128,10 +137,10 @@ class Streams:
         return bool(chosen)
 
     def send_due(self, now: float, send: Send) -> None:
-        """Send what is due at wall-clock time ``now`` in s; costs little while nothing is.
+        """Send the messages due at wall-clock time ``now`` (s).
 
-        No more than `TELEMETRY_FRAMES` over all links and peers, but for the message that passes it. The links take
-        turns, message by message, so that none uses up what another needs; on each the lowest rank comes first.
+        The limit is `TELEMETRY_FRAMES` over all links and peers; the message that exceeds it is the last. The links
+        alternate message by message, so that none uses the share of another; on each the highest priority is first.
         """
         self._is_on_change(now)
         if now < self._next:
@@ -172,7 +181,7 @@ class Streams:
         return sum(send(link, message) for message in _as_list(entry.build(self._vehicle)))
 
     def _is_on_change(self, now: float) -> None:
-        """What says something new is due now, on every link that has it at all."""
+        """Mark triggered messages with a changed value as due on their links."""
         before, self._known = self._known, self._prompt_values()
         for message_id, value in self._known.items():
             if value != before[message_id]:
@@ -182,12 +191,12 @@ class Streams:
                     schedule.due = min(schedule.due, now) if schedule.interval < float("inf") else schedule.due
 
     def _kept(self, schedule: _Schedule, now: float) -> float:
-        """Share of a link's depth that is kept for others; a stream that waited long enough goes first."""
+        """Return the reserved fraction of a link's depth; 0 after a long delay."""
         overdue = now - schedule.sent > max(LONGEST_WAIT, 2.0 * schedule.interval)
         return 0.0 if overdue else schedule.kept
 
     def _has_capacity(self, link: int, schedule: _Schedule, now: float) -> bool:
-        """Whether the link takes a stream of this rank."""
+        """Return whether the link has capacity for a stream of this rank."""
         if self._capacities[link](self._kept(schedule, now)) > 0.0:
             return True
         if _is_late(schedule, now):
@@ -195,18 +204,18 @@ class Streams:
         return False
 
     def take_thinned(self) -> set[int]:
-        """Links on which a stream had to be left out since the last call."""
+        """Return the links with an omitted message since the last call."""
         thinned, self._thinned = self._thinned, set()
         return thinned
 
     def take_limited(self) -> bool:
-        """Whether a stream had to be left out since the last call because of all links together."""
+        """Return whether the limit of all links omitted a message since the last call."""
         limited, self._limited = self._limited, False
         return limited
 
 
 def _is_late(schedule: _Schedule, now: float) -> bool:
-    """Whether a message is left out, and not only late; the first one of all is not."""
+    """Return whether a message is omitted and not only late, except for the first one."""
     return schedule.interval < now - schedule.due < float("inf")
 
 

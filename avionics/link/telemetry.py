@@ -1,6 +1,6 @@
-"""The codec's part for the ground: the vehicle's topics as MAVLink telemetry, in the wire's units.
+"""Telemetry codec: topics of the vehicle as MAVLink messages in wire units.
 
-Every builder takes the vehicle and gives a message, or None while there is nothing to say.
+Every builder takes the vehicle and returns a message, or None if there is no content.
 """
 
 from __future__ import annotations
@@ -17,23 +17,26 @@ from wingbeat.topic import Topic
 
 _UNKNOWN_U16 = 0xFFFF
 CHANNELS_SENT = 18
-"""of RC_CHANNELS"""
+"""channels of RC_CHANNELS"""
 _COULOMB_PER_MAH = 3.6
 _JOULE_PER_HJ = 100.0
 
 
 def boot_ms(time_us: int) -> int:
-    """``time_boot_ms``: milliseconds since boot in 32 bits."""
+    """Return ``time_boot_ms``: milliseconds since boot in 32 bits."""
     return time_us // 1000 & 0xFFFFFFFF
 
 
 def clamped(value: float, low: int, high: int) -> int:
-    """``value`` as the integer nearest to it within the field; a value that is not finite becomes ``low``."""
+    """Return ``value`` rounded and limited to the range of a field.
+
+    A value that is not finite becomes ``low``.
+    """
     return min(max(round(value), low), high) if math.isfinite(value) else low
 
 
 def int16(value: float) -> int:
-    """``value`` as the nearest 16-bit integer."""
+    """Return ``value`` as the nearest 16-bit integer."""
     return clamped(value, -32768, 32767)
 
 
@@ -42,22 +45,22 @@ def _u16(value: float) -> int:
 
 
 def int32(value: float) -> int:
-    """``value`` as the nearest 32-bit integer."""
+    """Return ``value`` as the nearest 32-bit integer."""
     return clamped(value, -(2**31), 2**31 - 1)
 
 
 def degrees_e7(angle: float) -> int:
-    """A latitude or longitude in rad as degE7."""
+    """Return a latitude or longitude (rad) as degE7."""
     return int32(math.degrees(angle) * 1e7)
 
 
 def heading_cdeg(yaw: float) -> int:
-    """A heading in rad as 0 to 35999 hundredths of a degree."""
+    """Return a heading (rad) as 0 to 35999 hundredths of a degree."""
     return round(math.degrees(yaw) * 100.0) % 36000
 
 
 def attitude(vehicle: VehicleView) -> Any:
-    """ATTITUDE."""
+    """Return ATTITUDE."""
     now = vehicle.latest(t.ATTITUDE)
     if now is None:
         return None
@@ -67,7 +70,7 @@ def attitude(vehicle: VehicleView) -> Any:
 
 
 def attitude_quaternion(vehicle: VehicleView) -> Any:
-    """ATTITUDE_QUATERNION."""
+    """Return ATTITUDE_QUATERNION."""
     now = vehicle.latest(t.ATTITUDE)
     if now is None:
         return None
@@ -90,7 +93,7 @@ def _throttle(vehicle: VehicleView) -> float:
 
 
 def vfr_hud(vehicle: VehicleView) -> Any:
-    """VFR_HUD: m/s, whole degrees, percent, altitude above mean sea level."""
+    """Return VFR_HUD: m/s, integer degrees, percent, altitude above mean sea level."""
     air, height, turn = vehicle.latest(t.AIR_DATA), vehicle.latest(t.ALTITUDE), vehicle.latest(t.ATTITUDE)
     place = vehicle.latest(t.POSITION)
     if air is None or height is None or turn is None:
@@ -107,7 +110,7 @@ def vfr_hud(vehicle: VehicleView) -> Any:
 
 
 def global_position(vehicle: VehicleView) -> Any:
-    """GLOBAL_POSITION_INT: degE7, mm, cm/s, cdeg; None before the first fix."""
+    """Return GLOBAL_POSITION_INT: degE7, mm, cm/s, cdeg; None before the first fix."""
     place, height, turn = vehicle.latest(t.POSITION), vehicle.latest(t.ALTITUDE), vehicle.latest(t.ATTITUDE)
     if place is None or not place.valid or height is None:
         return None
@@ -125,7 +128,7 @@ def global_position(vehicle: VehicleView) -> Any:
 
 
 def local_position(vehicle: VehicleView) -> Any:
-    """LOCAL_POSITION_NED."""
+    """Return LOCAL_POSITION_NED."""
     place, height = vehicle.latest(t.POSITION), vehicle.latest(t.ALTITUDE)
     if place is None or not place.valid or height is None:
         return None
@@ -141,7 +144,7 @@ def local_position(vehicle: VehicleView) -> Any:
 
 
 def gps_raw(vehicle: VehicleView) -> Any:
-    """GPS_RAW_INT: accuracies in ``h_acc``, ``v_acc`` in mm; dilutions unknown."""
+    """Return GPS_RAW_INT: accuracies in ``h_acc``, ``v_acc`` in mm; dilutions unknown."""
     fix = vehicle.latest(t.GPS)
     if fix is None:
         return None
@@ -163,7 +166,10 @@ def gps_raw(vehicle: VehicleView) -> Any:
 
 
 def battery(vehicle: VehicleView) -> Any:
-    """BATTERY_STATUS: mV, cA, mAh, hJ, percent; the pack's voltage stands in the first cell."""
+    """Return BATTERY_STATUS: mV, cA, mAh, hJ, percent.
+
+    The voltage of the pack is in the first cell.
+    """
     power = vehicle.latest(t.POWER)
     if power is None:
         return None
@@ -213,20 +219,20 @@ _FAULTS = (
 
 
 def _ready(vehicle: VehicleView) -> bool:
-    """Armed, or about to be if it were asked."""
+    """Return whether the vehicle is armed, or arming would be accepted."""
     return vehicle.armed or not vehicle.refusal(m.Command(vehicle.time_us, m.CommandKind.ARM))
 
 
 def sys_status(vehicle: VehicleView) -> Any:
-    """SYS_STATUS: which sensors have spoken, which of them a failsafe speaks against; mV, cA, percent.
+    """Return SYS_STATUS: sensors present, enabled and healthy; mV, cA, percent.
 
-    The bit of the check before arming is well where the flight core would arm.
+    The bit of the prearm check is healthy if the flight core would arm.
     """
     present = sum(bits for topic, bits in _SENSORS if vehicle.latest(topic) is not None)
     state = vehicle.latest(t.HEALTH)
     failures = state.failsafe if state is not None else 0
     sick = sum(bits for flag, bits in _FAULTS if failures & flag)
-    # A ground station takes a fence that is not reported healthy for a breach, even where there is none.
+    # Ground stations report a fence that is not healthy as a breach, even without a fence.
     fence = 0 if failures & m.Failsafe.FENCE else mavlink.MAV_SYS_STATUS_GEOFENCE
     check = _CHECK if _ready(vehicle) else 0
     power = vehicle.latest(t.POWER)
@@ -260,24 +266,24 @@ _LANDED = {
 
 
 def landed_state(vehicle: VehicleView) -> int:
-    """MAV_LANDED_STATE, from the stage of the flight."""
+    """Return MAV_LANDED_STATE from the flight stage."""
     navigation = vehicle.latest(t.NAVIGATION)
     unknown: int = mavlink.MAV_LANDED_STATE_UNDEFINED
     return unknown if navigation is None else _LANDED.get(navigation.stage, unknown)
 
 
 def extended_sys_state(vehicle: VehicleView) -> Any:
-    """EXTENDED_SYS_STATE."""
+    """Return EXTENDED_SYS_STATE."""
     return mavlink.MAVLink_extended_sys_state_message(mavlink.MAV_VTOL_STATE_UNDEFINED, landed_state(vehicle))
 
 
 def home_place(home: Home) -> tuple[int, int, int]:
-    """Latitude and longitude in degE7, altitude above mean sea level in mm."""
+    """Return latitude and longitude in degE7, altitude above mean sea level in mm."""
     return degrees_e7(home.latitude), degrees_e7(home.longitude), int32(home.altitude * 1e3)
 
 
 def home_position(vehicle: VehicleView) -> Any:
-    """HOME_POSITION: degE7 and mm; None before the first fix."""
+    """Return HOME_POSITION: degE7 and mm; None before the first fix."""
     home = vehicle.home
     if home is None:
         return None
@@ -295,7 +301,7 @@ def home_position(vehicle: VehicleView) -> Any:
 
 
 def wind(vehicle: VehicleView) -> Any:
-    """WIND_COV, with one sigma of the wind as its accuracy."""
+    """Return WIND_COV, with one sigma of the wind as its accuracy."""
     place, height = vehicle.latest(t.POSITION), vehicle.latest(t.ALTITUDE)
     if place is None or not place.valid:
         return None
@@ -312,7 +318,10 @@ def _pulse(control: float) -> int:
 
 
 def servo_output(vehicle: VehicleView) -> Any:
-    """SERVO_OUTPUT_RAW: 1000 to 2000 us in the order of HIL_ACTUATOR_CONTROLS; throttle is 1000 when 0."""
+    """Return SERVO_OUTPUT_RAW: 1000 to 2000 us in the order of HIL_ACTUATOR_CONTROLS.
+
+    The throttle is 1000 at 0.
+    """
     now = vehicle.latest(t.ACTUATORS)
     if now is None:
         return None
@@ -323,9 +332,9 @@ def servo_output(vehicle: VehicleView) -> Any:
 
 
 def rc_channels(vehicle: VehicleView) -> Any:
-    """RC_CHANNELS: the receiver's pulses in us, those it has not got as unused; strength 0 while it is lost.
+    """Return RC_CHANNELS: receiver pulses in us; missing ones are marked as unused.
 
-    Channels that a ground station overrides are its own; they are not in here.
+    The strength is 0 while the receiver is lost. Channels overridden by a ground station are not included.
     """
     now = vehicle.latest(t.RECEIVER)
     if now is None:
@@ -347,7 +356,7 @@ _BREACHES = {
 
 
 def fence_status(vehicle: VehicleView) -> Any:
-    """FENCE_STATUS: ms since boot; nothing limits the speed at the fence."""
+    """Return FENCE_STATUS: ms since boot; the speed is not limited at the fence."""
     now = vehicle.latest(t.FENCE)
     if now is None:
         return None
@@ -361,7 +370,7 @@ def fence_status(vehicle: VehicleView) -> Any:
 
 
 def navigation_output(vehicle: VehicleView) -> Any:
-    """NAV_CONTROLLER_OUTPUT: degrees and metres."""
+    """Return NAV_CONTROLLER_OUTPUT: degrees and meters."""
     now = vehicle.latest(t.NAVIGATION)
     if now is None:
         return None
@@ -380,7 +389,10 @@ def navigation_output(vehicle: VehicleView) -> Any:
 
 
 def mission_current(vehicle: VehicleView, first_item: int, chosen: int | None = None) -> Any:
-    """MISSION_CURRENT, with items numbered from ``first_item`` on; ``chosen`` is a number just set by a client."""
+    """Return MISSION_CURRENT, with items numbered from ``first_item``.
+
+    ``chosen`` is a number just set by a client.
+    """
     now = vehicle.latest(t.NAVIGATION)
     flying = vehicle.mode == m.Mode.AUTO
     state = mavlink.MISSION_STATE_ACTIVE if flying else mavlink.MISSION_STATE_NOT_STARTED
@@ -391,7 +403,7 @@ def mission_current(vehicle: VehicleView, first_item: int, chosen: int | None = 
 
 
 def wing_state(vehicle: VehicleView) -> Any:
-    """WINGBEAT_WING_STATE."""
+    """Return WINGBEAT_WING_STATE."""
     now = vehicle.latest(t.WING)
     if now is None:
         return None
@@ -399,7 +411,7 @@ def wing_state(vehicle: VehicleView) -> Any:
 
 
 def power_state(vehicle: VehicleView) -> Any:
-    """WINGBEAT_POWER."""
+    """Return WINGBEAT_POWER."""
     now = vehicle.latest(t.POWER)
     if now is None:
         return None
@@ -407,7 +419,7 @@ def power_state(vehicle: VehicleView) -> Any:
 
 
 def navigation_state(vehicle: VehicleView) -> Any:
-    """WINGBEAT_NAVIGATION."""
+    """Return WINGBEAT_NAVIGATION."""
     now = vehicle.latest(t.NAVIGATION)
     if now is None:
         return None
@@ -424,7 +436,7 @@ def navigation_state(vehicle: VehicleView) -> Any:
 
 
 def excitation_state(vehicle: VehicleView) -> Any:
-    """WINGBEAT_EXCITATION."""
+    """Return WINGBEAT_EXCITATION."""
     now = vehicle.latest(t.EXCITATION)
     if now is None:
         return None
@@ -434,7 +446,7 @@ def excitation_state(vehicle: VehicleView) -> Any:
 
 
 class Mirror(NamedTuple):
-    """A value that is also sent as NAMED_VALUE_FLOAT, for ground stations without our dialect."""
+    """Value also sent as NAMED_VALUE_FLOAT, for ground stations without the dialect."""
 
     name: bytes
     """-; at most 10 characters"""
@@ -448,11 +460,11 @@ MIRRORS = (
     Mirror(b"flap_freq", t.WING, "frequency"),
     Mirror(b"power_w", t.POWER, "power"),
 )
-"""rad, rad, Hz and W."""
+"""values in rad, rad, Hz and W"""
 
 
 def mirrors(vehicle: VehicleView) -> list[Any]:
-    """NAMED_VALUE_FLOAT of every `MIRRORS` entry that there is."""
+    """Return NAMED_VALUE_FLOAT of every available entry of `MIRRORS`."""
     found = [(mirror, vehicle.latest(mirror.topic)) for mirror in MIRRORS]
     return [
         mavlink.MAVLink_named_value_float_message(boot_ms(now.time_us), mirror.name, getattr(now, mirror.field))

@@ -1,6 +1,7 @@
-"""Telemetry that is sent on request: raw sensors, estimator status, odometry, as PX4 and ArduPilot send it.
+"""Telemetry on request: raw sensors, estimator status, odometry.
 
-Every builder takes the vehicle and gives a message, or None while there is nothing to report.
+The messages are as those of PX4 and ArduPilot. Every builder takes the vehicle and returns a message, or None if
+there is no content.
 """
 
 from __future__ import annotations
@@ -22,18 +23,18 @@ from wingbeat.rotations import frd_from_ned
 
 T = TypeVar("T")
 INNOVATION_GATE = 5.0
-"""standard deviations; PX4's and ArduPilot's gate, by which their test ratios are normalized"""
+"""standard deviations; gate of PX4 and ArduPilot that normalizes their test ratios"""
 _UNKNOWN_TILT = math.pi
 
 
 def scaled_imu(vehicle: VehicleView) -> Any:
-    """SCALED_IMU: mG, mrad/s, mgauss, body FRD axes."""
+    """Return SCALED_IMU: mG, mrad/s, mgauss, body FRD axes."""
     now = vehicle.latest(t.IMU)
     return None if now is None else mavlink.MAVLink_scaled_imu_message(boot_ms(now.time_us), *_milli(now))
 
 
 def raw_imu(vehicle: VehicleView) -> Any:
-    """RAW_IMU in the units of SCALED_IMU, as ArduPilot sends it."""
+    """Return RAW_IMU in the units of SCALED_IMU, as ArduPilot does."""
     now = vehicle.latest(t.IMU)
     return None if now is None else mavlink.MAVLink_raw_imu_message(now.time_us, *_milli(now))
 
@@ -45,7 +46,7 @@ def _milli(imu: m.ImuSample) -> tuple[int, ...]:
 
 
 def highres_imu(vehicle: VehicleView) -> Any:
-    """HIGHRES_IMU: m/s^2, rad/s, gauss, hPa, m, degC; body FRD axes."""
+    """Return HIGHRES_IMU: m/s^2, rad/s, gauss, hPa, m, degC; body FRD axes."""
     now, air = vehicle.latest(t.IMU), vehicle.latest(t.AIR_DATA)
     if now is None:
         return None
@@ -60,7 +61,7 @@ def highres_imu(vehicle: VehicleView) -> Any:
 
 
 def scaled_pressure(vehicle: VehicleView) -> Any:
-    """SCALED_PRESSURE: hPa and 0.01 degC."""
+    """Return SCALED_PRESSURE: hPa and 0.01 degC."""
     air = vehicle.latest(t.AIR_DATA)
     if air is None:
         return None
@@ -73,7 +74,7 @@ def scaled_pressure(vehicle: VehicleView) -> Any:
 
 
 def altitude(vehicle: VehicleView) -> Any:
-    """ALTITUDE: m; terrain unknown."""
+    """Return ALTITUDE: m; terrain unknown."""
     now = vehicle.latest(t.ALTITUDE)
     if now is None:
         return None
@@ -83,7 +84,10 @@ def altitude(vehicle: VehicleView) -> Any:
 
 
 def gps_global_origin(vehicle: VehicleView) -> Any:
-    """GPS_GLOBAL_ORIGIN: degE7 and mm, of the local frame; None before the first fix."""
+    """Return GPS_GLOBAL_ORIGIN of the local frame: degE7 and mm.
+
+    The result is None before the first fix.
+    """
     home = vehicle.home
     if home is None:
         return None
@@ -91,7 +95,7 @@ def gps_global_origin(vehicle: VehicleView) -> Any:
 
 
 def _estimator_flags(vehicle: VehicleView) -> int:
-    """ESTIMATOR_STATUS_FLAGS that EKF_STATUS_FLAGS has as well."""
+    """Return the ESTIMATOR_STATUS_FLAGS that EKF_STATUS_FLAGS also has."""
     turn, height, place = vehicle.latest(t.ATTITUDE), vehicle.latest(t.ALTITUDE), vehicle.latest(t.POSITION)
     health = vehicle.latest(t.HEALTH)
     failures = health.failsafe if health is not None else 0
@@ -107,12 +111,15 @@ def _estimator_flags(vehicle: VehicleView) -> int:
 
 
 def _ratio(innovation: float, variance: float) -> float:
-    """Innovation over gate times its standard deviation; 0 before the first."""
+    """Return the innovation over the gate in standard deviations; 0 before the first."""
     return abs(innovation) / (INNOVATION_GATE * math.sqrt(variance)) if variance > 0.0 else 0.0
 
 
 def _ratios(vehicle: VehicleView) -> tuple[float, float, float, float, float]:
-    """Test ratios of velocity, horizontal position, altitude, magnetic field and airspeed; 1 at the gate."""
+    """Return the test ratios, 1 at the gate.
+
+    The order is velocity, horizontal position, altitude, magnetic field, airspeed.
+    """
     place, height = vehicle.latest(t.POSITION), vehicle.latest(t.ALTITUDE)
     turn, air = vehicle.latest(t.ATTITUDE), vehicle.latest(t.AIR_DATA)
     velocity = horizontal = vertical = field = airspeed = 0.0
@@ -132,7 +139,7 @@ def _ratios(vehicle: VehicleView) -> tuple[float, float, float, float, float]:
 
 
 def ekf_status(vehicle: VehicleView) -> Any:
-    """EKF_STATUS_REPORT as ArduPilot sends it: test ratios, 1 at the gate."""
+    """Return EKF_STATUS_REPORT as ArduPilot does: test ratios, 1 at the gate."""
     if vehicle.latest(t.ATTITUDE) is None:
         return mavlink.MAVLink_ekf_status_report_message(mavlink.EKF_UNINITIALIZED, 0.0, 0.0, 0.0, 0.0, 0.0)
     velocity, horizontal, vertical, field, airspeed = _ratios(vehicle)
@@ -143,7 +150,10 @@ def ekf_status(vehicle: VehicleView) -> Any:
 
 
 def estimator_status(vehicle: VehicleView) -> Any:
-    """ESTIMATOR_STATUS as PX4 sends it: squared test ratios, 1 at the gate; accuracies in m, one sigma."""
+    """Return ESTIMATOR_STATUS as PX4 does: squared test ratios, 1 at the gate.
+
+    The accuracies are one sigma in m.
+    """
     place, height = vehicle.latest(t.POSITION), vehicle.latest(t.ALTITUDE)
     if place is None or height is None:
         return None
@@ -166,7 +176,10 @@ def estimator_status(vehicle: VehicleView) -> Any:
 
 
 def odometry(vehicle: VehicleView) -> Any:
-    """ODOMETRY: position in local NED (m), velocity (m/s) and rates (rad/s) in body FRD; variances alone."""
+    """Return ODOMETRY.
+
+    The position is in local NED (m), velocity (m/s) and rates (rad/s) in body FRD. Only the variances are known.
+    """
     turn, place, height = vehicle.latest(t.ATTITUDE), vehicle.latest(t.POSITION), vehicle.latest(t.ALTITUDE)
     if turn is None or height is None or place is None or not place.valid:
         return None
@@ -194,7 +207,10 @@ def odometry(vehicle: VehicleView) -> Any:
 
 
 def _covariance(*variances: float) -> list[float]:
-    """Upper triangle (21,) by rows of a 6 by 6 matrix with these ``variances``; all else is unknown."""
+    """Return the upper triangle (21,) by rows of a 6 by 6 matrix with ``variances``.
+
+    The other elements are unknown.
+    """
     triangle = [math.nan] * 21
     for row, variance in enumerate(variances):
         triangle[row * 6 - row * (row - 1) // 2] = variance
@@ -202,7 +218,7 @@ def _covariance(*variances: float) -> list[float]:
 
 
 def vibration(vehicle: VehicleView) -> Any:
-    """VIBRATION: m/s^2, and samples with an axis at the end of the range."""
+    """Return VIBRATION: m/s^2, and number of samples with a saturated axis."""
     now = vehicle.latest(t.VIBRATION)
     if now is None:
         return None
@@ -211,7 +227,10 @@ def vibration(vehicle: VehicleView) -> Any:
 
 
 def actuator_outputs(vehicle: VehicleView) -> Any:
-    """ACTUATOR_OUTPUT_STATUS: wings (rad), elevator (rad), rudder (rad), throttle (0 to 1)."""
+    """Return ACTUATOR_OUTPUT_STATUS.
+
+    The order is wings (rad), elevator (rad), rudder (rad), throttle (0 to 1).
+    """
     now = vehicle.latest(t.ACTUATORS)
     if now is None:
         return None
@@ -227,7 +246,10 @@ _NO_POSITION = 0b11
 
 
 def position_target_global(vehicle: VehicleView) -> Any:
-    """POSITION_TARGET_GLOBAL_INT: degE7, m above mean sea level, rad; the position is masked if there is none."""
+    """Return POSITION_TARGET_GLOBAL_INT: degE7, m above mean sea level, rad.
+
+    The position is masked if there is none.
+    """
     now, home, destination = vehicle.latest(t.NAVIGATION), vehicle.home, vehicle.destination
     if now is None or home is None:
         return None
@@ -240,7 +262,10 @@ def position_target_global(vehicle: VehicleView) -> Any:
 
 
 def position_target_local(vehicle: VehicleView) -> Any:
-    """POSITION_TARGET_LOCAL_NED: m, rad; the position is masked if there is none."""
+    """Return POSITION_TARGET_LOCAL_NED: m, rad.
+
+    The position is masked if there is none.
+    """
     now, destination = vehicle.latest(t.NAVIGATION), vehicle.destination
     if now is None:
         return None
@@ -253,7 +278,7 @@ def position_target_local(vehicle: VehicleView) -> Any:
 
 
 def sensor_message(sensor: Sensor[T]) -> Callable[[VehicleView], Any]:
-    """Return the builder of a sensor's standard message."""
+    """Return the builder of the standard message of a sensor."""
 
     def build(vehicle: VehicleView) -> Any:
         sample = vehicle.latest(sensor.topic)

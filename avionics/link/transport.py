@@ -1,7 +1,7 @@
-"""Bytes in and out: UDP, TCP and serial, with own sockets.
+"""Byte transports: UDP, TCP and serial.
 
-Ground links are `Transport`: they never block, never raise because of what a peer does, and may have several
-peers. A lockstep partner is a `Stream`: one peer, every wait bounded.
+Ground links are `Transport`: they never block, raise no exceptions for actions of a peer, and may have several peers.
+A lockstep partner is a `Stream` with one peer and bounded waits.
 """
 
 from __future__ import annotations
@@ -21,53 +21,53 @@ from wingbeat.errors import InputError
 
 Peer = Hashable
 MOST_PEERS = 16
-"""A link serves no more than this many; the one that was silent longest makes room."""
+"""limit of peers on a link; the one with the oldest reception is replaced"""
 HALF_OPEN = 5.0
-"""s; of silence, five heartbeats, after which a TCP connection makes room for a new one where there is none left"""
+"""s; idle time, five heartbeats, after which a TCP connection may be replaced by a new one"""
 GONE = 60.0
-"""s; of silence after which a UDP station is sent nothing more: it may have come back on another port"""
+"""s; idle time after which a UDP station is removed: it may have reconnected from another port"""
 _CHUNK = 65536
 _MOST_DATAGRAMS = 100
 _BACKLOG = 1 << 18
 
 
 class Packet(NamedTuple):
-    """Bytes from one peer; empty when the peer has gone."""
+    """Bytes of one peer; empty if it has disconnected."""
 
     data: bytes
     peer: Peer
     continues: bool = False
-    """the rest of a long datagram comes in the next packet"""
+    """True if the next packet continues a long datagram"""
 
 
 class Transport(Protocol):
-    """A ground link's bytes."""
+    """Byte transport of a ground link."""
 
     url: LinkUrl
     datagrams: bool
-    """frames do not continue from one packet to the next, but where the packet says so"""
+    """True if frames do not continue in the next packet unless the packet is marked so"""
     portion: int
-    """bytes that one `receive` begins to take at most; the rest waits where it is"""
+    """bytes; maximum that one `receive` begins to read; the remainder stays queued"""
 
     @property
     def dropped(self) -> int:
-        """Frames that could not be sent."""
+        """Number of frames that could not be sent."""
 
     @property
     def peers(self) -> tuple[Peer, ...] | None:
-        """Who hears what is sent to all; None where there is one at most."""
+        """Recipients of messages to all; None if there is at most one."""
 
     def receive(self, now: float) -> list[Packet]:
-        """All that has arrived; ``now`` is wall-clock time in s."""
+        """Return the received packets; ``now`` (s) is the wall-clock time."""
 
     def register_peer(self, peer: Peer) -> None:
-        """A valid frame came from ``peer``: it may be sent to from now on."""
+        """Register the sender of a valid frame as a recipient."""
 
     def send(self, data: bytes, peer: Peer | None = None) -> None:
         """Send to one peer, or to all."""
 
     def close(self) -> None:
-        """Release the port."""
+        """Close the transport."""
 
 
 def open_transport(url: str | LinkUrl) -> Transport:
@@ -113,7 +113,7 @@ def _bound(url: LinkUrl, kind: socket.SocketKind) -> socket.socket:
 
 
 class UdpServer:
-    """``udpin``: waits for ground stations and answers each that sent a valid frame."""
+    """``udpin``: UDP server that answers ground stations after a valid frame."""
 
     datagrams = True
 
@@ -128,13 +128,16 @@ class UdpServer:
         self._mailbox = _Mailbox(self._socket)
 
     def receive(self, now: float) -> list[Packet]:
-        """All datagrams that have arrived."""
+        """Return the received datagrams."""
         self._now = now
         self._drop_stale_peers()
         return self._mailbox.receive(self.portion)
 
     def _drop_stale_peers(self) -> None:
-        """Who was heard last stays: it may be that only his own words are lost."""
+        """Remove timed-out peers except the last received.
+
+        The last one is kept, because only its frames may be lost.
+        """
         if len(self._received_at) > 1:
             last = max(self._received_at.values())
             self._received_at = {
@@ -142,28 +145,28 @@ class UdpServer:
             }
 
     def register_peer(self, peer: Peer) -> None:
-        """Remember where a valid frame came from."""
+        """Store the address of a valid frame."""
         if peer not in self._received_at and len(self._received_at) >= MOST_PEERS:
             del self._received_at[min(self._received_at, key=lambda known: self._received_at[known])]
         self._received_at[peer] = self._now
 
     @property
     def peers(self) -> tuple[Peer, ...]:
-        """Who was heard."""
+        """Registered ground stations."""
         return tuple(self._received_at)
 
     def send(self, data: bytes, peer: Peer | None = None) -> None:
-        """Send to one ground station, or to all that were heard."""
+        """Send to one ground station, or to all registered ones."""
         for address in tuple(self._received_at) if peer is None else (peer,):
             self.dropped += not _sent(self._socket, data, address)
 
     def close(self) -> None:
-        """Release the port."""
+        """Close the socket."""
         self._socket.close()
 
 
 class UdpClient:
-    """``udpout``: speaks to one ground station that listens, whether or not it is there yet."""
+    """``udpout``: UDP client of one ground station, which need not be running yet."""
 
     datagrams = True
     peers = None
@@ -178,23 +181,23 @@ class UdpClient:
         self._mailbox = _Mailbox(self._socket)
 
     def receive(self, now: float) -> list[Packet]:
-        """All datagrams that have arrived."""
+        """Return the received datagrams."""
         return self._mailbox.receive(self.portion)
 
     def register_peer(self, peer: Peer) -> None:
-        """Nothing to remember: there is one ground station."""
+        """Do nothing: there is one ground station."""
 
     def send(self, data: bytes, peer: Peer | None = None) -> None:
         """Send to the ground station."""
         self.dropped += not _sent(self._socket, data, self._address if peer is None else peer)
 
     def close(self) -> None:
-        """Release the socket."""
+        """Close the socket."""
         self._socket.close()
 
 
 class _Mailbox:
-    """The datagrams of a socket; one that is longer than a portion is taken whole, and given in portions."""
+    """Datagrams of a socket; a long one is read at once and returned in portions."""
 
     def __init__(self, port: socket.socket) -> None:
         self._port = port
@@ -214,7 +217,7 @@ class _Mailbox:
         return packets
 
     def _fetched(self) -> bool:
-        """Whether there is something to give; fetches the next datagram where nothing is left of the last."""
+        """Return whether data is available; read the next datagram if the last is used up."""
         if self._rest.data:
             return True
         try:
@@ -235,7 +238,7 @@ def _sent(port: socket.socket, data: bytes, address: Any) -> bool:
 
 
 class _Connection:
-    """One non-blocking TCP connection with a bounded queue of bytes still to be sent."""
+    """Non-blocking TCP connection with a bounded send queue."""
 
     def __init__(self, connected: socket.socket) -> None:
         connected.setblocking(False)
@@ -245,7 +248,10 @@ class _Connection:
         self._queue = bytearray()
 
     def receive(self, portion: int) -> bytes:
-        """At most so much of what has arrived; sets ``disconnected`` when the peer closed."""
+        """Return received bytes; set ``disconnected`` if the peer closed.
+
+        The limit is ``portion`` bytes.
+        """
         try:
             data = self.socket.recv(portion)
         except (BlockingIOError, InterruptedError):
@@ -256,7 +262,10 @@ class _Connection:
         return data
 
     def send(self, data: bytes) -> bool:
-        """Send or queue one frame; False when the queue is full, so that a frame is sent whole or not at all."""
+        """Send or queue one frame; False if the queue is full.
+
+        A frame is never sent in part.
+        """
         if len(self._queue) + len(data) > _BACKLOG:
             self.flush()
             if len(self._queue) + len(data) > _BACKLOG:
@@ -266,7 +275,7 @@ class _Connection:
         return True
 
     def flush(self) -> None:
-        """Send what the peer's window takes now."""
+        """Send the queued bytes that fit the window of the peer."""
         try:
             while self._queue:
                 del self._queue[: self.socket.send(self._queue)]
@@ -278,7 +287,7 @@ class _Connection:
 
 
 class TcpServer:
-    """``tcpin``: any number of ground stations connect to one port."""
+    """``tcpin``: TCP server for any number of ground stations."""
 
     datagrams = False
 
@@ -294,7 +303,10 @@ class TcpServer:
         self._now = 0.0
 
     def receive(self, now: float) -> list[Packet]:
-        """What has arrived, after letting in who waits at the door; who was not reached is first the next time."""
+        """Accept new connections and return the received bytes.
+
+        Connections not reached in one call are first in the next.
+        """
         self._now = now
         packets, left = self._let_in(), self.portion
         for connection in self._connections.values():
@@ -315,7 +327,7 @@ class TcpServer:
         return packets
 
     def _let_in(self) -> list[Packet]:
-        """Who waits, as far as there is room; says who had to go for it."""
+        """Accept waiting connections within the limit; return the replaced ones."""
         disconnected: list[Packet] = []
         with contextlib.suppress(OSError):
             for _ in range(MOST_PEERS):
@@ -331,7 +343,10 @@ class TcpServer:
         return disconnected
 
     def _spare(self) -> Any:
-        """Who makes room: the oldest that never said a valid word, else who has been silent for long; or None."""
+        """Return the connection to replace, or None.
+
+        It is the oldest without a valid frame, else one that has timed out.
+        """
         strangers = [peer for peer in self._connections if peer not in self._received_at]
         if strangers:
             return strangers[0]
@@ -343,23 +358,23 @@ class TcpServer:
         self._received_at.pop(peer, None)
 
     def register_peer(self, peer: Peer) -> None:
-        """Remember who said a valid word, and when: who only holds the door open makes room for others."""
+        """Store the time of a valid frame; connections without one may be replaced."""
         if peer in self._connections:
             self._received_at[peer] = self._now
 
     @property
     def peers(self) -> tuple[Peer, ...]:
-        """Who is connected."""
+        """Connected ground stations."""
         return tuple(self._connections)
 
     def send(self, data: bytes, peer: Peer | None = None) -> None:
-        """Send to one ground station, or to all that are connected."""
+        """Send to one ground station, or to all connected ones."""
         for address, connection in self._connections.items():
             if peer is None or peer == address:
                 self.dropped += not connection.send(data)
 
     def close(self) -> None:
-        """Hang up and release the port."""
+        """Close all connections and the port."""
         for connection in self._connections.values():
             connection.socket.close()
         self._connections.clear()
@@ -368,12 +383,12 @@ class TcpServer:
 
 
 class TcpClient:
-    """``tcp``: connects to a ground station, and again after a second whenever it is gone."""
+    """``tcp``: TCP client of a ground station that reconnects after a second."""
 
     datagrams = False
     peers = None
     retry = 1.0
-    """s; between two attempts"""
+    """s; interval of connection attempts"""
 
     def __init__(self, url: LinkUrl) -> None:
         self.url = url
@@ -381,13 +396,13 @@ class TcpClient:
         self.portion = _CHUNK
         self._family, self._address = _resolve(url, socket.SOCK_STREAM)
         self.trouble = ""
-        """-; why the last attempt to connect failed, empty where none did"""
+        """-; reason of the last failed attempt to connect, else empty"""
         self._connecting: socket.socket | None = None
         self._connection: _Connection | None = None
         self._next_attempt = -float("inf")
 
     def receive(self, now: float) -> list[Packet]:
-        """What has arrived; keeps the connection up."""
+        """Return the received bytes; reconnect if necessary."""
         if self._connection is None:
             self._connect(now)
             return []
@@ -415,15 +430,15 @@ class TcpClient:
                 attempt.close()
 
     def register_peer(self, peer: Peer) -> None:
-        """Nothing to remember: there is one ground station."""
+        """Do nothing: there is one ground station."""
 
     def send(self, data: bytes, peer: Peer | None = None) -> None:
-        """Send when connected; a ground station that is not there misses it."""
+        """Send if connected; otherwise the data is lost."""
         if self._connection is None or not self._connection.send(data):
             self.dropped += 1
 
     def close(self) -> None:
-        """Hang up."""
+        """Close the connection."""
         if self._connecting is not None:
             self._connecting.close()
         if self._connection is not None:
@@ -446,7 +461,7 @@ def _connected(attempt: socket.socket) -> bool:
 
 
 class SerialTransport:
-    """``serial``: a telemetry radio or a cable; one that was pulled out is silent until it is back."""
+    """``serial``: telemetry radio or cable that may be disconnected and reconnected."""
 
     datagrams = False
     peers = None
@@ -455,7 +470,7 @@ class SerialTransport:
         """Open the device.
 
         Raises:
-            InputError: it is missing, in use, or does not take this baud rate.
+            InputError: it is missing, in use, or does not support this baud rate.
         """
         self.url = url
         self.portion = _CHUNK
@@ -463,23 +478,23 @@ class SerialTransport:
 
     @property
     def dropped(self) -> int:
-        """Frames that the device did not take whole."""
+        """Number of frames that were written in part."""
         return self._line.dropped
 
     def receive(self, now: float) -> list[Packet]:
-        """What has arrived."""
+        """Return the received bytes."""
         data = self._line.read(0.0, self.portion)
         return [Packet(data, self.url.host)] if data else []
 
     def register_peer(self, peer: Peer) -> None:
-        """Nothing to remember: there is one wire."""
+        """Do nothing: there is one wire."""
 
     def send(self, data: bytes, peer: Peer | None = None) -> None:
-        """Send without waiting; a frame that the device does not take whole is counted as dropped."""
+        """Write without waiting; an incomplete frame counts as dropped."""
         self._line.write(data)
 
     def close(self) -> None:
-        """Release the device."""
+        """Close the device."""
         self._line.close()
 
 
@@ -487,34 +502,37 @@ class SerialTransport:
 
 
 class Stream(Protocol):
-    """The bytes of one lockstep partner."""
+    """Byte stream of one lockstep partner."""
 
     name: str
 
     def read(self, timeout: float) -> bytes | None:
-        """Bytes as soon as there are some; empty after ``timeout`` s without any, None when the peer has gone."""
+        """Return bytes as soon as some are available.
+
+        The result is empty after ``timeout`` (s), and None if the peer has disconnected.
+        """
 
     def write(self, data: bytes) -> bool:
-        """Send; False when the peer has gone or takes nothing for `WRITE_PATIENCE`."""
+        """Send; False if the peer has disconnected or blocks for `WRITE_PATIENCE`."""
 
     def close(self) -> None:
-        """Hang up."""
+        """Close the stream."""
 
 
 WRITE_PATIENCE = 5.0
-"""s; how long a lockstep partner may leave its receive buffer full."""
+"""s; maximum time for which a lockstep partner may keep its receive buffer full"""
 AT_ONCE, LOOKS = 2e-3, 64
-"""s, -; a partner in a hurry has answered by then; looks between two at the clock"""
+"""s, -; duration of a busy poll, sufficient for a fast partner; polls between two reads of the clock"""
 CREDIT, RENEWED = 64, 2000
-"""-; late answers until an end in a hurry sleeps again; answers in time, with no late one between, that undo them"""
+"""-; late answers after which busy polling ends; consecutive answers in time that cancel them"""
 
 
 class SocketStream:
-    """A TCP connection with Nagle's delay off."""
+    """TCP connection with Nagle's algorithm disabled."""
 
     def __init__(self, connected: socket.socket, name: str) -> None:
         connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        # Without a timeout of the socket's own: Python would ask the system twice for every read and write.
+        # No timeout of the socket itself: Python would make two system calls for every read and write.
         connected.setblocking(False)
         self.name = name
         self._socket = connected
@@ -524,14 +542,14 @@ class SocketStream:
         self._credit = self._in_time = 0
 
     def enable_busy_poll(self) -> None:
-        """Wait without sleeping from now on: for a partner who answers at once, on a core of its own.
+        """Enable busy polling, for a partner with fast answers on its own core.
 
-        Where answers are late time and again, the cores are wanted by others, and this end sleeps as before.
+        After repeated late answers the cores are in demand, and the reads block again.
         """
         self._credit = CREDIT
 
     def read(self, timeout: float) -> bytes | None:
-        """Bytes as soon as there are some; a wait of less than a millisecond is one of a millisecond."""
+        """Return bytes as soon as some are available; waits are at least one millisecond."""
         try:
             if (self._credit and self._watch()) or self._readable.poll(max(1e3 * timeout, 1.0)):
                 return self._socket.recv(_CHUNK) or None
@@ -542,7 +560,7 @@ class SocketStream:
         return b""
 
     def _watch(self) -> bool:
-        """Look for bytes until there are some, without sleeping; False where the partner takes too long."""
+        """Poll for bytes without blocking; False after the limit."""
         poll, end = self._readable.poll, 0.0
         while True:
             for _ in range(LOOKS):
@@ -558,7 +576,7 @@ class SocketStream:
                 return False
 
     def write(self, data: bytes) -> bool:
-        """Send all of it."""
+        """Send all data."""
         try:
             sent = self._socket.send(data)
         except BlockingIOError:
@@ -581,12 +599,12 @@ class SocketStream:
         return True
 
     def close(self) -> None:
-        """Hang up."""
+        """Close the connection."""
         self._socket.close()
 
 
 class Listener:
-    """Waits at a TCP port for one lockstep partner."""
+    """TCP server for one lockstep partner."""
 
     def __init__(self, url: str | LinkUrl) -> None:
         """Bind ``tcp:HOST:PORT`` or ``tcpin:HOST:PORT``.
@@ -601,11 +619,11 @@ class Listener:
 
     @property
     def port(self) -> int:
-        """The port that is listened on."""
+        """Port of the server."""
         return int(self._socket.getsockname()[1])
 
     def accept(self, timeout: float) -> SocketStream | None:
-        """The partner's connection, or None when nobody came for ``timeout`` s."""
+        """Return the connection of the partner, or None after ``timeout`` (s)."""
         self._socket.settimeout(timeout)
         try:
             connected, address = self._socket.accept()
@@ -614,14 +632,14 @@ class Listener:
         return SocketStream(connected, f"{address[0]}:{address[1]}")
 
     def close(self) -> None:
-        """Release the port."""
+        """Close the port."""
         self._socket.close()
 
 
 def open_stream(url: str | LinkUrl, timeout: float) -> Stream | None:
-    """Reach a lockstep partner; None when it did not answer for ``timeout`` s.
+    """Connect to a lockstep partner; None after ``timeout`` (s).
 
-    ``tcp`` connects and tries again while the partner starts, ``tcpin`` waits for it, ``serial`` opens the device.
+    ``tcp`` connects and retries while the partner starts, ``tcpin`` waits for it, ``serial`` opens the device.
 
     Raises:
         InputError: not an address of these kinds, the host has no address, the device is missing.

@@ -1,8 +1,9 @@
-"""The addresses of links: ``udpin:HOST:PORT``, ``udpout:``, ``tcp:``, ``tcpin:`` and ``serial:DEV,BAUD``.
+"""Link addresses: UDP, TCP and serial.
 
-Behind a ``?`` may stand what a vehicle does on that link: ``rate=57600`` (it is no faster than a serial line of so
-many baud), ``unsigned=accept`` (unsigned frames count although a signing key is set) and ``forward=no`` (nothing is
-passed on from or to other links); several are joined by ``&``.
+The forms are ``udpin:HOST:PORT``, ``udpout:``, ``tcp:``, ``tcpin:`` and ``serial:DEV,BAUD``. Options follow a ``?``
+and are joined by ``&``: ``rate=57600`` (the link is limited to a serial line of this baud rate), ``unsigned=accept``
+(unsigned frames are accepted although a signing key is set) and ``forward=no`` (no frames are forwarded from or to
+other links).
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ _FORWARD = {"yes": True, "no": False}
 
 
 class LinkUrl(NamedTuple):
-    """An address of a link, taken apart."""
+    """Parsed link address."""
 
     kind: str
     """udpin, udpout, tcp, tcpin or serial"""
@@ -29,15 +30,15 @@ class LinkUrl(NamedTuple):
     port: int
     """port number, or the baud rate of a serial device"""
     rate: int = 0
-    """baud; that the link carries, 0 for a serial device's own or no limit"""
+    """baud; rate of the link, 0 for that of a serial device or for no limit"""
     unsigned: bool = False
-    """unsigned frames count although a signing key is set"""
+    """True if unsigned frames are accepted although a signing key is set"""
     forward: bool = True
-    """other links' frames are passed on to this one, and its to them"""
+    """True if frames are forwarded from and to other links"""
 
     @property
     def baud(self) -> int:
-        """What the link carries at most, 0 for no limit."""
+        """Maximum rate of the link in baud, 0 for no limit."""
         return self.rate or (self.port if self.kind == "serial" else 0)
 
     def __str__(self) -> str:
@@ -52,10 +53,10 @@ class LinkUrl(NamedTuple):
 
 
 def parse_url(text: str) -> LinkUrl:
-    """Take a link's address apart.
+    """Parse a link address.
 
     Raises:
-        InputError: it has none of the five forms, or an unknown option; the text names them.
+        InputError: it has none of the five forms, or an unknown option; the text lists them.
     """
     kind, _, rest = text.strip().partition(":")
     separator = "," if kind == "serial" else ":"

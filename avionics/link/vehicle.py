@@ -1,4 +1,4 @@
-"""What the link reads of the flight computer, and who the flight computer says that it is."""
+"""Interface of the flight computer to the link, and identity of the vehicle."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from wingbeat.topic import Topic
 T = TypeVar("T")
 
 NO_FRAMES = "no sensor frames"
-"""Why nothing is taken while the board is silent: it would be obeyed whenever the board comes back."""
+"""reason of a denial without sensor frames: the command would take effect at any later time"""
 PATIENT = frozenset({CommandKind.DISARM, CommandKind.KILL, CommandKind.LINK_LOST, CommandKind.LINK_REGAINED})
-"""What is taken all the same: what stops the wings, late rather than never, and how the link is."""
+"""commands accepted without sensor frames: those that stop the wings, and the state of the link"""
 
 
 class Parameter(NamedTuple):
-    """One entry of the parameter table."""
+    """Entry of the parameter table."""
 
     name: str
-    """-; at most 16 characters of ASCII, MAVLink's limit"""
+    """-; at most 16 characters of ASCII, the limit of MAVLink"""
     value: float
     """in its unit"""
     minimum: float
-    """in its unit; a smaller value is refused"""
+    """in its unit; a smaller value is rejected"""
     maximum: float
-    """in its unit; a larger value is refused"""
+    """in its unit; a larger value is rejected"""
     unit: str = ""
     """of value and limits, empty for none"""
     description: str = ""
@@ -38,30 +38,30 @@ class Parameter(NamedTuple):
     key: str = ""
     """-; section and key in the vehicle file, as ``pitch.proportional``"""
     is_integer: bool = False
-    """-; whether only whole numbers are accepted"""
+    """-; True if only integers are accepted"""
     is_locked_armed: bool = False
-    """-; whether the parameter can be set only while disarmed"""
+    """-; True if the parameter can be set only while disarmed"""
     choices: tuple[tuple[int, str], ...] = ()
     """-; meaning of each value, empty for a measure"""
 
 
 class Home(NamedTuple):
-    """The place that north and east are counted from."""
+    """Reference position of north and east."""
 
     latitude: float
     """rad; WGS-84"""
     longitude: float
     """rad; WGS-84"""
     altitude: float
-    """m; above mean sea level, where ``Altitude.altitude`` is 0"""
+    """m; altitude above mean sea level at which ``Altitude.altitude`` is 0"""
 
 
 class VehicleView(Protocol):
-    """Read access to the flight computer, always as of its last tick; the link changes nothing through it."""
+    """Read access to the flight computer after its last tick."""
 
     @property
     def time_us(self) -> int:
-        """us; since boot, of the last tick."""
+        """Time (us) of the last tick since boot."""
 
     @property
     def mode(self) -> Mode:
@@ -69,74 +69,82 @@ class VehicleView(Protocol):
 
     @property
     def armed(self) -> bool:
-        """The wings may move."""
+        """True if the wings may move."""
 
     @property
     def mission(self) -> Mission:
-        """The mission on board."""
+        """Mission on board."""
 
     @property
     def fence(self) -> Fence:
-        """The plan's fence on board."""
+        """Fence of the plan on board."""
 
     @property
     def rally(self) -> Rally:
-        """The rally points on board."""
+        """Rally points on board."""
 
     @property
     def destination(self) -> tuple[float, float] | None:
-        """North and east (m from home) of the position or circle center flown to; None without one."""
+        """Target position or circle center (m, north and east of home), None without one."""
 
     @property
     def home(self) -> Home | None:
-        """None before the first fix."""
+        """Home position, None before the first fix."""
 
     @property
     def parameters(self) -> Sequence[Parameter]:
-        """The parameter table; names and order stay the same for the whole flight."""
+        """Parameter table; names and order are constant during a flight."""
 
     def latest(self, topic: Topic[T]) -> T | None:
-        """The last message of ``topic``, or None before the first."""
+        """Return the last message of ``topic``, or None before the first."""
 
     def events(self, after: int) -> Sequence[Event]:
-        """The events since boot but for the first ``after``."""
+        """Return the events since boot without the first ``after``."""
 
     def refusal(self, command: Command) -> str:
-        """Why the flight core would refuse ``command`` now, one line; empty when it would take it.
+        """Return why the flight core would deny ``command`` now; empty if accepted.
 
-        `NO_FRAMES` while it does not tick.
+        The result is `NO_FRAMES` while it does not tick.
         """
 
 
 class Storage(Protocol):
-    """Where parameters outlive a restart; its owner is at the edge, with the files."""
+    """Persistent storage of parameters, implemented by the owner of the files."""
 
     def stored(self) -> Mapping[str, float]:
-        """The values in the file that differ from the vehicle's; raises `InputError` where it cannot be used."""
+        """Return the stored values that differ from those of the vehicle file.
+
+        Raises:
+            InputError: the file cannot be used.
+        """
 
     def defaults(self) -> Mapping[str, float]:
-        """Every value of the vehicle file."""
+        """Return all values of the vehicle file."""
 
     def save(self, values: Mapping[str, float]) -> None:
-        """Write what differs from the vehicle's; raises `OSError`."""
+        """Store the values that differ from those of the vehicle file.
+
+        Raises:
+            OSError: the values cannot be written.
+        """
 
 
 class ModeNumbers(NamedTuple):
-    """How a flight mode is written on the wire."""
+    """Representation of a flight mode on the wire."""
 
     mode: Mode
     custom_mode: int
-    """main mode << 16 | sub mode << 24, PX4's layout with PX4's numbers"""
+    """main mode << 16 | sub mode << 24, in the layout and with the numbers of PX4"""
     standard_mode: int
     """MAV_STANDARD_MODE, 0 for none"""
     base_mode: int
     """MAV_MODE_FLAG bits that the mode implies"""
     label: str = ""
-    """name of one that is not just the flight mode"""
+    """name if it differs from that of the flight mode"""
 
     @property
     def name(self) -> str:
-        """What people call it."""
+        """Displayed name."""
         return self.label or self.mode.name
 
 
@@ -144,7 +152,7 @@ _MANUAL_INPUT, _STABILIZE, _GUIDED, _AUTO = 64, 16, 8, 4
 
 
 def px4_mode(main: int, sub: int = 0) -> int:
-    """PX4's custom mode."""
+    """Return a custom mode of PX4."""
     return main << 16 | sub << 24
 
 
@@ -158,17 +166,17 @@ PX4_STYLE = (
     ModeNumbers(Mode.LAND, px4_mode(4, 6), mavlink.MAV_STANDARD_MODE_LAND, _STABILIZE | _GUIDED | _AUTO),
     ModeNumbers(Mode.OFFBOARD, px4_mode(6), 0, _STABILIZE | _GUIDED),
 )
-"""PX4's numbers of the modes that are nearest to ours; `custom_mode_map.json` lists them for MAVProxy."""
+"""numbers of the nearest PX4 modes; `custom_mode_map.json` lists them for MAVProxy"""
 
 PX4_ALIASES = ((px4_mode(3), Mode.ALTITUDE_HOLD),)
-"""PX4's POSCTL."""
+"""POSCTL of PX4"""
 PX4_TAKEOFF = ModeNumbers(
     Mode.AUTO, px4_mode(4, 2), mavlink.MAV_STANDARD_MODE_TAKEOFF, _STABILIZE | _GUIDED | _AUTO, "TAKEOFF"
 )
-"""PX4's AUTO.TAKEOFF."""
+"""AUTO.TAKEOFF of PX4"""
 
 PLANE_GUIDED = ModeNumbers(Mode.OFFBOARD, 15, 0, _STABILIZE | _GUIDED, "GUIDED")
-"""ArduPlane's GUIDED: it circles until it gets a setpoint; on the ground it waits for a takeoff."""
+"""GUIDED of ArduPlane: it circles until it receives a setpoint; on the ground it waits for a takeoff"""
 
 PLANE_STYLE = (
     ModeNumbers(Mode.MANUAL, 0, 0, _MANUAL_INPUT),
@@ -180,13 +188,12 @@ PLANE_STYLE = (
     ModeNumbers(Mode.LAND, 26, mavlink.MAV_STANDARD_MODE_LAND, _STABILIZE | _GUIDED | _AUTO),
     PLANE_GUIDED,
 )
-"""ArduPlane's numbers of the modes that are nearest to ours: MANUAL, FBWA, FBWB, AUTO, RTL, LOITER, AUTOLAND and
-GUIDED."""
+"""numbers of the nearest ArduPlane modes: MANUAL, FBWA, FBWB, AUTO, RTL, LOITER, AUTOLAND and GUIDED"""
 
 PLANE_ALIASES = ((1, Mode.LOITER), (2, Mode.STABILIZED), (7, Mode.ALTITUDE_HOLD))
-"""ArduPlane's CIRCLE, STABILIZE and CRUISE."""
+"""CIRCLE, STABILIZE and CRUISE of ArduPlane"""
 PLANE_TAKEOFF = PX4_TAKEOFF._replace(custom_mode=13)
-"""ArduPlane's TAKEOFF."""
+"""TAKEOFF of ArduPlane"""
 
 _CAPABILITIES: int = (
     mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_INT
@@ -205,46 +212,51 @@ _CAPABILITIES: int = (
 
 
 class Identity(NamedTuple):
-    """Who the vehicle says that it is: all that differs from one profile to the next, so that no service asks."""
+    """Identity of the vehicle: all differences between the profiles."""
 
     system: int = 1
     component: int = 1
     autopilot: int = mavlink.MAV_AUTOPILOT_GENERIC
     type: int = mavlink.MAV_TYPE_FLAPPING_WING
     modes: tuple[ModeNumbers, ...] = (*PX4_STYLE, PX4_TAKEOFF)
-    """the first with a flight mode reports it; the others are labels of a part of it"""
+    """modes; the first with a flight mode reports it, the others are labels of a part of it"""
     aliases: tuple[tuple[int, Mode], ...] = ()
-    """further custom modes that may be asked for; the vehicle never says that it is in one"""
+    """further custom modes that may be requested; they are never reported"""
     standby_modes: tuple[int, ...] = (px4_mode(4, 3),)
-    """custom modes that clients set before they arm: on the ground they change nothing and are shown"""
+    """custom modes that clients set before arming: on the ground they are reported without an effect"""
     guided: ModeNumbers | None = None
-    """ArduPlane's GUIDED: it begins with a circle, and its position setpoints do not expire. None: OFFBOARD as in
-    PX4, by a stream of setpoints alone"""
+    """GUIDED of ArduPlane: it begins with a circle, and its position setpoints do not expire.
+
+    None: OFFBOARD as in PX4, with a stream of setpoints only
+    """
     takeoff: ModeNumbers = PX4_TAKEOFF
-    """reported during the takeoff of a NAV_TAKEOFF command; a client that sets it commands that takeoff"""
+    """reported during the takeoff of a NAV_TAKEOFF command; a client that sets it commands this takeoff"""
     takeoff_frame: int = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT
-    """MAV_FRAME of the altitude of a NAV_TAKEOFF that names none, a COMMAND_LONG: MAVSDK 4.1, MAVProxy and our
-    station count from home where the autopilot is not MAV_AUTOPILOT_PX4, which counts from the sea"""
+    """MAV_FRAME of the altitude in a NAV_TAKEOFF without a frame, a COMMAND_LONG:
+
+    MAVSDK 4.1, MAVProxy and the Wingbeat station use home as reference unless the autopilot is MAV_AUTOPILOT_PX4,
+    which uses mean sea level
+    """
     capabilities: int = _CAPABILITIES
     """MAV_PROTOCOL_CAPABILITY bits. All parameters are floats, so that the two encodings do not differ"""
     first_item: int = 0
-    """-; number on the wire of the first mission item that is flown: 1 where item 0 is home"""
+    """-; wire number of the first mission item that is flown: 1 if item 0 is home"""
     version: tuple[int, int, int] = (0, 1, 0)
     """major, minor, patch"""
     uid: int = 0x77696E67
-    """hardware's unique id"""
+    """unique ID of the hardware"""
 
     def numbers(self, mode: Mode) -> ModeNumbers:
-        """How ``mode`` is written on the wire."""
+        """Return the wire representation of ``mode``."""
         return next(entry for entry in self.modes if entry.mode == mode)
 
     def by_custom_mode(self, custom_mode: int) -> Mode | None:
-        """The mode that this custom mode asks for, or None."""
+        """Return the mode of a custom mode, or None."""
         known = {**dict(self.aliases), **{entry.custom_mode: entry.mode for entry in self.modes}}
         return known.get(custom_mode)
 
     def by_standard_mode(self, standard_mode: int) -> Mode | None:
-        """The mode with this MAV_STANDARD_MODE, or None."""
+        """Return the mode with this MAV_STANDARD_MODE, or None."""
         return next((entry.mode for entry in self.modes if 0 < entry.standard_mode == standard_mode), None)
 
 
@@ -269,16 +281,16 @@ PROFILES: dict[str, Identity] = {
         | mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_BYTEWISE,
     ),
 }
-"""What ``--identity`` chooses: a flapping wing with modes of its own, or a fixed wing of ArduPilot or PX4."""
+"""profiles of ``--identity``: a flapping wing with its own modes, or a fixed wing of ArduPilot or PX4"""
 DEFAULT_IDENTITY = "ardupilot"
-"""QGroundControl gives a generic autopilot no modes and no guided actions."""
+"""default profile, because QGroundControl provides no modes and guided actions for a generic autopilot"""
 
 
 def load_identity(name: str) -> Identity:
-    """The profile of this name.
+    """Return the profile of this name.
 
     Raises:
-        InputError: there is none; the text names those that there are.
+        InputError: unknown profile; the text lists the known ones.
     """
     try:
         return PROFILES[name]
@@ -287,23 +299,23 @@ def load_identity(name: str) -> Identity:
 
 
 class LinkGains(NamedTuple):
-    """Times of the ground link."""
+    """Timing of the ground link."""
 
     heartbeat: float = 1.0
-    """s; between two HEARTBEATs"""
+    """s; interval of HEARTBEAT"""
     silence: float = 5.0
-    """s; without a word from any ground station after one was heard, until the link counts as lost"""
+    """s; time without a message of any known ground station after which the link counts as lost"""
     acquaintance: float = 3.0
-    """s; for which a ground station must have been heard before its silence is a loss"""
+    """s; minimum duration of a connection to a ground station for its loss to count"""
     retry_interval: float = 1.0
-    """s; until an unanswered request of a mission transfer is repeated"""
+    """s; retry interval of an unanswered request in a mission transfer"""
     give_up: int = 15
-    """-; requests without an answer until a mission transfer is abandoned: where three of ten frames are lost on each
-    way, one transfer in a hundred with hundreds of items"""
+    """-; unanswered requests until a mission transfer is abandoned: with losses of three in ten frames in each
+    direction, one in a hundred transfers of hundreds of items"""
     yield_after: int = 3
-    """-; requests without an answer until another station may begin a transfer of its own"""
+    """-; unanswered requests until another station may begin a transfer"""
     confirm: float = 1.0
-    """s; for the flight core to take a parameter or a mission"""
+    """s; timeout for the flight core to accept a parameter or a mission"""
     parameters_per_step: int = 8
-    """-; parameters sent in one go on a link while lists are read, so that neither it is flooded nor a tick late,
-    whoever asks; 2000/s at a poll in each tick"""
+    """-; parameters sent per step on a link during list transfers, limited for the load of link and tick; 2000/s with
+    a poll in each tick"""
