@@ -53,7 +53,10 @@ class PilotSource(IntEnum):
 
 
 class PilotInput(NamedTuple):
-    """Stick inputs; MANUAL_CONTROL is an input, other sources follow from logged channels."""
+    """Stick inputs of all sources.
+
+    MANUAL_CONTROL is an input of the flight; the other sources follow from logged channels.
+    """
 
     time_us: Time
     """us; since boot, time of execution"""

@@ -1,4 +1,4 @@
-"""What a free-running board's frames tell about the line: messages lost, frames late, its clock begun anew."""
+"""Line statistics of a free-running board: lost messages, late frames, restarts."""
 
 from __future__ import annotations
 
@@ -7,26 +7,26 @@ from typing import NamedTuple
 from avionics.link.framing import Frame
 
 DRIFT = 1e-3
-"""-; by which the board's clock may run slow or fast against ours: ten times what a crystal does"""
+"""-; maximum relative rate error of the board's clock: ten times that of a crystal"""
 LATE = 0.02
-"""s; behind the promptest frames from which one is late: four ticks"""
+"""s; delay relative to the fastest frames above which a frame is late: four ticks"""
 
 
 class FrameCounters(NamedTuple):
-    """What came over the line since the start."""
+    """Counters of the line since the start."""
 
     frames: int = 0
     """-; sensor frames"""
     lost: int = 0
-    """-; messages missing in the sender's numbering"""
+    """-; gaps in the sequence numbers of the sender"""
     late: int = 0
-    """-; sensor frames more than `LATE` behind the promptest"""
+    """-; sensor frames delayed by more than `LATE`"""
     restarts: int = 0
-    """-; times that the sensor time went back: the board restarted"""
+    """-; decreases of the sensor time: the board restarted"""
 
 
 class Arrivals:
-    """Counts; knows nothing of what the frames mean but their number and time."""
+    """Counter of frames and losses, by sequence number and time only."""
 
     def __init__(self) -> None:
         self.counters = FrameCounters()
@@ -36,14 +36,17 @@ class Arrivals:
         self._prompt = 0.0
 
     def message(self, frame: Frame) -> None:
-        """One message came; MAVLink 2 numbers them in its fifth byte."""
+        """Count one message; its sequence number is in the fifth byte of MAVLink 2."""
         sequence = frame.raw[4]
         if self._sequence >= 0:
             self._missing += (sequence - self._sequence - 1) & 0xFF
         self._sequence = sequence
 
     def tick(self, time_us: int, now: float) -> None:
-        """A sensor frame of the board's ``time_us`` was closed at ``now`` (s, our clock)."""
+        """Count a sensor frame with the board time ``time_us``.
+
+        ``now`` (s) is the local time of its completion.
+        """
         frames, lost, late, restarts = self.counters
         behind = now - time_us * 1e-6
         if time_us <= self._time_us:
@@ -57,10 +60,10 @@ class Arrivals:
         self.counters = FrameCounters(frames + 1, lost, late, restarts)
 
     def _promptest(self, time_us: int, behind: float) -> float:
-        """Offset of the clocks in s by the promptest frame; it creeps up, so that a slow clock is followed."""
+        """Return the clock offset (s) of the fastest frames, with drift for a slow clock."""
         return min(behind, self._prompt + DRIFT * (time_us - self._time_us) * 1e-6)
 
     def resume(self) -> None:
-        """The line was cut and is back: what was sent meanwhile is not counted as lost messages."""
+        """Resume after a disconnection, without counting its messages as lost."""
         self._sequence = -1
         self._missing = 0

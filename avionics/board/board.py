@@ -1,4 +1,7 @@
-"""What the flight code needs of its hardware; a simulator, a serial board or a test injects one."""
+"""Interface of the flight code to its hardware.
+
+Implementations are a simulator, a serial board or a test.
+"""
 
 from __future__ import annotations
 
@@ -9,43 +12,43 @@ from avionics.messages import ActuatorCommand, SensorFrame
 from wingbeat.message import Severity
 
 IDLE_EVERY = 0.004
-"""s; of wall-clock time between two calls of `Surroundings.idle` while something comes that is no sensor frame"""
+"""s; minimum wall-clock interval of `Surroundings.idle` while data without a sensor frame arrives"""
 
 
 class BoardSilent(RuntimeError):
-    """The sensors stopped answering within the bounded wait; the text says who did not answer."""
+    """Timeout of the sensors; the text names the source."""
 
 
 class Board(Protocol):
-    """Sensors in, actuators out, one frame a tick."""
+    """Sensor input and actuator output, one frame per tick."""
 
     def read(self) -> SensorFrame | None:
-        """Wait for the next sensor frame; None when the world said that it is over.
+        """Wait for the next sensor frame; None after the end of the simulation.
 
         Raises:
-            BoardSilent: nothing came within the bounded wait.
+            BoardSilent: no frame within the bounded wait.
         """
 
     def write(self, command: ActuatorCommand) -> None:
-        """Send the actuators; in lockstep this releases the next frame."""
+        """Send the actuator command; in lockstep this releases the next frame."""
 
     def close(self) -> None:
-        """Release the hardware."""
+        """Close the hardware."""
 
 
 def discard_report(severity: Severity, text: str) -> None:
-    """Nobody is told."""
+    """Discard the report."""
 
 
 def wait_idly() -> None:
-    """Nothing else is to do."""
+    """Return at once."""
 
 
 class Surroundings(NamedTuple):
-    """What a board calls while it is read; both return at once."""
+    """Callbacks of a board during a read; both must return at once."""
 
     report: Callable[[Severity, str], None] = discard_report
-    """something to tell people: the device is gone, is back, loses messages"""
+    """report to the operator: device disconnected, reconnected, messages lost"""
     idle: Callable[[], None] = wait_idly
-    """called while no frame comes, so that ground links do not fall silent with it: some twenty times a second on a
-    silent line, every `IDLE_EVERY` s on one that brings anything but frames"""
+    """called while no frame arrives, so that ground links are served: about twenty times a second on a silent line,
+    every `IDLE_EVERY` s on one with other data"""

@@ -1,4 +1,4 @@
-"""The kinds of boards, by the first word of their address."""
+"""Kinds of boards, by the prefix of their address."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from wingbeat.errors import InputError
 
 
 class Kind(NamedTuple):
-    """One form of an address."""
+    """Form of an address."""
 
     form: str
-    """how it is written"""
+    """syntax of the address"""
     help: str
-    """what is at the other end"""
+    """description of the board"""
 
 
 KINDS = (
@@ -29,11 +29,11 @@ KINDS = (
 
 
 def open_board(address: str, around: Surroundings) -> HilBoard | RazorBoard:
-    """Reach the board at ``address``, one of the forms in `KINDS`.
+    """Open the board at ``address``, one of the forms in `KINDS`.
 
     Raises:
         InputError: none of them, or the device cannot be opened.
-        BoardSilent: nobody answered there.
+        BoardSilent: no answer.
     """
     check_address(address)
     if address.startswith("razor:"):
@@ -42,7 +42,7 @@ def open_board(address: str, around: Surroundings) -> HilBoard | RazorBoard:
 
 
 def check_address(address: str) -> None:
-    """Nothing is opened.
+    """Check an address without opening the board.
 
     Raises:
         InputError: not an address of a board.

@@ -1,4 +1,4 @@
-"""Which core a process runs on, and before whom: a pair in lockstep shares one or has two."""
+"""CPU affinity and scheduling priority: a lockstep pair shares a core or has two."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ import time
 from pathlib import Path
 
 LOOKS, PAUSE = 20, 0.003
-"""-, s; at what runs, to tell whether cores are idle"""
+"""-, s; samples of the running programs to detect idle cores, and their interval"""
 _LOAD, _CORES = Path("/proc/loadavg"), Path("/proc/stat")
 
 
 def pin_to_core(core: int | None = None) -> int | None:
-    """Keep this process on one core: ``core``, or the last one it may use, which both ends of a pair agree on.
+    """Pin this process to one core; return it, or None if not possible.
 
-    Returns the core, or None where the platform cannot do it or does not allow it.
+    The core is ``core``, or the last available one, which both ends of a pair select.
     """
     if not hasattr(os, "sched_setaffinity"):
         return None
@@ -27,10 +27,10 @@ def pin_to_core(core: int | None = None) -> int | None:
 
 
 def idle_pair() -> tuple[int, int] | None:
-    """The two of the cores that this process may use that were idle longest; None where others want them.
+    """Return the two available cores with the longest idle time, None if in demand.
 
-    A lockstep pair on cores of their own, neither end of which sleeps, does a tick in three quarters of the time that
-    it takes on a shared one, where each finds the caches full of the other's. That costs the waiting end's core.
+    A lockstep pair with busy polling on separate cores needs three quarters of the time of a tick on a shared core,
+    on which each end evicts the caches of the other. The cost is the core of the waiting end.
     """
     if not hasattr(os, "sched_getaffinity"):
         return None
@@ -44,7 +44,7 @@ def idle_pair() -> tuple[int, int] | None:
 
 
 def _idled() -> dict[int, int]:
-    """For how long each core has had nothing to do, in ticks of the system; none where that is not told."""
+    """Return the idle time of each core in system ticks; empty if unavailable."""
     try:
         rows = [line.split() for line in _CORES.read_text(encoding="ascii").splitlines() if line[:3] == "cpu"]
         return {int(row[0][3:]): int(row[4]) + int(row[5]) for row in rows if row[0] != "cpu"}
@@ -53,7 +53,10 @@ def _idled() -> dict[int, int]:
 
 
 def _running() -> float:
-    """Mean number of programs that run, this one aside, during the next 60 ms; where that is not told, the load."""
+    """Return the mean number of other running programs during 60 ms.
+
+    If that is unavailable, the result is the load average.
+    """
     seen = 0
     for _ in range(LOOKS):
         time.sleep(PAUSE)
@@ -65,10 +68,10 @@ def _running() -> float:
 
 
 def run_before_others() -> bool:
-    """Let this thread, and those that it starts, run as soon as they can, before programs of no fixed schedule.
+    """Request a real-time schedule for this thread and those that it starts.
 
-    For a flight that keeps the pace of the clock: a tick that waits on its core for a ground station is late.
-    Returns whether the system has such a schedule and allows it (on Linux: root, or a limit of ``rtprio``).
+    It is for a flight in real time, in which a ground station on the same core could delay a tick. Returns whether
+    the system has such a schedule and permits it (on Linux: root, or a limit of ``rtprio``).
     """
     if not hasattr(os, "sched_setscheduler"):
         return False

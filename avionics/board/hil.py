@@ -1,7 +1,7 @@
-"""A board behind a MAVLink bridge: a simulator, or a microcontroller with sensors and servos.
+"""Board behind a MAVLink bridge: a simulator, or a microcontroller.
 
-The other side sends the messages of a tick and closes it with HIL_SENSOR. HIL_ACTUATOR_CONTROLS with the time of
-that HIL_SENSOR releases the next tick of a simulator. A microcontroller on a serial line does not wait, see
+The other side sends the messages of a tick and closes it with HIL_SENSOR. HIL_ACTUATOR_CONTROLS with the time of that
+HIL_SENSOR releases the next tick of a simulator. A microcontroller on a serial line does not wait, see
 docs/reference/serial_board.md. Its device may disconnect and reconnect; losses on the line are counted and reported.
 """
 
@@ -28,31 +28,31 @@ ENDINGS: dict[int, str] = {
     mavlink.WINGBEAT_END_REASON_STALLED: "simulator timed out waiting for a command",
     mavlink.WINGBEAT_END_REASON_STOPPED: "simulator stopped",
 }
-"""reason that the other side sent when it ended"""
+"""reason sent by the other side at its end"""
 
 Connect = Callable[[LinkUrl, float], Stream | None]
 
 
 class Timeouts(NamedTuple):
-    """How long the board waits for the other side before it says that nobody answers."""
+    """Timeouts of the board."""
 
     connect: float = 30.0
-    """s; for the connection, while the world starts"""
+    """s; timeout of the connection, while the simulator starts"""
     first: float = 180.0
-    """s; for the first sensor frame: a world may have to get ready"""
+    """s; timeout of the first sensor frame, because a simulator may need preparation"""
     frame: float = 5.0
-    """s; for every later sensor frame"""
+    """s; timeout of every later sensor frame"""
     noise: float = 0.05
-    """s; for the rest of something that began like a message"""
+    """s; timeout of the remainder of an incomplete message"""
 
 
 SERIAL_PATIENCE = Timeouts(first=10.0, frame=30.0)
-"""of a microcontroller: it has nothing to get ready, but somebody may have to put the plug back"""
+"""timeouts of a microcontroller: no preparation, but time to reconnect its plug"""
 IDLE = Surroundings()
 
 
 def open_line(url: LinkUrl, timeouts: float) -> Stream | None:
-    """Reach the other side; None when it did not answer for ``timeouts`` s.
+    """Connect to the other side; None after the timeout (s).
 
     Raises:
         InputError: no address of a board, or the device is missing.
@@ -61,7 +61,7 @@ def open_line(url: LinkUrl, timeouts: float) -> Stream | None:
 
 
 class HilBoard:
-    """A `Board` behind a bridge; ``counters``, ``bad_bytes`` and ``frames`` count what came over it."""
+    """`Board` behind a bridge, with counters of messages, frames and losses."""
 
     def __init__(
         self,
@@ -71,11 +71,13 @@ class HilBoard:
         clock: Callable[[], float] = time.monotonic,
         around: Surroundings = IDLE,
     ) -> None:
-        """Connect to ``tcp:HOST:PORT``, ``tcpin:HOST:PORT`` or ``serial:DEVICE,BAUD``, with or without ``hil:``.
+        """Connect to an address, with or without the prefix ``hil:``.
+
+        The forms are ``tcp:HOST:PORT``, ``tcpin:HOST:PORT`` and ``serial:DEVICE,BAUD``.
 
         Raises:
             InputError: not an address of these kinds, or the device is missing.
-            BoardSilent: nobody answered at that address.
+            BoardSilent: no answer at that address.
         """
         parsed = parse_url(url.removeprefix("hil:"))
         serial = parsed.kind == "serial"
@@ -99,39 +101,39 @@ class HilBoard:
         self._last_time_us: int | None = None
         self._over = False
         self.ended = ""
-        """why `read` gave None, one line"""
+        """reason in one line if `read` returned None"""
         self._send_heartbeat()
 
     @property
     def bad_bytes(self) -> int:
-        """Bytes that were no part of a message."""
+        """Number of bytes outside messages."""
         return self._reader.bad_bytes
 
     @property
     def frames(self) -> int:
-        """Messages received."""
+        """Number of received messages."""
         return self._reader.frames
 
     @property
     def counters(self) -> FrameCounters:
-        """Frames received, messages lost, frames late, of a board on a serial line; a lockstep loses nothing."""
+        """Frame counters of a board on a serial line; a lockstep has no losses."""
         return self._arrivals.counters
 
     @property
     def losses(self) -> Losses:
-        """What the line lost since the start."""
+        """Losses of the line since the start."""
         dropped = 0 if self._line is None else self._line.dropped
         return Losses(self.counters.lost, self.counters.late, self.bad_bytes, dropped)
 
     def enable_busy_poll(self) -> None:
-        """Wait for the world without sleeping: see `SocketStream.enable_busy_poll`."""
+        """Enable busy polling for the simulator: see `SocketStream.enable_busy_poll`."""
         if isinstance(self._stream, SocketStream):
             self._stream.enable_busy_poll()
 
     def read(self) -> SensorFrame | None:
-        """Wait for the next sensor frame; None when the world ended or hung up.
+        """Wait for the next sensor frame; None if the simulator ended or disconnected.
 
-        A serial device that is pulled out is waited for like one that is silent.
+        A disconnected serial device has the same timeout as a silent one.
 
         Raises:
             BoardSilent: no sensor frame within the bounded wait.
@@ -164,7 +166,7 @@ class HilBoard:
         return self._assembler.add(frame)
 
     def _note(self, time_us: int, started: float) -> None:
-        """Count a frame of the board's ``time_us``, waited for since ``started`` (s)."""
+        """Count a frame of the board time ``time_us`` after a wait since ``started`` (s)."""
         self._last_time_us = time_us
         if self._line is None:
             return
@@ -191,7 +193,10 @@ class HilBoard:
         self._idled_at = self._clock()
 
     def _look_after(self, started: float) -> None:
-        """Report a serial device without frames since ``started`` (s); restart when it reconnected."""
+        """Report a serial device without frames since ``started`` (s).
+
+        The counters restart when it reconnects.
+        """
         line = self._line
         if line is None:
             return
@@ -210,7 +215,10 @@ class HilBoard:
         return BoardSilent(f"{self._name} sent no sensor frame for {limit:g} s{since}")
 
     def write(self, command: ActuatorCommand) -> None:
-        """Send the actuators, which releases the next frame; a world that hung up is noticed by `read`."""
+        """Send the actuator command, which releases the next frame.
+
+        A disconnected simulator is detected by `read`.
+        """
         self._stream.write(self._writer.actuators(command))
         if self._clock() - self._last_heartbeat >= 1.0:
             self._send_heartbeat()
@@ -223,6 +231,6 @@ class HilBoard:
         self._stream.write(self._writer.pack(heartbeat))
 
     def close(self) -> None:
-        """Hang up."""
+        """Close the connection."""
         self._over = True
         self._stream.close()

@@ -1,4 +1,4 @@
-"""Says what becomes of a serial board, once each time: gone, back, silent, began anew, losing messages."""
+"""Reports about a serial board: connection, silence, restarts, losses."""
 
 from __future__ import annotations
 
@@ -9,29 +9,32 @@ from wingbeat.message import Severity
 from wingbeat.text import pluralize
 
 SILENCE = 1.0
-"""s; without a frame before it is said"""
+"""s; time without a frame before a report"""
 REPORT = 10.0
-"""s; between two reports of losses, while there are any"""
+"""s; minimum interval of loss reports"""
 
 
 class Losses(NamedTuple):
-    """What a line lost since the start."""
+    """Losses of a line since the start."""
 
     lost: int
-    """-; messages or frames that never came whole"""
+    """-; messages or frames that were lost or incomplete"""
     late: int
-    """-; frames that came late"""
+    """-; late frames"""
     bad_bytes: int
-    """-; that were no part of a frame"""
+    """-; bytes outside frames"""
     dropped: int
-    """-; writes that the device did not take"""
+    """-; writes that the device rejected"""
 
 
 class LineWatch:
-    """Remembers what has been said."""
+    """Reports of line states, each once."""
 
     def __init__(self, name: str, publish: Callable[[Severity, str], None], unit: str = "message") -> None:
-        """``name`` is whom the words are about, ``unit`` what is lost one by one."""
+        """Create the watch.
+
+        ``name`` is the subject of the reports, ``unit`` the name of a lost element.
+        """
         self._unit = unit
         self._name = name
         self._publish = publish
@@ -41,7 +44,7 @@ class LineWatch:
         self._report_at = 0.0
 
     def waiting(self, plugged: bool, silence: float) -> None:
-        """No frame for ``silence`` s."""
+        """Report a line without a frame for ``silence`` (s)."""
         if self._plugged and not plugged:
             self._publish(Severity.ERROR, f"{self._name} disconnected: check the cable")
         elif plugged and not self._plugged:
@@ -52,17 +55,17 @@ class LineWatch:
         self._plugged = plugged
 
     def received(self, after: float) -> None:
-        """A frame came ``after`` s without one."""
+        """Report a frame after ``after`` (s) without one."""
         if self._silent:
             self._silent = False
             self._publish(Severity.NOTICE, f"{self._name}: sensor frames resumed after {after:.1f} s")
 
     def restarted(self) -> None:
-        """The board restarted."""
+        """Report a restart of the board."""
         self._publish(Severity.WARNING, f"{self._name} restarted")
 
     def report(self, now: float, losses: Losses) -> None:
-        """Say what was lost since the last report, at most every `REPORT` seconds."""
+        """Report losses since the last report, at most every `REPORT` seconds."""
         if losses == self._reported or now < self._report_at:
             return
         lost, late, bad, dropped = (after - before for after, before in zip(losses, self._reported, strict=True))

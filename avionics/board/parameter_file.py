@@ -1,9 +1,9 @@
-"""Parameters that outlive a restart: what differs from the vehicle file, in a JSON file of the user's.
+"""Persistent parameters: values that differ from the vehicle file, as JSON.
 
-Files belong to the edge: the flight core knows gains, and the link a `avionics.link.vehicle.Storage`. The file is
-written whole beside its place and moved there, so that a cut of the power leaves the old one or the new one; its
-checksum tells a file that was damaged or edited, which is then kept beside as ``.damaged`` and not believed. A sound
-file of another vehicle is refused and stays as it is.
+File access is outside the flight core, which uses gains, and the link, which uses a `avionics.link.vehicle.Storage`.
+The file is written to a temporary name and moved, so that a power failure leaves either the old or the new one. Its
+checksum detects a damaged or edited file, which is renamed to ``.damaged`` and not used. A valid file of another
+vehicle is rejected and not changed.
 """
 
 from __future__ import annotations
@@ -32,35 +32,38 @@ FORMAT = "wingbeat parameters 1"
 
 
 class AnotherVehicles(InputError):
-    """The file is sound and another vehicle's: it is neither flown with nor touched."""
+    """Valid file of another vehicle, which is neither used nor changed."""
 
 
 class Loaded(NamedTuple):
-    """What the flight begins with."""
+    """Initial parameters of a flight."""
 
     vehicle: FlightVehicle
-    """with the gains of the file"""
+    """vehicle with the gains of the file"""
     text: str
-    """-; one line for people, empty when there was no file"""
+    """-; description in one line, empty without a file"""
     damaged: bool
-    """whether the file was refused, and the vehicle's own values hold"""
+    """True if the file was rejected and the values of the vehicle file apply"""
 
 
 def default_path(vehicle: FlightVehicle) -> Path:
-    """The parameter file of this vehicle in the user's state folder: ``WINGBEAT_STATE``, or the platform's."""
+    """Return the parameter file of a vehicle in the state folder.
+
+    The folder is ``WINGBEAT_STATE``, or the state folder of the platform.
+    """
     return _state_path("parameters", vehicle, "json")
 
 
 def key_path(vehicle: FlightVehicle) -> Path:
-    """The signing key of this vehicle in the same state folder."""
+    """Return the signing key file of a vehicle in the same state folder."""
     return _state_path("signing", vehicle, "key")
 
 
 def storage_name(vehicle: FlightVehicle) -> str:
-    """Name under which parameters and key are stored; unique to a user's vehicle, whose file may be a copy.
+    """Return the name under which parameters and key are stored.
 
-    It is the name of the vehicle's folder (of a single file, the file's). A user's vehicle never shares the name of
-    one that comes with the flight computer.
+    The name is unique to a vehicle of the user, whose file may be a copy. It is the name of the vehicle's folder (of
+    a single file, the file's). A vehicle of the user never shares the name of a supplied one.
     """
     path = vehicle.file.path.resolve()
     if path.parent == FOLDER:
@@ -70,7 +73,10 @@ def storage_name(vehicle: FlightVehicle) -> str:
 
 
 def unused_files(vehicle: FlightVehicle) -> list[str]:
-    """A line for each file that earlier versions used for a copied vehicle whose name was left unchanged."""
+    """Return a line for each file of earlier versions that is no longer used.
+
+    These belong to a copied vehicle with an unchanged name.
+    """
     lines = []
     for path, folder in ((default_path(vehicle), "parameters"), (key_path(vehicle), "signing")):
         earlier = _state_folder() / folder / f"{_file_name(vehicle.name)}{path.suffix}"
@@ -83,7 +89,7 @@ def _state_path(kind: str, vehicle: FlightVehicle, suffix: str) -> Path:
     folder = _state_folder() / kind
     path = folder / f"{_file_name(storage_name(vehicle))}.{suffix}"
     earlier = folder / f"{_file_name(vehicle.name)}.{suffix}"
-    # Versions before 0.2 stored by the name in the file.
+    # Versions before 0.2 used the name in the file.
     return earlier if vehicle.name not in vehicle_names() and earlier.exists() and not path.exists() else path
 
 
@@ -103,10 +109,13 @@ def _state_folder() -> Path:
 
 
 class ParameterFile:
-    """One file for one vehicle."""
+    """Parameter file of one vehicle."""
 
     def __init__(self, path: Path, vehicle: FlightVehicle) -> None:
-        """Nothing is read or written yet; ``vehicle`` is as its own file has it."""
+        """Store path and vehicle; no file is read or written.
+
+        ``vehicle`` has the values of its vehicle file.
+        """
         self.path = path
         self._vehicle = vehicle
         self._table = parameters.parameter_table(vehicle.gains)
@@ -114,19 +123,19 @@ class ParameterFile:
 
     @property
     def owner(self) -> str:
-        """The vehicle that the file belongs to, see `storage_name`."""
+        """Vehicle that the file belongs to, see `storage_name`."""
         return storage_name(self._vehicle)
 
     def defaults(self) -> dict[str, float]:
-        """Every value of the vehicle file."""
+        """Return all values of the vehicle file."""
         return {name: parameters.get(self._vehicle.gains, entry) for name, entry in self._table.items()}
 
     def stored(self) -> dict[str, float]:
-        """The values in the file; none where there is no file.
+        """Return the values in the file; empty without a file.
 
         Raises:
             InputError: it cannot be read, or is damaged.
-            AnotherVehicles: it is sound, and another vehicle's.
+            AnotherVehicles: it is a valid file of another vehicle.
         """
         try:
             text = self.path.read_text(encoding="utf-8")
@@ -146,10 +155,12 @@ class ParameterFile:
         return checked.values
 
     def check_owner(self) -> None:
-        """Refuse another vehicle's file before anything is started; a damaged one is left to `load`.
+        """Reject a file of another vehicle before the start.
+
+        A damaged file is handled by `load`.
 
         Raises:
-            AnotherVehicles: it is one.
+            AnotherVehicles: the file belongs to another vehicle.
         """
         try:
             self.stored()
@@ -159,11 +170,11 @@ class ParameterFile:
             return
 
     def load(self) -> Loaded:
-        """The vehicle with the gains of the file; with its own where the file cannot be believed.
+        """Return the vehicle with the gains of the file, or its own if that is damaged.
 
         Raises:
-            InputError: the file is there and cannot be opened, or cannot be moved aside.
-            AnotherVehicles: it is sound, and another vehicle's.
+            InputError: the file exists and cannot be opened or renamed.
+            AnotherVehicles: it is a valid file of another vehicle.
         """
         if self.path.exists() and not self.path.is_file():
             raise InputError(f"parameter file {self.path} is not a file")
@@ -183,7 +194,10 @@ class ParameterFile:
         return Loaded(self._vehicle._replace(gains=gains), text, False)
 
     def _applied(self, values: Mapping[str, float]) -> tuple[FlightGains, list[str]]:
-        """The vehicle's gains with ``values``, and the names of those that it does not have or cannot hold."""
+        """Return the gains with ``values``, and the names of rejected values.
+
+        A value is rejected if the parameter is unknown or out of range.
+        """
         gains, strange = self._vehicle.gains, []
         for name, value in values.items():
             change = parameters.set_value(gains, self._table, name, value)
@@ -205,10 +219,10 @@ class ParameterFile:
         return aside
 
     def keep(self, gains: FlightGains, armed: bool) -> bool:
-        """Write ``gains`` when they have changed, but not while armed; whether anything was written.
+        """Write ``gains`` after a change while disarmed; return whether it was written.
 
         Raises:
-            OSError: the file cannot be written; it is not tried again before the next change.
+            OSError: the file cannot be written; the next attempt follows the next change.
         """
         if gains is self._kept or armed:
             return False
@@ -217,10 +231,10 @@ class ParameterFile:
         return True
 
     def save(self, values: Mapping[str, float]) -> None:
-        """Write the ``values`` that differ from the vehicle file's, in one step.
+        """Write the ``values`` that differ from the vehicle file, in one step.
 
         Raises:
-            OSError: the file cannot be written; the old one stays as it is.
+            OSError: the file cannot be written; the old one is unchanged.
         """
         defaults = self.defaults()
         changed = {name: value for name, value in sorted(values.items()) if value != defaults[name]}
@@ -241,7 +255,7 @@ class _Content(NamedTuple):
 
 
 def _checked(text: str) -> _Content | str:
-    """What is in a sound file, or what is wrong with it."""
+    """Return the content of a valid file, or the reason of its rejection."""
     try:
         document = parse_json(text)
         checksum = document.pop("sha256")

@@ -1,7 +1,8 @@
-"""A Razor 9DOF on a serial line as a board: its IMU and nothing else, for a bench without a simulator.
+"""Razor 9DOF on a serial line as a board with an IMU only, without a simulator.
 
-The firmware sends no time, so a frame's time is told by its place in the firmware's raster of 20 ms, which follows
-the frames' arrivals slowly: a frame that waited in a buffer is not taken for a late sample.
+The firmware sends no time. The time of a frame follows from its position in the 20 ms raster of the firmware, which
+is estimated by a slow filter of the arrival times. A frame delayed in a buffer therefore does not count as a late
+sample.
 """
 
 from __future__ import annotations
@@ -20,17 +21,17 @@ from avionics.messages import ActuatorCommand, ImuSample, SensorFrame
 from wingbeat.errors import InputError
 
 BAUD = 57600
-"""the firmware's"""
+"""baud rate of the firmware"""
 OUTPUT = "oscb"
-"""the most it can tell in the fewest bytes, and the sole one in which a lost byte is always found"""
+"""default output: the most information for its size, and the only one in which a lost byte is always detected"""
 FORMS = "razor:DEVICE[,BAUD[,OUTPUT]]"
 WITH_SENSORS = tuple(name for name, output in OUTPUTS.items() if name not in ("ob", "ot"))
-"""outputs that a board can live on"""
+"""outputs with sensor data"""
 IDLE = Surroundings()
 
 
 class RazorUrl(NamedTuple):
-    """An address of a Razor, taken apart."""
+    """Parsed address of a Razor."""
 
     device: str
     """-; serial device"""
@@ -41,27 +42,27 @@ class RazorUrl(NamedTuple):
 
 
 class Timeouts(NamedTuple):
-    """How long the board waits."""
+    """Timeouts of the board."""
 
     first: float = 6.0
-    """s; for the first frame: opening the device restarts some boards, and their boot loader takes 2 s"""
+    """s; timeout of the first frame: opening the device restarts some boards, and their boot loader takes 2 s"""
     frame: float = 5.0
-    """s; for every later one"""
+    """s; timeout of every later frame"""
     request_interval: float = 0.5
-    """s; without a frame until the output is asked for again"""
+    """s; time without a frame before the output is requested again"""
     token: float = 0.03
-    """s; for a synch token until the next request"""
+    """s; timeout of a synch token before the next request"""
     look: float = 0.02
-    """s; of one look at the line"""
+    """s; timeout of one read"""
     loss: float = 0.0
-    """s; for a device that was pulled out to be plugged in again"""
+    """s; timeout of a disconnected device"""
 
 
 def parse_address(text: str) -> RazorUrl:
-    """Take ``razor:DEVICE[,BAUD[,OUTPUT]]`` apart.
+    """Parse ``razor:DEVICE[,BAUD[,OUTPUT]]``.
 
     Raises:
-        InputError: no device, no such baud rate, or an output that carries no sensors; the text names what there is.
+        InputError: no device, an invalid baud rate, or an output without sensors; the text lists the valid ones.
     """
     device, *options = text.strip().removeprefix("razor:").split(",")
     if not device or len(options) > 2:
@@ -76,27 +77,30 @@ def parse_address(text: str) -> RazorUrl:
 
 
 class FrameClock:
-    """Sensor time of frames that carry none: a raster of steps that follows the arrivals.
+    """Sensor time of frames without a timestamp: a raster that follows the arrivals.
 
-    An alpha-beta filter of the arrivals; an arrival far from its raster is believed at once, because frames are
-    missing then.
+    The estimator is an alpha-beta filter of the arrivals. An arrival far from the raster resets it, because frames
+    are missing.
     """
 
     step = 0.02
-    """s; between two frames, the firmware's, to begin with"""
+    """s; initial period of the frames, that of the firmware"""
     alpha, beta = 0.05, 0.001
-    """shares of an arrival's error that enter time and step: arrivals scatter by most of a step, crystals do not"""
+    """-; filter gains of time and step: arrivals scatter by most of a step, crystals do not"""
     shortest, longest = 0.004, 0.1
-    """s; between which the step is believed"""
+    """s; limits of the step"""
     slip = 2.5
-    """steps; by which an arrival may differ from its raster"""
+    """steps; deviation of an arrival from the raster that resets it"""
 
     def __init__(self) -> None:
         self._started: float | None = None
         self._time = 0.0
 
     def time_us(self, arrival: float, skipped: int = 0) -> int:
-        """Sensor time (us) of the next frame, which came at ``arrival`` (s), ``skipped`` damaged ones before it."""
+        """Return the sensor time (us) of a frame that arrived at ``arrival`` (s).
+
+        ``skipped`` damaged frames preceded it.
+        """
         if self._started is None:
             self._started = arrival - self.step
         expected = self._time + (1 + skipped) * self.step
@@ -111,7 +115,7 @@ class FrameClock:
 
 
 class RazorBoard:
-    """A `Board` with an IMU alone; what the flight computer writes to it goes nowhere: there are no actuators."""
+    """`Board` with an IMU only; actuator commands are discarded."""
 
     def __init__(
         self,
@@ -138,11 +142,11 @@ class RazorBoard:
         self._strange = 0
         self._last_time_us: int | None = None
         self.angles: Angles | None = None
-        """the Razor's own, where its output has them"""
+        """attitude of the Razor, if included in the output"""
         self.restarts = 0
-        """times that it began anew in the middle"""
+        """restarts during the stream"""
         self.ended = ""
-        """why `read` gave None: it never does"""
+        """always empty, because `read` never returns None"""
 
     @property
     def count(self) -> protocol.Count:
@@ -151,19 +155,19 @@ class RazorBoard:
 
     @property
     def losses(self) -> Losses:
-        """What the line lost since the start."""
+        """Losses of the line since the start."""
         return Losses(self.count.lost, 0, self.count.bad_bytes, self._line.dropped)
 
     @property
     def step(self) -> float:
-        """s; between two frames, as the arrivals tell."""
+        """Estimated period (s) of the frames."""
         return self._frame_clock.step
 
     def read(self) -> SensorFrame | None:
-        """Wait for the next frame; never None, a Razor has no end.
+        """Wait for the next frame; never None.
 
         Raises:
-            BoardSilent: no frame within the bounded wait, or the device is gone; the text says which.
+            BoardSilent: no frame within the bounded wait, or the device is disconnected; the text states which.
         """
         began = self._idled_at = self._clock()
         while not self._waiting:
@@ -181,7 +185,7 @@ class RazorBoard:
         return self._sensor_frame(reading, self._frame_clock.time_us(arrival, skipped))
 
     def _request(self, now: float) -> None:
-        """Ask for the output where none comes, and for a token behind each binary frame."""
+        """Request the output after a timeout, and a token after each binary frame."""
         reader = self._reader
         began_anew = reader.count.strange > self._strange and self._received_at > self._requested_at
         if began_anew or now - max(self._requested_at, self._received_at) >= self._timeouts.request_interval:
@@ -229,7 +233,7 @@ class RazorBoard:
             raise BoardSilent(f"{self._name} sent no frame for {silence:.0f} s: {self._why()}")
 
     def _why(self) -> str:
-        """What may be the matter when no frame comes."""
+        """Return possible reasons of a timeout."""
         if self._last_time_us is not None:
             return f"last at t = {self._last_time_us * 1e-6:.3f} s"
         if self.count.tokens:
@@ -246,9 +250,9 @@ class RazorBoard:
         return SensorFrame(time_us, ImuSample(time_us, *accel, *gyro, *(reading.mag or (0.0, 0.0, 0.0))))
 
     def write(self, command: ActuatorCommand) -> None:
-        """There are no actuators."""
+        """Discard the command; there are no actuators."""
 
     def close(self) -> None:
-        """Leave it as it is after power-on, which streams angles as text, and release the device."""
+        """Restore the output after power-on (angles as text) and close the device."""
         self._line.write(b"#ot#o1")
         self._line.close()

@@ -1,12 +1,13 @@
-"""What a Razor says: the 9DOF AHRS firmware of SparkFun's Razor and Sensor Stick (P. Bartz), versions 1.4 and later.
+"""Protocol of the Razor AHRS firmware, versions 1.4 and later.
 
-Commands are letters behind ``#`` without an end of line; angles and sensors come as lines of text or as bare
-little-endian floats. A binary frame has no marker, so its borders are found by synch tokens: the answer to
-``#s<xy>``, ``#SYNCH<xy>\\r\\n``, is sent between two frames. Whatever lies between two tokens is a whole number of
-frames, or bytes were lost in it and none of it is believed.
+The 9DOF AHRS firmware (P. Bartz) runs on SparkFun's Razor and Sensor Stick. Commands are letters after ``#`` without
+an end of line; angles and sensors are sent as lines of text or as little-endian floats. A binary frame has no marker,
+so that its limits are found by synch tokens: the answer to ``#s<xy>``, ``#SYNCH<xy>\\r\\n``, is sent between two
+frames. The data between two tokens must be a whole number of frames; otherwise bytes were lost and all of it is
+discarded.
 
-The board's axes are x forward (toward the connector's edge), y right, z down: FRD. Its accelerometer tells
-gravity, +256 on z when it lies level, which is the specific force with its sign turned.
+The board axes are x forward (toward the edge with the connector), y right, z down: FRD. Its accelerometer output is
+gravity, +256 on z when level, which is the negative specific force.
 """
 
 from __future__ import annotations
@@ -22,31 +23,31 @@ from wingbeat.constants import STANDARD_GRAVITY
 Vector = tuple[float, float, float]
 
 GRAVITY_COUNTS = 256.0
-"""counts; of 1 g: 3.9 mg a count for raw readings, the reference of calibrated ones"""
+"""counts; 1 g: 3.9 mg per count for raw readings, the reference of calibrated ones"""
 GYRO_COUNT = math.radians(0.06957)
-"""rad/s; of a count of the ITG-3200, whether its offset is taken off or not"""
+"""rad/s; one count of the ITG-3200, with or without offset correction"""
 RAW_FIELD_COUNT = 1.0 / 1090.0
-"""gauss; of a raw count of the HMC5883L at its default gain (an older board's HMC5843: 1/1300)"""
+"""gauss; one raw count of the HMC5883L at its default gain (HMC5843 of older boards: 1/1300)"""
 CALIBRATED_FIELD_COUNT = 0.005
-"""gauss; of a calibrated one: 100 is the field where it was calibrated, taken as 0.5 gauss, mid of the Earth's"""
+"""gauss; one calibrated count: 100 is the field at the calibration, taken as 0.5 gauss, typical of the Earth"""
 LARGEST_COUNT = 33000.0
-"""counts; a sensor's register has 16 bits, and a calibration does not change much of it"""
+"""counts; limit of a reading: a sensor register has 16 bits, and a calibration changes it little"""
 
 TOKEN = re.compile(rb"#SYNCH(..)\r\n", re.DOTALL)
 TOKEN_LENGTH = 10
 LONGEST_LINE = 120
-"""characters; of a line of text"""
+"""characters; limit of a line of text"""
 _NUMBER = rb"(-?\d{1,5}\.\d\d)"
 _LINE = re.compile(rb"#(YPR|YPRAG|[AMG]-[CR])=" + _NUMBER + rb"((?:," + _NUMBER + rb")+)")
 
 
 class Angles(NamedTuple):
-    """The Razor's own attitude."""
+    """Attitude of the Razor."""
 
     roll: float
-    """rad; right side down is positive"""
+    """rad; positive right side down"""
     pitch: float
-    """rad; nose up is positive"""
+    """rad; positive nose up"""
     yaw: float
     """rad; clockwise from magnetic north"""
 
@@ -55,28 +56,28 @@ class Reading(NamedTuple):
     """One frame, in the units and body axes (FRD) of `avionics.messages.ImuSample`."""
 
     accel: Vector | None = None
-    """m/s^2; specific force, None in a frame of angles alone"""
+    """m/s^2; specific force, None in a frame with angles only"""
     gyro: Vector | None = None
     """rad/s"""
     mag: Vector | None = None
-    """gauss; None where the frame has no magnetometer"""
+    """gauss; None in a frame without magnetometer"""
     angles: Angles | None = None
-    """where the frame has them"""
+    """attitude; None in a frame without angles"""
 
 
 class Output(NamedTuple):
-    """One of the firmware's output modes."""
+    """Output mode of the firmware."""
 
     command: bytes
-    """that switches it on"""
+    """command that selects it"""
     size: int
-    """bytes; of a binary frame, 0 for text"""
+    """bytes; size of a binary frame, 0 for text"""
     raw: bool
-    """whether the sensors come without the firmware's calibration"""
+    """True if the sensors are not calibrated by the firmware"""
     lines: tuple[bytes, ...]
-    """names of the lines of a frame of text, in their order"""
+    """names of the lines of a text frame, in order"""
     help: str
-    """what it is, for people"""
+    """description"""
 
 
 OUTPUTS: Mapping[str, Output] = {
@@ -88,26 +89,29 @@ OUTPUTS: Mapping[str, Output] = {
     "ob": Output(b"#ob", 12, False, (), "own angles alone, binary"),
     "ot": Output(b"#ot", 0, False, (b"YPR",), "own angles alone, text"),
 }
-"""by the letters that switch them on"""
+"""outputs by the letters of their commands"""
 
 
 def synch_request(number: int) -> bytes:
-    """Ask for a synch token with a two-digit number."""
+    """Return the request of a synch token with a two-digit number."""
     return b"#s%02d" % (number % 100)
 
 
 def start_request(output: Output, number: int) -> bytes:
-    """Stop, choose an output, stream it, and ask for a token, behind which its first frame begins."""
+    """Return the commands that start an output, with a token before its first frame."""
     return b"#o0" + output.command + b"#o1" + synch_request(number)
 
 
 def believable(values: tuple[float, ...]) -> bool:
-    """Whether all are numbers that 16-bit sensors can give (a NaN fails every comparison)."""
+    """Return whether all values are in the range of 16-bit sensors (a NaN fails)."""
     return all(-LARGEST_COUNT <= value <= LARGEST_COUNT for value in values)
 
 
 def sensors(values: tuple[float, ...], raw: bool) -> Reading:
-    """From accelerometer, magnetometer and gyroscope, x, y, z of each, in counts."""
+    """Return the reading of accelerometer, magnetometer and gyroscope in counts.
+
+    The order is x, y, z of each.
+    """
     field = RAW_FIELD_COUNT if raw else CALIBRATED_FIELD_COUNT
     return Reading(
         _scaled(values[0:3], -STANDARD_GRAVITY / GRAVITY_COUNTS),
@@ -117,7 +121,10 @@ def sensors(values: tuple[float, ...], raw: bool) -> Reading:
 
 
 def angles(values: tuple[float, ...]) -> Reading:
-    """From yaw, pitch and roll in degrees; with six more values from accelerometer (counts) and gyroscope (rad/s)."""
+    """Return the reading of yaw, pitch and roll in degrees.
+
+    Six more values are those of accelerometer (counts) and gyroscope (rad/s).
+    """
     yaw, pitch, roll = (math.radians(value) for value in values[:3])
     own = Angles(roll, pitch, yaw)
     if len(values) == 3:
@@ -131,45 +138,45 @@ def _scaled(values: tuple[float, ...], factor: float) -> Vector:
 
 
 class Count(NamedTuple):
-    """What a reader made of the bytes."""
+    """Statistics of a reader."""
 
     frames: int = 0
-    """-; whole frames"""
+    """-; complete frames"""
     lost: int = 0
-    """-; frames that came damaged, as far as bytes of them came"""
+    """-; damaged frames"""
     bad_bytes: int = 0
-    """-; that were no part of a frame, a token or a line"""
+    """-; bytes outside frames, tokens and lines"""
     tokens: int = 0
     """-; synch tokens"""
     strange: int = 0
-    """-; frames of another output than was asked for: the Razor restarted"""
+    """-; frames of another output than requested: the Razor restarted"""
 
 
 class Reader:
-    """Bytes in, frames out, of one output; believes nothing before the first token."""
+    """Parser of the frames of one output; inactive before the first token."""
 
     def __init__(self, output: Output) -> None:
         self.output = output
         self.count = Count()
         self.synched = False
-        """a token was seen since the start, or since `clear`"""
+        """True once a token was received since the start, or since `clear`"""
         self.waiting = 0
-        """bytes of binary frames that wait for a token to confirm them"""
+        """bytes of binary frames not yet confirmed by a token"""
         self.received = 0
-        """bytes"""
+        """received bytes"""
         self._pending = b""
         self._values: list[tuple[float, ...]] = []
         self._step: Callable[[], list[Reading]] = self._binary if output.size else self._text
 
     def clear(self) -> None:
-        """Begin anew: the next token opens the stream."""
+        """Restart: the next token begins the stream."""
         self.synched = False
         self.waiting = 0
         self._pending = b""
         self._values = []
 
     def feed(self, data: bytes) -> list[Reading]:
-        """All frames that are whole, and confirmed, with ``data``."""
+        """Return all frames that are complete and confirmed with ``data``."""
         self.received += len(data)
         self._pending += data
         if not self.synched and not self._opened():
@@ -177,7 +184,10 @@ class Reader:
         return self._step()
 
     def _opened(self) -> bool:
-        """Whether there is a first token; what came before it, the output of before, is dropped and not counted."""
+        """Return whether a first token was received.
+
+        Data before it, from the previous output, is discarded and not counted.
+        """
         token = TOKEN.search(self._pending)
         if token is None:
             self._pending = self._pending[-TOKEN_LENGTH:]
@@ -202,7 +212,7 @@ class Reader:
         return readings
 
     def _segment(self, segment: bytes) -> list[Reading]:
-        """The frames between two tokens."""
+        """Return the frames between two tokens."""
         size = self.output.size
         if b"#YPR=" in segment or len(segment) % size:
             self._lost(max(1, round(len(segment) / size)), len(segment), int(b"#YPR=" in segment))
@@ -233,7 +243,7 @@ class Reader:
         return [reading for line in lines for reading in self._line(line)]
 
     def _line(self, line: bytes) -> list[Reading]:
-        """The frame that this line closes, if it does; a line out of its turn breaks a frame off."""
+        """Return the frame completed by a line, if any; a line out of order ends a frame."""
         if line.startswith(b"#SYNCH"):
             self._token()
             return []
@@ -253,7 +263,7 @@ class Reader:
         return self._closed() if len(self._values) == len(names) else []
 
     def _broken(self, size: int, strange: int) -> None:
-        """A frame that had begun is lost, and ``size`` bytes of a line with it."""
+        """Count an incomplete frame as lost, with ``size`` bytes of a line."""
         self._lost(int(bool(self._values) or size > 0), size, strange)
         self._values = []
 

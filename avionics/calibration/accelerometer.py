@@ -1,8 +1,9 @@
-"""Offset and scale of the accelerometer from still poses: its reading at rest is gravity, whichever way it points.
+"""Accelerometer calibration: offset and scale from poses at rest.
 
-Six sides give the six unknowns (three offsets, three scales) by least squares of the norm: a pose need not be exact,
-and a mounting that is turned changes nothing. Each pose is four means of half a second, so the residual tells the
-noise and what moved; a nonlinear sensor shows only where more than six poses are taken.
+The magnitude of the reading at rest is gravity in any attitude. Six sides determine the six unknowns (three offsets,
+three scales) by least squares of the norm: a pose need not be exact, and a rotated mounting has no effect. Each pose
+has four means of half a second, so that the residual contains noise and motion. A nonlinearity of the sensor is
+visible only with more than six poses.
 """
 
 from __future__ import annotations
@@ -22,31 +23,31 @@ BLOCK = 100
 BLOCKS = 4
 """means of one pose"""
 STILL = 0.35
-"""m/s^2; RMS deviation within a mean up to which the vehicle is at rest: three times the ADXL345's noise"""
+"""m/s^2; maximum RMS deviation within a mean at rest: three times the noise of the ADXL345"""
 SAME_POSE = 0.5
-"""m/s^2; between the means of one pose"""
+"""m/s^2; maximum difference between the means of one pose"""
 ON_A_SIDE = 0.8
-"""-; share of gravity along one axis"""
+"""-; minimum fraction of gravity along one axis on a side"""
 GREATEST_OFFSET = 5.0
-"""m/s^2; beyond it the sensor is broken or gravity was not what was measured"""
+"""m/s^2; maximum plausible offset; a larger one indicates a defect or an acceleration"""
 SCALES = (0.8, 1.25)
-"""-; likewise"""
+"""-; range of plausible scales"""
 TILT = 0.35
-"""-; share of gravity across the vertical in a level pose"""
+"""-; maximum fraction of gravity across the vertical in a level pose"""
 SIDES = ("nose down", "nose up", "left side up", "right side up", "level", "on its back")
-"""by axis, negative specific force first (along x, y, z of FRD); level is -z"""
+"""sides by axis, negative specific force first (along x, y, z of FRD); level is -z"""
 
 Vector = tuple[float, float, float]
 Array = NDArray[np.float64]
 
 
 class State(NamedTuple):
-    """What was gathered."""
+    """Collected samples."""
 
     samples: int = 0
     """-; samples in the present mean"""
     first: Vector = (0.0, 0.0, 0.0)
-    """m/s^2; the first of them, from which the others are counted"""
+    """m/s^2; first sample of the mean, reference of the sums"""
     total: Vector = (0.0, 0.0, 0.0)
     """m/s^2; sum of the differences"""
     square: float = 0.0
@@ -54,13 +55,13 @@ class State(NamedTuple):
     pose: tuple[Vector, ...] = ()
     """m/s^2; means of the present pose"""
     sides: tuple[int, ...] = ()
-    """-; sides that were taken, see `SIDES`"""
+    """-; completed sides, see `SIDES`"""
     means: tuple[Vector, ...] = ()
-    """m/s^2; of all poses taken"""
+    """m/s^2; means of all completed poses"""
 
 
 def step(state: State, force: Vector) -> tuple[State, Took]:
-    """One sample (m/s^2, FRD) of a calibration on six sides."""
+    """Add a sample (m/s^2, FRD) to a calibration on six sides."""
     state, mean, moving = _mean(state, force)
     if mean is None:
         return state, NOTHING_NEW
@@ -76,7 +77,7 @@ def step(state: State, force: Vector) -> tuple[State, Took]:
 
 
 def step_level(state: State, force: Vector) -> tuple[State, Took]:
-    """One sample (m/s^2, FRD) of a calibration level and at rest."""
+    """Add a sample (m/s^2, FRD) to a calibration at level rest."""
     state, mean, moving = _mean(state, force)
     if mean is None:
         return state, NOTHING_NEW
@@ -87,24 +88,24 @@ def step_level(state: State, force: Vector) -> tuple[State, Took]:
 
 
 def side_of(mean: Vector) -> int:
-    """Index in `SIDES` of the side that is turned up at this specific force, -1 between two."""
+    """Return the index in `SIDES` of the upper side; -1 between two sides."""
     size = math.sqrt(sum(value * value for value in mean))
     axis = max(range(3), key=lambda i: abs(mean[i]))
     return -1 if abs(mean[axis]) < ON_A_SIDE * size else 2 * axis + int(mean[axis] > 0.0)
 
 
 def progress(state: State) -> float:
-    """Share that has been gathered, 0 to 1."""
+    """Return the completed fraction, 0 to 1."""
     return len(state.means) / (BLOCKS * len(SIDES))
 
 
 def progress_level(state: State) -> float:
-    """Share that has been gathered, 0 to 1."""
+    """Return the completed fraction, 0 to 1."""
     return len(state.means) / BLOCKS
 
 
 def _mean(state: State, force: Vector) -> tuple[State, Vector | None, bool]:
-    """Add a sample; at the end of a block its mean, and whether the vehicle moved in it."""
+    """Add a sample; return the mean at the end of a block, and whether it moved."""
     first = state.first if state.samples else force
     x, y, z = force[0] - first[0], force[1] - first[1], force[2] - first[2]
     tx, ty, tz = state.total if state.samples else (0.0, 0.0, 0.0)
@@ -119,7 +120,7 @@ def _mean(state: State, force: Vector) -> tuple[State, Vector | None, bool]:
 
 
 def _follow_pose(state: State, mean: Vector, moving: bool) -> State:
-    """The means of the present pose; movement, or a new attitude, begins another."""
+    """Update the means of the pose; motion or a new attitude begins another pose."""
     if moving:
         return state._replace(pose=())
     if state.pose and math.dist(mean, state.pose[0]) > SAME_POSE:
@@ -128,7 +129,10 @@ def _follow_pose(state: State, mean: Vector, moving: bool) -> State:
 
 
 def finish(state: State) -> tuple[Result, str]:
-    """Offsets and scales by least squares of | scale (reading - offset) | = g, and why they cannot be (or "")."""
+    """Return offsets and scales by least squares, and an error text.
+
+    The model is | scale (reading - offset) | = g. The text is empty on success.
+    """
     means = np.array(state.means)
     offset = 0.5 * (means.max(axis=0) + means.min(axis=0))
     scale = np.ones(3)
@@ -143,7 +147,10 @@ def finish(state: State) -> tuple[Result, str]:
 
 
 def finish_level(state: State, gains: Gains) -> tuple[Result, str]:
-    """Offsets that make the mean reading gravity straight up, with the scales that are known; or why not."""
+    """Return the offsets that level the mean reading with known scales.
+
+    The second value is an error text, empty on success.
+    """
     means = np.array(state.means)
     mean = means.mean(axis=0)
     if math.hypot(mean[0], mean[1]) > TILT * STANDARD_GRAVITY or mean[2] > 0.0:

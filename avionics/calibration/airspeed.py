@@ -1,8 +1,8 @@
-"""The pitot: its zero at rest, and its scale in flight against the ground speed of the GPS, the wind solved with it.
+"""Pitot calibration: zero at rest, and scale in flight from GPS and wind.
 
-Over a circle, or flown both ways, ground velocity = scale * airspeed * heading + wind has the scale and the wind as
-its unknowns; an error of the heading that stays the same (declination, the delay of the fixes in a steady turn) is
-solved too, as the angle of a complex scale, so that it does not shorten the airspeed.
+Over a circle or in opposite directions, ground velocity = scale * airspeed * heading + wind has the scale and the
+wind as unknowns. A constant error of the heading (declination, the delay of the fixes in a steady turn) is also
+estimated, as the angle of a complex scale, so that it does not reduce the scale.
 """
 
 from __future__ import annotations
@@ -18,41 +18,41 @@ from avionics.sensing.air_data import Gains
 AT_REST = 100
 """samples of a zero: two seconds"""
 MOST_SCATTER = 10.0
-"""Pa; standard deviation at rest: more is wind in the tube"""
+"""Pa; maximum standard deviation at rest: more indicates wind in the tube"""
 GREATEST_ZERO = 50.0
-"""Pa; beyond it the sensor is broken"""
+"""Pa; maximum plausible zero; a larger one indicates a defect"""
 LEAST, MOST = 60, 400
-"""fixes for a scale"""
+"""fixes; minimum and maximum for a scale"""
 SPREAD = 0.3
-"""-; length of the mean of the headings' unit vectors, 0 for a full circle or two opposite ways"""
+"""-; maximum length of the mean unit vector of the headings: 0 for a full circle or two opposite directions"""
 SLOWEST = 3.0
-"""m/s; airspeed below which the tube says too little"""
+"""m/s; minimum airspeed, because the relative error is large below it"""
 SCALES = (0.7, 1.4)
-"""-; of the airspeed; beyond it something else is wrong"""
+"""-; range of plausible airspeed scales"""
 GREATEST_ERROR = 0.03
-"""-; standard error of the scale"""
+"""-; maximum standard error of the scale"""
 
 Sample = tuple[float, float, float, float]
 """heading (rad), horizontal airspeed (m/s), ground velocity north and east (m/s)"""
 
 
 class State(NamedTuple):
-    """What was gathered."""
+    """Collected samples."""
 
     pressures: tuple[float, ...] = ()
-    """Pa; differential, at rest"""
+    """Pa; differential pressures at rest"""
     samples: tuple[Sample, ...] = ()
-    """in flight"""
+    """samples in flight"""
 
 
 def step_zero(state: State, pressure: float) -> tuple[State, Took]:
-    """One differential pressure (Pa) at rest, without zero and scale."""
+    """Add a differential pressure (Pa) at rest, without zero and scale."""
     state = state._replace(pressures=(*state.pressures, pressure))
     return state, Took(complete=len(state.pressures) >= AT_REST)
 
 
 def step_scale(state: State, sample: Sample) -> tuple[State, Took]:
-    """One fix in flight; it ends once enough headings were flown."""
+    """Add a fix in flight; the calibration ends with sufficient headings."""
     if sample[1] < SLOWEST:
         return state, NOTHING_NEW
     state = state._replace(samples=(*state.samples, sample)[-MOST:])
@@ -62,7 +62,10 @@ def step_scale(state: State, sample: Sample) -> tuple[State, Took]:
 
 
 def spread(state: State) -> float:
-    """Length of the mean of the headings' unit vectors: 1 on one heading, 0 over a circle or both ways."""
+    """Return the length of the mean unit vector of the headings.
+
+    It is 1 on one heading, and 0 over a circle or in opposite directions.
+    """
     count = max(len(state.samples), 1)
     north = sum(math.cos(sample[0]) for sample in state.samples) / count
     east = sum(math.sin(sample[0]) for sample in state.samples) / count
@@ -70,18 +73,18 @@ def spread(state: State) -> float:
 
 
 def progress_zero(state: State) -> float:
-    """Share that has been gathered, 0 to 1."""
+    """Return the completed fraction, 0 to 1."""
     return len(state.pressures) / AT_REST
 
 
 def progress_scale(state: State) -> float:
-    """Share that has been gathered, 0 to 1."""
+    """Return the completed fraction, 0 to 1."""
     share = len(state.samples) / LEAST
     return min(share, (1.0 - spread(state)) / (1.0 - SPREAD), 1.0)
 
 
 def finish_zero(state: State) -> tuple[Result, str]:
-    """The pressure at rest, and why it is none (or "")."""
+    """Return the pressure at rest, and an error text (empty on success)."""
     pressures = np.array(state.pressures)
     zero, scatter = float(np.mean(pressures)), float(np.std(pressures))
     result = Result((Setting("air_data", "differential_zero", -1, zero),), scatter, "Pa", len(pressures))
@@ -91,7 +94,10 @@ def finish_zero(state: State) -> tuple[Result, str]:
 
 
 def finish_scale(state: State, gains: Gains) -> tuple[Result, str]:
-    """The scale of the pressure (the square of the airspeed's), and why it is none (or "")."""
+    """Return the pressure scale, and an error text (empty on success).
+
+    The pressure scale is the square of the airspeed scale.
+    """
     count = len(state.samples)
     nothing = Result((), 0.0, "m/s", count)
     if count < LEAST or spread(state) > SPREAD:
@@ -104,7 +110,7 @@ def finish_scale(state: State, gains: Gains) -> tuple[Result, str]:
     solution = np.linalg.lstsq(design, measured, rcond=None)[0]
     left = measured - design @ solution
     residual = math.sqrt(float(np.mean(left**2)))
-    # The residuals of gusts last for some fixes: a tenth of them counts as independent.
+    # Residuals of gusts are correlated over several fixes: a tenth of them counts as independent.
     error = residual / math.sqrt(0.1 * count) / float(np.mean(airspeed))
     scale = math.hypot(solution[0], solution[1])
     value = gains.differential_scale * scale * scale

@@ -1,4 +1,4 @@
-"""The supply's divider against a measured voltage, and the current sensor's zero, with the drives at rest."""
+"""Battery calibration: voltage divider and current zero, with the drives at rest."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from avionics.messages import AdcBurst
 from avionics.sensing.power import Gains, averages
 
 AT_REST = 100
-"""bursts: one second"""
+"""bursts; duration of the measurement: one second"""
 MOST_SCATTER = 0.2
-"""A; standard deviation of the current at rest: more is a drive that runs"""
+"""A; maximum standard deviation of the current at rest: more indicates a running drive"""
 GREATEST_CURRENT = 2.0
-"""A; reading at rest beyond which a drive runs or the sensor is broken"""
+"""A; maximum current at rest; more indicates a running drive or a defect"""
 RATIOS = (0.7, 1.4)
-"""-; of the given to the measured voltage; beyond it one of them is wrong"""
+"""-; range of the ratio of given to measured voltage"""
 
 
 class State(NamedTuple):
-    """What was gathered."""
+    """Collected samples."""
 
     samples: int = 0
     """-; bursts"""
@@ -33,7 +33,7 @@ class State(NamedTuple):
 
 
 def step(gains: Gains, state: State, burst: AdcBurst) -> tuple[State, Took]:
-    """One burst at rest."""
+    """Add a burst at rest."""
     voltage, current, _ = averages(gains, burst)
     state = State(
         state.samples + 1,
@@ -45,15 +45,18 @@ def step(gains: Gains, state: State, burst: AdcBurst) -> tuple[State, Took]:
 
 
 def progress(state: State) -> float:
-    """Share that has been gathered, 0 to 1."""
+    """Return the completed fraction, 0 to 1."""
     return state.samples / AT_REST
 
 
 def finish(state: State, gains: Gains, given: float) -> tuple[Result, str]:
-    """Divider for the ``given`` voltage (V; 0 leaves it) and the current's zero; why they are none (or "")."""
+    """Return divider and current zero, and an error text (empty on success).
+
+    The divider is that of the ``given`` voltage (V; 0 keeps it).
+    """
     voltage, current = state.voltage / state.samples, state.current / state.samples
     scatter = math.sqrt(max(0.0, state.current_square / state.samples - current * current))
-    # With power on the drives draw a little at rest: that is no zero.
+    # With power on the drives draw a small current at rest, which is not part of the zero.
     zero = gains.current_zero + (current - gains.rest_current) * gains.current_sensitivity
     settings: tuple[Setting, ...] = (Setting("power", "current_zero", -1, zero),)
     result = Result(settings, scatter, "A", state.samples)

@@ -1,8 +1,9 @@
-"""Hard and soft iron of the magnetometer from turning the vehicle: the field's tip lies on an ellipsoid.
+"""Magnetometer calibration: hard and soft iron by an ellipsoid fit.
 
-The ellipsoid is fitted by linear least squares of its quadric; its centre is the hard iron, and the symmetric matrix
-that makes it a sphere of the same volume takes out soft iron and scale errors. Where too little of the sphere was
-seen for that, a sphere alone is fitted; where too little for a sphere, nothing.
+The vehicle is rotated, so that the field vector describes an ellipsoid. The ellipsoid is fitted by linear least
+squares of its quadric. Its center is the hard iron. The symmetric matrix that transforms it to a sphere of the same
+volume corrects soft iron and scale errors. With insufficient coverage a sphere is fitted instead, and with less
+coverage there is no result.
 """
 
 from __future__ import annotations
@@ -17,39 +18,39 @@ from numpy.typing import NDArray
 from avionics.calibration.result import NOTHING_NEW, Result, Setting, Took, triple
 
 SPACING = 0.07
-"""gauss; between two samples that are kept: some nine degrees"""
+"""gauss; minimum distance between two stored samples: about nine degrees"""
 MOST = 200
-"""samples kept"""
+"""maximum number of stored samples"""
 ENOUGH = 60
-"""samples without which it goes on, however wide they are spread"""
+"""minimum number of samples at the automatic end, for any coverage"""
 FEWEST = 12
-"""samples without which nothing is fitted"""
+"""minimum number of samples for a fit"""
 COMPLETE, ELLIPSOID, SPHERE = 0.9, 0.75, 0.5
-"""-; coverage at which it ends by itself, and least for an ellipsoid and for a sphere"""
+"""-; coverage at the automatic end, and minimum for an ellipsoid and for a sphere"""
 NEAR = math.cos(math.radians(25.0))
-"""-; a direction is covered when a sample lies within 25 degrees"""
+"""-; cosine of the maximum angle between a covered direction and a sample: 25 degrees"""
 DIRECTIONS = 100
-"""spread evenly over the sphere, of which the covered are counted"""
+"""uniformly distributed directions of the coverage"""
 SCALES = (0.5, 2.0)
-"""-; axes of the sphere's matrix; beyond it was no field that was measured"""
+"""-; range of plausible axes of the correction matrix"""
 
 Vector = tuple[float, float, float]
 Array = NDArray[np.float64]
 
 
 class State(NamedTuple):
-    """What was gathered."""
+    """Collected samples."""
 
     points: tuple[Vector, ...] = ()
     """gauss; readings"""
     coverage: float = 0.0
-    """-; share of all directions"""
+    """-; fraction of all directions"""
     reported: int = 0
-    """-; tenths of the coverage that were told"""
+    """-; reported tenths of the coverage"""
 
 
 def step(state: State, field: Vector) -> tuple[State, Took]:
-    """One reading (gauss, FRD); kept when it is far from all others."""
+    """Add a reading (gauss, FRD); it is stored if distant from all others."""
     x, y, z = field
     near = SPACING * SPACING
     for a, b, c in state.points:
@@ -64,12 +65,15 @@ def step(state: State, field: Vector) -> tuple[State, Took]:
 
 
 def progress(state: State) -> float:
-    """Share that has been gathered, 0 to 1."""
+    """Return the completed fraction, 0 to 1."""
     return min(state.coverage / COMPLETE, 1.0)
 
 
 def coverage(points: Array) -> float:
-    """Share of all directions, seen from the centre of the sphere through the ``points`` (N, 3), with one near."""
+    """Return the fraction of all directions with a sample nearby.
+
+    Directions are relative to the center of the sphere through ``points`` (N, 3).
+    """
     if len(points) < FEWEST:
         return 0.0
     offsets = points - _sphere_centre(points)
@@ -79,7 +83,7 @@ def coverage(points: Array) -> float:
 
 @cache
 def _directions() -> Array:
-    """Unit vectors (N, 3) spread evenly by the golden angle."""
+    """Return uniformly distributed unit vectors (N, 3), by the golden angle."""
     number = np.arange(DIRECTIONS)
     height = 1.0 - (2.0 * number + 1.0) / DIRECTIONS
     angle, flat = math.pi * (3.0 - math.sqrt(5.0)) * number, np.sqrt(1.0 - height**2)
@@ -87,7 +91,7 @@ def _directions() -> Array:
 
 
 def finish(state: State) -> tuple[Result, str]:
-    """Hard and soft iron, and why they cannot be told (or "")."""
+    """Return hard and soft iron, and an error text (empty on success)."""
     points = np.array(state.points).reshape(-1, 3)
     if state.coverage < SPHERE or len(points) < FEWEST:
         return Result((), 0.0, "gauss", len(points)), (
@@ -114,14 +118,21 @@ def _settings(centre: Array, matrix: Array) -> tuple[Setting, ...]:
 
 
 def _sphere_centre(points: Array) -> Array:
-    """Centre (3,) of the sphere through ``points`` (N, 3): |p|^2 = 2 p.c + r^2 - |c|^2 by least squares."""
+    """Return the center (3,) of the sphere through ``points`` (N, 3).
+
+    Least squares of |p|^2 = 2 p.c + r^2 - |c|^2.
+    """
     design = np.column_stack((2.0 * points, np.ones(len(points))))
     solution = np.linalg.lstsq(design, np.sum(points**2, axis=1), rcond=None)[0]
     return np.asarray(solution[:3])
 
 
 def _ellipsoid(points: Array) -> tuple[Array, Array] | None:
-    """Centre (3,) and the symmetric matrix (3, 3) of determinant 1 that makes it a sphere; None for no ellipsoid."""
+    """Return center (3,) and correction matrix (3, 3) of an ellipsoid.
+
+    The symmetric matrix with determinant 1 transforms it to a sphere. The result is None if the quadric is not an
+    ellipsoid.
+    """
     middle = _sphere_centre(points)
     size = float(np.mean(np.linalg.norm(points - middle, axis=1)))
     x, y, z = ((points - middle) / size).T

@@ -1,6 +1,6 @@
-"""What runs while something is calibrated: which kind, since when, what was gathered, and what may stop it.
+"""Calibration procedure: kind, time, collected samples and reasons to stop.
 
-The samples come from the task (`avionics.tasks.calibrate`); the arithmetic is in a file for each sensor.
+The samples come from the task (`avionics.tasks.calibrate`); the computation of each sensor has its own module.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ PATIENCE: dict[Calibration, float] = {
     Calibration.WINGS: 10.0,
     Calibration.BATTERY: 10.0,
 }
-"""s; that it may take, on six sides from one to the next; what was gathered by then must do"""
+"""s; time limit, on six sides from one to the next; the samples collected by then are used"""
 AT_REST = (Calibration.LEVEL, Calibration.AIRSPEED_ZERO, Calibration.WINGS, Calibration.BATTERY)
-"""ended by a movement"""
+"""calibrations that a motion ends"""
 RAW_IMU = (Calibration.ACCELEROMETER, Calibration.LEVEL, Calibration.MAGNETOMETER)
-"""need the IMU's samples as the sensor gives them"""
+"""calibrations that use uncalibrated IMU samples"""
 MOVING = 0.35
-"""rad/s; rate of turn beyond which a vehicle is not at rest"""
+"""rad/s; maximum angular rate at rest"""
 TOLERANCE = 1e-6
-"""rad or V; single precision of the wire"""
+"""rad or V; rounding error of single precision on the wire"""
 ARGUMENTS = {Calibration.WINGS: (-math.pi / 2.0, math.pi / 2.0), Calibration.BATTERY: (0.0, 100.0)}
-"""rad or V; range of what is given, 0 where nothing is"""
+"""rad or V; range of the argument"""
 WORDS = {
     Calibration.ACCELEROMETER: "accelerometer: rest it on each of its six sides",
     Calibration.LEVEL: "accelerometer: keep it level and at rest",
@@ -47,24 +47,24 @@ WORDS = {
 
 
 class State(NamedTuple):
-    """What is remembered of the calibration that runs, and of the last one that ended."""
+    """State of the active calibration, and result of the last one."""
 
     kind: Calibration = Calibration.NONE
-    """-; that runs, NONE for none"""
+    """-; active calibration, NONE if none"""
     argument: float = 0.0
     """rad or V; angle of the wings or voltage of the battery"""
     elapsed: float = 0.0
     """s; since the start, or since the last pose"""
     reported: float = 0.0
-    """s; since the status was published"""
+    """s; time since the last status message"""
     started: int = 0
-    """-; since boot"""
+    """-; number of calibrations since boot"""
     last: Calibration = Calibration.NONE
-    """-; that began last"""
+    """-; last calibration that began"""
     succeeded: int = 0
-    """-; 1 when the last one that ended set its parameters"""
+    """-; 1 if the last completed calibration set its parameters"""
     residual: float = 0.0
-    """of the last one that ended, in its sensor's unit"""
+    """residual of the last completed calibration, in the unit of its sensor"""
     accelerometer: accelerometer.State = accelerometer.State()
     magnetometer: magnetometer.State = magnetometer.State()
     airspeed: airspeed.State = airspeed.State()
@@ -73,17 +73,17 @@ class State(NamedTuple):
 
 
 def start(state: State, kind: Calibration, argument: float) -> State:
-    """Begin gathering for ``kind``."""
+    """Begin a calibration of ``kind``."""
     return State(kind, argument, started=state.started + 1, last=kind, succeeded=state.succeeded)
 
 
 def stop(state: State, succeeded: bool = False, residual: float = 0.0) -> State:
-    """End it; what was gathered is forgotten."""
+    """End the calibration and discard its samples."""
     return State(started=state.started, last=state.last, succeeded=int(succeeded), residual=residual)
 
 
 def refusal(state: State, kind: Calibration, argument: float, armed: bool, flying: bool) -> str:
-    """Why ``kind`` cannot be calibrated now, one line; empty when it can."""
+    """Return why a calibration of ``kind`` is denied now; empty if permitted."""
     if state.kind:
         return f"calibration {state.kind.name} active"
     if kind == Calibration.AIRSPEED:
@@ -95,14 +95,14 @@ def refusal(state: State, kind: Calibration, argument: float, armed: bool, flyin
 
 
 def _outside(kind: Calibration, argument: float, low: float, high: float) -> str:
-    """What is wrong with what was given, in the unit in which people give it."""
+    """Return why an argument is out of range, in display units."""
     unit = {Calibration.WINGS: " degrees", Calibration.BATTERY: " V"}.get(kind, "")
     scale = math.degrees(1.0) if kind == Calibration.WINGS else 1.0
     return f"{scale * argument:.6g} is out of range {scale * low:g} to {scale * high:g}{unit}"
 
 
 def progress(state: State) -> float:
-    """Share of the samples that have been gathered, 0 to 1."""
+    """Return the completed fraction, 0 to 1."""
     if state.kind == Calibration.ACCELEROMETER:
         return accelerometer.progress(state.accelerometer)
     if state.kind == Calibration.LEVEL:
@@ -119,7 +119,7 @@ def progress(state: State) -> float:
 
 
 def status(state: State, time_us: int) -> CalibrationStatus:
-    """What is told of it."""
+    """Return the calibration status message."""
     running = int(state.kind != Calibration.NONE)
     return CalibrationStatus(
         time_us, state.last, running, progress(state), state.started, state.succeeded, state.residual
@@ -127,10 +127,10 @@ def status(state: State, time_us: int) -> CalibrationStatus:
 
 
 def finish(state: State, gains: FlightGains) -> Result:
-    """What was found.
+    """Return the result of the calibration.
 
     Raises:
-        InputError: too little was gathered, or what was found cannot be; one line.
+        InputError: insufficient samples or an implausible result; one line.
     """
     result, reason = _solved(state, gains)
     if reason:
@@ -158,10 +158,10 @@ def _solved(state: State, gains: FlightGains) -> tuple[Result, str]:
 
 
 def applied(gains: FlightGains, settings: tuple[Setting, ...]) -> FlightGains:
-    """The gains with the ``settings``, rounded to what a parameter can say on the wire.
+    """Return the gains with ``settings``, rounded to the wire format of parameters.
 
     Raises:
-        InputError: one lies outside its parameter's range; none is taken then.
+        InputError: one is outside the range of its parameter; none is set in this case.
     """
     table = parameters.parameter_table(gains)
     for setting in settings:

@@ -1,4 +1,4 @@
-"""What every calibration gives: word of its progress, and parameters with a residual."""
+"""Common results of the calibrations: progress, parameters and residual."""
 
 from __future__ import annotations
 
@@ -7,45 +7,45 @@ from typing import NamedTuple
 
 
 class Took(NamedTuple):
-    """What became of one more sample."""
+    """Result of adding one sample."""
 
     note: str = ""
-    """-; one line for people, empty when there is nothing to say"""
+    """-; notice in one line, empty if none"""
     complete: bool = False
-    """-; enough was gathered: solve now"""
+    """-; True once the samples are sufficient for the solution"""
     cancelled: str = ""
-    """-; why it cannot go on; empty while it can"""
+    """-; reason of a cancellation, else empty"""
 
 
 NOTHING_NEW = Took()
 
 
 class Setting(NamedTuple):
-    """One parameter that a calibration sets."""
+    """Parameter set by a calibration."""
 
     section: str
-    """-; of the vehicle file"""
+    """-; section of the vehicle file"""
     key: str
-    """-; in the section"""
+    """-; key in the section"""
     place: int
-    """-; in a list, -1 for a single number"""
+    """-; index in a list, -1 for a single number"""
     value: float
-    """in the parameter's unit"""
+    """value in the unit of the parameter"""
 
 
 class Result(NamedTuple):
-    """What a calibration found."""
+    """Result of a calibration."""
 
     settings: tuple[Setting, ...]
     """-; parameters to set"""
     residual: float
-    """RMS of what the found values leave, in ``unit``"""
+    """RMS residual of the result, in ``unit``"""
     unit: str
-    """-; of the residual"""
+    """-; unit of the residual"""
     samples: int
-    """-; that were used"""
+    """-; number of samples used"""
 
 
 def triple(section: str, key: str, values: Iterable[float]) -> tuple[Setting, ...]:
-    """Settings of a parameter of three numbers."""
+    """Return the settings of a parameter with three numbers."""
     return tuple(Setting(section, key, place, float(value)) for place, value in enumerate(values))

@@ -1,4 +1,4 @@
-"""The zeros of the wing encoders, with both wings at rest at a known angle."""
+"""Wing encoder calibration: zeros, with both wings at rest at a known angle."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from avionics.sensing.wing_angle import Gains
 AT_REST = 200
 """samples: one second"""
 PLAY = 2
-"""counts; that a wing at rest may tremble"""
+"""counts; maximum jitter of a wing at rest"""
 
 
 class State(NamedTuple):
-    """What was gathered."""
+    """Collected samples."""
 
     samples: int = 0
     """-; samples"""
     left: tuple[int, int, int] = (0, 0, 0)
-    """counts; least, greatest, sum"""
+    """counts; minimum, maximum, sum"""
     right: tuple[int, int, int] = (0, 0, 0)
-    """counts; least, greatest, sum"""
+    """counts; minimum, maximum, sum"""
 
 
 def step(state: State, sample: EncoderSample) -> tuple[State, Took]:
-    """One sample at rest; a wing that moves ends it."""
+    """Add a sample at rest; a motion of a wing ends the calibration."""
     left = _add(state.left, sample.left_counts, state.samples)
     right = _add(state.right, sample.right_counts, state.samples)
     state = State(state.samples + 1, left, right)
@@ -43,12 +43,15 @@ def _add(raw_counts: tuple[int, int, int], counts: int, number: int) -> tuple[in
 
 
 def progress(state: State) -> float:
-    """Share that has been gathered, 0 to 1."""
+    """Return the completed fraction, 0 to 1."""
     return state.samples / AT_REST
 
 
 def finish(state: State, gains: Gains, angle: float) -> tuple[Result, str]:
-    """Counts at the wings' zero, when they rest at ``angle`` (rad, up is positive) now; never refused."""
+    """Return the zeros of the wings at rest at ``angle`` (rad, positive up).
+
+    The error text is always empty.
+    """
     counts = angle * gains.counts_per_turn * gains.gear_ratio / math.tau
     left = state.left[2] / state.samples - gains.sign_left * counts
     right = state.right[2] / state.samples - gains.sign_right * counts

@@ -162,9 +162,9 @@ def _commanded(time_us: int, controls: Controls, armed: int) -> m.ActuatorComman
 
 
 def encode_actuators(command: m.ActuatorCommand) -> bytes:
-    """Return the payload of HIL_ACTUATOR_CONTROLS, angles limited to `FULL_DEFLECTION`.
+    """Return the payload of HIL_ACTUATOR_CONTROLS.
 
-    The time is that of the sensor frame, as indicated by the flags.
+    Angles are limited to `FULL_DEFLECTION`. The time is that of the sensor frame, as indicated by the flags.
     """
     mode = _CUSTOM_MODE | (ARMED if command.armed else 0)
     return _ACTUATORS.pack(command.time_us, LOCKSTEP, *_controls(command), *_SPARE_CONTROLS, mode)

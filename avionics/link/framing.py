@@ -102,7 +102,7 @@ _DECODER = mavlink.MAVLink(None)
 
 
 class FrameReader:
-    """Frame parser of one stream, with the counters ``bad_bytes``, ``frames``, ``unknown``."""
+    """Frame parser of one stream, with counters of frames and invalid bytes."""
 
     def __init__(self, version_1: bool = True, foreign: bool = False) -> None:
         """Create the parser.

@@ -1,4 +1,4 @@
-"""Component metadata (COMPONENT_METADATA): compressed JSON files of the parameters.
+"""Component metadata (COMPONENT_METADATA): compressed parameter files in JSON.
 
 Format: https://mavlink.io/en/services/component_information.html, parameter schema version 3.
 """

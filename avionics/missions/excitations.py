@@ -1,4 +1,7 @@
-"""Identification inputs in a mission file, and whether one (from a file or from the link) can be flown."""
+"""Identification inputs in a mission file, and their validation.
+
+The validation also applies to inputs from the link.
+"""
 
 from __future__ import annotations
 
@@ -34,13 +37,13 @@ SHAPES = {
 }
 LOOPS = {"frozen": 0, "active": 1}
 LEAST_HARMONICS = 2
-"""of a multisine on each channel: one would be a sine"""
+"""minimum harmonics of a multisine on each channel: a single one is a sine"""
 MOST_HARMONICS = 60
-"""of a multisine on all channels: each costs the tick a sine"""
+"""maximum harmonics of a multisine on all channels, because each costs a sine per tick"""
 
 
 def read_excitation(table: Mapping[str, Any]) -> Excitation:
-    """The input that the keys of an ``[[item]]`` describe.
+    """Read the identification input of an ``[[item]]``.
 
     Raises:
         InputError: the text names the key and its range.
@@ -80,7 +83,10 @@ def _multisine(table: Mapping[str, Any], shape: Shape) -> Excitation:
 
 
 def on_channels(requested: Excitation, amplitudes: Mapping[Channel, float]) -> Excitation:
-    """``requested`` with these amplitudes (rad, -, rad), that of the first used channel as its own."""
+    """Return ``requested`` with these amplitudes (rad, -, rad).
+
+    The channel of the input is the first one used.
+    """
     own = min((channel for channel, amplitude in amplitudes.items() if amplitude), default=requested.channel)
     elevator, throttle, rudder = (0.0 if c == own else amplitudes.get(c, 0.0) for c in Channel)
     return requested._replace(
@@ -95,7 +101,10 @@ def _repeats(entries: Mapping[str, float]) -> int:
 
 
 def check_excitation(requested: Excitation | None) -> str:
-    """Why an identification input cannot be flown; empty when it can, and then its phases are known too."""
+    """Return why an identification input is rejected; empty if accepted.
+
+    For an accepted input the phases are computed and cached.
+    """
     if requested is None:
         return "EXCITE without an excitation"
     for word, value, key in _numbers_of(requested):
@@ -110,7 +119,7 @@ def check_excitation(requested: Excitation | None) -> str:
 
 
 def _numbers_of(requested: Excitation) -> list[tuple[str, float, Key]]:
-    """Name, value and range of what the shape uses."""
+    """Return name, value and range of the numbers that the shape uses."""
     entries = [
         ("settle", requested.settle, PACING["settle"]),
         ("repeats", float(requested.repeats), PACING["repeats"]),

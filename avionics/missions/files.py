@@ -1,4 +1,4 @@
-"""A flight plan from whatever file it is in: our own TOML, QGroundControl's ``.plan``, a ``.waypoints`` list."""
+"""Flight plan files: TOML, ``.plan`` of QGroundControl, ``.waypoints`` lists."""
 
 from __future__ import annotations
 
@@ -15,14 +15,17 @@ from avionics.missions.limits import check_climb
 from wingbeat.errors import InputError
 
 LISTS = (".waypoints", ".txt", ".mission")
-"""endings of plain lists"""
+"""file name extensions of plain lists"""
 
 
 def load_flight_plan(name_or_path: str | Path) -> FlightPlan:
-    """The plan of that name, or in that file; places on the globe count from the file's own home.
+    """Load the plan of a name or a file.
+
+    Global positions are relative to the home in the file.
 
     Raises:
-        InputError: no such mission, unreadable file, or an item that cannot be flown: the text names it and why.
+        InputError: no such mission, unreadable file, or an item that cannot be flown: the text names it and the
+        reason.
     """
     path = reader.find(name_or_path)
     if path.suffix == ".plan":
@@ -57,7 +60,7 @@ def _from_plan(path: Path) -> FlightPlan:
 
 
 def _rest(file: plan_file.PlanFile) -> str:
-    """What a plan without a mission holds, and the command that sends it."""
+    """Return the content of a plan without a mission, and the command that sends it."""
     parts = [name for name, items in (("a fence", file.fence), ("rally points", file.rally)) if items]
     hint = "; upload it with: wingbeat gcs URL mission upload FILE" if parts else ""
     return " and ".join(parts + ["commands that are passed over"] * bool(file.mission)) + hint

@@ -1,4 +1,4 @@
-"""Numbers of mission items with unit, range and conversion to SI, and words from a list."""
+"""Numbers of mission items with unit, range and SI conversion, and enumerations."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from wingbeat.units import Quantity
 
 
 class Key(NamedTuple):
-    """A number in an item: its unit, its range, and the conversion to SI."""
+    """Numeric key of an item: unit, range and SI conversion."""
 
     unit: str
     low: float
     high: float
     si: Callable[[float], float] = float
     default: float | None = None
-    """in SI, if the key may be left out"""
+    """default in SI, None if the key is required"""
 
     @property
     def quantity(self) -> Quantity:
@@ -27,7 +27,7 @@ class Key(NamedTuple):
 
 
 def choice(table: Mapping[str, Any], key: str, choices: Mapping[str, Any]) -> Any:
-    """Return what the word at ``key`` stands for.
+    """Return the value of the word at ``key``.
 
     Raises:
         InputError: missing, or none of the ``choices``.
@@ -40,7 +40,9 @@ def choice(table: Mapping[str, Any], key: str, choices: Mapping[str, Any]) -> An
 
 
 def numbers(table: Mapping[str, Any], keys: Mapping[str, Key], others: tuple[str, ...]) -> dict[str, float]:
-    """Read the numbers at ``keys`` in SI; ``others`` are the keys that are read elsewhere.
+    """Read the numbers at ``keys`` in SI.
+
+    ``others`` are keys that are read elsewhere.
 
     Raises:
         InputError: unknown key, or a number that is missing or outside its range.

@@ -1,4 +1,4 @@
-"""What a mission, a fence and rally points may hold: keys with their units and ranges, whatever way they come."""
+"""Limits of missions, fences and rally points: keys with units and ranges."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from avionics.guidance.mission import INSTANT, Fence, ItemKind, Mission, Mission
 from avionics.missions.keys import Key
 
 LONGEST_MISSION = 500
-"""items"""
+"""items; limit of a mission"""
 MOST_ZONES = 20
 MOST_CORNERS = 70
-"""corners of all polygons of a fence: each costs time in every step of the navigation"""
+"""corners; limit of all polygons of a fence, because each costs time in every step of the navigation"""
 MOST_RALLY_POINTS = 20
 
 
@@ -36,11 +36,11 @@ KEYS: dict[ItemKind, dict[str, Key]] = {
     ItemKind.SPEED: {"airspeed": Key("m/s", 0.0, 50.0, default=0.0)},
     ItemKind.LAND: {**PLACE, **HEADING},
 }
-"""keys of each kind of item; a JUMP's are checked against the mission"""
+"""keys of each kind of item; those of a JUMP are checked against the mission"""
 HAND_HEIGHT = 2.0
-"""m; above home, from which the aircraft is thrown"""
+"""m; height of the hand above home at the throw"""
 SMALLEST_CIRCLE = 3.0
-"""m; radius"""
+"""m; minimum radius"""
 RALLY = {**PLACE, **ALTITUDE}
 FENCE_CIRCLE = {**PLACE, "radius": Key("m", 10.0, 1e5)}
 FENCE_ALTITUDES = {
@@ -56,7 +56,7 @@ SURVEY = {
 
 
 def _outside(values: dict[str, float], keys: dict[str, Key]) -> str:
-    """The first of ``values`` (SI) that is out of its key's range."""
+    """Return the first of ``values`` (SI) outside the range of its key."""
     for name, key in keys.items():
         value = values[name.removesuffix("_deg")]
         low, high = key.si(key.low), key.si(key.high)
@@ -68,7 +68,7 @@ def _outside(values: dict[str, float], keys: dict[str, Key]) -> str:
 
 
 def check_item(item: MissionItem) -> str:
-    """Why an item cannot be flown by its numbers; empty when it can."""
+    """Return why the numbers of an item are rejected; empty if accepted."""
     values = {"north": item.north, "east": item.east, "altitude": item.altitude, "heading": item.heading}
     values |= {"duration": item.duration, "radius": item.radius, "turns": item.turns, "airspeed": item.airspeed}
     if not all(math.isfinite(value) for value in values.values()):
@@ -82,7 +82,10 @@ def check_item(item: MissionItem) -> str:
 
 
 def check_climb(mission: Mission) -> str:
-    """Return why a mission cannot be launched: no item climbs before a landing; empty if one does."""
+    """Return why a mission cannot be launched; empty if it can.
+
+    An item must climb before a landing.
+    """
     before_landing = itertools.takewhile(lambda item: item.kind != ItemKind.LAND, mission)
     if any(item.kind == ItemKind.RETURN or item.altitude > HAND_HEIGHT for item in before_landing):
         return ""
@@ -90,7 +93,7 @@ def check_climb(mission: Mission) -> str:
 
 
 def check_jumps(mission: Mission) -> str:
-    """Why the jumps of a mission cannot be flown; empty when they can."""
+    """Return why the jumps of a mission are rejected; empty if accepted."""
     for number, item in enumerate(mission, 1):
         if item.kind != ItemKind.JUMP:
             continue
@@ -104,7 +107,10 @@ def check_jumps(mission: Mission) -> str:
 
 
 def _leads_back(mission: Mission, jump: int) -> bool:
-    """Whether a jump is followed by itself without an item that takes time; jumps on the way are followed as well."""
+    """Return whether a jump leads to itself without an item that takes time.
+
+    Further jumps are followed.
+    """
     at, passed = mission[jump].jump_to, set[int]()
     while at < len(mission) and at not in passed and mission[at].kind in (*INSTANT, ItemKind.JUMP):
         if at == jump:
@@ -116,7 +122,7 @@ def _leads_back(mission: Mission, jump: int) -> bool:
 
 
 def check_rally(rally: Rally) -> str:
-    """Why rally points cannot be used; empty when they can."""
+    """Return why rally points are rejected; empty if accepted."""
     if len(rally) > MOST_RALLY_POINTS:
         return f"at most {MOST_RALLY_POINTS} points, not {len(rally)}"
     for number, point in enumerate(rally, 1):
@@ -127,7 +133,7 @@ def check_rally(rally: Rally) -> str:
 
 
 def check_fence(fence: Fence) -> str:
-    """Why a fence cannot be kept; empty when it can. Home must be inside."""
+    """Return why a fence is rejected; empty if accepted. Home must be inside."""
     corners = sum(len(zone.places) for zone in fence.zones if not zone.radius)
     if len(fence.zones) > MOST_ZONES or corners > MOST_CORNERS:
         return f"at most {MOST_ZONES} zones with {MOST_CORNERS} corners in all"

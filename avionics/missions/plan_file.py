@@ -1,7 +1,7 @@
-"""QGroundControl's ``.plan``: a JSON document with a mission, a geofence and rally points.
+"""Plan file of QGroundControl (``.plan``): mission, geofence and rally points.
 
-Surveys and corridor scans hold the simple items that they were laid out to; a fixed-wing landing pattern becomes the
-items that QGroundControl sends for it.
+The file is a JSON document. Surveys and corridor scans contain their simple items; a fixed-wing landing pattern is
+converted to the items that QGroundControl sends for it.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ RELATIVE = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT
 
 
 class PlannedItem(NamedTuple):
-    """A mission item and where it stands in the file."""
+    """Mission item and its location in the file."""
 
     item: WireItem
     where: str
     """-; "item 3", or "item 3 (survey)\""""
     identity: int
-    """-; what DO_JUMP calls it in the file"""
+    """-; number used by DO_JUMP in the file"""
 
 
 class PlanFile(NamedTuple):
-    """What a file holds, in MAVLink's words."""
+    """Content of a file in MAVLink terms."""
 
     home: Home
     mission: tuple[PlannedItem, ...]
@@ -43,10 +43,10 @@ class PlanFile(NamedTuple):
 
 
 def read(path: Path) -> PlanFile:
-    """The plan of a file.
+    """Read the plan of a file.
 
     Raises:
-        InputError: unreadable, no plan, or a part of it that is malformed; the text says which.
+        InputError: unreadable, no plan, or a malformed part; the text names it.
     """
     try:
         document = parse_json(path.read_text(encoding="utf-8-sig"))
@@ -63,7 +63,7 @@ def read(path: Path) -> PlanFile:
 
 
 class _Malformed(ValueError):
-    """A part of the document is not what it should be; the text says which."""
+    """Malformed part of the document; the text names it."""
 
 
 def _plan(document: Mapping[str, Any]) -> PlanFile:
@@ -120,9 +120,10 @@ def _simple(table: Mapping[str, Any], where: str) -> PlannedItem:
 
 
 def _landing(table: Mapping[str, Any], where: str) -> list[PlannedItem]:
-    """A fixed-wing landing pattern as QGroundControl sends it: a circle or a position to descend at, and LAND.
+    """Return a fixed-wing landing pattern as QGroundControl sends it.
 
-    The course of the LAND is that of the line from where the circle is left, or from the position.
+    It is a circle or a position for the descent, and LAND. The course of the LAND is that of the line from the end of
+    the circle, or from the position.
     """
     key = next((key for key in ("landingApproachCoordinate", "loiterCoordinate") if key in table), None)
     if key is None:
@@ -223,7 +224,7 @@ def _numbers(
 
 
 def _row(value: Any, count: int, where: str, empty: float | None = None) -> tuple[float, ...]:
-    """``count`` numbers; ``empty`` stands for null where that is allowed."""
+    """Return ``count`` numbers; ``empty`` replaces null if permitted."""
     if not isinstance(value, list) or len(value) != count:
         raise _Malformed(f"{where} must be a list of {count} numbers")
     return tuple(empty if part is None and empty is not None else _number(part, where) for part in value)
@@ -234,11 +235,11 @@ def _pair(value: Any, where: str) -> tuple[float, float]:
     return first, second
 
 
-# --- what is sent or flown of it ---------------------------------------------------------------------------
+# --- items to send or to fly ------------------------------------------------------------------------------
 
 
 def numbered(mission: Sequence[PlannedItem]) -> tuple[PlannedItem, ...]:
-    """The items with every DO_JUMP leading to a place in the list, instead of a name in the file.
+    """Return the items with every DO_JUMP converted to an index in the list.
 
     Raises:
         InputError: a jump to an item that is not in the list.
@@ -275,7 +276,7 @@ def write(path: Path, plan: PlanFile) -> None:
 
 
 def document(plan: PlanFile) -> dict[str, Any]:
-    """The plan as QGroundControl's document."""
+    """Return the plan as a document of QGroundControl."""
     home = [math.degrees(plan.home.latitude), math.degrees(plan.home.longitude), plan.home.altitude]
     items = [_simple_table(planned.item, number) for number, planned in enumerate(plan.mission, 1)]
     return {
@@ -302,7 +303,7 @@ def _simple_table(item: WireItem, number: int) -> dict[str, Any]:
     if item.command == mavlink.MAV_CMD_DO_JUMP:
         params[0] = item.params[0] + 1.0
     values = [None if value is None or math.isnan(value) else value for value in params]
-    # A plan has no frame for the integer messages.
+    # A plan does not support the frames of the integer messages.
     frame = RELATIVE if item.frame == mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT else item.frame
     return {
         "type": "SimpleItem",

@@ -1,6 +1,7 @@
-"""Reads a plan: a TOML file with one ``[[item]]`` table per item, a ``[fence]`` and ``[[rally]]`` points.
+"""Plan files in TOML: mission items, fence and rally points.
 
-Angles are in degrees with the suffix ``_deg``. A ``survey`` becomes one waypoint for each end of its legs.
+The file has one ``[[item]]`` table per item, a ``[fence]`` and ``[[rally]]`` points. Angles are in degrees with the
+suffix ``_deg``. A ``survey`` becomes one waypoint for each end of its legs.
 """
 
 from __future__ import annotations
@@ -42,29 +43,29 @@ from wingbeat.schema import check_keys, check_table, error_context, read_documen
 
 FOLDER = Path(__file__).parent
 SURVEYED = "survey"
-"""kind of an item that becomes waypoints"""
+"""kind of an item that is converted to waypoints"""
 
 
 def mission_names() -> tuple[str, ...]:
-    """Names of the missions that come with the flight computer."""
+    """Return the names of the supplied missions."""
     return tuple(sorted(path.stem for path in FOLDER.glob("*.toml")))
 
 
 def load_mission(name_or_path: str | Path) -> Mission:
-    """The mission of that name, or in that file; see `load_plan`.
+    """Load the mission of a name or a file; see `load_plan`.
 
     Raises:
-        InputError: as of `load_plan`.
+        InputError: as `load_plan`.
     """
     return load_plan(name_or_path).mission
 
 
 def load_plan(name_or_path: str | Path) -> FlightPlan:
-    """The mission of that name, or in that TOML file, with its fence and rally points.
+    """Load the mission of a name or a TOML file, with fence and rally points.
 
     Raises:
-        InputError: no such mission, unreadable file, or an item that cannot be flown: the text names the item's
-            number, the key and the allowed range.
+        InputError: no such mission, unreadable file, or an item that cannot be flown: the text names the number of
+        the item, the key and the allowed range.
     """
     path = find(name_or_path)
     document = read_document(path, "mission file")
@@ -85,13 +86,13 @@ def _plan(document: Mapping[str, Any]) -> FlightPlan:
 
 
 def check_plan(plan: FlightPlan) -> str:
-    """Why a plan cannot be flown; empty when it can."""
+    """Return why a plan is rejected; empty if accepted."""
     fence, rally = check_fence(plan.fence), check_rally(plan.rally)
     return check_mission(plan.mission) or (fence and f"fence, {fence}") or (rally and f"rally, {rally}")
 
 
 def check_mission(mission: Mission) -> str:
-    """Why ``mission`` (from a file or from the link) cannot be flown; empty when it can."""
+    """Return why a mission of a file or the link is rejected; empty if accepted."""
     if len(mission) > LONGEST_MISSION:
         return f"a mission has at most {LONGEST_MISSION} items, not {len(mission)}"
     for number, item in enumerate(mission, 1):
@@ -104,10 +105,10 @@ def check_mission(mission: Mission) -> str:
 
 
 def find(name_or_path: str | Path) -> Path:
-    """The file of a mission's name, or that path.
+    """Return the file of a mission name, or that path.
 
     Raises:
-        InputError: there is neither.
+        InputError: neither exists.
     """
     named = FOLDER / f"{name_or_path}.toml"
     if str(name_or_path) in mission_names():
@@ -119,7 +120,10 @@ def find(name_or_path: str | Path) -> Path:
 
 
 def _mission(tables: list[Any]) -> Mission:
-    """The items, surveys laid out; a jump names the number of a table, and leads to the first item made of it."""
+    """Return the items with surveys converted.
+
+    A jump refers to the number of a table, and leads to its first item.
+    """
     made = []
     for number, table in enumerate(tables, 1):
         with error_context(f"item {number}"):
@@ -169,7 +173,7 @@ def _survey(table: Mapping[str, Any]) -> list[MissionItem]:
 
 
 def _polygon(corners: Any) -> tuple[tuple[float, float], ...]:
-    """Corners as ``[[north, east], ...]`` in m."""
+    """Return the corners ``[[north, east], ...]`` in m."""
     expected = f"polygon must be a list of 3 to {MOST_CORNERS} corners, [north, east] in m within 100 km of home"
     if not isinstance(corners, list) or not 3 <= len(corners) <= MOST_CORNERS:
         raise InputError(expected)

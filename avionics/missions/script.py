@@ -1,4 +1,4 @@
-"""Commands of a flight that nobody commands, at fixed ticks: the log does not depend on when a person acts."""
+"""Commands of an unattended flight at fixed ticks, for a reproducible log."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from avionics.messages import Command, CommandKind, Mode
 SCRIPT = "script"
 """-; source of these commands"""
 START_US = 2_000_000
-"""us; since boot, when a scripted flight is armed and switched to AUTO: the attitude is known by then"""
+"""us; time since boot of arming and AUTO in a scripted flight, when the attitude is aligned"""
 
 
 def scripted_start() -> tuple[Command, ...]:
-    """Armed and switched to AUTO at `START_US`."""
+    """Return the commands that arm and select AUTO at `START_US`."""
     return (
         Command(START_US, CommandKind.ARM, source=SCRIPT),
         Command(START_US, CommandKind.SET_MODE, name=Mode.AUTO.name, source=SCRIPT),
@@ -20,7 +20,7 @@ def scripted_start() -> tuple[Command, ...]:
 
 
 def plan_commands(plan: FlightPlan) -> tuple[Command, ...]:
-    """What puts a plan's fence and rally points on board at the first tick, as logged inputs."""
+    """Return the commands that set fence and rally points of a plan at the first tick."""
     fence = Command(0, CommandKind.SET_FENCE, payload=plan.fence, source=SCRIPT)
     rally = Command(0, CommandKind.SET_RALLY, payload=plan.rally, source=SCRIPT)
     wanted = ((plan.fence != NO_FENCE, fence), (bool(plan.rally), rally))

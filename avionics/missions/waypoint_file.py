@@ -1,4 +1,4 @@
-"""``QGC WPL 110``: the plain list of mission items that every ground station reads and writes."""
+"""``QGC WPL 110``: plain list of mission items, supported by all ground stations."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ COLUMNS = 12
 
 
 class Line(NamedTuple):
-    """One item of the list."""
+    """Item of the list."""
 
     item: WireItem
     autocontinue: int = 1
-    """-; 1 to go on to the next item"""
+    """-; 1 to continue with the next item"""
 
 
 def read(path: Path) -> tuple[Line, ...]:
-    """The items of a file.
+    """Read the items of a file.
 
     Raises:
-        InputError: unreadable, not such a list, or a line that is malformed; the text gives its number.
+        InputError: unreadable, not such a list, or a malformed line; the text gives its number.
     """
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
@@ -66,9 +66,10 @@ def _line(where: str, words: Sequence[str]) -> Line:
 
 
 def home_of(lines: Sequence[Line]) -> Home | None:
-    """Home where the list begins with it, as ArduPilot's lists do: a waypoint with its altitude above the sea.
+    """Return home if the list begins with it, as the lists of ArduPilot do.
 
-    A home of zeros is not known: the first position of the list stands for it.
+    Home is a waypoint with its altitude above mean sea level. If it is zero, the first position of the list replaces
+    it.
     """
     first = lines[0].item
     if (first.frame, first.command) != (mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_CMD_NAV_WAYPOINT):
@@ -80,7 +81,10 @@ def home_of(lines: Sequence[Line]) -> Home | None:
 
 
 def without_home(lines: Sequence[Line]) -> tuple[Line, ...]:
-    """The items behind a home that the list begins with; jumps, which count home as number 0, are moved with them."""
+    """Return the items after home, if the list begins with it.
+
+    Jumps, which count home as number 0, are adapted.
+    """
     if home_of(lines) is None:
         return tuple(lines)
     return tuple(line._replace(item=_one_earlier(line.item)) for line in lines[1:])

@@ -1,6 +1,6 @@
-"""The flight computer as a process: board, autopilot, ground link and recorder around one loop.
+"""Flight computer process: board, autopilot, ground link and recorder in one loop.
 
-The autopilot is deterministic; everything on the wall clock (link, run times) stays in here and reaches it only as
+The autopilot is deterministic. All parts on the wall clock (link, run times) are in this module, and reach it only as
 logged inputs.
 """
 
@@ -30,15 +30,15 @@ from wingbeat.message import Severity
 from wingbeat.topic import Topic
 
 POLL = 0.004
-"""s; of wall-clock time between two looks at the ground links"""
+"""s; wall-clock interval of polls of the ground links"""
 
 
 UNRECORDED = 4096
-"""messages; of a recorder that restarts, beyond which the oldest are lost"""
+"""messages; buffer during a restart of the recorder, beyond which the oldest are lost"""
 
 
 class FlightComputer:
-    """One flight computer; its ``view`` is what a ground link reads."""
+    """Flight computer; ``view`` is its interface to a ground link."""
 
     def __init__(
         self,
@@ -50,18 +50,19 @@ class FlightComputer:
         clock_ns: Callable[[], int] = time.perf_counter_ns,
         isolation: Isolation | None = None,
     ) -> None:
-        """Build the autopilot; each command of ``script`` is applied at the first tick that has reached its time.
+        """Build the autopilot.
 
-        That is the time since this flight computer's first tick: a board may have been on for long. ``clock`` tells
-        the links the time in s, ``clock_ns`` measures run times. What the guards of ``isolation`` catch is reported
-        with what the recorder, the parameter file and the links raise.
+        Each command of ``script`` is executed at the first tick at or after its time, which is relative to the first
+        tick of this flight computer, because a board may have been on before. ``clock`` (s) is the time of the links,
+        ``clock_ns`` measures run times. Faults caught by the guards of ``isolation`` are reported with those of the
+        recorder, the parameter file and the links.
 
         Raises:
             InputError: the mission cannot be flown.
         """
         self._recorder = recorder
         self._isolation = isolation or Isolation()
-        # One message is lost with each fault: a back-off would cost the recording all messages meanwhile.
+        # One message is lost with each fault: with a back-off all messages during it would be lost.
         self._recording = self._isolation.guard("recorder", backoff=0.0, vital=True)
         self._keeping = self._isolation.guard("parameter file")
         self._linking = self._isolation.guard("ground links", vital=True)
@@ -80,14 +81,14 @@ class FlightComputer:
         self.view = FlightView(vehicle, mission, self._publish, self._stopwatch.schedule)
 
     def keep_parameters(self, file: ParameterFile) -> None:
-        """Write changed parameters to ``file`` while disarmed, and at the end of the flight."""
+        """Write changed parameters to ``file`` while disarmed, and after the flight."""
         self._file = file
 
     def fly(self, board: Board, link: GroundLink | None = None) -> None:
-        """Fly until the board says that the world is over.
+        """Fly until the board reports the end of the simulation.
 
         Raises:
-            BoardSilent: the sensors stopped answering.
+            BoardSilent: timeout of the sensors.
         """
         step = self.view.autopilot.step
         self._link = link
@@ -112,7 +113,10 @@ class FlightComputer:
             self._report_faults()
 
     def _publish(self, topic: Topic[Any], message: Any) -> None:
-        """Record what was said: of a tick once it is answered, so that the servos do not wait for the log."""
+        """Record a message; those of a tick follow its actuator command.
+
+        The servos are thus not delayed by the log.
+        """
         if self._thinking:
             self._announced.append((topic, message))
         else:
@@ -127,12 +131,12 @@ class FlightComputer:
 
     def _record_tick(self) -> None:
         said, record = self._announced, self._recorder.record
-        # Ctrl-C may come between any two lines: what is left then is recorded at the end.
+        # A KeyboardInterrupt may occur between any two lines; remaining messages are recorded at the end.
         while said:
             record(*said.popleft())
 
     def idle(self) -> None:
-        """Serve the ground links: between two ticks, and for a board that waits for its next sensor frame."""
+        """Serve the ground links between two ticks, and while a board waits for a frame."""
         self._recording.run(self._watch_recorder)
         now = self._clock()
         self._isolation.advance(now)
@@ -145,20 +149,20 @@ class FlightComputer:
         self._linking.run(self._stream, self._link, now)
 
     def _watch_recorder(self) -> None:
-        """A recording that has ended is told once, to the ground too; the flight goes on."""
+        """Report the end of the recording once, also to the ground; the flight continues."""
         if self._recorder.failure and not self._unrecorded:
             self._unrecorded = True
             self.view.send_statustext(Severity.ERROR, "recorder", self._recorder.failure)
 
     def _arrived(self) -> list[Input]:
-        """What came from the ground for the tick that begins."""
+        """Return the inputs from the ground for the next tick."""
         now = self._clock()
         self._listen_for_frames(now)
         self._ticked_at, self.view.silent = now, False
         return self._waiting.take()
 
     def _listen_for_frames(self, now: float) -> None:
-        """Without sensor frames nothing is taken, and what was is forgotten but for what stops the wings."""
+        """Discard inputs without sensor frames, except those that stop the wings."""
         self.view.silent = now - self._ticked_at > SILENCE
         dropped = self._waiting.drop_stale(now)
         for entry in dropped:
@@ -189,7 +193,7 @@ class FlightComputer:
             self._record(topics.LINK_EVENTS, event)
 
     def _report_faults(self) -> None:
-        """Report what the guards caught: in one line to the ground, with the traceback to the log."""
+        """Report faults of the guards: one line to the ground, the traceback to the log."""
         for fault in self._isolation.take_faults():
             event, *details = fault_events(fault, self.view.time_us)
             self.view.send_statustext(event.severity, event.source, event.text)
@@ -198,7 +202,10 @@ class FlightComputer:
 
 
 def _keep_memory() -> bool:
-    """What is in memory now stays: no search for garbage among it may take a tick; False where somebody saw to it."""
+    """Exclude existing objects from garbage collection, which could delay a tick.
+
+    The result is False if the caller has frozen them already.
+    """
     if gc.get_freeze_count():
         return False
     gc.collect()

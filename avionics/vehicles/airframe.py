@@ -1,4 +1,4 @@
-"""What is known of the airframe from the bench; no flight code reads it, identification does."""
+"""Airframe data from bench measurements, for identification only."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from wingbeat.units import Quantity
 
 
 class Airframe(NamedTuple):
-    """Where the IMU sits and how the tail follows its command."""
+    """Position of the IMU and response of the tail."""
 
     imu_x: Annotated[float, Quantity("m", -2.0, 2.0)]
-    """m; IMU ahead of the centre of mass"""
+    """m; position of the IMU ahead of the center of mass"""
     imu_z: Annotated[float, Quantity("m", -2.0, 2.0)]
-    """m; IMU below the centre of mass"""
+    """m; position of the IMU below the center of mass"""
     tail_time_constant: Annotated[float, Quantity("s", 0.0, 1.0)]
     """s; first-order lag from elevator command to tail angle"""

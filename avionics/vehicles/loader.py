@@ -1,4 +1,4 @@
-"""Reads a flight vehicle file: one section for each module's gains."""
+"""Loader of flight vehicle files: one section for the gains of each module."""
 
 from __future__ import annotations
 
@@ -25,32 +25,32 @@ SCHEMA = Schema(_REQUIRED | {"airframe": Airframe}, _OPTIONAL)
 
 
 class FlightVehicle(NamedTuple):
-    """A vehicle as the flight computer knows it."""
+    """Vehicle data of the flight computer."""
 
     name: str
-    """-; of the file"""
+    """-; name of the file"""
     title: str
-    """-; for people"""
+    """-; display name"""
     gains: FlightGains
-    """the gains of every module"""
+    """gains of all modules"""
     airframe: Airframe
-    """what is known from the bench"""
+    """data from the bench"""
     file: VehicleFile
-    """the file with its sources, to be attached to the log"""
+    """file with its sources, attached to the log"""
     defaults: tuple[str, ...] = ()
-    """section.key of the numbers that the file does not have: those of `Gains`"""
+    """section.key of the numbers not in the file, which have the defaults of `Gains`"""
 
 
 def vehicle_names() -> tuple[str, ...]:
-    """Names of the vehicles that come with the flight computer."""
+    """Return the names of the supplied vehicles."""
     return tuple(sorted(path.stem for path in FOLDER.glob("*.toml")))
 
 
 def load_vehicle(name_or_path: str | Path) -> FlightVehicle:
-    """The vehicle of that name, or in that file.
+    """Load the vehicle of a name or a file.
 
     Raises:
-        InputError: no such vehicle, or a file that cannot be used; one line that says why.
+        InputError: no such vehicle, or an invalid file; one line with the reason.
     """
     file = read_vehicle_file(_find(name_or_path), SCHEMA, FOLDER)
     airframe = file.sections["airframe"]
