@@ -1,1 +1,1 @@
-"""What flies: sensing, estimation, guidance, stabilization, mixing, and the MAVLink link."""
+"""Flight software: sensing, estimation, guidance, control and the MAVLink link."""

@@ -1,1 +1,1 @@
-"""The hardware, as the flight code sees it: sensors in, actuators out."""
+"""Hardware interfaces of the flight code: sensor input and actuator output."""

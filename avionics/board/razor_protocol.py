@@ -53,7 +53,7 @@ class Angles(NamedTuple):
 
 
 class Reading(NamedTuple):
-    """One frame, in the units and body axes (FRD) of `avionics.messages.ImuSample`."""
+    """Frame in the units and body axes (FRD) of `avionics.messages.ImuSample`."""
 
     accel: Vector | None = None
     """m/s^2; specific force, None in a frame with angles only"""

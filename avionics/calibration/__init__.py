@@ -1,1 +1,1 @@
-"""Calibration aboard: one file for each sensor, from samples gathered at rest, while turned, or in flight."""
+"""Sensor calibration on board: one module for each sensor."""

@@ -1,1 +1,1 @@
-"""What the flight computer believes of attitude, altitude and position."""
+"""Estimation of attitude, altitude and position."""

@@ -1,1 +1,1 @@
-"""What the aircraft intends: modes, missions, and the outer loops from place and altitude to attitude."""
+"""Guidance: modes, missions, and the outer loops of position and altitude."""

@@ -25,7 +25,7 @@ class Path(IntEnum):
 
 
 class Setpoint(NamedTuple):
-    """One setpoint; fields that its path does not use are 0."""
+    """Setpoint; fields that its path does not use are 0."""
 
     path: Path
     """-; horizontal part"""

@@ -1,1 +1,1 @@
-"""The MAVLink link: toward the ground stations, and toward a simulated world in place of the hardware."""
+"""MAVLink link to ground stations, and to a simulator in place of the hardware."""

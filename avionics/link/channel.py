@@ -99,7 +99,7 @@ class LinkFault(NamedTuple):
 
 
 class Channel:
-    """A link of the vehicle."""
+    """Link of the vehicle."""
 
     def __init__(
         self,

@@ -1,4 +1,4 @@
-"""Missions as TOML files, and their reader."""
+"""Mission files and their readers."""
 
 from avionics.missions.reader import check_mission, load_mission, load_plan, mission_names
 

@@ -1,1 +1,1 @@
-"""From throttle, elevator and roll command to the wing drives and the tail."""
+"""Mixing of throttle, elevator and roll command to wing drives and tail."""

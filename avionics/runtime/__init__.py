@@ -1,1 +1,1 @@
-"""The flight computer as a process: main loop of board, flight code, link and recorder; input queue."""
+"""Flight computer process: main loop and input queue."""

@@ -1,1 +1,1 @@
-"""From raw counts to physical quantities: power, wing angle, air data."""
+"""Conversion of raw counts to physical quantities, and sensor fault detection."""

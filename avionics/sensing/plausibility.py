@@ -104,7 +104,7 @@ class Check(Protocol):
 
     @property
     def is_plausible(self) -> Callable[[Gains, State, Any], bool]:
-        """Whether a sample is finite and in range."""
+        """Check that a sample is finite and in range."""
 
 
 def always_plausible(gains: Gains, state: State, sample: object) -> bool:

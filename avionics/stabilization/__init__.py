@@ -1,1 +1,1 @@
-"""The inner loops: attitude setpoints to elevator and roll command."""
+"""Inner loops: attitude setpoints to elevator and roll command."""

@@ -1,1 +1,1 @@
-"""The tasks of the processors: each takes what its module needs out of the state, steps it, publishes."""
+"""Tasks of the processors: each advances a module of the state and publishes."""

@@ -1,4 +1,4 @@
-"""What the flight computer believes of each vehicle, as TOML files, and their reader."""
+"""Vehicle files (TOML) of the flight computer, and their loader."""
 
 from avionics.vehicles.loader import FOLDER, FlightVehicle, load_vehicle, vehicle_names
 

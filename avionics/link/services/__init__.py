@@ -1,1 +1,1 @@
-"""MAVLink's services, one file each: messages and a wall-clock time in, replies and commands out."""
+"""MAVLink services, one module each: messages to replies and commands."""

@@ -27,7 +27,7 @@ MOST_ITEMS = 500
 
 
 class PlanPart(NamedTuple):
-    """One list type of the mission protocol."""
+    """List type of the mission protocol."""
 
     mission_type: int
     """MAV_MISSION_TYPE"""
