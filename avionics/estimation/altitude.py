@@ -74,7 +74,7 @@ class State(NamedTuple):
     x: Vector3 = (0.0, 0.0, 0.0)
     """m, m/s, m/s^2; altitude, climb rate, acceleration bias"""
     p: tuple[Vector3, Vector3, Vector3] = ((0.1, 0.0, 0.0), (0.0, 0.1, 0.0), (0.0, 0.0, 0.1))
-    """-; covariance of x"""
+    """SI; covariance of x"""
     accel_sum: float = 0.0
     """m/s^2; sum of the upward accelerations since the last update"""
     accel_count: int = 0

@@ -83,7 +83,7 @@ class State(NamedTuple):
     x: Vector4 = (0.0, 0.0, 0.0, 0.0)
     """m, m, m/s, m/s; north, east, wind north, wind east"""
     p: Matrix4 = (NOTHING, NOTHING, NOTHING, NOTHING)
-    """-; covariance of x"""
+    """SI; covariance of x"""
     home: tuple[float, float] = (0.0, 0.0)
     """rad; latitude and longitude of the first three-dimensional fix"""
     valid: int = 0
