@@ -14,10 +14,10 @@ from wingbeat.rotations import quaternion_from_euler
 
 
 class AtRest:
-    """Satisfies `sim_bridge.bridge.world.World`; wings and tail do not move, whatever they are told."""
+    """Vehicle at rest on a table, a `sim_bridge.bridge.world.World`; commands have no effect on wings and tail."""
 
     def __init__(self, vehicle: SimulatedVehicle, scenario: Scenario) -> None:
-        """Lay the vehicle down, its nose where the scenario's wind comes from.
+        """Place the vehicle with its nose into the scenario's wind.
 
         Raises:
             InputError: a sensor is missing in the vehicle's file, or the seed is negative.
@@ -36,7 +36,7 @@ class AtRest:
 
     @property
     def origin(self) -> tuple[float, float, float]:
-        """Latitude rad, longitude rad, altitude m of the table."""
+        """Latitude rad, longitude rad, altitude m of the vehicle."""
         home = self.scenario.home
         return home.latitude, home.longitude, home.altitude
 
@@ -47,20 +47,20 @@ class AtRest:
 
     @property
     def finished(self) -> bool:
-        """The time is up."""
+        """Whether the time limit is reached."""
         return self.time_us >= self.scenario.duration * 1e6
 
     def step(self, command: ActuatorCommand) -> SensorFrame:
-        """The next tick's readings."""
+        """Return the sensor readings of the next tick."""
         self._ticks += 1
         observation = self._at_rest._replace(time_us=self.time_us)
         return self.suite.sample(observation, self._ticks - 1)
 
     def record(self) -> None:
-        """Nothing happens that were worth it."""
+        """Do nothing: the truth is constant and not recorded."""
 
     def truth(self) -> TruthState:
-        """Level, and still."""
+        """Return the true state: level and at rest."""
         nothing = (0.0,) * 6
         wind = (0.0, 0.0, 0.0)
         return TruthState._make(

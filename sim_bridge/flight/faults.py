@@ -27,25 +27,25 @@ if TYPE_CHECKING:
     from sim_bridge.plant import Plant
 
 SPIKE_COUNTS = 60_000
-"""counts; of 0.01 Pa: 600 Pa, as of 50 m"""
+"""counts; of 0.01 Pa, amplitude of a spike: 600 Pa, equivalent to 50 m"""
 SPIKE_SAMPLES = 10
-"""pressure samples from one spike to the next"""
+"""pressure samples between two spikes"""
 DISTURBANCE = (0.35, -0.25, 0.3)
-"""gauss; added to the magnetic field in body axes: as strong as the earth's own"""
+"""gauss; added to the magnetic field in body axes, equal to the earth's magnitude"""
 FULL_SCALE = 156.87
-"""m/s^2; 4095 counts of 3.9 mg: the end of the ADXL345's range"""
+"""m/s^2; 4095 counts of 3.9 mg: end of the ADXL345's range"""
 FULL_RATE = math.radians(2000.0)
-"""rad/s; the end of the ITG-3200's range"""
+"""rad/s; end of the ITG-3200's range"""
 RECEIVER_PATIENCE = round(ReceiverSpec().timeout * TICK_RATE)
-"""ticks; without a signal before the receiver itself says so"""
+"""ticks; without a signal before the receiver reports the loss"""
 CLOCK_STEP_US = 3_000_000
-"""us; by which the sensors' clock jumps back"""
+"""us; backward step of the sensors' clock"""
 LOW_SHARE, CRITICAL_SHARE = 0.15, 0.04
-"""-; of the battery's charge that is left"""
+"""-; remaining fraction of the battery's charge"""
 
 
 class Place(Enum):
-    """Where a fault enters the flight."""
+    """Point of action of a fault."""
 
     SENSORS = "in the sensors' output"
     PLANT = "in the plant"
@@ -54,10 +54,10 @@ class Place(Enum):
 
 
 class Before(NamedTuple):
-    """What was true before the fault."""
+    """Sensor data before the fault."""
 
     pressures: PressureSample | None
-    """the first sample since boot: no airspeed"""
+    """the first sample since boot, at zero airspeed"""
     frame: SensorFrame
     """the last frame before the fault"""
     receiver: ReceiverSample | None = None
@@ -67,30 +67,30 @@ class Before(NamedTuple):
 
 
 Sense = Callable[[SensorFrame, Before, int], SensorFrame]
-"""a raw frame, what was before, ticks since the fault began -> the frame that is read"""
+"""a raw frame, the data before the fault, ticks since the fault began -> the frame that is read"""
 
 
 class Kind(NamedTuple):
-    """One row of the table of faults."""
+    """Row of the table of faults."""
 
     text: str
-    """what happens, for people"""
+    """description for users"""
     place: Place
     sense: Sense | None = None
     """for `Place.SENSORS`"""
     begin: Callable[[Plant], None] | None = None
     """for `Place.PLANT`"""
     end: Callable[[Plant], None] | None = None
-    """for `Place.PLANT`; None when it cannot be undone"""
+    """for `Place.PLANT`; None if the fault is permanent"""
     needs: str = ""
-    """section of the vehicle file without which there is nothing to fail"""
+    """required section of the vehicle file"""
 
 
 class Fault(NamedTuple):
-    """One failure of a flight."""
+    """Fault of a flight."""
 
     name: str
-    """of a row of `FAULTS`"""
+    """name of a row of `FAULTS`"""
     at: Annotated[float, Quantity("s", 0.0)]
     """s; since boot"""
     until: Annotated[float, Quantity("s", 0.0)] = math.inf
@@ -105,7 +105,7 @@ def _no_fix(frame: SensorFrame, before: Before, ticks: int) -> SensorFrame:
 
 
 def _blocked_pitot(frame: SensorFrame, before: Before, ticks: int) -> SensorFrame:
-    """The tube is blocked and its drain is open: the pressure in it is the static one, whatever the airspeed."""
+    """Simulate a blocked tube with an open drain: the total pressure equals the static pressure."""
     if frame.pressures is None or before.pressures is None:
         return frame
     return frame._replace(
@@ -135,19 +135,19 @@ def _frozen_imu(frame: SensorFrame, before: Before, ticks: int) -> SensorFrame:
 
 
 def _saturated_imu(frame: SensorFrame, before: Before, ticks: int) -> SensorFrame:
-    """The accelerometer stands at the end of its range on every axis; rates and field are still read."""
+    """Saturate the accelerometer on every axis; angular rates and magnetic field are not affected."""
     x, y, z = (math.copysign(FULL_SCALE, value) for value in before.frame.imu.accel)
     return frame._replace(imu=frame.imu._replace(accel_x=x, accel_y=y, accel_z=z))
 
 
 def _saturated_gyro(frame: SensorFrame, before: Before, ticks: int) -> SensorFrame:
-    """The gyro stands at the end of its range on every axis; force and field are still read."""
+    """Saturate the gyro on every axis; specific force and magnetic field are not affected."""
     x, y, z = (math.copysign(FULL_RATE, value) for value in before.frame.imu.gyro)
     return frame._replace(imu=frame.imu._replace(gyro_x=x, gyro_y=y, gyro_z=z))
 
 
 def _without_packets(frame: SensorFrame, before: Before, ticks: int) -> SensorFrame:
-    """The transmitter is off: no frame at first, then the last one again and again, marked as lost."""
+    """Simulate a transmitter that is off: first no frame, then repetitions of the last one, marked as lost."""
     if frame.receiver is None:
         return frame
     if ticks < RECEIVER_PATIENCE or before.receiver is None:
@@ -156,7 +156,7 @@ def _without_packets(frame: SensorFrame, before: Before, ticks: int) -> SensorFr
 
 
 def _baro_spikes(frame: SensorFrame, before: Before, ticks: int) -> SensorFrame:
-    """Every tenth pressure sample is that of 50 m higher, the one at the beginning first."""
+    """Replace every tenth pressure sample, from the first on, by that of 50 m higher."""
     if frame.pressures is None or ticks // 4 % SPIKE_SAMPLES:
         return frame
     static = frame.pressures.static_counts - SPIKE_COUNTS
@@ -164,7 +164,7 @@ def _baro_spikes(frame: SensorFrame, before: Before, ticks: int) -> SensorFrame:
 
 
 def _frozen_baro(frame: SensorFrame, before: Before, ticks: int) -> SensorFrame:
-    """The static pressure is the last one, whatever the altitude; the pitot is read."""
+    """Freeze the static pressure; the differential pressure is not affected."""
     if frame.pressures is None or before.static_counts is None:
         return frame
     return frame._replace(pressures=frame.pressures._replace(static_counts=before.static_counts))
@@ -175,7 +175,7 @@ def _no_pressures(frame: SensorFrame, before: Before, ticks: int) -> SensorFrame
 
 
 def _earlier(frame: SensorFrame, before: Before, ticks: int) -> SensorFrame:
-    """The clock of all sensors has jumped back, and runs on from there."""
+    """Simulate a backward step of the clock of all sensors."""
     return frame.shifted(-CLOCK_STEP_US)
 
 
@@ -226,7 +226,7 @@ FAULTS: dict[str, Kind] = {
 
 
 def _without(field: str) -> Sense:
-    """Return what takes the sample ``field`` out of a frame."""
+    """Return a function that removes the sample ``field`` from a frame."""
     removed: dict[str, Any] = {field: None}
     return lambda frame, before, ticks: frame._replace(**removed)
 
@@ -244,10 +244,10 @@ FAULTS |= {
 
 
 def parse_fault(text: str) -> Fault:
-    """The fault written as ``NAME@T`` or ``NAME@T-T2``, times in s since boot.
+    """Parse a fault written as ``NAME@T`` or ``NAME@T-T2``, times in s since boot.
 
     Raises:
-        InputError: no such name, or times that are not 0 or more and rising; one line with the names.
+        InputError: unknown name, or times that are not nonnegative and increasing; the message lists the names.
     """
     name, at, times = text.partition("@")
     sign = "-" if times.startswith("-") else ""  # of the time, to be refused as what it is
@@ -265,10 +265,10 @@ def _seconds(text: str, number: str) -> float:
 
 
 def checked(fault: Fault) -> Fault:
-    """The fault, if it is in the table and its times can be.
+    """Return the fault after a check of its name and times.
 
     Raises:
-        InputError: see `parse_fault`; also an end of what has none.
+        InputError: see `parse_fault`; also an end time of a permanent fault.
     """
     if fault.name not in FAULTS:
         raise InputError(f"no fault {fault.name}; known: {', '.join(FAULTS)}")
@@ -285,10 +285,10 @@ def checked(fault: Fault) -> Fault:
 
 
 def mission_faults(name_or_path: str | Path) -> tuple[Fault, ...]:
-    """The ``[[fault]]`` tables (name, at, until) of a mission file; none for files of other formats.
+    """Read the ``[[fault]]`` tables (name, at, until) of a mission file; empty for files of other formats.
 
     Raises:
-        InputError: no such mission, not readable, an unknown name or key, a time that cannot be.
+        InputError: no such mission, not readable, an unknown name or key, an invalid time.
     """
     path = find(name_or_path)
     if path.suffix != ".toml":
@@ -302,14 +302,14 @@ def mission_faults(name_or_path: str | Path) -> tuple[Fault, ...]:
 
 
 def check_carried(faults: Iterable[Fault], sections: Collection[str]) -> None:
-    """Check that the vehicle has what the faults let fail.
+    """Check that the vehicle has the sections that the faults require.
 
     Args:
         faults: of one flight.
         sections: of the vehicle's file.
 
     Raises:
-        InputError: names the fault and the missing section.
+        InputError: a missing section; the message names it and the fault.
     """
     for fault in faults:
         needed = FAULTS[fault.name].needs
@@ -318,7 +318,7 @@ def check_carried(faults: Iterable[Fault], sections: Collection[str]) -> None:
 
 
 def divided(faults: Iterable[Fault]) -> tuple[tuple[Fault, ...], tuple[Fault, ...]]:
-    """Those of the world, and those that are inputs of the flight."""
+    """Split into the faults of the world and those that are inputs of the flight."""
     every = tuple(checked(fault) for fault in faults)
     of_flight = tuple(fault for fault in every if FAULTS[fault.name].place is Place.FLIGHT)
     return tuple(fault for fault in every if fault not in of_flight), of_flight
@@ -328,10 +328,10 @@ def divided(faults: Iterable[Fault]) -> tuple[tuple[Fault, ...], tuple[Fault, ..
 
 
 class FaultInjector:
-    """Lets the faults of the world happen on one flight, tick by tick."""
+    """Injector of the faults of the world into one flight, tick by tick."""
 
     def __init__(self, faults: Iterable[Fault]) -> None:
-        """Take the faults of the world; those of the flight are not its own.
+        """Select the faults of the world; those of the flight are ignored.
 
         Raises:
             InputError: see `checked`.
@@ -345,7 +345,7 @@ class FaultInjector:
         self._static: int | None = None
 
     def inject(self, fault: Fault) -> None:
-        """Let one more fault of the world happen.
+        """Add one more fault of the world.
 
         Raises:
             InputError: see `checked`.
@@ -353,10 +353,10 @@ class FaultInjector:
         self._faults = (*self._faults, *divided([fault])[0])
 
     def act(self, plant: Plant, tick: int, time: float) -> list[str]:
-        """Begin and end what is due at ``time`` s; returns what has happened, for the log.
+        """Start and end the faults due at ``time`` s; return the events for the log.
 
         Raises:
-            SimulationSilent: from the time of that fault on.
+            SimulationSilent: from the start of that fault.
         """
         said = []
         for fault in self._faults:
@@ -385,7 +385,7 @@ class FaultInjector:
         return f"fault {fault.name} ended"
 
     def sense(self, frame: SensorFrame, tick: int) -> SensorFrame:
-        """What is read instead of ``frame``."""
+        """Return ``frame`` as modified by the active faults."""
         if self._boot is None:
             self._boot = frame.pressures
         healthy, pressures = frame, frame.pressures
@@ -402,10 +402,10 @@ class FaultInjector:
 
 
 def fault_commands(faults: Sequence[Fault]) -> tuple[Command, ...]:
-    """What those of ``faults`` that are inputs of the flight put in, at their beginnings and ends.
+    """Return the commands of the ``faults`` that are inputs of the flight, at their start and end times.
 
     Raises:
-        InputError: no such fault, or times that cannot be.
+        InputError: unknown fault, or invalid times.
     """
     entering = []
     for fault in divided(faults)[1]:

@@ -14,10 +14,9 @@ from sim_bridge.flight.world import SimulatedWorld
 
 
 def fly(world: SimulatedWorld, autopilot: Autopilot, script: Sequence[Command] = ()) -> None:
-    """Fly until the world is finished or silent; a command of ``script`` enters at the first tick not before it.
+    """Fly until the world is finished or silent; ``script`` commands are applied at the first tick not before them.
 
-    The actuators reach the world as the wire would deliver them, so that the flight is bit for bit the one that two
-    processes fly.
+    Actuator commands are quantized as on the wire, so that the flight is bit-identical to one of two processes.
     """
     entering = [*script, *fault_commands(world.scenario.faults)]
     waiting = deque(sorted(entering, key=lambda command: command.time_us))

@@ -12,29 +12,29 @@ from sim_bridge.plant import Plant
 
 
 class Instant(NamedTuple):
-    """The vehicle at the end of a step."""
+    """Vehicle state and velocities at the end of a step."""
 
     y: list[float]
     """the plant's state"""
     v_ned: Vector
-    """m/s; of the base's origin over ground"""
+    """m/s; velocity of the base's origin over ground"""
     v_air_frd: Vector
-    """m/s; of the base's origin through the air"""
+    """m/s; velocity of the base's origin relative to the air"""
     v_pitot_frd: Vector
-    """m/s; of the nose, where the pitot is, through the air"""
+    """m/s; velocity of the nose with the pitot tube relative to the air"""
 
 
 class Look:
-    """Looks at one plant."""
+    """Observer of one plant."""
 
     def __init__(self, plant: Plant, nose: float) -> None:
-        """``nose`` in m is how far ahead of the base's origin the pitot is."""
+        """Observe a plant whose pitot tube is ``nose`` m ahead of the base's origin."""
         self._plant, self._nose = plant, nose
         self._turned = np.zeros(9)
         self._bound = Bound((plant.y, plant.scratch.r, self._turned))
 
     def at(self, wind: Vector) -> Instant:
-        """The plant as it is now, in air that moves with ``wind`` in m/s, NED."""
+        """Return the present state of the plant in air that moves with ``wind`` in m/s, NED."""
         _turn(self._bound, wind, self._nose)
         a, b, c, d, e, f, g, h, i = self._turned.tolist()
         return Instant(self._plant.y.tolist(), (a, b, c), (d, e, f), (g, h, i))
@@ -42,7 +42,7 @@ class Look:
 
 @njit(cache=True)
 def _turn(bound: Bound, wind: Vector, nose: float) -> None:
-    """Fill ``out`` (9,) with an `Instant`'s velocities; bound are the state, r_ned_from_frd (3, 3) and ``out``."""
+    """Compute the velocities of an `Instant` into ``out`` (9,) from the state and r_ned_from_frd (3, 3)."""
     y, r, out = bound_values(bound)
     north, east, down = wind
     for i in range(3):

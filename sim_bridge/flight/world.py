@@ -30,30 +30,30 @@ from wingbeat.topic import Publish, Topic
 
 TICK = 1.0 / TICK_RATE
 LAUNCH_TIME = 8.0
-"""s; when the launcher may throw: the flight computer has had time to start and arm"""
+"""s; earliest launch: time for the flight computer to start and arm"""
 LAUNCH_PATIENCE = 60.0
-"""s; the launcher waits so long for a steady moment, and as long again for one without a gust from behind"""
+"""s; maximum wait of the launcher for steady air, and then for air without a gust from behind"""
 LONGEST_WAIT = 300.0
-"""s; in all, while gust and wind together come from behind: then he gives up and throws"""
+"""s; maximum total wait while the air comes from behind; then the launcher throws"""
 ARMED_TIME = 5.0
-"""s; armed for so long before a launcher who waits for that throws: time to change the mode"""
+"""s; armed time before a launcher that waits for arming throws: time to change the mode"""
 LAUNCH_GUST = 1.0
-"""m/s; from the side, up or down: in a stronger one he holds on to the bird"""
+"""m/s; limit of lateral and vertical gusts for the launch"""
 REST_TIME = 3.0
-"""s; the flight is over when the vehicle has lain still on the ground for so long"""
+"""s; the flight ends after the vehicle has been at rest on the ground for this time"""
 REST_SPEED = 0.3
-"""m/s; slower than this is still"""
+"""m/s; speed below which the vehicle is at rest"""
 RECORD_PERIOD_US = 4000
-"""us; the truth is recorded no more often, however short the steps"""
+"""us; minimum recording period of the truth, independent of the step"""
 STILL = dryden.Gust((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 NO_MEANS = Means(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class Throw(NamedTuple):
-    """How the launcher's throw differs from the one of the vehicle file."""
+    """Deviation of the launch from the vehicle file."""
 
     speed: float = 1.0
-    """-; times the launch speed"""
+    """-; factor of the launch speed"""
     pitch: float = 0.0
     """rad; added to the launch pitch"""
     bank: float = 0.0
@@ -61,7 +61,7 @@ class Throw(NamedTuple):
 
 
 class Scenario(NamedTuple):
-    """What a flight is flown in."""
+    """Conditions of a flight."""
 
     seed: int = 1
     wind_speed: float = 0.0
@@ -71,63 +71,63 @@ class Scenario(NamedTuple):
     turbulence: str = "none"
     """Dryden gusts, one of `environment.levels.LEVELS`"""
     duration: float = 300.0
-    """s; the world ends then at the latest"""
+    """s; time limit"""
     home: Home = COLLEGE_PARK
     throw: Throw = Throw()
     sensor_corner: float = 0.0
-    """-; above 0 every fixed error of the sensors is that many standard deviations, either way"""
+    """-; if above 0, every fixed error of the sensors has this many standard deviations of either sign"""
     pilot: Pilot | None = None
-    """who has a transmitter in his hands; None for nobody, or for somebody standing by where it is to be lost"""
+    """pilot with a transmitter; None for no pilot, or an idle one if the fault is a lost transmitter"""
     faults: tuple[Fault, ...] = ()
-    """what fails, see `sim_bridge.flight.faults`"""
+    """faults, see `sim_bridge.flight.faults`"""
     waits_for_arming: bool = False
-    """whether the launcher throws nothing but an armed vehicle, and says what he does"""
+    """whether the launcher waits for arming, and reports its actions"""
     launch_time: float = LAUNCH_TIME
-    """s; when the launcher may throw; infinite for not before `SimulatedWorld.release`"""
+    """s; earliest launch; infinite: not before `SimulatedWorld.release`"""
     rest_time: float = REST_TIME
-    """s; the flight is over when the vehicle has lain still on the ground for so long"""
+    """s; the flight ends after the vehicle has been at rest on the ground for this time"""
 
 
 class StepClock(NamedTuple):
-    """Time in steps; those of one length are counted and not added up, so that no error grows."""
+    """Time in steps; equal steps are counted instead of summed, so that no error accumulates."""
 
     since: float
-    """s; when the steps of this length began"""
+    """s; start of the steps of this length"""
     done: int
-    """-; of such steps before the one under way, -1 before the first"""
+    """-; number of such steps before the present one, -1 before the first"""
     length: float
     """s; of a step"""
 
     @property
     def start(self) -> float:
-        """s; of the step under way."""
+        """s; start of the present step."""
         return self.since + self.done * self.length
 
     @property
     def end(self) -> float:
-        """s; of the step under way, or of the first that will come."""
+        """s; end of the present step, or of the first one before it starts."""
         return self.since + ((self.done if self.done > 0 else 0) + 1) * self.length
 
     def step(self, length: float) -> StepClock:
-        """The clock in the next step, of ``length`` s."""
+        """Return the clock in the next step, of ``length`` s."""
         if length == self.length:
             return StepClock(self.since, self.done + 1, length)
         return StepClock(self.since + (self.done + 1) * self.length, 0, length)
 
 
 def publish_nothing(topic: Topic[Any], message: Any) -> None:
-    """Forget a message."""
+    """Discard a message."""
 
 
 def _in_hand(vehicle: SimulatedVehicle, scenario: Scenario) -> Plant:
-    """The bodies as the launcher holds them, facing the wind."""
+    """Return the bodies as the launcher supports them, facing the wind."""
     plant, throw = Plant(vehicle), scenario.throw
     plant.y[3:7] = quaternion_from_euler(throw.bank, vehicle.launch.pitch + throw.pitch, scenario.wind_from)
     return plant
 
 
 def _sensors(vehicle: SimulatedVehicle, scenario: Scenario, rate: float) -> SensorSuite:
-    """All sensors, ticking at ``rate`` in Hz; a transmitter that will be lost has somebody who holds it."""
+    """Build all sensors at ``rate`` in Hz; a transmitter that will be lost has a pilot."""
     pilot = scenario.pilot
     if pilot is None and any(fault.name == "receiver_lost" for fault in scenario.faults):
         pilot = standing_by
@@ -136,9 +136,9 @@ def _sensors(vehicle: SimulatedVehicle, scenario: Scenario, rate: float) -> Sens
 
 
 class SimulatedWorld:
-    """A vehicle in the launcher's hand, thrown, flying, landing; hands out sensor frames and the truth.
+    """Simulated world: launch, flight and landing of a vehicle, with sensor frames and truth.
 
-    Satisfies `sim_bridge.bridge.world.World`.
+    It satisfies `sim_bridge.bridge.world.World`.
     """
 
     def __init__(
@@ -148,7 +148,7 @@ class SimulatedWorld:
         publish: Publish = publish_nothing,
         rate: float = TICK_RATE,
     ) -> None:
-        """Put the vehicle into the launcher's hand, facing the wind; ``rate`` in Hz is that of the sensors' ticks.
+        """Place the vehicle in the launcher, facing the wind; ``rate`` in Hz is that of the sensor ticks.
 
         Raises:
             InputError: seed or wind out of range, no such turbulence or fault, or bodies that make no vehicle.
@@ -177,7 +177,7 @@ class SimulatedWorld:
         self._period = 1.0 / rate
         self._clock = StepClock(0.0, -1, self._period)
         self.time_us = round(self._clock.end * 1e6)
-        """us; at the end of the last step, or of the first that will come"""
+        """us; end of the last step, or of the first one before it starts"""
         self._records, self._next_record_us = 0, 0
         self._launch_from = scenario.launch_time
         self._targets = (0.0, 0.0)
@@ -188,7 +188,7 @@ class SimulatedWorld:
         self._launched_at = math.inf
         check_carried(scenario.faults, vehicle.sections)
         self.faults = FaultInjector(scenario.faults)
-        """takes more of them in flight"""
+        """accepts further faults in flight"""
 
     @property
     def tick_us(self) -> int:
@@ -203,26 +203,26 @@ class SimulatedWorld:
 
     @property
     def launched(self) -> bool:
-        """Whether the launcher has let go, or is about to."""
+        """Whether the vehicle has been released, or is being released."""
         return self._launched_at < math.inf
 
     @property
     def finished(self) -> bool:
-        """The vehicle lies still on the ground, or the time is up."""
+        """Whether the vehicle is at rest on the ground, or the time limit is reached."""
         now = self.time_us * 1e-6
         resting = self._rest_since is not None and now - self._rest_since >= self.scenario.rest_time
         return resting or now >= self.scenario.duration
 
     def release(self) -> None:
-        """Tell the launcher that he may throw from now on, as soon as the air is steady."""
+        """Permit the launch from now on, as soon as the air is steady."""
         self._launch_from = min(self._launch_from, self.time_us * 1e-6)
 
     def step(self, command: ActuatorCommand) -> SensorFrame:
-        """Advance one tick with ``command`` held and read the sensors at its end; `record` then tells the truth.
+        """Advance one tick with constant ``command`` and read the sensors at its end; `record` publishes the truth.
 
         Raises:
-            SimulationSilent: from the time of that fault on.
-            SimulationDiverged: it came to no numbers; what was true of them is recorded.
+            SimulationSilent: from the start of that fault.
+            SimulationDiverged: the state became NaN; the truth is recorded first.
         """
         observation = self.advance(command, self._period)
         try:
@@ -232,10 +232,10 @@ class SimulatedWorld:
             raise
 
     def advance(self, command: ActuatorCommand, duration: float) -> Observation:
-        """Advance ``duration`` s with ``command`` held; what is there to be sensed at its end.
+        """Advance ``duration`` s with constant ``command``; return the input of the sensors at its end.
 
         Raises:
-            SimulationSilent: from the time of that fault on.
+            SimulationSilent: from the start of that fault.
         """
         self.record()
         self._clock = self._clock.step(duration)
@@ -255,7 +255,7 @@ class SimulatedWorld:
         return self._observe(air, now)
 
     def sample(self, observation: Observation) -> SensorFrame:
-        """Read the sensors, one tick of theirs after the last time."""
+        """Read the sensors, one sensor tick after the last time."""
         frame = self.faults.sense(self.suite.sample(observation, self._tick), self._tick)
         self._tick += 1
         return frame
@@ -273,7 +273,7 @@ class SimulatedWorld:
         return TruthState._make((self.time_us, *y[0:3], *now.v_ned, *y[3:7], *y[10:13], *wind, *flow, int(grounded)))
 
     def truth_wing(self) -> TruthWing:
-        """Wings at the end of the last step; torques, current and power averaged over it."""
+        """Wings at the end of the last step; torques, current and power averaged over the step."""
         return self._truth_wing(self._look.at(self._air_velocity()))
 
     def _truth_wing(self, now: Instant) -> TruthWing:
@@ -302,7 +302,7 @@ class SimulatedWorld:
         return TruthLoads(self.time_us, *self.plant.air_load().tolist(), *self.plant.scratch.plate_load.tolist())
 
     def record(self) -> None:
-        """Publish what is true at the end of the last step, once; the next step does so where nobody did."""
+        """Publish the truth at the end of the last step, once; the next step does so if it was not called."""
         now, self._unrecorded = self._unrecorded, None
         if now is None or self.time_us < self._next_record_us:
             return
@@ -323,7 +323,7 @@ class SimulatedWorld:
         self._publish(topics.EVENTS, Event(self.time_us, severity, "world", text))
 
     def _watch_arming(self, armed: bool, now: float) -> None:
-        """Remember since when the vehicle is armed, and say what follows."""
+        """Track since when the vehicle is armed, and report the resulting launch state."""
         if armed == (self._armed_since < math.inf):
             return
         self._armed_since = now if armed else math.inf
@@ -332,7 +332,7 @@ class SimulatedWorld:
         self._publish_event(Severity.NOTICE, text)
 
     def _watch_launcher(self, armed: bool) -> None:
-        """Who throws a bird by hand waits for a steady moment, with at least the mean wind in his face."""
+        """Launch if the air is steady and the headwind at least the mean wind, or after the wait limits."""
         if self.launched:
             return
         now = self._clock.start
@@ -346,7 +346,7 @@ class SimulatedWorld:
         ahead, across = -(north * c + east * s), east * c - north * s
         waited = now - ready
         steady = waited >= LAUNCH_PATIENCE or max(abs(across), abs(down)) <= LAUNCH_GUST
-        # A weaker wind in the face still carries; one from behind takes from the throw what the bird flies on.
+        # A weaker headwind is acceptable; a tailwind reduces the airspeed after the launch.
         facing = self.scenario.wind_speed + ahead >= 0.0
         if (ahead >= 0.0 and steady) or (waited >= 2.0 * LAUNCH_PATIENCE and facing) or waited >= LONGEST_WAIT:
             self._launched_at = now
@@ -361,12 +361,12 @@ class SimulatedWorld:
         return k.Surroundings._make((*wind, air.density, self._launcher(), self._push, 0.0, 0.0, *turn))
 
     def _air_velocity(self) -> Vector:
-        """m/s; of the air at the vehicle, NED: the steady wind and the gust."""
+        """m/s; velocity of the air at the vehicle, NED: steady wind plus gust."""
         (a, b, c), (x, y, z) = self._wind, self._gust.velocity
         return a + x, b + y, c + z
 
     def _sample_gust(self) -> None:
-        """The gust of the coming tick."""
+        """Advance the turbulence model by one tick."""
         if self.scenario.turbulence == "none":
             return
         (north, east, down), wind = self._v_ned, self._wind
@@ -394,10 +394,10 @@ class SimulatedWorld:
             self._rest_since = self.time_us * 1e-6
 
     def _supply(self, y: list[float]) -> tuple[float, float]:
-        """Voltage (V) and power (W) at the drives' terminals, averaged over the last step and the modulation.
+        """Return voltage (V) and power (W) at the drives' terminals, averaged over the last step and the modulation.
 
-        The plant's current is smooth; pulses of the same mean, with the edges that the ADC sees, lose more in the
-        battery.
+        The plant's current is smooth. Current pulses of the same mean, with the edges that the ADC samples, have
+        larger losses in the battery.
         """
         current, power, drive = self._means.current, self._means.electrical_power, self.vehicle.drive
         open_circuit, resistance = self._open_circuit(y), self.vehicle.battery.resistance

@@ -20,11 +20,11 @@ from sim_bridge.tuning import blocks
 from sim_bridge.tuning.model import HALF_STROKE, DriveModel, LinearModel
 
 STEP = 0.02
-"""-; of throttle, over which the stroke's growth is taken"""
+"""-; throttle step for the derivative of the stroke"""
 
 
 class Aircraft(NamedTuple):
-    """What is tuned: the model, and what the flight computer believes."""
+    """Aircraft to tune: linear model and flight computer gains."""
 
     model: LinearModel
     airframe: Airframe
@@ -32,7 +32,7 @@ class Aircraft(NamedTuple):
 
 
 def longitudinal(aircraft: Aircraft) -> Any:
-    """From elevator (and throttle, where the model knows the drive) to pitch, pitch_rate and climb."""
+    """Build the system from elevator (and throttle, if the model has a drive) to pitch, pitch_rate and climb."""
     model = aircraft.model
     inputs, columns = ["tail_angle"], [model.elevator]
     parts = [blocks.lag(aircraft.airframe.tail_time_constant, "elevator", "tail_angle")]
@@ -45,15 +45,15 @@ def longitudinal(aircraft: Aircraft) -> Any:
 
 
 def _measured(model: LinearModel) -> list[list[float]]:
-    """Outputs pitch, pitch rate, climb of u, w, q, theta; about level flight."""
+    """Return the outputs pitch, pitch rate, climb of u, w, q, theta, about level flight."""
     climb = [math.sin(model.pitch), -math.cos(model.pitch), 0.0, model.airspeed]
     return [[0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 1.0, 0.0], climb]
 
 
 def lateral(aircraft: Aircraft) -> Any:
-    """From roll_command to roll, roll_rate and yaw_rate of the heading; the mixing's rudder share is in it.
+    """Build the system from roll_command to roll, roll_rate and the yaw_rate of the heading.
 
-    The stroke's asymmetry is not: the model has no such input.
+    The rudder share of the mixing is included. The stroke asymmetry is not, because the model has no such input.
     """
     model, across = aircraft.model, aircraft.model.lateral
     assert across is not None
@@ -66,7 +66,7 @@ def lateral(aircraft: Aircraft) -> Any:
 
 
 def stroke_slope(gains: FlightGains, drive: DriveModel) -> float:
-    """Of the drive's input per throttle at the trim: 1, or rad of half stroke by the flight computer's own map."""
+    """Return the drive input per throttle at the trim: 1, or rad of half stroke from the flight computer's map."""
     if drive.input != HALF_STROKE:
         return 1.0
     at = throttle_at(gains.flapping, drive.at)
@@ -75,7 +75,7 @@ def stroke_slope(gains: FlightGains, drive: DriveModel) -> float:
 
 
 def throttle_at(gains: flapping.Gains, half_stroke: float) -> float:
-    """Throttle at which the flight computer commands that half stroke (rad), away from the ends of its map."""
+    """Return the throttle of the flight computer's map for a half stroke (rad), away from its ends."""
     throttles, amplitudes = _map(gains)
     middle = np.linspace(throttles[0] + STEP, throttles[-1] - STEP, 1001)
     commanded = [between_points(float(throttle), throttles, amplitudes) for throttle in middle]
@@ -87,7 +87,7 @@ def _map(gains: flapping.Gains) -> tuple[tuple[float, ...], tuple[float, ...]]:
 
 
 def loop_delay(rate: float) -> float:
-    """s; of a loop that runs at ``rate`` Hz: one tick from sensor to actuator, and half its own step of hold."""
+    """Return the delay in s of a loop at ``rate`` Hz: one tick from sensor to actuator, and half a hold period."""
     return 1.0 / BASE_RATE + 0.5 / rate
 
 

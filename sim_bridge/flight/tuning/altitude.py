@@ -15,11 +15,11 @@ from sim_bridge.tuning.loop import LoopSpec, Process, Terms, loop_bandwidth, pic
 from sim_bridge.tuning.margins import GUIDANCE
 
 APART = 4.0
-"""-; the loop inside is at least so much faster; chosen: 4 to 10 times is usual in cascades"""
+"""-; least bandwidth ratio of the inner loop to this one; chosen: 4 to 10 times is usual in cascades"""
 
 
 def process(aircraft: Aircraft) -> Process:
-    """What the altitude loop acts on; the filter's altitude follows the true one without lag."""
+    """Build the process of the altitude loop; the filter's altitude has no lag."""
     import control
 
     height = control.ss([[0.0]], [[1.0]], [[1.0]], [[0.0]], inputs=["climb"], outputs=["altitude"], name="height")
@@ -29,15 +29,15 @@ def process(aircraft: Aircraft) -> Process:
 
 
 def terms(gains: altitude.Gains) -> Terms:
-    """The loop's part of its gains."""
+    """Return the gains of the loop."""
     return Terms(gains.proportional, 0.0, 0.0)
 
 
 def tuned(aircraft: Aircraft) -> Aircraft:
-    """With the altitude loop designed.
+    """Design the altitude loop.
 
     Raises:
-        InputError: no gain keeps the margins.
+        InputError: no gain meets the margins.
     """
     inside = loop_bandwidth(climb.process(aircraft), climb.terms(aircraft.gains.altitude))
     ranges = greatest(altitude.Gains, "proportional")

@@ -13,22 +13,22 @@ from sim_bridge.tuning.loop import LoopSpec, Process, Terms, search
 RATE = 100.0
 """Hz; of the loop"""
 SHARE = 1.0 / 3.0
-"""-; highest crossover over the flapping frequency: at half of it the stroke averages end"""
+"""-; highest crossover over the flapping frequency: at half of it stroke averages are no longer valid"""
 
 Gains = TypeVar("Gains", pitch.Gains, roll.Gains)
 
 
 def terms(gains: pitch.Gains | roll.Gains, airspeed: float) -> Terms:
-    """The loop's part of its gains, at ``airspeed`` m/s."""
+    """Return the gains of the loop at ``airspeed`` m/s."""
     strength = share(gains.airspeed, airspeed)
     return Terms(strength * gains.proportional, strength * gains.integral, strength * gains.damping)
 
 
 def designed(aircraft: Aircraft, process: Process, gains: Gains) -> Gains:
-    """The gains with the loop's part designed, for the airspeed of the model.
+    """Design the gains of the loop for the airspeed of the model.
 
     Raises:
-        InputError: no gains keep the margins.
+        InputError: no gains meet the margins.
     """
     fastest = SHARE * aircraft.model.flapping_rate
     ranges = greatest(type(gains), "proportional", "integral", "damping")

@@ -16,19 +16,19 @@ from wingbeat.errors import InputError
 
 
 class Part(NamedTuple):
-    """One loop of the cascade."""
+    """Loop of the cascade."""
 
     name: str
-    """-; for people"""
+    """-; display name"""
     keys: tuple[str, ...]
-    """-; what of the vehicle file it chooses: section.key"""
+    """-; keys of the vehicle file that it determines: section.key"""
     process: Callable[[Aircraft], Process]
     terms: Callable[[Aircraft], Terms]
     tuned: Callable[[Aircraft], Aircraft]
     lateral: bool = False
-    """-; needs the model's lateral motion"""
+    """-; whether it needs the model's lateral motion"""
     drive: bool = False
-    """-; needs the model's drive"""
+    """-; whether it needs the model's drive"""
 
 
 PARTS = (
@@ -50,26 +50,26 @@ class Loop(NamedTuple):
 
     name: str
     gains: dict[str, float]
-    """by section.key"""
+    """gains by section.key"""
     margins: Margins
     bandwidth: float
-    """rad/s; -3 dB from the setpoint to what follows it; 0 for a loop that is not stable"""
+    """rad/s; -3 dB from the setpoint to the controlled variable; 0 for an unstable loop"""
 
 
 class Design(NamedTuple):
-    """What tuning a vehicle came to."""
+    """Result of tuning a vehicle."""
 
     model: LinearModel
     gains: FlightGains
-    """with the designed ones in place"""
+    """gains with the designed ones included"""
     before: tuple[Loop, ...]
-    """the file's own gains, all of them, loop by loop"""
+    """loops with the gains of the file"""
     after: tuple[Loop, ...]
-    """the designed gains, in the same order"""
+    """loops with the designed gains, in the same order"""
 
     @property
     def values(self) -> dict[str, float]:
-        """The designed gains and the parameters of the tail check by section.key."""
+        """Return the designed gains and the parameters of the tail check by section.key."""
         loops = {key: value for loop in self.after for key, value in loop.gains.items()}
         return loops | {key: value_of(self.gains, key) for key in tail_check.KEYS}
 
@@ -77,10 +77,10 @@ class Design(NamedTuple):
 def design(
     model: LinearModel, vehicle: FlightVehicle, on_progress: Callable[[int, int], None] = lambda done, of: None
 ) -> Design:
-    """Design every loop that the model has the motion for; ``on_progress`` gets the loops done and their number.
+    """Design every loop that the model supports; ``on_progress`` gets the loops done and their number.
 
     Raises:
-        InputError: a loop finds no gains that keep the margins.
+        InputError: no gains of a loop meet the margins.
     """
     start = Aircraft(model, vehicle.airframe, vehicle.gains)
     parts = parts_of(model)
@@ -96,13 +96,13 @@ def design(
 
 
 def parts_of(model: LinearModel) -> tuple[Part, ...]:
-    """The loops that the model has the motion for."""
+    """Return the loops that the model supports."""
     missing = (model.lateral is None, model.drive is None)
     return tuple(part for part in PARTS if not (part.lateral and missing[0]) and not (part.drive and missing[1]))
 
 
 def examined(part: Part, aircraft: Aircraft) -> Loop:
-    """A loop as the aircraft's gains make it."""
+    """Analyze a loop with the gains of the aircraft."""
     process, terms = part.process(aircraft), part.terms(aircraft)
     found = loop_margins(process, terms)
     speed = loop_bandwidth(process, terms) if found.stable else 0.0
@@ -110,13 +110,13 @@ def examined(part: Part, aircraft: Aircraft) -> Loop:
 
 
 def value_of(gains: FlightGains, key: str) -> float:
-    """The gain called section.key."""
+    """Return the gain of section.key."""
     section, name = key.split(".")
     return float(getattr(getattr(gains, section), name))
 
 
 def _rounded(aircraft: Aircraft, part: Part) -> Aircraft:
-    """With the part's gains as they are written: three digits."""
+    """Round the gains of the loop to three digits, as in the file."""
     gains = aircraft.gains
     for key in part.keys:
         section, name = key.split(".")

@@ -20,11 +20,11 @@ from wingbeat.errors import InputError
 RATE = 50.0
 """Hz; of the loop"""
 SHARE = 0.1
-"""-; highest crossover over the flapping frequency: the thrust of a stroke is known when it is over"""
+"""-; highest crossover over the flapping frequency: the mean thrust of a stroke is known at its end"""
 
 
 def system(aircraft: Aircraft) -> Any:
-    """throttle_asked, pitch_asked and climb_setpoint (by feed-forward) to climb and what the loop measures."""
+    """Build the system from throttle_asked, pitch_asked and climb_setpoint to climb and the measured variables."""
     gains, wait = aircraft.gains.altitude, loop_delay(RATE)
     parts = [
         pitch.closed(aircraft),
@@ -38,7 +38,7 @@ def system(aircraft: Aircraft) -> Any:
 
 
 def process(aircraft: Aircraft) -> Process:
-    """What the climb loop acts on: its damping is the pitch's answer to the climb error."""
+    """Build the process of the climb loop: its damping is the pitch response to the climb error."""
     import control
 
     whole, answer = (
@@ -46,14 +46,14 @@ def process(aircraft: Aircraft) -> Process:
         blocks.gain(aircraft.gains.altitude.pitch_error, "climb_setpoint", "pitch_asked"),
     )
     ahead = blocks.joined([whole, answer], ["climb_setpoint"], ["climb"])
-    # Two inputs to one output, transposed: a loop's responses are the same, and it has one input and two outputs.
+    # Two inputs, one output, transposed: the loop responses are equal, with one input and two outputs.
     paths = whole[["climb_seen"], ["throttle_asked", "pitch_asked"]]
     sensed = control.ss(paths.A.T, paths.C.T, paths.B.T, paths.D.T)
     return Process(pick(whole, "throttle_asked", "climb"), sensed, ahead)
 
 
 def closed(aircraft: Aircraft) -> Any:
-    """The aircraft with its climb loop closed: climb_setpoint to climb."""
+    """Close the climb loop: climb_setpoint to climb."""
     throttle, answer = terms(aircraft.gains.altitude)._replace(damping=0.0), aircraft.gains.altitude.pitch_error
     parts = [
         system(aircraft),
@@ -65,15 +65,15 @@ def closed(aircraft: Aircraft) -> Any:
 
 
 def terms(gains: altitude.Gains) -> Terms:
-    """The loop's part of its gains."""
+    """Return the gains of the loop."""
     return Terms(gains.throttle_error, gains.throttle_integral, gains.pitch_error)
 
 
 def tuned(aircraft: Aircraft) -> Aircraft:
-    """With the climb loop designed.
+    """Design the climb loop.
 
     Raises:
-        InputError: no gains keep the margins.
+        InputError: no gains meet the margins.
     """
     fastest = SHARE * aircraft.model.flapping_rate
     ranges, held = (
@@ -84,7 +84,7 @@ def tuned(aircraft: Aircraft) -> Aircraft:
     try:
         found = search(process(aircraft), spec)
     except InputError as error:
-        # The pitch's answer to the climb error is the file's, and part of the loop.
+        # The pitch response to the climb error has the gain of the file and is part of the loop.
         hint = f"; try altitude.pitch_error below {held:g} rad s/m, down to 0" if held > 0.0 else ""
         raise InputError(f"{error}{hint}") from None
     gains = aircraft.gains.altitude._replace(throttle_error=found.proportional, throttle_integral=found.integral)

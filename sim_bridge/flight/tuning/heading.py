@@ -21,7 +21,7 @@ from wingbeat.constants import STANDARD_GRAVITY
 
 
 def process(aircraft: Aircraft) -> Process:
-    """What the heading loop acts on; in still air the course follows the yaw."""
+    """Build the process of the heading loop; in still air the course equals the yaw."""
     import control
 
     turn = control.ss([[0.0]], [[1.0]], [[1.0]], [[0.0]], inputs=["yaw_rate"], outputs=["yaw"], name="turn")
@@ -31,15 +31,15 @@ def process(aircraft: Aircraft) -> Process:
 
 
 def terms(gains: heading.Gains) -> Terms:
-    """The loop's part of its gains."""
+    """Return the gains of the loop."""
     return Terms(gains.proportional, gains.integral, 0.0)
 
 
 def tuned(aircraft: Aircraft) -> Aircraft:
-    """With the heading loop designed.
+    """Design the heading loop.
 
     Raises:
-        InputError: no gain keeps the margins.
+        InputError: no gain meets the margins.
     """
     inside = loop_bandwidth(roll.process(aircraft), roll.terms(aircraft))
     ranges = greatest(heading.Gains, "proportional")

@@ -12,7 +12,7 @@ from sim_bridge.tuning.loop import Process, Terms, pick
 
 
 def system(aircraft: Aircraft) -> Any:
-    """The open aircraft: elevator_command (and throttle) to pitch, climb, and what the loop measures."""
+    """Build the open system: elevator_command (and throttle) to pitch, climb, and the measured variables."""
     gains, frequency = aircraft.gains.pitch, aircraft.model.frequency
     width = gains.notch_width
     parts = [
@@ -27,7 +27,7 @@ def system(aircraft: Aircraft) -> Any:
 
 
 def process(aircraft: Aircraft) -> Process:
-    """What the pitch loop acts on."""
+    """Build the process of the pitch loop."""
     whole = system(aircraft)
     command = "elevator_command"
     measured = pick(whole, command, "pitch_seen", "rate_seen")
@@ -35,27 +35,27 @@ def process(aircraft: Aircraft) -> Process:
 
 
 def closed(aircraft: Aircraft) -> Any:
-    """The aircraft with its pitch loop closed: pitch_setpoint and throttle to pitch and climb."""
+    """Close the pitch loop: pitch_setpoint and throttle to pitch and climb."""
     signals = ("pitch_setpoint", "pitch_seen", "rate_seen", "elevator_command")
     loop = blocks.controller(terms(aircraft), signals, setpoint_weight(aircraft))
     return blocks.joined([system(aircraft), loop], ["pitch_setpoint", "throttle"], ["pitch", "climb"])
 
 
 def setpoint_weight(aircraft: Aircraft) -> float:
-    """Setpoint weight of the control law that the vehicle flies."""
+    """Return the setpoint weight of the vehicle's control law."""
     return control_laws.PITCH[aircraft.gains.pitch.law].setpoint_weight
 
 
 def terms(aircraft: Aircraft) -> Terms:
-    """The loop's part of its gains, at the airspeed of the model."""
+    """Return the gains of the loop at the airspeed of the model."""
     return attitude.terms(aircraft.gains.pitch, aircraft.model.airspeed)
 
 
 def tuned(aircraft: Aircraft) -> Aircraft:
-    """With the pitch loop designed.
+    """Design the pitch loop.
 
     Raises:
-        InputError: no gains keep the margins.
+        InputError: no gains meet the margins.
     """
     gains = attitude.designed(aircraft, process(aircraft), aircraft.gains.pitch)
     return aircraft._replace(gains=aircraft.gains._replace(pitch=gains))

@@ -30,16 +30,16 @@ from wingbeat.errors import InputError
 from wingbeat.topic import Topic
 
 SETTLED, MEASURED = 8.0, 18.0
-"""s; from a hold's beginning to the window, and its length"""
+"""s; time from the start of a hold to the evaluation window, and its length"""
 HEIGHT, STEP, TURN = 20.0, 3.0, math.radians(90.0)
-"""m, m, rad: of the first hold, and from it to the second"""
+"""m, m, rad: altitude of the first hold, and steps of altitude and heading to the second"""
 MISSION: Mission = (
     MissionItem(ItemKind.TAKEOFF, altitude=HEIGHT),
     MissionItem(ItemKind.HOLD, altitude=HEIGHT, heading=0.0, duration=SETTLED + MEASURED + 1.0),
     MissionItem(ItemKind.HOLD, altitude=HEIGHT + STEP, heading=TURN, duration=SETTLED + MEASURED + 1.0),
 )
 SCENARIO = Scenario(seed=1, wind_speed=2.0, turbulence="light", duration=120.0)
-"""a breeze with light gusts: in still air there is nothing to hold against"""
+"""light wind with light gusts, as a disturbance"""
 _KEPT = {
     topic.name
     for topic in (topics.NAVIGATION, topics.PITCH_LOOP, topics.ACTUATORS, topics.ALTITUDE_LOOP, topics.POWER)
@@ -49,22 +49,22 @@ Array = NDArray[np.float64]
 
 
 class FlightQuality(NamedTuple):
-    """One flight in numbers."""
+    """Quality figures of one flight."""
 
     completed_legs: int
-    """-; windows it was measured in"""
+    """-; number of evaluated windows"""
     airtime: float
-    """s; of those windows"""
+    """s; total duration of the windows"""
     touched: bool
-    """whether it touched the ground before their end"""
+    """whether the vehicle touched the ground before their end"""
     altitude_rms: float
     """m; setpoint minus true altitude"""
     heading_rms: float
     """rad; setpoint minus true course over ground"""
     pitch_rms: float
-    """rad; pitch setpoint minus pitch, as the loop saw it"""
+    """rad; pitch setpoint minus estimated pitch"""
     roll_rms: float
-    """rad; true bank about its mean: how much it rocks"""
+    """rad; true bank about its mean"""
     elevator_rate: float
     """rad/s; RMS of the commanded elevator's rate"""
     rudder_rate: float
@@ -76,12 +76,12 @@ class FlightQuality(NamedTuple):
 
 
 WORSE, BETTER = 1.05, 0.95
-"""-; ratios of errors between which two flights count as the same"""
+"""-; error ratios between which two flights count as equal"""
 ERRORS = ("altitude_rms", "heading_rms", "pitch_rms", "roll_rms")
 
 
 class Comparison(StrEnum):
-    """Which of two flights was the better one."""
+    """Result of the comparison of two flights."""
 
     BETTER = "better"
     SAME = "same"
@@ -89,20 +89,20 @@ class Comparison(StrEnum):
 
 
 class Proof(NamedTuple):
-    """The same flight twice."""
+    """The same flight with the gains before and after."""
 
     before: FlightQuality
     after: FlightQuality
 
     @property
     def error_ratio(self) -> float:
-        """-; geometric mean of the four tracking errors (`ERRORS`) after, over those before."""
+        """-; geometric mean of the four tracking error (`ERRORS`) ratios, after over before."""
         ratios = [getattr(self.after, name) / getattr(self.before, name) for name in ERRORS]
         return math.exp(sum(map(math.log, ratios)) / len(ratios))
 
     @property
     def comparison(self) -> Comparison:
-        """Whether the gains after fly better: first flight without ground contact and completed legs, then errors."""
+        """Compare the flights: first ground contact and completed legs, then errors."""
         completed = [(not flight.touched, flight.completed_legs) for flight in self]
         if completed[0] != completed[1]:
             return Comparison.BETTER if completed[1] > completed[0] else Comparison.WORSE
@@ -111,7 +111,7 @@ class Proof(NamedTuple):
 
 
 class _Memory:
-    """Keeps the few topics that are measured, and knows when the mission is over."""
+    """Recorder of the evaluated topics that detects the end of the mission."""
 
     def __init__(self) -> None:
         self._rows: dict[str, list[Any]] = defaultdict(list)
@@ -124,13 +124,13 @@ class _Memory:
             self.over = True
 
     def column(self, topic: Topic[Any], name: str) -> Array:
-        """(n,) of a field; in s for the time."""
+        """Return a field (n,); the time in s."""
         values = np.array([getattr(row, name) for row in self._rows[topic.name]], dtype=np.float64)
         return values * 1e-6 if name == "time_us" else values
 
 
 class _World(SimulatedWorld):
-    """Ends with the mission: nothing is measured in a landing."""
+    """World that ends with the mission, because the landing is not evaluated."""
 
     def __init__(self, vehicle: SimulatedVehicle, scenario: Scenario, memory: _Memory) -> None:
         super().__init__(vehicle, scenario, memory.publish)
@@ -147,7 +147,7 @@ def fly_quality(
     """Fly `MISSION` with these gains in one process.
 
     Raises:
-        InputError: a scenario or vehicle that cannot be flown, or a flight that never came to its first hold.
+        InputError: an invalid scenario or vehicle, or a flight that did not reach its first hold.
     """
     memory = _Memory()
     autopilot = Autopilot(vehicle._replace(gains=gains), MISSION, memory.publish)

@@ -8,13 +8,13 @@ from wingbeat.units import Quantity
 
 
 def unit_of(gains: type[Any], key: str) -> str:
-    """Unit of a gain."""
+    """Return the unit of a gain."""
     hint = get_type_hints(gains, include_extras=True)[key]
     return next(extra.unit for extra in get_args(hint) if isinstance(extra, Quantity))
 
 
 def greatest(gains: type[Any], *keys: str) -> tuple[float, float, float]:
-    """Greatest allowed P, I and D of a class of gains, by their keys; 0 for those a loop has not."""
+    """Return the limits of P, I and D of a class of gains, by their keys; 0 for those that a loop lacks."""
     hints = get_type_hints(gains, include_extras=True)
     found = [next(extra.high for extra in get_args(hints[key]) if isinstance(extra, Quantity)) for key in keys]
     proportional, integral, damping = [*found, 0.0, 0.0][:3]

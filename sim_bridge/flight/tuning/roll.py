@@ -12,40 +12,40 @@ from sim_bridge.tuning.loop import Process, Terms, pick
 
 
 def system(aircraft: Aircraft) -> Any:
-    """The open aircraft: roll_asked to roll, roll_rate and yaw_rate."""
+    """Build the open system: roll_asked to roll, roll_rate and yaw_rate."""
     parts = [lateral(aircraft), blocks.delay(loop_delay(attitude.RATE), "roll_asked", "roll_command")]
     return blocks.joined(parts, ["roll_asked"], ["roll", "roll_rate", "yaw_rate"])
 
 
 def process(aircraft: Aircraft) -> Process:
-    """What the roll loop acts on."""
+    """Build the process of the roll loop."""
     whole = system(aircraft)
     measured = pick(whole, "roll_asked", "roll", "roll_rate")
     return Process(pick(whole, "roll_asked", "roll"), measured, setpoint_weight=setpoint_weight(aircraft))
 
 
 def closed(aircraft: Aircraft) -> Any:
-    """The aircraft with its roll loop closed: roll_setpoint to roll and yaw_rate."""
+    """Close the roll loop: roll_setpoint to roll and yaw_rate."""
     signals = ("roll_setpoint", "roll", "roll_rate", "roll_asked")
     loop = blocks.controller(terms(aircraft), signals, setpoint_weight(aircraft))
     return blocks.joined([system(aircraft), loop], ["roll_setpoint"], ["roll", "yaw_rate"])
 
 
 def setpoint_weight(aircraft: Aircraft) -> float:
-    """Setpoint weight of the control law that the vehicle flies."""
+    """Return the setpoint weight of the vehicle's control law."""
     return control_laws.ROLL[aircraft.gains.roll.law].setpoint_weight
 
 
 def terms(aircraft: Aircraft) -> Terms:
-    """The loop's part of its gains, at the airspeed of the model."""
+    """Return the gains of the loop at the airspeed of the model."""
     return attitude.terms(aircraft.gains.roll, aircraft.model.airspeed)
 
 
 def tuned(aircraft: Aircraft) -> Aircraft:
-    """With the roll loop designed.
+    """Design the roll loop.
 
     Raises:
-        InputError: no gains keep the margins.
+        InputError: no gains meet the margins.
     """
     gains = attitude.designed(aircraft, process(aircraft), aircraft.gains.roll)
     return aircraft._replace(gains=aircraft.gains._replace(roll=gains))

@@ -6,9 +6,9 @@ from avionics.gains import FlightGains
 from sim_bridge.tuning.model import LinearModel
 
 EFFECT_FRACTION = 1.0 / 6.0
-"""-; of the elevator's effectiveness that the detector expects. In gusts the pitch loop moves the elevator against
-the disturbance, and the response shows less of the elevator than M_delta. With a quarter healthy flights in light
-gusts are reported as jammed; with a sixth the CUSUM stays below 12 of 20. A jam is found within 2.3 s with either."""
+"""-; fraction of the elevator effectiveness that the detector expects. In gusts the pitch loop moves the elevator
+against the disturbance, so the response to the elevator is below M_delta.
+"""
 KEYS = ("tail_check.effect", "tail_check.damping")
 PITCH_RATE = 2
 """index of the pitch rate in the state of a `LinearModel`"""

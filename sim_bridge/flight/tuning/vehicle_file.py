@@ -27,16 +27,16 @@ WORLD, AVIONICS = "world.toml", "avionics.toml"
 
 
 class Places(NamedTuple):
-    """Where a user's vehicle goes."""
+    """Paths of the files of a user's vehicle."""
 
     avionics: Path
-    """the flight computer's file"""
+    """flight computer file"""
     world: Path | None
-    """the world's, None where only the flight computer's file was asked for"""
+    """world file, None if only the flight computer file was requested"""
 
 
 def places(out: Path) -> Places:
-    """DIR/avionics.toml and DIR/world.toml, or the one file that ``out`` names.
+    """Return DIR/avionics.toml and DIR/world.toml, or the one file that ``out`` names.
 
     Raises:
         InputError: one of them exists already.
@@ -52,10 +52,10 @@ def places(out: Path) -> Places:
 
 
 def write(where: Places, vehicle: FlightVehicle, design: Design, world: str | None) -> None:
-    """Write the tuned file, and the world's text beside it where there is one; existing files are never touched.
+    """Write the tuned file, and the text of the world beside it if there is one; existing files are not changed.
 
     Raises:
-        InputError: a file exists, or the new text does not give the designed gains.
+        InputError: a file exists, or the new text does not contain the designed gains.
     """
     text = _renamed(tuned_text(vehicle, design), name_by_path(where.avionics))
     where.avionics.parent.mkdir(parents=True, exist_ok=True)
@@ -73,12 +73,12 @@ def _renamed(text: str, name: str) -> str:
 
 
 def tuned_text(vehicle: FlightVehicle, design: Design) -> str:
-    """The flight computer's file with the designed gains in it.
+    """Return the flight computer file with the designed gains.
 
     A gain that the file does not list is added to its section.
 
     Raises:
-        InputError: the new text does not give the designed gains.
+        InputError: the new text does not contain the designed gains.
     """
     document = tomlkit.parse(vehicle.file.text)
     for loop in design.after:
@@ -94,7 +94,7 @@ def tuned_text(vehicle: FlightVehicle, design: Design) -> str:
 
 
 def source_of(origin: str, margins: Margins) -> str:
-    """The source of a tuned gain."""
+    """Return the source text of a tuned gain."""
     gain, phase = f"GM {margins.gain_db:.1f} dB", f"PM {math.degrees(margins.phase):.0f} deg"
     return f"identified: tuned by wingbeat tune on {origin}, {gain}, {phase}"
 
@@ -120,7 +120,7 @@ def _set(table: Any, name: str, value: float, quantity: Quantity | None, source:
 
 def _append(table: Any, name: str, item: Any) -> None:
     """Add an entry behind the last one, in front of blank lines and comments at the end of the section."""
-    # A section in several parts is a proxy without a body of its own.
+    # A section in several parts is a proxy without a body.
     body = table.value.body if isinstance(table, Table) else []
     count = next((i for i in range(len(body), 0, -1) if body[i - 1][0] is not None), 0)
     trailing = body[count:]
