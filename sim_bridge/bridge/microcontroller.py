@@ -27,38 +27,38 @@ from sim_bridge.bridge.world import NEUTRAL, SimulationSilent, World
 from wingbeat.errors import InputError
 
 REST_AFTER = 0.5
-"""s; without an actuator frame after which drives and servos go to the rest position"""
+"""s; timeout of actuator frames, after which drives and servos go to the rest position"""
 REST = NEUTRAL
-"""the rest position: disarmed, drives off, wings, elevator and rudder told 0"""
+"""rest position: disarmed, drives off, wings, elevator and rudder at 0"""
 PTY = "pty"
-"""address of a pseudo terminal that is made for the occasion"""
+"""address of a new pseudo terminal"""
 
 
 class BridgeStatistics(NamedTuple):
-    """What the microcontroller counts."""
+    """Counters of the microcontroller."""
 
     frames: int = 0
     """-; sensor frames sent"""
     dropped: int = 0
-    """-; of them not taken by the line"""
+    """-; sensor frames that the line did not accept"""
     commands: int = 0
-    """-; actuator frames obeyed"""
+    """-; applied actuator frames"""
     stale: int = 0
-    """-; actuator frames older than one that was obeyed, or of a time that has not come"""
+    """-; actuator frames older than an applied one, or with a time in the future"""
     rejected: int = 0
     """-; actuator frames with a control that is not a finite number"""
     rests: int = 0
-    """-; times that the rest position was taken"""
+    """-; number of changes to the rest position"""
     bad_bytes: int = 0
-    """-; that were no part of a message"""
+    """-; bytes outside of messages"""
     sent: int = 0
     """bytes; of sensor frames"""
     ended: str = ""
-    """why it ended, one line"""
+    """reason of the end, one line"""
 
 
 class Microcontroller:
-    """Sensors out, actuators in, one tick after the other."""
+    """Simulated microcontroller: sends sensors, applies actuator commands, one tick after the other."""
 
     def __init__(self, stream: Stream, world: World) -> None:
         self._stream = stream
@@ -69,7 +69,7 @@ class Microcontroller:
         self._now_us = 0
         self._statistics = BridgeStatistics()
         self.command = REST
-        """what drives and servos are told now"""
+        """present command of drives and servos"""
 
     @property
     def statistics(self) -> BridgeStatistics:
@@ -77,10 +77,10 @@ class Microcontroller:
         return self._statistics._replace(bad_bytes=self._reader.bad_bytes)
 
     def tick(self) -> SensorFrame:
-        """One tick: obey, sense, send.
+        """Run one tick: apply commands, read sensors, send.
 
         Raises:
-            SimulationSilent: from now on the world sends no more sensor frames.
+            SimulationSilent: the world sends no more sensor frames.
         """
         self._listen()
         self._watch()
@@ -95,7 +95,7 @@ class Microcontroller:
         return frame
 
     def send_end(self) -> None:
-        """Tell the flight computer that a simulated world is over, which no real board does."""
+        """Notify the flight computer of the end of a simulated world; a real board does not."""
         end = mavlink.MAVLink_wingbeat_end_message(self._now_us, int(EndReason.FINISHED))
         self._stream.write(self._writer.pack(end))
 
@@ -110,7 +110,7 @@ class Microcontroller:
                 self._obey(reply.command)
 
     def _obey(self, command: ActuatorCommand) -> None:
-        """Take an actuator frame that answers a later tick than the last one did."""
+        """Apply an actuator frame if it belongs to a later tick than the last one."""
         old = self._received_us is not None and command.time_us <= self._received_us
         if old or command.time_us > self._now_us:
             self._statistics = self._statistics._replace(stale=self._statistics.stale + 1)
@@ -119,21 +119,21 @@ class Microcontroller:
         self._statistics = self._statistics._replace(commands=self._statistics.commands + 1)
 
     def _watch(self) -> None:
-        """Rest when the newest actuator frame answers a tick of too long ago."""
+        """Go to the rest position if the newest actuator frame is too old."""
         if self._received_us is not None and self._now_us - self._received_us > REST_AFTER * 1e6:
             self.command, self._received_us = REST, None
             self._statistics = self._statistics._replace(rests=self._statistics.rests + 1)
 
 
 class SerialPeer:
-    """Plays a world over a serial line, in the world's time; the serial counterpart of `BridgeServer`."""
+    """Server of a world over a serial line, in the world's time; the serial counterpart of `BridgeServer`."""
 
     def __init__(self, url: str, speed: float | None = None, clock: Callable[[], float] = time.monotonic) -> None:
-        """Open ``serial:DEVICE,BAUD``, or make a pseudo terminal (``pty``) whose name is then `address`.
+        """Open ``serial:DEVICE,BAUD``, or create a pseudo terminal (``pty``) whose name is then `address`.
 
         Args:
-            url: where.
-            speed: times real time; None for 1, because a microcontroller waits for nobody.
+            url: address.
+            speed: speed factor; None for 1, because a microcontroller runs in real time.
             clock: wall clock in s.
 
         Raises:
@@ -141,11 +141,11 @@ class SerialPeer:
         """
         self._stream: Stream = Pty() if url == PTY else _opened(parse_url(url))
         self.address = self._stream.name
-        """``serial:DEVICE,BAUD`` for the other end of a pseudo terminal, else the address that was given"""
+        """``serial:DEVICE,BAUD`` for the other end of a pseudo terminal, else the given address"""
         self._pacer = Pacer(1.0 if speed is None else speed, clock)
 
     def serve(self, world: World) -> BridgeStatistics:
-        """Tick until the world is finished or falls silent."""
+        """Run ticks until the world is finished or silent."""
         board = Microcontroller(self._stream, world)
         ended = "the simulation finished"
         try:
@@ -157,7 +157,7 @@ class SerialPeer:
         return board.statistics._replace(ended=ended)
 
     def close(self) -> None:
-        """Release the device."""
+        """Close the device."""
         self._stream.close()
 
 
@@ -171,7 +171,7 @@ class Pty:
     """One end of a pseudo terminal; the flight computer opens the other, ``device``, like any serial device."""
 
     def __init__(self) -> None:
-        """Make one.
+        """Create one.
 
         Raises:
             InputError: this platform has none.
@@ -181,14 +181,14 @@ class Pty:
         import tty
 
         self._master, self._slave = os.openpty()
-        # Held open, so that a reader who comes and goes does not end the line; raw, so that no byte is changed.
+        # Kept open, so that a reconnecting reader does not end the line; raw, so that no byte is changed.
         tty.setraw(self._slave)
         os.set_blocking(self._master, False)
         self.device = os.ttyname(self._slave)
         self.name = f"serial:{self.device},921600"
 
     def read(self, timeout: float) -> bytes | None:
-        """Bytes as soon as there are some; empty after ``timeout`` s without any, None once it is closed."""
+        """Read bytes as soon as available; empty after ``timeout`` s, None once it is closed."""
         if self._master < 0:
             return None
         try:
@@ -198,14 +198,14 @@ class Pty:
             return b""
 
     def write(self, data: bytes) -> bool:
-        """Send without waiting; False when the other end has left its buffer full."""
+        """Write without blocking; return False if the buffer is full."""
         try:
             return os.write(self._master, data) == len(data)
         except OSError:
             return False
 
     def close(self) -> None:
-        """Pull the plug."""
+        """Close both ends."""
         for end in (self._master, self._slave):
             with contextlib.suppress(OSError):
                 os.close(end)

@@ -7,10 +7,10 @@ from collections.abc import Callable
 
 
 class Pacer:
-    """Holds a simulation back to ``speed`` times real time; None lets it run as fast as it can."""
+    """Limiter of a simulation to ``speed`` times real time; None for no limit."""
 
     forgive = 0.25
-    """s; a simulation that fell further behind does not race to catch up"""
+    """s; delay beyond which a simulation does not catch up"""
 
     def __init__(
         self,

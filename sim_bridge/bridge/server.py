@@ -22,30 +22,30 @@ from sim_bridge.bridge.world import NEUTRAL, SimulationSilent, World
 from wingbeat.errors import InputError
 
 DEFAULT_URL = "tcp:127.0.0.1:4560"
-"""Where a flight computer looks for its simulator, PX4 too."""
+"""Default address of the simulator, also for PX4."""
 
 
 class FlightComputerSilent(RuntimeError):
-    """The flight computer did not connect, speak or answer within the bounded wait; the text says which."""
+    """Error: the flight computer did not connect, send or respond in time; the text has the details."""
 
 
 class Timeouts(NamedTuple):
-    """How long the world waits for the flight computer."""
+    """Timeouts for the flight computer."""
 
     connect: float = 60.0
     """s; for the connection"""
     hello: float = 10.0
     """s; for its first HEARTBEAT"""
     reply: float = 5.0
-    """s; for the answer to a sensor frame"""
+    """s; for the response to a sensor frame"""
     silence: float = 15.0
-    """s; for a partner to hang up once the world has fallen silent, as it was told"""
+    """s; for the client to disconnect after the world has become silent"""
     noise: float = 0.05
-    """s; for the rest of something that began like a message"""
+    """s; for the rest of an incomplete message"""
 
 
 class EndReason(IntEnum):
-    """Why the world stopped; the values of WINGBEAT_END_REASON."""
+    """Reason of the end of the world; the values of WINGBEAT_END_REASON."""
 
     FINISHED = 0
     STALLED = 1
@@ -53,22 +53,22 @@ class EndReason(IntEnum):
 
 
 class BridgeStatistics(NamedTuple):
-    """What went over the bridge."""
+    """Counters of the bridge."""
 
     frames: int = 0
     """sensor frames sent"""
     stale: int = 0
-    """answers that carried the time of another sensor frame, and were dropped"""
+    """dropped responses with the time of another sensor frame"""
     rejected: int = 0
-    """answers with a control that is not a finite number, and were dropped"""
+    """dropped responses with a control that is not a finite number"""
     bad_bytes: int = 0
-    """bytes that were no part of a message"""
+    """bytes outside of messages"""
     ended: str = ""
-    """why it ended, one line"""
+    """reason of the end, one line"""
 
 
 class BridgeServer:
-    """Owns the port; `serve` plays one flight."""
+    """Server of the port; `serve` runs one flight."""
 
     def __init__(
         self,
@@ -77,11 +77,11 @@ class BridgeServer:
         timeouts: Timeouts | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """Listen.
+        """Open the port.
 
         Args:
             url: ``tcp:HOST:PORT``.
-            speed: times real time; None for as fast as possible.
+            speed: speed factor; None for as fast as possible.
             patience: bounds of all waits.
             clock: wall clock in s.
 
@@ -93,19 +93,19 @@ class BridgeServer:
         self._timeouts = timeouts or Timeouts()
         self._clock = clock
         self.busy_poll = False
-        """whether to wait for answers without sleeping: see `SocketStream.enable_busy_poll`"""
+        """whether to wait for responses without sleeping: see `SocketStream.enable_busy_poll`"""
 
     @property
     def port(self) -> int:
-        """The port that is listened on."""
+        """The open port."""
         return self._listener.port
 
     def serve(self, world: World) -> BridgeStatistics:
-        """Wait for a flight computer and fly until the world is finished or the flight computer hangs up.
+        """Wait for a flight computer and fly until the world is finished or the flight computer disconnects.
 
         Raises:
-            InputError: PX4 came.
-            FlightComputerSilent: it never came, never said HEARTBEAT, or left a sensor frame unanswered.
+            InputError: PX4 connected.
+            FlightComputerSilent: it did not connect, did not send HEARTBEAT, or did not respond to a sensor frame.
         """
         stream = self._listener.accept(self._timeouts.connect)
         if stream is None:
@@ -121,12 +121,12 @@ class BridgeServer:
             session.close()
 
     def close(self) -> None:
-        """Release the port."""
+        """Close the port."""
         self._listener.close()
 
 
 class Session:
-    """One flight computer on the other end of the bridge."""
+    """Session with one flight computer."""
 
     def __init__(
         self, stream: Stream, world: World, timeouts: Timeouts, pacer: Pacer, clock: Callable[[], float]
@@ -145,11 +145,11 @@ class Session:
         self._statistics = BridgeStatistics()
 
     def fly(self) -> BridgeStatistics:
-        """Exchange frames until the world is finished or the partner hangs up.
+        """Exchange frames until the world is finished or the client disconnects.
 
         Raises:
-            InputError: the partner is PX4.
-            FlightComputerSilent: it never said HEARTBEAT, or left a sensor frame unanswered.
+            InputError: the client is PX4.
+            FlightComputerSilent: it did not send HEARTBEAT, or did not respond to a sensor frame.
         """
         self._await_hello()
         command = NEUTRAL
@@ -162,7 +162,7 @@ class Session:
                 return self._statistics._replace(bad_bytes=self._reader.bad_bytes, ended=str(silence))
             self._pacer.wait(frame.time_us)
             self._send(frame)
-            # While the flight computer thinks.
+            # While the flight computer computes.
             self._world.record()
             command = self._await_answer(frame.time_us, command)
             if self._hung_up:
@@ -242,7 +242,7 @@ class Session:
         return self._reader.give_up() if timeout >= self._timeouts.noise else []
 
     def _listen(self, frame: Frame) -> None:
-        """What is no actuator command: HEARTBEAT, and requests for truth."""
+        """Process other messages than actuator commands: HEARTBEAT, and requests for truth."""
         message = decode(frame)
         kind = message.get_type()
         if kind == "HEARTBEAT":
@@ -268,5 +268,5 @@ class Session:
         self._stream.write(self._writer.pack(end))
 
     def close(self) -> None:
-        """Hang up."""
+        """Disconnect."""
         self._stream.close()

@@ -9,16 +9,16 @@ from sim_bridge.messages import TruthState
 
 HIL_STATE_QUATERNION: int = mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION
 EARTH_RADIUS = 6_378_137.0
-"""m; WGS-84 semi-major axis, for metres from the launch place to degrees"""
+"""m; WGS-84 semi-major axis, to convert meters from the launch position to degrees"""
 _PACK = mavlink.mavlink_map[HIL_STATE_QUATERNION].unpacker.pack
 
 
 def encode_truth(truth: TruthState, origin: tuple[float, float, float]) -> bytes:
-    """Payload of HIL_STATE_QUATERNION: degE7, mm and cm/s.
+    """Encode the payload of HIL_STATE_QUATERNION: degE7, mm and cm/s.
 
     Args:
-        truth: true state, metres from the launch place.
-        origin: latitude in rad, longitude in rad and altitude in m of the launch place.
+        truth: true state, meters from the launch position.
+        origin: latitude in rad, longitude in rad and altitude in m of the launch position.
 
     The accelerations are sent as 0: truth does not carry them.
     """

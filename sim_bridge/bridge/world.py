@@ -8,18 +8,18 @@ from avionics.messages import ActuatorCommand, SensorFrame
 from sim_bridge.messages import TruthState
 
 NEUTRAL = ActuatorCommand(0, 0.0, 0.0, 0.0, 0.0, 0.0, 0)
-"""The command before the flight computer has said anything; a flight in one process begins with it too."""
+"""Command before the first one of the flight computer; also the first one of a flight in one process."""
 
 
 class SimulationSilent(RuntimeError):
-    """The world sends no more sensor frames, as it was told."""
+    """Exception: the world sends no more sensor frames, because of a fault."""
 
 
 class World(Protocol):
-    """A vehicle in its environment that advances one sensor tick at a time.
+    """Vehicle in its environment that advances one sensor tick at a time.
 
-    The numbers that it hands out should be those of the wire (`avionics.link.sensor_codec.quantized`), so that a
-    flight in one process and a flight over the bridge see the same.
+    Sensor values should be quantized as on the wire (`avionics.link.sensor_codec.quantized`), so that a flight in one
+    process and a flight over the bridge are identical.
     """
 
     @property
@@ -32,20 +32,21 @@ class World(Protocol):
 
     @property
     def finished(self) -> bool:
-        """The simulation is over: `step` is not called again."""
+        """Whether the simulation is finished; `step` is not called again."""
 
     def step(self, command: ActuatorCommand) -> SensorFrame:
-        """Advance one tick with ``command`` held, and read the sensors at its end.
+        """Advance one tick with constant ``command``, and read the sensors at its end.
 
         Raises:
-            SimulationSilent: from now on it sends no more sensor frames.
+            SimulationSilent: it sends no more sensor frames.
         """
 
     def record(self) -> None:
-        """Publish what is true at the end of the last step: nobody has to wait for that before the sensors are read.
+        """Publish the truth at the end of the last step.
 
-        A step that comes without it does so first.
+        It is separate from `step`, so that the sensor readings are available earlier. The next step calls it if the
+        caller did not.
         """
 
     def truth(self) -> TruthState:
-        """The vehicle's true state at the end of the last step."""
+        """Return the vehicle's true state at the end of the last step."""

@@ -27,47 +27,49 @@ from wingbeat.errors import InputError
 from wingbeat.message import Severity
 
 PORT = 9002
-"""of instance 0"""
+"""port of instance 0"""
 INSTANCE_PORTS = 10
-"""from one instance's port to the next one's"""
+"""port increment per instance"""
 LONGEST_SILENCE = 60.0
-"""s; of a simulator that was told to fall silent, while it is still spoken to"""
+"""s; time for which a silent simulator discards further packets"""
 SENSOR_PERIOD_US = 5000
-"""us; sensors are read at 200 Hz, for the recording and the receiver: ArduPilot makes its own of the true state"""
+"""us; sensors are read at 200 Hz, for the recording and the receiver: ArduPilot simulates its own from the true
+state
+"""
 
 
 class Timeouts(NamedTuple):
-    """How long the world waits for ArduPilot, on the wall clock."""
+    """Timeouts of the ArduPilot connection on the wall clock."""
 
     stall: float = 1.0
-    """s; without a packet before the terminal is told who is silent"""
+    """s; without a packet before a notice on the terminal"""
     connect: float = 600.0
-    """s; without a packet before it is given up"""
+    """s; without a packet before the connection fails"""
 
 
 class BridgeStatistics(NamedTuple):
-    """What went over the interface."""
+    """Counters of the interface."""
 
     flights: int = 0
-    """-; from the launcher's hand, one for each start of ArduPilot"""
+    """-; one for each start of ArduPilot"""
     frames: int = 0
-    """-; steps taken and answered"""
+    """-; executed and acknowledged steps"""
     repeats: int = 0
-    """-; packets sent again, answered again"""
+    """-; repeated packets, acknowledged again"""
     lost: int = 0
-    """-; frame counts that never came"""
+    """-; missing frame counts"""
     stale: int = 0
-    """-; packets that were overtaken by a later one, dropped"""
+    """-; packets that arrived after a later one, dropped"""
     malformed: int = 0
-    """-; datagrams that are no servo packets, refused"""
+    """-; datagrams that are not servo packets, rejected"""
     strangers: int = 0
-    """-; packets of a second autopilot, refused"""
+    """-; packets of a second autopilot, rejected"""
     ended: str = ""
-    """why it ended, one line"""
+    """reason of the end, one line"""
 
 
 class Order(Enum):
-    """Where a packet stands in the sequence."""
+    """Position of a packet in the sequence."""
 
     START = 0
     NEXT = 1
@@ -76,7 +78,7 @@ class Order(Enum):
 
 
 def order_of(last: int | None, count: int) -> Order:
-    """Where frame ``count`` stands after frame ``last``, None when there was none."""
+    """Return the position of frame ``count`` after frame ``last`` (None for no previous frame)."""
     if last is None or (count == 0 and last != 0):
         return Order.START
     if count == last:
@@ -85,7 +87,7 @@ def order_of(last: int | None, count: int) -> Order:
 
 
 class ArduPilotServer:
-    """Owns the port; `serve` flies until the simulation is finished or ArduPilot stays away."""
+    """Server of the port; `serve` flies until the simulation is finished or ArduPilot disconnects."""
 
     def __init__(
         self,
@@ -96,7 +98,7 @@ class ArduPilotServer:
         timeouts: Timeouts | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """Listen.
+        """Open the port.
 
         Raises:
             InputError: the interface's address is not ``udpin:HOST:PORT``, or the port is in use.
@@ -116,14 +118,14 @@ class ArduPilotServer:
 
     @property
     def port(self) -> int:
-        """The port that is listened on."""
+        """The open port."""
         return int(self._socket.getsockname()[1])
 
     def serve(self, next_stage: NextStage) -> BridgeStatistics:
-        """Answer packets until the simulation is finished, or none comes any more.
+        """Respond to packets until the simulation is finished, or no packet arrives.
 
         Raises:
-            AutopilotSilent: ArduPilot never came.
+            AutopilotSilent: ArduPilot did not connect.
         """
         flight: ArduPilotFlight | None = None
         heard_at = self._clock()
@@ -146,7 +148,7 @@ class ArduPilotServer:
         return self.statistics._replace(ended="the simulation finished")
 
     def _receive(self) -> tuple[wire.Servos, Order] | None:
-        """The next packet worth anything and its order, None after a while without one."""
+        """Return the next valid packet and its order, None after a timeout."""
         deadline = self._clock() + self._timeouts.stall
         while (left := deadline - self._clock()) > 0.0:
             self._socket.settimeout(max(left, 1e-3))
@@ -230,7 +232,7 @@ class ArduPilotServer:
         return _named(self._socket.getsockname())
 
     def _fall_silent(self, reason: str) -> BridgeStatistics:
-        """Leave what still comes without an answer, until no more does or for a minute: it may ask for ever."""
+        """Discard packets until none arrives, or for a minute, because the autopilot may repeat its request forever."""
         deadline = self._clock() + LONGEST_SILENCE
         while self._receive() is not None and self._clock() < deadline:
             pass
@@ -242,12 +244,12 @@ class ArduPilotServer:
         )
 
     def close(self) -> None:
-        """Release the port."""
+        """Close the port."""
         self._socket.close()
 
 
 class ArduPilotFlight:
-    """One flight: a servo packet in, the state after its step out."""
+    """One flight: each servo packet is answered by the state after its step."""
 
     def __init__(self, flight: ForeignFlight, pacer: Pacer) -> None:
         self.flight = flight
@@ -257,11 +259,11 @@ class ArduPilotFlight:
 
     @property
     def finished(self) -> bool:
-        """The simulation is over."""
+        """Whether the simulation is finished."""
         return self.flight.world.finished
 
     def step(self, servos: wire.Servos, rig: Rig, pulses: Pulses) -> bytes:
-        """Move by one step of the frame rate and say where the vehicle is."""
+        """Advance by one step of the frame rate and return the state message."""
         outputs = from_pulses(rig.channels, pulses, servos.widths)
         observation = self.flight.advance(outputs, 1.0 / servos.frame_rate)
         self._read_sensors(observation)

@@ -19,29 +19,29 @@ MAGIC_16, MAGIC_32 = 18458, 29569
 _PACKETS = {MAGIC_16: struct.Struct("<HHI16H"), MAGIC_32: struct.Struct("<HHI32H")}
 _MAGIC = struct.Struct("<H")
 LEAST_TILT = 0.2
-"""-; cosine of the tilt from which on the rangefinder does not see the ground below"""
+"""-; cosine of the tilt above which the rangefinder does not measure the ground distance"""
 LONGEST_RANGE = 40.0
-"""m; of the rangefinder"""
+"""m; maximum range of the rangefinder"""
 DIGITS = 9
 
 
 class Servos(NamedTuple):
-    """A decoded servo packet."""
+    """Decoded servo packet."""
 
     frame_rate: int
-    """Hz; the step to take is its inverse"""
+    """Hz; inverse of the step"""
     frame_count: int
-    """-; rises by one from packet to packet, 0 at ArduPilot's start"""
+    """increases by one per packet, 0 at ArduPilot's start"""
     widths: tuple[int, ...]
     """(16,) or (32,) us; pulse widths, 0 for no pulse"""
 
 
 class Malformed(ValueError):
-    """A datagram that is no servo packet; the text says why."""
+    """Error: the datagram is not a servo packet; the text has the reason."""
 
 
 def decode_servos(data: bytes) -> Servos:
-    """From one datagram.
+    """Decode one datagram.
 
     Raises:
         Malformed: another magic number or length, or a frame rate of 0.
@@ -63,10 +63,10 @@ def decode_servos(data: bytes) -> Servos:
 def encode_state(
     observation: Observation, truth: TruthState, wing: TruthWing, receiver: ReceiverSample | None
 ) -> bytes:
-    """One line of JSON, begun and ended by a newline: SI, radians, NED and FRD, quaternion (w, x, y, z).
+    """Encode one line of JSON between newlines: SI, radians, NED and FRD, quaternion (w, x, y, z).
 
-    The distance to the ground (``rng_1``) is along the body's z axis, and missing where that meets no ground; the
-    pilot's channels (``rc``) are missing while no receiver hears them.
+    The distance to the ground (``rng_1``) is along the body's z axis, and missing if there is none in range. The
+    pilot's channels (``rc``) are missing if there is no receiver signal.
     """
     line: dict[str, Any] = {
         "timestamp": round(observation.time_us * 1e-6, 6),
@@ -91,7 +91,7 @@ def _rounded(vector: Sequence[float]) -> list[float]:
 
 
 def range_below(observation: Observation) -> float | None:
-    """m; from the vehicle to flat ground along the body's z axis; None beyond the range, or tilted too far."""
+    """Return the distance in m to flat ground along the body's z axis; None beyond range or tilt limit."""
     _, x, y, _ = observation.quaternion
     down = 1.0 - 2.0 * (x * x + y * y)
     if down < LEAST_TILT:

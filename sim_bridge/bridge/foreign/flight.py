@@ -22,13 +22,13 @@ from sim_bridge.observation import Observation
 from wingbeat.message import Event, Severity
 
 LONGEST_STEP = 0.005
-"""s; a stroke of 4 Hz is cut into 50 of them"""
+"""s; maximum step: a stroke of 4 Hz has 50 of them"""
 RECORD_PERIOD_US = 4000
-"""us; commands are recorded no more often, however short the steps"""
+"""us; minimum recording period of commands, independent of the step"""
 
 
 class Reported(Enum):
-    """How far the flight has come, as the terminal knows it."""
+    """Flight stage last reported on the terminal."""
 
     IN_HAND = 0
     LAUNCHED = 1
@@ -37,7 +37,7 @@ class Reported(Enum):
 
 
 class Rig(NamedTuple):
-    """How a plane's autopilot is wired to the vehicle."""
+    """Wiring of an airplane autopilot to the vehicle."""
 
     vehicle: FlightVehicle
     channels: Channels = Channels()
@@ -45,7 +45,7 @@ class Rig(NamedTuple):
 
 
 class ForeignFlight:
-    """From the launcher's hand to the end of the simulation, or until the autopilot starts over."""
+    """Flight from the launcher to the end of the simulation, or to a restart of the autopilot."""
 
     def __init__(self, stage: Stage, rig: Rig, report: Tell) -> None:
         self.world: ForeignWorld = stage.world
@@ -64,10 +64,10 @@ class ForeignFlight:
         self._observer = Observer(rig.vehicle, stage.publish)
 
     def advance(self, outputs: Outputs, duration: float) -> Observation:
-        """Advance ``duration`` s with ``outputs`` held, in steps short enough for the stroke.
+        """Advance ``duration`` s with constant ``outputs``, in steps short enough for the stroke.
 
         Raises:
-            SimulationSilent: from the time of that fault on.
+            SimulationSilent: from the start of that fault.
         """
         steps = max(1, math.ceil(duration / LONGEST_STEP - 1e-9))
         for _ in range(steps):
@@ -76,14 +76,14 @@ class ForeignFlight:
         return observation
 
     def sample(self, observation: Observation) -> SensorFrame:
-        """Read the sensors and record what they read."""
+        """Read and record the sensors."""
         frame = self.world.sample(observation)
         publish_samples(self._publish, frame)
         self._observe(frame)
         return frame
 
     def _observe(self, frame: SensorFrame) -> None:
-        """Estimate the motion for the recording; an error in it is recorded and does not end the flight."""
+        """Estimate the motion for the recording; an error is recorded and does not end the flight."""
         self._isolation.advance(frame.time_us * 1e-6)
         self._guard.run(self._observer.update, frame, self._flap, self._command, self.world.launched)
         for fault in self._isolation.take_faults():
@@ -91,7 +91,7 @@ class ForeignFlight:
                 self._publish(truth_topics.EVENTS, event)
 
     def report_stage(self, text: str, severity: Severity = Severity.INFO) -> None:
-        """Tell the terminal and the recording."""
+        """Report a stage on the terminal and in the recording."""
         self._publish(truth_topics.EVENTS, Event(self.world.time_us, severity, "world", text))
         self._report(f"{self.world.time_us * 1e-6:7.1f} s  {text}")
 

@@ -13,40 +13,40 @@ from sim_bridge.bridge.foreign.outputs import Outputs
 from wingbeat.constants import STANDARD_GRAVITY
 
 ARMED_TIME = 5.0
-"""s; armed for so long before a throw: time to select the mode, and for the autopilot to start its detection"""
+"""s; armed time before a launch: time to select the mode and for the autopilot to start its detection"""
 THRESHOLD_FRACTION = 0.6
-"""-; of the throw's acceleration: the threshold of an autopilot's detection"""
+"""-; detection threshold of an autopilot as a fraction of the launch acceleration"""
 MIN_THRESHOLD = 1.2 * STANDARD_GRAVITY
-"""m/s^2; newer versions of PX4 compare the magnitude of the specific force, which is 1 g in the hand"""
+"""m/s^2; newer versions of PX4 compare the magnitude of the specific force, which is 1 g before the launch"""
 MAX_FRACTION = 0.9
-"""-; a threshold above this fraction of the throw's acceleration is not reached for certain"""
+"""-; a threshold above this fraction of the launch acceleration may not be reached"""
 
 
 class Launch(Enum):
-    """What starts the throw."""
+    """Trigger of the launch."""
 
     THROTTLE = "throttle"
     THROW = "throw"
 
 
 class Gains(NamedTuple):
-    """When he throws."""
+    """Conditions of the launch."""
 
     throttle: float
-    """-; so much holds the vehicle up; 0 for any"""
+    """-; least throttle, that of level flight; 0 for any"""
     time: float = 0.5
-    """s; so long it must have been asked for: two strokes, longer than an output's twitch at start-up"""
+    """s; least duration of this throttle: two strokes, longer than a transient of the output at start-up"""
 
 
 class State(NamedTuple):
-    """What he remembers."""
+    """State of the launch logic."""
 
     ready: float = 0.0
-    """s; for which the vehicle has been armed with the throttle up"""
+    """s; for which the vehicle has been armed with sufficient throttle"""
 
 
 class Push(NamedTuple):
-    """Acceleration of the throw, along the body's x axis."""
+    """Launch acceleration along the body's x axis."""
 
     acceleration: float
     """m/s^2"""
@@ -55,7 +55,7 @@ class Push(NamedTuple):
 
     @property
     def threshold(self) -> float:
-        """m/s^2; for an autopilot's launch detection."""
+        """m/s^2; threshold for an autopilot's launch detection."""
         return max(THRESHOLD_FRACTION * self.acceleration, MIN_THRESHOLD)
 
     @property
@@ -65,12 +65,12 @@ class Push(NamedTuple):
 
 
 def gains_of(launch: Launch, trim_throttle: float) -> Gains:
-    """Gains of a kind of launch, of a vehicle that flies level at ``trim_throttle``."""
+    """Return the launch conditions of a vehicle that flies level at ``trim_throttle``."""
     return Gains(trim_throttle) if launch is Launch.THROTTLE else Gains(0.0, ARMED_TIME)
 
 
 def step(gains: Gains, state: State, dt: float, outputs: Outputs) -> tuple[State, bool]:
-    """One step of ``dt`` s; true when he may throw."""
+    """Advance by ``dt`` s; return the state, and true if the launch is permitted."""
     if not (outputs.armed and outputs.throttle >= gains.throttle):
         return State(), False
     ready = state.ready + dt

@@ -15,32 +15,32 @@ from sim_bridge.bridge.foreign.outputs import Outputs
 
 
 class Gains(NamedTuple):
-    """What the outputs are mixed with."""
+    """Parameters of the mixer."""
 
     flapping: flapping.Gains
     """throttle to stroke"""
     tail: tail.Gains
     """shares and travel"""
     elevator_trim: float
-    """rad; of level flight: where the elevator stands at the middle of its channel"""
+    """rad; elevator of level flight, at the middle of its channel"""
 
 
 class State(NamedTuple):
-    """What the mixer remembers."""
+    """State of the mixer."""
 
     flapping: flapping.State = flapping.State()
     tail: tail.State = tail.State()
 
 
 def gains_of(vehicle: FlightVehicle) -> Gains:
-    """The mixer's gains, from the flight vehicle's."""
+    """Return the mixer's parameters from those of the flight vehicle."""
     return Gains(vehicle.gains.flapping, vehicle.gains.tail, vehicle.gains.pitch.elevator_trim)
 
 
 def step(
     gains: Gains, state: State, time_us: int, dt: float, outputs: Outputs
 ) -> tuple[State, FlapCommand, ActuatorCommand]:
-    """One step of ``dt`` s; disarmed wings glide to rest and the tail still follows."""
+    """Advance by ``dt`` s; disarmed wings glide to rest and the tail still moves."""
     asked = tail.TailCommand(
         _elevator(gains, outputs.elevator), outputs.aileron, 0.0, 0.0, _rudder(gains, outputs.rudder), 0
     )
@@ -52,7 +52,7 @@ def step(
 
 
 def elevator_output(gains: Gains, elevator: float) -> float:
-    """Output, -1 to 1, that sets the elevator to an angle in rad: the inverse of the mixer."""
+    """Return the output, -1 to 1, for an elevator angle in rad: the inverse of the mixer."""
     travel = (
         gains.tail.elevator_max if elevator > gains.elevator_trim else gains.tail.elevator_min
     ) - gains.elevator_trim
@@ -60,7 +60,7 @@ def elevator_output(gains: Gains, elevator: float) -> float:
 
 
 def _elevator(gains: Gains, control: float) -> float:
-    """Rad; from the trim to the end of the travel on either side."""
+    """Return the elevator angle in rad: linear from the trim to the end of the travel on either side."""
     end = gains.tail.elevator_max if control > 0.0 else gains.tail.elevator_min
     return gains.elevator_trim + abs(control) * (end - gains.elevator_trim)
 

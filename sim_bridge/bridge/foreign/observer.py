@@ -30,16 +30,16 @@ RECORDED = frozenset(
 
 
 class Observer:
-    """Estimates the motion from each sensor frame and publishes it."""
+    """Motion estimator that publishes the estimates of each sensor frame."""
 
     def __init__(self, vehicle: FlightVehicle, publish: Publish) -> None:
-        """Start before the first frame, with the gains of the vehicle's flight computer."""
+        """Initialize with the gains of the vehicle's flight computer."""
         self._publish = publish
         self._state = initial_state(vehicle.gains, Mission())
         self._time_us = -1
 
     def update(self, frame: SensorFrame, flap: FlapCommand, command: ActuatorCommand, is_launched: bool) -> None:
-        """Take a frame, with what was commanded; nothing happens if its time is not later than the last one's."""
+        """Process a frame and its commands; a frame whose time is not later than the last one's is ignored."""
         if frame.time_us <= self._time_us:
             return
         state, self._time_us = self._state, frame.time_us

@@ -12,7 +12,7 @@ MOST_CHANNELS = 32
 
 
 class Outputs(NamedTuple):
-    """What an autopilot for planes asks of its servos and its motor."""
+    """Servo and motor outputs of an airplane autopilot."""
 
     aileron: float = 0.0
     """-; -1 to 1, positive rolls right"""
@@ -23,11 +23,11 @@ class Outputs(NamedTuple):
     rudder: float = 0.0
     """-; -1 to 1, positive yaws the nose right"""
     armed: int = 0
-    """-; 1 when the motor may turn"""
+    """-; 1 if the motor is enabled"""
 
 
 class Channels(NamedTuple):
-    """Output channel of each function, counted from 1; negative where it is reversed, 0 where there is none."""
+    """Output channel of each function, from 1; negative if reversed, 0 if unassigned."""
 
     aileron: int = 1
     elevator: int = 2
@@ -48,7 +48,7 @@ class Pulses(NamedTuple):
 
 
 def parse_channels(text: str) -> Channels:
-    """The assignment written as ``elevator=2,throttle=3``; what is not named keeps its usual channel.
+    """Parse an assignment such as ``elevator=2,throttle=3``; other functions keep their default channels.
 
     Raises:
         InputError: no such function or channel, a channel given twice, or a throttle that is missing or reversed.
@@ -74,10 +74,10 @@ def parse_channels(text: str) -> Channels:
 
 
 def parse_pulses(text: str) -> Pulses:
-    """The ends of the servos' travel written as ``LOW:HIGH`` in us.
+    """Parse the ends of the servo travel, ``LOW:HIGH`` in us.
 
     Raises:
-        InputError: not two such numbers, or not rising.
+        InputError: not two such numbers, or not increasing.
     """
     low, _, high = text.partition(":")
     if not (low.isascii() and low.isdigit() and high.isascii() and high.isdigit()):
@@ -89,7 +89,7 @@ def parse_pulses(text: str) -> Pulses:
 
 
 def from_controls(channels: Channels, controls: Sequence[float], armed: int) -> Outputs | None:
-    """Outputs of an autopilot that sends -1 to 1 for a servo and 0 to 1 for a motor; None if one is no number."""
+    """Convert controls, -1 to 1 for a servo and 0 to 1 for a motor; None if one is not finite."""
     aileron, elevator, throttle, rudder = (_control(controls, number) for number in channels)
     if not math.isfinite(aileron + elevator + throttle + rudder):
         return None
@@ -105,9 +105,9 @@ def _control(controls: Sequence[float], number: int) -> float:
 
 
 def from_pulses(channels: Channels, pulses: Pulses, widths: Sequence[int]) -> Outputs:
-    """Outputs of an autopilot that sends pulse widths in us; a width of 0 is no pulse.
+    """Convert pulse widths in us; a width of 0 is no pulse.
 
-    Without a pulse a surface is at its middle and the motor is disarmed.
+    Without a pulse a surface is centered and the motor is disarmed.
     """
     middle, half = 0.5 * (pulses.low + pulses.high), 0.5 * (pulses.high - pulses.low)
 

@@ -17,7 +17,7 @@ from sim_bridge.bridge.foreign.outputs import Channels, Pulses
 from wingbeat.errors import InputError
 
 LINE_LENGTH = 98
-"""characters; ArduPilot reads a parameter file in lines of at most so many, and splits longer ones"""
+"""characters; ArduPilot's limit of a line in a parameter file, beyond which it is split"""
 PX4_OUTPUTS = 16
 """-; of HIL_ACTUATOR_CONTROLS"""
 ARDUPILOT_OUTPUTS = 16
@@ -31,36 +31,36 @@ PX4_FUNCTIONS = Channels(201, 202, 101, 203)
 PX4_SURFACES = ((15, (1, 0, 0)), (3, (0, 1, 0)), (4, (0, 0, 1)))
 """CA_SV_CSn_TYPE (single-channel aileron, elevator, rudder) and torque by axis"""
 PX4_AIRFRAME_OUTPUTS = range(1, 10)
-"""outputs that airframe 1030 assigns"""
+"""outputs assigned by airframe 1030"""
 DEGREE = "deg"
 AIRSPEED_SOURCE = "trim: fastest level flight; at most excitation.airspeed_max"
 CLIMB_SOURCE = "trim at the cruise; at most altitude.climb_max"
 
 
 class Parameter(NamedTuple):
-    """A parameter of another autopilot."""
+    """Parameter of a foreign autopilot."""
 
     name: str
     value: float
     unit: str
     source: str
-    """where the value comes from"""
+    """source of the value"""
 
     @property
     def text(self) -> str:
-        """The value as the files have it: an integer without a point."""
+        """Format the value as in the files: an integer without a decimal point."""
         return str(self.value) if isinstance(self.value, int) else f"{self.value:.4g}"
 
 
 class Performance(NamedTuple):
-    """Performance from the trim of the simulated vehicle, with the outputs of the flight vehicle's mixer."""
+    """Performance of the simulated vehicle from its trim, with the outputs of the flight vehicle's mixer."""
 
     cruise_airspeed: float
     """m/s; of the trim"""
     max_airspeed: float
     """m/s; fastest level trim within the throttle"""
     climb_rate: float
-    """m/s; greatest of the trims at the cruise airspeed"""
+    """m/s; largest of the trims at the cruise airspeed"""
     throttle: float
     """-; of level flight at the cruise airspeed"""
     pitch: float
@@ -70,18 +70,18 @@ class Performance(NamedTuple):
 
 
 class Subject(NamedTuple):
-    """What parameters are written for."""
+    """Data for a parameter file."""
 
     vehicle: FlightVehicle
     performance: Performance
     channels: Channels
     pulses: Pulses
     push: Push | None
-    """of a launch that the autopilot has to detect; None if the launcher reacts to the throttle"""
+    """launch that the autopilot has to detect; None if the launcher acts on the throttle"""
 
 
 def check_outputs(channels: Channels, of_px4: bool) -> None:
-    """Refuse outputs that the autopilot does not have.
+    """Reject outputs that the autopilot does not have.
 
     Raises:
         InputError: there is one.
@@ -91,7 +91,7 @@ def check_outputs(channels: Channels, of_px4: bool) -> None:
 
 
 def check_push(push: Push) -> None:
-    """Refuse a throw too weak for a launch detection.
+    """Reject a launch too weak for the launch detection.
 
     Raises:
         InputError: it is.
@@ -103,7 +103,7 @@ def check_push(push: Push) -> None:
 
 
 def ardupilot_parameters(subject: Subject) -> list[Parameter]:
-    """Parameters of ArduPlane, by the names of version 4.5 and later."""
+    """Return the parameters of ArduPlane, by the names of version 4.5 and later."""
     gains, performance = subject.vehicle.gains, subject.performance
     return [
         Parameter("SIM_RATE_HZ", 400, "Hz", "chosen: two steps per IMU sample"),
@@ -130,7 +130,7 @@ def ardupilot_parameters(subject: Subject) -> list[Parameter]:
 
 
 def px4_parameters(subject: Subject) -> list[Parameter]:
-    """Parameters of PX4 with airframe 1030, whose surfaces, outputs and trims are replaced."""
+    """Return the parameters of PX4 for airframe 1030 with replaced surfaces, outputs and trims."""
     gains, performance = subject.vehicle.gains, subject.performance
     pitch = _degrees(performance.pitch)
     return [
@@ -155,13 +155,13 @@ def px4_parameters(subject: Subject) -> list[Parameter]:
 
 
 def ardupilot_file(title: str, parameters: Iterable[Parameter]) -> str:
-    """Text of a parameter file of ArduPilot: NAME VALUE and a comment."""
+    """Format an ArduPilot parameter file: NAME VALUE and a comment."""
     lines = (f"{one.name:<16} {one.text:<8} # {one.unit}; {one.source}" for one in parameters)
     return _with_heading(title, lines)
 
 
 def px4_file(title: str, parameters: Iterable[Parameter]) -> str:
-    """Text of a file that a shell reads before it starts PX4: its start script sets PX4_PARAM_NAME variables."""
+    """Format a shell file that is sourced before PX4: its start script reads PX4_PARAM_NAME variables."""
     lines = (f"export PX4_PARAM_{one.name}={one.text}  # {one.unit}; {one.source}" for one in parameters)
     return _with_heading(title, lines)
 

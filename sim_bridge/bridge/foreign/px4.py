@@ -29,7 +29,7 @@ from sim_bridge.sensors.suite import ticks_of
 from wingbeat.message import Severity
 
 PORT = 4560
-"""of instance 0; the next instance's is the next"""
+"""port of instance 0; that of the next instance is one higher"""
 IMU_RATE = 250.0
 """Hz; of HIL_SENSOR"""
 TICK = 1.0 / IMU_RATE
@@ -37,50 +37,50 @@ FIELD_TICKS = ticks_of(IMU_RATE).magnetometer
 
 
 class Timeouts(NamedTuple):
-    """How long the world waits for PX4, on the wall clock."""
+    """Timeouts of the PX4 connection on the wall clock."""
 
     connect: float = 600.0
-    """s; for a connection, and for the next one after it hung up"""
+    """s; for a connection, and for a reconnection"""
     hello: float = 10.0
     """s; for its HEARTBEAT"""
     moment: float = 0.010
-    """s; for the answer to a sensor frame, once it is armed"""
+    """s; for the response to a sensor frame after arming"""
     stall: float = 1.0
-    """s; without a message before the terminal is told who is silent"""
+    """s; without a message before a notice on the terminal"""
     silence: float = 60.0
-    """s; without a message before it is given up"""
+    """s; without a message before the connection fails"""
 
 
 class BridgeStatistics(NamedTuple):
-    """What went over the interface."""
+    """Counters of the interface."""
 
     flights: int = 0
-    """-; from the launcher's hand, one for each connection"""
+    """-; one for each connection"""
     frames: int = 0
     """-; HIL_SENSOR sent"""
     answers: int = 0
-    """-; HIL_ACTUATOR_CONTROLS obeyed"""
+    """-; HIL_ACTUATOR_CONTROLS received and applied"""
     misses: int = 0
-    """-; sensor frames that waited in vain"""
+    """-; sensor frames without a timely response"""
     late: int = 0
-    """-; answers to an older sensor frame than the last, obeyed as well"""
+    """-; responses to an older sensor frame, also applied"""
     rejected: int = 0
-    """-; answers with a control that is no finite number, dropped"""
+    """-; responses with a control that is not finite, dropped"""
     strangers: int = 0
-    """-; connections that were no PX4"""
+    """-; connections of other programs than PX4"""
     bad_bytes: int = 0
-    """-; bytes that were no part of a message"""
+    """-; bytes outside of messages"""
     ended: str = ""
-    """why it ended, one line"""
+    """reason of the end, one line"""
 
     def plus(self, other: BridgeStatistics) -> BridgeStatistics:
-        """The sum, with the other's reason."""
+        """Return the sum, with the reason of ``other``."""
         sums = {name: getattr(self, name) + getattr(other, name) for name in self._fields[:-1]}
         return BridgeStatistics(**sums, ended=other.ended)
 
 
 class Px4Server:
-    """Owns the port; `serve` flies one connection after another, each from the launcher's hand."""
+    """Server of the port; `serve` runs one flight per connection, each from the launcher."""
 
     def __init__(
         self,
@@ -90,7 +90,7 @@ class Px4Server:
         timeouts: Timeouts | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """Listen.
+        """Open the port.
 
         Raises:
             InputError: the interface's address is not ``tcp:HOST:PORT``, or the port is in use.
@@ -104,14 +104,14 @@ class Px4Server:
 
     @property
     def port(self) -> int:
-        """The port that is listened on."""
+        """The open port."""
         return self._listener.port
 
     def serve(self, next_stage: NextStage) -> BridgeStatistics:
-        """Fly until a simulation is finished, or nobody comes back.
+        """Fly until a simulation is finished, or PX4 does not reconnect.
 
         Raises:
-            AutopilotSilent: nobody came, or a PX4 fell silent in flight.
+            AutopilotSilent: no connection, or PX4 stopped responding in flight.
         """
         total = BridgeStatistics()
         while True:
@@ -136,12 +136,12 @@ class Px4Server:
         return total._replace(ended=f"PX4 did not reconnect to {text}")
 
     def close(self) -> None:
-        """Release the port."""
+        """Close the port."""
         self._listener.close()
 
 
 class Px4Session:
-    """One connection."""
+    """Session of one connection."""
 
     def __init__(
         self, stream: Stream, rig: Rig, report: Tell, timeouts: Timeouts, clock: Callable[[], float]
@@ -165,7 +165,7 @@ class Px4Session:
         self._stalled = False
 
     def greet(self) -> bool:
-        """Wait for the HEARTBEAT of a PX4; whoever is something else is told, and hung up on."""
+        """Wait for the HEARTBEAT of a PX4; other clients get a message and are disconnected."""
         deadline = self._clock() + self._timeouts.hello
         while self._autopilot is None and not self.hung_up and self._clock() < deadline:
             self._listen(0.05)
@@ -179,10 +179,10 @@ class Px4Session:
         return False
 
     def fly(self, stage: Stage, speed: float | None) -> None:
-        """Exchange sensor frames and controls until the simulation is finished or PX4 hangs up.
+        """Exchange sensor frames and controls until the simulation is finished or PX4 disconnects.
 
         Raises:
-            AutopilotSilent: PX4 is connected and says nothing any more.
+            AutopilotSilent: PX4 is connected but does not send.
         """
         flight = ForeignFlight(stage, self._rig, self._report)
         pace = Pace(speed, self._clock)
@@ -212,13 +212,13 @@ class Px4Session:
 
     @property
     def _waits(self) -> bool:
-        """PX4 keeps our time, has begun to answer and is armed: its answer is worth waiting for."""
+        """Whether PX4 runs in lockstep, has responded and is armed, so that its response is awaited."""
         return bool(self._echo.lockstep and self._outputs.armed)
 
     def _send(self, frame: SensorFrame, flight: ForeignFlight) -> None:
         parts = []
         if self._truth_interval_us and frame.time_us >= self._next_truth_us:
-            # Frames and the interval need not fit: the mean rate is the one asked for.
+            # The interval need not be a multiple of the frame period: the mean rate is the requested one.
             self._next_truth_us = max(self._next_truth_us + self._truth_interval_us, frame.time_us)
             truth = encode_truth(flight.world.truth(), flight.world.origin)
             parts.append(self._writer.frame(HIL_STATE_QUATERNION, truth))
@@ -230,7 +230,7 @@ class Px4Session:
         sensors = wire.encode_sensors(
             frame, self.statistics.frames % FIELD_TICKS == 0, self._rig.vehicle.gains.air_data
         )
-        # HIL_SENSOR sets PX4's clock, so what belongs to this time is there before it.
+        # HIL_SENSOR sets PX4's clock, so the other messages of this time are sent before it.
         parts.append(self._writer.frame(wire.HIL_SENSOR, sensors))
         self.hung_up |= not self._stream.write(b"".join(parts))
         self._count(frames=1)
@@ -267,7 +267,7 @@ class Px4Session:
         self._count(answers=1, late=int(self._echo.lockstep and not self._echo.prompt))
 
     def _converse(self, frame: Frame) -> None:
-        """What is no command to the servos: HEARTBEAT, and a request for truth."""
+        """Process other messages: HEARTBEAT, and requests for truth."""
         message = decode(frame)
         if message.get_type() == "HEARTBEAT":
             self._autopilot = message.autopilot
@@ -277,7 +277,7 @@ class Px4Session:
             self.hung_up |= not self._stream.write(self._writer.pack(ack))
 
     def _request(self, message: Any) -> bool:
-        """SET_MESSAGE_INTERVAL of HIL_STATE_QUATERNION: us, 0 for every frame, -1 for none."""
+        """Set the interval of HIL_STATE_QUATERNION in us; 0 for every frame, -1 for none."""
         if message.command != mavlink.MAV_CMD_SET_MESSAGE_INTERVAL or message.param1 != HIL_STATE_QUATERNION:
             return False
         interval = message.param2
@@ -313,44 +313,44 @@ class Px4Session:
 
 
 class Echo(NamedTuple):
-    """Which sensor frame PX4's last answer belongs to.
+    """Assignment of PX4's last response to a sensor frame.
 
-    PX4's time begins at 0 with its first HIL_SENSOR, or it is that of the sensors, depending on its version: the
-    distance is the least that was seen between the time last sent and the time that came back.
+    PX4's time begins at 0 with its first HIL_SENSOR, or it is that of the sensors, depending on its version. The
+    offset is the least observed difference between the last sent and the received time.
     """
 
     sent_us: int = 0
     """us; of the last sensor frame"""
     at_us: int = 0
-    """us; of the sensor frame last answered"""
+    """us; time of the sensor frame last responded to"""
     distance_us: int | None = None
-    """us; from PX4's time to ours"""
+    """us; offset from PX4's time to simulated time"""
     lockstep: bool = False
-    """PX4 says that it keeps our time"""
+    """PX4 reports lockstep"""
 
     @property
     def has_started(self) -> bool:
-        """An answer has come."""
+        """Whether a response has been received."""
         return self.distance_us is not None
 
     @property
     def prompt(self) -> bool:
-        """The last answer belongs to the last frame."""
+        """Whether the last response belongs to the last frame."""
         return self.has_started and self.at_us >= self.sent_us
 
     def sent(self, time_us: int) -> Echo:
-        """After a sensor frame of that time."""
+        """Return the state after a sensor frame of that time."""
         return self._replace(sent_us=time_us)
 
     def has_received(self, controls: wire.Controls) -> Echo:
-        """After an answer."""
+        """Return the state after a response."""
         apart = self.sent_us - controls.time_us
         distance = apart if self.distance_us is None else min(apart, self.distance_us)
         return Echo(self.sent_us, controls.time_us + distance, distance, bool(controls.lockstep))
 
 
 class Pace:
-    """Real time while nobody waits for PX4, the speed that was asked for while somebody does."""
+    """Pacing: real time while PX4's response is not awaited, the requested speed factor otherwise."""
 
     def __init__(self, speed: float | None, clock: Callable[[], float]) -> None:
         self._speed = speed
@@ -364,7 +364,7 @@ class Pace:
     def wait_at_rest(self, time_us: int, waiting: bool) -> None:
         """Wait until simulated time ``time_us`` is due."""
         if waiting != self._waiting:
-            # Another speed counts from here: what was flown at the last one is neither made up for nor waited for.
+            # A new speed factor is effective from here, without compensation for the time before.
             self._waiting = waiting
             self._pacer = Pacer(self._now(waiting), self._clock)
         self._pacer.wait(time_us)

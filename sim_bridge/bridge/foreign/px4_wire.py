@@ -18,9 +18,9 @@ from wingbeat.constants import STANDARD_GRAVITY
 BAROMETER, DIFFERENTIAL_PRESSURE = 0x1A00, 0x400
 """``fields_updated`` of pressure, pressure altitude and temperature, and of the pitot"""
 ACCEL_LIMIT = 16.0 * STANDARD_GRAVITY * (1.0 - 2.0**-15)
-"""m/s^2; PX4 keeps the specific force as 16-bit counts of 16 g: one more would come out on the other side"""
+"""m/s^2; PX4 stores the specific force as 16-bit counts of 16 g: one more would overflow"""
 GYRO_LIMIT = math.radians(2000.0) * (1.0 - 2.0**-15)
-"""rad/s; likewise"""
+"""rad/s; limit for the same reason"""
 KELVIN = 273.15
 PASCAL_PER_HECTOPASCAL = 100.0
 
@@ -32,30 +32,30 @@ _ACTUATORS = mavlink.mavlink_map[HIL_ACTUATOR_CONTROLS].unpacker
 
 
 class Controls(NamedTuple):
-    """A decoded HIL_ACTUATOR_CONTROLS."""
+    """Decoded HIL_ACTUATOR_CONTROLS."""
 
     time_us: int
-    """us; PX4's own time, which follows that of the sensors at a fixed distance when it is in lockstep"""
+    """us; PX4's time, at a constant offset from that of the sensors in lockstep"""
     values: tuple[float, ...]
     """(16,) -; -1 to 1 for a servo, 0 to 1 for a motor; all zero while disarmed"""
     armed: int
     lockstep: int
-    """-; 1 when PX4's clock is that of the sensors"""
+    """-; 1 if PX4's clock is that of the sensors"""
 
 
 def decode_controls(payload: bytes) -> Controls:
-    """From a payload of HIL_ACTUATOR_CONTROLS, whose trailing zeros MAVLink 2 may have cut off."""
+    """Decode a HIL_ACTUATOR_CONTROLS payload, whose trailing zeros MAVLink 2 may have truncated."""
     size = _ACTUATORS.size
     time_us, flags, *rest = _ACTUATORS.unpack(payload.ljust(size, b"\0")[:size])
     return Controls(time_us, tuple(rest[:16]), int(bool(rest[16] & codec.ARMED)), int(flags & codec.LOCKSTEP))
 
 
 def encode_sensors(frame: SensorFrame, field_is_new: bool, gains: air_data.Gains) -> bytes:
-    """Payload of HIL_SENSOR.
+    """Encode the payload of HIL_SENSOR.
 
     Args:
         frame: IMU, and pressures where there are some.
-        field_is_new: the magnetometer was read in this tick, and not repeated.
+        field_is_new: whether the magnetometer was read in this tick.
         gains: transfer functions of the pressure sensors.
     """
     pressures, fields = _pressures(frame.pressures, gains)
@@ -82,7 +82,7 @@ def _pressures(sample: PressureSample | None, gains: air_data.Gains) -> tuple[tu
 
 
 def rc_channels(sample: ReceiverSample) -> object:
-    """RC_CHANNELS of what the receiver hears; channels that it has not are unknown."""
+    """Encode the receiver's data as RC_CHANNELS; missing channels are marked as unknown."""
     pulses = [*sample.pulses, *([sensor_codec.UNKNOWN_U16] * (18 - len(sample.pulses)))]
     return mavlink.MAVLink_rc_channels_message(
         sample.time_us // 1000, len(sample.pulses), *pulses, min(sample.rssi, 254)

@@ -12,7 +12,7 @@ from wingbeat.topic import Publish
 
 
 class ForeignWorld(Protocol):
-    """A vehicle in the launcher's hand, advanced by whatever steps the autopilot asks for."""
+    """Vehicle in the launcher, advanced by the steps that the autopilot requests."""
 
     @property
     def time_us(self) -> int:
@@ -24,58 +24,60 @@ class ForeignWorld(Protocol):
 
     @property
     def finished(self) -> bool:
-        """The simulation is over: `advance` is not called again."""
+        """Whether the simulation is finished; `advance` is not called again."""
 
     @property
     def launched(self) -> bool:
-        """The vehicle has left the launcher's hand, or is leaving it."""
+        """Whether the vehicle has been released, or is being released."""
 
     def release(self) -> None:
-        """Tell the launcher that he may throw."""
+        """Permit the launch."""
 
     def advance(self, command: ActuatorCommand, duration: float) -> Observation:
-        """Advance ``duration`` s with ``command`` held; what is there to be sensed at its end.
+        """Advance ``duration`` s with constant ``command``; return the input of the sensors at its end.
 
         Raises:
-            SimulationSilent: from now on it sends no more sensor frames.
+            SimulationSilent: it sends no more sensor frames.
         """
 
     def record(self) -> None:
-        """Publish what is true at the end of the last step."""
+        """Publish the truth at the end of the last step."""
 
     def sample(self, observation: Observation) -> SensorFrame:
-        """Read the sensors, one tick of theirs after the last time."""
+        """Read the sensors, one sensor tick after the last time."""
 
     def truth(self) -> TruthState:
-        """The vehicle's true state at the end of the last step."""
+        """Return the vehicle's true state at the end of the last step."""
 
     def truth_wing(self) -> TruthWing:
-        """Wings and drives at the end of the last step."""
+        """Return wings and drives at the end of the last step."""
 
 
 class Stage(NamedTuple):
-    """One flight from the launcher's hand on."""
+    """One flight, from the launcher."""
 
     world: ForeignWorld
     publish: Publish
-    """where sensors, commands and events are recorded"""
+    """recorder of sensors, commands and events"""
 
 
 NextStage = Callable[[], Stage]
-"""a new vehicle in the hand, and a new recording, for an autopilot that starts over"""
+"""creates a vehicle in the launcher and a recording for an autopilot that restarts"""
 
 Tell = Callable[[str], None]
-"""says one line to the person at the terminal"""
+"""prints one line on the terminal"""
 
 
 class Interface(NamedTuple):
-    """What both kinds of server are told."""
+    """Options of both kinds of server."""
 
     url: str
-    """where to listen"""
+    """address of the port"""
     speed: float | None = None
-    """times real time; None for as fast as the autopilot answers"""
+    """-; speed factor; None for as fast as the autopilot responds"""
 
 
 class AutopilotSilent(RuntimeError):
-    """The autopilot did not come, or stopped answering; the text says who, and when it was last heard."""
+    """Error: the autopilot did not connect, or stopped responding; the text names it and the time of its last
+    message.
+    """
