@@ -9,25 +9,25 @@ import math
 from typing import Any
 
 PADE_ORDER = 3
-"""-; of a delay: exact within 1 degree up to 4 rad of lag"""
+"""-; of a delay: accurate within 1 degree up to a lag of 4 rad"""
 
 
 def delay(seconds: float, source: str, target: str) -> Any:
-    """A delay by Padé's approximation, from signal ``source`` to ``target``."""
+    """Build a delay by Padé approximation, from signal ``source`` to ``target``."""
     import control
 
     return _named(control.tf(*control.pade(seconds, PADE_ORDER)), source, target)
 
 
 def lag(seconds: float, source: str, target: str) -> Any:
-    """A first-order lag; one of 0 s passes the signal on."""
+    """Build a first-order lag; a lag of 0 s is a unit gain."""
     import control
 
     return _named(control.tf([1.0], [seconds, 1.0] if seconds > 0.0 else [1.0]), source, target)
 
 
 def notch(frequency: float, width: float, source: str, target: str) -> Any:
-    """The filter of `avionics.stabilization.stroke_filter` at ``frequency`` Hz with damping ratio ``width``."""
+    """Build the filter of `avionics.stabilization.stroke_filter` at ``frequency`` Hz with damping ratio ``width``."""
     import control
 
     w = 2.0 * math.pi * frequency
@@ -37,12 +37,12 @@ def notch(frequency: float, width: float, source: str, target: str) -> Any:
 
 
 def stroke_mean(frequency: float, source: str, target: str) -> Any:
-    """The mean over a stroke of ``frequency`` Hz, (1 - exp(-sT))/(sT): by Padé a lag of half of it."""
+    """Build the mean over a stroke of ``frequency`` Hz, (1 - exp(-sT))/(sT), by a Padé approximation."""
     return lag(0.5 / frequency if frequency > 0.0 else 0.0, source, target)
 
 
 def gain(value: float, source: str, target: str) -> Any:
-    """A factor."""
+    """Build a constant gain."""
     import control
 
     return _named(control.tf([value], [1.0]), source, target)
@@ -51,7 +51,7 @@ def gain(value: float, source: str, target: str) -> Any:
 def controller(
     terms: tuple[float, float, float], signals: tuple[str, str, str, str], setpoint_weight: float = 1.0
 ) -> Any:
-    """Proportional and integral on the error, damping on a measured rate.
+    """Build a controller: proportional and integral on the error, damping on a measured rate.
 
     Args:
         terms: proportional, integral, damping.
@@ -74,7 +74,7 @@ def controller(
 
 
 def joined(systems: list[Any], inputs: list[str], outputs: list[str]) -> Any:
-    """The systems joined where their signals have the same name; signals of several sources add up."""
+    """Connect the systems at signals of the same name; signals of several sources are added."""
     import control
 
     return control.interconnect(systems, inputs=inputs, outputs=outputs, check_unused=False)

@@ -22,21 +22,21 @@ from sim_bridge.vectors import Floats
 from wingbeat.errors import InputError
 
 CROSSOVERS, DECADES = 40, 2.3
-"""-; candidates, and how far they go below the highest crossover allowed"""
+"""-; number of candidate crossovers, and their range below the highest one allowed"""
 INTEGRALS = (0.1, 0.16, 0.25, 0.4, 0.63, 1.0, 1.6, 2.5, 4.0, 6.3, 10.0, 16.0, 25.0, 40.0)
-"""-; crossover frequency times P / I: with 1 the lag there is 45 degrees, below it integral"""
+"""-; crossover frequency times P / I: for 1 the phase lag of the integral at crossover is 45 degrees"""
 DAMPINGS = (0.0, 0.15, 0.3, 0.45, 0.6, 0.8, 1.0, 1.3)
 """-; crossover frequency times D / P"""
 INTEGRAL_SHARE = 0.1
-"""-; a doubled integral is worth so many doublings of the bandwidth"""
+"""-; a doubled integral is equivalent to so many doublings of the bandwidth"""
 REFINEMENTS = (1.0, 0.5, 0.25)
-"""-; of the steps between candidates, in one search after the other about the best"""
+"""-; step fractions of successive searches about the best candidate"""
 SLACK = 1.01
-"""-; margin kept to the limits of the search, for the frequencies between its points"""
+"""-; margin to the limits in the search, for the frequencies between the grid points"""
 
 
 class Terms(NamedTuple):
-    """Gains of one loop, in the units of its own."""
+    """Gains of one loop, in the loop's own units."""
 
     proportional: float
     integral: float
@@ -44,35 +44,35 @@ class Terms(NamedTuple):
 
 
 class Process(NamedTuple):
-    """What a loop acts on: single-input systems from the loop's command."""
+    """Process of a loop: single-input systems from the loop's command."""
 
     followed: Any
-    """to what should follow the setpoint"""
+    """system to the controlled variable"""
     sensed: Any
-    """to two outputs: what is compared with the setpoint, and the rate that the damping acts on"""
+    """system to two outputs: the variable compared with the setpoint, and the rate of the damping term"""
     forward: Any | None = None
-    """from the setpoint, past the controller, to what should follow it"""
+    """system from the setpoint, bypassing the controller, to the controlled variable"""
     setpoint_weight: float = 1.0
     """-; fraction of the proportional term that acts on the setpoint, see `avionics.control_laws`"""
 
 
 class LoopSpec(NamedTuple):
-    """What a search may choose."""
+    """Specification of a search."""
 
     fastest: float
     """rad/s; highest gain crossover allowed"""
     integral: bool
-    """whether there is an integral"""
+    """whether the loop has an integral term"""
     damping: bool
-    """whether there is a damping"""
+    """whether the damping is designed"""
     ranges: tuple[float, float, float]
-    """greatest P, I, D the flight computer takes"""
+    """limits of P, I and D in the flight computer"""
     fixed: float = 0.0
-    """the D of a loop whose damping is not chosen"""
+    """damping gain of a loop whose damping is not designed"""
     regulates: bool = False
-    """whether the greatest integral is sought instead of the greatest bandwidth: feed-forwards do the following"""
+    """whether the integral gain is maximized instead of the bandwidth, because feed-forward does the tracking"""
     steepest: float = math.inf
-    """greatest P that the rate limit behind the loop can follow"""
+    """largest P that the rate limit after the loop can follow"""
     limits: Limits = LIMITS
 
 
@@ -87,21 +87,21 @@ class _Sampled(NamedTuple):
 
 class _Candidate(NamedTuple):
     worth: float
-    """-; the greatest is the best"""
+    """-; objective, larger is better"""
     terms: Terms
     shape: tuple[float, float, float]
-    """crossover rad/s, P / I and D / P times it"""
+    """crossover in rad/s, P / I and D / P, both times the crossover"""
 
 
 def open_loop(process: Process, terms: Terms) -> Any:
-    """The loop cut at its command, as one python-control system (negative feedback closes it)."""
+    """Return the loop opened at its command, as a python-control system with negative feedback."""
     import control
 
     return control.ss(*_cut(process, terms), 0.0)
 
 
 def _cut(process: Process, terms: Terms) -> tuple[Floats, Floats, Floats]:
-    """A, B and C of the open loop; with an integral there is one state more: what is measured, integrated."""
+    """Return A, B and C of the open loop; an integral term adds a state, the integral of the measured variable."""
     steady = np.array([[terms.proportional, terms.damping]]) @ process.sensed.C
     if not terms.integral:
         return process.sensed.A, process.sensed.B, steady
@@ -111,21 +111,21 @@ def _cut(process: Process, terms: Terms) -> tuple[Floats, Floats, Floats]:
 
 
 def loop_margins(process: Process, terms: Terms) -> Margins:
-    """Margins of a loop with these gains."""
+    """Compute the margins of a loop with these gains."""
     return margins(open_loop(process, terms))
 
 
 def loop_bandwidth(process: Process, terms: Terms) -> float:
-    """rad/s; -3 dB of the closed loop from the setpoint to what follows it."""
+    """Compute the -3 dB bandwidth in rad/s from the setpoint to the controlled variable."""
     sampled = _sample(process)
     return bandwidth(sampled.omega, _closed(sampled, terms)[1])
 
 
 def search(process: Process, spec: LoopSpec) -> Terms:
-    """The gains of greatest bandwidth within the limits.
+    """Find the gains with the largest bandwidth within the limits.
 
     Raises:
-        InputError: no gains keep them.
+        InputError: no gains meet them.
     """
     sampled = _sample(process)
     crossovers = spec.fastest * np.geomspace(10.0**-DECADES, 1.0, CROSSOVERS)
@@ -142,7 +142,7 @@ def search(process: Process, spec: LoopSpec) -> Terms:
 
 
 def _about(best: _Candidate, spec: LoopSpec, share: float) -> Iterable[tuple[float, float, float]]:
-    """Shapes around the best one, nearer with a smaller ``share``, itself among them."""
+    """Return candidates around the best one, closer for a smaller ``share``, itself included."""
     crossover, integral, damping = best.shape
     steps = share * np.linspace(-1.0, 1.0, 7)
     crossovers = np.minimum(crossover * 1.16**steps, spec.fastest)
@@ -153,7 +153,7 @@ def _about(best: _Candidate, spec: LoopSpec, share: float) -> Iterable[tuple[flo
 def _best(
     process: Process, sampled: _Sampled, spec: LoopSpec, shapes: Iterable[tuple[float, float, float]]
 ) -> _Candidate | None:
-    """The best of the shapes that keeps every limit; none where none does."""
+    """Return the best candidate that meets every limit; None if there is none."""
     found = []
     for shape in shapes:
         terms = _terms(sampled, shape, spec)
@@ -172,13 +172,13 @@ def _worth(speed: float, terms: Terms, spec: LoopSpec) -> float:
 
 
 def _stable(process: Process, terms: Terms) -> bool:
-    """Whether the closed loop is: poles of the open one with its output fed back."""
+    """Return whether the closed loop is stable, from the poles with output feedback."""
     a, b, c = _cut(process, terms)
     return bool(np.all(np.linalg.eigvals(a - b @ c).real < 0.0))
 
 
 def _terms(sampled: _Sampled, shape: tuple[float, float, float], spec: LoopSpec) -> Terms:
-    """The gains with a gain of one at the shape's crossover, a held damping aside."""
+    """Return the gains with unit loop gain at the crossover, except a fixed damping."""
     crossover, integral, damping = shape
     i = int(np.searchsorted(sampled.omega, crossover))
     relative = 1.0 - 1j * crossover / (integral * sampled.omega[i])
@@ -189,7 +189,7 @@ def _terms(sampled: _Sampled, shape: tuple[float, float, float], spec: LoopSpec)
 
 
 def _speed(sampled: _Sampled, terms: Terms, spec: LoopSpec) -> float:
-    """Bandwidth (rad/s) with these gains, 0 where they break a limit."""
+    """Return the bandwidth (rad/s) with these gains, 0 if a limit is violated."""
     limits = spec.limits
     loop, closed = _closed(sampled, terms)
     if np.min(np.abs(1.0 + loop)) < SLACK / limits.sensitivity or np.max(np.abs(closed)) > limits.resonance:
@@ -208,7 +208,7 @@ def _speed(sampled: _Sampled, terms: Terms, spec: LoopSpec) -> float:
 
 
 def _closed(sampled: _Sampled, terms: Terms) -> tuple[Complex, Complex]:
-    """Responses (n,) of the open loop and of the closed one."""
+    """Return the responses (n,) of the open and of the closed loop."""
     integral = terms.integral / (1j * sampled.omega)
     loop = (terms.proportional + integral) * sampled.measured + terms.damping * sampled.rate
     command = sampled.setpoint_weight * terms.proportional + integral
@@ -225,7 +225,7 @@ def _sample(process: Process) -> _Sampled:
 
 
 def pick(system: Any, source: str, *targets: str) -> Any:
-    """The part of a system from one named signal to others, one of them more than once if need be."""
+    """Select the part of a system from one named signal to others, which may be repeated."""
     import control
 
     column = [system.input_labels.index(source)]

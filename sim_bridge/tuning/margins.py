@@ -13,55 +13,57 @@ from sim_bridge.vectors import Floats
 Complex = NDArray[np.complex128]
 
 SLOWEST, FASTEST, POINTS = 0.01, 400.0, 1500
-"""rad/s, rad/s, -: where frequency responses are looked at"""
+"""rad/s, rad/s, -: grid of the frequency responses"""
 
 
 class Limits(NamedTuple):
-    """What a designed loop keeps."""
+    """Limits of a designed loop."""
 
     gain_margin_db: float = 6.0
-    """dB; change of the loop's gain, up or down, that it stands"""
+    """dB; least gain margin, for an increase or a decrease"""
     phase_margin: float = math.radians(45.0)
     """rad"""
     sensitivity: float = 2.0
-    """-; greatest magnitude of 1/(1 + L): keeps L from passing by -1 between its crossings (Astrom and Murray)"""
+    """-; largest magnitude of 1/(1 + L): limits the distance of L to -1 between its crossings (Astrom and Murray)"""
     resonance: float = 1.3
-    """-; greatest magnitude of the closed loop from setpoint to what follows it"""
+    """-; largest magnitude of the closed loop from setpoint to controlled variable"""
 
 
 LIMITS = Limits()
 GUIDANCE = Limits(sensitivity=1.5)
-"""of the outer loops, calmer: they meet gusts, and rates and thrust that saturate; chosen: 1.4 to 2 is usual"""
+"""Limits of the outer loops, which are more conservative because of gusts and of rate and thrust saturation; chosen:
+1.4 to 2 is usual
+"""
 
 
 class Margins(NamedTuple):
-    """Of one open loop."""
+    """Margins of an open loop."""
 
     gain_db: float
-    """dB; smallest change of the gain, up or down, at which the loop turns unstable; infinite where none does"""
+    """dB; smallest gain change, up or down, that makes the loop unstable; infinite without one"""
     phase: float
     """rad; smallest at any gain crossover; infinite without one"""
     crossover: float
     """rad/s; highest frequency of gain 1; 0 without one"""
     sensitivity: float
-    """-; greatest magnitude of 1/(1 + L)"""
+    """-; largest magnitude of 1/(1 + L)"""
     stable: bool
-    """whether the closed loop is"""
+    """whether the closed loop is stable"""
 
     def keeps(self, limits: Limits) -> bool:
-        """Whether the loop is stable and has the gain and phase margin asked for."""
+        """Return whether the loop is stable and meets the gain and phase margins."""
         return self.stable and self.gain_db >= limits.gain_margin_db and self.phase >= limits.phase_margin
 
 
 def frequencies() -> Floats:
-    """(POINTS,) rad/s, equally spaced in the logarithm."""
+    """Return (POINTS,) rad/s, equally spaced in the logarithm."""
     return np.geomspace(SLOWEST, FASTEST, POINTS)
 
 
 def response(system: Any, omega: Floats) -> Complex:
-    """Frequency response (outputs, inputs, n) of a python-control system at ``omega`` rad/s; (n,) of a single one.
+    """Compute the frequency response (outputs, inputs, n) at ``omega`` rad/s; (n,) for one input and output.
 
-    All frequencies in one call: python-control, without slycot, solves for one after the other.
+    All frequencies are computed in one call, because python-control without slycot computes them one by one.
     """
     resolvent = 1j * omega[:, None, None] * np.eye(system.nstates) - system.A
     found: Complex = np.moveaxis(system.C @ np.linalg.solve(resolvent, system.B) + system.D, 0, -1)
@@ -69,7 +71,7 @@ def response(system: Any, omega: Floats) -> Complex:
 
 
 def margins(open_loop: Any) -> Margins:
-    """Margins of a single-input, single-output system that negative feedback closes."""
+    """Compute the margins of a single-input, single-output system with negative feedback."""
     import control
 
     omega = frequencies()
@@ -84,7 +86,7 @@ def margins(open_loop: Any) -> Margins:
 
 
 def bandwidth(omega: Floats, closed: Complex) -> float:
-    """rad/s; up to which a closed loop's response (n,) stays above -3 dB of its steady one, taken as 1."""
+    """Return the frequency in rad/s up to which a closed-loop response (n,) stays above -3 dB of 1."""
     below = np.flatnonzero(np.abs(closed) < math.sqrt(0.5))
     if len(below) == 0 or below[0] == 0:
         return float(omega[-1]) if len(below) == 0 else 0.0

@@ -63,12 +63,12 @@ from wingbeat.schema import error_context, read_document, read_record
 from wingbeat.units import ABOVE_ZERO, Quantity
 
 THROTTLE, HALF_STROKE = "throttle", "half_stroke"
-"""what the drive's B is per"""
+"""units of the input of the drive's B"""
 DIGITS = 7
 
 
 class DriveModel(NamedTuple):
-    """How the drive moves the aircraft along."""
+    """Response of the aircraft to the drive."""
 
     input: str
     """-; THROTTLE, 0 to 1, or HALF_STROKE, rad commanded"""
@@ -77,11 +77,11 @@ class DriveModel(NamedTuple):
     lag: float
     """s; first-order"""
     at: float
-    """of the input, at the trim"""
+    """operating point of the input at the trim"""
 
 
 class LateralModel(NamedTuple):
-    """Motion out of the plane of symmetry."""
+    """Lateral motion."""
 
     a: Floats
     """(4, 4); of (v m/s, p rad/s, r rad/s, roll rad)"""
@@ -93,9 +93,9 @@ class IdentifiedValue(NamedTuple):
     """One estimate with its 95 % interval."""
 
     name: str
-    """-; its symbol"""
+    """-; symbol"""
     unit: str
-    """-; of what follows"""
+    """-; unit of ``value``"""
     value: float
     standard_error: float
     low: float
@@ -103,7 +103,7 @@ class IdentifiedValue(NamedTuple):
 
 
 class Identified(NamedTuple):
-    """The flight test that a model is of."""
+    """Flight test of an identified model."""
 
     log: str
     """-; name of the file"""
@@ -115,17 +115,17 @@ class Identified(NamedTuple):
     angle_of_attack: float
     """rad; at the trim"""
     density: float | None = None
-    """kg/m^3; of the air, None where it is not known"""
+    """kg/m^3; of the air, None if unknown"""
     values: tuple[IdentifiedValue, ...] = ()
 
 
 class LinearModel(NamedTuple):
-    """Stroke-averaged motion about a trim."""
+    """Linear stroke-averaged model about a trim."""
 
     vehicle: str
     """-; name, file or folder"""
     origin: str
-    """-; where the numbers come from"""
+    """-; source of the numbers"""
     airspeed: float
     """m/s"""
     pitch: float
@@ -137,22 +137,22 @@ class LinearModel(NamedTuple):
     elevator: Floats
     """(4,); of the achieved elevator, rad"""
     drive: DriveModel | None
-    """None where it is not known"""
+    """None if unknown"""
     lateral: LateralModel | None
-    """None where it is not known"""
+    """None if unknown"""
     identified: Identified | None = None
-    """None for a model that is of no flight test"""
+    """None for a model that is not from a flight test"""
 
     @property
     def flapping_rate(self) -> float:
-        """rad/s; of the flapping."""
+        """Flapping frequency in rad/s."""
         return 2.0 * math.pi * self.frequency
 
     def from_log(self) -> Identified:
-        """The flight test that the model is of.
+        """Return the flight test of the model.
 
         Raises:
-            InputError: it is of none.
+            InputError: the model is not from a flight test.
         """
         if self.identified is None:
             raise InputError(f"the model ({self.origin}) is of no flight test: it has no section [identified]")
@@ -160,7 +160,7 @@ class LinearModel(NamedTuple):
 
 
 def model_of(vehicle: SimulatedVehicle, orbit: Orbit, axes: AxesModel) -> LinearModel:
-    """The model of a simulated vehicle about ``orbit``."""
+    """Build the model of a simulated vehicle about ``orbit``."""
     servo, inputs = vehicle.drive.kind == "servo", orbit.inputs
     throttle = throttle_for(inputs.frequency, vehicle) if vehicle.drive.kind == "crank" else inputs.throttle
     drive = DriveModel(
@@ -226,7 +226,7 @@ class _Identified(NamedTuple):
 
 
 class _ModelFile(NamedTuple):
-    """The sections of a model file."""
+    """Sections of a model file."""
 
     trim: _Trim
     longitudinal: _Longitudinal
@@ -238,7 +238,7 @@ class _ModelFile(NamedTuple):
 
 
 def is_model_file(path: Path) -> bool:
-    """Whether a file is one of a linear model rather than of a vehicle."""
+    """Return whether a file is a linear model rather than a vehicle."""
     if not path.is_file():
         return False
     return path.suffix == ".json" or "longitudinal" in read_document(path, "model")
@@ -270,7 +270,7 @@ def load_model(path: Path) -> LinearModel:
 
 
 def save_model(path: Path, model: LinearModel) -> None:
-    """Write a model file; an existing one is never touched.
+    """Write a new model file.
 
     Raises:
         InputError: the file exists.
@@ -283,7 +283,7 @@ def save_model(path: Path, model: LinearModel) -> None:
 
 
 def model_text(model: LinearModel) -> str:
-    """The TOML text of a model."""
+    """Format a model as TOML."""
     lines = [
         "# Linear motion of the stroke averages about a trim; SI and radians, body axes (x ahead, y right, z down).",
         f"vehicle = {json.dumps(model.vehicle)}",
@@ -333,7 +333,7 @@ def _matrix(values: Floats) -> str:
 
 
 def _vehicle(path: Path, name: str) -> str:
-    """The folder of that name beside the file where there is one, else the name itself."""
+    """Return the folder of that name beside the file if it exists, else the name."""
     beside = path.parent / name
     return str(beside) if name and beside.is_dir() else name
 
