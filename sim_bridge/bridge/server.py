@@ -82,7 +82,7 @@ class BridgeServer:
         Args:
             url: ``tcp:HOST:PORT``.
             speed: speed factor; None for as fast as possible.
-            patience: bounds of all waits.
+            timeouts: limits of all waits.
             clock: wall clock in s.
 
         Raises:

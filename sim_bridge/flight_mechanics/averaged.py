@@ -24,14 +24,14 @@ from wingbeat.constants import STANDARD_GRAVITY
 from wingbeat.errors import InputError
 
 WIDTHS = (0.1, 0.2, 0.4)
-"""s; of one step of the doublets: energy from 1 Hz to 4 Hz"""
+"""s; step widths of the doublets: energy from 1 Hz to 4 Hz"""
 AMPLITUDE = 0.01
 """rad; small enough for the response to be linear"""
 PHASES = 8
 LENGTH = 2.5
 """s; of a response"""
 SKIPPED = 2
-"""-; samples at either end, where the difference quotient is one-sided"""
+"""-; samples omitted at either end, with one-sided difference quotients"""
 
 
 class AveragedModel(NamedTuple):
@@ -42,7 +42,7 @@ class AveragedModel(NamedTuple):
     b: Floats
     """(4,); of the achieved elevator angle in rad, nose up positive"""
     unexplained: Floats
-    """(3,); share of the variance of u', w', q' (gravity removed) that four states leave"""
+    """(3,); fraction of the variance of u', w', q' (without gravity) that four states do not explain"""
 
 
 class ShortPeriod(NamedTuple):
@@ -76,17 +76,17 @@ def stroke_averaged_model(
 
 
 def state_space(model: AveragedModel) -> Any:
-    """The model as a python-control ``StateSpace``: input the elevator, outputs all four states."""
+    """Convert the model to a python-control ``StateSpace``: input elevator, outputs all four states."""
     import control  # takes half a second, which a flight need not wait for
 
     return control.ss(model.a, model.b[:, None], np.eye(4), np.zeros((4, 1)))
 
 
 def short_period_of(model: AveragedModel) -> ShortPeriod:
-    """The faster pair of eigenvalues as natural frequency and damping ratio.
+    """Compute natural frequency and damping ratio of the faster pair of eigenvalues.
 
     Raises:
-        InputError: the faster eigenvalues diverge in opposite directions: there is no such mode.
+        InputError: the faster eigenvalues are real with opposite signs, so there is no such mode.
     """
     roots = sorted(state_space(model).poles(), key=abs, reverse=True)[:2]
     product, total = (roots[0] * roots[1]).real, (roots[0] + roots[1]).real
@@ -96,7 +96,7 @@ def short_period_of(model: AveragedModel) -> ShortPeriod:
 
 
 def _response(vehicle: SimulatedVehicle, orbit: Orbit, doublet: tuple[float, float], strokes: int) -> Floats:
-    """States (N, 5) u, w, q, theta, elevator after a doublet of (start, width) in s; width 0 for none."""
+    """Return the states (N, 5) u, w, q, theta, elevator after a doublet of (start, width) in s; width 0 for none."""
     stroke = StrokeMap(vehicle)
     stroke.unpack(orbit.state, orbit.inputs)
     step = 1.0 / (orbit.inputs.frequency * INTERVALS)
@@ -117,14 +117,14 @@ def _response(vehicle: SimulatedVehicle, orbit: Orbit, doublet: tuple[float, flo
 def _averaged(
     vehicle: SimulatedVehicle, orbit: Orbit, width: float, rest: Floats, strokes: int
 ) -> tuple[Floats, Floats]:
-    """Regressors (M, 4) u, w, q, elevator and rates (M, 3) without gravity, averaged over phases and stroke."""
+    """Return regressors (M, 4) u, w, q, elevator and rates (M, 3) without gravity, averaged over phases and stroke."""
     step = 1.0 / (orbit.inputs.frequency * INTERVALS)
     total = np.zeros((strokes * INTERVALS, 5))
     for phase in range(PHASES):
         late = phase * INTERVALS // PHASES
         change = _response(vehicle, orbit, (late * step, width), strokes + 1) - rest
         total += change[late : late + len(total)] / PHASES
-    # What came before an early doublet is nothing, so that the average may begin before its start.
+    # Zero before an early doublet, so that the average may begin before its start.
     padded = np.vstack((np.zeros((INTERVALS, 5)), total))
     window = np.ones(INTERVALS) / INTERVALS
     mean = np.column_stack([np.convolve(column, window, "valid") for column in padded.T])

@@ -23,47 +23,47 @@ from sim_bridge.vehicles import SimulatedVehicle
 from wingbeat.constants import STANDARD_GRAVITY
 
 DRIVE_WIDTHS, RUDDER_WIDTHS = (0.25, 0.5), (0.1, 0.2, 0.4)
-"""s; of one step of the doublets"""
+"""s; step widths of the doublets"""
 DRIVE_STEP, RUDDER_STEP = 0.01, 0.01
 """rad of half stroke or - of throttle; rad: small enough for the response to be linear"""
 LONGEST_LAG = 1.0
-"""s; of a drive"""
+"""s; maximum lag of a drive"""
 
 U, W, Q, PITCH = range(4)
 V, P, R, ROLL = range(4)
 
 Steer = Callable[[StrokeMap, int, float], k.Controls]
-"""Commands over a piece of the stroke, with the doublet's side: -1, 0 or 1."""
+"""Commands over an interval of the stroke, with the sign of the doublet: -1, 0 or 1."""
 Look = Callable[[StrokeMap], list[float]]
-"""What is recorded after a piece: four states and the achieved control."""
+"""Record after an interval: four states and the achieved control."""
 
 
 class AxesModel(NamedTuple):
-    """Linear motion of the stroke averages, all axes."""
+    """Linear stroke-averaged model of all axes."""
 
     longitudinal: AveragedModel
     """of (u m/s, w m/s, q rad/s, theta rad) and the achieved elevator (rad)"""
     drive: Floats
     """(4,); of the same states, per commanded half stroke (rad, servo drives) or throttle (others), after the lag"""
     drive_lag: float
-    """s; first-order, from the command to what acts"""
+    """s; first-order lag from the command to its effect"""
     lateral: Floats
     """(4, 4); of (v m/s, p rad/s, r rad/s, roll rad), body axes"""
     rudder: Floats
     """(4,); of those and the achieved rudder (rad), nose right positive"""
     unexplained: Floats
-    """(6,); share of variance that is left of u', w', q' after the drive, of v', p', r' after the rudder"""
+    """(6,); unexplained fraction of variance of u', w', q' after the drive, of v', p', r' after the rudder"""
 
 
 def axes_model(vehicle: SimulatedVehicle, orbit: Orbit, longitudinal: AveragedModel) -> AxesModel:
-    """Linearise the stroke-averaged motion of all axes about ``orbit``; ``longitudinal`` is the elevator's model."""
+    """Linearize the stroke-averaged motion of all axes about ``orbit``; ``longitudinal`` is the elevator's model."""
     drive, lag, left = _drive(vehicle, orbit, longitudinal)
     lateral, rudder, left_across = _lateral(vehicle, orbit)
     return AxesModel(longitudinal, drive, lag, lateral, rudder, np.concatenate((left, left_across)))
 
 
 def _drive(vehicle: SimulatedVehicle, orbit: Orbit, model: AveragedModel) -> tuple[Floats, float, Floats]:
-    """B (4,) of the drive, its lag, and what they leave of u', w', q'; A is the elevator's."""
+    """Return B (4,) of the drive, its lag, and the unexplained variance of u', w', q'; A is that of the elevator."""
     step = 1.0 / (orbit.inputs.frequency * INTERVALS)
     answers = [_answer(vehicle, orbit, _driven(orbit), _along, width) for width in DRIVE_WIDTHS]
     rates = [_rates(answer, step) - answer[:, :4] @ model.a.T for answer in answers]
@@ -85,7 +85,7 @@ def _drive(vehicle: SimulatedVehicle, orbit: Orbit, model: AveragedModel) -> tup
 
 
 def _lateral(vehicle: SimulatedVehicle, orbit: Orbit) -> tuple[Floats, Floats, Floats]:
-    """A (4, 4) and B (4,) of the rudder, and what they leave of v', p', r'."""
+    """Return A (4, 4), B (4,) of the rudder, and the unexplained variance of v', p', r'."""
     step, pitch = 1.0 / (orbit.inputs.frequency * INTERVALS), orbit.means.pitch
     answers = [_answer(vehicle, orbit, _ruddered(orbit), _across, width) for width in RUDDER_WIDTHS]
     gravity = np.array([STANDARD_GRAVITY * math.cos(pitch), 0.0, 0.0])
@@ -129,7 +129,7 @@ def _across(stroke: StrokeMap) -> list[float]:
 
 
 def _answer(vehicle: SimulatedVehicle, orbit: Orbit, steer: Steer, look: Look, width: float) -> Floats:
-    """States and control (N, 5) after a doublet, over its size, averaged over phases and over one stroke."""
+    """Return states and control (N, 5) after a doublet per unit of it, averaged over phases and over one stroke."""
     strokes = math.ceil(LENGTH * orbit.inputs.frequency)
     length, pieces = strokes * INTERVALS, round(width * orbit.inputs.frequency * INTERVALS)
     rest = _simulated(vehicle, orbit, steer, look, np.zeros(length + INTERVALS))
@@ -146,7 +146,7 @@ def _answer(vehicle: SimulatedVehicle, orbit: Orbit, steer: Steer, look: Look, w
 
 
 def _simulated(vehicle: SimulatedVehicle, orbit: Orbit, steer: Steer, look: Look, sides: Floats) -> Floats:
-    """What is seen (N, 5) after each piece; the last column is the command where no servo tells what it achieved."""
+    """Simulate the record (N, 5) after each interval; the last column is the command if no servo angle exists."""
     stroke = StrokeMap(vehicle)
     stroke.unpack(orbit.state, orbit.inputs)
     rows = np.zeros((len(sides), 5))
@@ -159,12 +159,12 @@ def _simulated(vehicle: SimulatedVehicle, orbit: Orbit, steer: Steer, look: Look
 
 
 def _rates(answer: Floats, step: float) -> Floats:
-    """(N, 4); of the states, per second."""
+    """Return the derivatives (N, 4) of the states per second."""
     return np.asarray(np.gradient(answer[:, :4], step, axis=0))
 
 
 def _lagged(signal: Floats, lag: float, step: float) -> Floats:
-    """A signal (N,) held over each step, through a first-order lag."""
+    """Apply a first-order lag to a signal (N,) that is constant over each step."""
     keep = math.exp(-step / lag) if lag > 1e-9 else 0.0
     found, value = np.zeros(len(signal)), 0.0
     for i, wanted in enumerate(signal.tolist()):

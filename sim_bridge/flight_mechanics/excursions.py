@@ -18,10 +18,10 @@ Range = tuple[float, float]
 
 
 class Excursions(NamedTuple):
-    """Motion of the fuselage over a stroke of an orbit, each (least, greatest)."""
+    """Motion of the fuselage over a stroke of an orbit, each (minimum, maximum)."""
 
     altitude: float
-    """m; peak to peak, the mean climb taken out"""
+    """m; without the mean climb"""
     heave_speed: Range
     """m/s; along the body's z axis, down positive"""
     pitch: Range
@@ -33,22 +33,22 @@ class Excursions(NamedTuple):
 
 
 class Figures(NamedTuple):
-    """A steady flight in numbers without dimension, and what a charge of the battery gives."""
+    """Dimensionless figures of a steady flight, with endurance and range."""
 
     strouhal: float
-    """-; frequency times the tip's height of stroke over airspeed"""
+    """-; frequency times the tip's vertical stroke over airspeed"""
     reduced_frequency: float
-    """-; pi times frequency times greatest chord over airspeed"""
+    """-; pi times frequency times largest chord over airspeed"""
     cost_of_transport: float
     """-; electrical power over weight times airspeed"""
     endurance: float
-    """s; of a full battery"""
+    """s; with a full battery"""
     range: float
-    """m; through the air, of a full battery"""
+    """m; through the air, with a full battery"""
 
 
 def excursions(vehicle: SimulatedVehicle, orbit: Orbit) -> Excursions:
-    """Fly one stroke of the orbit and tell how far the fuselage moves."""
+    """Simulate one stroke of the orbit and return the excursions of the fuselage."""
     stroke = StrokeMap(vehicle)
     stroke.unpack(orbit.state, orbit.inputs)
     rows = [_row(stroke.plant.y)]
@@ -62,7 +62,7 @@ def excursions(vehicle: SimulatedVehicle, orbit: Orbit) -> Excursions:
 
 
 def figures(vehicle: SimulatedVehicle, orbit: Orbit) -> Figures:
-    """The orbit's figures; endurance and range are infinite for a drive that draws no current."""
+    """Compute the figures of the orbit; endurance and range are infinite for a drive without current."""
     means, frequency = orbit.means, orbit.inputs.frequency
     height = 2.0 * vehicle.wing.semispan * math.sin(min(means.flap_amplitude, math.pi / 2))
     weight = total_mass(vehicle) * STANDARD_GRAVITY

@@ -15,16 +15,16 @@ from wingbeat.rotations import quaternion_from_euler
 
 U, V, W, P, Q, R, ROLL, PITCH = range(8)
 BODY = 8
-"""states of the body, first in the vector; place and heading change nothing and are left out"""
+"""states of the body, first in the vector; position and heading have no effect and are omitted"""
 LATERAL = (V, P, R, ROLL)
 LONGITUDINAL = (U, W, Q, PITCH)
 
 
 class FreeMap:
-    """Maps the whole state at the start of a stroke to that one period later, the inputs those of an orbit.
+    """Map of the full state at the start of a stroke to that one period later, with the inputs of an orbit.
 
-    State: u, v, w m/s, p, q, r rad/s, roll, pitch rad, then every coordinate that no servo holds, their rates, the
-    air's memory, and the crank's speed in Hz where a motor turns it.
+    State: u, v, w m/s, p, q, r rad/s, roll, pitch rad, then every coordinate without a servo, their rates, the memory
+    of the aerodynamic model, and the crank's speed in Hz if a motor drives it.
     """
 
     def __init__(self, vehicle: SimulatedVehicle, orbit: Orbit) -> None:
@@ -38,7 +38,7 @@ class FreeMap:
         memory = range(plant.layout.aerodynamics, plant.layout.size)
         crank = [plant.layout.crank_speed] if self.stroke.motor else []
         self.places = [*coordinates, *rates, *memory, *crank]
-        """in the plant's state vector, of what follows the body's states"""
+        """indices in the plant's state vector of the states after those of the body"""
         self.coordinates = len(coordinates)
         self.calm = plant.y.copy()
         self.state = self._pack(self.calm)
@@ -50,7 +50,7 @@ class FreeMap:
         return np.concatenate((y[7:13], [roll, pitch], y[self.places]))
 
     def __call__(self, state: Floats) -> Floats:
-        """The state (n,) one period after ``state``."""
+        """Return the state (n,) one period after ``state``."""
         stroke, y = self.stroke, self.stroke.plant.y
         y[:] = self.calm
         y[3:7] = quaternion_from_euler(state[ROLL], state[PITCH], 0.0)
@@ -61,7 +61,7 @@ class FreeMap:
         return self._pack(stroke.whole_turn(self.orbit.inputs))
 
     def jacobian(self) -> Floats:
-        """Monodromy matrix (n, n) about the orbit, by central differences."""
+        """Compute the monodromy matrix (n, n) about the orbit by central differences."""
         columns = []
         for i, value in enumerate(self.state):
             step = 1e-5 * max(1.0, abs(value))

@@ -24,18 +24,19 @@ WEIGHT = 1.995e-3 * 9.81
 DENSITY = 1.2
 """kg/m^3; chosen: air of a laboratory"""
 WING_LENGTH, MEAN_CHORD, ROOT, STRIPS = 0.0521, 0.0197, 0.05, 20
-"""m, m, -, -; chosen: a moth of this weight in general: 10 N/m^2 at an aspect ratio of 5.3, r_2 of 0.52"""
+"""m, m, -, -; chosen: a typical moth of this weight: 10 N/m^2 at an aspect ratio of 5.3, r_2 of 0.52"""
 PITCHING_AXIS = 0.25
 """-; chosen: the quarter chord, near which the two ellipses of the printed planform join"""
 LEAD = 0.3
-"""rad; chosen: the wing turns over somewhat before the stroke reverses, as insects' wings do; how much is free, and
-decides the rotational forces"""
+"""rad; chosen: wing rotation slightly before stroke reversal, as for insect wings; the value is uncertain and
+determines the rotational forces
+"""
 THIRD = 0.1
 """-; chosen: of the feathering amplitude, third harmonic that flattens it in mid-stroke"""
 
 
 class HawkmothCase(NamedTuple):
-    """A flight of the moth."""
+    """Flight condition of the moth."""
 
     airspeed: float
     """m/s; published"""
@@ -58,25 +59,25 @@ CASES = (
 
 
 class Shares(NamedTuple):
-    """Means over a stroke, over the weight, -."""
+    """Fractions of the weight, means over a stroke, -."""
 
     lift: float
     thrust: float
     translational: float
-    """of the mean lift, as the next two"""
+    """contributions to the mean lift, as the next two"""
     rotational: float
     added_mass: float
 
 
 def hawkmoth_strips() -> Strips:
-    """Both wings."""
+    """Return the strips of both wings."""
     return elliptic_strips(WING_LENGTH, MEAN_CHORD, ROOT, STRIPS)
 
 
 def hawkmoth_stroke(case: HawkmothCase) -> PrescribedStroke:
-    """The wings' motion; phase 0 is the top of the upstroke."""
+    """Return the motion of the wings; phase 0 is the top of the upstroke."""
     mean = 0.5 * (case.downstroke + case.upstroke)
-    # So that the chosen angles are those of mid-stroke.
+    # The chosen angles are those of mid-stroke.
     swing = 0.5 * (case.downstroke - case.upstroke) / (math.cos(LEAD) - THIRD)
     feathering = Harmonics(mean, (swing * math.sin(LEAD),), (swing * math.cos(LEAD), 0.0, swing * THIRD))
     return PrescribedStroke(
@@ -89,20 +90,20 @@ def hawkmoth_stroke(case: HawkmothCase) -> PrescribedStroke:
 
 
 def hawkmoth_kinematics(case: HawkmothCase, phases: int = 200) -> StrokeKinematics:
-    """The motion through still air, body level."""
+    """Compute the motion through still air, body level."""
     body = np.array([case.airspeed, 0.0, 0.0, 0.0, 0.0, 0.0])
     return kinematics(hawkmoth_stroke(case), hawkmoth_strips(), body, phases)
 
 
 def hawkmoth_loads(case: HawkmothCase, phases: int = 200) -> StrokeLoads:
-    """Loads of both wings by `quasi_steady`."""
+    """Compute the loads of both wings by `quasi_steady`."""
     strips = hawkmoth_strips()
     parameters = build(QuasiSteady(PITCHING_AXIS), strips)
     return stroke_loads(MODEL, parameters, strips, hawkmoth_kinematics(case, phases), DENSITY)
 
 
 def shares(loads: StrokeLoads) -> Shares:
-    """Who bears the moth."""
+    """Compute the contributions to the weight."""
     mean = mean_lift_and_thrust(loads)
     lift, thrust = float(np.sum(mean.lift)), float(np.sum(mean.thrust))
     translational = float(np.sum(mean.lift[:ROTATIONAL]))

@@ -24,29 +24,30 @@ from wingbeat.errors import InputError
 from wingbeat.rotations import quaternion_from_euler
 
 HEIGHT = 1000.0
-"""m; above the ground, which is out of the way"""
+"""m; above the ground, without ground contact"""
 BODY = ("u", "w", "q", "pitch", "x", "z", "crank")
-"""m/s, m/s, rad/s, rad, m, m, Hz: velocity in body axes, pitch rate, pitch, place forward and down, crank's speed;
-first in the state vector, before coordinates and their rates"""
+"""m/s, m/s, rad/s, rad, m, m, Hz: velocity in body axes, pitch rate, pitch, position forward and down, crank speed;
+first in the state vector, before coordinates and their rates
+"""
 U, W, Q, PITCH, X, Z, CRANK = range(len(BODY))
 STRIDE = 0.5
-"""m/s; between the flights by which one at speed is followed from hover"""
+"""m/s; step of the continuation from hover to forward flight"""
 INPUTS = ("throttle", "elevator")
 THROTTLE, ELEVATOR = range(len(INPUTS))
 
 
 class HoverMap:
-    """Maps the longitudinal state at the start of a stroke to that at the start of the next."""
+    """Map of the longitudinal state at the start of a stroke to that at the start of the next."""
 
     def __init__(self, vehicle: SimulatedVehicle, step: float = STEP) -> None:
         """Build the plant.
 
         Args:
-            step: s; of the integrator at most. The slowest stroke of the drive is cut into such, the others alike,
-                so that the map is smooth in the frequency.
+            step: s; maximum integration step. The number of steps is that of the slowest stroke for all strokes, so
+                that the map is smooth in the frequency.
 
         Raises:
-            InputError: joints that are not moved by a prescribed stroke, a crank that may stop, air with a memory.
+            InputError: joints without a prescribed stroke, a crank that may stop, an aerodynamic model with memory.
         """
         self.vehicle, self.plant = vehicle, Plant(vehicle)
         _check(self.plant)
@@ -56,7 +57,7 @@ class HoverMap:
         self.size = len(BODY) + 2 * len(self.joints)
 
     def start(self, state: Floats, inputs: Floats) -> Floats:
-        """``state`` (size,) with crank and joints where they are after many strokes of ``inputs`` (2,)."""
+        """Return ``state`` (size,) with crank and joints after many strokes of ``inputs`` (2,)."""
         found, n = state.copy(), len(self.joints)
         found[CRANK] = frequency_at(float(inputs[THROTTLE]), self.vehicle)
         joints, motion = self.plant.parameters.joints, np.zeros(3)
@@ -68,7 +69,7 @@ class HoverMap:
         return found
 
     def unpack(self, state: Floats) -> None:
-        """Put the longitudinal state (size,) into the plant, at the start of a stroke."""
+        """Set the plant to the longitudinal state (size,) at the start of a stroke."""
         y, layout, n = self.plant.y, self.plant.layout, len(self.joints)
         y[:] = 0.0
         y[0], y[2] = state[X], state[Z] - HEIGHT
@@ -80,7 +81,7 @@ class HoverMap:
         y[layout.crank_speed] = state[CRANK]
 
     def pack(self) -> Floats:
-        """The longitudinal state (size,) of the plant."""
+        """Return the longitudinal state (size,) of the plant."""
         y, layout = self.plant.y, self.plant.layout
         pitch = 2.0 * math.atan2(y[5], y[3])
         first = [places[0] for places in self.joints]
@@ -89,7 +90,7 @@ class HoverMap:
         return np.concatenate((body, y[first], y[rates]))
 
     def period(self, state: Floats, inputs: Floats) -> float:
-        """s; of the stroke that begins with ``state`` (size,)."""
+        """Return the period in s of the stroke that begins with ``state`` (size,)."""
         crank, wanted = float(state[CRANK]), frequency_at(float(inputs[THROTTLE]), self.vehicle)
         lag = self.vehicle.drive.spin_time_constant
 
@@ -100,18 +101,20 @@ class HoverMap:
         return float(root_scalar(turned, bracket=(0.99 / fast, 1.01 / slow), xtol=1e-15).root)
 
     def controls(self, state: Floats, inputs: Floats) -> k.Controls:
-        """Commands over one of the ``pieces`` of the stroke that begins with ``state``."""
+        """Return the commands over one of the ``pieces`` of the stroke that begins with ``state``."""
         throttle, elevator = inputs.tolist()
         duration = self.period(state, inputs) / self.pieces
         return k.Controls(0.0, 0.0, 0.0, 0.0, throttle, elevator, 0.0, duration, 1.0)
 
     def __call__(self, state: Floats, inputs: Floats) -> Floats:
-        """The state (size,) one stroke after ``state``, with ``inputs`` (2,) throttle and elevator rad held."""
+        """Return the state (size,) one stroke after ``state``, with constant ``inputs`` (2,) throttle and elevator
+        rad.
+        """
         end: Floats = self.course(state, inputs)[-1]
         return end
 
     def course(self, state: Floats, inputs: Floats) -> Floats:
-        """States (pieces + 1, size) at equal steps of time over the stroke that begins with ``state``."""
+        """Return the states (pieces + 1, size) at equal time steps over the stroke that begins with ``state``."""
         self.unpack(state)
         controls = self.controls(state, inputs)
         found = [self.pack()]
@@ -132,13 +135,13 @@ def _check(plant: Plant) -> None:
 
 
 def frequency_at(throttle: float, vehicle: SimulatedVehicle) -> float:
-    """Hz; at which a crank drive turns in the end; `throttle_for` the other way round."""
+    """Return the steady frequency of a crank drive in Hz; the inverse of `throttle_for`."""
     table = vehicle.drive.frequencies
     return float(np.interp(throttle, np.linspace(0.0, 1.0, len(table)), table))
 
 
 class HoverOrbit(NamedTuple):
-    """A flight that repeats itself, stroke by stroke."""
+    """Periodic flight, with the period of the stroke."""
 
     state: Floats
     """(size,); at the start of the stroke, see `BODY`"""
@@ -147,15 +150,15 @@ class HoverOrbit(NamedTuple):
     period: float
     """s"""
     residual: float
-    """largest difference between start and end of a stroke, in the state's units"""
+    """largest difference between start and end of a stroke, in the units of the state"""
 
 
 def hover(vehicle: SimulatedVehicle, forward: float = 0.0, climb_rate: float = 0.0, step: float = STEP) -> HoverOrbit:
-    """Find throttle, elevator and state at which the stroke repeats itself, in hover or at a mean speed.
+    """Find throttle, elevator and state of a periodic stroke, in hover or at a mean speed.
 
-    Shooting on the stroke map: speeds, pitch rate and pitch at its start, throttle and elevator are sought; the
-    first four come again and the stroke goes as far forward and up as asked for. The search begins in hover with a
-    level stroke plane and follows the flight to the speed asked for.
+    Shooting method on the stroke map: the unknowns are velocities, pitch rate and pitch at the start of the stroke,
+    throttle and elevator. The first four are periodic, and the mean velocity is the requested one. The search begins
+    in hover with a level stroke plane and continues to the requested speed.
 
     Args:
         forward, climb_rate: m/s; mean velocity over the ground. step: s; of the integrator.
@@ -185,14 +188,14 @@ def hover(vehicle: SimulatedVehicle, forward: float = 0.0, climb_rate: float = 0
 
 
 def _placed(x: Floats, stroke: HoverMap) -> tuple[Floats, Floats]:
-    """State and inputs of the six unknowns: u, w, q, pitch, throttle, elevator."""
+    """Return state and inputs of the six unknowns: u, w, q, pitch, throttle, elevator."""
     state = np.zeros(stroke.size)
     state[:X] = x[:4]
     return stroke.start(state, x[4:]), x[4:]
 
 
 def _missing(x: Floats, stroke: HoverMap, forward: float, climb_rate: float) -> Floats:
-    """(6,); what the stroke misses itself by, and m/s, the velocity asked for."""
+    """Return the residual (6,): periodicity, and mean velocity in m/s less the requested one."""
     state, inputs = _placed(x, stroke)
     end = stroke(state, inputs)
     period = stroke.period(state, inputs)
@@ -200,14 +203,14 @@ def _missing(x: Floats, stroke: HoverMap, forward: float, climb_rate: float) -> 
 
 
 def level_pitch(plant: Plant) -> float:
-    """rad; at which the plane that the first joint of the right wing sweeps in is level."""
+    """Return the pitch in rad at which the stroke plane of the right wing's first joint is level."""
     body = int(np.flatnonzero(plant.mechanism.tree.coordinate == plant.layout.flap[1] - k.COORDINATES)[0])
     axis = plant.mechanism.tree.rotation[body] @ plant.mechanism.tree.axis[body]
     return math.atan2(-axis[0], axis[2])
 
 
 class HoverModel(NamedTuple):
-    """The stroke map, linear about an orbit: z[n + 1] = A z[n] + B v[n] of differences from it."""
+    """Stroke map linearized about an orbit: z[n + 1] = A z[n] + B v[n] of deviations."""
 
     a: Floats
     """(n, n)"""
@@ -218,7 +221,7 @@ class HoverModel(NamedTuple):
 
 
 def linearize(vehicle: SimulatedVehicle, orbit: HoverOrbit, step: float = STEP) -> HoverModel:
-    """Differentiate the stroke map about ``orbit``, by central differences."""
+    """Linearize the stroke map about ``orbit`` by central differences."""
     stroke, n = HoverMap(vehicle, step=step), len(orbit.state)
     columns = []
     for i in range(n + len(INPUTS)):
@@ -234,7 +237,7 @@ def linearize(vehicle: SimulatedVehicle, orbit: HoverOrbit, step: float = STEP) 
 
 
 def state_space(model: HoverModel) -> Any:
-    """The model as a python-control ``StateSpace`` of one sample a stroke; outputs are the states."""
+    """Convert the model to a python-control ``StateSpace`` with one sample per stroke; outputs are the states."""
     import control  # takes half a second, which a flight need not wait for
 
     n = len(model.a)
@@ -242,16 +245,16 @@ def state_space(model: HoverModel) -> Any:
 
 
 def growth(model: HoverModel) -> complex:
-    """1/s; the eigenvalue of the body's motion left to itself that grows fastest (Floquet exponent)."""
+    """Return the largest growth rate of the open-loop body motion in 1/s (Floquet exponent)."""
     exponents = np.log(np.linalg.eigvals(model.a[:X, :X]).astype(complex)) / model.period
     return complex(max(exponents, key=lambda exponent: (exponent.real, exponent.imag)))
 
 
 def position_gain(model: HoverModel, tolerances: Floats, authority: Floats) -> Floats:
-    """Gain (2, n) of the linear-quadratic regulator of the stroke map (`control.dlqr`): v = -K z.
+    """Compute the gain (2, n) of the linear-quadratic regulator of the stroke map (`control.dlqr`): v = -K z.
 
     Args:
-        tolerances: (7,) of `BODY`, each in its unit: a difference as costly as any other; infinite for no matter.
+        tolerances: (7,) of `BODY`, each in its unit: deviations of equal cost; infinite for no cost.
         authority: (2,) of throttle and elevator rad, likewise.
     """
     import control
@@ -263,10 +266,10 @@ def position_gain(model: HoverModel, tolerances: Floats, authority: Floats) -> F
 
 
 def fly(vehicle: SimulatedVehicle, orbit: HoverOrbit, start: Floats, gain: Floats, strokes: int) -> Floats:
-    """States (strokes + 1, n) of the nonlinear plant at the starts of strokes, fed back once a stroke.
+    """Simulate the nonlinear plant with feedback once a stroke; states (strokes + 1, n) at the starts of strokes.
 
-    ``start`` (n,) is the first; ``gain`` (2, n) as of `position_gain`, zeros for an open loop. Throttle and elevator
-    stay within their range.
+    ``start`` (n,) is the first state; ``gain`` (2, n) as of `position_gain`, zeros for an open loop. Throttle and
+    elevator are limited to their range.
     """
     stroke, travel = HoverMap(vehicle), vehicle.tail_servo.travel
     course = [start]
@@ -277,7 +280,7 @@ def fly(vehicle: SimulatedVehicle, orbit: HoverOrbit, start: Floats, gain: Float
 
 
 class OpenLoop(NamedTuple):
-    """Flight with throttle and elevator fixed, within the strokes."""
+    """Flight with constant throttle and elevator, sampled within the strokes."""
 
     time: Floats
     """(m,) s"""
@@ -286,13 +289,13 @@ class OpenLoop(NamedTuple):
 
     @property
     def sink_rate(self) -> Floats:
-        """(m,) m/s; down positive."""
+        """Sink rate (m,) in m/s; down positive."""
         pitch = self.states[:, PITCH]
         return np.asarray(np.cos(pitch) * self.states[:, W] - np.sin(pitch) * self.states[:, U])
 
 
 def open_loop(vehicle: SimulatedVehicle, orbit: HoverOrbit, frequency: float, strokes: int) -> OpenLoop:
-    """Flight from the orbit's state with its elevator, the wings beating at ``frequency`` Hz from the start."""
+    """Simulate from the orbit's state with its elevator, with a flapping frequency of ``frequency`` Hz."""
     stroke = HoverMap(vehicle)
     inputs = np.array((throttle_for(frequency, vehicle), orbit.inputs[ELEVATOR]))
     courses = [stroke.start(orbit.state, inputs)[None]]
@@ -303,7 +306,7 @@ def open_loop(vehicle: SimulatedVehicle, orbit: HoverOrbit, frequency: float, st
 
 
 def air_power(vehicle: SimulatedVehicle, orbit: HoverOrbit) -> float:
-    """W; mean rate at which the wings work on the air, apparent mass aside (it gives back what it takes)."""
+    """Compute the mean aerodynamic power of the wings in W, without apparent mass, whose mean power is zero."""
     stroke = HoverMap(vehicle)
     plant = stroke.plant
     stroke.unpack(orbit.state)

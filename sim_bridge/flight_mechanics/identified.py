@@ -24,9 +24,9 @@ from sim_bridge.vehicles import SimulatedVehicle
 from wingbeat.atmosphere import SEA_LEVEL_DENSITY
 
 SETTLING, AVERAGED = 4, 3
-"""-; strokes after which the wings' motion repeats itself, and over which it is averaged"""
+"""-; strokes until the wing motion is periodic, and strokes of the average"""
 LEAST_LAG = 0.05
-"""s; of the drive: a shorter one would let the stroke's own rhythm through"""
+"""s; minimum lag of the drive: a shorter one would pass the flapping frequency"""
 DIGITS = 6
 LONGITUDINAL = tuple(f"{axis}_{follows}" for axis in "xzm" for follows in ("u", "w", "q", "delta"))
 LATERAL = tuple(f"{axis}_{follows}" for axis in "yln" for follows in ("v", "p", "r", "rudder"))
@@ -34,39 +34,39 @@ DRIVE = ("x_drive", "z_drive", "m_drive", "flap_rate", "drive_lag")
 
 
 class Whole(NamedTuple):
-    """The aircraft over a stroke."""
+    """Mean properties of the aircraft over a stroke."""
 
     mass: float
     """kg"""
     center: Floats
-    """(3,) m; mean centre of mass, from the base's origin"""
+    """(3,) m; mean center of mass, from the base's origin"""
     inertia: Floats
-    """(3, 3) kg m^2; about it; the inverse of the inverse's mean"""
+    """(3, 3) kg m^2; about it; the inverse of the mean inverse"""
     flap_rate: float
     """rad/s; root mean square"""
 
 
 class IdentifiedWorld(NamedTuple):
-    """What a vehicle file of the world is written from."""
+    """Data of a vehicle file of the world."""
 
     values: Derivatives
     sources: dict[str, str]
-    """of each value: published, identified or chosen, and why"""
+    """source of each value: published, identified or chosen, with the reason"""
     notes: tuple[str, ...]
-    """what was taken from the base, one sentence each"""
+    """values taken from the base, one sentence each"""
     frequency: float
-    """Hz; of flapping in the flight test, where searches for a trim begin"""
+    """Hz; flapping frequency in the flight test, initial value of trim searches"""
 
 
 def identified_world(
     model: LinearModel, base: SimulatedVehicle, on_progress: Callable[[int, int], None] = lambda done, of: None
 ) -> IdentifiedWorld:
-    """The derivatives of an identified ``model`` on the bodies of ``base``.
+    """Combine the derivatives of an identified ``model`` with the bodies of ``base``.
 
     ``on_progress`` is called during the linearization with flights done and their number.
 
     Raises:
-        InputError: the model is none of an identification, or the base has no steady flight at its airspeed.
+        InputError: the model is not from an identification, or the base has no steady flight at its airspeed.
     """
     estimates = model.from_log()
     orbit = trim(base, model.airspeed, model.airspeed * math.sin(model.pitch - estimates.angle_of_attack))
@@ -91,7 +91,7 @@ def identified_world(
 
 
 def _inertia(matrix: Floats) -> tuple[float, float, float, float]:
-    """xx, yy, zz and the product xz, which has the other sign than in the matrix (3, 3)."""
+    """Return xx, yy, zz and the product xz, which has the opposite sign in the matrix (3, 3)."""
     return _round(matrix[0, 0]), _round(matrix[1, 1]), _round(matrix[2, 2]), _round(-matrix[0, 2])
 
 
@@ -105,10 +105,10 @@ def _round(value: float) -> float:
 
 
 def _longitudinal(model: LinearModel, estimates: Identified) -> Derivatives:
-    """With what the model itself has; the rest nothing yet."""
+    """Return the longitudinal derivatives that the model contains; the others are zero."""
     forward = model.airspeed * math.cos(estimates.angle_of_attack)
     down = model.airspeed * math.sin(estimates.angle_of_attack)
-    # The rest of A is kinematics and gravity, about the same trim.
+    # The other elements of A are kinematics and gravity, about the same trim.
     kinematics = np.zeros((3, 3))
     kinematics[0, 2], kinematics[1, 2] = -down, forward
     rows = np.column_stack((model.a[:3, :3] - kinematics, model.elevator[:3]))
@@ -133,7 +133,7 @@ def _longitudinal(model: LinearModel, estimates: Identified) -> Derivatives:
 
 
 def _whole(base: SimulatedVehicle, values: Derivatives, orbit: Orbit) -> Whole:
-    """Mass, mean centre and inertia, and how the wings flap that meet no air, at the base's own trim command."""
+    """Return mass, mean center, inertia and flap rate in vacuum at the base's trim command."""
     stroke = StrokeMap(simulate_with(base, values))
     start = stroke.start(orbit.inputs)
     start[:4] = values.forward, values.down, 0.0, orbit.means.pitch
@@ -141,7 +141,7 @@ def _whole(base: SimulatedVehicle, values: Derivatives, orbit: Orbit) -> Whole:
     inertias, rates, layout = [], [], stroke.plant.layout
     flapping = [layout.rate(place) for place in layout.flap]
     for piece in range((SETTLING + AVERAGED) * INTERVALS):
-        # In the hand, so that loads of an aircraft whose mass is not known yet do not throw it about.
+        # Supported by the launcher, so that loads do not accelerate an aircraft of still unknown mass.
         around = stroke.around._replace(launcher=0)
         stroke.plant.advance(stroke.controls(piece % INTERVALS, orbit.inputs), around)
         inertias.append(stroke.plant.scratch.tree.inertia[0].copy())
@@ -155,14 +155,14 @@ def _whole(base: SimulatedVehicle, values: Derivatives, orbit: Orbit) -> Whole:
 
 
 def _about_centre(spatial: Floats) -> tuple[float, Floats, Floats]:
-    """Mass, centre and inertia (3, 3) about it of a spatial inertia (6, 6) about the origin."""
+    """Return mass, center and inertia (3, 3) about it of a spatial inertia (6, 6) about the origin."""
     mass = float(spatial[3, 3])
     center = np.array([spatial[2, 4], spatial[0, 5], spatial[1, 3]]) / mass
     return mass, center, spatial[:3, :3] - mass * (center @ center * np.eye(3) - np.outer(center, center))
 
 
 def simulate_with(base: SimulatedVehicle, values: Derivatives) -> SimulatedVehicle:
-    """The vehicle with stiff wings, flown with these derivatives."""
+    """Return the vehicle with rigid wings and these derivatives."""
     return base._replace(
         sections=base.sections | {MODEL.name: values},
         aerodynamics=base.aerodynamics._replace(model=MODEL.name),
@@ -171,7 +171,7 @@ def simulate_with(base: SimulatedVehicle, values: Derivatives) -> SimulatedVehic
 
 
 def _at_centre(model: LinearModel, center: Floats) -> LinearModel:
-    """The model with the speeds of the centre of mass as states in place of those of the base's origin."""
+    """Transform the speeds of the model from the base's origin to the center of mass."""
     along, across = np.eye(4), np.eye(4)
     along[0, 2], along[1, 2] = center[2], -center[0]
     across[0, 1], across[0, 2] = -center[2], center[0]
@@ -192,14 +192,16 @@ def _with_lateral(values: Derivatives, lateral: LateralModel) -> Derivatives:
 
 
 def _with_drive(values: Derivatives, drive: DriveModel, base: SimulatedVehicle) -> Derivatives:
-    """The drive's row by the relative change of the flap rate, which follows stroke and frequency alike."""
+    """Return the drive derivatives per relative change of the flap rate, which is proportional to stroke and
+    frequency.
+    """
     relative = drive.at if base.drive.kind != "crank" else _frequency_share(drive.at, base.drive.frequencies)
     x, z, m = (_round(value * relative) for value in drive.b[:3])
     return values._replace(x_drive=x, z_drive=z, m_drive=m, drive_lag=_round(max(drive.lag, LEAST_LAG)))
 
 
 def _frequency_share(throttle: float, frequencies: tuple[float, ...]) -> float:
-    """Change of throttle that changes a crank's frequency by its own value."""
+    """Return the change of throttle that changes a crank's frequency by its own value."""
     places = np.linspace(0.0, 1.0, len(frequencies))
     at = float(np.interp(throttle, places, frequencies))
     ahead, behind = (
@@ -240,7 +242,7 @@ def _notes(model: LinearModel, base: SimulatedVehicle) -> tuple[str, ...]:
 
 
 def world_text(world: IdentifiedWorld, name: str, title: str, base: str) -> str:
-    """A vehicle file of the world that lays the derivatives over ``base`` (a name, or a file beside it)."""
+    """Format a vehicle file of the world with the derivatives and ``base`` (a name, or a file beside it)."""
     hints = get_type_hints(Derivatives, include_extras=True)
     lines = [
         "# An identified aircraft: the bodies and the drive of its base, the air loads of a flight test.",

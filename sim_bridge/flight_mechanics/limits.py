@@ -12,7 +12,7 @@ from sim_bridge.vehicles import SimulatedVehicle
 
 
 class Control(NamedTuple):
-    """A control of a steady flight, and its range."""
+    """Control of a steady flight, with its range."""
 
     name: str
     value: float
@@ -20,10 +20,10 @@ class Control(NamedTuple):
     high: float
     unit: str
     spent: str
-    """what is to be said where it holds the flight no longer"""
+    """message if the control is saturated"""
 
     def left(self, rate: float) -> float:
-        """How much longer it stays in range at ``rate`` in its unit a step: steps; infinite at rest."""
+        """Return the number of steps until the limit at ``rate`` per step; infinite at rest."""
         end = self.high if rate > 0.0 else self.low
         return max((end - self.value) / rate, 0.0) if rate else math.inf
 
@@ -32,19 +32,19 @@ MODEL_RANGES: dict[str, Callable[[Any, float], None]] = {
     regression.MODEL.name: regression.check,
     derivatives.MODEL.name: derivatives.check,
 }
-"""by model: refuses, from its section of the vehicle file, an airspeed in m/s at which it does not hold"""
+"""check by model that rejects an airspeed in m/s outside of its validity, from its section of the vehicle file"""
 
 MODEL_WARNINGS = {
     regression.MODEL.name: "as printed, the mean thrust of regression is a drag: its flight needs a tow"
 }
-"""by model: why a vehicle that flies with it may have no trim"""
+"""reason by model why a vehicle may have no trim"""
 
 
 def check_model(vehicle: SimulatedVehicle, airspeed: float) -> None:
-    """Refuse an airspeed in m/s at which the vehicle's aerodynamic model does not hold.
+    """Reject an airspeed in m/s outside the validity of the vehicle's aerodynamic model.
 
     Raises:
-        InputError: as the model says.
+        InputError: outside the validity of the model.
     """
     model = vehicle.aerodynamics.model
     if model in MODEL_RANGES:
@@ -52,18 +52,18 @@ def check_model(vehicle: SimulatedVehicle, airspeed: float) -> None:
 
 
 def model_warning(vehicle: SimulatedVehicle) -> str:
-    """What is to be said of the vehicle's aerodynamic model where no trim is found; mostly nothing."""
+    """Return the remark on the vehicle's aerodynamic model if no trim is found; usually empty."""
     return MODEL_WARNINGS.get(vehicle.aerodynamics.model, "")
 
 
 def excesses(vehicle: SimulatedVehicle, inputs: StrokeInputs) -> list[str]:
-    """What the inputs ask for that the vehicle has not, in words that follow "it needs"; empty within its limits."""
+    """Return the inputs beyond the limits of the vehicle, as text after "it needs"; empty within the limits."""
     found = [_elevator(vehicle, inputs), *DRIVES[vehicle.drive.kind](vehicle, inputs)]
     return [words for words in found if words]
 
 
 def controls(vehicle: SimulatedVehicle, inputs: StrokeInputs) -> list[Control]:
-    """Elevator and what sets the thrust, with their ranges."""
+    """Return elevator and thrust control with their ranges."""
     travel, drive = vehicle.tail_servo.travel, vehicle.drive
     elevator = Control(
         "elevator", inputs.elevator, -travel, travel, "rad", "the tail cannot hold the pitch moment"
@@ -83,10 +83,10 @@ def controls(vehicle: SimulatedVehicle, inputs: StrokeInputs) -> list[Control]:
 
 
 def running_out(vehicle: SimulatedVehicle, now: StrokeInputs, ahead: StrokeInputs) -> str:
-    """Which control ends a row of steady flights, in words: the one that on its course soonest leaves its range.
+    """Return which control first saturates on a continuation of steady flights, as text.
 
     Args:
-        now, ahead: inputs of the last flight found, and of one a step further by its course.
+        now, ahead: inputs of the last flight found, and of its extrapolation by one step.
     """
     pairs = zip(controls(vehicle, now), controls(vehicle, ahead), strict=True)
     one = min(pairs, key=lambda pair: pair[0].left(pair[1].value - pair[0].value))[0]

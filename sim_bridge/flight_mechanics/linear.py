@@ -11,11 +11,11 @@ from sim_bridge.flight_mechanics.modes import PHUGOID, SHORT_PERIOD, Mode, alias
 from sim_bridge.flight_mechanics.orbit import Orbit
 
 POORLY_EXPLAINED = 0.02
-"""-; share of variance left by four states, above which A and B are told to be doubtful"""
+"""-; unexplained fraction of variance with four states, above which A and B are reported as inaccurate"""
 DOUBTFUL = 0.1
-"""-; likewise, above which the eigenvalues of A are no modes of the aircraft and get no names"""
+"""-; likewise, above which the eigenvalues of A are not named as modes of the aircraft"""
 NEAR = 2.0
-"""-; a mode of the wings within this factor of the short period's frequency is told to move it"""
+"""-; a wing mode within this factor of the short period's frequency is reported as coupled"""
 
 
 class Linearization(NamedTuple):
@@ -27,9 +27,10 @@ class Linearization(NamedTuple):
 
 
 def averaged_modes(model: AveragedModel) -> list[Mode]:
-    """Modes of A, slowest first: the fastest two eigenvalues are the short period's, the others the phugoid's.
+    """Return the modes of A, slowest first: the two fastest eigenvalues are the short period, the others the
+    phugoid.
 
-    Without names where four states leave more than `DOUBTFUL` unexplained.
+    Modes have no names if four states leave more than `DOUBTFUL` unexplained.
     """
     roots = sorted((complex(root) for root in np.linalg.eigvals(model.a)), key=abs)
     named = [(root, PHUGOID if i < 2 else SHORT_PERIOD) for i, root in enumerate(roots)]
@@ -42,12 +43,12 @@ def averaged_modes(model: AveragedModel) -> list[Mode]:
 
 
 def unexplained(model: AveragedModel) -> float:
-    """The largest share of a rate's variance that four states leave."""
+    """Return the largest unexplained fraction of a rate's variance."""
     return float(np.max(model.unexplained))
 
 
 def warnings(linear: Linearization, orbit: Orbit) -> list[str]:
-    """What to beware of in these models, a sentence each."""
+    """Return the warnings about these models, a sentence each."""
     frequency = orbit.inputs.frequency
     found = [
         f"{mode.name}: {mode.natural_frequency:.3g} rad/s is beyond half the flapping rate"
@@ -65,7 +66,7 @@ def warnings(linear: Linearization, orbit: Orbit) -> list[str]:
 
 
 def difference(linear: Linearization) -> str:
-    """Why the short periods of both models are not the same, in a sentence; empty where one of them has none."""
+    """Explain the difference between the short periods of both models; empty if one of them has none."""
     exact = next((mode for mode in linear.floquet if mode.name == SHORT_PERIOD), None)
     ours = next((mode for mode in averaged_modes(linear.averaged) if mode.name == SHORT_PERIOD), None)
     if exact is None or ours is None:

@@ -18,14 +18,14 @@ from sim_bridge.vehicles import SimulatedVehicle
 from wingbeat.errors import InputError
 
 LEAST_BODY_SHARE = 0.05
-"""-; below it a mode is one of the wings or of the wake"""
+"""-; body fraction below which a mode belongs to the wings or the wake"""
 TURNING = 0.2
-"""s; weight of turn rates against attitudes, about the time of a short period over 2 pi"""
+"""s; weight of angular rates against attitudes, about the period of a short period over 2 pi"""
 GONE = 1e-7
-"""-; a multiplier below it is lost in rounding"""
+"""-; a multiplier below it is round-off"""
 SHORT_PERIOD, PHUGOID = "short period", "phugoid"
 LED_BY = {"speed": (U,), "heave": (W,), "pitch": (Q, PITCH)}
-"""states of the body's longitudinal motion by what leads it"""
+"""states of the body's longitudinal motion by their leading quantity"""
 DUTCH_ROLL, SPIRAL, ROLL_SUBSIDENCE = "dutch roll", "spiral", "roll subsidence"
 
 
@@ -35,15 +35,16 @@ class Mode(NamedTuple):
     eigenvalue: complex
     """1/s; one of a conjugate pair (positive imaginary part), or a real one"""
     body_share: float
-    """-; how much of the mode is motion of the body, 0 to 1; the rest is wings and wake"""
+    """-; fraction of the mode that is motion of the body, 0 to 1; the rest is wings and wake"""
     pitching_share: float
-    """-; share of angle of attack and pitch rate in the body's longitudinal motion (the rest is speed and pitch)"""
+    """-; fraction of angle of attack and pitch rate in the body's longitudinal motion (the rest is speed and pitch)
+    """
     lateral_share: float = 0.0
-    """-; share of sideslip, roll and yaw in the body's motion: 0 or 1 about a symmetric orbit"""
+    """-; fraction of sideslip, roll and yaw in the body's motion: 0 or 1 about a symmetric orbit"""
     name: str = ""
-    """one of those above, what leads it with how it goes ("pitch oscillation"), or nothing for wings and wake"""
+    """one of those above, or leading quantity and type ("pitch oscillation"), or empty for wings and wake"""
     led_by: str = ""
-    """what has the largest share of the body's longitudinal motion, of `LED_BY`"""
+    """quantity with the largest fraction of the body's longitudinal motion, of `LED_BY`"""
 
     @property
     def natural_frequency(self) -> float:
@@ -62,17 +63,17 @@ class Mode(NamedTuple):
 
     @property
     def time_to_half(self) -> float:
-        """s; negative: to double."""
+        """s; negative: time to double."""
         return -math.log(2.0) / self.eigenvalue.real if self.eigenvalue.real else math.inf
 
     @property
     def lateral(self) -> bool:
-        """Whether it is motion out of the plane of symmetry."""
+        """Whether it is lateral motion."""
         return self.lateral_share > 0.5
 
 
 def modes(vehicle: SimulatedVehicle, orbit: Orbit) -> list[Mode]:
-    """Every mode of the stroke map, slowest first, the body's named; see `aliases`."""
+    """Compute every mode of the stroke map, slowest first, and name those of the body; see `aliases`."""
     free = FreeMap(vehicle, orbit)
     multipliers, vectors = np.linalg.eig(free.jacobian())
     solutions = []
@@ -86,16 +87,16 @@ def modes(vehicle: SimulatedVehicle, orbit: Orbit) -> list[Mode]:
 
 
 def aliases(mode: Mode, frequency: float) -> bool:
-    """Whether a mode swings faster than half the flapping ``frequency`` in Hz, so that its own may be another."""
+    """Return whether a mode is faster than half the flapping ``frequency`` in Hz and may be aliased."""
     return mode.eigenvalue.imag != 0.0 and mode.natural_frequency > math.pi * frequency
 
 
 def named(solutions: list[Mode]) -> list[Mode]:
     """Name the body's modes among ``solutions``, slowest first.
 
-    Longitudinal: the slowest that is mainly speed and pitch, the slowest that is mainly angle of attack and pitch
-    rate unless that motion swings up, as an insect's does, which has no short period: those and what else is mainly
-    the body's are named after what leads them. Lateral: the slowest oscillation, the slowest and the next aperiodic
+    Longitudinal: the slowest mode that is mainly speed and pitch, and the slowest that is mainly angle of attack and
+    pitch rate, unless that oscillation is unstable, as for an insect, which has no short period. Those and other body
+    modes are named after their leading quantity. Lateral: the slowest oscillation, the slowest and the next aperiodic
     one.
     """
     body = [i for i, mode in enumerate(solutions) if mode.body_share > LEAST_BODY_SHARE]
@@ -137,7 +138,7 @@ def _shares(vector: Floats, orbit: Orbit, coordinates: int) -> tuple[tuple[float
 
 
 def short_period(solutions: list[Mode]) -> Mode:
-    """The short-period mode.
+    """Return the short-period mode.
 
     Raises:
         InputError: there is none.

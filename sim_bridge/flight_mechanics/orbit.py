@@ -20,19 +20,22 @@ from sim_bridge.vehicles import SimulatedVehicle
 from wingbeat.errors import InputError
 
 FOUND, REPEATS = 1e-9, 1e-6
-"""largest residual at which the search ends, and at which its end is an orbit"""
+"""largest residual of a converged search, and of an accepted orbit"""
 JACOBIANS, JACOBIANS_ON = 12, 3
-"""of one search from nothing (one that converges takes up to 8), and of one from a trim nearby"""
+"""Jacobians per search without an initial trim (one that converges takes up to 8), and from a nearby trim"""
 CONTRACTION, STALL = 0.3, 0.9
-"""-; residual after a step over that before: above the one the Jacobian is made anew, above the other it stalls"""
+"""-; residual ratio of successive steps: above the first the Jacobian is recomputed, above the second the search
+stalls
+"""
 SPIN_UP = 12
-"""-; strokes in which a motor on a linkage comes to its frequency"""
+"""-; strokes until a motor on a linkage reaches its frequency"""
 FIRST_STEP, LAST_STEP = 2.0, 0.05
-"""m/s of airspeed and climb; the first step from the cruise, and what no step is shorter than. Steps are doubled and
-halved, whatever is asked: so where flight ends does not depend on how far beyond it the question lies"""
+"""m/s of airspeed and climb; first and smallest step from the cruise. Steps are doubled and halved independent of
+the request, so that the end of the flight range does not depend on it
+"""
 
 Told = Callable[[str], None]
-"""is told in words what the search is at"""
+"""called with a text on the state of the search"""
 
 
 class Orbit(NamedTuple):
@@ -42,11 +45,11 @@ class Orbit(NamedTuple):
     inputs: StrokeInputs
     means: StrokeMeans
     residual: float
-    """largest difference between start and end of a stroke, in the state's units"""
+    """largest difference between start and end of a stroke, in the units of the state"""
 
 
 class _Point(NamedTuple):
-    """Unknowns, and how far the stroke is from what they have to bring about."""
+    """Unknowns with their residual."""
 
     x: Floats
     """state (size,), amplitude in rad or frequency in Hz, elevator in rad, throttle of a motor"""
@@ -59,7 +62,7 @@ class _Point(NamedTuple):
 
 
 class _Search:
-    """The equations of a trim at one airspeed and climb rate."""
+    """Equations of a trim at one airspeed and climb rate."""
 
     def __init__(self, stroke: StrokeMap, airspeed: float, climb_rate: float, on_progress: Told) -> None:
         self.stroke, self.airspeed, self.climb_rate, self.on_progress = stroke, airspeed, climb_rate, on_progress
@@ -85,7 +88,7 @@ class _Search:
         return np.array(columns).T
 
     def damped(self, point: _Point, step: Floats) -> _Point | None:
-        """The point after as much of ``step`` as brings the residual down; none if nothing does."""
+        """Return the point after a fraction of ``step`` that reduces the residual; None if there is none."""
         size = self.stroke.size
         slow = [0, 1, 3, *range(size, len(step))]
         share = min(1.0, 0.3 / max(float(np.max(np.abs(step[slow]))), 1e-12))
@@ -99,9 +102,9 @@ class _Search:
         return None
 
     def newton(self, x: Floats, jacobians: int = JACOBIANS) -> _Point | None:
-        """The fixed point that Newton's method reaches from ``x``; none where it stalls.
+        """Find the fixed point by Newton's method from ``x``; None if it stalls.
 
-        Broyden's update keeps the Jacobian as long as it serves.
+        Broyden's update is used as long as it converges.
         """
         point, slope, stalled, made = self.at(x), None, 0, 0
         while np.all(np.isfinite(point.residual)) and point.largest >= FOUND:
@@ -135,17 +138,17 @@ def _broyden(slope: Floats, old: _Point, new: _Point) -> Floats:
 def trim(
     vehicle: SimulatedVehicle, airspeed: float, climb_rate: float, on_progress: Told = lambda words: None
 ) -> Orbit:
-    """Find elevator, drive and state at which the stroke repeats itself at a mean speed and climb.
+    """Find elevator, drive and state of a periodic stroke at a mean speed and climb.
 
-    What sets the thrust is the commanded amplitude of servo drives, the frequency of a crank, a motor's throttle.
+    The thrust control is the commanded amplitude of servo drives, the frequency of a crank, or a motor's throttle.
 
     Args:
         airspeed, climb_rate: m/s.
-        told: called with what the search is at, many times a second.
+        on_progress: called with a text on the state of the search, many times a second.
 
     Raises:
-        InputError: the aerodynamic model does not hold there, there is no orbit, or only beyond what the vehicle's
-            servos and drive can do; which control ends the flights on the way there, and at what value.
+        InputError: the aerodynamic model is not valid there, or there is no orbit within the limits of servos and
+            drive; the message has the saturated control and its value.
     """
     if not airspeed > abs(climb_rate):
         raise InputError(f"an airspeed of {airspeed:g} m/s does not climb {climb_rate:g} m/s")
@@ -156,10 +159,10 @@ def trim(
 def trim_stroke(
     stroke: StrokeMap, airspeed: float, climb_rate: float, on_progress: Told = lambda words: None
 ) -> Orbit:
-    """`trim` of a stroke map, whose plant or air may be another than those of its vehicle.
+    """Compute `trim` for a stroke map, whose plant or air may differ from those of its vehicle.
 
     Raises:
-        InputError: there is no orbit, or only beyond what the vehicle's servos and drive can do.
+        InputError: there is no orbit within the limits of servos and drive.
     """
     vehicle = stroke.vehicle
     requested = f"{vehicle.name}: no trim at {airspeed:g} m/s climbing {climb_rate:g} m/s"
@@ -173,7 +176,7 @@ def trim_stroke(
 
 
 def inputs_of(stroke: StrokeMap, x: Floats) -> StrokeInputs:
-    """The stroke's inputs of the unknowns: those behind its state."""
+    """Return the inputs among the unknowns: those after the state."""
     cruise, drive, elevator = stroke.vehicle.cruise, float(x[stroke.size]), float(x[stroke.size + 1])
     if stroke.motor:
         return StrokeInputs(drive, cruise.stroke_amplitude, elevator, float(x[stroke.size + 2]))
@@ -183,7 +186,7 @@ def inputs_of(stroke: StrokeMap, x: Floats) -> StrokeInputs:
 
 
 def _guess(stroke: StrokeMap, airspeed: float, climb_rate: float) -> Floats:
-    """Where the search begins: some angle of attack, the wings settled."""
+    """Return the initial guess: some angle of attack, with settled wings."""
     vehicle, cruise = stroke.vehicle, stroke.vehicle.cruise
     inputs = StrokeInputs(cruise.frequency, cruise.stroke_amplitude, 0.0, 0.5)
     if vehicle.motor is not None and stroke.motor:
@@ -197,7 +200,7 @@ def _guess(stroke: StrokeMap, airspeed: float, climb_rate: float) -> Floats:
 
 
 def _motor_guess(stroke: StrokeMap, z: Floats, inputs: StrokeInputs) -> Floats:
-    """The wings settled at about the throttle that keeps the frequency: else a turn ends far from where it began."""
+    """Return settled wings at the throttle of about the same frequency, so that a turn ends near its start."""
     for _ in range(SPIN_UP):
         z = stroke.settle_wings(z, inputs, 1)
         wanted = inputs.throttle * inputs.frequency / max(float(z[stroke.crank]), 0.5 * inputs.frequency)
@@ -206,16 +209,18 @@ def _motor_guess(stroke: StrokeMap, z: Floats, inputs: StrokeInputs) -> Floats:
 
 
 def _throttle(motor: Motor, frequency: float, voltage: float) -> float:
-    """At which a motor turns the crank at ``frequency`` Hz with a quarter of its voltage left for the load."""
+    """Return the throttle at which a motor turns the crank at ``frequency`` Hz with a quarter of its voltage for the
+    load.
+    """
     back_emf = motor.torque_constant * motor.gear_ratio * 2.0 * np.pi * frequency
     return float(min(back_emf / (0.75 * voltage), 1.0))
 
 
 def _continued(requested: _Search, refusal: str) -> _Point:
-    """The trim followed from the vehicle's cruise.
+    """Follow the trim from the vehicle's cruise.
 
     Raises:
-        InputError: it ends, or leaves what the vehicle can do, on the way.
+        InputError: it ends, or exceeds the limits of the vehicle, on the way.
     """
     stroke, cruise = requested.stroke, requested.stroke.vehicle.cruise
     start = _Search(stroke, cruise.airspeed, cruise.climb_rate, requested.on_progress)
@@ -249,7 +254,7 @@ def _continued(requested: _Search, refusal: str) -> _Point:
 
 
 def _shorter(step: float, rest: float) -> float:
-    """Half of a step that led nowhere, and again until it ends before the ``rest`` of the way."""
+    """Halve a failed step until it ends before the ``rest`` of the way."""
     step *= 0.5
     return step if step < rest else _shorter(step, rest)
 

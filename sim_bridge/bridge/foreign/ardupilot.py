@@ -232,7 +232,7 @@ class ArduPilotServer:
         return _named(self._socket.getsockname())
 
     def _fall_silent(self, reason: str) -> BridgeStatistics:
-        """Discard packets until none arrives, or for a minute, because the autopilot may repeat its request forever."""
+        """Discard packets until none arrives, or for a minute: the autopilot may repeat its request forever."""
         deadline = self._clock() + LONGEST_SILENCE
         while self._receive() is not None and self._clock() < deadline:
             pass
