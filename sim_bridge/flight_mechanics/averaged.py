@@ -117,7 +117,7 @@ def _response(vehicle: SimulatedVehicle, orbit: Orbit, doublet: tuple[float, flo
 def _averaged(
     vehicle: SimulatedVehicle, orbit: Orbit, width: float, rest: Floats, strokes: int
 ) -> tuple[Floats, Floats]:
-    """Return regressors (M, 4) u, w, q, elevator and rates (M, 3) without gravity, averaged over phases and stroke."""
+    """Return regressors (M, 4) u, w, q, elevator and rates (M, 3) without gravity, averaged over phase and stroke."""
     step = 1.0 / (orbit.inputs.frequency * INTERVALS)
     total = np.zeros((strokes * INTERVALS, 5))
     for phase in range(PHASES):

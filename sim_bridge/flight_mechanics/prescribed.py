@@ -28,11 +28,11 @@ LEFT, RIGHT = -1.0, 1.0
 SIDES = (LEFT, RIGHT)
 """of y"""
 MIDDLE = 0.5
-"""chords behind the leading edge; where the protocol wants velocities"""
+"""chords behind the leading edge; reference point of the protocol's velocities"""
 
 
 class Harmonics(NamedTuple):
-    """A Fourier series in the phase of the stroke."""
+    """Fourier series in the phase of the stroke."""
 
     mean: float = 0.0
     """rad"""
@@ -43,49 +43,51 @@ class Harmonics(NamedTuple):
 
 
 class PrescribedStroke(NamedTuple):
-    """How the wings' joints move; both wings alike."""
+    """Joint motion of the wings; both wings are alike."""
 
     frequency: float
     """Hz"""
     stroke_plane: float
-    """rad; against the body's x-y plane"""
+    """rad; relative to the body's x-y plane"""
     stroke: Harmonics
     deviation: Harmonics = Harmonics()
     feathering: Harmonics = Harmonics()
     twist: Harmonics = Harmonics()
     axis: float = 0.25
-    """-; of feathering, in chords behind the leading edge"""
+    """-; feathering axis, in chords behind the leading edge"""
     hinge: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """m; of the right wing, body axes"""
 
 
 class StrokeKinematics(NamedTuple):
-    """The motion at equal steps of a stroke."""
+    """Motion at equal steps of a stroke."""
 
     period: float
     """s"""
     motions: tuple[Motion, ...]
     normal_acceleration: Floats
-    """(phases, n) m/s^2; of mid-chord through the air, rate of its component along the normal (up)"""
+    """(phases, n) m/s^2; of mid-chord relative to the air: derivative of the velocity component along the normal
+    (up)
+    """
     pitch_acceleration: Floats
-    """(phases, n) rad/s^2; rate of the pitch rate"""
+    """(phases, n) rad/s^2; derivative of the pitch rate"""
 
 
 class Wing(NamedTuple):
-    """The sections of one wing, from root to tip, leading edge straight along the hinge's spar."""
+    """Sections of one wing, from root to tip, with a straight leading edge along the hinge's spar."""
 
     span: Floats
-    """(n,) m; from the hinge to the middle of each section"""
+    """(n,) m; from the hinge to the center of each section"""
     chord: Floats
     """(n,) m"""
     width: Floats
     """(n,) m"""
     hinge: Floats
-    """(3,) m; of the right wing, from the fuselage's centre of mass, body axes"""
+    """(3,) m; of the right wing, from the fuselage's center of mass, body axes"""
 
 
 class WingMotion(NamedTuple):
-    """One stroke at N instants, the last one interval before the stroke repeats."""
+    """One stroke at N instants, the last one interval before the end of the period."""
 
     phase: Floats
     """(N,) -; of the stroke, 0 to 1"""
@@ -96,17 +98,17 @@ class WingMotion(NamedTuple):
     flap_rate: Floats
     """(N,) rad/s"""
     twist: Floats
-    """(N,) rad; of the tip, leading edge up, growing linearly from the hinge"""
+    """(N,) rad; of the tip, leading edge up, linear from the hinge"""
     twist_rate: Floats
     """(N,) rad/s"""
     velocity: Floats
-    """(N, 3) m/s; of the fuselage through the air, body axes"""
+    """(N, 3) m/s; of the fuselage relative to the air, body axes"""
     omega: Floats
     """(N, 3) rad/s; of the fuselage, body axes"""
 
 
 class Stroke(NamedTuple):
-    """Flapping between two angles, each half a cosine of its own length."""
+    """Flapping between two angles; each half stroke is half a cosine of its own duration."""
 
     frequency: float
     """Hz"""
@@ -115,13 +117,13 @@ class Stroke(NamedTuple):
     lowest: float
     """rad"""
     down_from: float
-    """-; phase at which the down-stroke begins"""
+    """-; phase at the start of the downstroke"""
     down_to: float
-    """-; phase at which it ends"""
+    """-; phase at the end of the downstroke"""
 
 
 class SectionVelocity(NamedTuple):
-    """Of one point of each section through the air in the section's axes, each (N, n) m/s."""
+    """Velocity of one point of each section relative to the air in section axes, each (N, n) m/s."""
 
     along: Floats
     """forward along the chord"""
@@ -132,21 +134,21 @@ class SectionVelocity(NamedTuple):
 
 
 SLOW_HAWK_STROKE = Stroke(frequency=5.91, highest=0.67, lowest=-0.39, down_from=0.24, down_to=0.78)
-"""Grauer V.A: extrema, phases, frequency; its angle counts the wing down positive. The cosines are chosen."""
+"""Grauer V.A: extrema, phases, frequency; its flap angle is positive wing down. The cosines are chosen."""
 
 
 def elliptic_wing(semispan: float, root_chord: float, sections: int, hinge: Floats) -> Wing:
-    """A wing whose chord falls as a quarter of an ellipse from root to tip."""
+    """Return a wing with a quarter-elliptic chord from root to tip."""
     edges = np.linspace(0.0, semispan, sections + 1)
     span = 0.5 * (edges[1:] + edges[:-1])
     return Wing(span, root_chord * np.sqrt(1.0 - (span / semispan) ** 2), np.diff(edges), hinge)
 
 
 def flap_angles(stroke: Stroke, phase: Floats) -> tuple[Floats, Floats]:
-    """Flap angle in rad and rate in rad/s (N,) at the ``phase`` (N,) of a stroke.
+    """Return flap angle in rad and rate in rad/s (N,) at the ``phase`` (N,) of a stroke.
 
     Raises:
-        InputError: the down-stroke's phases do not lie in one stroke, the earlier first.
+        InputError: the phases of the downstroke are not increasing within one stroke.
     """
     length = stroke.down_to - stroke.down_from
     if not 0.0 < length < 1.0:
@@ -163,7 +165,7 @@ def flap_angles(stroke: Stroke, phase: Floats) -> tuple[Floats, Floats]:
 
 
 def steady_flight(stroke: Stroke, instants: int, airspeed: float, angle: float = 0.0) -> WingMotion:
-    """A stroke without twist of an aircraft that flies straight, at an ``angle`` of attack in rad of the fuselage."""
+    """Return a stroke without twist in straight flight at an ``angle`` of attack in rad of the fuselage."""
     phase = np.arange(instants) / instants
     flap, rate = flap_angles(stroke, phase)
     velocity = np.tile([airspeed * math.cos(angle), 0.0, airspeed * math.sin(angle)], (instants, 1))
@@ -172,7 +174,7 @@ def steady_flight(stroke: Stroke, instants: int, airspeed: float, angle: float =
 
 
 class _Joints(NamedTuple):
-    """What the joints of both wings do: each (3, N), angle in rad, its rate and acceleration."""
+    """Joint motion of both wings: each (3, N), angle in rad, its rate and acceleration."""
 
     stroke_plane: float
     """rad"""
@@ -184,14 +186,14 @@ class _Joints(NamedTuple):
 
 
 class _Mount(NamedTuple):
-    """The sections of one wing and how they hang."""
+    """Sections of one wing and their attachment."""
 
     span: Floats
     """(n,) m"""
     chord: Floats
     """(n,) m"""
     axis: float
-    """-; of feathering and twist, in chords behind the leading edge"""
+    """-; axis of feathering and twist, in chords behind the leading edge"""
     hinge: Floats
     """(3,) m; body axes"""
 
@@ -208,11 +210,11 @@ class _Wing(NamedTuple):
     chord_rate: Floats
     chord_acceleration: Floats
     turn: Floats
-    """(phases, strips) rad/s^2; pitch acceleration by the joints"""
+    """(phases, strips) rad/s^2; pitch acceleration from the joints"""
 
 
 def series(harmonics: Harmonics, phases: Floats, frequency: float) -> Floats:
-    """(3, phases): angle rad, rate rad/s and acceleration rad/s^2 at ``phases`` (0 to 1) of a stroke."""
+    """Evaluate (3, phases): angle rad, rate rad/s and acceleration rad/s^2 at ``phases`` (0 to 1) of a stroke."""
     found = np.zeros((3, len(phases)))
     found[0] = harmonics.mean
     for quarter, amplitudes in ((0.0, harmonics.cosine), (-0.25, harmonics.sine)):
@@ -225,13 +227,13 @@ def series(harmonics: Harmonics, phases: Floats, frequency: float) -> Floats:
 
 
 def _turning(vector: Floats, omega: Floats, omega_rate: Floats) -> tuple[Floats, Floats]:
-    """First and second derivative of a vector that turns with ``omega``."""
+    """Return first and second derivative of a vector that rotates with ``omega``."""
     rate = np.cross(omega, vector)
     return rate, np.cross(omega_rate, vector) + np.cross(omega, rate)
 
 
 def _wing(joints: _Joints, eta: Floats) -> _Wing:
-    """The right wing's directions and their derivatives."""
+    """Return the directions of the right wing and their derivatives."""
     phi, psi, theta, twist = (angles[:, :, None] for angles in joints[1:])
     c, s = math.cos(joints.stroke_plane), math.sin(joints.stroke_plane)
     right, back, across = np.array([0.0, 1.0, 0.0]), np.array([-c, 0.0, -s]), np.array([s, 0.0, -c])
@@ -259,7 +261,7 @@ def _mirrored(wing: _Wing, side: float) -> _Wing:
 
 
 class _Columns(NamedTuple):
-    """What the strips of one wing do: (phases, strips), vectors with a last axis of 3."""
+    """Motion of the strips of one wing: (phases, strips), vectors with a last axis of 3."""
 
     along: Floats
     down: Floats
@@ -278,7 +280,7 @@ def _dot(a: Floats, b: Floats) -> Floats:
 
 
 def _columns(wing: _Wing, mount: _Mount, body: Floats, at: float = MIDDLE) -> _Columns:
-    """What the points ``at`` of a chord do, with the ``body``'s velocity and turn rate (N, 6)."""
+    """Compute the motion of the points ``at`` of a chord, with the ``body``'s velocity and angular rate (N, 6)."""
     behind, reach = ((at - mount.axis) * mount.chord)[:, None], mount.span[:, None]
     flight, omega = body[:, None, :3], body[:, None, 3:]
     place = mount.hinge + reach * wing.span[:, None] - behind * wing.chord
@@ -303,7 +305,7 @@ def _columns(wing: _Wing, mount: _Mount, body: Floats, at: float = MIDDLE) -> _C
 
 
 def _both(joints: _Joints, mount: _Mount, eta: Floats, body: Floats) -> _Columns:
-    """Of both wings, left first; ``mount`` is the right one's."""
+    """Compute the motion of both wings, left first; ``mount`` is that of the right one."""
     right = _wing(joints, eta)
     sides = [
         _columns(_mirrored(right, side), mount._replace(hinge=mount.hinge * (1.0, side, 1.0)), body) for side in SIDES
@@ -312,10 +314,10 @@ def _both(joints: _Joints, mount: _Mount, eta: Floats, body: Floats) -> _Columns
 
 
 def kinematics(motion: PrescribedStroke, strips: Strips, body: Floats, phases: int = 200) -> StrokeKinematics:
-    """The motion at ``phases`` equal steps of a stroke, from phase 0.
+    """Compute the motion at ``phases`` equal steps of a stroke, from phase 0.
 
-    ``body`` (6,) is the fuselage's steady velocity through the air in m/s and its angular velocity in rad/s, body
-    axes. ``strips`` are of two wings alike, left (0) and right (1).
+    ``body`` (6,) is the fuselage's steady velocity relative to the air in m/s and its angular velocity in rad/s, body
+    axes. ``strips`` are those of two equal wings, left (0) and right (1).
     """
     at = np.arange(phases) / phases
     told = (motion.stroke, motion.deviation, motion.feathering, motion.twist)
@@ -333,10 +335,10 @@ def kinematics(motion: PrescribedStroke, strips: Strips, body: Floats, phases: i
 
 
 def wing_points(motion: PrescribedStroke, phases: Floats, span: Floats, behind: Floats) -> Floats:
-    """(N, n, 3) m; points of the right wing in body axes at ``phases`` (N,) of a stroke, counted in strokes.
+    """Return (N, n, 3) m; points of the right wing in body axes at ``phases`` (N,) of a stroke, in strokes.
 
-    Each point lies ``span`` (n,) m from the hinge and ``behind`` (n,) m behind the feathering axis, both in the wing.
-    Twist is that of a wing whose outermost point is its tip.
+    Each point is ``span`` (n,) m from the hinge and ``behind`` (n,) m behind the feathering axis, both in the wing.
+    The outermost point is the tip for the twist.
     """
     told = (motion.stroke, motion.deviation, motion.feathering, motion.twist)
     joints = _Joints(motion.stroke_plane, *(series(harmonics, phases, motion.frequency) for harmonics in told))
@@ -345,14 +347,14 @@ def wing_points(motion: PrescribedStroke, phases: Floats, span: Floats, behind: 
 
 
 def protocol_motions(wing: Wing, motion: WingMotion) -> list[Motion]:
-    """The protocol's motion of both wings at each instant."""
+    """Convert to the protocol's motion of both wings at each instant."""
     joints = _recorded(motion)
     body = np.concatenate((motion.velocity, motion.omega), axis=1)
     return _motions(_both(joints, _mount(wing), _eta(wing), body), joints.stroke[:2], body)
 
 
 def section_velocity(wing: Wing, motion: WingMotion, aft: float, side: float = RIGHT) -> SectionVelocity:
-    """Velocity of the point ``aft`` of a chord behind each section's leading edge, Grauer Eq. 9."""
+    """Compute the velocity of the point ``aft`` of a chord behind each leading edge, Grauer Eq. 9."""
     body = np.concatenate((motion.velocity, motion.omega), axis=1)
     mount = _mount(wing)._replace(hinge=wing.hinge * (1.0, side, 1.0))
     found = _columns(_mirrored(_wing(_recorded(motion), _eta(wing)), side), mount, body, aft)
@@ -360,14 +362,14 @@ def section_velocity(wing: Wing, motion: WingMotion, aft: float, side: float = R
 
 
 def strips_of(wing: Wing) -> Strips:
-    """Both wings as the protocol's strips, left wing first."""
+    """Convert both wings to the protocol's strips, left wing first."""
     which = np.repeat([0.0, 1.0], len(wing.span))
     span, eta, chord, width = (np.tile(column, 2) for column in (wing.span, _eta(wing), wing.chord, wing.width))
     return Strips(span, eta, chord, width, which)
 
 
 def _recorded(motion: WingMotion) -> _Joints:
-    """A bird's joints; what they accelerate is not recorded, and left out."""
+    """Return the recorded joint motion; accelerations are not recorded and omitted."""
     still = np.zeros((3, len(motion.phase)))
     flap, twist = (
         np.stack((angle, rate, still[0]))
@@ -385,7 +387,7 @@ def _eta(wing: Wing) -> Floats:
 
 
 def _motions(whole: _Columns, flap: Floats, body: Floats) -> list[Motion]:
-    """One a row: flap angle and rate (2, N), ``body`` (N, 6)."""
+    """Return one motion per row: flap angle and rate (2, N), ``body`` (N, 6)."""
     return [_motion(whole, i, np.tile(flap[:, i], (2, 1)), body[i]) for i in range(len(body))]
 
 

@@ -33,7 +33,7 @@ class SpatialKinematics(NamedTuple):
     angle_of_attack: Floats
     """rad; Grauer Eq. 10"""
     reduced_frequency: Floats
-    """-; Grauer Eq. 11 without its square on the speed; infinite where a section stands still"""
+    """-; Grauer Eq. 11 with the first power of the speed; infinite for a section at rest"""
     reynolds: Floats
     """-; Grauer Eq. 12"""
 
@@ -41,7 +41,7 @@ class SpatialKinematics(NamedTuple):
 def spatial_kinematics(
     wing: Wing, motion: WingMotion, density: float = DENSITY, viscosity: float = VISCOSITY
 ) -> SpatialKinematics:
-    """Speed, angle of attack, reduced frequency and Reynolds number of the right wing (Grauer Eq. 9 to 12).
+    """Compute speed, angle of attack, reduced frequency and Reynolds number of the right wing (Grauer Eq. 9 to 12).
 
     Args:
         wing: its sections.
@@ -95,7 +95,7 @@ def _draw_field(figure: Any, polar: Any, kinematics: SpatialKinematics, field: t
     shown = np.where(np.isfinite(values), values, np.nan)
     lowest, highest = float(np.nanmin(shown)), float(np.nanmax(shown))
     span = max(abs(lowest), abs(highest)) if colours == "RdBu_r" else None
-    # Closed around the stroke, so that no wedge is left between the last instant and the first.
+    # Closed around the stroke, without a gap between the last instant and the first.
     phase = 2.0 * np.pi * np.append(kinematics.phase, kinematics.phase[0] + 1.0)
     closed = np.column_stack((shown, shown[:, 0]))
     drawn = polar.pcolormesh(

@@ -26,23 +26,23 @@ from sim_bridge.flight_mechanics.prescribed import StrokeKinematics, Wing, WingM
 from sim_bridge.vectors import Floats
 
 APPARENT = "apparent_mass"
-"""the part that is added here to those of the model"""
+"""contribution that is added here to those of the model"""
 
 
 class StrokeLoads(NamedTuple):
-    """Loads over a stroke, part by part: those of the model, then `APPARENT`."""
+    """Loads over a stroke by contribution: those of the model, then `APPARENT`."""
 
     parts: tuple[str, ...]
     sections: Floats
-    """(phases, parts, 4, n) N, N m; section axes, as `sim_bridge.aerodynamics.protocol` orders them"""
+    """(phases, parts, 4, n) N, N m; section axes, in the order of `sim_bridge.aerodynamics.protocol`"""
     force: Floats
-    """(phases, parts, 3) N; body axes (FRD), what the model tells of the fuselage included"""
+    """(phases, parts, 3) N; body axes (FRD), the model's fuselage forces included"""
     moment: Floats
     """(phases, parts, 3) N m; about the body's origin"""
 
 
 class LiftThrust(NamedTuple):
-    """Vertical and forward force, part by part."""
+    """Vertical and forward force by contribution."""
 
     lift: Floats
     """N; up"""
@@ -58,9 +58,9 @@ def stroke_loads(
     density: float,
     strokes: int = 3,
 ) -> StrokeLoads:
-    """Loads at each phase of the last of ``strokes`` strokes (for a model with memory; others need one).
+    """Compute loads at each phase of the last of ``strokes`` strokes (for a model with memory; others need one).
 
-    The memory's smooth share is carried from phase to phase by Heun's rule. ``density`` in kg/m^3.
+    The continuous states of the memory are integrated by Heun's method. ``density`` in kg/m^3.
     """
     motions, count = stroke.motions, len(stroke.motions)
     state, dt = model.initial(parameters, strips), stroke.period / count
@@ -96,9 +96,10 @@ def _record(result: StrokeLoads, i: int, out: SectionLoads, motion: Motion, stro
 def prescribed_loads(
     model: AerodynamicModel, settings: Any, wing: Wing, motion: WingMotion, density: float = 1.225
 ) -> Floats:
-    """Force and moment (N, 6) in N, N m of both wings on the fuselage, body axes, moment about its centre of mass.
+    """Compute force and moment (N, 6) in N, N m of both wings on the fuselage, body axes, about its center of mass.
 
-    Instant by instant: without the forces of apparent mass and with a model's state at rest; `stroke_loads` has both.
+    Each instant is computed separately, without apparent mass and with a model's state at rest; `stroke_loads`
+    includes both.
     """
     strips = strips_of(wing)
     parameters = model.build(settings, strips)
@@ -112,16 +113,16 @@ def prescribed_loads(
 
 
 def body_loads(motion: Motion, sections: Floats) -> Floats:
-    """Force and moment (..., 6) in N, N m about the body's origin, body axes, of section loads (..., 4, n)."""
+    """Sum section loads (..., 4, n) to force and moment (..., 6) in N, N m about the body's origin, body axes."""
     return np.asarray(strip_loads(motion, sections).sum(axis=-2))
 
 
 def lift_and_thrust(force: Floats, pitch: float = 0.0) -> LiftThrust:
-    """Vertical and forward components of forces (..., 3) in body axes, wings level at ``pitch`` rad."""
+    """Return vertical and forward components of forces (..., 3) in body axes, wings level at ``pitch`` rad."""
     c, s = math.cos(pitch), math.sin(pitch)
     return LiftThrust(-c * force[..., 2] + s * force[..., 0], c * force[..., 0] + s * force[..., 2])
 
 
 def mean_lift_and_thrust(loads: StrokeLoads, pitch: float = 0.0) -> LiftThrust:
-    """Means over the stroke, each (parts,)."""
+    """Return the means over the stroke, each (parts,)."""
     return lift_and_thrust(np.mean(loads.force, axis=0), pitch)

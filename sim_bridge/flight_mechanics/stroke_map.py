@@ -24,14 +24,14 @@ from wingbeat.atmosphere import SEA_LEVEL_DENSITY
 from wingbeat.errors import InputError
 
 INTERVALS = 40
-"""pieces of a stroke over which the commanded angle is linear"""
+"""intervals of a stroke over which the commanded angle is linear"""
 BODY_STATES = 4
 """forward speed, downward speed, pitch rate, pitch: the slow states, first in the vector"""
 TURN = 2.0 * math.pi
 
 
 class StrokeInputs(NamedTuple):
-    """What is constant over a stroke."""
+    """Constant inputs of a stroke."""
 
     frequency: float
     """Hz; flapping"""
@@ -65,24 +65,24 @@ class StrokeMeans(NamedTuple):
     flap_amplitude: float
     """rad; half the achieved peak-to-peak stroke"""
     flap_rate: float
-    """rad/s; greatest"""
+    """rad/s; maximum"""
 
 
 class Stroke(NamedTuple):
     """One period of flight."""
 
     end: Floats
-    """(size,); the longitudinal state at its end"""
+    """(size,); longitudinal state at the end of the stroke"""
     means: StrokeMeans
     phase_error: float
-    """rad; what the crank has turned beyond once, 0 where no motor turns it"""
+    """rad; crank angle beyond one turn, 0 without a motor"""
 
 
 def check_memory(vehicle: SimulatedVehicle) -> None:
-    """Refuse air that remembers too much for a search among all its states.
+    """Reject an aerodynamic model with too much memory for a search over all its states.
 
     Raises:
-        InputError: it does.
+        InputError: the model has too much memory.
     """
     name = vehicle.aerodynamics.model
     if find_model(name).keeps_wake:
@@ -92,13 +92,13 @@ def check_memory(vehicle: SimulatedVehicle) -> None:
 
 
 class StrokeMap:
-    """Maps the longitudinal state at the start of a stroke to that one period later."""
+    """Map of the longitudinal state at the start of a stroke to that one period later."""
 
     def __init__(self, vehicle: SimulatedVehicle) -> None:
         """Build the plant.
 
         Raises:
-            InputError: the bodies make no vehicle, or the air keeps a whole wake.
+            InputError: invalid bodies, or an aerodynamic model with a wake history.
         """
         check_memory(vehicle)
         self.vehicle = vehicle
@@ -108,7 +108,7 @@ class StrokeMap:
         self.memory = BODY_STATES + 2 * len(self.joints)
         self.motor = vehicle.linkage is not None and vehicle.drive.kind == "linkage"
         self.crank = self.memory + layout.size - layout.aerodynamics
-        """place of the crank's speed, which is a state where a motor turns it"""
+        """index of the crank speed, which is a state if a motor drives the crank"""
         self.size = self.crank + self.motor
         self.around = k.Surroundings(0.0, 0.0, 0.0, SEA_LEVEL_DENSITY, k.FREE, 0.0, 0.0, 0.0)
         self._wave = np.sin(TURN * np.arange(INTERVALS + 1) / INTERVALS)
@@ -117,7 +117,7 @@ class StrokeMap:
         self._at_rest = self.pack()
 
     def start(self, inputs: StrokeInputs) -> Floats:
-        """A state (size,) at rest, the joints where the drive has them at the start of a stroke."""
+        """Return a state (size,) at rest, with the joints in the drive's position at the start of a stroke."""
         z = self._at_rest.copy()
         z[:BODY_STATES] = 0.0
         if self.vehicle.linkage is not None and self.motor:
@@ -129,7 +129,7 @@ class StrokeMap:
         return z
 
     def unpack(self, z: Floats, inputs: StrokeInputs) -> None:
-        """Put the longitudinal state into the plant: u, w, q, pitch, coordinates, their rates, the air's memory."""
+        """Set the plant to a longitudinal state: u, w, q, pitch, coordinates, their rates, aerodynamic memory."""
         y, layout, n = self.plant.y, self.plant.layout, len(self.joints)
         y[:] = 0.0
         y[2] = -1000.0
@@ -146,7 +146,7 @@ class StrokeMap:
         y[layout.aerodynamics :] = z[self.memory : self.crank]
 
     def pack(self, y: Floats | None = None) -> Floats:
-        """The longitudinal state (size,) of the plant, or that in another state vector of it."""
+        """Return the longitudinal state (size,) of the plant, or of another state vector of it."""
         y = self.plant.y if y is None else y
         layout, pitch = self.plant.layout, 2.0 * math.atan2(y[5], y[3])
         crank = y[layout.crank_speed : layout.crank_speed + self.motor]
@@ -154,7 +154,7 @@ class StrokeMap:
         return np.concatenate(([y[7], y[9], y[11], pitch], y[self._first], y[self._rates], memory, crank))
 
     def controls(self, piece: int, inputs: StrokeInputs) -> k.Controls:
-        """Commands over one of the `INTERVALS` pieces of the stroke."""
+        """Return the commands over one of the `INTERVALS` intervals of the stroke."""
         mean = self.vehicle.cruise.stroke_mean
         ends = [mean + inputs.amplitude * float(self._wave[piece + i]) for i in (0, 1)]
         throttle = inputs.throttle if self.motor else throttle_for(inputs.frequency, self.vehicle)
@@ -162,7 +162,7 @@ class StrokeMap:
         return k.Controls(ends[0], ends[1], ends[0], ends[1], throttle, inputs.elevator, 0.0, duration, 1.0)
 
     def fly(self, z: Floats, inputs: StrokeInputs) -> Stroke:
-        """The stroke that starts at ``z`` (size,): its end and its averages."""
+        """Simulate the stroke that starts at ``z`` (size,); return its end and its averages."""
         self.unpack(z, inputs)
         rows = np.zeros((INTERVALS, 10))
         for piece in range(INTERVALS):
@@ -175,11 +175,11 @@ class StrokeMap:
         return Stroke(self.end(inputs), means, phase_error)
 
     def end(self, inputs: StrokeInputs) -> Floats:
-        """The state (size,) where the crank has turned once, from the plant's at the end of the period."""
+        """Return the state (size,) after one turn of the crank, from the plant's state at the end of the period."""
         return self.pack(self.whole_turn(inputs))
 
     def whole_turn(self, inputs: StrokeInputs) -> Floats:
-        """The plant's state vector carried along the flow to where the crank has turned once."""
+        """Extrapolate the plant's state vector to one full turn of the crank."""
         if not self.motor:
             return self.plant.y
         y, phase = self.plant.y.copy(), self.plant.layout.crank_phase
@@ -196,14 +196,14 @@ class StrokeMap:
         return speed, climb, pitch, alpha, drive.current, drive.electrical_power, power, torque, float(y[flap]), rate
 
     def __call__(self, z: Floats, inputs: StrokeInputs) -> Floats:
-        """The state (size,) one period after ``z``."""
+        """Return the state (size,) one period after ``z``."""
         self.unpack(z, inputs)
         for piece in range(INTERVALS):
             self.plant.advance(self.controls(piece, inputs), self.around)
         return self.end(inputs)
 
     def settle_wings(self, z: Floats, inputs: StrokeInputs, strokes: int) -> Floats:
-        """The state with wings and wake after ``strokes`` periods of flight with the body's motion imposed."""
+        """Return the state with wings and wake after ``strokes`` periods with prescribed body motion."""
         free, self.around = self.around, self.around._replace(launcher=k.HELD)
         self.unpack(z, inputs)
         for _ in range(strokes):
@@ -214,9 +214,9 @@ class StrokeMap:
 
 
 def paired_coordinates(plant: Plant) -> list[tuple[int, ...]]:
-    """Indices in the state vector of what moves in symmetric flight: a coordinate of both sides, or of the middle.
+    """Return the state indices of symmetric motion: coordinates of both sides, or of the plane of symmetry.
 
-    What follows a servo is an input, not a state.
+    Coordinates with a servo are inputs, not states.
     """
     names = plant.layout.coordinates
     images = {part.mirror_of: name for name, part in plant.vehicle.bodies.items() if part.mirror_of}
@@ -232,11 +232,11 @@ def paired_coordinates(plant: Plant) -> list[tuple[int, ...]]:
 
 
 def throttle_for(frequency: float, vehicle: SimulatedVehicle) -> float:
-    """Throttle 0 to 1 at which a crank drive turns at ``frequency`` Hz; 0 for other drives."""
+    """Return the throttle, 0 to 1, of a crank drive at ``frequency`` Hz; 0 for other drives."""
     return _throttle(frequency, vehicle.drive.frequencies) if vehicle.drive.kind == "crank" else 0.0
 
 
 @functools.lru_cache(maxsize=64)
 def _throttle(frequency: float, table: tuple[float, ...]) -> float:
-    """It is asked for at each piece of a stroke, with the same frequency."""
+    """Cached, because it is called at each interval of a stroke with the same frequency."""
     return float(np.interp(frequency, table, np.linspace(0.0, 1.0, len(table))))

@@ -23,23 +23,23 @@ from wingbeat.constants import STANDARD_GRAVITY
 from wingbeat.errors import InputError
 
 INTERVALS = 125
-"""pieces of a stroke over which the commanded angle is linear, and samples of the record"""
+"""intervals of a stroke over which the commanded angle is linear, and samples of the record"""
 LEVELLING = 10
-"""strokes over which the body is pitched until the wings carry it"""
+"""strokes over which the angle of attack is adjusted for lift equal to weight"""
 SETTLING = 3
-"""strokes after that before the one recorded"""
+"""further strokes before the recorded one"""
 DENSITY = 1.225
 """kg/m^3; at sea level"""
 HOLDING = 150.0
-"""rad/s; of drives that hold the stroke: six times the flapping at 4 Hz, a seventh of the integrator's rate"""
+"""rad/s; bandwidth of ideal drives: six times the flapping at 4 Hz, a seventh of the integrator's rate"""
 BISECTIONS = 10
-"""of the reachable stroke: a thousandth of the commanded one"""
+"""bisection steps of the reachable stroke: a thousandth of the commanded one"""
 STEEPEST = 1.2
-"""rad; angle of attack beyond which no level is looked for"""
+"""rad; limit of the angle of attack in the search for lift equal to weight"""
 
 
 class Stream(NamedTuple):
-    """The flight condition imposed."""
+    """Prescribed flight condition."""
 
     airspeed: float
     """m/s"""
@@ -54,10 +54,10 @@ class Stream(NamedTuple):
 
 
 class Record(NamedTuple):
-    """One stroke of the right wing and of both wings' loads; arrays (`INTERVALS`,) in equal steps of time."""
+    """One stroke of the right wing and the loads of both wings; arrays (`INTERVALS`,) in equal time steps."""
 
     angle_of_attack: float
-    """rad; of the body, at which the stroke was flown"""
+    """rad; of the body"""
     period: float
     """s"""
     command: Floats
@@ -69,22 +69,22 @@ class Record(NamedTuple):
     twist: Floats
     """rad; of the tip"""
     torque: Floats
-    """N m; of one drive, mean over the step that ends here, as the next two"""
+    """N m; of one drive, mean over the step that ends at the sample, as the next two"""
     power: Floats
-    """W; mechanical, of one drive: its torque's work on the angle"""
+    """W; mechanical, of one drive: torque times rate"""
     current: Floats
     """A; of both drives"""
     lift: Floats
-    """N; vertical, of both wings, the air's apparent mass included"""
+    """N; vertical, of both wings, with apparent mass"""
     thrust: Floats
-    """N; forward and horizontal, likewise"""
+    """N; forward and horizontal, with apparent mass"""
 
 
 class Tunnel:
-    """A vehicle with servo drives held in the stream."""
+    """Vehicle with servo drives, fixed in the stream."""
 
     def __init__(self, vehicle: SimulatedVehicle, stream: Stream) -> None:
-        """Build the plant behind a supply of constant voltage.
+        """Build the plant with a supply of constant voltage.
 
         Raises:
             InputError: the vehicle's wings are not driven by servos, or do not twist; or the climb is above the
@@ -103,7 +103,7 @@ class Tunnel:
         self.around = k.Surroundings(0.0, 0.0, 0.0, DENSITY, k.HELD, 0.0, 0.0, 0.0)
 
     def point(self, angle_of_attack: float) -> None:
-        """Turn the body to an angle of attack in rad, its path as the stream says."""
+        """Set the angle of attack of the body in rad, with the flight path of the stream."""
         y, speed = self.plant.y, self.stream.airspeed
         pitch = angle_of_attack + math.asin(self.stream.climb_rate / speed)
         y[3:7] = math.cos(pitch / 2), 0.0, math.sin(pitch / 2), 0.0
@@ -111,12 +111,12 @@ class Tunnel:
         rotation(y[3], y[4], y[5], y[6], self.plant.scratch.r)
 
     def command(self) -> Floats:
-        """(`INTERVALS` + 1,) rad; the commanded stroke from its middle on."""
+        """(`INTERVALS` + 1,) rad; commanded stroke from its middle."""
         phase = 2.0 * math.pi * np.arange(INTERVALS + 1) / INTERVALS
         return np.asarray(self.vehicle.cruise.stroke_mean + self.stream.amplitude * np.sin(phase))
 
     def stroke(self, angle_of_attack: float) -> Record:
-        """Fly one stroke."""
+        """Simulate one stroke."""
         self.point(angle_of_attack)
         command, period = self.command(), 1.0 / self.stream.frequency
         layout, rows, forces = self.plant.layout, [], []
@@ -134,7 +134,7 @@ class Tunnel:
         return Record._make((angle_of_attack, period, *np.array(rows).T, lift, thrust))
 
     def _sections(self) -> Floats:
-        """(14, n): force along chord, normal and span in N, those axes, speed of mid-chord and apparent mass."""
+        """Return (14, n): force along chord, normal and span in N, those axes, speed of mid-chord and apparent mass."""
         mechanism, scratch = self.plant.mechanism, self.plant.scratch
         wing_places(scratch.tree, mechanism.wings, scratch.wings)
         motion, loads = scratch.wings.motion, scratch.wings.loads
@@ -142,10 +142,10 @@ class Tunnel:
         return np.concatenate((loads.parts.sum(axis=0)[:3], axes, [motion.down, loads.apparent[MASS]]))
 
     def _lift_and_thrust(self, sections: list[Floats], period: float) -> tuple[Floats, Floats]:
-        """Of both wings over a stroke that repeats itself: (`INTERVALS`,) each."""
+        """Return lift and thrust of both wings over a periodic stroke: (`INTERVALS`,) each."""
         table = np.array(sections)
         force, axes, down, apparent = table[:, :3], table[:, 3:12], table[:, 12], table[:, 13]
-        # The apparent mass resists the rate of the normal speed.
+        # The apparent mass resists the derivative of the normal speed.
         step = period / INTERVALS
         force[:, 1] += apparent * (np.roll(down, -1, axis=0) - np.roll(down, 1, axis=0)) / (2.0 * step)
         body = np.einsum("tcn,tcin->ti", force, axes.reshape(len(table), 3, 3, -1))
@@ -154,7 +154,7 @@ class Tunnel:
 
 
 def fly(vehicle: SimulatedVehicle, stream: Stream, angle_of_attack: float | None = None) -> Record:
-    """A settled stroke in the tunnel, at an angle of attack or where the wings' mean lift is the weight.
+    """Return a settled stroke at an angle of attack, or at the one of mean lift equal to weight.
 
     Raises:
         InputError: see `Tunnel`; or the wings cannot carry the vehicle.
@@ -173,9 +173,9 @@ def fly(vehicle: SimulatedVehicle, stream: Stream, angle_of_attack: float | None
 
 
 def levelled(tunnel: Tunnel) -> Record:
-    """A settled stroke at the angle of attack at which the wings' mean lift comes nearest to the weight.
+    """Return a settled stroke at the angle of attack whose mean lift is closest to the weight.
 
-    Found from stroke to stroke by the secant rule.
+    The angle is adjusted from stroke to stroke by the secant method.
     """
     strips, speed = tunnel.plant.mechanism.wings.strips, tunnel.stream.airspeed
     steady = 0.5 * DENSITY * speed**2 * float(strips.chord @ strips.width) * math.pi
@@ -183,7 +183,8 @@ def levelled(tunnel: Tunnel) -> Record:
     for stroke in range(LEVELLING):
         lift = float(np.mean(tunnel.stroke(alpha).lift))
         if stroke > 1 and abs(alpha - before[0]) > 1e-4:
-            # The lift of a stroke lags: no steeper than the steady slope, no flatter than a fifth of it.
+            # The lift of a stroke lags, so the slope is limited to between a fifth of the steady slope and that
+            # slope.
             slope = min(max((lift - before[1]) / (alpha - before[0]), 0.2 * steady), steady)
         before = (alpha, lift)
         alpha = min(max(alpha + (weight - lift) / slope, -STEEPEST), STEEPEST)
@@ -191,24 +192,24 @@ def levelled(tunnel: Tunnel) -> Record:
 
 
 class Measures(NamedTuple):
-    """What the instruments make of a stroke; both drives together unless told otherwise."""
+    """Measured quantities of a stroke, of both drives together unless stated otherwise."""
 
     angle_of_attack: float
     """rad; of the body"""
     amplitude: float
     """rad; peak to peak, of the flap angle"""
     plunge_speed: float
-    """rad/s; greatest"""
+    """rad/s; maximum"""
     overshoot: float
-    """-; of the plunge speed, see `overshoot_of`"""
+    """-; overshoot of the plunge speed, see `overshoot_of`"""
     twist: float
     """rad; half of the tip's peak-to-peak twist"""
     torque: float
     """N m; mean magnitude, of one drive"""
     positive_power: float
-    """W; mean mechanical power that the drives give, what the wings give back not counted"""
+    """W; mean of the positive mechanical power of the drives, without the returned power"""
     net_power: float
-    """W; mean mechanical power, what the wings give back subtracted"""
+    """W; mean mechanical power, less the returned power"""
     current: float
     """A; mean"""
     electrical_power: float
@@ -220,7 +221,7 @@ class Measures(NamedTuple):
 
 
 def measure(record: Record, stream: Stream) -> Measures:
-    """Reduce a stroke to what Gerdes 2017 tells of it."""
+    """Reduce a stroke to the quantities of Gerdes 2017."""
     power = 2.0 * record.power
     current = float(np.mean(record.current))
     return Measures(
@@ -240,9 +241,9 @@ def measure(record: Record, stream: Stream) -> Measures:
 
 
 def overshoot_of(rate: Floats) -> float:
-    """Share by which the plunge speed's first peak exceeds what it falls to before its last one (Gerdes Table 6).
+    """Compute the relative overshoot of the plunge speed's first peak over the minimum before its last one.
 
-    ``rate`` (n,) in rad/s over a stroke that repeats itself; looked at where it is positive. 0 if it has one peak.
+    Gerdes Table 6. ``rate`` (n,) in rad/s over a periodic stroke; the positive part is used. 0 for a single peak.
     """
     start = int(np.argmin(rate))
     half = np.roll(rate, -start)
@@ -255,16 +256,17 @@ def overshoot_of(rate: Floats) -> float:
 
 
 def rate_error(record: Record) -> float:
-    """Root mean square of commanded less flown flap rate, over that of the command."""
+    """Compute the RMS difference of commanded and actual flap rate, relative to the RMS of the command."""
     step = record.period / len(record.command)
     wanted = (np.roll(record.command, -1) - np.roll(record.command, 1)) / (2.0 * step)
     return float(np.sqrt(np.mean((wanted - record.rate) ** 2) / np.mean(wanted**2)))
 
 
 def stiffened(vehicle: SimulatedVehicle) -> SimulatedVehicle:
-    """The vehicle with drives of no bounds that hold the commanded stroke: Gerdes' kinematics alone.
+    """Return the vehicle with unlimited drives that follow the commanded stroke: Gerdes' kinematics only.
 
-    Their loop is critically damped at `HOLDING` for the flat wing's inertia about its hinge, its air included.
+    The loop is critically damped at `HOLDING` for the inertia of the flat wing about its hinge, apparent mass
+    included.
     """
     inertia = hinge_inertia(vehicle)
     ideal = vehicle.drive._replace(
@@ -277,7 +279,7 @@ def stiffened(vehicle: SimulatedVehicle) -> SimulatedVehicle:
 
 
 def hinge_inertia(vehicle: SimulatedVehicle) -> float:
-    """Moment of inertia in kg m^2 of one flat wing about its hinge: spar, membrane and the air's apparent mass."""
+    """Compute the inertia in kg m^2 of a flat wing about its hinge: spar, membrane and apparent mass."""
     strips, membrane = wing_strips(vehicle.wing)
     spar = vehicle.bodies[vehicle.wing.right]
     apparent = DENSITY * math.pi * strips.chord**2 / 4.0 * strips.width
@@ -286,9 +288,11 @@ def hinge_inertia(vehicle: SimulatedVehicle) -> float:
 
 
 def demand(record: Record, vehicle: SimulatedVehicle) -> float:
-    """Greatest share of what a drive of ``vehicle`` can give that the stroke asks for: above 1 it is out of reach.
+    """Compute the largest ratio of required torque to the limit of a drive of ``vehicle``; above 1 it is out of
+    reach.
 
-    The line from stall torque to no-load speed bounds torque along the motion, the stall torque braking (Fig. 9).
+    The limit along the motion is the line from stall torque to no-load speed; in braking it is the stall torque (Fig.
+    9).
     """
     drive = vehicle.drive
     driving = np.abs(record.torque) / drive.stall_torque
@@ -297,10 +301,11 @@ def demand(record: Record, vehicle: SimulatedVehicle) -> float:
 
 
 def reachable_stroke(vehicle: SimulatedVehicle, stream: Stream, angle_of_attack: float) -> float:
-    """Half amplitude in rad of the greatest sinusoidal stroke that the drives can follow (Gerdes Fig. 16).
+    """Compute the half amplitude in rad of the largest sinusoidal stroke that the drives can follow (Gerdes Fig.
+    16).
 
-    Torque and speed of the stroke held exactly are compared with the drives' line at every instant; the stroke of the
-    stream is made smaller until they fit, by bisection. The drives' voltage is taken as their nominal one.
+    Torque and speed of the exact stroke are compared with the drives' line at every instant; the amplitude is reduced
+    by bisection. The voltage of the drives is their nominal one.
     """
     stiff, low, high = stiffened(vehicle), 0.0, stream.amplitude
     if demand(fly(stiff, stream, angle_of_attack), vehicle) <= 1.0:

@@ -35,37 +35,37 @@ from wingbeat.constants import STANDARD_GRAVITY
 from wingbeat.errors import InputError
 
 REFERENCE_CHORD = 0.311
-"""m; of the wing whose twist stiffness is a parameter of the fit (wing A): it falls with the cube of the chord"""
+"""m; chord of wing A, whose twist stiffness is a parameter of the fit: the stiffness decreases with its cube"""
 POWER_SIGMA, SPEED_SIGMA, AMPLITUDE_SIGMA, LIFT_SIGMA = 0.08, 0.04, 0.12, 0.05
-"""-; what a share of error counts as one in the fit: the first two are what the fit must reach"""
+"""-; relative errors of weight 1 in the fit: the first two are its targets"""
 THRUST_SIGMA = 0.6
-"""N; likewise"""
+"""N; error of weight 1 in the fit"""
 SLOW_SIGMA = 0.05
-"""-; likewise, of `rate_error` in the slow stroke"""
+"""-; `rate_error` of weight 1 in the slow stroke"""
 PRIOR_SIGMA = 3.0
-"""-; likewise, of a parameter's distance from its start, in shares of its range"""
+"""-; deviation of a parameter from its initial value, as a fraction of its range, of weight 1"""
 SLOW_ANGLE = 0.1
 """rad; angle of attack of the slow stroke"""
 STEP, ROUNDS, TOLERANCE = 0.02, 25, 1e-3
-"""-; of the differences, in shares of the ranges; of the search"""
+"""-; of the differences, as fractions of the ranges; of the search"""
 
 
 class MeasuredFlight(NamedTuple):
-    """A steady flight and what was measured in it."""
+    """Steady flight with its measured data."""
 
     stream: Stream
     power: float
     """W; mean mechanical power of both drives"""
     plunge_speed: float
-    """rad/s; greatest"""
+    """rad/s; maximum"""
     amplitude: float
     """rad; peak to peak"""
     slow: Stream | None = None
-    """a stroke that the drives follow, if one was looked at"""
+    """stroke that the drives follow, None if there is none"""
 
 
 class Range(NamedTuple):
-    """Where a parameter of the fit may lie and where the search begins."""
+    """Range and initial value of a parameter of the fit."""
 
     low: float
     start: float
@@ -86,18 +86,18 @@ RANGES = {
 
 
 class WingFit(NamedTuple):
-    """What a fit found."""
+    """Result of a fit."""
 
     values: AsMeasured
     """of the wing of `REFERENCE_CHORD`"""
     cost: float
     """half the sum of squares"""
     at_bounds: tuple[str, ...]
-    """parameters that ran to an end of their range"""
+    """parameters at an end of their range"""
 
 
 def with_values(vehicle: SimulatedVehicle, values: AsMeasured) -> SimulatedVehicle:
-    """The vehicle with these values, twist stiffness of its own wing, in the place of those it flies with.
+    """Return the vehicle with these values, the twist stiffness converted to its own wing.
 
     Raises:
         InputError: the vehicle's file has no section [strip_theory].
@@ -124,7 +124,7 @@ def with_values(vehicle: SimulatedVehicle, values: AsMeasured) -> SimulatedVehic
 
 
 def as_measured(vehicle: SimulatedVehicle) -> SimulatedVehicle:
-    """The vehicle with the values of its section [as_measured] in the place of those it flies with.
+    """Return the vehicle with the values of its section [as_measured].
 
     Raises:
         InputError: its file has no such section.
@@ -136,15 +136,15 @@ def as_measured(vehicle: SimulatedVehicle) -> SimulatedVehicle:
 
 
 def for_wing(values: AsMeasured, chord: float) -> AsMeasured:
-    """A fit's values for a wing of another greatest chord in m: spars alike, Gerdes Eq. 13."""
+    """Convert a fit's values to a wing of another largest chord in m: equal spars, Gerdes Eq. 13."""
     return values._replace(twist_stiffness=scaled_stiffness(values.twist_stiffness, REFERENCE_CHORD, chord))
 
 
 def simulate_rows(vehicle: SimulatedVehicle, values: AsMeasured, flight: MeasuredFlight) -> Measures:
-    """What a flight of the vehicle measures with a fit's values.
+    """Simulate the measured quantities of a flight with a fit's values.
 
     Raises:
-        InputError: the wings cannot carry the vehicle.
+        InputError: the lift is below the weight of the vehicle.
     """
     changed = with_values(vehicle, for_wing(values, vehicle.wing.root_chord))
     return measure(fly(changed, flight.stream), flight.stream)
@@ -157,7 +157,7 @@ def fit(
 ) -> WingFit:
     """Fit one set of values to the flights of the vehicles of the same names.
 
-    ``on_progress`` hears, before each trial of values, which share of the trials allowed has been made.
+    ``on_progress`` is called before each evaluation with the completed fraction of the maximum number.
     """
     made = itertools.count()
 
@@ -180,9 +180,9 @@ def leave_one_out(
     flights: Mapping[str, MeasuredFlight],
     on_progress: Callable[[float, str], None] = lambda share, words: None,
 ) -> dict[str, Measures]:
-    """What each flight measures with the values fitted to all the others.
+    """Simulate each flight with the values fitted to all the others.
 
-    ``on_progress`` hears which share is done at least, and which flight is left out.
+    ``on_progress`` is called with the least completed fraction and the flight that is left out.
     """
     found: dict[str, Measures] = {}
     for name, flight in flights.items():
@@ -197,12 +197,12 @@ def leave_one_out(
 
 
 def to_shares(values: Mapping[str, float]) -> Floats:
-    """(n,) places 0 to 1 of the values in their `RANGES`."""
+    """Convert values to (n,) fractions 0 to 1 of their `RANGES`."""
     return np.array([_share(RANGES[name], values[name]) for name in RANGES])
 
 
 def from_shares(shares: Floats) -> AsMeasured:
-    """The values at places 0 to 1 of their `RANGES`."""
+    """Convert fractions 0 to 1 of the `RANGES` to values."""
     return AsMeasured(*[_value(one, share) for one, share in zip(RANGES.values(), shares.tolist(), strict=True)])
 
 

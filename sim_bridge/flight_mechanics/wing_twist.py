@@ -16,21 +16,21 @@ from wingbeat.errors import InputError
 
 
 def twist_stiffness(flexural_rigidity: float, chord: float, proportion: float) -> float:
-    """Torsional stiffness in N m/rad, Gerdes Eq. 13: ``proportion`` (B, m^2/rad) times 3 E I / L^3.
+    """Compute the torsional stiffness in N m/rad, Gerdes Eq. 13: ``proportion`` (B, m^2/rad) times 3 E I / L^3.
 
-    Spars of rigidity E I in N m^2 are cantilevered over the ``chord`` in m, so that for wings of one spar material
-    the stiffness falls with the cube of the chord.
+    The spars of rigidity E I in N m^2 are cantilevered over the ``chord`` in m, so the stiffness of wings of one spar
+    material decreases with the cube of the chord.
     """
     return 3.0 * flexural_rigidity / chord**3 * proportion
 
 
 def scaled_stiffness(stiffness: float, chord: float, other_chord: float) -> float:
-    """Stiffness in N m/rad of a wing of ``other_chord`` whose spars are those of one of ``chord`` (Eq. 13)."""
+    """Scale the stiffness in N m/rad from ``chord`` to ``other_chord`` for equal spars (Eq. 13)."""
     return stiffness * (chord / other_chord) ** 3
 
 
 def twist_inertia(strips: Strips, membrane: Floats, density: float) -> float:
-    """Moment of inertia in kg m^2 of one wing's tip twist: membrane and the air's apparent mass.
+    """Compute the moment of inertia in kg m^2 of one wing's tip twist: membrane and apparent mass.
 
     ``strips`` are one wing's; ``membrane`` (n,) in kg at mid-chord; ``density`` of the air in kg/m^3. The twist is
     linear from root to tip, about the leading edge.
@@ -41,12 +41,12 @@ def twist_inertia(strips: Strips, membrane: Floats, density: float) -> float:
 
 
 def natural_frequency(stiffness: float, inertia: float) -> float:
-    """rad/s, Gerdes Eq. 14 with the moment of inertia in kg m^2 for the mass."""
+    """Compute the natural frequency in rad/s, Gerdes Eq. 14 with the moment of inertia in kg m^2 for the mass."""
     return math.sqrt(stiffness / inertia)
 
 
 def damped_frequency(natural: float, damping_ratio: float) -> float:
-    """rad/s, Gerdes Eq. 15.
+    """Compute the damped frequency in rad/s, Gerdes Eq. 15.
 
     Raises:
         InputError: the damping ratio is not between 0 and 1: there is no oscillation.
@@ -57,12 +57,12 @@ def damped_frequency(natural: float, damping_ratio: float) -> float:
 
 
 def twist_damping(damping_ratio: float, stiffness: float, inertia: float) -> float:
-    """N m s/rad of a damper with a damping ratio: 2 zeta omega_n J."""
+    """Compute the damping in N m s/rad of a damping ratio: 2 zeta omega_n J."""
     return 2.0 * damping_ratio * natural_frequency(stiffness, inertia) * inertia
 
 
 def free_twist(time: Floats, start: float, start_rate: float, natural: float, damping_ratio: float) -> Floats:
-    """Twist in rad at ``time`` (n,) s after it was let go at ``start`` rad with ``start_rate`` rad/s, Gerdes Eq. 16.
+    """Compute the free twist in rad at ``time`` (n,) s from ``start`` rad with ``start_rate`` rad/s, Gerdes Eq. 16.
 
     Raises:
         InputError: see `damped_frequency`.
@@ -73,7 +73,7 @@ def free_twist(time: Floats, start: float, start_rate: float, natural: float, da
 
 
 def damping_ratio(overshoot: float) -> float:
-    """Damping ratio of a second-order step response that overshoots by a share, Gerdes Eq. 17.
+    """Compute the damping ratio of a second-order step response from its relative overshoot, Gerdes Eq. 17.
 
     Raises:
         InputError: the overshoot is not between 0 and 1.
@@ -85,7 +85,7 @@ def damping_ratio(overshoot: float) -> float:
 
 
 def overshoot(damping_ratio: float) -> float:
-    """Overshoot, as a share, of a second-order step response: the inverse of Eq. 17.
+    """Compute the relative overshoot of a second-order step response: the inverse of Eq. 17.
 
     Raises:
         InputError: see `damped_frequency`.
