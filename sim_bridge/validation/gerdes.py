@@ -18,14 +18,14 @@ CONTRADICTION = (
 
 
 def planform(wing: WingFigures) -> float:
-    """m^2; of one wing with the chord of Eq. 1."""
+    """Compute the area in m^2 of one wing with the chord of Eq. 1."""
     shape = load_vehicle(VEHICLE).wing._replace(semispan=wing.semispan, root_chord=wing.chord)
     strips, _ = wing_strips(shape)
     return 0.5 * float(strips.chord @ strips.width)
 
 
 def planform_rows() -> list[Row]:
-    """Areas of the four wings by Eq. 1, and their boxes."""
+    """Compare the areas of the four wings by Eq. 1, and their boxes."""
     rows = []
     for name, wing in WINGS.items():
         area = figure("Table 3", f"area of wing {name} by Eq. 1", "m^2", wing.area)
@@ -37,7 +37,7 @@ def planform_rows() -> list[Row]:
 
 
 def drive_rows() -> list[Row]:
-    """Power of two servos by Eq. 12 at 8.0 V, the current that Eq. 11 asks for, the power that Table 5 asks for."""
+    """Compare the power of two servos by Eq. 12 at 8.0 V, the current of Eq. 11, and the power required by Table 5."""
     drive = load_vehicle(VEHICLE).drive
     rows = []
     for name, wing in WINGS.items():

@@ -23,15 +23,15 @@ C_A, C_B, C_C, C_D, C_E, C_F, C_G, C_H = -4.688, 4.646, 0.677, -0.936, -6.877, 0
 
 
 def servo_power(current: float, voltage: float) -> float:
-    """Output power in W of one servo at a current in A and a voltage in V: Eq. 12, bracket closed, Table 2."""
+    """Compute the output power in W of a servo from current in A and voltage in V: Eq. 12, bracket closed, Table 2."""
     i, v = current + C_D, voltage + C_E
     return C_A + C_B * current + C_C * voltage + C_F * i * v + C_G * i * i + C_H * v * v
 
 
 def servo_current(power: Floats, voltage: float) -> Floats:
-    """Current in A (n,) that one servo draws to give a power (n,) in W: Eq. 12 inverted, its rising branch.
+    """Compute the current in A (n,) of one servo for a power (n,) in W: Eq. 12 inverted, its rising branch.
 
-    Power that it takes counts as none; power beyond the greatest that Eq. 12 gives as that.
+    Negative power counts as zero; power beyond the maximum of Eq. 12 counts as the maximum.
     """
     v = voltage + C_E
     linear = C_B + C_F * v - 2.0 * C_G * -C_D
@@ -42,10 +42,10 @@ def servo_current(power: Floats, voltage: float) -> Floats:
 
 
 def motor_current(torque: Floats, rate: Floats, drive: Drive, voltage: float) -> Floats:
-    """Supply current in A (n,) of one servo as a motor with back-EMF and resistance behind a chopper.
+    """Compute the supply current in A (n,) of a servo motor with back-EMF and resistance after a chopper.
 
-    V I = torque rate + R (torque / k)^2, where the line from stall torque (N m) to no-load speed (rad/s) has
-    k = V / no-load speed, R = k V / stall torque. Torque (n,) in N m, rate (n,) in rad/s; nothing flows back.
+    V I = torque rate + R (torque / k)^2, with k = V / no-load speed and R = k V / stall torque for the line from
+    stall torque (N m) to no-load speed (rad/s). Torque (n,) in N m, rate (n,) in rad/s; there is no regeneration.
     """
     constant = voltage / drive.no_load_speed
     resistance = constant * voltage / drive.stall_torque
@@ -53,25 +53,25 @@ def motor_current(torque: Floats, rate: Floats, drive: Drive, voltage: float) ->
 
 
 def by_energy(measured: Measures, voltage: float) -> float:
-    """Mean current in A of both drives if they turn `EFFICIENCY` of it into mechanical power."""
+    """Compute the mean current in A of both drives at the constant efficiency `EFFICIENCY`."""
     return measured.positive_power / (EFFICIENCY * voltage)
 
 
 def by_dynamometer(record: Record, voltage: float) -> float:
-    """Mean current in A of both drives if at each instant they draw what Eq. 12 says."""
+    """Compute the mean current in A of both drives by Eq. 12 at each instant."""
     return 2.0 * float(np.mean(servo_current(record.power, voltage)))
 
 
 def by_motor(record: Record, drive: Drive, voltage: float) -> float:
-    """Mean current in A of both drives by `motor_current`."""
+    """Compute the mean current in A of both drives by `motor_current`."""
     rate = (record.flap - np.roll(record.flap, 1)) * len(record.flap) / record.period
     return 2.0 * float(np.mean(motor_current(record.torque, rate, drive, voltage)))
 
 
 def steady_power(wing: WingFigures, frequency: float) -> float:
-    """Least mean power in W of one drive that Table 5's torque constant takes at Table 4's stroke.
+    """Compute the least mean power in W of one drive from Table 5's torque constant at Table 4's stroke.
 
-    A stroke has its mean speed from amplitude and frequency alone, and no less than that squared as its mean square.
+    Amplitude and frequency determine the mean speed of a stroke, whose square is the lower limit of its mean square.
     """
     speed = 2.0 * wing.amplitude * frequency
     return wing.torque_constant * math.pow(speed, 2)

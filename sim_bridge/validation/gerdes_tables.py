@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 
 class ModelFigures(NamedTuple):
-    """Table 7, kinematics only: the paper's model with the commanded stroke held exactly."""
+    """Table 7, kinematics only: the paper's model with the exact commanded stroke."""
 
     lift: float
     """N; mean"""
@@ -19,12 +19,12 @@ class ModelFigures(NamedTuple):
 
 
 class WingFigures(NamedTuple):
-    """What is printed of one wing design and its flight."""
+    """Published data of one wing design and its flight."""
 
     semispan: float
     """m; Table 3"""
     chord: float
-    """m; greatest, Table 3"""
+    """m; maximum, Table 3"""
     area: float
     """m^2; Table 3"""
     climb_rate: float
@@ -50,7 +50,7 @@ class WingFigures(NamedTuple):
     torque: float
     """N m, mean, Table 7, flight testing"""
     plunge_speed: float
-    """rad/s, greatest, Table 7, flight testing"""
+    """rad/s, maximum, Table 7, flight testing"""
     lift: float
     """N, mean, Table 7, coupled model"""
     thrust: float

@@ -27,17 +27,17 @@ COMMANDED = 0.796
 VOLTAGE = 8.0
 """V; loaded, at which Eq. 12 gives the powers of Table 7"""
 FLAPPING, SLOW = 4.0, 1.0
-"""Hz; Table 4's flights, and the stroke of Fig. 10 that is followed"""
+"""Hz; Table 4's flights, and the stroke of Fig. 10 that the drives follow"""
 
 
 def stream(wing: str, frequency: float = FLAPPING) -> Stream:
-    """The flight condition of Table 4 with the commanded stroke at ``frequency`` Hz."""
+    """Return the flight condition of Table 4 with the commanded stroke at ``frequency`` Hz."""
     printed = WINGS[wing]
     return Stream(printed.airspeed, printed.climb_rate, frequency, COMMANDED, VOLTAGE)
 
 
 def measured_flights() -> dict[str, MeasuredFlight]:
-    """What `sim_bridge.flight_mechanics.wing_fit` fits to, by wing; Fig. 10's slow stroke with wing D."""
+    """Return the data for `sim_bridge.flight_mechanics.wing_fit` by wing; Fig. 10's slow stroke with wing D."""
     return {
         wing: MeasuredFlight(
             stream(wing), one.power, one.plunge_speed, one.amplitude, stream(wing, SLOW) if wing == "D" else None
@@ -47,7 +47,7 @@ def measured_flights() -> dict[str, MeasuredFlight]:
 
 
 def vehicles() -> dict[str, SimulatedVehicle]:
-    """The four vehicles as they fly, by wing."""
+    """Return the four vehicles, by wing."""
     return {wing: load_vehicle(f"robo_raven_ii_{wing.lower()}") for wing in WINGS}
 
 
@@ -82,19 +82,19 @@ HELD = (
 REACH = "a sine up to 1.5 Hz, beyond it the drive's bandwidth bounds the stroke"
 LEFT_OUT = "each wing flown with values fitted to the three others; the paper's own model: 0.19 and 0.08"
 GAP = 0.15
-"""-; chosen: up to which a figure without a limit of its own counts as reproduced"""
+"""-; chosen: relative difference up to which a figure without its own limit counts as reproduced"""
 MEAN_POWER, MEAN_SPEED = 0.08, 0.04
-"""-; mean errors allowed for the fitted set"""
+"""-; limits of the mean errors for the fitted set"""
 LEFT_OUT_POWER, LEFT_OUT_SPEED = 0.15, 0.06
-"""-; mean errors allowed for wings that were left out of the fit"""
+"""-; limits of the mean errors for wings that were left out of the fit"""
 FOLLOWED = 0.10
-"""-; rate error up to which a stroke counts as followed"""
+"""-; rate error below which a stroke counts as followed"""
 REACHED_TO = 1.5
-"""Hz; to which wing D follows a sine, Fig. 11"""
+"""Hz; frequency up to which wing D follows a sine, Fig. 11"""
 
 
 def rows() -> list[Row]:
-    """All that takes seconds; `left_out_rows` needs fits that take minutes."""
+    """Compute all rows that take seconds; `left_out_rows` needs fits that take minutes."""
     records = simulated_records()
     measured = {wing: measure(record, stream(wing)) for wing, record in records.items()}
     wings = []
@@ -104,19 +104,19 @@ def rows() -> list[Row]:
 
 
 def simulated_records() -> dict[str, Record]:
-    """A stroke of each of the four wings in the flights of Table 4, with the set of the vehicle files."""
+    """Simulate a stroke of each of the four wings in the flights of Table 4, with the values of the vehicle files."""
     return {wing: fly(as_measured(bird), stream(wing)) for wing, bird in vehicles().items()}
 
 
 def mean_error(measured: Mapping[str, Measures], quantity: str) -> float:
-    """Mean over the wings of the share by which ``power`` or ``plunge_speed`` of Table 7 is missed."""
+    """Compute the mean relative error of ``power`` or ``plunge_speed`` of Table 7 over the wings."""
     computed = "positive_power" if quantity == "power" else quantity
     errors = [abs(getattr(one, computed) / getattr(WINGS[wing], quantity) - 1.0) for wing, one in measured.items()]
     return math.fsum(errors) / len(errors)
 
 
 def mean_rows(measured: Mapping[str, Measures]) -> list[Row]:
-    """The mean errors over the four wings with the fitted set."""
+    """Compare the mean errors over the four wings with the fitted set."""
     power, speed = (mean_error(measured, quantity) for quantity in ("power", "plunge_speed"))
     return [
         fitted(
@@ -133,12 +133,12 @@ def mean_rows(measured: Mapping[str, Measures]) -> list[Row]:
 
 
 def of_wing(wing: str, table: int, quantity: str, unit: str, value: float) -> Figure:
-    """What a table prints of a wing."""
+    """Return a table's figure of a wing."""
     return figure(f"Table {table}", f"{quantity}, wing {wing}", unit, value)
 
 
 def wing_rows(wing: str, computed: Measures) -> list[Row]:
-    """Every mechanical figure of Tables 4, 6 and 7 that a wing's stroke has."""
+    """Compare every mechanical figure of Tables 4, 6 and 7 for the stroke of a wing."""
     printed, of = WINGS[wing], partial(of_wing, wing)
     return [
         fitted(of(7, "mean power", "W", printed.power), computed.positive_power, f"{POWER}; {FIT}"),
@@ -153,7 +153,7 @@ def wing_rows(wing: str, computed: Measures) -> list[Row]:
 
 
 def current_rows(wing: str, computed: Measures, record: Record) -> list[Row]:
-    """Table 4's mean current by the plant's law and by three other readings of the servo."""
+    """Compare Table 4's mean current by the plant's law and by three other interpretations of the servo."""
     drive, current = as_measured(vehicles()[wing]).drive, WINGS[wing].current
     motor = gerdes_servo.by_motor(record, drive, VOLTAGE)
     of = partial(of_wing, wing, 4)
@@ -168,7 +168,7 @@ def current_rows(wing: str, computed: Measures, record: Record) -> list[Row]:
 
 
 def stroke_rows() -> list[Row]:
-    """Fig. 10: what of the commanded stroke wing D follows at 1 and 4 Hz."""
+    """Compare Fig. 10: the fraction of the commanded stroke that wing D follows at 1 and 4 Hz."""
     bird = as_measured(vehicles()["D"])
     slow, fast = (fly(bird, stream("D", rate), SLOW_ANGLE) for rate in (SLOW, FLAPPING))
     followed = figure("Fig. 10", "rate error at 1 Hz, wing D", "-", 0.0)
@@ -183,7 +183,7 @@ def stroke_rows() -> list[Row]:
 
 
 def fixed_body_rows() -> list[Row]:
-    """Table 7, kinematics only: the commanded stroke held exactly, at Table 4's angle of attack."""
+    """Compare Table 7, kinematics only: the exact commanded stroke at Table 4's angle of attack."""
     found = []
     for wing, bird in vehicles().items():
         printed = WINGS[wing]
@@ -201,7 +201,7 @@ def fixed_body_rows() -> list[Row]:
 
 
 def reachable_rows() -> list[Row]:
-    """Fig. 16 and 11: the part of the commanded stroke that stays within torque and speed of the drives, wing D."""
+    """Compare Fig. 16 and 11: fraction of the commanded stroke within the limits of the drives, wing D."""
     bird, found = as_measured(vehicles()["D"]), []
     for frequency in (1.0, 1.5, 2.0, 3.0, 4.0):
         share = reachable_stroke(bird, stream("D", frequency), SLOW_ANGLE) / COMMANDED
@@ -212,9 +212,9 @@ def reachable_rows() -> list[Row]:
 
 
 def left_out_rows(on_progress: Callable[[float, str], None] = lambda share, words: None) -> list[Row]:
-    """The mean errors over wings each of which is left out of the fit that it is flown with: minutes.
+    """Compute the mean errors over the wings, each with the fit that leaves it out; takes minutes.
 
-    ``on_progress`` hears which share is done, and of what.
+    ``on_progress`` is called with the completed fraction and the present wing.
     """
     measured = leave_one_out(vehicles(), measured_flights(), on_progress)
     power, speed = (mean_error(measured, quantity) for quantity in ("power", "plunge_speed"))

@@ -36,16 +36,16 @@ SEMISPAN, AREA = 0.6, 0.3
 """m, m^2; of both wings"""
 CHORD = AREA / (2.0 * SEMISPAN)
 ROOT = 2.0 * AREA / (math.pi * SEMISPAN)
-"""m; of the elliptic chord with that area"""
+"""m; root chord of the elliptic wing of that area"""
 HINGE = np.array([0.05, 0.02, -0.03])
-"""m; chosen, and without effect as long as the fuselage does not turn"""
+"""m; chosen, without effect if the fuselage does not rotate"""
 WING = elliptic_wing(SEMISPAN, ROOT, 75, HINGE)
 WEIGHT = MASS * STANDARD_GRAVITY
 LEVEL_LIFT = WEIGHT / (0.5 * 1.225 * SPEED**2 * AREA)
 """-; lift coefficient of level flight"""
 SETTINGS = {column: Regression(column, AREA, CHORD) for column in COLUMNS}
 INSTANTS = 200
-"""of a stroke: the paper's grid"""
+"""instants of a stroke on the paper's grid"""
 ANGLE, REDUCED, REYNOLDS, SECTION_SPEED = (-0.94, 0.86), (0.0458, 0.7404), (19000.0, 232000.0), (8.9, 11.0)
 """rad, -, -, m/s; V.B"""
 WORDS = ("least", "greatest")
@@ -61,17 +61,17 @@ BRAKE = "as printed, the theta_dot squared row makes flapping a brake: no steady
 
 
 def stroke_fields() -> SpatialKinematics:
-    """Fields over span and stroke on the paper's grid."""
+    """Compute the fields over span and stroke on the paper's grid."""
     return spatial_kinematics(WING, steady_flight(SLOW_HAWK_STROKE, INSTANTS, SPEED))
 
 
 def simulated_loads(column: str, angle: float = 0.0) -> Floats:
-    """Loads (N, 6) in N, N m over a stroke by a column of Table 1, at an ``angle`` of attack in rad."""
+    """Compute loads (N, 6) in N, N m over a stroke by a column of Table 1, at an ``angle`` of attack in rad."""
     return prescribed_loads(MODEL, SETTINGS[column], WING, steady_flight(SLOW_HAWK_STROKE, INSTANTS, SPEED, angle))
 
 
 def spatial_rows() -> list[Row]:
-    """The ranges of V.B."""
+    """Compare the ranges of V.B."""
     fields = stroke_fields()
     angle, speed = fields.angle_of_attack, fields.speed
     frequency, reynolds = fields.reduced_frequency, fields.reynolds
@@ -99,7 +99,7 @@ def _ends(field: Floats) -> tuple[float, float]:
 
 
 def table_rows() -> list[Row]:
-    """What both columns of Table 1 say of level flight at the mean airspeed."""
+    """Compare both columns of Table 1 in level flight at the mean airspeed."""
     return [row for column in COLUMNS for row in _column_rows(column)]
 
 
@@ -126,7 +126,7 @@ def _trims(column: str) -> str:
 
 
 def draw_plots(folder: Path) -> list[Path]:
-    """Draw Fig. 8's polar plots into a new file of ``folder``, which is made if it is not there.
+    """Draw Fig. 8's polar plots into a new file of ``folder``, created if missing.
 
     Raises:
         InputError: the file exists, or matplotlib is not installed.

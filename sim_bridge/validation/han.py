@@ -13,17 +13,17 @@ from sim_bridge.validation.row import Check, Row, compare, compare_share, figure
 
 WHERE = "Eq. 12, Table 1"
 PEAKS = ((0.0, 1.70, 51.0), (1.0, 1.48, 43.0), (-0.25, 2.04, 55.0))
-"""advance ratio, greatest C_L, its angle of attack in deg"""
+"""advance ratio, largest C_L, its angle of attack in deg"""
 SHARES = ((87.2, 12.5, 0.65), (83.0, 7.8, 1.73))
 """% of the lift at 2.9 and 5.0 m/s: translational, rotational, added mass"""
 BORNE = 1.974 / 1.995
-"""of the moth's weight at 2.9 m/s"""
+"""fraction of the moth's weight at 2.9 m/s"""
 CHOSEN = "the wing motion is not printed: ours is chosen, and so is what comes of it"
 ANGLES = np.radians(np.linspace(0.0, 90.0, 9001))
 
 
 def coefficient_rows() -> list[Row]:
-    """Greatest lift coefficients and where they lie, the factors of hover, the planform."""
+    """Compare the largest lift coefficients and their angles, the factors of hover, and the planform."""
     rows = []
     for ratio, peak, angle_deg in PEAKS:
         lift = lift_coefficient(ANGLES, ratio)
@@ -41,7 +41,7 @@ def coefficient_rows() -> list[Row]:
 
 
 def hawkmoth_rows() -> list[Row]:
-    """Shares of the lift of a stroke at both speeds, and the weight borne."""
+    """Compare the lift contributions of a stroke at both speeds, and the weight fraction."""
     found = [row for case, printed in zip(CASES, SHARES, strict=True) for row in _share_rows(case, printed)]
     slow = shares(hawkmoth_loads(CASES[0]))
     borne = figure("text at Fig. 10", "mean lift over weight at 2.9 m/s", "-", BORNE)

@@ -40,12 +40,13 @@ from sim_bridge.vectors import Floats
 
 ROWS, COLUMNS, STEPS, STROKES = 6, 10, 80, 3
 OUTERMOST = 0.985
-"""-; of the wing from root to tip: where the ellipse still has a chord to be cut into panels"""
+"""-; of the wing from root to tip: limit at which the ellipse has sufficient chord for panels"""
 HINGE = (0.0, 0.012, 0.0)
-"""m; so far out that the root, which turns in as the wing sweeps, stays 4.7 mm off its mirror image's plane; a stiff
-root chord on the moth's own hinges would cut through it"""
+"""m; chosen so that the root, which moves inboard during the sweep, stays 4.7 mm from the plane of symmetry. On the
+moth's own hinges a rigid root chord would cross that plane
+"""
 UP = np.array([-1.0, 1.0, -1.0])
-"""body axes (forward, right, down) to the lattice's (back, right, up), and back"""
+"""body axes (forward, right, down) to lattice axes (back, right, up), and back"""
 ATTACHED = (
     "two models, neither measured: the lattice's flow is attached at 45 degrees of attack and has no leading-edge"
     " vortex; the coefficients have both vortex and stall in them, but no wake"
@@ -53,12 +54,12 @@ ATTACHED = (
 
 
 class Mesh(NamedTuple):
-    """How fine a lattice and its stroke are cut."""
+    """Resolution of lattice and stroke."""
 
     rows: int = ROWS
     columns: int = COLUMNS
     steps: int = STEPS
-    """a stroke"""
+    """per stroke"""
 
 
 MESH = Mesh()
@@ -72,13 +73,13 @@ class Course(NamedTuple):
     thrust: Floats
     """(n,) N; forward"""
     unsteady_lift: Floats
-    """(n,) N; of ``lift``: apparent mass, in the lattice all that goes with the strengths' rates"""
+    """(n,) N; part of ``lift``: apparent mass, for the lattice all terms with derivatives of the strengths"""
     power: Floats
-    """(n,) W; what moving the wings through the air takes"""
+    """(n,) W; power of the wing motion against the air"""
 
 
 class Wing(NamedTuple):
-    """The lattice's nodes in the wing, right wing."""
+    """Lattice nodes of the right wing."""
 
     span: Floats
     """(nodes,) m; from the hinge"""
@@ -87,7 +88,7 @@ class Wing(NamedTuple):
 
 
 def wing(mesh: Mesh = MESH) -> Wing:
-    """Along the elliptic chord that the strips have too."""
+    """Return the nodes along the elliptic chord of the strips."""
     length = WING_LENGTH / (1.0 + ROOT)
     along = np.linspace(0.0, OUTERMOST, mesh.columns + 1)
     chord = MEAN_CHORD * 4.0 / math.pi * np.sqrt(1.0 - along**2)
@@ -97,7 +98,7 @@ def wing(mesh: Mesh = MESH) -> Wing:
 
 
 def motion_of(case: HawkmothCase, mesh: Mesh = MESH) -> NodeMotion:
-    """The wing's nodes in air at rest, x back, z up; the body flies level."""
+    """Return the nodes' motion in air at rest, x back, z up; the body is level."""
     stroke, nodes = hawkmoth_stroke(case)._replace(hinge=HINGE), wing(mesh)
 
     def moved(t: float) -> Floats:
@@ -108,7 +109,7 @@ def motion_of(case: HawkmothCase, mesh: Mesh = MESH) -> NodeMotion:
 
 
 def lattice_at(motion: NodeMotion, mesh: Mesh = MESH) -> Lattice:
-    """The lattice as the ``motion`` begins."""
+    """Return the lattice at the start of the ``motion``."""
     return lattice_of({"wing": motion(0.0).T.reshape(mesh.rows + 1, mesh.columns + 1, 3)})
 
 
@@ -116,10 +117,10 @@ def lattice_at(motion: NodeMotion, mesh: Mesh = MESH) -> Lattice:
 def lattice_history(
     case: HawkmothCase, wake: str = "prescribed", mesh: Mesh = MESH, kept: float = 2.0, core: float = 0.03
 ) -> History:
-    """`STROKES` strokes of the right wing, its mirror image with it.
+    """Simulate `STROKES` strokes of the right wing with its mirror image.
 
     Args:
-        kept: strokes of wake, before it is cut off.
+        kept: strokes of wake before truncation.
         core: see `Scheme.wake_core`.
     """
     motion, steps = motion_of(case, mesh), mesh.steps
@@ -129,14 +130,14 @@ def lattice_history(
 
 
 def lattice_course(history: History) -> Course:
-    """The last stroke."""
+    """Return the last stroke."""
     last = slice(-(len(history.time) // STROKES), None)
     force, by_rate = (2.0 * one.sum(axis=1)[last] for one in (history.force, history.rate_force))
     return Course(force[:, 2], -force[:, 0], by_rate[:, 2], 2.0 * history.power.sum(axis=1)[last])
 
 
 def quasi_steady_course(case: HawkmothCase) -> Course:
-    """The stroke by `quasi_steady`."""
+    """Compute the stroke by `quasi_steady`."""
     loads, stroke = hawkmoth_loads(case, STEPS), hawkmoth_kinematics(case, STEPS)
     found, sections = lift_and_thrust(loads.force), loads.sections.sum(axis=1)
     work = [
@@ -147,7 +148,7 @@ def quasi_steady_course(case: HawkmothCase) -> Course:
 
 
 def hawkmoth_rows() -> list[Row]:
-    """Means of a stroke and the difference of the histories, at both speeds."""
+    """Compare the means of a stroke and the difference of the time histories, at both speeds."""
     return [row for case in CASES for row in _case_rows(case)]
 
 

@@ -14,7 +14,7 @@ SHED = "the same lattice, its wake otherwise: what the wake model leaves open"
 
 
 class Variant(NamedTuple):
-    """A lattice beside `MESH` with its prescribed wake of two strokes."""
+    """Refinement of `MESH` with its prescribed wake of two strokes."""
 
     title: str
     why: str
@@ -40,7 +40,7 @@ VARIANTS = (
 
 
 def refined_rows(on_progress: Callable[[float, str], None]) -> list[Row]:
-    """Mean lift and power of the last stroke, each variant's beside the plain lattice's, at both speeds."""
+    """Compare mean lift and power of the last stroke of each variant with those of `MESH`, at both speeds."""
     rows: list[Row] = []
     pairs = [(case, variant) for case in CASES for variant in VARIANTS]
     for done, (case, variant) in enumerate(pairs):

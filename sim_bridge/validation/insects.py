@@ -33,20 +33,20 @@ STROKE_PLANES = ((2.9, 44.4), (5.0, 56.3))
 POWER = 30.0
 """W/kg; Sibilski, introduction: typical of insects"""
 SHARE, STROKES = 0.95, 10
-"""of hover's frequency, and how many strokes the open loop is followed"""
+"""frequency relative to hover, and number of strokes of the open loop"""
 TOLERANCES = np.array((0.2, 0.2, 2.0, 0.1, 0.02, 0.02, math.inf))
-"""of the regulator, as `position_gain` takes them: as costly as one another, crank at will"""
+"""state tolerances of the regulator for `position_gain`: equal costs, crank speed unweighted"""
 AUTHORITY = np.array((0.1, 0.1))
 """of throttle, and of elevator in rad"""
 PUSH = {U: 0.1, PITCH: 0.05}
-"""the disturbance that hover is held from: 0.1 m/s and 0.05 rad"""
+"""initial disturbance of hover: 0.1 m/s and 0.05 rad"""
 CHOSEN = "wing motion, wings and body are not printed: all of it is chosen"
 NO_SCALE = "Fig. 4 has no scale that could be read, and masses and wing motion are not printed: chosen"
 HELD = "by a regulator of the linearised orbit, fed back once a stroke; the paper has no controller"
 
 
 def moth_rows() -> list[Row]:
-    """Stroke planes of the moth in level flight; power and divergence of its hover."""
+    """Compare stroke planes of the moth in level flight, and power and divergence of its hover."""
     moth = load_vehicle(HAWKMOTH)
     planes = [
         unreproducible(
@@ -61,7 +61,7 @@ def moth_rows() -> list[Row]:
 
 
 def drift_rows() -> list[Row]:
-    """The open loop of Fig. 4: an oscillation on a vertical drift."""
+    """Compare the open loop of Fig. 4: an oscillation on a vertical drift."""
     drift, swing = drift_and_swing(load_vehicle(ENTOMOPTER))
     return [
         _unprinted("Fig. 4", "vertical drift at 95 % of hover's frequency, down", "m/s^2", drift, NO_SCALE),
@@ -70,7 +70,7 @@ def drift_rows() -> list[Row]:
 
 
 def hover_rows() -> list[Row]:
-    """Power of hover, its divergence, and how it is held."""
+    """Compare the power of hover, its divergence, and its control."""
     vehicle = load_vehicle(ENTOMOPTER)
     orbit = hover(vehicle)
     power = figure("1 Introduction", "power of insects in hover", "W/kg", POWER)
@@ -88,20 +88,22 @@ def _unprinted(where: str, quantity: str, unit: str, computed: float, why: str) 
 
 
 def _divergence_row(vehicle: SimulatedVehicle, orbit: HoverOrbit) -> Row:
-    """How fast hover left to itself diverges."""
+    """Compare the divergence rate of open-loop hover."""
     doubled = math.log(2.0) / growth(linearize(vehicle, orbit)).real
     return _unprinted("-", "hover left to itself: time to double", "s", doubled, CHOSEN)
 
 
 def stroke_plane(vehicle: SimulatedVehicle, airspeed: float) -> float:
-    """rad; against the ground, raised at its rear, mean over a stroke of level flight."""
+    """Compute the stroke plane in rad relative to the ground, raised at its rear, mean over a stroke of level
+    flight.
+    """
     orbit, stroke = hover(vehicle, airspeed), HoverMap(vehicle)
     pitch = float(np.mean(stroke.course(orbit.state, orbit.inputs)[:-1, PITCH]))
     return level_pitch(stroke.plant) - pitch
 
 
 def drift_and_swing(vehicle: SimulatedVehicle) -> tuple[float, float]:
-    """m/s^2, m/s: acceleration of the drift at its start, down, and amplitude of the swing twice a stroke."""
+    """Compute initial downward acceleration of the drift in m/s^2 and amplitude in m/s of the swing twice a stroke."""
     orbit = hover(vehicle)
     frequency = SHARE / orbit.period
     sinking = open_loop(vehicle, orbit, frequency, STROKES).sink_rate
@@ -111,25 +113,25 @@ def drift_and_swing(vehicle: SimulatedVehicle) -> tuple[float, float]:
 
 
 def stroke_means(values: Floats, strokes: int) -> Floats:
-    """(strokes,) means of ``values`` at equal steps of time from the first to the end of the last stroke."""
+    """Return (strokes,) means of ``values`` at equal time steps from the first to the end of the last stroke."""
     return np.asarray(values[:-1].reshape(strokes, -1).mean(axis=1))
 
 
 def _detrended(values: Floats) -> Floats:
-    """``values`` less a cubic in time, which the drift of some strokes is."""
+    """Subtract a cubic in time, which is the drift over several strokes, from ``values``."""
     time = np.linspace(0.0, 1.0, len(values))
     return np.asarray(values - np.polyval(np.polyfit(time, values, 3), time))
 
 
 def hover_excursion(vehicle: SimulatedVehicle, orbit: HoverOrbit, strokes: int = 100) -> float:
-    """m; greatest distance from the place of hover after `PUSH`, fed back once a stroke."""
+    """Compute the largest distance in m from the hover position after `PUSH`, with feedback once a stroke."""
     gain = position_gain(linearize(vehicle, orbit), TOLERANCES, AUTHORITY)
     course = fly(vehicle, orbit, pushed(orbit.state), gain, strokes)
     return float(np.max(np.hypot(course[:, X], course[:, Z])))
 
 
 def pushed(state: Floats) -> Floats:
-    """``state`` after the disturbance."""
+    """Return ``state`` after the disturbance."""
     found = state.copy()
     for index, change in PUSH.items():
         found[index] += change

@@ -17,13 +17,13 @@ FREQUENCIES = (0.1, 0.3, 0.6, 1.0)
 """-; reduced"""
 FIRST_ORDER, ORDER_WITHIN = 1.0, 0.3
 SETTLED = 0.005
-"""-; share of a coefficient by which the last refinement may still change it"""
+"""-; relative change of a coefficient that the last refinement may cause"""
 NEAR = "of the forces on the panels; XFLR5's is that of the wake far behind"
 ALONG_WIND = "likewise, with the wake along the wind, where XFLR5 has it along the body's axis"
 
 
 def steady_rows() -> list[Row]:
-    """The wing of NACA 2412 in steady flow."""
+    """Compare the wing of NACA 2412 in steady flow."""
     computed, where = straight_wing(), "XFLR5, VLM2"
     drag = 0.0193291
     return [
@@ -43,7 +43,7 @@ def steady_rows() -> list[Row]:
 
 
 def convergence_rows() -> list[Row]:
-    """The same wing on three grids: the drags' order, what the last refinement does to lift and moment."""
+    """Compare three grids: order of convergence of the drags, and change of lift and moment by the last refinement."""
     where = ", ".join(f"{columns} x {rows}" for columns, rows in GRIDS) + " panels"
     order, (_, middle, fine) = orders(), [straight_wing(*grid) for grid in GRIDS]
     rows = [
@@ -62,7 +62,7 @@ def convergence_rows() -> list[Row]:
 
 
 def start_rows() -> list[Row]:
-    """An aerofoil set off at once."""
+    """Compare an airfoil that starts impulsively."""
     s, lift = started(half_chords=float(HALF_CHORDS[-1]))
     return [
         compare_share(
@@ -80,7 +80,7 @@ def start_rows() -> list[Row]:
 
 
 def oscillation_rows() -> list[Row]:
-    """An aerofoil that heaves and pitches: size and phase in one, difference over the theory's magnitude."""
+    """Compare an airfoil in heave and pitch: complex difference over the magnitude of the theory."""
     rows = []
     for name, motion in (("heave", heaving), ("pitch", pitching)):
         for k in FREQUENCIES:

@@ -32,7 +32,7 @@ LIGHT = (
 
 
 def vehicle_rows() -> list[Row]:
-    """Planform and Table 2, which the vehicle's file is made from."""
+    """Compare planform and Table 2, from which the vehicle file is made."""
     vehicle = load_vehicle(VEHICLE)
     strips, _ = wing_strips(vehicle.wing)
     area = figure("Table 1", "planform of both wings, elliptic chord", "m^2", AREA)
@@ -51,7 +51,7 @@ def vehicle_rows() -> list[Row]:
 
 
 def short_period_rows() -> list[Row]:
-    """The short period with the controls fixed, of the stroke-averaged motion about cruise."""
+    """Compare the short period with fixed controls, of the stroke-averaged motion about cruise."""
     vehicle = load_vehicle(VEHICLE)
     orbit = trim(vehicle, vehicle.cruise.airspeed, vehicle.cruise.climb_rate)
     mode = short_period_of(stroke_averaged_model(vehicle, orbit))

@@ -25,29 +25,29 @@ class Figure(NamedTuple):
     unit: str
     """"-" for none"""
     low: float
-    """least value printed"""
+    """lower limit of the printed range"""
     high: float
-    """greatest value printed; the same for a single number"""
+    """upper limit of the printed range; equal to ``low`` for a single number"""
 
 
 class Row(NamedTuple):
-    """A published figure beside ours."""
+    """Published figure with the computed value."""
 
     figure: Figure
     computed: float | None
-    """none where nothing can be computed"""
+    """None if it cannot be computed"""
     limit: float | None
-    """greatest difference allowed, in the figure's unit"""
+    """maximum difference, in the figure's unit"""
     outcome: str
     """one of `OUTCOMES`"""
     why: str
-    """what has to be said of it"""
+    """remark"""
     share: float | None = None
-    """-; the limit as the share of the published value that it was told as; none where it was told in its unit"""
+    """-; the limit relative to the published value; None if it is given in the figure's unit"""
 
     @property
     def difference(self) -> float | None:
-        """Ours less what is printed, in the figure's unit; 0 inside of a printed range; none without a number."""
+        """Computed less published value, in the figure's unit; 0 inside of a printed range; None without a number."""
         if self.computed is None or math.isnan(self.figure.low):
             return None
         return self.computed - nearest(self.figure, self.computed)
@@ -59,19 +59,19 @@ class Check(NamedTuple):
     title: str
     rows: Callable[[], list[Row]]
     slow: bool = False
-    """whether it takes more than some seconds"""
+    """whether it takes more than several seconds"""
 
 
 class Study(NamedTuple):
-    """Rows that take minutes, computed when they are asked for by name."""
+    """Rows that take minutes, computed on request by name."""
 
     title: str
     rows: Callable[[Callable[[float, str], None]], list[Row]]
-    """takes what hears which share is done, and of what"""
+    """function of a progress callback, which is called with the completed fraction and its subject"""
 
 
 class Paper(NamedTuple):
-    """One line of the table of papers."""
+    """Row of the table of papers."""
 
     title: str
     checks: tuple[Check, ...]
@@ -79,36 +79,36 @@ class Paper(NamedTuple):
 
 
 def figure(where: str, quantity: str, unit: str, printed: float, upto: float | None = None) -> Figure:
-    """A printed number, or a printed range."""
+    """Return a printed number, or a printed range."""
     return Figure(where, quantity, unit, printed, printed if upto is None else upto)
 
 
 def nearest(printed: Figure, computed: float) -> float:
-    """The printed value nearest to ours."""
+    """Return the printed value nearest to the computed one."""
     return min(max(computed, printed.low), printed.high)
 
 
 def compare(printed: Figure, computed: float, limit: float = 0.0, why: str = "") -> Row:
-    """A row judged by the greatest difference allowed, in the figure's unit."""
+    """Build a row with a maximum difference in the figure's unit."""
     outcome = WITHIN if abs(computed - nearest(printed, computed)) <= limit else SHORT
     return Row(printed, computed, limit, outcome, why)
 
 
 def compare_share(printed: Figure, computed: float, share: float, why: str = "") -> Row:
-    """A row judged by the greatest difference allowed as a share of the printed value nearest to ours."""
+    """Build a row with a maximum difference relative to the nearest printed value."""
     return compare(printed, computed, share * abs(nearest(printed, computed)), why)._replace(share=share)
 
 
 def fitted(printed: Figure, computed: float, why: str) -> Row:
-    """A row that a chosen value was fitted to."""
+    """Build a row to which a chosen value was fitted."""
     return Row(printed, computed, None, FITTED, why)
 
 
 def unreproducible(printed: Figure, computed: float | None, why: str) -> Row:
-    """A row that cannot follow from what the paper prints; ours, if any, is for comparison."""
+    """Build a row that the paper's data do not determine; a computed value is for comparison only."""
     return Row(printed, computed, None, UNREPRODUCIBLE, why)
 
 
 def compared(other: Figure, computed: float, why: str) -> Row:
-    """A row that sets one model of ours beside an ``other`` one, with no limit that either would have to meet."""
+    """Build a row that compares a model with an ``other`` one, without a limit."""
     return Row(other, computed, None, COMPARED, why)

@@ -35,11 +35,11 @@ SPEED = 9.2
 HEAVE, PITCH_RATE, ACCELERATION, ALTITUDE = 2.0, 3.0, 8.9, 0.08
 """m/s, rad/s, g, m; peak to peak, V.A"""
 MASSES = {"fuselage": 0.765, "wings": 0.186, "tail": 0.049}
-"""-; shares of 0.45 kg, II"""
+"""-; fractions of 0.45 kg, II"""
 TRAVEL, VARIATION = 0.03, 0.54
-"""m, -; of the centre of mass and of the moments of inertia over the stroke, Fig. 2"""
+"""m, -; of the center of mass and of the moments of inertia over the stroke, Fig. 2"""
 TOWS = (-0.12, -0.08)
-"""m^2; drag areas between which the tow of Table 1's flight is sought"""
+"""m^2; limits of the drag area of the tow in Table 1's flight"""
 SHAKING = "with its inertia, hinge, twist, camber and suction the vehicle was fitted to it"
 SINUSOID = "fitted with the others; 2.0 m/s peak to peak at 5.91 Hz, if sinusoidal, are 0.054 m: both cannot be met"
 GEOMETRY = "the four-bar was chosen for it; rods that give and a crank that turns unevenly are what is left"
@@ -50,7 +50,7 @@ TOWED = "in the mean the printed C_T brakes: lift and pitch are in balance, the 
 
 
 class MassProperties(NamedTuple):
-    """Of the whole vehicle at one angle of its wings."""
+    """Mass properties of the whole vehicle at one flap angle."""
 
     mass: float
     """kg"""
@@ -61,7 +61,7 @@ class MassProperties(NamedTuple):
 
 
 def mass_properties(vehicle: SimulatedVehicle, flap: float) -> MassProperties:
-    """Mass, centre of mass and inertia tensor with both wings at ``flap`` rad, all else at zero (Grauer Fig. 2)."""
+    """Compute mass, center of mass and inertia with both wings at ``flap`` rad, all else at zero (Grauer Fig. 2)."""
     pieces = [*_bodies(vehicle, flap), *_membrane(vehicle, flap)]
     mass = sum(piece.mass for piece in pieces)
     center = np.sum([piece.mass * piece.center for piece in pieces], axis=0) / mass
@@ -92,7 +92,7 @@ def _membrane(vehicle: SimulatedVehicle, flap: float) -> list[MassProperties]:
 
 
 def _frame(vehicle: SimulatedVehicle, name: str, flap: float) -> tuple[Floats, Floats]:
-    """Place (3,) m and axes (3, 3) of a body in the base's."""
+    """Return position (3,) m and axes (3, 3) of a body in base axes."""
     part = all_parts(vehicle)[name]
     if not part.parent:
         return np.zeros(3), np.eye(3)
@@ -108,12 +108,12 @@ def _about(piece: MassProperties, center: Floats) -> Floats:
 
 
 def center_travel(vehicle: SimulatedVehicle) -> float:
-    """m; how far the centre of mass moves up and down over the printed stroke."""
+    """Compute the vertical travel in m of the center of mass over the printed stroke."""
     return float(np.ptp([mass_properties(vehicle, flap).center[2] for flap in _angles()]))
 
 
 def inertia_variations(vehicle: SimulatedVehicle) -> Floats:
-    """(3,) -; greatest less least of each moment of inertia over the printed stroke, by the least."""
+    """Compute (3,) -; range of each moment of inertia over the printed stroke, relative to its minimum."""
     moments = np.array([np.diag(mass_properties(vehicle, flap).inertia) for flap in _angles()])
     return np.asarray(np.ptp(moments, axis=0) / moments.min(axis=0))
 
@@ -123,7 +123,7 @@ def _angles() -> Floats:
 
 
 def mass_shares(vehicle: SimulatedVehicle) -> dict[str, float]:
-    """Shares of the total mass, by the names of `MASSES`."""
+    """Return the mass fractions, by the names of `MASSES`."""
     parts, whole = all_parts(vehicle), total_mass(vehicle)
     wings = 2.0 * vehicle.wing.membrane_mass + parts["right_wing"].mass + parts["left_wing"].mass
     tail = parts["elevator"].mass + parts["rudder"].mass
@@ -131,7 +131,7 @@ def mass_shares(vehicle: SimulatedVehicle) -> dict[str, float]:
 
 
 def mass_rows() -> list[Row]:
-    """Masses and planform of II, and Fig. 2."""
+    """Compare masses and planform of II, and Fig. 2."""
     vehicle = load_vehicle(VEHICLE)
     shares = mass_shares(vehicle)
     strips, _ = wing_strips(vehicle.wing)
@@ -149,7 +149,7 @@ def mass_rows() -> list[Row]:
 
 
 def simulated_stroke(vehicle: SimulatedVehicle, orbit: Orbit) -> Stroke:
-    """The stroke that the motor and the linkage make in flight, its phases shares of the period."""
+    """Return the stroke of motor and linkage in flight, with phases as fractions of the period."""
     stroke = StrokeMap(vehicle)
     stroke.unpack(orbit.state, orbit.inputs)
     flap, rate = np.zeros(INTERVALS + 1), np.zeros(INTERVALS + 1)
@@ -163,17 +163,17 @@ def simulated_stroke(vehicle: SimulatedVehicle, orbit: Orbit) -> Stroke:
 
 
 def trimmed() -> tuple[SimulatedVehicle, Orbit]:
-    """The flight of V.A.
+    """Compute the flight of V.A.
 
     Raises:
-        InputError: it is no trim.
+        InputError: there is no trim.
     """
     vehicle = load_vehicle(VEHICLE)
     return vehicle, trim(vehicle, SPEED, 0.0)
 
 
 def flight_rows() -> list[Row]:
-    """The trimmed flight of V.A in strip theory."""
+    """Compare the trimmed flight of V.A with strip theory."""
     vehicle, orbit = trimmed()
     return [*_shaking(excursions(vehicle, orbit)), *_stroke_rows(vehicle, orbit)]
 
@@ -220,13 +220,13 @@ def _stroke_rows(vehicle: SimulatedVehicle, orbit: Orbit) -> list[Row]:
 
 
 def towed(vehicle: SimulatedVehicle, column: str) -> tuple[Orbit, float]:
-    """Level flight of V.A's speed and frequency by a column of Table 1, and the tow in N that it needs.
+    """Compute level flight at V.A's speed and frequency by a column of Table 1, and its tow force in N.
 
-    Free flight of the mechanism with lift and pitching moment in balance. The tow acts along the flight path at the
-    fuselage's centre of mass; the wings do not twist, as the regression puts no load on them.
+    The mechanism flies freely with lift and pitching moment in balance. The tow acts along the flight path at the
+    fuselage's center of mass; the wings do not twist, because the regression has no twisting loads.
 
     Raises:
-        InputError: the column does not carry the weight within the recorded heave speeds, or there is no orbit.
+        InputError: the lift of the column is below the weight within the recorded heave speeds, or there is no orbit.
     """
     settings: Regression = vehicle.sections["regression"]._replace(column=column)
     pressure = 0.5 * SEA_LEVEL_DENSITY * SPEED**2
@@ -238,7 +238,7 @@ def towed(vehicle: SimulatedVehicle, column: str) -> tuple[Orbit, float]:
     stroke = StrokeMap(flown)
 
     def orbit(area: float) -> Orbit:
-        # The plant gives the fuselage no drag of its own, see `AerodynamicModel.with_fuselage`.
+        # The plant has no fuselage drag of its own, see `AerodynamicModel.with_fuselage`.
         pull = np.array([area, 0.0])
         stroke.plant.parameters = stroke.plant.parameters._replace(drag_areas=pull)
         return trim_stroke(stroke, SPEED, 0.0)
@@ -248,7 +248,7 @@ def towed(vehicle: SimulatedVehicle, column: str) -> tuple[Orbit, float]:
 
 
 def regression_rows() -> list[Row]:
-    """Both columns of Table 1 in the flight of V.A."""
+    """Compare both columns of Table 1 in the flight of V.A."""
     return [row for column in COLUMNS for row in _regression_rows(column)]
 
 

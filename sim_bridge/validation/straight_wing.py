@@ -24,7 +24,7 @@ ROOT, TIP, SEMISPAN, SWEEP, TWIST = 1.0, 0.75, 5.0, 1.0, math.radians(5.0)
 AIRSPEED, ALPHA, DENSITY = 10.0, math.radians(5.0), 1.225
 COLUMNS, ROWS = 20, 14
 GRIDS = (8, 6), (16, 12), (32, 24)
-"""columns and rows, each twice as fine as the one before"""
+"""columns and rows, refined by a factor of two each"""
 BODY_AXIS = np.array([1.0, 0.0, 0.0])
 AREA = 0.5 * (ROOT + TIP) * SEMISPAN
 """m^2; of one half"""
@@ -33,20 +33,20 @@ MEAN_CHORD = 2.0 / 3.0 * (ROOT + TIP - ROOT * TIP / (ROOT + TIP))
 
 
 class Coefficients(NamedTuple):
-    """Dimensionless."""
+    """Aerodynamic coefficients."""
 
     lift: float
     near_drag: float
-    """induced; of the forces on the panels"""
+    """induced; from the forces on the panels"""
     far_drag: float
-    """induced; of the wake in the Trefftz plane"""
+    """induced; from the wake in the Trefftz plane"""
     pitch_moment: float
     """nose up"""
 
 
 @cache
 def straight_wing(columns: int = COLUMNS, rows: int = ROWS, along_wind: bool = False) -> Coefficients:
-    """Of the lattice with so many panels on a half, spaced as cosines; the wake along the body's axis or the wind."""
+    """Compute the lattice with panels on one half in cosine spacing; the wake is along the body's axis or the wind."""
     line = naca("2412")
     sections = (Section((0.0, 0.0, 0.0), ROOT, 0.0, line), Section((SWEEP, SEMISPAN, 0.0), TIP, TWIST, line))
     lattice = build_lattice([Surface("wing", sections, rows, (columns,), "cosine", "cosine")])
@@ -63,7 +63,7 @@ def straight_wing(columns: int = COLUMNS, rows: int = ROWS, along_wind: bool = F
 
 
 def orders(grids: Sequence[tuple[int, int]] = GRIDS) -> Coefficients:
-    """Order of convergence of each coefficient from three ``grids``, each twice as fine as the one before."""
+    """Compute the order of convergence of each coefficient from three ``grids``, refined by a factor of two each."""
     coarse, middle, fine = (straight_wing(columns, rows) for columns, rows in grids)
     pairs = zip(coarse, middle, fine, strict=True)
     return Coefficients(*(math.log2(abs(two - one) / abs(three - two)) for one, two, three in pairs))

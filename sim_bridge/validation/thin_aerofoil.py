@@ -18,9 +18,9 @@ from sim_bridge.aerodynamics.vortex_lattice.unsteady import Air, History, NodeMo
 from sim_bridge.vectors import Floats
 
 ASPECT = 1000.0
-"""-; chords of a half span"""
+"""-; chords per half span"""
 ROWS = 20
-"""panels along the chord; a step goes as far as one of them"""
+"""panels along the chord; a time step is the passage of one panel"""
 START_ANGLE = math.radians(2.0)
 AMPLITUDE = 0.02
 """chords of heave, rad of pitch"""
@@ -30,7 +30,7 @@ CYCLES = 3
 
 
 class Oscillation(NamedTuple):
-    """Complex amplitudes of a harmonic motion's lift, of half the density, chord and airspeed squared."""
+    """Complex lift amplitudes of a harmonic motion, over half the density, chord and airspeed squared."""
 
     lattice: complex
     """by the Joukowski form"""
@@ -39,31 +39,31 @@ class Oscillation(NamedTuple):
 
     @property
     def error(self) -> float:
-        """-; of the Joukowski form: difference over the theory's magnitude, phase and size in one."""
+        """-; of the Joukowski form: complex difference over the magnitude of the theory."""
         return abs(self.lattice - self.theory) / abs(self.theory)
 
 
 def thin_aerofoil(rows: int = ROWS) -> Lattice:
-    """Half of a flat wing of chord 1 m."""
+    """Return one half of a flat wing of chord 1 m."""
     sections = (Section((0.0, 0.0, 0.0), 1.0), Section((0.0, ASPECT, 0.0), 1.0))
     return build_lattice([Surface("aerofoil", sections, rows, (1,))])
 
 
 def theodorsen(k: Floats | float) -> Floats:
-    """C(k) of the reduced frequency k = omega c / 2U."""
+    """Compute C(k) of the reduced frequency k = omega c / 2U."""
     one, none = hankel2(1, k), hankel2(0, k)
     return np.asarray(one / (one + 1j * none))
 
 
 def wagner(s: Floats) -> Floats:
-    """Lift over its final value after ``s`` half chords, by Garrick's integral over Theodorsen's function."""
+    """Compute the lift ratio after ``s`` half chords, by Garrick's integral over Theodorsen's function."""
     k = np.concatenate((np.linspace(1e-6, 1.0, 20001), np.linspace(1.0, 400.0, 400001)[1:]))
     course = (theodorsen(k).real - 0.5) / k
     return np.array([0.5 + 2.0 / math.pi * np.trapezoid(course * np.sin(k * one), k) for one in s])
 
 
 def started(rows: int = ROWS, half_chords: float = 20.0) -> tuple[Floats, Floats]:
-    """Half chords travelled and lift over its final value, of the lattice set off at once."""
+    """Compute half chords traveled and lift ratio of the lattice after an impulsive start."""
     lattice, dt = thin_aerofoil(rows), 1.0 / rows
     c, s = math.cos(START_ANGLE), math.sin(START_ANGLE)
     way = -np.array([c, 0.0, s])[:, None]
@@ -75,7 +75,7 @@ def started(rows: int = ROWS, half_chords: float = 20.0) -> tuple[Floats, Floats
 
 
 def heaving(k: float, rows: int = ROWS) -> Oscillation:
-    """An aerofoil that goes up and down with the reduced frequency ``k``."""
+    """Compute an airfoil in heave at the reduced frequency ``k``."""
     lattice, omega = thin_aerofoil(rows), 2.0 * k
 
     def moved(t: float) -> Floats:
@@ -85,7 +85,7 @@ def heaving(k: float, rows: int = ROWS) -> Oscillation:
 
 
 def pitching(k: float, rows: int = ROWS) -> Oscillation:
-    """An aerofoil that pitches about `PITCH_AXIS` with the reduced frequency ``k``."""
+    """Compute an airfoil in pitch about `PITCH_AXIS` at the reduced frequency ``k``."""
     lattice, omega = thin_aerofoil(rows), 2.0 * k
     arm = lattice.nodes[0] - PITCH_AXIS
 
@@ -98,7 +98,7 @@ def pitching(k: float, rows: int = ROWS) -> Oscillation:
 
 
 def _theory(k: float, heave: float, pitch: float) -> complex:
-    """Theodorsen 1935, Eq. 18: lift a unit span of heave (m, down) and pitch (rad); chord, airspeed, density 1."""
+    """Compute the lift per unit span (Theodorsen 1935, Eq. 18) of heave (m, down) and pitch (rad)."""
     b, a, omega = 0.5, 2.0 * PITCH_AXIS - 1.0, 2.0 * k
     rate = 1j * omega
     lag = complex(theodorsen(k))
@@ -121,6 +121,6 @@ def _oscillation(lattice: Lattice, moved: NodeMotion, k: float, theory: complex)
 
 
 def _amplitude(history: History, values: Floats, omega: float, period: int) -> complex:
-    """Of the last period's first harmonic."""
+    """Return the first harmonic of the last period."""
     turning = np.exp(-1j * omega * history.time[-period:])
     return complex(2.0 * np.mean(values[-period:] * turning))

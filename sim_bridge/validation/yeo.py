@@ -45,18 +45,18 @@ PANELS = {
 }
 """m; span and height of the panel that each pressure stands for, root to tip and from the leading edge back"""
 OUTER_TAPS = (0.01569, 0.03069, 0.04569)
-"""m; of the outermost panels' middles behind the root's leading edge, digitised with the pressures"""
+"""m; centers of the outermost panels behind the root's leading edge, digitized with the pressures"""
 DIGITISED_RMS = 0.0715
-"""N; of the lift over the stroke, as printed beside the digitised pressures"""
+"""N; RMS of the lift over the stroke, as printed with the digitized pressures"""
 SEMISPAN, ROOT_CHORD, AIRSPEED, FREQUENCY, DENSITY = 0.213, 0.072, 2.9, 3.3, 1.225
 OUTERMOST = 0.142
-"""m; where the outermost panels begin"""
+"""m; inner end of the outermost panels"""
 OMEGA = 2.0 * math.pi * FREQUENCY
 STRIPS, STEPS = 12, 100
 STALL_ANGLE = math.radians(13.0)
 """static; DeLaurier (1993), of the section of his example"""
 RMS_WITHIN, ERROR_AT_MOST, OUTER_WITHIN, STROKE_AT_MOST = 0.05, 0.025, 0.15, 1e-3
-"""-, N, -, s; the figures to reach"""
+"""-, N, -, s; limits of the figures"""
 BIAS = (
     "a flat wing at no angle of attack that flaps up as down can have none: a bias of pressures or incidence,"
     " 0.18 in lift coefficient"
@@ -64,24 +64,24 @@ BIAS = (
 
 
 class Rig(NamedTuple):
-    """What a stroke is computed with."""
+    """Work space of a stroke."""
 
     strips: Strips
     motion: Motion
     out: SectionLoads
     midway: Floats
-    """(s,); the state in the middle of a step"""
+    """(s,); state at the middle of a step"""
     unused: Floats
     """(n,)"""
 
 
 def read(name: str) -> Floats:
-    """A file of the digitised experiment, (rows, columns)."""
+    """Read a file of the digitized experiment, (rows, columns)."""
     return np.loadtxt(DATA / name, delimiter=",", encoding="utf-8-sig")
 
 
 def flap(phase: Floats) -> Floats:
-    """Flap angle in rad, its rate and acceleration (n, 3); the measured motion's first three harmonics."""
+    """Compute flap angle in rad, rate and acceleration (n, 3) from the first three harmonics of the measured motion."""
     p = 2.0 * math.pi * phase
     angle = 0.0354 + 0.3793 * np.sin(p) - 0.0322 * np.cos(2 * p) - 0.0035 * np.sin(3 * p)
     rate = OMEGA * (0.3793 * np.cos(p) + 0.0644 * np.sin(2 * p) - 0.0105 * np.cos(3 * p))
@@ -90,20 +90,20 @@ def flap(phase: Floats) -> Floats:
 
 
 def measured_normal(station: str) -> Floats:
-    """N; of one wing's panels at one station over the stroke."""
+    """Return the normal force in N of one wing's panels at one station over the stroke."""
     rows = zip(ROWS, PANELS[station], strict=True)
     files = [(f"{station}_{row}_point_experimental_pressures.csv", width * height) for row, (width, height) in rows]
     return np.asarray(sum(read(name)[:, 1] * PASCALS * area for name, area in files))
 
 
 def measured_lift() -> Floats:
-    """N; both wings, at `STEPS` equal steps of the stroke."""
+    """Return the measured lift in N of both wings at `STEPS` equal steps of the stroke."""
     half = sum(measured_normal(station) for station in PANELS)
     return 2.0 * np.asarray(half) * np.cos(flap(np.arange(STEPS) / STEPS)[:, 0])
 
 
 def edges(span: Floats) -> tuple[Floats, Floats]:
-    """Leading and trailing edge in m ahead of the root's trailing edge."""
+    """Return leading and trailing edge in m ahead of the root's trailing edge."""
     outline = read("extracted_planform_coordinates.csv") * 1e-3
     tip = int(np.argmax(outline[:, 0]))
     ahead = np.interp(span, *np.unique(outline[: tip + 1], axis=0).T)
@@ -111,7 +111,7 @@ def edges(span: Floats) -> tuple[Floats, Floats]:
 
 
 def wings() -> Strips:
-    """Both wings, cut along the digitised outline."""
+    """Return both wings, divided along the digitized outline."""
     fine = (np.arange(STRIPS * 100) + 0.5) / (STRIPS * 100) * SEMISPAN
     leading, trailing = edges(fine)
     span = np.tile(fine.reshape(STRIPS, -1).mean(axis=1), 2)
@@ -121,7 +121,7 @@ def wings() -> Strips:
 
 
 def rig(states: int) -> Rig:
-    """Work space for a model with so many states, in the wind tunnel's flow."""
+    """Return the work space of a model with so many states, in the wind tunnel's flow."""
     strips = wings()
     motion = blank_motion(strips, 2)
     motion.along[:] = AIRSPEED
@@ -130,7 +130,7 @@ def rig(states: int) -> Rig:
 
 @kernel
 def normal_forces(parameters: StripParameters, r: Rig, state: Floats, flapping: Floats, normal: Floats) -> None:
-    """Fill ``normal`` (n,) in N of every strip for a flap angle, rate and acceleration (3,)."""
+    """Compute ``normal`` (n,) in N of every strip for a flap angle, rate and acceleration (3,)."""
     for j in range(normal.shape[0]):
         r.motion.down[j] = -flapping[1] * r.strips.span[j]
         r.motion.plunge[j] = r.motion.down[j]
@@ -143,7 +143,7 @@ def normal_forces(parameters: StripParameters, r: Rig, state: Floats, flapping: 
 
 @kernel
 def stroke(parameters: StripParameters, r: Rig, state: Floats, flapping: Floats, normal: Floats) -> None:
-    """One stroke of midpoint steps from ``state``; ``flapping`` (2 STEPS, 3) at half steps, ``normal`` (STEPS, n)."""
+    """Integrate a stroke by the midpoint rule; ``flapping`` (2 STEPS, 3) at half steps, ``normal`` (STEPS, n)."""
     n, dt = state.shape[0], 1.0 / FREQUENCY / normal.shape[0]
     for i in range(normal.shape[0]):
         normal_forces(parameters, r, state, flapping[2 * i], normal[i])
@@ -155,14 +155,14 @@ def stroke(parameters: StripParameters, r: Rig, state: Floats, flapping: Floats,
 
 
 def section(dynamic_stall: str, wake_lag: float = 1.0) -> StripParameters:
-    """A flat plate without camber, its suction kept: neither enters the lift at no angle of attack."""
+    """Return a flat plate without camber, suction included: neither affects the lift at zero angle of attack."""
     built: StripParameters = MODEL.build(StripTheory(0.0, 1.0, STALL_ANGLE, wake_lag, dynamic_stall), wings())
     return built
 
 
 @cache
 def modelled_normal(parameters: StripParameters, steps: int = STEPS) -> Floats:
-    """N; of every strip of both wings (steps, n) over the third stroke."""
+    """Compute the normal force in N of every strip of both wings (steps, n) over the third stroke."""
     state = MODEL.initial(parameters, wings())
     r, flapping = rig(state.shape[0]), flap(np.arange(2 * steps) / (2 * steps))
     normal = np.zeros((steps, 2 * STRIPS))
@@ -172,28 +172,28 @@ def modelled_normal(parameters: StripParameters, steps: int = STEPS) -> Floats:
 
 
 def modelled_lift(parameters: StripParameters, steps: int = STEPS) -> Floats:
-    """N; both wings (steps,) over the third stroke."""
+    """Compute the lift in N of both wings (steps,) over the third stroke."""
     return np.asarray(modelled_normal(parameters, steps).sum(axis=1) * np.cos(flap(np.arange(steps) / steps)[:, 0]))
 
 
 def rms(x: Floats) -> float:
-    """Root of the mean square."""
+    """Compute the root mean square."""
     return math.sqrt(float(np.mean(x**2)))
 
 
 def mean_error(parameters: StripParameters) -> float:
-    """N; mean absolute difference of modelled and measured lift."""
+    """Compute the mean absolute difference in N of modeled and measured lift."""
     return float(np.mean(np.abs(modelled_lift(parameters) - measured_lift())))
 
 
 def outer_strength(normal: Floats) -> float:
-    """N; standard deviation over the stroke of one wing's normal force outside of `OUTERMOST`."""
+    """Compute the standard deviation in N over the stroke of one wing's normal force outside of `OUTERMOST`."""
     span = wings().span[:STRIPS]
     return float(normal[:, :STRIPS][:, span > OUTERMOST].sum(axis=1).std())
 
 
 def stroke_time(strokes: int = 200) -> float:
-    """s; median time of one stroke."""
+    """Measure the median time of a stroke in s."""
     p, state, flapping = section("fixed"), np.zeros(2 * STRIPS), flap(np.arange(2 * STEPS) / (2 * STEPS))
     r, normal, times = rig(state.shape[0]), np.zeros((STEPS, 2 * STRIPS)), []
     for _ in range(strokes + 1):
@@ -204,7 +204,7 @@ def stroke_time(strokes: int = 200) -> float:
 
 
 def lift_rows() -> list[Row]:
-    """Lift over a stroke by strip theory with DeLaurier's fixed stall limit."""
+    """Compare the lift over a stroke by strip theory with DeLaurier's fixed stall limit."""
     p, measured = section("fixed"), measured_lift()
     lift, pressures = modelled_lift(p), float(measured_normal("green").std())
     outer = figure(WHERE, "outer wing's normal force, standard deviation", "N", pressures)

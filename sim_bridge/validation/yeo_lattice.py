@@ -49,27 +49,27 @@ from sim_bridge.vectors import Floats
 
 ROWS, COLUMNS, STROKES = 6, 12, 3
 OUTERMOST_EDGE = 0.985
-"""-; of the semispan: where the digitised outline still has a chord to be cut into panels"""
+"""-; of the semispan: limit at which the digitized outline has sufficient chord for panels"""
 RMS_WITHIN, UNCORRELATED = 0.08, 0.01
-"""-; the figures to reach"""
+"""-; limits of the figures"""
 SEPARATED = 1.98
-"""-; normal force coefficient of a plate across the flow (DeLaurier 1993, Eq. 24)"""
+"""-; normal force coefficient of a plate normal to the flow (DeLaurier 1993, Eq. 24)"""
 
 
 class Stroke(NamedTuple):
-    """The last stroke at `STEPS` equal steps."""
+    """Last stroke at `STEPS` equal steps."""
 
     attached: Floats
     """(STEPS,) N; lift of both wings"""
     corrected: Floats
     """(STEPS,) N; with the strip theory's stall"""
     stalled: Floats
-    """(STEPS, COLUMNS) -; share of each section"""
+    """(STEPS, COLUMNS) -; stalled fraction of each section"""
     history: History
 
 
 def wing() -> Lattice:
-    """The right wing, x back from the root's leading edge, flat."""
+    """Return the right wing, x back from the root's leading edge, flat."""
     y = np.linspace(0.0, OUTERMOST_EDGE, COLUMNS + 1) * SEMISPAN
     leading, trailing = edges(y)
     share = np.linspace(0.0, 1.0, ROWS + 1)[:, None]
@@ -79,7 +79,7 @@ def wing() -> Lattice:
 
 @cache
 def lattice_stroke(wake: str = "free") -> Stroke:
-    """The third stroke of the wing, with a prescribed or a free wake."""
+    """Compute the third stroke of the wing, with a prescribed or a free wake."""
     return _stroke_of(flapped(wake))
 
 
@@ -88,7 +88,7 @@ def flapped(
     progress: Callable[[float], None] = ignore_progress,
     watch: Callable[[Snapshot], None] = ignore_snapshot,
 ) -> History:
-    """`STROKES` strokes of the right wing and its mirror image, x back, y right, z up, in air at rest."""
+    """Simulate `STROKES` strokes of the right wing with mirror image, x back, y right, z up, in air at rest."""
     lattice, period = wing(), 1.0 / FREQUENCY
     x, y, _ = lattice.nodes
 
@@ -101,7 +101,7 @@ def flapped(
 
 
 def wake_course(every: int = 1, progress: Callable[[float], None] = ignore_progress) -> list[Snapshot]:
-    """Lattice and free wake at each ``every``-th step of `flapped`, and at the last one."""
+    """Return lattice and free wake at each ``every``-th step of `flapped`, and at the last one."""
     seen: list[Snapshot] = []
     last = STROKES * STEPS - 1
 
@@ -126,7 +126,7 @@ def _stroke_of(history: History) -> Stroke:
 
 
 def _stall(lattice: Lattice, rate: Floats) -> tuple[Floats, Floats]:
-    """(STEPS, COLUMNS): share of each section that is stalled, and in N the normal force of it as a plate."""
+    """Compute (STEPS, COLUMNS): stalled fraction of each section, and its normal force in N as a plate."""
     grid, limits = lattice.nodes.T.reshape(ROWS + 1, COLUMNS + 1, 3), section("fixed", wake_lag=0.0)
     chords = (grid[-1] - grid[0])[:, 0]
     chord, y = 0.5 * (chords[1:] + chords[:-1]), 0.5 * (grid[0, 1:, 1] + grid[0, :-1, 1])
@@ -146,7 +146,7 @@ def _motion(down: float, chord: float) -> SectionMotion:
 
 
 def lattice_rows() -> list[Row]:
-    """Lift over a stroke by the lattice, with a prescribed wake."""
+    """Compare the lift over a stroke by the lattice, with a prescribed wake."""
     measured, found = measured_lift(), lattice_stroke("prescribed")
     printed = figure(WHERE, "RMS lift over a stroke, vortex lattice with the stall correction", "N", rms(measured))
     whole = figure(WHERE, "correlation with the measured lift, vortex lattice, attached flow", "-", 1.0)
@@ -159,5 +159,5 @@ def lattice_rows() -> list[Row]:
 
 
 def correlation(one: Floats, other: Floats) -> float:
-    """Of two courses over a stroke, their means taken off."""
+    """Compute the correlation of two time histories over a stroke, without their means."""
     return float(np.corrcoef(one, other)[0, 1])
