@@ -42,7 +42,7 @@ def isa(
     sea_level_pressure: float = SEA_LEVEL_PRESSURE,
     sea_level_temperature: float = SEA_LEVEL_TEMPERATURE,
 ) -> Air:
-    """Air at ``altitude`` in m above mean sea level (taken as geopotential altitude).
+    """Compute the air at ``altitude`` in m above mean sea level (taken as geopotential altitude).
 
     Args:
         altitude: m.
@@ -62,6 +62,6 @@ def isa(
 
 
 def pressure_altitude(pressure: float) -> float:
-    """Pressure altitude in m of a static pressure in Pa in the troposphere of the standard day."""
+    """Compute the pressure altitude in m of a static pressure in Pa in the troposphere of the standard day."""
     ratio = max(pressure, 1.0) / SEA_LEVEL_PRESSURE
     return SEA_LEVEL_TEMPERATURE / LAPSE_RATE * (1.0 - float(ratio**_ALTITUDE_EXPONENT))

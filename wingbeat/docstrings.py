@@ -10,14 +10,14 @@ from collections.abc import Iterator
 
 
 def split_unit(text: str) -> tuple[str, str]:
-    """Unit and description of a field's docstring, ``rad/s; about FRD x``; the description may be missing."""
+    """Split a field's docstring, ``rad/s; about FRD x``, into unit and description, which may be missing."""
     unit, _, description = text.partition(";")
     return " ".join(unit.split()), " ".join(description.split())
 
 
 @functools.cache
 def field_texts(module: str) -> dict[str, dict[str, str]]:
-    """Field docstrings by class and field, for the top-level classes of an imported module.
+    """Return field docstrings by class and field, for the top-level classes of an imported module.
 
     Raises:
         OSError: the source is not available.

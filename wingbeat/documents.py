@@ -61,7 +61,7 @@ def _check_integers(value: Any) -> None:
 
 
 def toml_text(document: Mapping[str, Any]) -> str:
-    """A vehicle document as TOML text: its plain entries, then its sections, a line for each value."""
+    """Format a vehicle document as TOML: its plain entries, then its sections, a line for each value."""
     return "\n".join(_toml_lines("", document)) + "\n"
 
 
@@ -88,5 +88,5 @@ def _toml(value: Any) -> str:
         return "true" if value else "false"
     if isinstance(value, int | float):
         return repr(value)
-    # A JSON string is a TOML basic string, but for DEL; a date, which no schema takes, is kept as its text.
+    # A JSON string is a TOML basic string, except for DEL; a date, which no schema accepts, is kept as text.
     return json.dumps(str(value), ensure_ascii=False).replace("\x7f", "\\u007f")

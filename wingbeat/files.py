@@ -11,7 +11,7 @@ from pathlib import Path
 def write_atomically(path: Path, text: str, sync: bool = True) -> None:
     """Replace the file at ``path`` by one with this ``text``; after a crash it is the old one or the new one.
 
-    Only the owner can read it, as of `mkstemp`. With ``sync`` the call waits until file and name are on the disk.
+    Only the owner can read it, as for `mkstemp`. With ``sync`` the call returns after file and name are on the disk.
 
     Raises:
         OSError: the file cannot be written; the old one is unchanged.

@@ -9,7 +9,7 @@ Array = NDArray[np.float64]
 
 
 def quaternions_from_euler(roll: Array, pitch: Array, yaw: Array) -> tuple[Array, Array, Array, Array]:
-    """Components w, x, y, z of r_ned_from_frd; angles in rad, rotations about z, y, x in this order."""
+    """Compute w, x, y, z of r_ned_from_frd from angles in rad; rotations about z, y, x in this order."""
     (cr, sr), (cp, sp), (cy, sy) = ((np.cos(0.5 * angle), np.sin(0.5 * angle)) for angle in (roll, pitch, yaw))
     return (
         cr * cp * cy + sr * sp * sy,
@@ -20,14 +20,14 @@ def quaternions_from_euler(roll: Array, pitch: Array, yaw: Array) -> tuple[Array
 
 
 def euler_from_quaternions(w: Array, x: Array, y: Array, z: Array) -> tuple[Array, Array, Array]:
-    """Roll, pitch and yaw in rad of unit quaternions r_ned_from_frd."""
+    """Compute roll, pitch and yaw in rad from unit quaternions r_ned_from_frd."""
     roll = np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
     pitch = np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0))
     return roll, pitch, np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 
 
 def dcms_from_quaternions(quaternion: Array) -> Array:
-    """Rotation matrices (N, 3, 3) of unit quaternions (N, 4), w first."""
+    """Compute rotation matrices (N, 3, 3) of unit quaternions (N, 4), w first."""
     w, x, y, z = quaternion.T
     rows = (
         (1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)),

@@ -16,7 +16,7 @@ SMALL_ANGLE_SQUARED = 1e-14
 
 
 def dcm_from_rotation_vector(x: float, y: float, z: float) -> Matrix:
-    """Matrix of the rotation by ``|v|`` rad about the vector ``v = (x, y, z)``, exactly (Rodrigues)."""
+    """Compute the matrix of the rotation by ``|v|`` rad about ``v = (x, y, z)``, exactly (Rodrigues)."""
     square = x * x + y * y + z * z
     if square < SMALL_ANGLE_SQUARED:
         a, b = 1.0, 0.5
@@ -32,7 +32,7 @@ def dcm_from_rotation_vector(x: float, y: float, z: float) -> Matrix:
 
 
 def multiply(a: Matrix, b: Matrix) -> Matrix:
-    """Product ``a b``."""
+    """Compute the product ``a b``."""
     a0, a1, a2, a3, a4, a5, a6, a7, a8 = a
     b0, b1, b2, b3, b4, b5, b6, b7, b8 = b
     return (
@@ -43,30 +43,30 @@ def multiply(a: Matrix, b: Matrix) -> Matrix:
 
 
 def rotate(r: Matrix, v: Vector) -> Vector:
-    """``r v``: with r_ned_from_frd, a body vector in earth axes."""
+    """Compute ``r v``: with r_ned_from_frd, transform a body vector to earth axes."""
     x, y, z = v
     r0, r1, r2, r3, r4, r5, r6, r7, r8 = r
     return (r0 * x + r1 * y + r2 * z, r3 * x + r4 * y + r5 * z, r6 * x + r7 * y + r8 * z)
 
 
 def rotate_back(r: Matrix, v: Vector) -> Vector:
-    """``r' v``: with r_ned_from_frd, an earth vector in body axes."""
+    """Compute ``r' v``: with r_ned_from_frd, transform an earth vector to body axes."""
     x, y, z = v
     return (r[0] * x + r[3] * y + r[6] * z, r[1] * x + r[4] * y + r[7] * z, r[2] * x + r[5] * y + r[8] * z)
 
 
 def cross(a: Vector, b: Vector) -> Vector:
-    """Vector product."""
+    """Compute the vector product."""
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
 def norm(v: Vector) -> float:
-    """Length of a vector."""
+    """Compute the length of a vector."""
     return sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
 
 
 def unit(v: Vector) -> Vector | None:
-    """``v`` at length 1; None for a vector without a direction."""
+    """Return ``v`` at length 1; None for a vector without a direction."""
     length = norm(v)
     if not length > 1e-9:
         return None
@@ -81,13 +81,13 @@ def orthonormalize(r: Matrix) -> Matrix:
 
 
 def euler_from_dcm(r: Matrix) -> Vector:
-    """Roll, pitch and yaw in rad of r_ned_from_frd."""
+    """Compute roll, pitch and yaw in rad from r_ned_from_frd."""
     r0, _, _, r3, _, _, r6, r7, r8 = r
     return (atan2(r7, r8), asin(-r6 if -1.0 <= r6 <= 1.0 else -copysign(1.0, r6)), atan2(r3, r0))
 
 
 def quaternion_from_dcm(r: Matrix) -> Quaternion:
-    """Quaternion with w >= 0 of a matrix, from its largest component (Shepperd 1978)."""
+    """Compute the quaternion with w >= 0 of a matrix, from its largest component (Shepperd 1978)."""
     r0, r1, r2, r3, r4, r5, r6, r7, r8 = r
     if r0 + r4 + r8 > 0.0:
         s = sqrt(1.0 + r0 + r4 + r8)
@@ -109,7 +109,7 @@ def quaternion_from_dcm(r: Matrix) -> Quaternion:
 
 
 def dcm_from_quaternion(q: Quaternion) -> Matrix:
-    """Matrix of the unit quaternion (w, x, y, z)."""
+    """Compute the matrix of the unit quaternion (w, x, y, z)."""
     w, x, y, z = q
     return (
         1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y),
@@ -119,7 +119,7 @@ def dcm_from_quaternion(q: Quaternion) -> Matrix:
 
 
 def quaternion_from_euler(roll: float, pitch: float, yaw: float) -> Quaternion:
-    """Quaternion of r_ned_from_frd of roll, pitch and yaw in rad."""
+    """Compute the quaternion of r_ned_from_frd from roll, pitch and yaw in rad."""
     cr, sr = cos(roll / 2), sin(roll / 2)
     cp, sp = cos(pitch / 2), sin(pitch / 2)
     cy, sy = cos(yaw / 2), sin(yaw / 2)

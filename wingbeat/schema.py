@@ -20,7 +20,7 @@ from wingbeat.text import did_you_mean, read_error_text
 from wingbeat.units import Quantity
 
 MAX_MAGNITUDE = 1e30
-"""-; largest magnitude of a number: more is a slip of the pen, and overflows in computations"""
+"""-; limit of the magnitude of a number: larger ones are mistakes and overflow in computations"""
 MAX_INTEGER = 10**9
 """-; largest magnitude of a whole number without a range"""
 BLANKS = str.maketrans("\t\N{NO-BREAK SPACE}", "  ")
@@ -183,7 +183,7 @@ def expected_text(hint: Any) -> str:
 
 
 def field_hints(record: Any) -> Mapping[str, Any]:
-    """Type hints of a record's fields, with the extras of `typing.Annotated`."""
+    """Return the type hints of a record's fields, with the extras of `typing.Annotated`."""
     return _field_hints(record)
 
 

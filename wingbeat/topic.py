@@ -11,7 +11,7 @@ class Topic(NamedTuple, Generic[T]):
     """One stream of messages of type ``T``."""
 
     name: str
-    """path in the log, ``/processor/what``"""
+    """path in the log, ``/processor/name``"""
     message: type[T]
     """the NamedTuple it carries; `wingbeat.message.Event` and `Text` have no fixed layout"""
     channel: int
@@ -26,7 +26,7 @@ class Topic(NamedTuple, Generic[T]):
 
 
 class Publish(Protocol):
-    """Receiver of all messages of a flight; type checkers hold each message to the type of its topic."""
+    """Receiver of all messages of a flight; type checkers match each message with the type of its topic."""
 
     def __call__(self, topic: Topic[T], message: T, /) -> None:
-        """Take one message."""
+        """Process one message."""

@@ -27,11 +27,11 @@ from wingbeat.text import did_you_mean, read_error_text
 
 
 class Label(NamedTuple):
-    """Marks text that is written plainly, ``parent = "fuselage"``: a name needs neither unit nor source."""
+    """Marker of a text value without unit and source, ``parent = "fuselage"``."""
 
 
 class Source(NamedTuple):
-    """Where a value comes from: ``kind`` is published, identified or chosen; ``text`` says which or why."""
+    """Source of a value: ``kind`` is published, identified or chosen; ``text`` has the details."""
 
     kind: str
     text: str
@@ -44,14 +44,14 @@ class VehicleFile(NamedTuple):
     title: str
     path: Path
     text: str
-    """of the file; with its base merged in where it has one"""
+    """of the file; merged with its base if it has one"""
     sections: dict[str, Any]
     sources: dict[str, Source]
     fitted: dict[str, str]
 
 
 VEHICLE_FOLDER_FILES = ("world.toml", "avionics.toml")
-"""files of a vehicle that is a folder: what is, and what the flight computer assumes"""
+"""files of a vehicle folder: simulated vehicle, and flight computer configuration"""
 SOURCE_KINDS = ("published", "identified", "chosen")
 ENTRY_KEYS = ("value", "unit", "source", "fitted")
 
@@ -62,11 +62,11 @@ class Schema(NamedTuple):
     required: Mapping[str, type[Any]]
     optional: Mapping[str, type[Any]] = MappingProxyType({})
     repeated: Mapping[str, type[Any]] = MappingProxyType({})
-    """sections of named sections, ``[bodies.fuselage]``; read as a dict by name, empty where there is none"""
+    """sections of named sections, ``[bodies.fuselage]``; read as a dict by name, empty if there is none"""
 
 
 def name_by_path(path: Path) -> str:
-    """Name of a vehicle by the place of its file: its folder's for one of `VEHICLE_FOLDER_FILES`, else the file's."""
+    """Return the name of a vehicle file: its folder's for one of `VEHICLE_FOLDER_FILES`, else the file's."""
     return path.resolve().parent.name if path.name in VEHICLE_FOLDER_FILES else path.stem
 
 
