@@ -32,9 +32,9 @@ LATE_US = 10_000_000
 
 
 def sound(series: Series, topic: str, trusted: bool = False) -> tuple[Series, list[Dropped]]:
-    """Return the valid rows of a series and the dropped ones as ``topic``; ``trusted`` skips checks of values.
+    """Return the valid rows of a series and the dropped ones as ``topic``.
 
-    The values of ``trusted`` ones are not looked at, their times are.
+    The values of a ``trusted`` series are not checked, its times are.
     """
     dropped: list[Dropped] = []
     for reason, mask in _verdicts(series, trusted):

@@ -134,7 +134,7 @@ class Tunnel:
         return Record._make((angle_of_attack, period, *np.array(rows).T, lift, thrust))
 
     def _sections(self) -> Floats:
-        """Return (14, n): force along chord, normal and span in N, those axes, speed of mid-chord and apparent mass."""
+        """Return (14, n): force along chord, normal and span in N, those axes, mid-chord speed, apparent mass."""
         mechanism, scratch = self.plant.mechanism, self.plant.scratch
         wing_places(scratch.tree, mechanism.wings, scratch.wings)
         motion, loads = scratch.wings.motion, scratch.wings.loads
@@ -183,8 +183,7 @@ def levelled(tunnel: Tunnel) -> Record:
     for stroke in range(LEVELLING):
         lift = float(np.mean(tunnel.stroke(alpha).lift))
         if stroke > 1 and abs(alpha - before[0]) > 1e-4:
-            # The lift of a stroke lags, so the slope is limited to between a fifth of the steady slope and that
-            # slope.
+            # The lift of a stroke lags, so the slope is limited to 0.2 to 1 times the steady slope.
             slope = min(max((lift - before[1]) / (alpha - before[0]), 0.2 * steady), steady)
         before = (alpha, lift)
         alpha = min(max(alpha + (weight - lift) / slope, -STEEPEST), STEEPEST)

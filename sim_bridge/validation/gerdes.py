@@ -37,7 +37,7 @@ def planform_rows() -> list[Row]:
 
 
 def drive_rows() -> list[Row]:
-    """Compare the power of two servos by Eq. 12 at 8.0 V, the current of Eq. 11, and the power required by Table 5."""
+    """Compare the power of two servos by Eq. 12 at 8.0 V, the current of Eq. 11, and the power of Table 5."""
     drive = load_vehicle(VEHICLE).drive
     rows = []
     for name, wing in WINGS.items():

@@ -23,7 +23,7 @@ C_A, C_B, C_C, C_D, C_E, C_F, C_G, C_H = -4.688, 4.646, 0.677, -0.936, -6.877, 0
 
 
 def servo_power(current: float, voltage: float) -> float:
-    """Compute the output power in W of a servo from current in A and voltage in V: Eq. 12, bracket closed, Table 2."""
+    """Compute the output power in W of a servo at a current in A and a voltage in V: Eq. 12, bracket closed."""
     i, v = current + C_D, voltage + C_E
     return C_A + C_B * current + C_C * voltage + C_F * i * v + C_G * i * i + C_H * v * v
 

@@ -103,7 +103,7 @@ def stroke_plane(vehicle: SimulatedVehicle, airspeed: float) -> float:
 
 
 def drift_and_swing(vehicle: SimulatedVehicle) -> tuple[float, float]:
-    """Compute initial downward acceleration of the drift in m/s^2 and amplitude in m/s of the swing twice a stroke."""
+    """Compute the drift's initial downward acceleration in m/s^2, and the swing's amplitude in m/s."""
     orbit = hover(vehicle)
     frequency = SHARE / orbit.period
     sinking = open_loop(vehicle, orbit, frequency, STROKES).sink_rate

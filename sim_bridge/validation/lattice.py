@@ -43,7 +43,7 @@ def steady_rows() -> list[Row]:
 
 
 def convergence_rows() -> list[Row]:
-    """Compare three grids: order of convergence of the drags, and change of lift and moment by the last refinement."""
+    """Compare three grids: convergence order of the drags, change of lift and moment by the last refinement."""
     where = ", ".join(f"{columns} x {rows}" for columns, rows in GRIDS) + " panels"
     order, (_, middle, fine) = orders(), [straight_wing(*grid) for grid in GRIDS]
     rows = [

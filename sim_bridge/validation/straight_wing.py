@@ -46,7 +46,7 @@ class Coefficients(NamedTuple):
 
 @cache
 def straight_wing(columns: int = COLUMNS, rows: int = ROWS, along_wind: bool = False) -> Coefficients:
-    """Compute the lattice with panels on one half in cosine spacing; the wake is along the body's axis or the wind."""
+    """Compute the lattice with cosine spacing on one half; the wake is along the body's axis or the wind."""
     line = naca("2412")
     sections = (Section((0.0, 0.0, 0.0), ROOT, 0.0, line), Section((SWEEP, SEMISPAN, 0.0), TIP, TWIST, line))
     lattice = build_lattice([Surface("wing", sections, rows, (columns,), "cosine", "cosine")])

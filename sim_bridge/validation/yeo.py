@@ -81,7 +81,7 @@ def read(name: str) -> Floats:
 
 
 def flap(phase: Floats) -> Floats:
-    """Compute flap angle in rad, rate and acceleration (n, 3) from the first three harmonics of the measured motion."""
+    """Compute flap angle in rad, rate and acceleration (n, 3) from three harmonics of the measured motion."""
     p = 2.0 * math.pi * phase
     angle = 0.0354 + 0.3793 * np.sin(p) - 0.0322 * np.cos(2 * p) - 0.0035 * np.sin(3 * p)
     rate = OMEGA * (0.3793 * np.cos(p) + 0.0644 * np.sin(2 * p) - 0.0105 * np.cos(3 * p))
