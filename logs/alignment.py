@@ -94,11 +94,11 @@ def quaternions(columns: Columns) -> list[tuple[str, str, str, str]]:
     ]
 
 
-# --- what is asked --------------------------------------------------------------------------------------
+# --- selection ------------------------------------------------------------------------------------------
 
 
 def _selected_fields(log: LogFile, names: list[str]) -> dict[str, list[str] | None]:
-    """Fields by topic in the order asked, None for all of them."""
+    """Return the fields by topic in the requested order, None for all of them."""
     requested: dict[str, list[str] | None] = {}
     for name in names:
         topic, field = _split(log, name)
@@ -113,7 +113,7 @@ def _selected_fields(log: LogFile, names: list[str]) -> dict[str, list[str] | No
 
 
 def _split(log: LogFile, name: str) -> tuple[str, str | None]:
-    """Topic and field of ``topic`` or ``topic.field``: either may have dots in its name."""
+    """Split ``topic`` or ``topic.field``; both may contain dots."""
     if name in log.topics:
         return name, None
     found = [topic for topic in log.topics if name.startswith(f"{topic}.")]
@@ -135,7 +135,7 @@ def _fields(log: LogFile, topic: str, columns: Columns, fields: list[str] | None
 
 
 def _ordered(columns: Columns) -> tuple[Columns, Times]:
-    """The columns in order of their time (ns since boot), the last of those with the same."""
+    """Return the columns in order of time (ns since boot), and the last of those with equal time."""
     times = np.rint(columns.time * 1e9).astype(np.int64)
     order = np.argsort(times, kind="stable")
     last = np.append(np.diff(times[order]) > 0, True)[: len(order)]
@@ -151,7 +151,7 @@ def _ordered(columns: Columns) -> tuple[Columns, Times]:
 
 
 def _time_base(times: list[Times], rate: float | None, start: float | None, end: float | None) -> Times:
-    """Moments (ns since boot): those of the first topic, or the multiples of ``1 / rate`` where any topic speaks."""
+    """Return the row times (ns since boot): those of the first topic, or multiples of ``1 / rate``."""
     spoken = [each for each in times if len(each)]
     first = min((int(each[0]) for each in spoken), default=0)
     last = max((int(each[-1]) for each in spoken), default=-1)
@@ -166,7 +166,7 @@ def _multiples(rate: float, low: int, high: int) -> Times:
     rows = (high - low) * 1e-9 * rate
     if rows > MOST_ROWS:
         raise InputError(f"{rate:g} Hz over {(high - low) * 1e-9:.6g} s are {rows:.3g} rows: maximum {MOST_ROWS:.0e}")
-    # One more on either side: which of them lie in the window is asked of the rounded times.
+    # One more row on either side; the rounded times decide which of them are in the window.
     numbers = np.arange(math.floor(low * 1e-9 * rate) - 1, math.ceil(high * 1e-9 * rate) + 2)
     times: Times = np.rint(numbers * (1e9 / rate)).astype(np.int64)
     return times[(times >= low) & (times < high)]
@@ -186,7 +186,7 @@ def _places(times: Times, base: Times, gap: float | None, lasting: bool) -> _Pla
 
 
 def _longest(times: Times, gap: float | None) -> float:
-    """ns; the longest pause over which something is known."""
+    """Return the gap threshold in ns."""
     if gap is not None:
         return gap * 1e9
     return GAP_PERIODS * float(np.median(np.diff(times))) if len(times) > 1 else math.inf
@@ -196,7 +196,7 @@ def _longest(times: Times, gap: float | None) -> float:
 
 
 def _sampled(columns: Columns, fields: list[str], places: _Places) -> dict[str, Array]:
-    """The fields at the places, in their order."""
+    """Sample the fields at the rows."""
     sampled: dict[str, Array] = {}
     for names in quaternions(columns):
         if not set(names).isdisjoint(fields):
@@ -232,18 +232,18 @@ def _linear(values: Array, places: _Places) -> Array:
 
 
 def _angle(values: Array, low: float, places: _Places) -> Array:
-    """By the shorter way round, in the range of 2 pi that begins at ``low``."""
+    """Interpolate angles by the shorter way, in the range of 2 pi that begins at ``low``."""
     first = values[places.before]
     turned = values[places.after] - first
     turned -= math.tau * np.rint(turned / math.tau)
     found = first + turned * places.share
     inside = found - math.tau * np.floor((found - low) / math.tau)
-    # A recorded value stays as it is, at the end of its range too.
+    # A recorded value is unchanged, also at the end of its range.
     return _known(np.where(places.share == 0.0, first, inside), places.between)
 
 
 def _quaternion(values: Array, places: _Places) -> Array:
-    """Rotations (n, 4) on the way between two, of length 1; no row has the other sign than the one before it."""
+    """Interpolate rotations (n, 4) with length 1 and continuous sign."""
     if not len(values):
         return np.full((len(places.before), 4), np.nan)
     first, second = values[places.before], values[places.after]
@@ -262,7 +262,7 @@ def _continuous(rows: Array) -> Array:
 
 
 def _previous_values(values: Array, places: _Places) -> Array:
-    """The last message's; whole numbers become floating point where one is missing."""
+    """Return the values of the previous message; integers become floats if one is missing."""
     found = values[places.before]
     if places.previous.all():
         return found

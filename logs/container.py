@@ -230,7 +230,7 @@ class Container:
         )
 
     def _write(self, data: bytes) -> None:
-        """Write all of ``data``: an unbuffered file may take less, and says why on the next attempt."""
+        """Write all of ``data``: an unbuffered file may accept less, and raises at the next attempt."""
         rest = memoryview(data)
         while rest:
             written = self._stream.write(rest)

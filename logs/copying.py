@@ -45,7 +45,7 @@ def copy(parts: Iterable[Part], container: Container) -> None:
 
 
 def _dated(parts: Iterable[Part]) -> Iterator[tuple[int, Part, ChunkSpan]]:
-    """All chunks with the time in ns that places them: a part keeps its own order where its time ran back."""
+    """Return all chunks with their sort time in ns: within a part the order is kept even if its time runs back."""
     for part in parts:
         latest = 0
         for chunk in part.index.chunks:
@@ -54,7 +54,7 @@ def _dated(parts: Iterable[Part]) -> Iterator[tuple[int, Part, ChunkSpan]]:
 
 
 def _raw(data: Buffer, chunk: ChunkSpan) -> RawChunk:
-    """The chunk as it stands; message indexes as they stand or, where the chunk was walked through, made anew."""
+    """Return the chunk as stored; its message indexes are rebuilt if the chunk was scanned."""
     content = unpack(data, chunk)
     if not chunk.compression:
         return _packed(chunk, content)
@@ -73,7 +73,7 @@ def _raw(data: Buffer, chunk: ChunkSpan) -> RawChunk:
 
 
 def _packed(chunk: ChunkSpan, content: bytes) -> RawChunk:
-    """Messages without compression, perhaps outside of any chunk, as a compressed chunk."""
+    """Compress messages that are stored without compression, also outside of chunks."""
     entries = {number: found.tobytes() for number, found in walk(content).entries.items()}
     return pack_chunk(content, entries, (chunk.start_ns, chunk.end_ns), zstandard.ZstdCompressor())
 

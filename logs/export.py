@@ -112,7 +112,7 @@ def export_npz(log: Log, path: Path, topics: Sequence[str] | None = None) -> Pat
 
 
 def _decodable(log: Log, part: Part) -> tuple[Part, list[str] | None]:
-    """The part with all that can be decoded where no topics were named, and why the others are left out."""
+    """Return the part without topics that cannot be decoded (unless named), and a line about each of those."""
     if part.topics is not None:
         return part, None
     names, left_out = [], []
@@ -128,7 +128,7 @@ def _decodable(log: Log, part: Part) -> tuple[Part, list[str] | None]:
 
 
 def _tables(log: Log, part: Part, left_out: list[str] | None = None) -> dict[str, Columns]:
-    """The tables; topics of free layout none of whose messages can be decoded go to ``left_out`` if it is given."""
+    """Read the tables; free-layout topics without decodable messages are added to ``left_out`` if it is given."""
     topics = _with_messages(log) if part.topics is None else part.topics
     if part.rate is None:
         _check_whole(log, topics)
@@ -216,7 +216,7 @@ FORMS = (*EACH, *TOGETHER, FLIGHT)
 
 
 def _write_each(tables: Tables, folder: Path, form: str, show: Show = lambda done, total, what: None) -> list[Path]:
-    """A file for each table in a folder, which is made when it is missing; none if one of them exists."""
+    """Write one file per table in a folder, created if missing; nothing is written if one exists."""
     plain = zip(tables, _plain_names(tables), strict=True)
     paths = {name: folder / f"{file}.{form}" for name, file in plain}
     taken = next((path for path in paths.values() if path.exists()), None)
@@ -258,7 +258,7 @@ def _write_flight(log: Log, path: Path, part: Part, show: Show) -> Path:
 
 
 def _plain_names(topics: Iterable[str]) -> list[str]:
-    """Names of files, ``main_wing`` for ``/main/wing``, each one once."""
+    """Return unique file names, ``main_wing`` for ``/main/wing``."""
     return distinct(topic.strip("/").replace("/", "_") or "topic" for topic in topics)
 
 

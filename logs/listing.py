@@ -85,9 +85,9 @@ class Places:
         return None if found is None else _gathered(np.frombuffer(data, np.uint8), found[1], _NUMBER)
 
     def _entries(self, data: Buffer, channel: int) -> tuple[Counts, NDArray[np.int64]] | None:
-        """How many messages of the channel each chunk has, and the bytes in the file at which their entries begin.
+        """Return the message count of the channel in each chunk, and the file offsets of their index entries.
 
-        None where a message index is not a whole one of this channel, or the chunks were walked through.
+        None if a message index is not a complete one of this channel, or if the chunks were scanned.
         """
         mine = self._channel == channel
         found = None if self._walked else _stored(data, self._offset[mine], channel)
@@ -114,15 +114,15 @@ class Places:
 
 
 def _is_monotonic(offsets: NDArray[np.uint64], counts: Counts) -> bool:
-    """Whether no message of a chunk is named twice, or before one that it follows."""
+    """Return whether the offsets in each chunk increase, so that no message is named twice."""
     chunk = np.repeat(np.arange(len(counts)), counts)
     return bool(np.all((offsets[1:] > offsets[:-1]) | (chunk[1:] > chunk[:-1])))
 
 
 def _stored(data: Buffer, offsets: NDArray[np.int64], channel: int) -> Counts | None:
-    """How many entries the message index records of one channel at ``offsets`` have.
+    """Return the entry counts of the message index records of one channel at ``offsets``.
 
-    None where one of them is not such a record, or not a whole one.
+    None if one of them is not such a record, or incomplete.
     """
     raw = np.frombuffer(data, np.uint8)
     if len(offsets) and not 0 <= int(offsets.min()) <= int(offsets.max()) <= len(raw) - INDEX_HEAD.itemsize:
@@ -136,7 +136,7 @@ def _stored(data: Buffer, offsets: NDArray[np.int64], channel: int) -> Counts | 
 
 
 def _gathered(raw: NDArray[np.uint8], places: NDArray[np.int64], kind: np.dtype[Any]) -> NDArray[Any]:
-    """Values of type ``kind`` at any bytes, copied."""
+    """Copy values of type ``kind`` from unaligned positions."""
     count = len(raw) - kind.itemsize + 1
     windows: Entries = np.ndarray((count,), np.dtype((np.void, kind.itemsize)), raw.data, strides=(1,))
     return windows[places].view(kind)

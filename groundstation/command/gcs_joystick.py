@@ -76,7 +76,7 @@ def _rate(text: str) -> float:
 
 
 def with_url(arguments: Sequence[str]) -> list[str]:
-    """``arguments`` with an empty URL where ``joystick`` stands without one."""
+    """Return ``arguments`` with an empty URL if ``joystick`` has none."""
     if VERB not in arguments:
         return list(arguments)
     place = arguments.index(VERB)

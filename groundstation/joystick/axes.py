@@ -38,7 +38,7 @@ def deflection(axis: Axis, raw: float) -> float:
 
 
 def throttle_full_travel(axis: Axis, raw: float) -> float:
-    """Compute the throttle, 0 to 1, of a stick that stays where it is left: 0 at one end, 1 at the other."""
+    """Compute the throttle, 0 to 1, of a stick without centering: 0 at one end, 1 at the other."""
     fraction = _clip((raw - axis.min) / (axis.max - axis.min), 0.0, 1.0)
     return _curve(1.0 - fraction if axis.reversed else fraction, axis.deadzone, axis.expo)
 
@@ -54,7 +54,7 @@ def switch_position(raw: float, positions: int) -> int:
 
 
 def _normalize(axis: Axis, raw: float) -> float:
-    # Both halves are scaled for themselves: the center of a real stick is rarely in the middle.
+    # Both halves are scaled separately: the center of a real stick is rarely in the middle.
     travel = axis.max - axis.center if raw >= axis.center else axis.center - axis.min
     return _clip((raw - axis.center) / travel, -1.0, 1.0)
 

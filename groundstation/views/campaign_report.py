@@ -59,7 +59,7 @@ def _spreads(table: Table) -> RenderableType:
 
 
 def _compared(results: Comparison) -> list[RenderableType]:
-    """Metrics of which one way is worse, by the values of a grid; which value was better where flights are paired."""
+    """Show metrics with a worse side by the values of a grid, and the paired comparisons."""
     shown = [one for one in results.metrics if METRICS[one.metric].bad]
     paired = max((len(one.pairs) for one in shown), default=0)
     heads = (f"{value} better" for value in results.values[1 : 1 + paired])
@@ -91,7 +91,7 @@ def _worst_title(table: Table, by: str | None) -> str:
 
 
 def _worst(table: Table, one: Worst) -> RenderableType:
-    """A line that says why, what it was flown with, and the command below it."""
+    """Return a line with reason and inputs of a flight, and the command below it."""
     if one.value is None:
         why = one.why
     else:

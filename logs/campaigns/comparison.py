@@ -147,7 +147,7 @@ def _quartiles(values: Array) -> Quartiles:
 
 
 def _partners(table: Table, name: str, of: Array) -> list[dict[int, int]]:
-    """Rows of flights that differ in this input alone, by its value's place: some only, where unfinished."""
+    """Return the rows of flights that differ only in this input, by value index; incomplete for unfinished tables."""
     others = [table.columns[other] for other in table.about.swept if other != name]
     sets: dict[tuple[Any, ...], dict[int, int]] = {}
     for row, place in enumerate(of.tolist()):
@@ -156,14 +156,14 @@ def _partners(table: Table, name: str, of: Array) -> list[dict[int, int]]:
 
 
 def _key(value: Any) -> Any:
-    """Something that can be looked up: lists are written out."""
+    """Return a hashable form of a value: lists are converted to text."""
     return json.dumps(value) if isinstance(value, list | dict) else value
 
 
 def _is_drawn(table: Table, name: str, choices: Sequence[Any]) -> bool:
-    """Whether each flight, or each draw, has a number of its own: then nothing is compared by it.
+    """Return whether each flight or draw has its own value, so that flights are not compared by it.
 
-    A table that does not tell what was drawn has the seeds for it, which say nothing where all flights have one.
+    For a table without information on draws the seeds decide, unless all flights have the same.
     """
     if len(choices) == table.size:
         return True

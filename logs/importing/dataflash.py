@@ -112,7 +112,7 @@ class Clock(NamedTuple):
 
 
 def _clock(records: Records, tables: Mapping[str, Columns]) -> Clock | None:
-    """By the message with a time that there is most of; None without any."""
+    """Build the clock from the most frequent message with a time; None without any."""
     clocks = []
     for number, places in records.places.items():
         kind = records.kinds[number]
@@ -127,7 +127,7 @@ Told = Mapping[str, tuple[str, float]]
 
 
 def _units(tables: Mapping[str, Columns], kinds: Mapping[int, Kind]) -> dict[str, Told]:
-    """What the file tells of units, by message; nothing in logs older than 2018."""
+    """Return the units in the file, by message; empty for logs older than 2018."""
     labels = {_letter(one): str(label) for one, label in _rows(tables, "UNIT", "Id", "Label")}
     factors = {_letter(one): float(by) for one, by in _rows(tables, "MULT", "Id", "Mult")} | {"-": 1.0, "?": 1.0}
     found: dict[str, Told] = {}
@@ -153,7 +153,7 @@ def _units_of(
 
 
 def _rows(tables: Mapping[str, Columns], name: str, *columns: str) -> Iterator[tuple[Any, ...]]:
-    """Rows of some columns of a message; none where the file lacks one."""
+    """Return the rows of some columns of a message; empty if the file lacks one."""
     table = tables.get(name, {})
     if all(column in table for column in columns):
         yield from zip(*(table[column].tolist() for column in columns), strict=True)
@@ -164,7 +164,7 @@ def _letter(number: Any) -> str:
 
 
 def _scaled(name: str, times: NDArray[np.int64], columns: Columns, definitions: Told) -> Series:
-    """A series in the units that the file tells, or that logs of its time had."""
+    """Convert a series with the units of the file, or with those of older logs."""
     out: Columns = {}
     units = (
         {column: unit for column, unit in UNTOLD.get(name, {}).items() if column in columns}
@@ -210,7 +210,7 @@ def _texts(records: Records, tables: Mapping[str, Columns], clock: Clock | None)
 
 
 def _happened(series: Mapping[str, Series]) -> Iterator[Event]:
-    """Modes, events and errors, in ArduPilot's numbers."""
+    """Return modes, events and errors, with ArduPilot's numbers."""
     for name, severity, text, wanted in (
         ("MODE", Severity.INFO, "mode {}", ("Mode",)),
         ("EV", Severity.INFO, "event {}", ("Id",)),
@@ -231,12 +231,12 @@ def _parameters(tables: Mapping[str, Columns]) -> dict[str, float]:
 
 
 def _vehicle(texts: tuple[Event, ...]) -> str:
-    """What the log says of its firmware, as ``ArduCopter V3.3-dev``."""
+    """Return the firmware in the log, such as ``ArduCopter V3.3-dev``."""
     return next((event.text for event in texts if event.text.startswith(("Ardu", "APM", "Blimp", "Rover"))), "")
 
 
 def _epoch_ns(series: Mapping[str, Series]) -> int:
-    """ns since 1970 of the boot, by the first fix in three dimensions; 0 where there is none."""
+    """Return the boot time in ns since 1970 from the first 3D fix; 0 without one."""
     fixes = series.get("GPS")
     if fixes is None or "Status" not in fixes.columns:
         return 0

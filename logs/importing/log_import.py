@@ -161,7 +161,7 @@ def _bytes(path: Path) -> bytes:
 
 
 def _read(choice: Choice, data: bytes) -> Source:
-    """By what the file begins with, and for what begins with anything, by its name."""
+    """Read the source by its first bytes, or by its name if they are not specific."""
     if not data:
         raise InputError("it is empty")
     suffix = choice.source.suffix.lower()
@@ -192,7 +192,7 @@ def _read(choice: Choice, data: bytes) -> Source:
 
 
 def _line(text: str) -> str:
-    """A text in one line: names in a damaged file have anything in them."""
+    """Convert a text to one line: names in a damaged file may contain any character."""
     return "".join(one if one.isprintable() else "?" for one in " ".join(text.split()))
 
 
@@ -201,7 +201,7 @@ def _refuse(name: str) -> Source:
 
 
 def _checked(source: Source) -> Checked:
-    """What can be true of a source; a row that is refused in one topic is in no other."""
+    """Return the valid data of a source; a row rejected in one topic is rejected in all."""
     known, dropped = FORMATS[source.format], list(source.dropped)
     series: dict[str, Series] = {}
     for name, one in source.series.items():
@@ -226,7 +226,7 @@ def _checked(source: Source) -> Checked:
 
 
 def _on_clock_of(onboard: Path, source: Source, checked: Checked) -> tuple[Source, Checked]:
-    """All times on the clock of another log of the same flight; what lies before its boot is dropped.
+    """Convert all times to the clock of another log of the same flight; data before its boot are dropped.
 
     Raises:
         InputError: the two did not measure the same motion.
@@ -254,13 +254,13 @@ def _on_clock_of(onboard: Path, source: Source, checked: Checked) -> tuple[Sourc
 
 
 def _end(source: Source, series: Mapping[str, Series]) -> int:
-    """us; when the log ends, 0 for one without a row."""
+    """Return the end of the log in us, 0 for one without rows."""
     rows = [one for one in (*series.values(), *(made.series for made in source.made)) if len(one.time_us)]
     return end_of(rows) if rows else 0
 
 
 def _drop_behind(series: dict[str, Series], topics: str, end: int) -> list[Dropped]:
-    """Take the rows far behind the end of the log out of ``series``."""
+    """Remove the rows far after the end of the log from ``series``."""
     dropped = []
     for name, one in list(series.items()):
         mask = not_behind(one.time_us, end)
@@ -290,7 +290,7 @@ def _report(choice: Choice, data: bytes, source: Source, checked: Checked) -> Im
 
 
 def _with_added(report: ImportReport, added: Mapping[str, int]) -> ImportReport:
-    """The report with the topics that were added for viewers."""
+    """Return the report with the topics that were added for viewers."""
     topics = (*report.topics, *(TopicCount(name, "", count) for name, count in sorted(added.items())))
     return report._replace(messages=report.messages + sum(added.values()), topics=topics)
 
@@ -311,7 +311,7 @@ def _notes(report: ImportReport, source: Source) -> dict[str, dict[str, str]]:
 
 
 def _json(report: ImportReport) -> bytes:
-    """The report but for the new log's own name, so that it tells of the source alone."""
+    """Return the report as JSON without the new log's name, so that it depends on the source only."""
     document = report._asdict() | {"topics": [topic._asdict() for topic in report.topics]}
     document["dropped"] = [one._asdict() for one in report.dropped]
     del document["file"]

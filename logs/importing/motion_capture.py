@@ -103,7 +103,7 @@ def source_of(tracks: Sequence[Track], system: str, damage: tuple[str, ...] = ()
 
 
 def _body_of_markers(tracks: Sequence[Track]) -> tuple[Track, list[str]] | None:
-    """The rigid body among markers that were seen in the same frames, and whose markers they are."""
+    """Return the rigid body among markers visible in the same frames, and the owner of these markers."""
     time = tracks[0].time
     if any(len(track.time) != len(time) or not np.array_equal(track.time, time) for track in tracks):
         return None
@@ -200,7 +200,7 @@ def _nexus_part(rows: Rows, bodies: bool) -> list[Track]:
 
 
 def _scale(name: str, axis: str, unit_text: Sequence[str]) -> float:
-    """What a column is multiplied by to be in SI; ``unit_text`` is its unit, or nothing where the line is short."""
+    """Return the factor of a column to SI; ``unit_text`` is its unit, empty if the line is short."""
     unit = "".join(unit_text).strip().replace("°", "deg")
     known, expected = conversion(unit), (_BODY_AXES | _MARKER_AXES)[axis]
     if known.unit != expected:
@@ -276,7 +276,7 @@ def _series(track: Track) -> Series:
 
 
 def _stamps(track: Track) -> NDArray[np.int64]:
-    """us; a frame without a time goes where no clock goes."""
+    """Return the times in us; a frame without a time gets one out of range, so that it is dropped."""
     return np.nan_to_num(np.rint(track.time * 1e6), nan=-1.0).clip(-1, 2**62).astype(np.int64)
 
 

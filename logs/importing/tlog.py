@@ -111,7 +111,7 @@ def _damage_texts(lost: int, places: int, unknown: Counter[int]) -> tuple[str, .
 
 
 def _end(data: bytes, at: int) -> int:
-    """Where a frame that begins at ``at`` would end; beyond all data where none begins."""
+    """Return the end of a frame that begins at ``at``; beyond all data if there is no frame."""
     if at + 6 > len(data):
         return len(data) + 1
     if data[at] == MARKER_V1:
@@ -122,9 +122,9 @@ def _end(data: bytes, at: int) -> int:
 
 
 def _decode(frame: bytes, unknown: Counter[int], followed: bool) -> tuple[Sender, Any] | None:
-    """Sender and message of a frame, the message None where no dialect knows it; None for what is no frame.
+    """Decode sender and message of a frame; message None for an unknown message, None for an invalid frame.
 
-    The checksum of a message that no dialect knows cannot be checked: it is believed where another frame follows.
+    The checksum of an unknown message cannot be verified: the frame is accepted if another frame follows.
     """
     first = frame[0] == MARKER_V1
     number = frame[5] if first else int.from_bytes(frame[7:10], "little")
@@ -209,7 +209,7 @@ class VehicleClock(NamedTuple):
 
 
 def _boot_us(message: Any) -> int:
-    """us since boot that a message was stamped with; 0 without such a stamp."""
+    """Return the time stamp of a message in us since boot; 0 without one."""
     return 0 if message.get_type() == "SYSTEM_TIME" else 1000 * int(getattr(message, "time_boot_ms", 0))
 
 
@@ -273,7 +273,7 @@ def _events(spoken: Sequence[ReceivedMessage], stamps: NDArray[np.int64]) -> Ite
 
 
 def _mode(beat: Any) -> str:
-    """Mode and arming of a heartbeat, the mode in the autopilot's words where it is one that is known."""
+    """Return mode and arming of a heartbeat, with the autopilot's mode name if known."""
     from pymavlink import mavutil
 
     with contextlib.suppress(Exception):  # the package's tables have gaps
@@ -283,7 +283,7 @@ def _mode(beat: Any) -> str:
 
 
 def _parameters(spoken: Sequence[ReceivedMessage]) -> dict[str, float]:
-    """First value heard of each."""
+    """Return the first received value of each parameter."""
     bytewise = any(one.message.get_type() == "HEARTBEAT" and one.message.autopilot == PX4 for one in spoken)
     found: dict[str, float] = {}
     for one in spoken:
@@ -293,7 +293,7 @@ def _parameters(spoken: Sequence[ReceivedMessage]) -> dict[str, float]:
 
 
 def _value(message: Any, bytewise: bool) -> float:
-    """A parameter's value; PX4 puts the bytes of a whole number in the place of a float."""
+    """Return a parameter's value; PX4 stores the bytes of an integer in the float."""
     if bytewise and message.param_type != 9:
         return float(struct.unpack("<i", struct.pack("<f", message.param_value))[0])
     return float(message.param_value)

@@ -66,7 +66,7 @@ def read_ulog(data: bytes) -> Source:
 
 
 def _zero_us(log: Any) -> int:
-    """us; where the times begin: at boot, or in a simulation, which counts since 1970, with the first message."""
+    """Return the zero of the times in us: boot, or in a simulation the first message."""
     start = int(log.start_timestamp)
     if not _LONGEST_UPTIME_US <= start < LATEST_US:
         return 0
@@ -77,7 +77,7 @@ def _zero_us(log: Any) -> int:
 
 
 def _stamps(one: Any) -> NDArray[np.int64]:
-    """us; times of a message as it has them, none where a damaged format gives them another type."""
+    """Return the times of a message in us, empty if a damaged format has another type."""
     times = one.data.get("timestamp")
     if times is None or times.dtype.kind != "u":
         return np.empty(0, np.int64)
@@ -85,7 +85,7 @@ def _stamps(one: Any) -> NDArray[np.int64]:
 
 
 def _is_number(value: Any) -> bool:
-    """Whether a parameter is one; of a damaged type it is bytes or text."""
+    """Return whether a parameter is a number; one of a damaged type is bytes or text."""
     return isinstance(value, int | float)
 
 
@@ -143,7 +143,7 @@ def _damage(data: bytes, log: Any) -> tuple[str, ...]:
 
 
 def _end_of_messages(data: bytes) -> int:
-    """Where the last whole message ends: each says how long it is."""
+    """Return the end of the last complete message."""
     at = end = _HEADER
     while at + 3 <= len(data):
         at += 3 + struct.unpack_from("<H", data, at)[0]
@@ -207,12 +207,12 @@ def _modes(series: Mapping[str, Series]) -> Iterator[Event]:
 
 
 def _is_whole(values: Array) -> bool:
-    """Whether a column has one whole number in each row, as an undamaged format tells it."""
+    """Return whether a column has one integer in each row, as an undamaged format requires."""
     return values.ndim == 1 and values.dtype.kind in "iu"
 
 
 def _epoch_ns(series: Mapping[str, Series]) -> int:
-    """ns since 1970 of the boot, by the GPS; 0 where it tells nothing."""
+    """Return the boot time in ns since 1970 from the GPS; 0 if unknown."""
     for name in ("vehicle_gps_position", "sensor_gps"):
         fixes = series.get(name)
         told = None if fixes is None else fixes.columns.get("time_utc_usec")

@@ -106,7 +106,7 @@ class Follower:
         return len(MCAP0_MAGIC) if self._has_magic else 0
 
     def _take(self, data: bytes, span: Span, first: int, is_requested: Callable[[int], bool]) -> Iterator[Message]:
-        """Enter one record; chunks before the byte ``first`` are left out."""
+        """Enter one record; chunks before the byte ``first`` are omitted."""
         if span.opcode == Opcode.CHUNK:
             chunk = chunk_at(data, span)
             self.end_ns = max(self.end_ns, chunk.end_ns)
@@ -144,7 +144,7 @@ class Follower:
 
 
 def _first_of_newest(spans: Sequence[Span]) -> int:
-    """Where the newest chunks begin that can be unpacked in one go, one at least."""
+    """Return the index of the first of the newest chunks that can be read at once, at least one."""
     chunks = [span for span in spans if span.opcode == Opcode.CHUNK]
     size, first = 0, len(chunks)
     while first and (size < AT_ONCE or first == len(chunks)):

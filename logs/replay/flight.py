@@ -101,7 +101,7 @@ def step(autopilot: Autopilot, tick: Tick) -> None:
 
 
 class _Publish:
-    """Hands messages on to whoever is set."""
+    """Publisher with a replaceable receiver."""
 
     def __init__(self) -> None:
         self.to: Callable[[Topic[Any], Any], None] = lambda topic, message: None
@@ -111,7 +111,7 @@ class _Publish:
 
 
 def _begin(flight: RecordedFlight, changes: Mapping[str, float], start: float) -> tuple[int, Autopilot, _Publish]:
-    """Time (us) after which it begins, -1 for the first tick, and the flight computer as it is then."""
+    """Return the start time (us), -1 for the first tick, and the flight computer at that time."""
     publish = _Publish()
     gains = changed(flight.vehicle.gains, changes)
     autopilot = Autopilot(flight.vehicle._replace(gains=gains), flight.mission, publish)

@@ -82,7 +82,7 @@ class Player:
             self._play()
 
     def _due(self) -> float:
-        """us; from the last tick to the next, none where the clock ran back."""
+        """Return the time in us from the last tick to the next, 0 if the clock ran back."""
         before = self._times[self._next - 1] if self._next else self._times[0]
         return float(max(self._times[self._next] - before, 0))
 

@@ -78,7 +78,7 @@ def motion_of(tables: Tables) -> Motion:
     return Motion(body, wings, None if true is None else _estimated_track(true, tables), missing)
 
 
-# --- the body -----------------------------------------------------------------------------------------------
+# --- body ---------------------------------------------------------------------------------------------------
 
 
 def _true_body(state: Table, tables: Tables) -> Body:
@@ -103,7 +103,7 @@ def _estimated_body(tables: Tables) -> tuple[Body | None, list[str]]:
 
 
 def _level(time: Array, tables: Tables) -> tuple[Array | None, Array | None]:
-    """East and north (m) in two rows, and height (m), each None where it is not known."""
+    """Return east and north (m) in two rows, and height (m), each None if unknown."""
     position, altitude = tables.get(topics.POSITION.name), tables.get(topics.ALTITUDE.name)
     fixes = _fixes(tables.get(topics.GPS.name))
     level = height = None
@@ -135,7 +135,7 @@ def _fixes(gps: Table | None) -> tuple[Array, Array] | None:
 
 
 def _attitude(time: Array, table: Table) -> Array:
-    """Quaternions of r_enu_from_flu, those of neighbours on the same side so that they can be interpolated."""
+    """Return quaternions of r_enu_from_flu with continuous sign for interpolation."""
     if set(QUATERNION) <= set(table.fields):
         source = np.array([table.fields[name] for name in QUATERNION])
     else:
@@ -157,7 +157,7 @@ def _tail(time: Array, tables: Tables) -> Array:
 
 
 def _estimated_track(state: Table, tables: Tables) -> tuple[Array, Array] | None:
-    """The believed track, lifted to where the true one begins: altitudes are believed above that at boot."""
+    """Return the estimated track, shifted to the start altitude of the true one: its altitude is relative to boot."""
     position = tables.get(topics.POSITION.name)
     if position is None:
         return None
@@ -168,7 +168,7 @@ def _estimated_track(state: Table, tables: Tables) -> tuple[Array, Array] | None
     return time, np.array([*level, height - state.fields["down"][0]])
 
 
-# --- the wings ----------------------------------------------------------------------------------------------
+# --- wings --------------------------------------------------------------------------------------------------
 
 
 def _wings(tables: Tables) -> Wings | None:
@@ -191,7 +191,7 @@ def _has_angles(table: Table | None) -> bool:
 
 
 def _redrawn(table: Table) -> Wings | None:
-    """Strokes from their phase where angles come too rarely to show them, as over a radio; None where they do not."""
+    """Reconstruct strokes from their phase if angles are sampled too rarely, as over a radio; else return None."""
     needed = {"phase", "frequency", "amplitude_left", "amplitude_right", "mean_angle"}
     if not needed <= set(table.fields) or len(table.time) < 2:
         return None
@@ -199,7 +199,7 @@ def _redrawn(table: Table) -> Wings | None:
     usual = float(np.median(frequency[frequency > 0.0])) if (frequency > 0.0).any() else 0.0
     if usual == 0.0 or 1.0 / _period(table.time) >= PER_STROKE * usual:
         return None
-    # Not thinned to the rows of the log: a stroke needs its own.
+    # Not decimated to the rows of the log: a stroke needs more.
     rows = min(WING_ROWS, 2 + int((table.time[-1] - table.time[0]) * REDRAWN_PER_STROKE * usual))
     time = np.linspace(table.time[0], table.time[-1], rows)
     swing = np.sin(np.interp(time, table.time, _cycles(table)) * 2.0 * np.pi)
@@ -211,7 +211,7 @@ def _redrawn(table: Table) -> Wings | None:
 
 
 def _cycles(table: Table) -> Array:
-    """Strokes so far: their whole number from the frequency, the rest from the phase."""
+    """Return the stroke count: its integer part from the frequency, the fraction from the phase."""
     phase = np.nan_to_num(table.fields["phase"]) / (2.0 * np.pi)
     frequency = np.nan_to_num(table.fields["frequency"])
     passed = 0.5 * (frequency[1:] + frequency[:-1]) * np.diff(table.time)
@@ -223,20 +223,20 @@ def _cycles(table: Table) -> Array:
 
 
 def _period(time: Array) -> float:
-    """s; the usual time between two samples."""
+    """Return the typical sampling period in s."""
     periods = np.diff(time)
     periods = periods[periods > 0.0]
     return float(np.median(periods)) if len(periods) else 1.0
 
 
 def _grid(time: Array, rate: float, rows: int) -> Array:
-    """Even times from the first to the last: as fine as ``time``, but no finer than ``rate`` (Hz) and ``rows``."""
+    """Return equal time steps from the first to the last time, not finer than ``time``, ``rate`` (Hz) or ``rows``."""
     span = float(time[-1] - time[0])
     return np.linspace(time[0], time[-1], 1 + min(rows - 1, math.ceil(span / max(_period(time), 1.0 / rate) - 1e-6)))
 
 
 def _at(time: Array, table: Table | None, name: str) -> Array | None:
-    """A field at other times, over what is not known; None where the log has none."""
+    """Interpolate a field at other times across unknown values; None if the log lacks it."""
     if table is None or name not in table.fields:
         return None
     values = table.fields[name]

@@ -112,7 +112,7 @@ def filled(document: dict[str, Any], numbers: str) -> str:
 
 
 def _panels(series: Series, motion: Motion, drawn: dict[str, Any]) -> list[dict[str, Any]]:
-    """Panels with the wing angles of the drawn bird, which are packed once."""
+    """Return the panels with the wing angles of the drawn vehicle, which are packed once."""
     panels = series.panels()
     for panel in panels:
         if panel["title"] == WING_ANGLE and motion.wings is not None:
@@ -125,7 +125,7 @@ def _panels(series: Series, motion: Motion, drawn: dict[str, Any]) -> list[dict[
 
 
 def _turned(packed: dict[str, float]) -> dict[str, float]:
-    """A packed column of rad, read in degrees."""
+    """Return a packed column of rad scaled to degrees."""
     return packed | {"step": packed["step"] * DEGREES, "middle": packed["middle"] * DEGREES}
 
 
@@ -183,7 +183,7 @@ def _events(log: Log) -> list[dict[str, Any]]:
 
 
 def _missing(tables: Tables, motion: Motion, panels: list[dict[str, Any]], modes: bool, known: bool) -> list[str]:
-    """What is not in the log, in words."""
+    """Return the data missing in the log, as text."""
     shown = {panel["title"] for panel in panels}
     out = ["truth"] if true_state(tables) is None else []
     out += motion.missing

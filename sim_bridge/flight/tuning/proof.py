@@ -184,7 +184,7 @@ def _measured(memory: _Memory) -> FlightQuality:
 
 
 def _windows(memory: _Memory) -> list[tuple[float, float]]:
-    """Beginning and end (s) of the span that is measured in each hold."""
+    """Return start and end (s) of the evaluated window of each hold."""
     time, item = memory.column(topics.NAVIGATION, "time_us"), memory.column(topics.NAVIGATION, "item")
     en_route = memory.column(topics.NAVIGATION, "stage") == Stage.EN_ROUTE
     found = []
@@ -196,14 +196,14 @@ def _windows(memory: _Memory) -> list[tuple[float, float]]:
 
 
 def _chosen(memory: _Memory, topic: Topic[Any], spans: list[tuple[float, float]]) -> Callable[[str], Array]:
-    """Gives a topic's fields (n,), samples of the spans alone."""
+    """Return a function that selects the samples of a topic's fields within the windows."""
     time = memory.column(topic, "time_us")
     inside = np.any([(time >= begin) & (time <= end) for begin, end in spans], axis=0)
     return lambda name: memory.column(topic, name)[inside]
 
 
 def _level_flight(memory: _Memory, name: str, times: Array) -> Array:
-    """(n,); what the navigation asked for at ``times`` in s."""
+    """Return (n,) setpoints of the navigation at ``times`` in s."""
     places = np.searchsorted(memory.column(topics.NAVIGATION, "time_us"), times, side="right") - 1
     return np.asarray(memory.column(topics.NAVIGATION, name)[np.maximum(places, 0)])
 
@@ -214,7 +214,7 @@ def _roll(truth: Callable[[str], Array]) -> Array:
 
 
 def _rate(actuators: Callable[[str], Array], name: str) -> Array:
-    """rad/s, of a commanded angle; the gap between two spans is left out."""
+    """Return the derivative of a commanded angle in rad/s, without the gap between two windows."""
     steps = np.diff(actuators("time_us"))
     rates = np.diff(actuators(name)) / steps
     return np.asarray(rates[steps < 0.1])
