@@ -45,7 +45,7 @@ def test_who_has_the_key_is_heard(url: str, tmp_path: Path, capsys: Capture) -> 
 def test_who_has_none_is_told_what_it_needs(url: str, capsys: Capture) -> None:
     assert gcs(url, "param", "get", "PITCH_P") == 1
     reports = capsys.readouterr().err.splitlines()
-    assert reports[-1].startswith("wingbeat: ") and reports[-1].endswith("may hear only who does: --signing-key")
+    assert reports[-1].startswith("wingbeat: ") and reports[-1].endswith("may require --signing-key")
 
 
 def test_a_wrong_key_hears_nobody(url: str, tmp_path: Path, capsys: Capture) -> None:
