@@ -33,7 +33,7 @@ KEYS: dict[ItemKind, dict[str, Key]] = {
     },
     ItemKind.RETURN: {},
     ItemKind.LAND_START: {},
-    ItemKind.SPEED: {"airspeed": Key("m/s", 0.0, 50.0, default=0.0)},
+    ItemKind.SPEED: {"airspeed": Key("m/s", 0.0, 50.0)},
     ItemKind.LAND: {**PLACE, **HEADING},
 }
 """keys of each kind of item; those of a JUMP are checked against the mission"""

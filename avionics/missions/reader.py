@@ -137,7 +137,8 @@ def _mission(tables: list[Any]) -> Mission:
 
 
 def _items(table: Mapping[str, Any], count: int) -> list[MissionItem]:
-    kinds = {kind.name.lower(): kind for kind in ItemKind}
+    # Skipped commands come from plans and uploads alone.
+    kinds = {kind.name.lower(): kind for kind in ItemKind if kind != ItemKind.SKIP}
     kind = choice(table, "kind", {**kinds, SURVEYED: SURVEYED})
     if kind == SURVEYED:
         return _survey(table)

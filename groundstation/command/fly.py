@@ -48,7 +48,7 @@ from sim_bridge.aerodynamics.models import is_compiled_separately
 from sim_bridge.environment import dryden
 from sim_bridge.environment.levels import LEVELS_TOLD
 from sim_bridge.environment.wind import steady_wind
-from sim_bridge.flight.faults import Fault, divided, mission_faults
+from sim_bridge.flight.faults import Fault, check_carried, divided, mission_faults
 from sim_bridge.plant import physics_compiled
 from sim_bridge.sensors.transmitter import load_script
 from sim_bridge.topics import STATE
@@ -219,6 +219,7 @@ def check(chosen: argparse.Namespace) -> Plan:
         _check_log(chosen.log)
     faults = (*chosen.fault, *mission_faults(chosen.mission))
     options.check_times(faults, chosen.duration)
+    check_carried(faults, body.sections)
     name = storage_name(vehicle)  # two vehicles of one name leave recordings that can be told apart
     return Plan(chosen.vehicle, name, vehicle.title, body.aerodynamics.model, notes, faults)
 
