@@ -53,10 +53,7 @@ class PilotSource(IntEnum):
 
 
 class PilotInput(NamedTuple):
-    """Stick inputs of all sources.
-
-    MANUAL_CONTROL is an input of the flight; the other sources follow from logged channels.
-    """
+    """Stick inputs; those of MANUAL_CONTROL enter the flight, the others follow from logged channels."""
 
     time_us: Time
     """us; since boot, time of execution"""
@@ -672,10 +669,7 @@ class FenceState(NamedTuple):
 
 
 class TaskTiming(NamedTuple):
-    """Run times of one processor, or of whole ticks, over the last second.
-
-    The board measures them.
-    """
+    """Run times of one processor, or of whole ticks, over the last second, measured by the board."""
 
     time_us: Time
     """us; since boot"""

@@ -142,7 +142,7 @@ def _speed(item: Item) -> MissionItemView:
     speed = read_speed(item.parameters)
     if speed is None:
         return MissionItemView(f"change speed: {_raw(item) or 'nothing'}")
-    return MissionItemView("change airspeed" if speed else "the vehicle's own airspeed", airspeed=speed or None)
+    return MissionItemView("change airspeed" if speed else "default airspeed", airspeed=speed or None)
 
 
 def _circle(does: str, radius_at: int, **amounts: int) -> Callable[[Item], MissionItemView]:

@@ -29,7 +29,7 @@ INPUT = Excitation(Channel.ELEVATOR, Shape.DOUBLET, 0.1, 0.5, 2.0, 1, other_ampl
         (MissionItem(ItemKind.CIRCLE, 10.0, 20.0, 30.0), "completed (circle 10 m N, 20 m E, 30 m)"),
         (MissionItem(ItemKind.EXCITE, excitation=INPUT), "completed (elevator and throttle input)"),
         (MissionItem(ItemKind.SKIP, skipped=(3.0, 183.0)), "skipped (command 183)"),
-        (MissionItem(ItemKind.RETURN), "reached (return)"),
+        (MissionItem(ItemKind.RETURN), "reached (return to launch)"),
     ],
 )
 def test_completion_text_describes_item(item: MissionItem, text: str) -> None:

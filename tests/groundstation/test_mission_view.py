@@ -103,7 +103,7 @@ def test_speed_and_landing_sequence_are_one_row_each(capsys: pytest.CaptureFixtu
     speed, own, start = (MissionItem(ItemKind.SPEED, airspeed=value) for value in (8.5, 0.0, 0.0))
     print_mission([sent(speed), sent(own), sent(start._replace(kind=ItemKind.LAND_START))])
     rows = [" ".join(row.split()) for row in capsys.readouterr().out.splitlines()[1:]]
-    assert rows == ["0 change airspeed 8.5 m/s", "1 the vehicle's own airspeed", "2 landing sequence"]
+    assert rows == ["0 change airspeed 8.5 m/s", "1 default airspeed", "2 landing sequence"]
 
 
 def test_numbers_for_programs_are_si_and_radians() -> None:

@@ -62,4 +62,4 @@ def test_airspeed_setpoint_is_limited_and_ends_with_the_mode() -> None:
     assert speed(flight, 30.0, 36.0) == pytest.approx(most, abs=TOLERANCE)
     assert speed(flight, 48.0, 55.0) == pytest.approx(6.8, abs=TOLERANCE)
     assert f"airspeed: {most:g} m/s, 20 m/s is outside its range" in flight.events()
-    assert "airspeed: the vehicle's own" in flight.events()
+    assert "airspeed setpoint cleared" in flight.events()
