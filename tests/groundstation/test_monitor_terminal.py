@@ -52,7 +52,7 @@ class Terminal:
         deadline = time.monotonic() + PATIENCE
         while not true(text := self.screen()):
             assert time.monotonic() < deadline, f"never came:\n{text}"
-            # Each look is a process and work for the terminal: without a pause they starve the program that is watched.
+            # Each look is a process and work for the terminal; without a pause they starve the program under test.
             time.sleep(0.1)
         return text
 
