@@ -41,7 +41,7 @@ def _python() -> str:
 
 
 def _with_versions(package: str) -> str:
-    """A package as an extra of Wingbeat's asks for it; as it is where none does."""
+    """Return the requirement of a package from the extras, or its name if no extra has it."""
     try:
         required = metadata.requires("wingbeat") or []
     except metadata.PackageNotFoundError:

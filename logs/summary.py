@@ -1,7 +1,7 @@
 """Flight metrics of a log: altitude hold, energy, flapping, estimates, touchdown.
 
 Where the log carries the simulated world's truth, errors are against it; otherwise they are against the flight
-computer's own estimate, and ``against_truth`` says so.
+computer's own estimate, and ``against_truth`` is False.
 """
 
 from __future__ import annotations

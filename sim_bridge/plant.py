@@ -269,7 +269,7 @@ class Plant:
     def wing_loads(self) -> Floats:
         """(n, 6) N, N m: air loads of every strip at the last stage, on the body about its origin, body axes.
 
-        Without the apparent mass, whose force is part of the mass matrix, and what a model tells of the body alone.
+        Without the apparent mass, whose force is part of the mass matrix, and the loads of a model on the body alone.
         """
         wing_places(self.scratch.tree, self.mechanism.wings, self.scratch.wings)
         return strip_loads(self.scratch.wings.motion, self.scratch.wings.loads.parts.sum(axis=0))

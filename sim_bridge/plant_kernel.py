@@ -38,7 +38,7 @@ HELD, THROWN, FREE = 0, 1, 2
 # motion prescribed by the phase of the stroke.
 PASSIVE, WING, FOLLOWS, PRESCRIBED = 0, 1, 2, 3
 
-# What drives the wings: a position servo each, a crank that turns as the throttle says, or a motor on a four-bar.
+# What drives the wings: a position servo each, a crank driven by the throttle, or a motor on a four-bar.
 SERVO, CRANK, LINKAGE = 0, 1, 2
 
 # The channels that a coordinate may be moved by.
@@ -76,7 +76,7 @@ class PlantParameters(NamedTuple):
     air: models.Air
     """the chosen aerodynamic model"""
     needs_places: bool
-    """the model asks where the strips are"""
+    """the model requires the positions of the strips"""
     advances: bool
     """the model has a share of its state that moves between the steps"""
     drag_areas: Floats
@@ -168,7 +168,7 @@ class Scratch(NamedTuple):
     plate_load: Floats
     """(6,) N, N m; of tail and fins, body axes about the base's origin"""
     body_load: Floats
-    """(6,) N, N m; of the fuselage and of what the aerodynamic model tells of the body"""
+    """(6,) N, N m; of the fuselage and of the aerodynamic model on the body"""
     drive: Floats
     """(4,) torque left, right N m; current A; voltage V"""
     accelerations: Floats
@@ -207,7 +207,7 @@ def _supply(charge: float, battery: Floats) -> float:
 
 @inlined
 def _drive_wings(y: Floats, t: float, c: Controls, p: PlantParameters, s: Scratch) -> None:
-    """Load the wings with their drives' torques, and tell how the crank gathers speed."""
+    """Load the wings with their drives' torques, and return the acceleration of the crank."""
     # The torque a servo can give depends on the voltage, which sags with the current that the torque draws: from
     # the open-circuit voltage three rounds come within a millivolt.
     n = p.joints.kind.shape[0]
@@ -316,7 +316,7 @@ def set_motion(y: Floats, around: Surroundings, p: PlantParameters, s: Scratch) 
 
 @inlined
 def _set_tail(q: Floats, joints: Joints, tail: Floats) -> None:
-    """Tell what elevator and rudder have achieved, of the coordinates ``q`` or their rates."""
+    """Return elevator and rudder angles from the coordinates ``q``, or their rates."""
     for i in range(joints.kind.shape[0]):
         if joints.kind[i] == FOLLOWS:
             tail[joints.channel[i] - ELEVATOR] = q[i]
@@ -324,7 +324,7 @@ def _set_tail(q: Floats, joints: Joints, tail: Floats) -> None:
 
 @inlined
 def add_air_loads(y: Floats, density: float, p: PlantParameters, s: Scratch) -> None:
-    """Let the air act on wings, tail and fuselage, and tell the rates of the aerodynamic model's state.
+    """Add the air loads of wings, tail and fuselage; return the rates of the model's state.
 
     After `set_motion`.
     """
@@ -349,7 +349,7 @@ def _add_loads(density: float, p: PlantParameters, s: Scratch) -> None:
 
 @inlined_internal
 def load_fuselage(density: float, drag_areas: Floats, s: Scratch) -> None:
-    """Let its drag, and what the aerodynamic model tells of the body, act on the base."""
+    """Add its drag, and the loads of the aerodynamic model on the body, to the base."""
     load_base(density, drag_areas, s.wings.motion.body, s.wings.loads.body, s.body_load, s.tree.force[0])
 
 
@@ -431,7 +431,7 @@ def _add_joint_loads(y: Floats, joints: Joints, load: Floats) -> None:
 
 @inlined
 def _impose(y: Floats, c: Controls, around: Surroundings, joints: Joints, servo: Floats, s: Scratch) -> bool:
-    """Tell which rates of speeds are imposed: those of the launcher, and of joints that follow a servo."""
+    """Return which rates of speeds are imposed: those of the launcher, and of joints that follow a servo."""
     any_held = around.launcher != FREE
     for i in range(BASE):
         s.is_imposed[i] = 1 if any_held else 0
@@ -485,8 +485,8 @@ def _prescribed_acceleration(y: Floats, i: int, c: Controls, joints: Joints, ser
 def _servo_acceleration(error: float, rate: float, time_constant: float, rate_limit: float) -> float:
     """rad/s^2 of a position servo: a rate loop of a quarter of the time constant inside a position loop of it.
 
-    Small errors decay critically damped, as late as a first-order lag of ``time_constant`` s; the rate loop is asked
-    for ``rate_limit`` rad/s at most.
+    Small errors decay critically damped, as late as a first-order lag of ``time_constant`` s. The rate command is
+    limited to ``rate_limit`` rad/s.
     """
     wanted = min(max(error / time_constant, -rate_limit), rate_limit)
     return (wanted - rate) / (0.25 * time_constant)
@@ -659,7 +659,7 @@ def advance_ordered(y: Floats, steps: int, order: Floats, bound: Bound) -> bool:
 def air_load(bound: Bound, out: Floats) -> None:
     """Fill ``out`` (6,) N, N m with the wings' air load of the last stage, on the body about its origin, body axes.
 
-    Of all strips, and of what the aerodynamic model tells of the body alone; without the apparent mass.
+    Of all strips, and of the loads of the aerodynamic model on the body alone; without the apparent mass.
     """
     p, s = bound_values(bound)
     wing_places(s.tree, p.wings, s.wings)

@@ -127,9 +127,9 @@ class GpsFix(NamedTuple):
     v_down: float
     """m/s; ground velocity"""
     horizontal_accuracy: float
-    """m; one sigma as told by the receiver"""
+    """m; one sigma as reported by the receiver"""
     vertical_accuracy: float
-    """m; one sigma as told by the receiver"""
+    """m; one sigma as reported by the receiver"""
     fix_type: Number
     """-; 0 none, 2 two-, 3 three-dimensional"""
     satellites: Number
@@ -148,7 +148,7 @@ class ReceiverSample(NamedTuple):
     pulses: Annotated[tuple[int, ...], Wire("fixed32", CHANNELS)]
     """us; pulse widths of the channels, counted in whole microseconds"""
     lost: Number
-    """-; 1 while the receiver itself says that it does not hear its transmitter"""
+    """-; 1 while the receiver reports that it receives no transmitter"""
     rssi: Number
     """-; signal strength, 0 to 254, 255 for unknown"""
 

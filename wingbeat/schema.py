@@ -40,7 +40,7 @@ def error_context(context: object) -> Iterator[None]:
 
 
 def read_document(path: Path, name: str) -> dict[str, Any]:
-    """Read a TOML file, or a JSON file by its suffix; ``name`` says what it is, for error messages.
+    """Read a TOML file, or a JSON file by its suffix; ``name`` is its kind, for error messages.
 
     Raises:
         InputError: unreadable file or syntax error.
@@ -59,7 +59,7 @@ def read_document(path: Path, name: str) -> dict[str, Any]:
 def read_record(record: Callable[..., Record], table: Any, key: str = "") -> Record:
     """Read a ``record`` (NamedTuple class) from a table.
 
-    The type hint of a field says what its key accepts: ``bool``, ``int``, ``float``, ``str``, another record, a
+    The type hint of a field defines what its key accepts: ``bool``, ``int``, ``float``, ``str``, another record, a
     ``tuple`` or a ``dict`` of these, and ``| None``. Extras of `typing.Annotated`: a `Quantity` is the unit and the
     range, strings and numbers are the choices. A class with a method ``from_entry(entry, key)`` reads itself.
 

@@ -229,14 +229,14 @@ def check(gains: Gains) -> None:
     """Check that gains fit together.
 
     Raises:
-        InputError: least above greatest airspeed setpoint.
+        InputError: minimum above maximum airspeed setpoint.
     """
     if 0.0 < gains.speed_max < gains.speed_min:
         raise InputError(f"speed_min {gains.speed_min:g} m/s is above speed_max {gains.speed_max:g} m/s")
 
 
 def _within_range(gains: Gains, setpoint: float) -> float:
-    """Limit an airspeed setpoint; the greatest airspeed holds if the limits are set the wrong way round."""
+    """Limit an airspeed setpoint; the maximum has priority over the minimum."""
     return clip(setpoint, min(gains.speed_min, gains.speed_max), gains.speed_max)
 
 

@@ -13,10 +13,8 @@ from avionics.limits import clip
 from avionics.sensing import plausibility
 from wingbeat.samples import RangeSample
 
-LONGEST = 200.0
+PLAUSIBLE_RANGE = 200.0
 """m; maximum plausible range: no rangefinder of a small vehicle exceeds it"""
-
-
 TIME_CONSTANT = 0.2
 """s; time constant of the filter: ten samples at 50 Hz"""
 MAX_RATE = 4.0
@@ -28,9 +26,9 @@ HOLD_TIME = 1.0
 CONFIRMING = 5
 """readings that agree after a gap before the terrain altitude is used: 0.1 s at 50 Hz"""
 AGREEMENT = 1.0
-"""m; greatest difference of such readings from their filtered terrain altitude"""
-LONGEST_STEP = 0.1
-"""s; greatest time step of the filter"""
+"""m; maximum difference of such readings from their filtered terrain altitude"""
+MAX_STEP = 0.1
+"""s; maximum time step of the filter"""
 
 
 class State(NamedTuple):
@@ -48,7 +46,10 @@ class State(NamedTuple):
 
 def is_plausible(gains: plausibility.Gains, state: plausibility.State, sample: RangeSample) -> bool:
     """Return whether distance and limits are finite and in order."""
-    return 0.0 <= sample.distance <= LONGEST and 0.0 <= sample.min_distance < sample.max_distance <= LONGEST
+    return (
+        0.0 <= sample.distance <= PLAUSIBLE_RANGE
+        and 0.0 <= sample.min_distance < sample.max_distance <= PLAUSIBLE_RANGE
+    )
 
 
 def step(state: State, sample: RangeSample, vertical: float, altitude: float, at_rest: bool) -> State:
@@ -61,7 +62,7 @@ def step(state: State, sample: RangeSample, vertical: float, altitude: float, at
         altitude: m; estimated, above home.
         at_rest: True if the vehicle is not in flight: the height becomes the reference.
     """
-    # A distance below the least one is that of a vehicle on the ground.
+    # A distance below the minimum is that of a vehicle on the ground.
     distance = max(sample.distance, sample.min_distance)
     if distance > sample.max_distance or sample.quality == 0 or vertical < cos(MAX_TILT):
         return state
@@ -74,8 +75,8 @@ def step(state: State, sample: RangeSample, vertical: float, altitude: float, at
     confirmed = state.readings == CONFIRMING
     if dt > HOLD_TIME or (not confirmed and abs(error) > AGREEMENT):
         return State(state.reference, measured, sample.time_us, 1)
-    step = min(dt, LONGEST_STEP)
-    change = clip((1.0 - exp(-step / TIME_CONSTANT)) * error, -MAX_RATE * step, MAX_RATE * step)
+    dt = min(dt, MAX_STEP)
+    change = clip((1.0 - exp(-dt / TIME_CONSTANT)) * error, -MAX_RATE * dt, MAX_RATE * dt)
     return State(state.reference, state.terrain + change, sample.time_us, min(state.readings + 1, CONFIRMING))
 
 

@@ -47,7 +47,7 @@ def check_outputs(chosen: argparse.Namespace) -> None:
     """Reject existing output files before the computation.
 
     Raises:
-        InputError: one exists, or the model asks for modes that are not identified.
+        InputError: one exists, or the model requires modes that are not identified.
     """
     if chosen.report is not None:
         refuse_existing(chosen.report)

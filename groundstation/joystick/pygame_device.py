@@ -27,7 +27,7 @@ class PygameBackend:
         """Start SDL's joystick subsystem, without a window.
 
         Raises:
-            InputError: pygame-ce is not installed; the line says how to install it.
+            InputError: pygame-ce is not installed; the message has the command that installs it.
         """
         for name, value in _ENVIRONMENT.items():
             os.environ.setdefault(name, value)

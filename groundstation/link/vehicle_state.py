@@ -1,7 +1,7 @@
 """Telemetry of a MAVLink vehicle as one immutable state in SI.
 
 ``receive(state, message, now)`` returns the next state; a table gives one small function to each MAVLink message.
-A quantity that was never heard is None, so a view can say so instead of showing a zero.
+A quantity that was never received is None, so that a view does not show a zero for it.
 """
 
 from __future__ import annotations

@@ -70,7 +70,7 @@ def _truth(truth: float | None, estimate: Estimate, half: float) -> Text:
 
 
 def _note(stated: Sequence[Row]) -> Text:
-    """What is said of all these rows alike; subjects of which it is said of the same names share them."""
+    """Return the findings common to all these rows; subjects with equal findings share them."""
     names: dict[str, list[str]] = {}
     for row in stated:
         names.setdefault(row.subject, []).append("" if row.subject == row.name else _name(row))

@@ -260,7 +260,7 @@ def _items(picture: Picture, columns: int, rows: int) -> Text:
     return text
 
 
-# --- what was said --------------------------------------------------------------------------------------
+# --- status texts ---------------------------------------------------------------------------------------
 
 STYLES = {
     Severity.WARNING: CAUTION,

@@ -1,6 +1,6 @@
 """Tables of comma-separated values with a mapping file.
 
-The mapping is TOML: how time is told, and for each topic its fields with column, unit, scale and offset.
+The mapping is TOML: the time column, and for each topic its fields with column, unit, scale and offset.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Captures of a Razor's serial line.
 
-The firmware sends no time: frames stand in its raster of 20 ms, damaged ones included. Text tells which output it is;
-a binary capture is believed between two synch tokens, as `avionics.board.razor_protocol` does it.
+The firmware sends no time: frames stand in its raster of 20 ms, damaged ones included. The text names the output;
+a binary capture is valid between two synch tokens, as `avionics.board.razor_protocol` does it.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """MAVLink telemetry logs (``.tlog``).
 
-The vehicle is who sends an autopilot's heartbeats; what others say stands apart. Times are the vehicle's: by the
-stamps that some of its messages carry, and between them by the ground's clock.
+The vehicle is the sender of an autopilot's heartbeats; messages of others are kept separately. Times are
+those of the vehicle: from the stamps of some of its messages, and between them from the ground's clock.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Reader of a growing recording.
 
-The writer is not asked and never waits; it does not even know. What has been read is whole records: the rest of one
+The writer is not involved and never waits. What has been read is whole records: the rest of one
 that is still being written is read the next time.
 """
 

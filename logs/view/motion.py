@@ -1,7 +1,7 @@
 """Vehicle position, attitude and wings on even time grids for the page.
 
-As in `logs.scene`: the truth where it is recorded, else what the flight computer believed, in axes with z up (ENU and
-FLU). What nobody recorded is at rest, and said.
+As in `logs.scene`: the truth if it is recorded, else the estimate of the flight computer. Axes have z up (ENU, FLU).
+Parts without a recording are at rest, with a note.
 """
 
 from __future__ import annotations

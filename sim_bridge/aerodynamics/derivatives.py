@@ -10,7 +10,7 @@ than in the trim the wings flap: the relative change of the root mean square of 
 half stroke and with the frequency alike, behind a first-order lag. The loads are these accelerations times mass and
 inertia, at the stroke's mean centre of mass, over the density of the flight test.
 
-The wings flap with their own inertia and meet no air: what the air does over a stroke is in the derivatives, told on
+The wings flap with their own inertia and meet no air: the air loads over a stroke are in the derivatives, stated in
 the fuselage. So the body shakes as it does, phase and encoders are those of flapping wings, and the average is the
 model's; torque, current and power of the drives are those of the inertia alone. The membranes ought to be stiff
 (`wing.twists` false), for no air damps them. Tail, fins and fuselage are in the derivatives too.

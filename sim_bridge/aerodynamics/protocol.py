@@ -8,7 +8,7 @@ A model is a NamedTuple of constants (its *parameters*) and three functions of t
   integrator;
 * ``advance(parameters, strips, motion, density, state, dt)``: what happens between two steps of the integrator, for
   memory with a rate of its own (a wake shed row by row); compiled. ``motion`` is that of the end of the step, and so
-  is ``state``, whose smooth share is left to the integrator. Models that do not say `advances` are not called.
+  is ``state``, whose smooth share is left to the integrator. Models without `advances` are not called.
 
 All of a model's work is in section axes, so that it knows neither frames nor joints: ``chord`` forward, ``normal``
 upward, ``span`` to the tip. The mechanism turns them into body axes and generalised forces.
@@ -83,7 +83,7 @@ class SectionLoads(NamedTuple):
     rates: Floats
     """(s,); of the state, 0 where `advance` moves it"""
     body: Floats
-    """(parts, 6) N, N m; on the fuselage about its origin, body axes: of what a model does not tell strip by strip"""
+    """(parts, 6) N, N m; on the fuselage about its origin, body axes: loads not given strip by strip"""
 
 
 def blank_motion(strips: Strips, wings: int) -> Motion:
@@ -155,7 +155,7 @@ class AerodynamicModel(NamedTuple):
     loads: Callable[..., None]
     advance: Callable[..., None]
     needs_places: bool = False
-    """``loads`` asks for `Motion.place` and `Motion.axes`, which are not filled otherwise"""
+    """``loads`` requires `Motion.place` and `Motion.axes`, which are not filled otherwise"""
     advances: bool = False
     """there is something for ``advance`` to move: the plant evaluates the motion once more a step, places too"""
     with_fuselage: bool = False

@@ -1,7 +1,7 @@
 """Quasi-steady coefficients of angle of attack and advance ratio (Han et al. 2017), blade elements in 3-D.
 
 Three mechanisms: translation (Polhamus' potential and vortex terms, Eq. 8-13), rotation (Kutta-Joukowski, Eq. 14)
-and added mass (Eq. 15). The first two are parts of the loads; the third is proportional to accelerations and told as
+and added mass (Eq. 15). The first two are parts of the loads; the third is proportional to accelerations and given as
 apparent mass, which the mechanism solves for.
 
 Where the paper is silent or misprinted:
@@ -15,7 +15,7 @@ Where the paper is silent or misprinted:
 * **Flow from behind** (beyond the measured 95 degrees) is the plate turned round: Eq. 8 as printed would push the
   wing the way it goes. The moment about mid-chord passes zero between 85 and 95 degrees.
 * **Signs.** C_M turns with the side that the air strikes (Eq. B.9 omits it). A nose-up rotation pushes the wing up
-  (Kramer), whereby pronation gives thrust, as the paper says: Eq. B.8 as printed, in the axes of Eq. B.1, would push
+  (Kramer), whereby pronation gives thrust, as in the paper: Eq. B.8 as printed, in the axes of Eq. B.1, would push
   it down. Added mass resists acceleration; as printed it would aid it. The deviation's rate in Eq. B.3 is negative.
 * **Other planforms.** The exponents' singular points are those of the wing that Table 1 was fitted to; only the
   reference point, where J is taken, is the vehicle's.
@@ -193,7 +193,7 @@ def build(settings: QuasiSteady, strips: Strips) -> QuasiSteadyParameters:
     """The model's parameters for the wings of a vehicle.
 
     Raises:
-        InputError: a wing of a single strip, whose rotation cannot be told from its translation, or a planform whose
+        InputError: a wing of a single strip, whose rotation and translation are the same, or a planform whose
             reference point lies where the border of the advance ratio has no meaning.
     """
     if np.min(np.unique(strips.wing, return_counts=True)[1]) < 2:

@@ -66,7 +66,7 @@ class StripTheory(NamedTuple):
     suction_efficiency: Annotated[float, Quantity("-", 0.0, 1.0)]
     """share of the leading-edge suction that is realised"""
     stall_angle: Annotated[float, Quantity("rad", 0.05, 1.5)]
-    """static; raised by Kim's factor if ``dynamic_stall`` says so"""
+    """static; raised by Kim's factor with ``dynamic_stall``"""
     wake_lag: Annotated[float, Quantity("-", 0.0, 1.0)]
     """share of the unsteady wake's effect: 1 is DeLaurier's C'(k) in the time domain, 0 quasi-steady"""
     dynamic_stall: str

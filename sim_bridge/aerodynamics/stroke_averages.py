@@ -16,7 +16,7 @@ from sim_bridge.vectors import Floats
 from wingbeat.errors import InputError
 
 WORST_CONDITION = 1e6
-"""-; of the system of one half stroke, beyond which lift and drag cannot be told apart"""
+"""-; of the system of one half stroke, beyond which lift and drag cannot be separated"""
 
 
 class StrokeCoefficients(NamedTuple):
@@ -123,7 +123,7 @@ def mean_coefficients(force: Floats, record: StrokeRecord) -> StrokeCoefficients
     Written once for each half, two components of force give four equations for the four coefficients.
 
     Raises:
-        InputError: a half of the stroke is empty, or its lift and drag cannot be told apart.
+        InputError: a half of the stroke is empty, or its lift and drag cannot be separated.
     """
     lift_up, drag_up = _half(force, record, ~record.down, "up-stroke")
     lift_down, drag_down = _half(force, record, record.down, "down-stroke")

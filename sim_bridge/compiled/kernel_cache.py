@@ -13,7 +13,7 @@ from sim_bridge.compiled.cache import create_folder, file_folder, source_digest
 
 
 class _Locator(_CacheLocator):
-    """Says numba where a kernel is stored, and which state of the sources it belongs to."""
+    """Locator for numba: folder of a kernel, and the state of the sources it belongs to."""
 
     def __init__(self, function: Callable[..., object], path: Path) -> None:
         self._path, self._line = path, function.__code__.co_firstlineno

@@ -24,6 +24,6 @@ SMALL_UAV = {
 }
 """m and m/s; L_u = L_v, L_w, sigma_u = sigma_v, sigma_w (Beard and McLain 2012, Table 4.1, low altitude)"""
 LEVELS = (*WIND_AT_20_FT, *SMALL_UAV)
-"""all that may be asked for"""
+"""names of all levels"""
 LEVELS_TOLD = f"{', '.join(LEVELS[:-1])} or {LEVELS[-1]}"
 """the same in words"""

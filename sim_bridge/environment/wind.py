@@ -14,7 +14,7 @@ STRONGEST = 50.0
 def steady_wind(speed: float, direction_from: float) -> Vector:
     """Wind velocity in m/s, NED, for ``speed`` m/s from the direction ``direction_from`` in rad.
 
-    The direction is told as in aviation: 0 is a wind from the north, pi/2 from the east.
+    The direction is that of aviation: 0 is a wind from the north, pi/2 from the east.
 
     Raises:
         InputError: speed negative, above 50 m/s, or either not finite.

@@ -1,4 +1,4 @@
-"""The stroke map of free flight: all that moves, so that lateral motion about a symmetric orbit can be told too."""
+"""The stroke map of free flight: all that moves, so that lateral motion about a symmetric orbit is included."""
 
 from __future__ import annotations
 

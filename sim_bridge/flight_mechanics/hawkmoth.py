@@ -2,7 +2,7 @@
 
 The paper prints airspeed, stroke-plane angle and weight. Its wing motion, third-order series of figures in Willmott &
 Ellington (1997), is not printed, nor is the moth's wing: those values are chosen, each for the reason beside it. The
-angles follow what the text says of the angle of attack; the lead of the wing's turn follows insects in general, and
+angles follow the text on the angle of attack; the lead of the wing's turn follows insects in general, and
 with it stand and fall the rotational share and the sign of its thrust. So the shares are no validation; they show
 where the model puts the load.
 """

@@ -1,6 +1,6 @@
 """The world of an identified aircraft: another vehicle's bodies and drive, flown with derivatives of a flight test.
 
-What the flight test did not give is taken from that vehicle, linearised at the same airspeed, and said to be chosen:
+What the flight test did not give is taken from that vehicle, linearized at the same airspeed, and marked as chosen:
 the lateral derivatives, and what the drive does.
 """
 

@@ -1,4 +1,4 @@
-"""What a trimmed flight asks of a vehicle beyond what it has: travels, frequencies, throttle, a model's own range."""
+"""Limits that a trimmed flight exceeds: travels, frequencies, throttle, the range of a model."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 
 A trimmed flapping flight is a fixed point of the map from the start of one stroke to the start of the next. Newton's
 method starts from settled wings; where that fails, the trim is followed from the vehicle's cruise in steps towards
-the speed and climb asked for.
+the requested speed and climb.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""How wings move whose joints are told: by Fourier series over a stroke, or recorded at instants of one.
+"""Prescribed wing motion: Fourier series over a stroke, or samples of one.
 
 The stroke plane passes through the hinges, raised at its rear so that it makes ``stroke_plane`` with the body's x-y
 plane: 0 is an insect's hovering stroke (wings sweep fore and aft), pi/2 a bird's (wings flap up and down). Right wing

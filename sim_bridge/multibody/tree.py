@@ -1,6 +1,6 @@
 """Equations of motion of a tree of rigid bodies on a free base.
 
-Spatial vectors (angular part first) of every body are told about one point, the base's origin, in the base's axes
+Spatial vectors (angular part first) of every body refer to one point, the base's origin, in the base's axes
 (FRD). Inertias of a subtree then add up without a transformation, and the mass matrix is Featherstone's composite
 rigid body algorithm in a few dot products: ``M(q) du/dt = Q``, the Boltzmann-Hamel equations of Grauer Eq. 1-7 and
 Sibilski Eq. 1-22 for the quasi-velocities ``u``: velocity of the base's origin and angular velocity in body axes,
@@ -26,7 +26,7 @@ Symmetric = tuple[float, float, float, float, float, float]
 BASE = 6
 """speeds of the base, before those of the coordinates"""
 ROUNDING = 0.02
-"""-; by which moments of inertia, told with two digits, may miss what a body can have"""
+"""-; by which moments of inertia, given with two digits, may violate the triangle inequality"""
 
 
 class Body(NamedTuple):

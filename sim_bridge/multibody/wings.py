@@ -135,7 +135,7 @@ def _fill_frame(r: Floats, p: Floats, v: Floats, base: Floats, a: Floats, outsid
 
 @inlined
 def _transform_motion(r: Floats, p: Floats, angular: Vector, linear: Vector, row: Floats) -> None:
-    """A motion told at the base's origin in its axes, told at the wing's root in the wing's axes."""
+    """Transform a spatial velocity from base origin and axes to wing root and axes."""
     a0, a1, a2 = angular
     l0 = linear[0] + a1 * p[2] - a2 * p[1]
     l1 = linear[1] + a2 * p[0] - a0 * p[2]
@@ -390,7 +390,7 @@ def _sum_inertia(w: Wings, j: int, work: WingWork) -> None:
 
 @inlined
 def _carry(k: Kinematics, b: int, work: WingWork) -> None:
-    """Add the wing's sums, told at the root in wing axes, to body ``b`` about the base's origin."""
+    """Add the wing's sums, at the root in wing axes, to body ``b`` about the base's origin."""
     _carry_inertia(k.r[b], k.p[b], work.inertia, k.inertia[b])
     for i in range(6):
         work.column[i] = 0.0
@@ -400,7 +400,7 @@ def _carry(k: Kinematics, b: int, work: WingWork) -> None:
 
 @noalias
 def _carry_inertia(r: Floats, p: Floats, spatial: Floats, out: Floats) -> None:
-    """Add a spatial inertia ``spatial`` (6, 6), told at ``p`` in axes turned by ``r``, to ``out``; upper triangles.
+    """Add a spatial inertia ``spatial`` (6, 6), at ``p`` in axes turned by ``r``, to ``out``; upper triangles.
 
     With its blocks A, B, D of turning, both and moving: a force at ``p`` has the moment p x F about the origin.
     """
@@ -453,7 +453,7 @@ def _row(r: Floats, i: int, a: tuple[Vector, Vector, Vector]) -> Vector:
 
 @noalias
 def _add_wrench(r: Floats, p: Floats, wrench: Floats, out: Floats) -> None:
-    """Add ``wrench`` (6,), told at the root in wing axes, to ``out`` about the base's origin."""
+    """Add ``wrench`` (6,), at the root in wing axes, to ``out`` about the base's origin."""
     f0 = r[0, 0] * wrench[3] + r[0, 1] * wrench[4] + r[0, 2] * wrench[5]
     f1 = r[1, 0] * wrench[3] + r[1, 1] * wrench[4] + r[1, 2] * wrench[5]
     f2 = r[2, 0] * wrench[3] + r[2, 1] * wrench[4] + r[2, 2] * wrench[5]

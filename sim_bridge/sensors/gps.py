@@ -25,7 +25,7 @@ class GpsSpec(NamedTuple):
     3 m two-dimensional rms is 2.1 m on each axis; most of it is slow (ionosphere, multipath, the satellites'
     geometry) and is a first-order Gauss-Markov process, the rest white. It forgets in a quarter of an hour (Beard and
     McLain, Small Unmanned Aircraft, 2012, section 7.5, after Rankin 1994): a flight of some minutes takes most of it
-    for the place of home, which is a fix too. Velocity 0.1 m/s (data sheet). A fix tells
+    for the place of home, which is a fix too. Velocity 0.1 m/s (data sheet). A fix has
     of the moment it was measured and arrives later: solution and serial line take 100 to 200 ms.
     """
 

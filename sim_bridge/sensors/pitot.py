@@ -15,7 +15,7 @@ class PitotSpec(NamedTuple):
     """Honeywell TruStability HSCMRRN001ND2A5: +-1 inch of water (+-248.84 Pa, Gerdes Table 1), digital.
 
     14-bit word, transfer function A: 10 % of 2^14 (1638) at the lower end of the range, 90 % (14746) at the
-    upper. Gerdes tells 0.2 m/s of airspeed precision: rho V dV is 1.9 Pa at 7.75 m/s. The zero is what the
+    upper. Gerdes gives 0.2 m/s of airspeed precision: rho V dV is 1.9 Pa at 7.75 m/s. The zero is what the
     zeroing before take-off leaves; 0.25 % of full scale is the data sheet's linearity.
     """
 

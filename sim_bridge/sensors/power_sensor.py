@@ -1,6 +1,6 @@
 """Supply voltage and current: divider and ACS723 into the ten-bit ADC of an ATMEGA328P, in bursts at 6 kHz.
 
-The servos modulate the current at 300 Hz (Gerdes p. 3). The plant tells the mean over the modulation; the burst
+The servos modulate the current at 300 Hz (Gerdes p. 3). The plant gives the mean over the modulation; the burst
 puts the pulses back: with duty = current / pulse_current the current is the pulse's while it is on and nothing
 while it is off, and the voltage sags with it. The phase of the modulation runs on from burst to burst.
 

@@ -11,7 +11,7 @@ from sim_bridge.sensors.noise import SensorSeed, split
 from wingbeat.samples import CHANNELS, ReceiverSample
 
 FULL_RSSI = 254
-"""-; the strongest signal that the wire can say"""
+"""-; the strongest signal that the wire can carry"""
 CENTRE, HALF_TRAVEL = 1500.0, 500.0
 """us; of every channel: the usual 1000 to 2000"""
 
@@ -54,7 +54,7 @@ class ReceiverSpec(NamedTuple):
     fading: float = 60.0
     """m; over which that share falls to 27 %, nearer"""
     timeout: float = 0.3
-    """s; without a frame before the receiver itself says that the signal is lost"""
+    """s; without a frame before the receiver reports the signal as lost"""
 
 
 def pulses(sticks: Sticks) -> tuple[float, ...]:
@@ -78,7 +78,7 @@ class Receiver:
     def read(self, observation: Observation) -> ReceiverSample | None:
         """Return one frame; None if it was lost or before the first.
 
-        Once nothing was heard for `ReceiverSpec.timeout`, frames come again, the last ones, marked as lost.
+        After `ReceiverSpec.timeout` without a signal the last frame is repeated and marked as lost.
         """
         if self._pilot is None:
             return None

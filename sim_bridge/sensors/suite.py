@@ -81,7 +81,7 @@ SECTIONS: dict[str, type[Any]] = _REQUIRED | {row.section: row.spec for row in O
 
 
 class SimulationDiverged(ArithmeticError):
-    """The plant produced a value that is not a finite number, or absurdly large; the text says which and when."""
+    """The plant produced a value that is not a finite number, or absurdly large; the text names value and time."""
 
 
 def sensor_spec(sections: Mapping[str, Any]) -> SensorSpec:

@@ -54,7 +54,7 @@ def load_script(path: str | Path) -> Script:
     """Read a script file.
 
     Raises:
-        InputError: it cannot be read, or a line says what no transmitter does; one line that names both.
+        InputError: it cannot be read, or a line has impossible values; the message names file and line.
     """
     try:
         text = Path(path).read_text(encoding="utf-8-sig")

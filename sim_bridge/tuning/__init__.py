@@ -1,1 +1,1 @@
-"""What a loop is tuned with, whoever flies it: linear models, blocks, margins, the search for gains."""
+"""Tuning of a loop: linear models, blocks, margins, search for gains."""

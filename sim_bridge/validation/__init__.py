@@ -1,1 +1,1 @@
-"""Published figures beside ours, computed when asked for; one file for each paper."""
+"""Published figures and those of the simulation, computed on request; one file for each paper."""

@@ -2,7 +2,7 @@
 
 Three physical readings beside Eq. 11, none with a value fitted to the currents but the efficiency. Eq. 12 multiplied
 out is a motor's law, P = 0.92 I V - 1.27 I^2 - ..., whose 1.27 W/A^2 is the resistance in Ohm that the drive's own
-line from stall torque to no-load speed asks for (1.23).
+line from stall torque to no-load speed requires (1.23).
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Grauer, Ulrich, Hubbard, Pines, Humbert 2011: the Slow Hawk of `sim_bridge/vehicles/slow_hawk.toml`, flown.
 
 What moves when its wings do (II, Fig. 2), the trimmed flight of V.A in strip theory, and Table 1 in the same flight.
-The paper prints neither inertia tensors nor hinges, planform, twist or drive: most of what V.A tells went into
+The paper prints neither inertia tensors nor hinges, planform, twist or drive: most values of V.A went into
 choosing them and is no validation; the vehicle file names each value that was fitted.
 """
 

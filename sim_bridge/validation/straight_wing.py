@@ -1,7 +1,7 @@
 """A twisted, tapered wing of NACA 2412 in steady flow: the vortex lattice beside XFLR5's ring vortices (VLM2).
 
 XFLR5's figures are those of its project file among PteraSoftware's tests (``testing references.xfl``), of which these
-tell three decimals. XFLR5 has the wake along the body's axis and takes the drag, the part along the wind, from it far
+have three decimals. XFLR5 has the wake along the body's axis and takes the drag, the part along the wind, from it far
 behind: so does this. Lengths are of the mean aerodynamic chord, moments about the root's leading edge.
 """
 

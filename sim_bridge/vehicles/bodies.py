@@ -18,7 +18,7 @@ DRIVES = {"right_wing": "right", "left_wing": "left"}
 """what a wing's drive moves, and the side that it is on"""
 TAIL = ("elevator", "rudder")
 MOVERS = (*DRIVES, *TAIL, "stroke")
-"""what may be told of a joint as ``moved_by``"""
+"""values of ``moved_by`` of a joint"""
 
 
 def matrix_of(angles: tuple[float, float, float]) -> Floats:
@@ -29,7 +29,7 @@ def matrix_of(angles: tuple[float, float, float]) -> Floats:
 
 
 def mirrored(part: BodyPart, image: BodyPart) -> BodyPart:
-    """``part`` reflected in the plane of symmetry, hanging where ``image`` says."""
+    """``part`` reflected in the plane of symmetry, attached as ``image``."""
     (px, py, pz), (roll, pitch, yaw), (ax, ay, az) = part.place, part.rotation, part.axis
     (cx, cy, cz), (xx, yy, zz, xy, xz, yz) = part.center, part.inertia
     # Both rudders turn the same way: not as in a mirror.
@@ -52,7 +52,7 @@ def completed(bodies: Parts) -> Parts:
     """The bodies of a vehicle file with the mirror images filled in.
 
     Raises:
-        InputError: a mirror image of a body that is not there, or is itself one, or is told more than its parent; a
+        InputError: a mirror image of a body that is not there, or is itself one, or has more keys than its parent; a
             joint moved by nothing that is known, or without an axis, or by a wing's drive that moves another.
     """
     parts: Parts = {}
@@ -75,7 +75,7 @@ def _image(bodies: Parts, part: BodyPart) -> BodyPart:
 
 
 def _refuse(part: BodyPart, but: tuple[str, ...], why: str) -> None:
-    """Raise InputError where any key is told ``but`` these."""
+    """Raise InputError if there is a key other than these (``but``)."""
     for key, default in part._field_defaults.items():
         if key not in but and getattr(part, key) != default:
             raise InputError(f"{key} {why}")
@@ -101,7 +101,7 @@ def body_tree(parts: Parts, wing: Wing) -> list[Body]:
         parts: as `completed` has them; both bodies of ``wing`` are among them.
 
     Raises:
-        InputError: as `sim_bridge.multibody.tree.parents_first`; a base that is told of a joint; a wing that flaps
+        InputError: as `sim_bridge.multibody.tree.parents_first`; a base with a joint; a wing that flaps
             about no joint, or one of the other side, of the tail or of both wings; a joint with nothing to turn.
     """
     bodies = parents_first([_body(name, part) for name, part in parts.items()])
@@ -154,7 +154,7 @@ def _flap_joint(parts: Parts, side: str, wing: str) -> str:
 
 
 def _side(parts: Parts, name: str) -> str:
-    """Which part of the vehicle a body is of, by what moves it and whose image it is; empty where nothing tells."""
+    """Return the part of the vehicle that a body belongs to, by its joint and mirror image; empty if unknown."""
     part = parts[name]
     if part.moved_by in TAIL:
         return "tail"

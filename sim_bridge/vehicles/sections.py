@@ -1,4 +1,4 @@
-"""The sections of a vehicle file of the simulated world: what is, not what the flight computer believes."""
+"""Sections of a vehicle file of the simulator; the flight computer has its own assumptions."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class BodyPart(NamedTuple):
     parent: Annotated[str, Label()] = ""
     """name of the body it hangs on"""
     mirror_of: Annotated[str, Label()] = ""
-    """a body of the right side of which this is the mirror image on the left: nothing else but its parent is told"""
+    """a body of the right side of which this is the mirror image on the left: only its parent is given"""
     moved_by: Annotated[str, Label()] = ""
     """what turns the joint: "right_wing", "left_wing" (the drive), "elevator", "rudder" (a servo that it follows),
     "stroke" (the motion prescribed below); nothing but its spring if empty"""
@@ -125,7 +125,7 @@ class Drive(NamedTuple):
     """What moves the wings: two position servos, one motor on a crank, or a motor model on a four-bar linkage."""
 
     kind: str
-    """"servo" (one on each wing), "crank" (turns as the throttle says) or "linkage" (sections [linkage], [motor])"""
+    """"servo" (one on each wing), "crank" (driven by the throttle) or "linkage" (sections [linkage], [motor])"""
     stall_torque: Annotated[float, Quantity("N m", 0.0, 500.0)]
     """of one wing's servo at nominal voltage"""
     no_load_speed: Annotated[float, Quantity("rad/s", 0.1, 1000.0)]
@@ -175,7 +175,7 @@ class Launch(NamedTuple):
 
 
 class Cruise(NamedTuple):
-    """The steady flight at which the vehicle's modes are told."""
+    """Steady flight at which the vehicle's modes are given."""
 
     airspeed: Annotated[float, Quantity("m/s", 0.5, 50.0)]
     climb_rate: Annotated[float, Quantity("m/s", -5.0, 5.0)]

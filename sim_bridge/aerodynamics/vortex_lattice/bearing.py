@@ -2,8 +2,8 @@
 
 All legs of all rings but those in the wake and at the trailing edges, where the newest row of the wake cancels them.
 Legs across come first, row by row, then legs along, of each surface. At a lattice step the air at every leg is known;
-until the next one what the response of the strengths adds to it is told by the downwash of each strip alone, and the
-rest of it is held, and so are the wing's legs: in the axes of the strip that bears them, with which they turn. The
+until the next one the response of the strengths adds the downwash of each strip alone. The rest is constant, and so
+are the wing's legs, in the axes of the strip that bears them, with which they turn. The
 legs across of both root strips reach over the fuselage: its lift between the wings is theirs.
 """
 
@@ -166,7 +166,7 @@ def _turn(
 
 @internal
 def _store_tail(p: VortexLatticeParameters, motion: Motion, surface: int, state: Floats) -> None:
-    """In body axes; the strips' downwash is taken off legs across, which are told by it between steps."""
+    """In body axes; the strips' downwash is taken off legs across, which follow from it between steps."""
     rows, columns, first = p.layout.rows[surface], p.layout.columns[surface], p.first_leg[surface]
     normal = p.workspace.scratch[2, 1]
     surface_normal(p, motion, surface, normal)

@@ -2,7 +2,7 @@
 
 It has a rate of its own below the integrator's. ``advance`` keeps account of how the body moves through the air and,
 a lattice step having passed, carries the wake, sheds a row and computes the influences of the lattice's new shape.
-``loads`` lets the strengths follow the motion of every stage by these (`response`), and tells
+``loads`` lets the strengths follow the motion of every stage by these (`response`), and returns
 
 * *circulatory* and *suction*: along the normal, and forward and outward along chord and span, what all legs bear by
   Joukowski, in the air that their motion, the wake and the other legs let meet them (`bearing`);
@@ -10,7 +10,7 @@ a lattice step having passed, carries the wake, sheds a row and computes the inf
   the wake's share above all, is a difference of two lattice steps, held to the next: light wings stay stable, because
   nothing in it answers to their acceleration at once;
 * *separated* and *friction*: those of the strip theory, with its limits for the stall, by the share of
-  ``correction``, and with its quasi-steady incidence, for which its limits are told;
+  ``correction``, and with its quasi-steady incidence, to which its limits apply;
 * *tail*: tailplane and fin in the wings' wake, on the body.
 """
 

@@ -16,7 +16,7 @@ def check_crossings(lattice: Lattice) -> None:
     """Check that no surfaces intersect.
 
     Raises:
-        InputError: two do; says which, and where.
+        InputError: two do; the message has their names and the place.
     """
     grids = [grid_of(lattice, lattice.nodes, i) for i in range(len(lattice.names))]
     for i, one in enumerate(grids):

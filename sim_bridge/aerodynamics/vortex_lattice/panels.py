@@ -113,7 +113,7 @@ def _surface_influence(
 ) -> None:
     """Add one surface's rings to a ``row`` of the matrix, leg by leg: each is shared by two rings.
 
-    Without its legs across where it is not the ``whole`` that is asked for.
+    The legs across are left out unless ``whole`` is set.
     """
     columns, rows = layout.columns[s], layout.rows[s]
     width, point, normal = columns + 1, work[0, 0], work[0, 1]
@@ -153,7 +153,7 @@ def set_downwash(layout: Layout, target: int, rings: Floats, cores: Floats, work
 
 @kernel
 def factorize(matrix: Floats, pivots: Floats) -> bool:
-    """Decompose ``matrix`` (N, N) in place into L and U, rows swapped as ``pivots`` (N,) tell.
+    """Decompose ``matrix`` (N, N) in place into L and U, rows swapped by ``pivots`` (N,).
 
     Returns:
         whether it has an inverse.

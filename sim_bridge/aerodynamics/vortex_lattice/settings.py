@@ -45,7 +45,7 @@ class VortexLattice(NamedTuple):
     suction_efficiency: Annotated[float, Quantity("-", 0.0, 1.0)]
     """share of the leading-edge suction that is realised, with the correction"""
     stall_angle: Annotated[float, Quantity("rad", 0.05, 1.5)]
-    """static; raised by Kim's factor if ``dynamic_stall`` says so"""
+    """static; raised by Kim's factor with ``dynamic_stall``"""
     dynamic_stall: str
     """``kim`` or ``fixed``, see `sim_bridge.aerodynamics.strip_theory`"""
     tail_place: Annotated[tuple[float, float, float], Quantity("m", -10.0, 10.0)]

@@ -88,7 +88,7 @@ def wake_of(p: VortexLatticeParameters, state: Floats) -> Wake:
 
 @internal
 def _turn_into_body(p: VortexLatticeParameters, wake: Wake, pose: Floats) -> None:
-    """Tell the wake's nodes in the body axes of now, and begin the pose anew."""
+    """Transform the wake's nodes to the present body axes and reset the pose."""
     r, nodes = p.workspace.scratch[4], wake.nodes
     rotation(pose[3], pose[4], pose[5], pose[6], r)
     for i in range(int(wake.rows[0]) + 1):

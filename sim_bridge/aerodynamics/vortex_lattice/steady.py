@@ -120,7 +120,7 @@ def solve_steady(
 
     With ``symmetric`` the lattice is one half: its mirror image in the plane y = 0 is there too, and its loads are
     not in the result. ``ground`` is the height z in m of a plane that no air crosses. The wake leaves in the
-    direction ``along`` (3,), of any length, the wind's where none is told.
+    direction ``along`` (3,), of any length, the wind's by default.
 
     Raises:
         InputError: there is no wind, the wake has no direction, surfaces cross, or the panels allow no solution.

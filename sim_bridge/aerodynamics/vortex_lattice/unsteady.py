@@ -1,6 +1,6 @@
 """A lattice with prescribed motion in air at rest, time step by time step.
 
-Everything is told in axes that are at rest in the undisturbed air, so that flight, flapping and twist are one motion
+All quantities are in axes that are at rest in the undisturbed air, so that flight, flapping and twist are one motion
 of the lattice's nodes and the wake moves by what vortices induce alone. A step:
 
     carry the wake, shed what the trailing edges held a step ago  -->  influence of rings, of the wake, of the motion

@@ -1,4 +1,4 @@
-"""One flight of a foreign autopilot: its outputs mixed, the world advanced, what happened recorded and told."""
+"""One flight of a foreign autopilot: mixing of its outputs, advance of the simulation, recording and reports."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """PX4 on our world: its simulator interface, which waits for a simulator that listens on TCP 4560.
 
-PX4 connects, asks for HIL_STATE_QUATERNION and says HEARTBEAT; its start-up waits for a HIL_SENSOR. Until its first
+PX4 connects, requests HIL_STATE_QUATERNION and sends HEARTBEAT; its start-up waits for a HIL_SENSOR. Until its first
 HIL_ACTUATOR_CONTROLS, and whenever it is disarmed, the world runs in real time and does not wait. Armed, each sensor
 frame waits a moment for its answer, because PX4 does not promise one for every frame.
 """

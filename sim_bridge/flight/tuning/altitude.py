@@ -1,7 +1,7 @@
 """Altitude loop: proportional from altitude error to climb setpoint, the climb loop closed within it, 50 Hz.
 
-The climb setpoint is slewed; flown at the greatest climb towards its altitude, a vehicle must not be asked to slow
-down faster than that, else it overshoots: proportional <= climb_rate_limit / greatest climb setpoint.
+The climb setpoint is slewed. At the maximum climb toward its altitude, a vehicle must not be commanded to slow down
+faster than that, or it overshoots: proportional <= climb_rate_limit / greatest climb setpoint.
 """
 
 from __future__ import annotations
