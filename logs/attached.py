@@ -10,7 +10,7 @@ from typing import TypeVar
 from avionics import parameters
 from avionics.vehicles import FlightVehicle
 from avionics.vehicles import load_vehicle as load_flight_vehicle
-from logs.identification.data import Aircraft, GaugeErrors
+from logs.identification.data.flight import Aircraft, GaugeErrors
 from logs.names import AERODYNAMICS, FLIGHT_VEHICLE, WORLD, WORLD_VEHICLE
 from logs.reader import Log
 from logs.settings import initial_parameters

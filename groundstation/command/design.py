@@ -18,7 +18,7 @@ from groundstation.views.json_document import print_document
 from groundstation.views.progress import ProgressBar
 from groundstation.views.terminal import open_console
 from logs.attached import airframe_of, span_of
-from logs.identification.data import Aircraft
+from logs.identification.data.flight import Aircraft
 from logs.identification.input_design.limits import Limits
 from logs.identification.input_design.plan import Asked, Plan, plan
 from logs.identification.input_design.prediction import Gust

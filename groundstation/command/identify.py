@@ -22,14 +22,15 @@ from groundstation.views.identification import identification_table
 from groundstation.views.json_document import print_document
 from groundstation.views.terminal import open_console
 from logs.attached import aircraft_of, airframe_of, flight_vehicle, simulated_vehicle
-from logs.identification.data import Aircraft, FlightData
-from logs.identification.modes.short_period import identify_modes
-from logs.identification.preparing.split import drawn
+from logs.identification.data.flight import Aircraft, FlightData
+from logs.identification.data.split import drawn
+from logs.identification.estimators.flight.short_period import identify_modes
 from logs.identification.report import SUBJECTS, Identification, document, identify
 from logs.identification.sources.elevator import MadeElevator
 from logs.identification.sources.flight import flight_data
-from logs.identification.sources.joined import joined_flights
-from logs.identification.tables import markers, rooms
+from logs.identification.sources.multi_flight import joined_flights
+from logs.identification.tables import fit_registry as rooms
+from logs.identification.tables import markers
 from logs.identification.tables.subjects import ALL
 from logs.identification.tables.subjects import SUBJECTS as TABLE_SUBJECTS
 from logs.reader import Log, open_log

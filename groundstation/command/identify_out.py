@@ -16,9 +16,8 @@ from groundstation.command import options
 from groundstation.views.progress import ProgressBar
 from groundstation.views.terminal import open_console
 from logs.attached import flight_vehicle, simulated_vehicle
-from logs.identification import model_file
-from logs.identification.data import DriveData
-from logs.identification.report import Identification
+from logs.identification.data.flight import DriveData
+from logs.identification.report import Identification, model_file
 from logs.identification.report.report import Subject, refuse_existing, write_report
 from logs.identification.sources.flight import drive_data
 from logs.info import vehicle as vehicle_name

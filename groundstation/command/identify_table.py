@@ -13,13 +13,13 @@ from groundstation.views.json_document import print_document
 from groundstation.views.progress import ProgressBar
 from groundstation.views.table_identification import table_identification
 from groundstation.views.terminal import open_console
-from logs.identification.model_file import write_linear
+from logs.identification.report.model_file import write_linear
+from logs.identification.report.result_formatting import table_document
+from logs.identification.report.table_model import check_model, table_model
 from logs.identification.report.tables import Source, write_tables_report
-from logs.identification.tables.map import load_map
-from logs.identification.tables.model import check_model, table_model
+from logs.identification.sources.table.config import load_map
 from logs.identification.tables.results import TableIdentification
 from logs.identification.tables.run import identify_tables
-from logs.identification.tables.telling import table_document
 from wingbeat.errors import InputError
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from groundstation.views.wake_picture import wake_svg
-from logs.identification.chapter import DASHED, MEASURED, MODEL, OTHER, Plot, Series
+from logs.identification.report.document import DASHED, MEASURED, MODEL, OTHER, Plot, Series
 from logs.identification.report.svg import Size, drawn
 from sim_bridge.validation.yeo import STEPS, measured_lift, modelled_lift, section
 from sim_bridge.validation.yeo_lattice import STROKES, lattice_stroke, wake_course, wing

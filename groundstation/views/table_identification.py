@@ -10,10 +10,10 @@ from rich.text import Text
 
 from groundstation.views import tables, wording
 from groundstation.views.identification import identification_table
-from logs.identification.modes.mode import Mode, ModesResult
+from logs.identification.models.modes import Mode, ModesResult
 from logs.identification.report import Identification
+from logs.identification.report.result_formatting import heading, notes_of, number_rows
 from logs.identification.tables.results import TableFit, TableIdentification
-from logs.identification.tables.telling import heading, notes_of, number_rows
 
 ABOVE = "as said above"
 """in place of a reason that stands at a fit already"""

@@ -27,8 +27,8 @@ from logs.campaigns.statistics import (
     spreads,
 )
 from logs.campaigns.table import Table
-from logs.identification.chapter import MEASURED, MODEL, OTHER, POINTS, STEPS, Cell, Chapter, Plot, Series
-from logs.identification.chapter import Table as Rows
+from logs.identification.report.document import MEASURED, MODEL, OTHER, POINTS, STEPS, Cell, Chapter, Plot, Series
+from logs.identification.report.document import Table as Rows
 from logs.identification.report.report import write_page
 from wingbeat.text import pluralize
 

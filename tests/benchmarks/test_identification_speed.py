@@ -11,10 +11,10 @@ from rows import Row, leave, peer
 from scipy.optimize import least_squares
 from scipy.signal import lsim
 
-from logs.identification.experiment import Experiment
-from logs.identification.output_error.fit import output_error
-from logs.identification.output_error.models.stability import Steady, short_period
-from logs.identification.output_error.problem import Parameter, Problem
+from logs.identification.data.experiment import Experiment
+from logs.identification.estimators.engine.problem import Parameter, Problem
+from logs.identification.estimators.output_error import output_error
+from logs.identification.models.stability import Steady, short_period
 from logs.identification.results import Array
 
 LIMIT_S = 0.050

@@ -10,7 +10,7 @@ import pytest
 from browser import Browser, find_browser, opened
 
 from groundstation.command import identify
-from logs.identification.chapter import MEASURED, POINTS, Chapter, Plot, Series, Table
+from logs.identification.report.document import MEASURED, POINTS, Chapter, Plot, Series, Table
 from logs.identification.report.fits import (
     correlation_chapter,
     fits_chapter,

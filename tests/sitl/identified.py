@@ -9,8 +9,8 @@ from memory_log import MemoryLog
 from avionics import topics
 from avionics.vehicles import load_vehicle as load_flight_vehicle
 from logs.attached import airframe_of
-from logs.identification.data import Aircraft
-from logs.identification.modes.mode import Mode
+from logs.identification.data.flight import Aircraft
+from logs.identification.models.modes import Mode
 from logs.identification.report import identify
 from sim_bridge import topics as truth_topics
 from sim_bridge.flight_mechanics.averaged import ShortPeriod, short_period_of, stroke_averaged_model

@@ -15,9 +15,9 @@ from avionics.autopilot import Autopilot
 from avionics.guidance.mission import Channel, Excitation, ItemKind, MissionItem, Shape
 from avionics.missions.script import scripted_start
 from avionics.vehicles import load_vehicle as load_flight_vehicle
-from logs.identification.data import Aircraft
-from logs.identification.modes.mode import Mode
-from logs.identification.preparing.manoeuvre import find_manoeuvres
+from logs.identification.data.flight import Aircraft
+from logs.identification.data.maneuvers import find_manoeuvres
+from logs.identification.models.modes import Mode
 from logs.identification.report import identify
 from logs.identification.sources.flight import flight_data
 from sim_bridge.flight.flight import fly

@@ -12,8 +12,8 @@ from identified import known
 from memory_log import simulate
 from simulate import ARIZONA, RAVEN
 
-from logs.identification.kinematics.flight_log import identify_path
 from logs.identification.results import Estimate
+from logs.identification.sources.flight_path_log import identify_path
 from logs.identification.sources.true_imu import imu_truths
 from sim_bridge.flight.world import Scenario
 

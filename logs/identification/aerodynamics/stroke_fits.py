@@ -7,7 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from logs.identification.aerodynamics.stroke_coefficients import (
+from logs.identification.aerodynamics.strokes_measured import MeasuredStrokes
+from logs.identification.models.stroke_coefficients import (
     HALVES,
     Derivatives,
     MeanCoefficients,
@@ -16,8 +17,7 @@ from logs.identification.aerodynamics.stroke_coefficients import (
     moment_derivatives,
     stroke_coefficients,
 )
-from logs.identification.aerodynamics.strokes_measured import MeasuredStrokes
-from logs.identification.chapter import DASHED, MODEL, POINTS, Chapter, Plot, Series
+from logs.identification.report.document import DASHED, MODEL, POINTS, Chapter, Plot, Series
 from logs.identification.results import Array, FitSeries, Fitted, Unidentified
 from sim_bridge.aerodynamics.stroke_averages import Attitude, StrokeCoefficients, StrokeRecord
 

@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from logs.identification.preparing.fourier_smoothing import LEAST, POWER, fourier_smoothing
-from logs.identification.preparing.runs import longest_run, runs
+from logs.identification.data.contiguous_runs import longest_run, runs
+from logs.identification.data.fourier_smoothing import LEAST, POWER, fourier_smoothing
 from logs.identification.results import Array
 from logs.strokes import strokes_of, time_at
 from sim_bridge.aerodynamics.stroke_averages import StrokeRecord, stroke_record

@@ -14,8 +14,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from logs.identification.aerodynamics.inverse_dynamics import COEFFICIENTS, STATES, WingCoefficients, product_units
-from logs.identification.regression.stepwise import Rules, Step, stepwise_regression
+from logs.identification.estimators.stepwise import Rules, Step, stepwise_regression
+from logs.identification.models.inverse_dynamics import COEFFICIENTS, STATES, WingCoefficients, product_units
 from logs.identification.results import Estimate, Unidentified
 from wingbeat.errors import InputError
 

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.stats import f as f_distribution
 
-from logs.identification.accuracy.widened import not_below, uneven
 from logs.identification.results import Array, Estimate, Unidentified, estimate
+from logs.identification.statistics.covariance_inflation import not_below, uneven
 from logs.strokes import stroke_cuts
 from wingbeat.errors import InputError
 

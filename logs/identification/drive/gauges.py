@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from logs.identification.data import DriveData, GaugeErrors
+from logs.identification.data.flight import DriveData, GaugeErrors
 from logs.identification.drive.servo import ServoModel
 from logs.identification.results import Estimate, student_factor
 

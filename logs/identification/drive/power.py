@@ -10,12 +10,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from logs.identification.accuracy.widened import not_below, uneven
-from logs.identification.data import DriveData, GaugeErrors
+from logs.identification.data.flight import DriveData, GaugeErrors
 from logs.identification.drive.gauges import with_gauge_errors
 from logs.identification.drive.servo import ServoModel
-from logs.identification.regression.least_squares import Fit, regress
+from logs.identification.estimators.regression.least_squares import Fit, regress
 from logs.identification.results import Array, Estimate, Unidentified, estimate, student_factor
+from logs.identification.statistics.covariance_inflation import not_below, uneven
 from logs.strokes import interval_mean, stroke_cuts, stroke_means
 from wingbeat.errors import InputError
 

@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from logs.identification.data import DriveData
+from logs.identification.data.flight import DriveData
 from logs.identification.drive.servo import ServoModel
-from logs.identification.regression.least_squares import regress
+from logs.identification.estimators.regression.least_squares import regress
 from logs.identification.results import Array, Unidentified, estimate, student_factor
 from wingbeat.errors import InputError
 

@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from logs.identification.data import DriveData, GaugeErrors
-from logs.identification.delta import propagate
+from logs.identification.data.flight import DriveData, GaugeErrors
+from logs.identification.data.resampling import GAP_STEPS, Channel, even
 from logs.identification.drive.gauges import with_gauge_errors
 from logs.identification.drive.servo import ServoModel
-from logs.identification.preparing.resampling import GAP_STEPS, Channel, even
-from logs.identification.regression.least_squares import Fit, regress
+from logs.identification.estimators.regression.least_squares import Fit, regress
 from logs.identification.results import Array, Estimate, Unidentified, estimate, student_factor
+from logs.identification.statistics.delta_method import propagate
 from logs.strokes import stroke_cuts
 from wingbeat.errors import InputError
 

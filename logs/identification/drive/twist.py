@@ -15,12 +15,12 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import least_squares
 
-from logs.identification.accuracy.colour import colour_of, coloured_information
-from logs.identification.accuracy.widened import not_below
+from logs.identification.data.experiment import Experiment
+from logs.identification.data.noise_level import noise_beside_steps
 from logs.identification.drive.servo import ServoModel
-from logs.identification.experiment import Experiment
-from logs.identification.preparing.noise_level import noise_beside_steps
 from logs.identification.results import Array, Estimate, Unidentified, estimate, student_factor
+from logs.identification.statistics.covariance_inflation import not_below
+from logs.identification.statistics.residual_autocorrelation import colour_of, coloured_information
 from wingbeat.errors import InputError
 
 DAMPING, NATURAL = "twist_damping", "twist_natural_frequency"

@@ -22,7 +22,7 @@ from logs.identification.input_design.prediction import Gust, Predicted, predict
 from logs.identification.input_design.prior import Prior
 from logs.identification.input_design.response import respond
 from logs.identification.input_design.waveform import Waveform, waveform
-from logs.identification.modes.mode import short_period_of
+from logs.identification.models.modes import short_period_of
 from logs.identification.results import Array
 from wingbeat.errors import InputError
 

@@ -14,16 +14,16 @@ import numpy as np
 from scipy.linalg import expm, solve_continuous_lyapunov
 from scipy.sparse import csr_array, eye_array
 
-from logs.identification.accuracy.colour import Colour, coloured_information
-from logs.identification.delta import propagate
+from logs.identification.data.maneuvers import OUTPUT_STEP
+from logs.identification.data.stroke_average import averaging_matrix
 from logs.identification.input_design.prior import OUTPUTS, Prior
 from logs.identification.input_design.response import Response
 from logs.identification.input_design.waveform import Waveform
-from logs.identification.modes.longitudinal import LONGITUDINAL, UNITS, matrices
-from logs.identification.modes.mode import short_period_of
-from logs.identification.preparing.manoeuvre import OUTPUT_STEP
-from logs.identification.preparing.stroke import averaging_matrix
+from logs.identification.models.modes import short_period_of
+from logs.identification.models.stroke_averaged import LONGITUDINAL, UNITS, matrices
 from logs.identification.results import Array
+from logs.identification.statistics.delta_method import propagate
+from logs.identification.statistics.residual_autocorrelation import Colour, coloured_information
 from wingbeat.errors import InputError
 
 WORST_CONDITION = 1e12

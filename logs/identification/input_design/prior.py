@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from avionics import topics
-from logs.identification.data import Aircraft
-from logs.identification.modes.longitudinal import LONGITUDINAL, Matrices, matrices
-from logs.identification.preparing.manoeuvre import Reference
+from logs.identification.data.flight import Aircraft
+from logs.identification.data.maneuvers import Reference
+from logs.identification.models.stroke_averaged import LONGITUDINAL, Matrices, matrices
 from logs.identification.results import Array
 from sim_bridge.tuning.model import LinearModel
 from sim_bridge.vehicles import SimulatedVehicle

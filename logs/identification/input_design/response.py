@@ -12,10 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import expm
 
+from logs.identification.data.maneuvers import tail_angle
 from logs.identification.input_design.prior import OUTPUTS, Prior
 from logs.identification.input_design.waveform import Waveform
-from logs.identification.modes.longitudinal import LONGITUDINAL, Matrices, matrices
-from logs.identification.preparing.manoeuvre import tail_angle
+from logs.identification.models.stroke_averaged import LONGITUDINAL, Matrices, matrices
 from logs.identification.results import Array
 
 STATES = 4

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from logs.identification.aerodynamics.structure import AeroResult, CoefficientModel
-from logs.identification.chapter import Bar, Chapter, Intervals
+from logs.identification.report.document import Bar, Chapter, Intervals
+from logs.identification.report.labels import sentence
 from logs.identification.report.steps import step_table
-from logs.identification.report.words import sentence
 
 MODEL = (
     "Lift, thrust and pitching moment of the wings, found by the equations of motion (Grauer Eq. 13), over the"

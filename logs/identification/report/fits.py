@@ -7,10 +7,7 @@ from itertools import groupby
 
 import numpy as np
 
-from logs.identification.accuracy.correlation import STRONG, strong_pairs
-from logs.identification.accuracy.theil import theil
-from logs.identification.accuracy.whiteness import BAND, autocorrelation
-from logs.identification.chapter import (
+from logs.identification.report.document import (
     DASHED,
     MEASURED,
     MODEL,
@@ -27,8 +24,11 @@ from logs.identification.chapter import (
     Series,
     Table,
 )
-from logs.identification.report.words import meaning, number, sentence
+from logs.identification.report.labels import meaning, number, sentence
 from logs.identification.results import Array, FitSeries, Fitted
+from logs.identification.statistics.correlation import STRONG, strong_pairs
+from logs.identification.statistics.theil import theil
+from logs.identification.statistics.whiteness import BAND, autocorrelation
 
 MOST_FITS = 24
 """-; manoeuvres that are drawn: more would only make the page long; all are in the tables"""

@@ -9,9 +9,9 @@ from collections.abc import Iterable
 from itertools import groupby
 from pathlib import Path
 
-from logs.identification.chapter import Bar, Cell, Chapter, Intervals, Matrix, Plot, Series, Table
+from logs.identification.report.document import Bar, Cell, Chapter, Intervals, Matrix, Plot, Series, Table
+from logs.identification.report.labels import meaning, number, rich, symbol, unit
 from logs.identification.report.svg import NARROW, WIDE, drawn
-from logs.identification.report.words import meaning, number, rich, symbol, unit
 
 FOLDER = Path(__file__).parent
 NUMERIC = re.compile(r"(in )?\(?[-+−]?\d+(\.\d+)?(e[-+−]?\d+)?\)?( ?[%°*]| of \d+( \*)?| \(.* to .*\))?|")

@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from logs.identification.chapter import MEASURED, Band, Chapter, Plot, Series, Table
-from logs.identification.kinematics.marker_motion import BASE, MarkerMotion, said
-from logs.identification.report.words import sentence
+from logs.identification.motion_capture.marker_motion import BASE, MarkerMotion, said
+from logs.identification.report.document import MEASURED, Band, Chapter, Plot, Series, Table
+from logs.identification.report.labels import sentence
 from logs.identification.results import Array, student_factor
 from logs.identification.tables.markers import MarkersResult
 from wingbeat.rotation_arrays import euler_from_quaternions

@@ -9,23 +9,23 @@ from typing import Any, NamedTuple
 
 from logs.identification.aerodynamics.flight import identify_aero
 from logs.identification.aerodynamics.structure import AeroResult
-from logs.identification.data import Aircraft, GaugeErrors
+from logs.identification.data.flight import Aircraft, GaugeErrors
+from logs.identification.diagnostics.validation import Validation, validation
 from logs.identification.drive.frequency import FrequencyModel, identify_frequency
 from logs.identification.drive.gauges import with_gauge_errors
 from logs.identification.drive.power import power_truth, power_with_gauge_errors
 from logs.identification.drive.servo import ServoModel, ServoResult
 from logs.identification.drive.torque import identify_torque
 from logs.identification.drive.torque_speed import identify_load, load_truth
-from logs.identification.kinematics.flight_log import PathResult, identify_path
-from logs.identification.modes.mode import KINDS, Mode, ModesResult, Oscillation
-from logs.identification.modes.short_period import identify_modes
-from logs.identification.modes.validation import Validation, validation
-from logs.identification.regression.stepwise import Step
-from logs.identification.report.beside import begun
+from logs.identification.estimators.flight.short_period import identify_modes
+from logs.identification.estimators.stepwise import Step
+from logs.identification.models.modes import KINDS, Mode, ModesResult, Oscillation
+from logs.identification.report.background import begun
 from logs.identification.report.markers import marker_document, marker_lines
 from logs.identification.results import Estimate, Unidentified
+from logs.identification.sources.cached_source import Remembered
 from logs.identification.sources.flight import drive_data, flight_data, throttle_data, true_drive_data
-from logs.identification.sources.remembered import Remembered
+from logs.identification.sources.flight_path_log import PathResult, identify_path
 from logs.identification.sources.topic_table import ColumnSource
 from logs.identification.sources.true_imu import imu_truths
 from logs.identification.tables.markers import MarkersResult
@@ -42,7 +42,7 @@ FOLLOWS = re.compile(r"_(period|(time|cycles)_to_\w+)$")
 DECADE = 10.0
 """-; the upper end of an interval over the lower, above which such a number is not told"""
 THEIL = ("coefficient", "bias", "variance", "covariance")
-"""of `accuracy.theil.Theil`, in the JSON document"""
+"""of `statistics.theil.Theil`, in the JSON document"""
 
 
 class Identification(NamedTuple):

@@ -9,14 +9,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from logs.identification.chapter import MEASURED, Bar, Chapter, Intervals, Plot, Series, Table
-from logs.identification.data import DriveData
-from logs.identification.modes.flown_again import Problem
-from logs.identification.modes.mode import KINDS, Mode, ModesResult
-from logs.identification.modes.replayed import fitted
-from logs.identification.modes.validation import validation
-from logs.identification.preparing.manoeuvre import Manoeuvre
+from logs.identification.data.flight import DriveData
+from logs.identification.data.maneuvers import Manoeuvre
+from logs.identification.diagnostics.validation import validation
+from logs.identification.estimators.flight.simulated_response import fitted
+from logs.identification.estimators.flight.simulation import Problem
+from logs.identification.models.modes import KINDS, Mode, ModesResult
 from logs.identification.report.coefficients import aero_chapter
+from logs.identification.report.document import MEASURED, Bar, Chapter, Intervals, Plot, Series, Table
 from logs.identification.report.drives import drives_chapter, wings_chapter
 from logs.identification.report.fits import (
     correlation_chapter,
@@ -26,10 +26,10 @@ from logs.identification.report.fits import (
     validation_chapter,
 )
 from logs.identification.report.html import page
+from logs.identification.report.labels import sentence
 from logs.identification.report.markers import markers_chapter
 from logs.identification.report.numbers import POWER_TRUTH, Identification, determined
 from logs.identification.report.numbers import rows as all_rows
-from logs.identification.report.words import sentence
 from logs.identification.results import Array, Fitted
 from logs.new_files import claim, draft, settle
 from wingbeat.errors import InputError

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from logs.identification.chapter import Table
-from logs.identification.regression.stepwise import Step
+from logs.identification.estimators.stepwise import Step
+from logs.identification.report.document import Table
 
 
 def step_table(steps: tuple[Step, ...]) -> Table:

@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from logs.identification.chapter import DASHED, LINE, POINTS, STEMS, STEPS, Band, Plot, Series
-from logs.identification.report.words import drawn_words
-from logs.identification.report.words import unit as raised
+from logs.identification.report.document import DASHED, LINE, POINTS, STEMS, STEPS, Band, Plot, Series
+from logs.identification.report.labels import drawn_words
+from logs.identification.report.labels import unit as raised
 from logs.identification.results import Array
 
 MOST_POINTS = 2500

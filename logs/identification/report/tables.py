@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from logs.identification.chapter import MEASURED, Bar, Chapter, Intervals, Plot, Series, Table
-from logs.identification.modes.mode import KINDS
+from logs.identification.models.modes import KINDS
+from logs.identification.report.document import MEASURED, Bar, Chapter, Intervals, Plot, Series, Table
 from logs.identification.report.fits import (
     correlation_chapter,
     fits_chapter,
@@ -17,14 +17,14 @@ from logs.identification.report.fits import (
     residuals_chapter,
     validation_chapter,
 )
+from logs.identification.report.labels import meaning, number, sentence, unit
 from logs.identification.report.numbers import determined
 from logs.identification.report.report import model_chapter, modes_chapter, write_page
+from logs.identification.report.result_formatting import heading
 from logs.identification.report.steps import step_table
-from logs.identification.report.words import meaning, number, sentence, unit
 from logs.identification.results import Estimate, Fitted
-from logs.identification.tables.constants import UNITS
+from logs.identification.sources.table.constants import UNITS
 from logs.identification.tables.results import TableFit, TableIdentification
-from logs.identification.tables.telling import heading
 from wingbeat.text import pluralize
 
 FITS = "Measured and modelled outputs of every manoeuvre, in the table's time."

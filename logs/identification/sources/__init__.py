@@ -1,1 +1,1 @@
-"""Where the data come from: the topics of a log, and what stands in for those it lacks."""
+"""Sources of experiments: logs, tables, motion capture and benches."""

@@ -1,4 +1,4 @@
-"""From a log's topics to the arrays of `logs.identification.data`."""
+"""From a log's topics to the arrays of `logs.identification.data.flight`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from scipy.signal import savgol_filter
 from avionics import topics
 from avionics.messages import BURST_LENGTH
 from avionics.sensing import inertial
-from logs.identification.data import AIRSPEED_GUESSED, STROKES_GUESSED, DriveData, FlightData
+from logs.identification.data.flight import AIRSPEED_GUESSED, STROKES_GUESSED, DriveData, FlightData
 from logs.identification.drive.frequency import ThrottleData
 from logs.identification.results import Array
 from logs.identification.sources.flapping import strokes_in

@@ -16,11 +16,11 @@ from scipy.interpolate import CubicSpline
 
 from avionics import topics
 from avionics.sensing import inertial
-from logs.identification.aerodynamics.inverse_dynamics import WingMotion
-from logs.identification.aerodynamics.wing_air import MovedVehicle
-from logs.identification.kinematics.speeds import smoothed
-from logs.identification.preparing.lag import behind
-from logs.identification.preparing.runs import runs
+from logs.identification.data.contiguous_runs import runs
+from logs.identification.data.lag import behind
+from logs.identification.models.inverse_dynamics import WingMotion
+from logs.identification.models.wing_air import MovedVehicle
+from logs.identification.motion_capture.speeds import smoothed
 from logs.identification.results import Array
 from logs.identification.sources.topic_table import ColumnSource, TopicTable, time_base
 from sim_bridge import topics as truth

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from logs.identification.data import Aircraft
-from logs.identification.kinematics.rigid_motion import INPUTS
+from logs.identification.data.flight import Aircraft
+from logs.identification.models.rigid_body import INPUTS
 from logs.identification.results import Array
+from logs.identification.sources.full_flight import whole_flight
 from logs.identification.sources.topic_table import ColumnSource, TopicTable
-from logs.identification.sources.whole_flight import whole_flight
 from sim_bridge import topics as truth
 from wingbeat.constants import STANDARD_GRAVITY
 from wingbeat.errors import InputError

@@ -6,15 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from avionics import topics
-from logs.identification.data import Aircraft
-from logs.identification.experiment import Experiment
-from logs.identification.kinematics.aided_fit import AidedFlight, ned_from_frd
-from logs.identification.kinematics.rigid_motion import INPUTS
-from logs.identification.preparing.resampling import bridged
-from logs.identification.preparing.runs import longest_run
+from logs.identification.data.contiguous_runs import longest_run
+from logs.identification.data.experiment import Experiment
+from logs.identification.data.flight import Aircraft
+from logs.identification.data.resampling import bridged
+from logs.identification.estimators.gps_aided import AidedFlight, ned_from_frd
+from logs.identification.models.rigid_body import INPUTS
 from logs.identification.results import Array
+from logs.identification.sources.full_flight import LONGEST_GAP
 from logs.identification.sources.topic_table import ColumnSource, TopicTable
-from logs.identification.sources.whole_flight import LONGEST_GAP
 from wingbeat.errors import InputError
 
 ANGLES = ("phi", "theta", "psi")

@@ -1,1 +1,1 @@
-"""Identification from any table of numbers: a map says what its columns are and what is to be fitted to them."""
+"""Fits that the sections of a map request."""

@@ -7,16 +7,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from logs.identification.chapter import MEASURED, MODEL, POINTS, Chapter, Plot, Series
+from logs.identification.data.experiment import Experiment
 from logs.identification.drive.servo import ServoModel
 from logs.identification.drive.torque_speed import identify_torque_speed, turning
 from logs.identification.drive.twist import DAMPING, NATURAL, identify_twist, swing_of
-from logs.identification.experiment import Experiment
+from logs.identification.report.document import MEASURED, MODEL, POINTS, Chapter, Plot, Series
 from logs.identification.results import Array, FitSeries, Fitted
-from logs.identification.tables.experiments import Cut
-from logs.identification.tables.goodness import output_fits
-from logs.identification.tables.named import signal
-from logs.identification.tables.quantities import Measure
+from logs.identification.sources.table.maneuvers import Cut
+from logs.identification.sources.table.quantities import Measure
+from logs.identification.sources.table.signal_lookup import signal
+from logs.identification.statistics.output_fit import output_fits
 from logs.identification.tables.results import TableFit
 from wingbeat.errors import InputError
 

@@ -6,12 +6,12 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from logs.identification.experiment import Experiment
-from logs.identification.modes.frequency_equations import METHOD, STATES, Asked, frequency_equation_error
-from logs.identification.modes.mode import SHORT_PERIOD, Mode, nothing
-from logs.identification.tables.map import DELAY, ModesSection
+from logs.identification.data.experiment import Experiment
+from logs.identification.estimators.frequency_equations import METHOD, STATES, Asked, frequency_equation_error
+from logs.identification.models.modes import SHORT_PERIOD, Mode, nothing
+from logs.identification.sources.table.config import DELAY, ModesSection
+from logs.identification.sources.table.signal_lookup import band_frequencies
 from logs.identification.tables.models import DROPPED, with_speed
-from logs.identification.tables.named import band_frequencies
 from logs.identification.tables.results import TableFit
 
 SINGLE = "delta"

@@ -7,18 +7,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from logs.identification.experiment import Experiment
-from logs.identification.kinematics.flight_path import Reconstruction, Setup, reconstruct
-from logs.identification.kinematics.flight_records import LEAST_SAMPLES
-from logs.identification.kinematics.flight_sensors import LONGITUDINAL_INPUTS, UNITS, WINDS, Places
-from logs.identification.kinematics.flight_told import fitted_path, input_names, path_chapter
-from logs.identification.kinematics.rigid_motion import INPUTS
-from logs.identification.preparing.resampling import whole_records
+from logs.identification.data.experiment import Experiment
+from logs.identification.data.resampling import whole_records
+from logs.identification.estimators.flight_path.reconstruction import Reconstruction, Setup, reconstruct
+from logs.identification.estimators.flight_path.records import LEAST_SAMPLES
+from logs.identification.estimators.flight_path.result import fitted_path, input_names, path_chapter
+from logs.identification.estimators.flight_path.sensors import LONGITUDINAL_INPUTS, UNITS, WINDS, Places
+from logs.identification.models.rigid_body import INPUTS
 from logs.identification.results import Array, Information
-from logs.identification.tables.experiments import Cut
-from logs.identification.tables.goodness import output_fits
+from logs.identification.sources.table.maneuvers import Cut
+from logs.identification.sources.table.signals import LONGEST_FILL
+from logs.identification.statistics.output_fit import output_fits
 from logs.identification.tables.results import TableFit
-from logs.identification.tables.signals import LONGEST_FILL
 from wingbeat.constants import STANDARD_GRAVITY
 from wingbeat.errors import InputError
 from wingbeat.schema import check_known

@@ -8,14 +8,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from logs.identification.aerodynamics.inverse_dynamics import LOW_PASS, WingMotion, coefficients, moved_by_speeds
 from logs.identification.aerodynamics.structure import AeroResult, identify_coefficients
-from logs.identification.kinematics.marker_motion import Cloud, MarkerMotion, marker_motion
-from logs.identification.kinematics.markers import Places
-from logs.identification.kinematics.speeds import CUTOFF
+from logs.identification.models.inverse_dynamics import LOW_PASS, WingMotion, coefficients, moved_by_speeds
+from logs.identification.motion_capture.marker_motion import Cloud, MarkerMotion, marker_motion
+from logs.identification.motion_capture.markers import Places
+from logs.identification.motion_capture.speeds import CUTOFF
 from logs.identification.results import Array
-from logs.identification.tables.signals import SignalEntry, TimeSection, records_of
-from logs.identification.tables.table import Layout, read_columns
+from logs.identification.sources.table.columns import Layout, read_columns
+from logs.identification.sources.table.signals import SignalEntry, TimeSection, records_of
 from logs.reader import Log
 from sim_bridge.vehicles import SimulatedVehicle
 from wingbeat.errors import InputError

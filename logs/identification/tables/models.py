@@ -7,15 +7,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from logs.identification.experiment import Experiment
-from logs.identification.output_error.models.actuated import Actuated, Actuator
-from logs.identification.output_error.models.linear import LinearModel
-from logs.identification.output_error.models.nonlinear_longitudinal import Airframe, nonlinear_longitudinal
-from logs.identification.output_error.models.stability import Steady, lateral, longitudinal, short_period
-from logs.identification.output_error.problem import Model
+from logs.identification.data.experiment import Experiment
+from logs.identification.estimators.engine.problem import Model
+from logs.identification.models.actuators import Actuated, Actuator
+from logs.identification.models.linear import LinearModel
+from logs.identification.models.nonlinear_longitudinal import Airframe, nonlinear_longitudinal
+from logs.identification.models.stability import Steady, lateral, longitudinal, short_period
 from logs.identification.results import Array
-from logs.identification.tables.constants import need
-from logs.identification.tables.map import DELAY, OutputError, Parameter
+from logs.identification.sources.table.config import DELAY, OutputError, Parameter
+from logs.identification.sources.table.constants import need
 from wingbeat.errors import InputError
 from wingbeat.schema import check_known
 

@@ -6,18 +6,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from logs.identification.experiment import Experiment
-from logs.identification.modes.agreement import agreement
-from logs.identification.modes.errors import Spread
-from logs.identification.modes.experiments import modes_of_experiments
-from logs.identification.modes.free_response import METHOD as RINGING
-from logs.identification.modes.mode import KINDS, Mode, ModesResult, mode_of_system, nothing
-from logs.identification.modes.records import away
-from logs.identification.output_error.problem import Fit
-from logs.identification.tables.between import FURTHEST_TURN, LEAST_RUN, coarse
-from logs.identification.tables.equation_errors import by_equations, has_equations
-from logs.identification.tables.experiments import Cut
-from logs.identification.tables.late_inputs import (
+from logs.identification.data.experiment import Experiment
+from logs.identification.diagnostics.agreement import agreement
+from logs.identification.diagnostics.input_delay import (
     counted_from_record,
     delay_beside,
     known_delay,
@@ -25,12 +16,21 @@ from logs.identification.tables.late_inputs import (
     suspected_delay,
     tells,
 )
-from logs.identification.tables.map import ModesSection, OutputError
+from logs.identification.diagnostics.intersample_behavior import FURTHEST_TURN, LEAST_RUN, coarse
+from logs.identification.estimators.engine.problem import Fit
+from logs.identification.estimators.free_response import METHOD as RINGING
+from logs.identification.estimators.initial_values import acting_at
+from logs.identification.estimators.nonparametric import modes_of_experiments
+from logs.identification.estimators.records import away
+from logs.identification.models.modes import KINDS, Mode, ModesResult, mode_of_system, nothing
+from logs.identification.sources.table.config import ModesSection, OutputError
+from logs.identification.sources.table.maneuvers import Cut
+from logs.identification.sources.table.signal_lookup import check_apart
+from logs.identification.statistics.parameter_uncertainty import Spread
+from logs.identification.tables.equation_errors import by_equations, has_equations
 from logs.identification.tables.models import Chosen
-from logs.identification.tables.named import check_apart
 from logs.identification.tables.output_errors import output_error_fit, shortened
 from logs.identification.tables.results import TableFit
-from logs.identification.tables.starts import acting_at
 from logs.identification.tables.systems import fitted_system
 from wingbeat.errors import InputError
 

@@ -8,28 +8,28 @@ from typing import NamedTuple
 
 import numpy as np
 
-from logs.identification.accuracy.correlation import correlation_among
-from logs.identification.experiment import Experiment
-from logs.identification.output_error.fit import Method, Search, output_error
-from logs.identification.output_error.problem import Fit, Nuisances, Problem
-from logs.identification.output_error.problem import Parameter as Sought
-from logs.identification.preparing.resampling import bridged, measured_pieces
-from logs.identification.regression.terms import quotient
+from logs.identification.data.experiment import Experiment
+from logs.identification.data.resampling import bridged, measured_pieces
+from logs.identification.diagnostics.intersample_behavior import FURTHEST_TURN, LEAST_RUN, coarse
+from logs.identification.diagnostics.lack_of_fit import lacking
+from logs.identification.diagnostics.outliers import spikes
+from logs.identification.diagnostics.output_error import Flown, doubts, lines_of
+from logs.identification.diagnostics.unexplained_outputs import without_unexplained
+from logs.identification.estimators.engine.problem import Fit, Nuisances, Problem
+from logs.identification.estimators.engine.problem import Parameter as Sought
+from logs.identification.estimators.initial_values import SPANS, begin
+from logs.identification.estimators.output_error import Method, Search, output_error
+from logs.identification.estimators.prediction import predicted
+from logs.identification.estimators.regression.terms import quotient
 from logs.identification.results import Estimate, FitSeries, Fitted, Information, Unidentified
-from logs.identification.tables.between import FURTHEST_TURN, LEAST_RUN, coarse
-from logs.identification.tables.doubts import Flown, doubts, lines_of
-from logs.identification.tables.experiments import Cut
-from logs.identification.tables.goodness import output_fits
-from logs.identification.tables.lacking import lacking
-from logs.identification.tables.map import DELAY, OutputError
+from logs.identification.sources.table.config import DELAY, OutputError
+from logs.identification.sources.table.maneuvers import Cut
+from logs.identification.sources.table.signal_lookup import check_apart
+from logs.identification.sources.table.signals import LONGEST_FILL
+from logs.identification.statistics.correlation import correlation_among
+from logs.identification.statistics.output_fit import output_fits
 from logs.identification.tables.models import LONGEST_DELAY, Chosen, chosen_model
-from logs.identification.tables.named import check_apart
-from logs.identification.tables.prediction import predicted
 from logs.identification.tables.results import LITTLE, TableFit
-from logs.identification.tables.signals import LONGEST_FILL
-from logs.identification.tables.spikes import spikes
-from logs.identification.tables.starts import SPANS, begin
-from logs.identification.tables.unexplained import without_unexplained
 from wingbeat.errors import InputError
 from wingbeat.text import pluralize
 

@@ -5,28 +5,32 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Mapping
 
-from logs.identification.accuracy.correlation import correlation_among
-from logs.identification.chapter import Chapter, Table
-from logs.identification.experiment import Experiment
-from logs.identification.regression.averaging import as_regressed
-from logs.identification.regression.coefficients import CoefficientRegression, coefficient_regression, predict
-from logs.identification.regression.design import INTERCEPT
-from logs.identification.regression.equation_error import Domain, Settings
-from logs.identification.regression.orthogonal import Orthogonal, orthogonal_regression
-from logs.identification.regression.stepwise import Rules, Step, stepwise_regression
-from logs.identification.regression.terms import parse
+from logs.identification.data.experiment import Experiment
+from logs.identification.diagnostics.derivative_signs import turned
+from logs.identification.diagnostics.errors_in_variables import TREND, with_noise
+from logs.identification.diagnostics.intersample_behavior import coarse, felt, said_coarse, with_between
+from logs.identification.estimators.orthogonal import Orthogonal, orthogonal_regression
+from logs.identification.estimators.regression.averaging import as_regressed
+from logs.identification.estimators.regression.coefficients import (
+    CoefficientRegression,
+    coefficient_regression,
+    predict,
+)
+from logs.identification.estimators.regression.design import INTERCEPT
+from logs.identification.estimators.regression.equation_error import Domain, Settings
+from logs.identification.estimators.regression.terms import parse
+from logs.identification.estimators.stepwise import Rules, Step, stepwise_regression
+from logs.identification.report.document import Chapter, Table
 from logs.identification.results import Array, FitSeries, Fitted, Information
-from logs.identification.tables.between import coarse, felt, said_coarse, with_between
-from logs.identification.tables.constants import UNITS
-from logs.identification.tables.derived import MADE, averaging_of, with_made
-from logs.identification.tables.experiments import Cut
-from logs.identification.tables.goodness import output_fits
-from logs.identification.tables.map import Regression
-from logs.identification.tables.named import band_frequencies
-from logs.identification.tables.noisy import TREND, with_noise
-from logs.identification.tables.quantities import SIGNALS
+from logs.identification.sources.table.config import Regression
+from logs.identification.sources.table.constants import UNITS
+from logs.identification.sources.table.derived import MADE, averaging_of, with_made
+from logs.identification.sources.table.maneuvers import Cut
+from logs.identification.sources.table.quantities import SIGNALS
+from logs.identification.sources.table.signal_lookup import band_frequencies
+from logs.identification.statistics.correlation import correlation_among
+from logs.identification.statistics.output_fit import output_fits
 from logs.identification.tables.results import TableFit
-from logs.identification.tables.signs import turned
 from wingbeat.errors import InputError
 from wingbeat.text import did_you_mean
 

@@ -6,12 +6,12 @@ import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from logs.identification.accuracy.correlation import Pair, strong_pairs
-from logs.identification.chapter import Chapter
-from logs.identification.experiment import Experiment
-from logs.identification.modes.mode import ModesResult
-from logs.identification.regression.stepwise import Step
+from logs.identification.data.experiment import Experiment
+from logs.identification.estimators.stepwise import Step
+from logs.identification.models.modes import ModesResult
+from logs.identification.report.document import Chapter
 from logs.identification.results import Estimate, Fitted, Unidentified
+from logs.identification.statistics.correlation import Pair, strong_pairs
 
 LITTLE = 0.5
 """-; R^2 under which a model is said to explain little"""

@@ -8,24 +8,24 @@ from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
-from logs.identification.modes.mode import ModesResult
+from logs.identification.diagnostics.consistency_checks import check_plausible
+from logs.identification.diagnostics.constant_channels import refuse_still, with_still, without_still
+from logs.identification.models.modes import ModesResult
 from logs.identification.results import Unidentified
-from logs.identification.tables import stands
-from logs.identification.tables.constants import read_constants
-from logs.identification.tables.experiments import Cut, cut, file_of
-from logs.identification.tables.joints import apart
-from logs.identification.tables.map import AeroSection, Map, ModesSection, OutputError, Regression, load_map
+from logs.identification.sources.table.columns import Columns, read_columns
+from logs.identification.sources.table.config import AeroSection, Map, ModesSection, OutputError, Regression, load_map
+from logs.identification.sources.table.constants import read_constants
+from logs.identification.sources.table.discontinuities import apart
+from logs.identification.sources.table.maneuvers import Cut, cut, file_of
+from logs.identification.sources.table.vane import at_centre
+from logs.identification.tables import load_cell_tests as stands
+from logs.identification.tables.fit_registry import ROOMS
 from logs.identification.tables.modes import modes_fit
 from logs.identification.tables.output_errors import output_error_fit
-from logs.identification.tables.plausible import check_plausible
 from logs.identification.tables.regressions import check_names, regression_fit
 from logs.identification.tables.results import TableFit, TableIdentification
-from logs.identification.tables.rooms import ROOMS
-from logs.identification.tables.still import refuse_still, with_still, without_still
 from logs.identification.tables.subjects import AERO, ALL, MODES, PATH, SECTIONS, STAND, SUBJECTS
 from logs.identification.tables.systems import with_lateral_modes
-from logs.identification.tables.table import Columns, read_columns
-from logs.identification.tables.vane import at_centre
 from wingbeat.errors import InputError
 
 T = TypeVar("T")

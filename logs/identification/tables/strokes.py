@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from logs.identification.aerodynamics.stroke_coefficients import LEAST_STROKES, MeanCoefficients
 from logs.identification.aerodynamics.stroke_fits import Flight, derivative_fit, stroke_chapter, stroke_fit
 from logs.identification.aerodynamics.strokes_measured import (
     Flapped,
@@ -18,15 +17,16 @@ from logs.identification.aerodynamics.strokes_measured import (
     strokes_by_angle,
     strokes_by_count,
 )
-from logs.identification.experiment import Experiment
+from logs.identification.data.experiment import Experiment
+from logs.identification.diagnostics.strokes import AS_TOLD, Signs, doubts, without_impossible
+from logs.identification.models.stroke_coefficients import LEAST_STROKES, MeanCoefficients
 from logs.identification.results import Array, Estimate, Fitted, Information
-from logs.identification.tables.constants import need
-from logs.identification.tables.derived import Source
-from logs.identification.tables.experiments import Cut
-from logs.identification.tables.goodness import output_fits
-from logs.identification.tables.named import signal
+from logs.identification.sources.table.constants import need
+from logs.identification.sources.table.derived import Source
+from logs.identification.sources.table.maneuvers import Cut
+from logs.identification.sources.table.signal_lookup import signal
+from logs.identification.statistics.output_fit import output_fits
 from logs.identification.tables.results import TableFit
-from logs.identification.tables.stroke_doubts import AS_TOLD, Signs, doubts, without_impossible
 from logs.strokes import interval_mean
 from sim_bridge.aerodynamics.stroke_averages import Attitude
 from wingbeat.errors import InputError

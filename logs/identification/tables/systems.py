@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from logs.identification.chapter import Bar, Chapter, Intervals
-from logs.identification.modes.errors import Spread
-from logs.identification.modes.lateral import DUTCH_ROLL, LateralModes, lateral_modes
-from logs.identification.output_error.problem import Fit
+from logs.identification.estimators.engine.problem import Fit
+from logs.identification.models.lateral_modes import DUTCH_ROLL, LateralModes, lateral_modes
+from logs.identification.report.document import Bar, Chapter, Intervals
 from logs.identification.results import Array, Unidentified
+from logs.identification.statistics.parameter_uncertainty import Spread
 from logs.identification.tables.models import Chosen
 from logs.identification.tables.results import EXPLAINS_LITTLE, LITTLE, TableFit
 

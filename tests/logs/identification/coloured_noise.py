@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import cont2discrete, lfilter
 
-from logs.identification.experiment import Experiment
+from logs.identification.data.experiment import Experiment
 
 Array = NDArray[np.float64]
 LENGTH = 10.0

@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from logs.identification.aerodynamics.wing_air import MovedVehicle
-from logs.identification.kinematics.skeleton import skeleton
+from logs.identification.models.wing_air import MovedVehicle
+from logs.identification.motion_capture.kinematic_chain import skeleton
 from sim_bridge import plant_kernel as k
 from sim_bridge.aerodynamics import regression
 from sim_bridge.aerodynamics.models import air_of

@@ -7,16 +7,16 @@ from typing import NamedTuple
 import numpy as np
 from scipy.signal import lfilter
 
-from logs.identification.data import Aircraft, FlightData
-from logs.identification.modes.equation_error import equation_error
-from logs.identification.modes.filter_error import Filtered, filter_error
-from logs.identification.modes.flown_again import Problem
-from logs.identification.modes.gust_strokes import PHASES, Task
-from logs.identification.modes.longitudinal import LONGITUDINAL, Matrices, matrices
-from logs.identification.modes.mode import Mode
-from logs.identification.modes.short_period import FILTER_ERROR, FITTED_OUTPUTS, fit_derivatives, mode_of
-from logs.identification.preparing.manoeuvre import Reference, find_manoeuvres, reference_of
-from logs.identification.preparing.stretches import stretches
+from logs.identification.data.flight import Aircraft, FlightData
+from logs.identification.data.flight_segments import stretches
+from logs.identification.data.maneuvers import Reference, find_manoeuvres, reference_of
+from logs.identification.estimators.flight.equation_error import equation_error
+from logs.identification.estimators.flight.filter_error import Filtered, filter_error
+from logs.identification.estimators.flight.gust_ekf_data import PHASES, Task
+from logs.identification.estimators.flight.short_period import FILTER_ERROR, FITTED_OUTPUTS, fit_derivatives, mode_of
+from logs.identification.estimators.flight.simulation import Problem
+from logs.identification.models.modes import Mode
+from logs.identification.models.stroke_averaged import LONGITUDINAL, Matrices, matrices
 from logs.identification.results import Array
 from sim_bridge.compiled import njit
 from wingbeat.constants import STANDARD_GRAVITY

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from scipy.signal import lfilter
 
-from logs.identification.experiment import Experiment
-from logs.identification.output_error.models.linear import LinearModel
-from logs.identification.output_error.models.nonlinear_longitudinal import Airframe, nonlinear_longitudinal
-from logs.identification.output_error.models.stability import Steady, lateral, longitudinal, short_period
-from logs.identification.output_error.problem import Fit, Model, Parameter
+from logs.identification.data.experiment import Experiment
+from logs.identification.estimators.engine.problem import Fit, Model, Parameter
+from logs.identification.models.linear import LinearModel
+from logs.identification.models.nonlinear_longitudinal import Airframe, nonlinear_longitudinal
+from logs.identification.models.stability import Steady, lateral, longitudinal, short_period
 from logs.identification.results import Array
 
 SHORT_PERIOD = short_period(Steady(20.0), pitch=True)

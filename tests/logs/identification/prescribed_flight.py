@@ -8,8 +8,8 @@ import numpy as np
 from scipy.integrate import cumulative_simpson
 from scipy.signal import lfilter
 
-from logs.identification.experiment import Experiment
-from logs.identification.kinematics.flight_sensors import UNITS, Places
+from logs.identification.data.experiment import Experiment
+from logs.identification.estimators.flight_path.sensors import UNITS, Places
 from logs.identification.results import Array
 from wingbeat.constants import STANDARD_GRAVITY
 

@@ -10,7 +10,7 @@ from itertools import repeat
 
 import numpy as np
 
-from logs.identification.modes.mode import Mode
+from logs.identification.models.modes import Mode
 from logs.identification.results import Estimate
 
 SEEDS = range(300)

@@ -10,7 +10,8 @@ from scipy.linalg import toeplitz
 from scipy.optimize import minimize
 from scipy.signal import lfilter
 
-from logs.identification.accuracy.autoregression import (
+from logs.identification.statistics.ar_likelihood import restricted
+from logs.identification.statistics.autoregression import (
     PRIOR,
     Products,
     autocovariance,
@@ -19,12 +20,11 @@ from logs.identification.accuracy.autoregression import (
     products,
     runs,
 )
-from logs.identification.accuracy.coloured import Coloured, Linear, all_lags, prewhitened, white
-from logs.identification.accuracy.correlation import correlation_of
-from logs.identification.accuracy.goodness import goodness
-from logs.identification.accuracy.likelihood import restricted
-from logs.identification.accuracy.theil import theil
-from logs.identification.accuracy.whiteness import autocorrelation, whiteness_of
+from logs.identification.statistics.correlation import correlation_of
+from logs.identification.statistics.goodness import goodness
+from logs.identification.statistics.hac import Coloured, Linear, all_lags, prewhitened, white
+from logs.identification.statistics.theil import theil
+from logs.identification.statistics.whiteness import autocorrelation, whiteness_of
 
 
 def test_autocovariance_is_that_of_the_filter() -> None:

@@ -5,17 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from logs.identification.aerodynamics.inverse_dynamics import (
+from logs.identification.aerodynamics.structure import AeroResult, identify_coefficients, named
+from logs.identification.estimators.regression.coefficients import coefficient_regression
+from logs.identification.models.inverse_dynamics import (
     LOW_PASS,
     WingCoefficients,
     WingMotion,
     coefficients,
     moved_by_speeds,
 )
-from logs.identification.aerodynamics.structure import AeroResult, identify_coefficients, named
-from logs.identification.kinematics.coordinates import fit_coordinates
-from logs.identification.kinematics.speeds import generalized_speeds
-from logs.identification.regression.coefficients import coefficient_regression
+from logs.identification.motion_capture.coordinates import fit_coordinates
+from logs.identification.motion_capture.speeds import generalized_speeds
 from tests.logs.identification import flown_slow_hawk as hawk
 from wingbeat.errors import InputError
 

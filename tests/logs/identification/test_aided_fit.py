@@ -10,14 +10,14 @@ from prescribed_flight import ERRORS, INPUT_NOISE, Flight, motion, truth
 from promised import SEEDS, promise_kept
 
 from avionics import topics
-from logs.identification.data import Aircraft
-from logs.identification.kinematics.aided_fit import AidedFit, AidedFlight, aided_fit, ned_from_frd
-from logs.identification.kinematics.flight_log import identify_path
-from logs.identification.kinematics.rigid_motion import INPUTS
+from logs.identification.data.flight import Aircraft
+from logs.identification.estimators.gps_aided import AidedFit, AidedFlight, aided_fit, ned_from_frd
+from logs.identification.models.rigid_body import INPUTS
 from logs.identification.results import Array, estimate
+from logs.identification.sources.flight_path_log import identify_path
+from logs.identification.sources.full_flight import whole_flight
 from logs.identification.sources.true_imu import imu_truths
 from logs.identification.sources.velocity_fixes import aided_flight
-from logs.identification.sources.whole_flight import whole_flight
 from sim_bridge import topics as truth_topics
 from wingbeat.topic import Topic
 

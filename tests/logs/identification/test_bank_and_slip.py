@@ -9,11 +9,11 @@ from test_identification_report import RecordedTopics, motion_topics
 
 from avionics import topics
 from avionics.sensing import inertial
-from logs.identification.data import FlightData
-from logs.identification.modes.gust_strokes import Task, averaged_strokes
-from logs.identification.modes.gusts import NUISANCES, Air, flown, prior, system
-from logs.identification.preparing.manoeuvre import find_manoeuvres
-from logs.identification.preparing.stretches import stretches
+from logs.identification.data.flight import FlightData
+from logs.identification.data.flight_segments import stretches
+from logs.identification.data.maneuvers import find_manoeuvres
+from logs.identification.estimators.flight.gust_ekf_data import Task, averaged_strokes
+from logs.identification.estimators.flight.gusts import NUISANCES, Air, flown, prior, system
 from logs.identification.results import Array
 from logs.identification.sources.flight import SIDEWAYS_UNKNOWN, flight_data
 from wingbeat.constants import STANDARD_GRAVITY

@@ -6,7 +6,7 @@ import threading
 
 import pytest
 
-from logs.identification.report.beside import begun
+from logs.identification.report.background import begun
 from wingbeat.errors import InputError
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from logs.identification.accuracy.colour import colour_of, coloured_information, parzen
+from logs.identification.statistics.residual_autocorrelation import colour_of, coloured_information, parzen
 
 LAGS = 31
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from logs.identification.modes.differing import CALM, lacking, with_coarseness, with_differences
-from logs.identification.modes.equation_error import DerivativeFit, failed
-from logs.identification.modes.errors import Spread
+from logs.identification.diagnostics.model_structure_error import CALM, lacking, with_coarseness, with_differences
+from logs.identification.estimators.flight.equation_error import DerivativeFit, failed
+from logs.identification.statistics.parameter_uncertainty import Spread
 
 NAMES = ("Z_w", "M_w")
 ERRORS = np.array([0.3, 0.4])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from logs.identification.data import DriveData, GaugeErrors
+from logs.identification.data.flight import DriveData, GaugeErrors
 from logs.identification.drive.servo import ServoModel
 from logs.identification.drive.torque_speed import identify_load, identify_torque_speed, load_truth
 from logs.identification.results import Array, Estimate

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from promised import SEEDS, covered, promise_kept
 
+from logs.identification.data.experiment import Experiment
 from logs.identification.drive.servo import ServoModel
 from logs.identification.drive.twist import (
     damping_from_overshoot,
@@ -15,7 +16,6 @@ from logs.identification.drive.twist import (
     identify_twist,
     ratio_of,
 )
-from logs.identification.experiment import Experiment
 from logs.identification.results import Estimate, Unidentified
 from sim_bridge.flight_mechanics.wing_twist import free_twist, overshoot
 from wingbeat.errors import InputError

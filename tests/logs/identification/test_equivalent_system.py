@@ -8,14 +8,14 @@ from linear_ornithopter import AIRCRAFT, Flight, fly, model_of
 from scipy.linalg import block_diag
 from scipy.signal import lsim
 
-from logs.identification.experiment import Experiment
-from logs.identification.modes.equivalent_system import builder, equivalent_system, transform
-from logs.identification.modes.mode import PHUGOID, Mode, short_period_of
-from logs.identification.modes.noise_spectrum import power_law
-from logs.identification.modes.records import Records, averaged_records, records_of
-from logs.identification.modes.separable import Build, Piece, residuals_at, taken
-from logs.identification.preparing.manoeuvre import find_manoeuvres
+from logs.identification.data.experiment import Experiment
+from logs.identification.data.maneuvers import find_manoeuvres
+from logs.identification.estimators.equivalent_system import builder, equivalent_system, transform
+from logs.identification.estimators.records import Records, averaged_records, records_of
+from logs.identification.estimators.variable_projection import Build, Piece, residuals_at, taken
+from logs.identification.models.modes import PHUGOID, Mode, short_period_of
 from logs.identification.results import Array
+from logs.identification.statistics.noise_spectrum import power_law
 
 FREQUENCY, DAMPING = short_period_of(model_of(Flight()).a)
 AT_TRUTH = np.array([FREQUENCY, DAMPING, 0.0, 0.0, 0.0])

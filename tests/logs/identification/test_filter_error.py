@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from linear_ornithopter import AIRCRAFT, REFERENCE, TRUTH, Flight, by_filter_error, fly, model_of
 
-from logs.identification.data import AIRSPEED_GUESSED
-from logs.identification.modes.filter_error import USUAL
-from logs.identification.modes.gust_strokes import BELIEVED, Task, kinds_of
-from logs.identification.modes.gusts import NUISANCES, Air, flown, prior, system
-from logs.identification.modes.mode import Mode, short_period_of
-from logs.identification.modes.short_period import identify_modes
-from logs.identification.preparing.manoeuvre import find_manoeuvres
-from logs.identification.preparing.stretches import stretches
+from logs.identification.data.flight import AIRSPEED_GUESSED
+from logs.identification.data.flight_segments import stretches
+from logs.identification.data.maneuvers import find_manoeuvres
+from logs.identification.estimators.flight.filter_error import USUAL
+from logs.identification.estimators.flight.gust_ekf_data import BELIEVED, Task, kinds_of
+from logs.identification.estimators.flight.gusts import NUISANCES, Air, flown, prior, system
+from logs.identification.estimators.flight.short_period import identify_modes
+from logs.identification.models.modes import Mode, short_period_of
 
 
 def true_mode() -> tuple[float, float]:

@@ -7,13 +7,13 @@ import pytest
 from prescribed_flight import ERRORS, NOISE, PLACES, Flight, measured, truth
 from promised import SEEDS, promise_kept
 
-from logs.identification.experiment import Experiment
-from logs.identification.kinematics import flight_path
-from logs.identification.kinematics.flight_path import Reconstruction, Setup, reconstruct
-from logs.identification.kinematics.flight_records import Problem, free_states, path_of, records_of
-from logs.identification.kinematics.flight_sensors import Parameter, Places
-from logs.identification.kinematics.flight_shortened import thinned, windows_of
-from logs.identification.kinematics.flight_starts import starts_of
+from logs.identification.data.experiment import Experiment
+from logs.identification.estimators.flight_path import reconstruction as flight_path
+from logs.identification.estimators.flight_path.decimation import thinned, windows_of
+from logs.identification.estimators.flight_path.initial_values import starts_of
+from logs.identification.estimators.flight_path.reconstruction import Reconstruction, Setup, reconstruct
+from logs.identification.estimators.flight_path.records import Problem, free_states, path_of, records_of
+from logs.identification.estimators.flight_path.sensors import Parameter, Places
 from wingbeat.errors import InputError
 
 LONGITUDINAL = ("airspeed", "theta", "altitude")

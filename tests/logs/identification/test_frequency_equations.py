@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.signal import cont2discrete, dlsim
 
-from logs.identification.experiment import Experiment
-from logs.identification.modes.frequency_equations import Asked, frequency_equation_error
+from logs.identification.data.experiment import Experiment
+from logs.identification.estimators.frequency_equations import Asked, frequency_equation_error
 
 STEP, TIME = 0.02, np.arange(0.0, 16.0, 0.02)
 UNITS = {"alpha": "rad", "q": "rad/s", "delta": "rad"}

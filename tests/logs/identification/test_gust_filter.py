@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from logs.identification.modes.gust_filter import Averaged, Driven, Kinds, innovations
+from logs.identification.estimators.flight.gust_filter import Averaged, Driven, Kinds, innovations
 from logs.identification.results import Array
 
 A = np.array([[-1.0, 6.0, 0.5], [-4.0, -2.0, -1.0], [0.0, 0.0, -0.8]])

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from linear_ornithopter import AIRCRAFT, Flight, fly, model_of
 
-from logs.identification.data import FlightData
-from logs.identification.modes.mode import short_period_of
-from logs.identification.modes.short_period import identify_modes
+from logs.identification.data.flight import FlightData
+from logs.identification.estimators.flight.short_period import identify_modes
+from logs.identification.models.modes import short_period_of
 from logs.identification.results import Array
 from logs.identification.sources.flapping import flapping_frequency, strokes_in
 from logs.identification.sources.inputs import find_inputs

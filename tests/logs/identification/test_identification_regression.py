@@ -7,9 +7,9 @@ import pytest
 from promised import promise_kept
 from scipy.signal import lfilter
 
-from logs.identification.accuracy.colour import parzen
-from logs.identification.regression.least_squares import regress
+from logs.identification.estimators.regression.least_squares import regress
 from logs.identification.results import student_factor
+from logs.identification.statistics.residual_autocorrelation import parzen
 
 
 def slope_covered(seed: int, pole: float) -> bool:

@@ -13,8 +13,8 @@ from wing_drives import K_TAU, K_TAU0, Drives, exact, measure, simulate
 
 from avionics import topics
 from avionics.sensing import inertial
-from logs.identification.data import FlightData
-from logs.identification.modes.mode import short_period_of
+from logs.identification.data.flight import FlightData
+from logs.identification.models.modes import short_period_of
 from logs.identification.report import POWER_TRUTH, Identification, document, identify, rows
 from sim_bridge import topics as truth
 from wingbeat.errors import InputError

@@ -7,7 +7,7 @@ import pytest
 from promised import SEEDS, promise_kept
 from wing_drives import CENTRE, K_TAU, K_TAU0, Drives, exact, law, measure, simulate
 
-from logs.identification.data import DriveData, GaugeErrors
+from logs.identification.data.flight import DriveData, GaugeErrors
 from logs.identification.drive.gauges import with_gauge_errors
 from logs.identification.drive.power import identify_power, power_truth, power_with_gauge_errors
 from logs.identification.drive.servo import ServoModel

@@ -8,27 +8,27 @@ import numpy as np
 import pytest
 from linear_ornithopter import AIRCRAFT, REFERENCE, STEP, TRUTH, Flight, by_output_error, fly, model_of
 
-from logs.identification.data import Aircraft, FlightData
-from logs.identification.delta import propagate
-from logs.identification.modes import short_period
-from logs.identification.modes.equation_error import DerivativeFit, equation_error, failed, signals
-from logs.identification.modes.errors import Spread
-from logs.identification.modes.filter_error import Filtered, filter_error
-from logs.identification.modes.flown_again import Problem
-from logs.identification.modes.gust_strokes import Task
-from logs.identification.modes.longitudinal import LONGITUDINAL, SHORT_PERIOD
-from logs.identification.modes.mode import SHORT_PERIOD as SHORT
-from logs.identification.modes.mode import ModesResult, paired_mode, short_period_of
-from logs.identification.modes.output_error import LOST, flown_regressors
-from logs.identification.modes.short_period import (
+from logs.identification.data.flight import Aircraft, FlightData
+from logs.identification.data.maneuvers import find_manoeuvres, reference_of
+from logs.identification.estimators.flight import short_period
+from logs.identification.estimators.flight.equation_error import DerivativeFit, equation_error, failed, signals
+from logs.identification.estimators.flight.filter_error import Filtered, filter_error
+from logs.identification.estimators.flight.gust_ekf_data import Task
+from logs.identification.estimators.flight.output_error import LOST, flown_regressors
+from logs.identification.estimators.flight.short_period import (
     FILTER_ERROR,
     FITTED_OUTPUTS,
     OUTPUT_ERROR,
     fit_derivatives,
     identify_modes,
 )
-from logs.identification.preparing.manoeuvre import find_manoeuvres, reference_of
+from logs.identification.estimators.flight.simulation import Problem
+from logs.identification.models.modes import SHORT_PERIOD as SHORT
+from logs.identification.models.modes import ModesResult, paired_mode, short_period_of
+from logs.identification.models.stroke_averaged import LONGITUDINAL, SHORT_PERIOD
 from logs.identification.results import Array
+from logs.identification.statistics.delta_method import propagate
+from logs.identification.statistics.parameter_uncertainty import Spread
 from wingbeat.constants import STANDARD_GRAVITY
 from wingbeat.errors import InputError
 

@@ -10,10 +10,10 @@ import pytest
 from linear_ornithopter import AIRCRAFT, Flight, fly
 
 from avionics.vehicles import load_vehicle as load_flight_vehicle
-from logs.identification.data import Aircraft, FlightData
-from logs.identification.model_file import Base, Log, linear_model, write_model
-from logs.identification.modes.mode import ModesResult
-from logs.identification.modes.short_period import identify_modes
+from logs.identification.data.flight import Aircraft, FlightData
+from logs.identification.estimators.flight.short_period import identify_modes
+from logs.identification.models.modes import ModesResult
+from logs.identification.report.model_file import Base, Log, linear_model, write_model
 from logs.identification.results import Array, Estimate
 from sim_bridge.flight.tuning.cascade import design, parts_of
 from sim_bridge.flight.tuning.proof import fly_quality
@@ -109,7 +109,7 @@ def cycle(first: ModesResult, tmp_path_factory: pytest.TempPathFactory) -> Cycle
     folder, own = tmp_path_factory.mktemp("cycle"), load_model(KEPT)
     with pytest.MonkeyPatch.context() as patch:
         whole = linear_model(first, LOG)._replace(lateral=own.lateral, drive=own.drive)
-        patch.setattr("logs.identification.model_file.linear_model", lambda *_: whole)
+        patch.setattr("logs.identification.report.model_file.linear_model", lambda *_: whole)
         write_model(folder / "bird.toml", first, LOG, base())
     world, model = load_vehicle(str(folder / "bird" / "world.toml")), load_model(folder / "bird.toml")
     found = model.from_log()

@@ -23,7 +23,7 @@ from logs.identification.input_design.prior import Prior, prior_of
 from logs.identification.input_design.response import respond
 from logs.identification.input_design.waveform import waveform
 from logs.identification.input_design.wording import command_line, mission_item
-from logs.identification.modes.longitudinal import LONGITUDINAL
+from logs.identification.models.stroke_averaged import LONGITUDINAL
 from logs.identification.results import Array
 from sim_bridge.tuning.model import load_model
 from wingbeat.errors import InputError

@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 from linear_ornithopter import AIRCRAFT, TRUTH, Flight, by_output_error, fly, model_of
 
-from logs.identification.data import FlightData
-from logs.identification.modes.flown_again import Problem
-from logs.identification.modes.longitudinal import LONGITUDINAL
-from logs.identification.modes.mode import ModesResult, short_period_of
-from logs.identification.modes.replayed import fitted
-from logs.identification.modes.short_period import FITTED_OUTPUTS, fit_derivatives, identify_modes
-from logs.identification.modes.validation import validation
-from logs.identification.preparing.manoeuvre import find_manoeuvres, reference_of
-from logs.identification.preparing.split import by_flight
-from logs.identification.preparing.stretches import stretches
+from logs.identification.data.flight import FlightData
+from logs.identification.data.flight_segments import stretches
+from logs.identification.data.maneuvers import find_manoeuvres, reference_of
+from logs.identification.data.split import by_flight
+from logs.identification.diagnostics.validation import validation
+from logs.identification.estimators.flight.short_period import FITTED_OUTPUTS, fit_derivatives, identify_modes
+from logs.identification.estimators.flight.simulated_response import fitted
+from logs.identification.estimators.flight.simulation import Problem
+from logs.identification.models.modes import ModesResult, short_period_of
+from logs.identification.models.stroke_averaged import LONGITUDINAL
 from logs.identification.report.numbers import Identification, document, rows
-from logs.identification.sources.joined import joined_flights
+from logs.identification.sources.multi_flight import joined_flights
 from wingbeat.errors import InputError
 
 FLIGHTS = tuple(fly(Flight(seed=seed, modulation=0.2)) for seed in (1, 2))

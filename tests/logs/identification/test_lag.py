@@ -8,9 +8,9 @@ from linear_ornithopter import STEP as FLOWN_STEP
 from linear_ornithopter import Flight, fly
 from scipy.signal import lsim
 
-from logs.identification.data import Aircraft
-from logs.identification.preparing.lag import behind
-from logs.identification.preparing.manoeuvre import find_manoeuvres
+from logs.identification.data.flight import Aircraft
+from logs.identification.data.lag import behind
+from logs.identification.data.maneuvers import find_manoeuvres
 
 STEP = 0.01
 TIME = STEP * np.arange(300)

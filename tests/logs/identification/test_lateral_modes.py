@@ -10,9 +10,9 @@ import pytest
 from output_error_cases import LATERAL, LATERAL_TRUTH, flown, steps, vector
 
 from groundstation.command import identify
-from logs.identification.modes.errors import Spread
-from logs.identification.modes.lateral import lateral_modes
+from logs.identification.models.lateral_modes import lateral_modes
 from logs.identification.results import Array
+from logs.identification.statistics.parameter_uncertainty import Spread
 
 STEP = 0.02
 MAP = """

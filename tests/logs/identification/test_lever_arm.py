@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from logs.identification.preparing.lever_arm import acceleration_at_centre, air_data_of
+from logs.identification.data.lever_arm import acceleration_at_centre, air_data_of
 
 PLACE = (0.3, -0.1, 0.05)
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from linear_ornithopter import AIRCRAFT, STEP, Flight, by_output_error, fly, model_of
 
-from logs.identification.data import FlightData
-from logs.identification.modes.mode import short_period_of
-from logs.identification.preparing.manoeuvre import find_manoeuvres
+from logs.identification.data.flight import FlightData
+from logs.identification.data.maneuvers import find_manoeuvres
+from logs.identification.models.modes import short_period_of
 
 KICKED = 0.2
 """s; behind the end of each manoeuvre"""

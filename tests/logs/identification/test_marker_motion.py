@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from groundstation.command import identify
 from groundstation.command.main import main
-from logs.identification.kinematics.exchanged import exchanged
-from logs.identification.kinematics.marker_motion import INEXACT
-from logs.identification.kinematics.skeleton import skeleton
-from logs.identification.kinematics.speeds import Speeds
+from logs.identification.motion_capture.kinematic_chain import skeleton
+from logs.identification.motion_capture.marker_motion import INEXACT
+from logs.identification.motion_capture.speeds import Speeds
+from logs.identification.motion_capture.swapped_markers import exchanged
 from logs.identification.tables.markers import (
     EXAMPLE,
     clouds_of_tables,

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from logs.identification.kinematics.coordinates import fit_coordinates
-from logs.identification.kinematics.markers import MarkedBody, body_poses
-from logs.identification.kinematics.speeds import generalized_speeds, smoothed
+from logs.identification.motion_capture.coordinates import fit_coordinates
+from logs.identification.motion_capture.markers import MarkedBody, body_poses
+from logs.identification.motion_capture.speeds import generalized_speeds, smoothed
 from tests.logs.identification import flown_slow_hawk as hawk
 from wingbeat.errors import InputError
 from wingbeat.rotation_arrays import dcms_from_quaternions

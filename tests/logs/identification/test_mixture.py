@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from logs.identification.modes.equation_error import DerivativeFit
-from logs.identification.modes.errors import Spread
-from logs.identification.modes.mixture import likely, mixed
+from logs.identification.estimators.flight.equation_error import DerivativeFit
+from logs.identification.estimators.flight.model_averaging import likely, mixed
 from logs.identification.results import Array
+from logs.identification.statistics.parameter_uncertainty import Spread
 
 BEFORE = np.array([10.0, 1.0]) / 11.0
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from logs.identification.modes.agreement import agreement
-from logs.identification.modes.errors import Spread
-from logs.identification.modes.mode import Mode, Oscillation, nothing, oscillation, short_period_of, split_pairs
+from logs.identification.diagnostics.agreement import agreement
+from logs.identification.models.modes import Mode, Oscillation, nothing, oscillation, short_period_of, split_pairs
+from logs.identification.statistics.parameter_uncertainty import Spread
 
 
 def found(method: str, frequency: float, damping: float, error: float = 0.05) -> Mode:

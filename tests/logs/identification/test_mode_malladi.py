@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from promised import SEEDS, covered, modes_kept, pairs
 
-from logs.identification.experiment import Experiment
-from logs.identification.modes.experiments import modes_of_experiments
-from logs.identification.modes.mode import Mode, ModesResult
+from logs.identification.data.experiment import Experiment
+from logs.identification.estimators.nonparametric import modes_of_experiments
+from logs.identification.models.modes import Mode, ModesResult
 from wingbeat.errors import InputError
 
 FREQUENCY, DAMPING = 6.29, 0.055

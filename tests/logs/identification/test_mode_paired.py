@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from logs.identification.experiment import Experiment
-from logs.identification.modes.errors import Spread
-from logs.identification.modes.experiments import modes_of_experiments
-from logs.identification.modes.mode import (
+from logs.identification.data.experiment import Experiment
+from logs.identification.estimators.nonparametric import modes_of_experiments
+from logs.identification.models.modes import (
     FORCED,
     HEAVY,
     KINDS,
@@ -19,6 +18,7 @@ from logs.identification.modes.mode import (
     paired_mode,
     without_heavy,
 )
+from logs.identification.statistics.parameter_uncertainty import Spread
 
 
 def found(pairs: list[float], errors: list[float], kinds: tuple[str, ...] = KINDS) -> Mode:

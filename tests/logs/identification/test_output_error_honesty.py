@@ -14,11 +14,11 @@ from output_error_cases import (
     pitching,
 )
 
-from logs.identification.output_error.fit import Search, output_error
-from logs.identification.output_error.models.linear import ONE, Term, linear_model
-from logs.identification.output_error.models.nonlinear_longitudinal import nonlinear_longitudinal
-from logs.identification.output_error.models.stability import Steady, lateral, short_period
-from logs.identification.output_error.problem import Fit, Named, Nuisances, Parameter, Problem, window
+from logs.identification.estimators.engine.problem import Fit, Named, Nuisances, Parameter, Problem, window
+from logs.identification.estimators.output_error import Search, output_error
+from logs.identification.models.linear import ONE, Term, linear_model
+from logs.identification.models.nonlinear_longitudinal import nonlinear_longitudinal
+from logs.identification.models.stability import Steady, lateral, short_period
 from wingbeat.errors import InputError
 
 SHORT = ("alpha", "q", "theta", "a_z")

@@ -21,12 +21,12 @@ from output_error_cases import (
 from scipy.integrate import solve_ivp
 from scipy.signal import lsim
 
-from logs.identification.output_error.fit import output_error
-from logs.identification.output_error.models.actuated import Actuated, Actuator, actuated
-from logs.identification.output_error.models.linear import LinearModel
-from logs.identification.output_error.models.nonlinear_longitudinal import nonlinear_longitudinal
-from logs.identification.output_error.models.stability import Steady, lateral, longitudinal, short_period
-from logs.identification.output_error.problem import Parameter, Problem
+from logs.identification.estimators.engine.problem import Parameter, Problem
+from logs.identification.estimators.output_error import output_error
+from logs.identification.models.actuators import Actuated, Actuator, actuated
+from logs.identification.models.linear import LinearModel
+from logs.identification.models.nonlinear_longitudinal import nonlinear_longitudinal
+from logs.identification.models.stability import Steady, lateral, longitudinal, short_period
 from wingbeat.errors import InputError
 
 TIME = 0.02 * np.arange(400)

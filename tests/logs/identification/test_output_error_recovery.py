@@ -28,10 +28,10 @@ from promised import covered as held_shares
 from promised import promise_kept
 from scipy.signal import lsim
 
-from logs.identification.experiment import Experiment
-from logs.identification.output_error.fit import Search, output_error
-from logs.identification.output_error.models.nonlinear_longitudinal import nonlinear_longitudinal
-from logs.identification.output_error.problem import Nuisances, Parameter, Problem, window
+from logs.identification.data.experiment import Experiment
+from logs.identification.estimators.engine.problem import Nuisances, Parameter, Problem, window
+from logs.identification.estimators.output_error import Search, output_error
+from logs.identification.models.nonlinear_longitudinal import nonlinear_longitudinal
 
 SHORT = ("alpha", "q", "theta", "a_z")
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from logs.identification.output_error.models.stability import Steady, short_period
-from logs.identification.output_error.models.written import Matrix, written_model
-from logs.identification.output_error.problem import Named
+from logs.identification.estimators.engine.problem import Named
+from logs.identification.models.matrices import Matrix, written_model
+from logs.identification.models.stability import Steady, short_period
 from wingbeat.errors import InputError
 
 STATES = {"alpha": Named("rad"), "q": Named("rad/s")}

@@ -5,10 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from logs.identification.experiment import Experiment
-from logs.identification.regression.coefficients import CoefficientRegression, coefficient_regression, predict
-from logs.identification.regression.equation_error import Settings
-from logs.identification.regression.frequency_domain import in_band, transform
+from logs.identification.data.experiment import Experiment
+from logs.identification.estimators.regression.coefficients import (
+    CoefficientRegression,
+    coefficient_regression,
+    predict,
+)
+from logs.identification.estimators.regression.equation_error import Settings
+from logs.identification.estimators.regression.frequency_domain import in_band, transform
 from logs.identification.results import Estimate
 from tests.logs.identification.coloured_noise import TRUTH, flown, noise
 from wingbeat.errors import InputError

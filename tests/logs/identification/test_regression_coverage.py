@@ -7,10 +7,10 @@ import pytest
 from promised import LEAST, SEEDS, promise_kept
 from scipy.signal import lfilter
 
-from logs.identification.accuracy.autoregression import Autoregression, probability_of_less
-from logs.identification.experiment import Experiment
-from logs.identification.regression.coefficients import coefficient_regression
-from logs.identification.regression.equation_error import Settings
+from logs.identification.data.experiment import Experiment
+from logs.identification.estimators.regression.coefficients import coefficient_regression
+from logs.identification.estimators.regression.equation_error import Settings
+from logs.identification.statistics.autoregression import Autoregression, probability_of_less
 from tests.logs.identification.coloured_noise import KINDS, TRUTH, flown
 
 COUNTS = (100, 250, 1000)

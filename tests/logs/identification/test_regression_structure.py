@@ -7,12 +7,12 @@ import sys
 import numpy as np
 import pytest
 
-from logs.identification.chapter import Chapter
-from logs.identification.experiment import Experiment
-from logs.identification.regression.coefficients import coefficient_regression
-from logs.identification.regression.orthogonal import orthogonal_regression, orthogonalised
-from logs.identification.regression.stepwise import Rules, stepwise_regression
-from logs.identification.regression.terms import pool
+from logs.identification.data.experiment import Experiment
+from logs.identification.estimators.orthogonal import orthogonal_regression, orthogonalised
+from logs.identification.estimators.regression.coefficients import coefficient_regression
+from logs.identification.estimators.regression.terms import pool
+from logs.identification.estimators.stepwise import Rules, stepwise_regression
+from logs.identification.report.document import Chapter
 from logs.identification.report.html import page
 from logs.identification.report.steps import step_table
 from tests.logs.identification.coloured_noise import flown, noise

@@ -12,10 +12,14 @@ import pytest
 from linear_ornithopter import AIRCRAFT, Flight, fly
 from wing_drives import K_TAU, K_TAU0, Drives, measure, simulate
 
-from logs.identification.accuracy.whiteness import BAND, autocorrelation
 from logs.identification.aerodynamics import stroke_fits
 from logs.identification.aerodynamics.structure import AeroResult, CoefficientModel
-from logs.identification.chapter import (
+from logs.identification.drive.frequency import FrequencyModel, Segment
+from logs.identification.drive.power import identify_power
+from logs.identification.drive.torque import identify_torque
+from logs.identification.estimators.flight.short_period import identify_modes
+from logs.identification.report import Identification
+from logs.identification.report.document import (
     DASHED,
     MEASURED,
     POINTS,
@@ -30,18 +34,15 @@ from logs.identification.chapter import (
     Series,
     Table,
 )
-from logs.identification.drive.frequency import FrequencyModel, Segment
-from logs.identification.drive.power import identify_power
-from logs.identification.drive.torque import identify_torque
-from logs.identification.modes.short_period import identify_modes
-from logs.identification.report import Identification
 from logs.identification.report.html import page
+from logs.identification.report.labels import meaning, number, rich, symbol
 from logs.identification.report.numbers import determined
 from logs.identification.report.report import Subject, chapters, refuse_existing, write_report
 from logs.identification.report.svg import NARROW, axis, drawn, round_step, written
-from logs.identification.report.words import meaning, number, rich, symbol
 from logs.identification.results import Estimate, Unidentified, estimate
-from logs.identification.tables import benches, stands
+from logs.identification.statistics.whiteness import BAND, autocorrelation
+from logs.identification.tables import benches
+from logs.identification.tables import load_cell_tests as stands
 from wingbeat.errors import InputError
 
 SUBJECT = Subject("bird: identification", "flight.mcap", "ab" * 32, (("vehicle", "bird"), ("length", "20.0 s")))

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from logs.identification.experiment import Experiment
-from logs.identification.preparing.resampling import (
+from logs.identification.data.experiment import Experiment
+from logs.identification.data.resampling import (
     Channel,
     cut,
     down_sampled,

@@ -9,18 +9,18 @@ import pytest
 from linear_ornithopter import AIRCRAFT, TRUTH, Flight, fly
 from promised import SEEDS, modes_kept
 
-from logs.identification.modes.equivalent_system import equivalent_system
-from logs.identification.modes.flown_again import Problem
-from logs.identification.modes.longitudinal import LONGITUDINAL, matrices
-from logs.identification.modes.mode import Mode, short_period_of
-from logs.identification.modes.short_period import (
+from logs.identification.data.maneuvers import Reference, find_manoeuvres, reference_of
+from logs.identification.estimators.equivalent_system import equivalent_system
+from logs.identification.estimators.flight.short_period import (
     FITTED_OUTPUTS,
     fit_derivatives,
     identify_modes,
     mode_of,
     records_flown,
 )
-from logs.identification.preparing.manoeuvre import Reference, find_manoeuvres, reference_of
+from logs.identification.estimators.flight.simulation import Problem
+from logs.identification.models.modes import Mode, short_period_of
+from logs.identification.models.stroke_averaged import LONGITUDINAL, matrices
 
 PHYSICAL = ("output error", "equation error, frequency domain")
 EQUIVALENT = "equivalent system"

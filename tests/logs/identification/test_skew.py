@@ -9,8 +9,8 @@ import pytest
 from promised import SEEDS, promise_kept
 from scipy.signal import lfilter
 
-from logs.identification.experiment import Experiment
-from logs.identification.preparing.skew import shifted, skew_between
+from logs.identification.data.experiment import Experiment
+from logs.identification.data.time_skew import shifted, skew_between
 from logs.identification.results import Estimate, Unidentified
 from wingbeat.errors import InputError
 

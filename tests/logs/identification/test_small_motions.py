@@ -7,16 +7,16 @@ import pytest
 from linear_ornithopter import AIRCRAFT, Flight, fly
 from test_short_period_coverage import LIGHT, truth_of
 
-from logs.identification.modes.equivalent_system import equivalent_system
-from logs.identification.modes.flown_again import Problem
-from logs.identification.modes.free_response import free_response
-from logs.identification.modes.longitudinal import LONGITUDINAL, TAIL_LAG
-from logs.identification.modes.mode import Mode
-from logs.identification.modes.output_error import with_lag_known
-from logs.identification.modes.records import Records, averaged_records
-from logs.identification.modes.short_period import FITTED_OUTPUTS, fit_derivatives, records_flown
-from logs.identification.modes.small_motions import beyond_small_motions
-from logs.identification.preparing.manoeuvre import find_manoeuvres, lagged, reference_of
+from logs.identification.data.maneuvers import find_manoeuvres, lagged, reference_of
+from logs.identification.estimators.equivalent_system import equivalent_system
+from logs.identification.estimators.flight.linearization_correction import beyond_small_motions
+from logs.identification.estimators.flight.output_error import with_lag_known
+from logs.identification.estimators.flight.short_period import FITTED_OUTPUTS, fit_derivatives, records_flown
+from logs.identification.estimators.flight.simulation import Problem
+from logs.identification.estimators.free_response import free_response
+from logs.identification.estimators.records import Records, averaged_records
+from logs.identification.models.modes import Mode
+from logs.identification.models.stroke_averaged import LONGITUDINAL, TAIL_LAG
 from logs.identification.results import Array
 
 

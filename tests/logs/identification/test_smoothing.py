@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from logs.identification.experiment import Experiment
-from logs.identification.preparing.fourier_smoothing import fourier_smoothing
-from logs.identification.preparing.local_quadratic import local_quadratic
-from logs.identification.preparing.noise_level import noise_level
-from logs.identification.preparing.rts import Tuning, rts, tuning_of
-from logs.identification.preparing.smoothed import Smoothed
-from logs.identification.preparing.smoothing import METHODS, smoothed
-from logs.identification.preparing.spline import smoothing_spline
+from logs.identification.data.experiment import Experiment
+from logs.identification.data.fourier_smoothing import fourier_smoothing
+from logs.identification.data.local_quadratic import local_quadratic
+from logs.identification.data.noise_level import noise_level
+from logs.identification.data.rts import Tuning, rts, tuning_of
+from logs.identification.data.smoothed import Smoothed
+from logs.identification.data.smoothing import METHODS, smoothed
+from logs.identification.data.spline import smoothing_spline
 from wingbeat.errors import InputError
 
 STEP = 0.02

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from logs.identification.experiment import Experiment
-from logs.identification.preparing.excited import excited
-from logs.identification.preparing.split import split
+from logs.identification.data.experiment import Experiment
+from logs.identification.data.maneuver_detection import excited
+from logs.identification.data.split import split
 from wingbeat.errors import InputError
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from logs.identification.aerodynamics.stroke_coefficients import (
+from logs.identification.models.stroke_coefficients import (
     drag_polar,
     lift_derivatives,
     moment_derivatives,

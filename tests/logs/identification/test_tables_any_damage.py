@@ -13,10 +13,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from test_tables_identified import BASE, flight, write
 
-from logs.identification.tables.map import EXAMPLE, load_map
+from logs.identification.report.result_formatting import notes_of, table_document
+from logs.identification.sources.table.columns import Layout, read_columns
+from logs.identification.sources.table.config import EXAMPLE, load_map
 from logs.identification.tables.run import identify_tables
-from logs.identification.tables.table import Layout, read_columns
-from logs.identification.tables.telling import notes_of, table_document
 from wingbeat.errors import InputError
 
 MAP = (

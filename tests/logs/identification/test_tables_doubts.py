@@ -12,22 +12,22 @@ import pytest
 from scipy.ndimage import gaussian_filter1d
 from scipy.signal import lsim
 
-from logs.identification.accuracy.autoregression import autocovariance, prediction_variances
-from logs.identification.experiment import Experiment
-from logs.identification.modes.equivalent_system import equivalent_system
-from logs.identification.modes.experiments import modes_of_experiments, modes_of_records
-from logs.identification.modes.mode import TOO_FAST
-from logs.identification.modes.realization import realization
-from logs.identification.modes.records import records_of
-from logs.identification.regression.coefficients import coefficient_regression
-from logs.identification.regression.equation_error import Settings
+from logs.identification.data.experiment import Experiment
+from logs.identification.diagnostics.errors_in_variables import with_noise
+from logs.identification.diagnostics.lack_of_fit import lacking
+from logs.identification.estimators.equivalent_system import equivalent_system
+from logs.identification.estimators.era import realization
+from logs.identification.estimators.nonparametric import modes_of_experiments, modes_of_records
+from logs.identification.estimators.records import records_of
+from logs.identification.estimators.regression.coefficients import coefficient_regression
+from logs.identification.estimators.regression.equation_error import Settings
+from logs.identification.models.modes import TOO_FAST
+from logs.identification.report.result_formatting import notes_of as said_of
+from logs.identification.report.result_formatting import table_document
 from logs.identification.results import FitSeries, Fitted, Information
-from logs.identification.tables.lacking import lacking
-from logs.identification.tables.noisy import with_noise
+from logs.identification.statistics.autoregression import autocovariance, prediction_variances
 from logs.identification.tables.results import OutputFit, TableFit, TableIdentification
 from logs.identification.tables.run import identify_tables
-from logs.identification.tables.telling import notes_of as said_of
-from logs.identification.tables.telling import table_document
 from tests.logs.identification.test_frequency_equations import SLOW, exact
 from tests.logs.identification.test_tables_identified import flight
 from tests.logs.identification.test_tables_strangers import identified

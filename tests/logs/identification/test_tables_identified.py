@@ -14,13 +14,13 @@ import pytest
 from scipy.signal import lfilter
 
 from groundstation.command import identify
-from logs.identification.experiment import Experiment
-from logs.identification.tables.derived import MADE as MADE_OF
-from logs.identification.tables.derived import Source
-from logs.identification.tables.map import EXAMPLE, load_map
+from logs.identification.data.experiment import Experiment
+from logs.identification.report.result_formatting import notes_of, table_document
+from logs.identification.sources.table.config import EXAMPLE, load_map
+from logs.identification.sources.table.derived import MADE as MADE_OF
+from logs.identification.sources.table.derived import Source
 from logs.identification.tables.results import TableFit, TableIdentification
 from logs.identification.tables.run import identify_tables
-from logs.identification.tables.telling import notes_of, table_document
 from wingbeat.errors import InputError
 
 EXAMPLES = Path(__file__).parents[3] / "docs" / "examples"

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from logs.identification.experiment import Experiment
-from logs.identification.tables.experiments import Cut
-from logs.identification.tables.joints import apart
+from logs.identification.data.experiment import Experiment
+from logs.identification.sources.table.discontinuities import apart
+from logs.identification.sources.table.maneuvers import Cut
 from tests.logs.identification.test_tables_identified import assert_truth, flight
 from tests.logs.identification.test_tables_strangers import THETA, identified, said
 

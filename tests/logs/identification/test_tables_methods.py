@@ -12,7 +12,7 @@ from scipy.signal import cont2discrete
 from test_tables_identified import BASE, TRUTH, flight, identified, write
 
 from groundstation.command import identify
-from logs.identification.tables.between import jumps
+from logs.identification.diagnostics.intersample_behavior import jumps
 from wingbeat.errors import InputError
 
 

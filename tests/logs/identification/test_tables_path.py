@@ -15,9 +15,9 @@ from avionics import messages as m
 from avionics import topics
 from groundstation.command import identify
 from groundstation.command.main import main
-from logs.identification.experiment import Experiment
-from logs.identification.tables.map import load_map
-from logs.identification.tables.rooms import EXAMPLES
+from logs.identification.data.experiment import Experiment
+from logs.identification.sources.table.config import load_map
+from logs.identification.tables.fit_registry import EXAMPLES
 from tests.logs.recorded import record
 
 LONGITUDINAL = ("q", "a_x", "a_z", "airspeed", "alpha", "theta", "altitude")

@@ -7,11 +7,11 @@ import pytest
 from output_error_cases import LATERAL, LATERAL_TRUTH, steps
 from output_error_cases import flown as flown_laterally
 
-from logs.identification.experiment import Experiment
+from logs.identification.data.experiment import Experiment
+from logs.identification.diagnostics.consistency_checks import check_plausible
+from logs.identification.diagnostics.derivative_signs import turned
+from logs.identification.diagnostics.unit_sign_errors import Known, said_of
 from logs.identification.results import Estimate, estimate
-from logs.identification.tables.flow_mistakes import Known, said_of
-from logs.identification.tables.plausible import check_plausible
-from logs.identification.tables.signs import turned
 from wingbeat.constants import STANDARD_GRAVITY
 from wingbeat.errors import InputError
 

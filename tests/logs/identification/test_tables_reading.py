@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from logs.identification.tables.experiments import Cut, cut
-from logs.identification.tables.map import Map, load_map
-from logs.identification.tables.table import Columns, Layout, read_columns
+from logs.identification.sources.table.columns import Columns, Layout, read_columns
+from logs.identification.sources.table.config import Map, load_map
+from logs.identification.sources.table.maneuvers import Cut, cut
 from wingbeat.errors import InputError
 from wingbeat.schema import read_record
 

@@ -17,17 +17,17 @@ from rich.console import Console, RenderableType
 from groundstation.command import identify
 from groundstation.views.identification import identification_table
 from groundstation.views.table_identification import table_identification
-from logs.identification.data import Aircraft
-from logs.identification.modes.agreement import agreement
-from logs.identification.modes.longitudinal import matrices
-from logs.identification.modes.mode import Mode, ModesResult, Oscillation, nothing
-from logs.identification.preparing.manoeuvre import Reference
+from logs.identification.data.flight import Aircraft
+from logs.identification.data.maneuvers import Reference
+from logs.identification.diagnostics.agreement import agreement
+from logs.identification.models.modes import Mode, ModesResult, Oscillation, nothing
+from logs.identification.models.stroke_averaged import matrices
 from logs.identification.report import Identification
+from logs.identification.report.labels import number, rich, sentence, symbol
+from logs.identification.report.result_formatting import table_document
 from logs.identification.report.tables import Source, table_chapters, write_tables_report
-from logs.identification.report.words import number, rich, sentence, symbol
 from logs.identification.results import Fitted, Unidentified, estimate
 from logs.identification.tables.results import TableFit, TableIdentification
-from logs.identification.tables.telling import table_document
 from sim_bridge.tuning.model import load_model
 from wingbeat.errors import InputError
 

@@ -8,9 +8,9 @@ from time import perf_counter
 import numpy as np
 import pytest
 
-from logs.identification.experiment import Experiment
+from logs.identification.data.experiment import Experiment
+from logs.identification.diagnostics.outliers import spikes
 from logs.identification.results import FitSeries
-from logs.identification.tables.spikes import spikes
 
 TIME = 0.04 * np.arange(500)
 MOTION = np.sin(2.0 * TIME)

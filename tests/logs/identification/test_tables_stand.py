@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from groundstation.command.main import main
-from logs.identification.aerodynamics.inverse_dynamics import states, wing_of
-from logs.identification.aerodynamics.stand import StandRun, stand_motion
-from logs.identification.aerodynamics.wing_air import wing_air
+from logs.identification.aerodynamics.load_cell import StandRun, stand_motion
+from logs.identification.models.inverse_dynamics import states, wing_of
+from logs.identification.models.wing_air import wing_air
+from logs.identification.report.result_formatting import notes_of
 from logs.identification.tables.run import identify_tables
-from logs.identification.tables.telling import notes_of
 from sim_bridge.vehicles import SimulatedVehicle, load_vehicle
 
 PLACE, AXES = np.array((0.02, 0.0, 0.07)), np.array([(0.0, 1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, -1.0)])

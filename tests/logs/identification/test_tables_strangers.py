@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from logs.identification.experiment import Experiment
-from logs.identification.modes.experiments import modes_of_experiments
-from logs.identification.modes.mode import PHUGOID
-from logs.identification.modes.records import records_of
-from logs.identification.modes.spectrum import spectrum
-from logs.identification.tables.clock import seconds_of
-from logs.identification.tables.plausible import check_plausible
+from logs.identification.data.experiment import Experiment
+from logs.identification.diagnostics.consistency_checks import check_plausible
+from logs.identification.estimators.nonparametric import modes_of_experiments
+from logs.identification.estimators.records import records_of
+from logs.identification.estimators.spectrum import spectrum
+from logs.identification.models.modes import PHUGOID
+from logs.identification.sources.table.clock import seconds_of
 from logs.identification.tables.results import TableIdentification
 from logs.identification.tables.run import identify_tables
 from tests.logs.identification.test_tables_identified import BASE, assert_truth, flight, numbers

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from groundstation.command.main import main
-from logs.identification.aerodynamics.stroke_coefficients import HIDDEN
 from logs.identification.aerodynamics.stroke_fits import Flight, stroke_fit
 from logs.identification.aerodynamics.strokes_measured import (
     Flapped,
@@ -19,8 +18,9 @@ from logs.identification.aerodynamics.strokes_measured import (
     strokes_by_angle,
     wing_motion,
 )
+from logs.identification.diagnostics.strokes import Signs, doubts, without_impossible
+from logs.identification.models.stroke_coefficients import HIDDEN
 from logs.identification.results import Estimate, Fitted, estimate
-from logs.identification.tables.stroke_doubts import Signs, doubts, without_impossible
 from sim_bridge.aerodynamics.stroke_averages import Attitude
 
 TRUTH = {"C_L_up": 0.35, "C_L_down": 0.95, "C_D_up": 0.12, "C_D_down": 0.21}

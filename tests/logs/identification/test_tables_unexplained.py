@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from logs.identification.diagnostics.unexplained_outputs import without_unexplained
 from logs.identification.results import FitSeries, Fitted, estimate
 from logs.identification.tables.results import EXPLAINS_LITTLE
-from logs.identification.tables.unexplained import without_unexplained
 
 TIME = 0.02 * np.arange(600)
 

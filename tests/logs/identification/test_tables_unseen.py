@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from logs.identification.tables.between import said_coarse
+from logs.identification.diagnostics.intersample_behavior import said_coarse
 from tests.logs.identification.test_tables_identified import BASE, TRUTH, identified, motion_of, numbers, slowed
 
 FINE = 500.0

@@ -5,7 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from logs.identification.modes.whitening import gradient_terms, information, whitened, whitened_change
+from logs.identification.estimators.flight.normalized_innovations import (
+    gradient_terms,
+    information,
+    whitened,
+    whitened_change,
+)
 
 COUNT, SIZE, WIDTH = 7, 3, 1e-6
 

@@ -9,9 +9,9 @@ import pytest
 
 from avionics import topics
 from avionics.sensing.inertial import NEUTRAL
-from logs.identification.preparing.excited import excited
+from logs.identification.data.maneuver_detection import excited
 from logs.identification.results import Array
-from logs.identification.sources.whole_flight import whole_flight
+from logs.identification.sources.full_flight import whole_flight
 from wingbeat.errors import InputError
 from wingbeat.topic import Topic
 

@@ -10,8 +10,8 @@ import pytest
 from linear_ornithopter import AIRCRAFT, Flight, fly
 
 from avionics import topics
-from logs.identification.preparing.manoeuvre import find_manoeuvres
-from logs.identification.preparing.stretches import stretches
+from logs.identification.data.flight_segments import stretches
+from logs.identification.data.maneuvers import find_manoeuvres
 from logs.identification.results import Array
 from logs.identification.sources.flight import RATE_UNKNOWN, flight_data
 from wingbeat.topic import Topic

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
-from logs.identification.data import DriveData
+from logs.identification.data.flight import DriveData
 from logs.identification.results import Array
 
 K_TAU, K_TAU0, IDLE = 0.249, 0.346, 0.08

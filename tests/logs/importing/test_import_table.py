@@ -12,7 +12,7 @@ from foreign_logs import DATA, ROOT, imported
 
 from avionics import topics
 from groundstation.command.identify import UNKNOWN, identified
-from logs.identification.modes.mode import short_period_of
+from logs.identification.models.modes import short_period_of
 from logs.identification.report import identify
 from logs.identification.sources.elevator import MadeElevator
 from logs.importing.csv_table import parse_table

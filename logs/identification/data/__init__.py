@@ -1,0 +1,1 @@
+"""Signals of experiments: segments, resampling, smoothing and differentiation."""

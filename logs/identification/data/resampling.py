@@ -1,0 +1,184 @@
+"""From the times at which things were measured to one even time base, gaps found, filled or cut out.
+
+Linear between samples, never beyond the first or last. Where the new samples lie further apart than the old, a
+linear-phase low pass (Kaiser's window; Kaiser, Proc. IEEE Int. Symposium on Circuits and Systems, 1974) comes
+first: it lets pass what lies below 0.6 of the new half rate, and nothing that is folded below it gets through by more
+than -60 dB. Its reach, about five new samples, is lost at both ends and at gaps.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.signal import firwin, kaiserord, oaconvolve
+
+from logs.identification.data.contiguous_runs import runs
+from logs.identification.data.experiment import Experiment
+from logs.identification.results import Array
+from wingbeat.errors import InputError
+
+PASSED = 0.6
+"""-; of the new half rate"""
+STOPPED_DB = 60.0
+UNEVEN = 1e-3
+"""-; of a step, by which the samples of an even time base may stray"""
+GAP_STEPS = 1.5
+"""-; steps between two samples that nothing is missing between"""
+
+
+class Channel(NamedTuple):
+    """A signal as it was measured."""
+
+    name: str
+    unit: str
+    time: Array
+    """s; (N,), rising"""
+    values: Array
+    """as the unit; (N,), NaN where a sample was not measured"""
+
+
+def filled(values: Array, longest: int) -> Array:
+    """``values`` (N,) with inner gaps of up to ``longest`` samples bridged by straight lines; the others stay."""
+    out, places = values.copy(), np.arange(len(values))
+    known = np.isfinite(values)
+    for gap in runs(np.isnan(values)):
+        if gap.start > 0 and gap.stop < len(values) and gap.stop - gap.start <= longest:
+            out[gap] = np.interp(places[gap], places[known], values[known])
+    return out
+
+
+def interpolated(time: Array, values: Array, at: Array, longest: float = 0.0) -> Array:
+    """``values`` (N,) at the times ``at`` (s; M,), linear between samples at rising ``time`` (s; N,).
+
+    NaN outside the record, and in gaps: between two measured samples further apart than ``longest`` s (for 0, than
+    one and a half median steps).
+    """
+    good = np.isfinite(values)
+    known, measured = time[good], values[good]
+    if len(known) < 2:
+        return np.full(len(at), np.nan)
+    widest = max(longest, GAP_STEPS * float(np.median(np.diff(time))))
+    out: Array = np.interp(at, known, measured, left=np.nan, right=np.nan)
+    after = np.clip(np.searchsorted(known, at, side="left"), 1, len(known) - 1)
+    apart = known[after] - known[after - 1] > widest
+    met = (known[after] == at) | (known[after - 1] == at)
+    out[apart & ~met] = np.nan
+    return out
+
+
+def even(channel: Channel, at: Array, longest_gap: float) -> Array:
+    """The channel at the equally spaced times ``at`` (s; M,), low-passed first where they are sparser; NaN in gaps.
+
+    Gaps up to ``longest_gap`` s are bridged by straight lines.
+
+    Raises:
+        InputError: fewer than two samples, or time that does not rise.
+    """
+    if len(channel.time) < 2 or np.any(np.diff(channel.time) <= 0):
+        raise InputError(f"{channel.name}: time must rise over two samples or more")
+    old, new = float(np.median(np.diff(channel.time))), float(at[1] - at[0])
+    if new < 1.2 * old:
+        return interpolated(channel.time, channel.values, at, longest_gap)
+    base = channel.time[0] + old * np.arange(int((channel.time[-1] - channel.time[0]) / old + 1e-6) + 1)
+    dense = interpolated(channel.time, channel.values, base, longest_gap)
+    return interpolated(base, _low_passed(dense, old / new), at)
+
+
+def _low_passed(values: Array, ratio: float) -> Array:
+    """``values`` (N,) without what a rate lower by ``ratio`` would fold; NaN where it meets a gap or an end."""
+    width, beta = kaiserord(STOPPED_DB, 2 * (1 - PASSED) * ratio)
+    taps = firwin(width + 1 - width % 2, ratio, window=("kaiser", beta))
+    half = len(taps) // 2
+    missing = ~np.isfinite(values)
+    passed: Array = (
+        oaconvolve(np.where(missing, 0.0, values), taps, mode="same") if len(values) > 1 else values.copy()
+    )
+    counted = np.concatenate(([0], np.cumsum(missing)))
+    places = np.arange(len(values))
+    first, last = np.clip(places - half, 0, None), np.clip(places + half + 1, None, len(values))
+    passed[(counted[last] > counted[first]) | (places < half) | (places >= len(values) - half)] = np.nan
+    return passed
+
+
+def experiment_of(name: str, channels: Sequence[Channel], step: float, longest_gap: float) -> Experiment:
+    """One even time base, ``step`` s apart, from the first sample of any channel to the last; NaN in gaps.
+
+    Raises:
+        InputError: no channel, a name twice, or a channel that cannot be resampled.
+    """
+    names = [channel.name for channel in channels]
+    if not names or len(set(names)) < len(names):
+        raise InputError(f"{name}: channels must be given, each name once")
+    if not step > 0:
+        raise InputError(f"{name}: a step of {step:g} s")
+    begin, end = min(c.time[0] for c in channels), max(c.time[-1] for c in channels)
+    time = begin + step * np.arange(int((end - begin) / step + 1e-6) + 1)
+    if len(time) < 2:
+        raise InputError(f"{name}: the record is shorter than one step of {step:g} s")
+    signals = {channel.name: even(channel, time, longest_gap) for channel in channels}
+    return Experiment(name, time, signals, {channel.name: channel.unit for channel in channels})
+
+
+def down_sampled(experiment: Experiment, step: float) -> Experiment:
+    """The experiment on a time base of ``step`` s, low-passed before.
+
+    Raises:
+        InputError: the step is shorter than the experiment's, or the record than two of them.
+    """
+    if step < experiment.step:
+        raise InputError(
+            f"{experiment.name}: a step of {step:g} s is shorter than the measured {experiment.step:g} s"
+        )
+    pairs = experiment.signals.items()
+    channels = [Channel(name, experiment.units[name], experiment.time, values) for name, values in pairs]
+    return experiment_of(experiment.name, channels, step, 0.0)
+
+
+def bridged(experiment: Experiment, names: Sequence[str], longest: int) -> Experiment:
+    """The experiment with gaps of up to ``longest`` samples inside the signals ``names`` bridged, as by `filled`."""
+    return experiment._replace(
+        signals=dict(experiment.signals) | {name: filled(experiment.signals[name], longest) for name in names}
+    )
+
+
+def measured_pieces(experiment: Experiment, names: Sequence[str], least: int) -> tuple[Experiment, ...]:
+    """The pieces of the experiment, of ``least`` samples or more, in which every signal of ``names`` was measured.
+
+    Where there are several they are called NAME, part 1, NAME, part 2, ...
+    """
+    known = np.ones(len(experiment.time), bool)
+    for name in names:
+        known &= np.isfinite(experiment.signals[name])
+    pieces = [cut(experiment, run) for run in runs(known) if run.stop - run.start >= least]
+    labels = [f", part {number + 1}" if len(pieces) > 1 else "" for number in range(len(pieces))]
+    return tuple(one._replace(name=one.name + label) for one, label in zip(pieces, labels, strict=True))
+
+
+def whole_records(
+    experiment: Experiment, names: Sequence[str], longest_gap: float, least: float
+) -> tuple[Experiment, ...]:
+    """`measured_pieces` of ``least`` s or more, gaps of the signals ``names`` up to ``longest_gap`` s bridged before.
+
+    Raises:
+        InputError: a signal is missing, or no piece is left.
+    """
+    missing = [name for name in names if name not in experiment.signals]
+    if missing:
+        raise InputError(f"{experiment.name} has no signal {', '.join(missing)}")
+    pieces: tuple[Experiment, ...] = ()
+    if len(experiment.time) > 1:
+        step = experiment.step
+        joined = bridged(experiment, names, int(longest_gap / step + 1e-6))
+        pieces = measured_pieces(joined, names, math.ceil(least / step - 1e-6) + 1)
+    if not pieces:
+        raise InputError(f"{experiment.name}: {', '.join(names)} are nowhere measured together for {least:g} s")
+    return pieces
+
+
+def cut(experiment: Experiment, span: slice) -> Experiment:
+    """The samples ``span`` of the experiment."""
+    signals = {name: values[span] for name, values in experiment.signals.items()}
+    return experiment._replace(time=experiment.time[span], signals=signals)

@@ -1,0 +1,143 @@
+"""Time skew between two signals that tell the same motion, such as the same rate by two recorders.
+
+Cross-correlation finds the skew to a sample (Bendat & Piersol, Random Data, 4th ed., 2010, chapters 5 and 8; the
+spread of a correlation between coloured signals is Bartlett's, J. Royal Statistical Society 98, 1935). Between the
+samples it is the shift of the first signal, smoothed by `fourier_smoothing`, that fits the second by least squares
+with a gain and an offset: the maximum of the correlation again, but with a standard error, corrected for coloured
+residuals.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline
+
+from logs.identification.data.experiment import Experiment
+from logs.identification.data.fourier_smoothing import fourier_smoothing
+from logs.identification.data.resampling import interpolated
+from logs.identification.data.smoothed import Smoothed, whole
+from logs.identification.estimators.regression.least_squares import regress
+from logs.identification.results import Array, Estimate, Unidentified, estimate
+from wingbeat.errors import InputError
+
+LEAST = 40
+"""-; samples"""
+LEAST_OVERLAP = 0.5
+"""-; of the record that both signals must share at the longest skew"""
+CLEAR = 2.0
+"""-; standard deviations by which the highest peak of the correlation must stand above the next"""
+ITERATIONS = 20
+NAME = "skew"
+
+
+class _Peak(NamedTuple):
+    """The highest of the correlation's peaks."""
+
+    lag: int
+    width: int
+    """-; samples to the nearer valley beside it"""
+    reason: str
+    """-; why it is not to be believed, empty where it is"""
+
+
+def skew_between(first: Array, second: Array, step: float, longest: float) -> Estimate | Unidentified:
+    """By how much ``second`` (N,) is late behind ``first`` (N,), in s; the samples of both are ``step`` s apart.
+
+    The signals agree but for a gain above zero, an offset and noise. Skews up to ``longest`` s either way are looked
+    for; no skew is told where the peak of the correlation is not clear of the next or lies at the end of the search.
+
+    Raises:
+        InputError: the signals differ in length, are shorter than 40 samples or twice the longest skew, or have gaps.
+    """
+    if len(first) != len(second):
+        raise InputError(f"signals of {len(first)} and {len(second)} samples cannot be aligned: resample them first")
+    reach = int(np.ceil(longest / step))
+    if reach < 1 or reach > (1 - LEAST_OVERLAP) * len(first):
+        raise InputError(f"a skew up to {longest:g} s cannot be looked for in {step * len(first):g} s of signals")
+    smooth = fourier_smoothing(whole(first, LEAST), step).smoothed
+    whole(second, LEAST)
+    if np.ptp(first) == 0 or np.ptp(second) == 0:
+        return Unidentified(NAME, "a signal does not change")
+    peak = _highest(smooth.values, second, reach)
+    return Unidentified(NAME, peak.reason) if peak.reason else _refined(smooth, second, step, peak)
+
+
+def shifted(experiment: Experiment, names: tuple[str, ...], skew: float) -> Experiment:
+    """The experiment with the signals ``names``, late by ``skew`` s, moved to where they belong.
+
+    Linear between samples; NaN where nothing was measured.
+    """
+    moved = {name: interpolated(experiment.time, experiment.signals[name], experiment.time + skew) for name in names}
+    return experiment._replace(signals={**experiment.signals, **moved})
+
+
+def _overlap(first: Array, second: Array, lag: int) -> tuple[Array, Array]:
+    count = len(first)
+    return first[max(-lag, 0) : count - max(lag, 0)], second[max(lag, 0) : count - max(-lag, 0)]
+
+
+def _highest(first: Array, second: Array, reach: int) -> _Peak:
+    lags = np.arange(-reach, reach + 1)
+    heights = np.array([np.corrcoef(*_overlap(first, second, int(lag)))[0, 1] for lag in lags])
+    top = int(np.argmax(heights))
+    lag = int(lags[top])
+    independent = _independent(*_overlap(first, second, lag))
+    spread = 1 / np.sqrt(max(independent - 3, 1.0))
+    left, right = _valleys(heights, top)
+    rival = float(np.max(np.concatenate((heights[:left], heights[right + 1 :])), initial=-1.0))
+    reason = ""
+    if top in (0, len(lags) - 1):
+        reason = "the correlation still rises at the longest skew looked for"
+    elif _fisher(heights[top]) < CLEAR * spread:
+        reason = f"the signals do not belong together: their correlation is {heights[top]:.2f} at the most"
+    elif _fisher(heights[top]) - _fisher(rival) < CLEAR * spread:
+        reason = f"ambiguous: the correlation has peaks of {heights[top]:.3f} and {rival:.3f}"
+    return _Peak(lag, min(top - left, right - top), reason)
+
+
+def _fisher(correlation: float) -> float:
+    """Fisher's transformation, whose spread is the same for any correlation."""
+    return float(np.arctanh(np.clip(correlation, -0.999999, 0.999999)))
+
+
+def _valleys(heights: Array, top: int) -> tuple[int, int]:
+    """Where the correlation rises again to the left and right of its highest peak, or ends."""
+    falling = np.diff(heights)
+    right = top + int(np.argmax(np.append(falling[top:] > 0, True)))
+    left = top - int(np.argmax(np.append(falling[:top][::-1] < 0, True)))
+    return left, right
+
+
+def _independent(first: Array, second: Array) -> float:
+    """Pairs of samples that are worth as much as the coloured ones, after Bartlett."""
+    product = _correlation(first) * _correlation(second)
+    return float(len(first) / max(1 + 2 * np.sum(product[1 : len(first) // 4]), 1.0))
+
+
+def _correlation(values: Array) -> Array:
+    centred = values - np.mean(values)
+    power = np.abs(np.fft.rfft(centred, 2 * len(values))) ** 2
+    sums = np.fft.irfft(power)[: len(values)]
+    correlation: Array = sums / sums[0]
+    return correlation
+
+
+def _refined(smooth: Smoothed, second: Array, step: float, peak: _Peak) -> Estimate | Unidentified:
+    """Gauss-Newton on the shift, gain and offset from the ``peak``, staying on it."""
+    time = step * np.arange(len(second))
+    curve = CubicHermiteSpline(time, smooth.values, smooth.rates)
+    slope, skew = curve.derivative(), peak.lag * step
+    for _ in range(ITERATIONS):
+        at = time - skew
+        used = ((at >= time[0]) & (at <= time[-1])).astype(float)
+        fit = regress(np.column_stack((curve(at), -slope(at), np.ones(len(at)))), second, used)
+        gain, change = fit.values[0], fit.values[1] / fit.values[0]
+        error = float(np.sqrt(fit.covariance[1, 1]) / abs(gain))
+        skew += float(change)
+        if not gain > 0 or abs(skew / step - peak.lag) > max(2, peak.width):
+            break
+        if abs(change) < 1e-3 * max(error, 1e-6 * step):
+            return estimate(NAME, "s", skew, error, fit.degrees)
+    return Unidentified(NAME, "the shift of the one signal onto the other did not converge")

@@ -1,0 +1,167 @@
+"""The normal equations of all records at once, each record's own numbers eliminated by the Schur complement."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from logs.identification.estimators.engine.records import Flags, Indices
+from logs.identification.estimators.engine.simulation import Flight, Unknowns
+from logs.identification.estimators.engine.weights import Whitener
+from logs.identification.results import Array
+
+DEPENDENT = 1e-10
+"""-; squared length of a combination of columns that adds nothing to the others"""
+NO_EFFECT = 1e-6
+"""-; norm, in standard deviations, of what the outputs do when a parameter changes by its own size"""
+SMALLEST_SIZE = 1e-2
+
+
+class Piece(NamedTuple):
+    """One record's share."""
+
+    residuals: Array
+    """(N, m); in standard deviations"""
+    slopes: Array
+    """(N m, p); of the parameters, in standard deviations"""
+    own: Array
+    """(N m, l); of the record's own numbers"""
+
+
+class Normal(NamedTuple):
+    """All records about the present unknowns."""
+
+    pieces: tuple[Piece, ...]
+    sizes: Array
+    """(p,); of the parameters, to tell one that has no effect"""
+
+
+class Step(NamedTuple):
+    """A change of the unknowns."""
+
+    values: Array
+    """(p,)"""
+    own: tuple[Array, ...]
+    """(l,) of each record; its own numbers"""
+    errors: Array
+    """(p,); standard errors for white residuals, infinite where a parameter is not determined"""
+    decrement: float
+    """-; of the weighted squares, that the step promises: zero where the gradient is"""
+
+    def taken(self, unknowns: Unknowns, share: float) -> Unknowns:
+        """``unknowns`` after a ``share`` of the step."""
+        moved = tuple(o + share * d for o, d in zip(unknowns.own, self.own, strict=True))
+        return Unknowns(unknowns.values + share * self.values, moved)
+
+
+def normal_of(flight: Flight, unknowns: Unknowns, residuals: list[Array], whiteners: tuple[Whitener, ...]) -> Normal:
+    """Residuals and slopes of all records, in standard deviations."""
+    pieces, p = [], len(unknowns.values)
+    for record, own, raw, white in zip(flight.records, unknowns.own, residuals, whiteners, strict=True):
+        slopes = white(flight.slopes(record, unknowns.values, own)).reshape(raw.size, -1)
+        pieces.append(Piece(white(raw), slopes[:, :p], slopes[:, p:]))
+    sizes = np.maximum(np.maximum(np.abs(unknowns.values), np.abs(flight.first().values)), SMALLEST_SIZE)
+    return Normal(tuple(pieces), sizes)
+
+
+def finite(normal: Normal) -> bool:
+    """Whether every slope is a number: a perturbed simulation may overflow where the central one does not."""
+    return all(bool(np.all(np.isfinite(p.slopes)) and np.all(np.isfinite(p.own))) for p in normal.pieces)
+
+
+def pseudo_inverse(matrix: Array) -> tuple[Array, int]:
+    """Inverse (l, l) of a Gram matrix over what is determined, and its rank."""
+    if not len(matrix):
+        return matrix, 0
+    scale = np.sqrt(np.diag(matrix))
+    scale = np.where(scale > 0, scale, np.inf)
+    values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
+    kept = values > DEPENDENT * max(values[-1], 1e-300)
+    part = vectors[:, kept]
+    inverse: Array = (part / values[kept]) @ part.T / np.outer(scale, scale)
+    return inverse, int(kept.sum())
+
+
+class Reduced(NamedTuple):
+    """The parameters' own equations, the nuisances eliminated."""
+
+    information: Array
+    """(p, p)"""
+    gradient: Array
+    """(p,)"""
+    alone: Array
+    """(p,); what the information of each would be if nothing else were unknown"""
+    rank: int
+    """-; of the nuisances"""
+
+    def only(self, free: Indices) -> Reduced:
+        """The equations of the parameters ``free`` (indices), the others staying where they are."""
+        return Reduced(self.information[np.ix_(free, free)], self.gradient[free], self.alone[free], self.rank)
+
+
+def reduced(normal: Normal, damping: float = 0.0) -> Reduced:
+    """Schur complement of the nuisances; ``damping`` is Levenberg and Marquardt's, in shares of the diagonal."""
+    p = normal.pieces[0].slopes.shape[1]
+    information, gradient, alone, rank = np.zeros((p, p)), np.zeros(p), np.zeros(p), 0
+    for piece in normal.pieces:
+        whole = piece.slopes.T @ piece.slopes
+        inverse, kept = pseudo_inverse(_damped(piece.own.T @ piece.own, damping))
+        cross, r = piece.slopes.T @ piece.own, piece.residuals.ravel()
+        information += whole - cross @ inverse @ cross.T
+        gradient += piece.slopes.T @ r - cross @ (inverse @ (piece.own.T @ r))
+        alone += np.diag(whole)
+        rank += kept
+    return Reduced(information + damping * np.diag(alone), gradient, alone, rank)
+
+
+def _damped(matrix: Array, damping: float) -> Array:
+    damped: Array = matrix + damping * np.diag(np.diag(matrix))
+    return damped
+
+
+class Spectrum(NamedTuple):
+    """Eigenvalues of the scaled information: what is determined, and what is not."""
+
+    scale: Array
+    """(p,); infinite where a parameter has no effect"""
+    values: Array
+    """(p,); of the information in units of `scale`, ascending"""
+    vectors: Array
+    """(p, p)"""
+    kept: Flags
+    """(p,) of bool; determined"""
+
+    def inverse(self) -> Array:
+        """Inverse (p, p) of the information over what is determined."""
+        part = self.vectors[:, self.kept]
+        scaled: Array = (part / self.values[self.kept]) @ part.T / np.outer(self.scale, self.scale)
+        return scaled
+
+
+def spectrum_of(reduced: Reduced, sizes: Array) -> Spectrum:
+    """Scaled by what each parameter does alone, so that one that only mimics nuisances is seen to."""
+    root = np.sqrt(reduced.alone)
+    scale = np.where(root * sizes > NO_EFFECT, root, np.inf)
+    values, vectors = np.linalg.eigh(reduced.information / np.outer(scale, scale))
+    kept: Flags = values > DEPENDENT
+    return Spectrum(scale, values, vectors, kept)
+
+
+def step_of(normal: Normal, held: Flags, damping: float = 0.0) -> Step:
+    """Gauss-Newton's step, or Levenberg and Marquardt's, of all that is not ``held`` (p,) of bool."""
+    free = np.flatnonzero(~held)
+    part = reduced(normal, damping).only(free)
+    spectrum = spectrum_of(part, normal.sizes[free])
+    inverse = spectrum.inverse()
+    values, errors = np.zeros(len(held)), np.full(len(held), np.inf)
+    values[free] = inverse @ part.gradient
+    variances = np.diag(inverse)
+    errors[free] = np.where(variances > 0, np.sqrt(np.maximum(variances, 0.0)), np.inf)
+    own, decrement = [], float(values[free] @ part.gradient)
+    for piece in normal.pieces:
+        inner, _ = pseudo_inverse(_damped(piece.own.T @ piece.own, damping))
+        share = piece.own.T @ piece.residuals.ravel()
+        own.append(inner @ (share - piece.own.T @ (piece.slopes @ values)))
+        decrement += float(share @ inner @ share)
+    return Step(values, tuple(own), errors, decrement)

@@ -1,0 +1,191 @@
+"""What output error is asked: a model, the manoeuvres, what is free, and how the outputs are weighed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Literal, NamedTuple, Protocol
+
+import numpy as np
+
+from logs.identification.data.experiment import Experiment
+from logs.identification.results import Array, Estimate, Unidentified
+from wingbeat.errors import InputError
+
+Status = Literal["converged", "not converged", "diverged", "not identifiable"]
+Weighting = Literal["diagonal", "full", "given"]
+
+
+class Named(NamedTuple):
+    """A quantity of a model: its unit, and its value where nobody says another."""
+
+    unit: str
+    """SI"""
+    value: float = 0.0
+    """as `unit`; of a parameter that a problem does not name, of an initial state that no output shows"""
+
+
+class Held(NamedTuple):
+    """Which inputs are held from their sample on, and what the outputs show of them."""
+
+    lines: Array
+    """-; (k,), 0 of an input that is held, 1 of one that is linear between samples"""
+    seen: Array
+    """(N, k); inputs as the outputs at the samples show them: one that changes just then as it was before"""
+
+
+class Model(Protocol):
+    """A model that can be flown. `models.compiled.CompiledModel` makes one of two compiled functions."""
+
+    @property
+    def states(self) -> Mapping[str, Named]:
+        """By name, in the order of ``start``."""
+
+    @property
+    def inputs(self) -> Mapping[str, str]:
+        """SI unit by the name of the experiment's signal, in the order of the columns of ``inputs``."""
+
+    @property
+    def outputs(self) -> Mapping[str, str]:
+        """SI unit by the name of the experiment's signal, in the order of the columns that `simulate` returns."""
+
+    @property
+    def parameters(self) -> Mapping[str, Named]:
+        """By name, in the order of ``parameters``."""
+
+    def simulate(
+        self, parameters: Array, start: Array, inputs: Array, step: float, held: Held | None = None
+    ) -> Array:
+        """Outputs (N, m) from the state ``start`` (n,), driven by ``inputs`` (N, k) every ``step`` s.
+
+        Inputs are linear between samples but for what is ``held``. A simulation that overflows gives values that are
+        not finite from there on.
+        """
+
+
+class Parameter(NamedTuple):
+    """One parameter of the model in a problem."""
+
+    start: float
+    """as the model's unit; where the search begins, or the value where it is not free"""
+    free: bool = True
+    """-; fitted, or fixed at `start`"""
+    low: float = -math.inf
+    """as the model's unit; least value allowed"""
+    high: float = math.inf
+    """as the model's unit; greatest value allowed"""
+    local: bool = False
+    """-; every manoeuvre has a value of its own (a trim moment, say), which is then a nuisance like a bias"""
+
+
+class Nuisances(NamedTuple):
+    """What every manoeuvre has of its own beside the parameters; fitted with them, and their errors count."""
+
+    initial_states: tuple[str, ...] | None = None
+    """-; states whose initial values are free; None: all"""
+    output_biases: tuple[str, ...] = ()
+    """-; outputs with a constant bias (measured is model plus bias)"""
+    input_biases: tuple[str, ...] = ()
+    """-; inputs with a constant bias (measured plus bias is what acts)"""
+
+
+class Problem(NamedTuple):
+    """What is fitted to what."""
+
+    model: Model
+    experiments: tuple[Experiment, ...]
+    """each cut to its window (`window`), at any rate; signals named as the model's inputs and outputs"""
+    parameters: Mapping[str, Parameter]
+    """by the model's names; those not named stay at the model's value"""
+    outputs: tuple[str, ...]
+    """-; outputs of the model that are fitted"""
+    nuisances: Nuisances = Nuisances()
+    initial: tuple[Mapping[str, float], ...] = ()
+    """initial states of each experiment, by name; those not named begin at the first samples of the output of
+    the same name, else at the model's value"""
+    weighting: Weighting = "diagonal"
+    """-; the outputs' noise: variances estimated, covariance matrix estimated, or `deviations` given"""
+    deviations: Mapping[str, float] = {}
+    """as the outputs' units; standard deviation of each output's noise where the weighting is given"""
+
+
+class Own(NamedTuple):
+    """What one experiment has of its own, as fitted."""
+
+    name: str
+    """-; of the experiment"""
+    parameters: Mapping[str, float]
+    """by name; the parameters that the model flew this experiment with"""
+    initial: Mapping[str, float]
+    """by the state's name"""
+    output_biases: Mapping[str, float]
+    """by the output's name; 0 where not free"""
+    input_biases: Mapping[str, float]
+    """by the input's name; 0 where not free"""
+
+
+class History(NamedTuple):
+    """One experiment as measured and as the fitted model flies it."""
+
+    name: str
+    """-; of the experiment"""
+    time: Array
+    """s; (N,)"""
+    measured: Array
+    """(N, m); NaN where not measured"""
+    model: Array
+    """(N, m); biases included"""
+
+
+class Iteration(NamedTuple):
+    """One step of the search."""
+
+    cost: float
+    """-; negative logarithm of the likelihood, without its constant"""
+    step: float
+    """-; the largest change of a parameter, in standard errors of white residuals"""
+
+
+class Fit(NamedTuple):
+    """What output error found. Where `failure` is not empty there is no number that may be used."""
+
+    status: Status
+    failure: str
+    """-; one clause that says why nothing may be used, empty where it may"""
+    estimates: tuple[Estimate, ...]
+    """the free parameters that the data gives"""
+    unidentified: tuple[Unidentified, ...]
+    """the free parameters that it does not give, and why"""
+    names: tuple[str, ...]
+    """-; (p,) of the free parameters, in the order of `values`"""
+    values: Array
+    """(p,); NaN after a failure. Where a parameter is unidentified, the number that the search ended at"""
+    covariance: Array
+    """(p, p); corrected for coloured residuals, zero in the rows of unidentified parameters"""
+    degrees: float
+    """-; effective degrees of freedom, the least of the identified parameters'"""
+    noise: Array
+    """(m, m); covariance of the outputs' residuals"""
+    cost: float
+    """-; negative logarithm of the likelihood, without its constant"""
+    iterations: tuple[Iteration, ...]
+    own: tuple[Own, ...]
+    """per experiment; empty after a failure"""
+    histories: tuple[History, ...]
+    """per experiment; empty after a failure"""
+    outputs: tuple[str, ...]
+    """-; (m,)"""
+
+
+def window(experiment: Experiment, start: float, end: float) -> Experiment:
+    """The part of ``experiment`` from ``start`` to ``end`` s, both included.
+
+    Raises:
+        InputError: fewer than two samples lie in it.
+    """
+    slack = 1e-6 * experiment.step
+    inside = (experiment.time >= start - slack) & (experiment.time <= end + slack)
+    if inside.sum() < 2:
+        raise InputError(f"{experiment.name}: fewer than two samples between {start:g} and {end:g} s")
+    signals = {name: np.asarray(values)[inside] for name, values in experiment.signals.items()}
+    return experiment._replace(time=experiment.time[inside], signals=signals)

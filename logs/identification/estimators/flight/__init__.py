@@ -1,0 +1,1 @@
+"""Estimators of the stroke-averaged flight of a flapping-wing aircraft."""

@@ -1,0 +1,1 @@
+"""Flight-path reconstruction (data compatibility check)."""

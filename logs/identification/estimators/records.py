@@ -1,0 +1,203 @@
+"""What the methods without a physical model work on: input and outputs of each manoeuvre, even and without gaps."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from logs.identification.data.contiguous_runs import longest_run, runs
+from logs.identification.data.experiment import Experiment
+from logs.identification.data.maneuvers import Manoeuvre
+from logs.identification.data.noise_level import noise_beside_steps
+from logs.identification.results import Array
+from wingbeat.errors import InputError
+from wingbeat.text import pluralize
+
+LEAST_SAMPLES = 16
+LONGEST_GAP = 3
+"""-; samples; a gap up to that is bridged by a straight line, at a longer one the record is cut"""
+AT_REST = 0.03
+"""-; of the input's range: what remains of it when it rests"""
+MOVED = 6.0
+"""-; deviations of its noise, from which on an input has moved"""
+LEAST_MOVE = 0.01
+"""rad, of an angle; a smaller movement excites little"""
+LONGEST_SPIKE = 2
+"""-; samples in all that an input may be elsewhere and is said to rest"""
+LONG = 4.0
+"""-; strokes, from the first to the last sample above half of an input's peak"""
+FAST_UNITS, SLOW_UNITS = ("rad/s", "m/s^2"), ("m/s", "m")
+"""rates and accelerations; speeds and heights: where only these and the pitch ring, it is the phugoid that rings"""
+AVERAGED_OUTPUTS = {"q": "rad/s", "a_z": "m/s^2"}
+"""of a flapping flight; units by name. What else there is adds nothing but its own errors"""
+
+
+class Record(NamedTuple):
+    """One manoeuvre, or one free motion, without gaps."""
+
+    name: str
+    """-; what it is called in reports"""
+    step: float
+    """s"""
+    input: Array | None
+    """(N,); minus its first value; None where the motion is free"""
+    outputs: Array
+    """(N, m); minus their means"""
+    free_from: int
+    """-; first sample after the input has come to rest, N where it does not"""
+
+
+class Records(NamedTuple):
+    """Everything that one set of modes is found from."""
+
+    pieces: tuple[Record, ...]
+    names: tuple[str, ...]
+    """-; of the m outputs"""
+    units: tuple[str, ...]
+    """SI; of the m outputs"""
+    blur: float
+    """s; length of the moving average that input and outputs went through, 0 for none"""
+    notes: tuple[str, ...] = ()
+    """-; what was bridged or left out, one clause each"""
+    beside: tuple[str, ...] = ()
+    """-; inputs beside the one in the pieces, that move as well"""
+    in_step: float = 0.0
+    """-; how alike the phases of the stroke are at which short inputs began: 0 all round it, 1 all at one"""
+
+    @property
+    def fast(self) -> bool:
+        """Whether an output shows the short period."""
+        return any(unit in FAST_UNITS for unit in self.units) or "alpha" in self.names
+
+    @property
+    def slow(self) -> bool:
+        """Whether one shows the phugoid far more."""
+        return any(unit in SLOW_UNITS for unit in self.units)
+
+
+def records_of(
+    experiments: tuple[Experiment, ...],
+    input_name: str | None,
+    output_names: tuple[str, ...],
+    others: tuple[str, ...] = (),
+) -> Records:
+    """The longest stretch of each experiment on which inputs and outputs were measured.
+
+    A motion is free once the ``others``, inputs beside ``input_name``, rest as well.
+
+    Raises:
+        InputError: a signal that is named is not there, or no experiment is long enough.
+    """
+    if not output_names:
+        raise InputError("no output is named: modes need at least one")
+    pieces, notes = [], []
+    moving: set[str] = set()
+    for experiment in experiments:
+        columns, note = _without_gaps(_columns(experiment, input_name, (*output_names, *others)))
+        notes += [f"{experiment.name}: {note}"] if note else []
+        if len(columns) < LEAST_SAMPLES:
+            continue
+        m, end = len(output_names), len(output_names) + len(others)
+        record = _record(experiment, np.delete(columns, np.s_[m:end], axis=1), input_name is not None)
+        moved = {name: given for name, given in zip(others, columns[:, m:end].T, strict=True) if _moves(given)}
+        pieces.append(record._replace(free_from=max((record.free_from, *map(rest_of, moved.values())))))
+        moving |= moved.keys()
+    if not pieces:
+        raise InputError(f"no record of {', '.join(output_names)} has {LEAST_SAMPLES} samples in a row")
+    units = tuple(experiments[0].units.get(name, "") for name in output_names)
+    beside = tuple(name for name in others if name in moving)
+    return Records(tuple(pieces), output_names, units, 0.0, tuple(notes), beside)
+
+
+def _columns(experiment: Experiment, input_name: str | None, output_names: tuple[str, ...]) -> Array:
+    """Outputs and, last, the input where there is one: (N, m) or (N, m + 1)."""
+    names = (*output_names, *(() if input_name is None else (input_name,)))
+    for name in names:
+        if name not in experiment.signals:
+            raise InputError(f"{experiment.name}: no signal {name!r}; there are {', '.join(experiment.signals)}")
+    return np.column_stack([np.asarray(experiment.signals[name], dtype=float) for name in names])
+
+
+def _without_gaps(columns: Array) -> tuple[Array, str]:
+    """The longest stretch (M, k) of ``columns`` without a long gap, its short ones bridged; and what was done."""
+    whole = np.all(np.isfinite(columns), axis=1)
+    if np.all(whole):
+        return columns, ""
+    bridged, count = columns.copy(), 0
+    gaps = [run for run in runs(~whole) if run.stop - run.start <= LONGEST_GAP]
+    for run in (run for run in gaps if run.start > 0 and run.stop < len(whole)):
+        share = (np.arange(run.start, run.stop) - run.start + 1)[:, None] / (run.stop - run.start + 1)
+        bridged[run] = (1 - share) * columns[run.start - 1] + share * columns[run.stop]
+        whole[run], count = True, count + run.stop - run.start
+    kept = bridged[longest_run(whole)]
+    lost = int(np.count_nonzero(~whole))
+    told = [f"{pluralize(count, 'missing sample')} bridged"] if count else []
+    if lost:
+        others = f"the other {lost}" if count else f"{lost} missing samples"
+        told.append(f"the longest stretch without {others} taken: {len(kept)} of {len(columns)} samples")
+    return kept, ", ".join(told)
+
+
+def _record(experiment: Experiment, columns: Array, driven: bool) -> Record:
+    outputs = columns[:, :-1] if driven else columns
+    given = columns[:, -1] - columns[0, -1] if driven else None
+    return Record(experiment.name, experiment.step, given, outputs - outputs.mean(axis=0), rest_of(given))
+
+
+def away(values: Array, place: float) -> NDArray[np.bool_]:
+    """-; (N,), whether an input is away from a ``place`` where it may rest by more than its noise.
+
+    A channel that is told in steps has no noise between neighbours: less than `LEAST_MOVE` is such a step.
+    """
+    return np.asarray(np.abs(values - place) > max(MOVED * noise_beside_steps(values), LEAST_MOVE))
+
+
+def _moves(values: Array) -> bool:
+    """Whether an input (N,) leaves its usual place for longer than a spike lasts."""
+    return int(np.count_nonzero(away(values, float(np.median(values))))) > LONGEST_SPIKE
+
+
+def rest_of(given: Array | None) -> int:
+    """First sample after which the input ``given`` (N,) stays where it ends; N where it never does."""
+    if given is None:
+        return 0
+    span = float(np.ptp(given))
+    moving = np.flatnonzero(np.abs(given - given[-1]) > AT_REST * span)
+    return int(moving[-1]) + 1 if len(moving) else 0
+
+
+def averaged_records(manoeuvres: tuple[Manoeuvre, ...], beyond: tuple[Array, ...] = ()) -> Records:
+    """Stroke averages of tail angle, pitch rate and normal specific force of each manoeuvre of a flapping flight.
+
+    ``beyond`` are outputs (L, 4) of each that are known not to be linear (`small_motions`), taken off; or none.
+
+    One average is taken of input and outputs alike, which leaves every linear relation between them as it is. They
+    go on until the manoeuvre ends: a transform that ends before the motion has died away misleads more than what the
+    loops do in the last half stroke.
+    """
+    pieces = []
+    for manoeuvre, more in zip(manoeuvres, beyond or [np.zeros(4)] * len(manoeuvres), strict=True):
+        tail = manoeuvre.averaging_to_end @ manoeuvre.tail
+        outputs = (manoeuvre.averaging_to_end @ manoeuvre.raw - more)[:, [0, 2]]
+        step = float(manoeuvre.at[1] - manoeuvre.at[0])
+        about = outputs - outputs.mean(axis=0)
+        pieces.append(Record(f"manoeuvre {manoeuvre.number}", step, tail - tail[0], about, rest_of(tail)))
+    blur = float(np.mean([manoeuvre.period for manoeuvre in manoeuvres]))
+    names, units = tuple(AVERAGED_OUTPUTS), tuple(AVERAGED_OUTPUTS.values())
+    return Records(tuple(pieces), names, units, blur, in_step=_in_step(manoeuvres))
+
+
+def _in_step(manoeuvres: tuple[Manoeuvre, ...]) -> float:
+    """Length of the mean unit vector at the wings' phases (Mardia & Jupp, Directional Statistics, 2000, ch. 2).
+
+    An input of `LONG` strokes has come at all phases of the stroke, and counts as none of them.
+    """
+    begun = []
+    for manoeuvre in manoeuvres:
+        size = np.abs(manoeuvre.command)
+        moved = np.flatnonzero(size > np.max(size) / 2.0)
+        if len(moved) and manoeuvre.strokes[moved[-1]] - manoeuvre.strokes[moved[0]] < LONG:
+            begun.append(manoeuvre.strokes[moved[0]])
+    return float(np.abs(np.sum(np.exp(2j * np.pi * np.array(begun))))) / len(manoeuvres)

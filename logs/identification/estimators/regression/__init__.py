@@ -1,0 +1,1 @@
+"""Equation error: regressors, designs and least squares."""

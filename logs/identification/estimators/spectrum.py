@@ -1,0 +1,233 @@
+"""The resonance peak of a spectrum: its place and its half-power bandwidth.
+
+``P(omega) = (a + b omega^2) / ((omega_n^2 - omega^2)^2 + (2 zeta omega_n omega)^2) + floor`` is fitted to the power
+of free motion, of motion in gusts, or of the frequency response where an input was measured (Bendat & Piersol,
+Random Data, 2010, ch. 6 and 9, whose variances of the ordinates weigh the fit). The bandwidth at half the power is
+``2 zeta omega_n`` (Etkin & Reid, Dynamics of Flight, 1996, ch. 7): a mode without a peak has none and is refused.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from logs.identification.estimators.records import Record, Records
+from logs.identification.estimators.variable_projection import Build, Piece, SeparableFit, solve, squares
+from logs.identification.models.modes import SHORT_PERIOD, Mode, nothing, paired_mode
+from logs.identification.results import Array
+from logs.identification.statistics.parameter_uncertainty import Spread, determined, information
+
+METHOD = "spectrum"
+LARGEST_DAMPING = 0.35
+"""-; beyond which half the power is not reached on both sides of the peak"""
+LEAST_RECORDS = 4
+"""-; from which a coherence may be had"""
+LEAST_COHERENCE = 0.3
+LEAST_ORDINATES = 12
+HIGHEST = 0.25
+"""-; of the sampling frequency"""
+FALL = 2.0
+"""-; of the motion from the first to the last third of a record: it decays, and its spectrum is not random"""
+LEAST_DECAY = 3.0
+"""-; time constants after the input; at 1.8 the damping came out 17 % too large"""
+DAMPINGS = (0.03, 0.1, 0.3)
+WEIGHT_PASSES = 4
+LEAST_PEAK = 4.0
+"""-; of the peak's power over the floor's"""
+
+
+class Ordinates(NamedTuple):
+    """Powers at the frequencies of one record, or of one frequency response."""
+
+    frequency: Array
+    """rad/s; (F,)"""
+    power: Array
+    """(F, m)"""
+    deviation: Array
+    """(F, m); standard deviation of `power`, ones where the fit is to tell it"""
+    decays: bool
+    """-; a transient in noise, not random motion"""
+    accelerations: tuple[bool, ...]
+    """-; m; outputs of a frequency response that the input reaches at once"""
+    noisy: bool
+    """-; holds a floor of noise"""
+
+
+def spectrum(records: Records, kinds: tuple[str, ...] = (SHORT_PERIOD,)) -> Mode:
+    """The one mode that has a peak, of ``kinds``."""
+    if len(kinds) > 1:
+        return nothing(METHOD, "two modes are not told apart by one peak", kinds)
+    driven = [r for r in records.pieces if r.input is not None and np.ptp(r.input) > 0]
+    try:
+        given = [_response(driven, records)] if driven else [periodogram(record) for record in records.pieces]
+        fit = _fitted(given)
+        span = _rests(driven) if driven else _decaying(records.pieces, given)
+        if fit.values[0] * fit.values[1] * span < LEAST_DECAY:
+            raise ValueError("the records end before the motion has died away: their spectra leak")
+        spread = _spread(fit)
+    except ValueError as error:
+        return nothing(METHOD, str(error), kinds)
+    return paired_mode(METHOD, kinds, fit.values, spread)
+
+
+def _rests(records: list[Record]) -> float:
+    """Seconds from the input's rest to the record's end, of the shortest."""
+    return min((len(record.outputs) - record.free_from) * record.step for record in records)
+
+
+def _decaying(records: tuple[Record, ...], given: list[Ordinates]) -> float:
+    """Seconds of the shortest record whose motion decays; infinite where it is random in all of them."""
+    return min(
+        (len(one.outputs) * one.step for one, powers in zip(records, given, strict=True) if powers.decays),
+        default=math.inf,
+    )
+
+
+def periodogram(record: Record) -> Ordinates:
+    """Power of each output at the record's own frequencies.
+
+    Raises:
+        ValueError: the record has too few frequencies.
+    """
+    count = len(record.outputs)
+    line = np.vander(np.linspace(-1, 1, count), 2)
+    level = record.outputs - line @ np.linalg.lstsq(line, record.outputs, rcond=None)[0]
+    frequency: Array = (2 * np.pi * np.fft.rfftfreq(count, record.step)).astype(np.float64)
+    power = np.abs(np.fft.rfft(level, axis=0)) ** 2 * record.step / count
+    kept = (frequency > 0) & (frequency < 2 * np.pi * HIGHEST / record.step)
+    if kept.sum() < LEAST_ORDINATES:
+        raise ValueError("the record is too short for a spectrum")
+    third = count // 3
+    falls = np.sqrt(np.mean(level[:third] ** 2, axis=0) / np.maximum(np.mean(level[-third:] ** 2, axis=0), 1e-300))
+    ones = np.ones((int(kept.sum()), power.shape[1]))
+    none = (False,) * power.shape[1]
+    return Ordinates(frequency[kept], power[kept], ones, bool(np.median(falls) > FALL), none, True)
+
+
+def _response(records: list[Record], given: Records) -> Ordinates:
+    """Squared modulus of the frequency response, averaged over records, with its error by the coherence.
+
+    Raises:
+        ValueError: too few records, or nowhere coherent.
+    """
+    if len(records) < LEAST_RECORDS:
+        raise ValueError(f"a frequency response needs {LEAST_RECORDS} records or more")
+    count, step = min(len(record.outputs) for record in records), records[0].step
+    frequency = 2 * np.pi * np.fft.rfftfreq(count, step)
+    inputs, outputs = [], []
+    for record in records:
+        moved = np.zeros(count) if record.input is None else record.input[:count]
+        inputs.append(np.fft.rfft(moved - moved[-1]))
+        seen = record.outputs[:count]
+        outputs.append(np.fft.rfft(seen - seen[-count // 10 :].mean(axis=0), axis=0))
+    u, y = np.array(inputs)[:, :, None], np.array(outputs)
+    cross, auto = np.sum(np.conj(u) * y, axis=0), np.sum(np.abs(u) ** 2, axis=0)
+    coherence = np.clip(np.abs(cross) ** 2 / (auto * np.sum(np.abs(y) ** 2, axis=0) + 1e-300), 0, 1 - 1e-9)
+    kept = (frequency > 0) & np.all(coherence > LEAST_COHERENCE, axis=1) & (frequency < 2 * np.pi * HIGHEST / step)
+    if given.blur:
+        kept &= frequency < 0.8 * 2 * np.pi / given.blur
+    if kept.sum() < LEAST_ORDINATES / 2:
+        raise ValueError("input and output are coherent at too few frequencies")
+    power = np.abs(cross / auto) ** 2
+    relative = np.sqrt(2 * (1 - coherence) / (len(records) * coherence))
+    sharp = tuple(unit == "m/s^2" for unit in given.units)
+    return Ordinates(frequency[kept], power[kept], (power * np.maximum(relative, 0.02))[kept], False, sharp, False)
+
+
+def _fitted(given: list[Ordinates]) -> SeparableFit:
+    """Frequency and damping of the peak, the ordinates weighed by what the model says of their scatter.
+
+    Raises:
+        ValueError: there is no peak.
+    """
+    weights = [1 / o.deviation if not o.noisy else 1 / np.maximum(_smooth(o.power), 1e-300) for o in given]
+    frequency = np.concatenate([o.frequency for o in given])
+    grid = np.unique(frequency[frequency < 0.7 * frequency.max()])[:200]
+    starts = [np.array([w, z]) for w in grid for z in DAMPINGS]
+    build = _builder(given, weights)
+    values = min(starts, key=lambda start: squares(build, start))
+    for _ in range(WEIGHT_PASSES):
+        fit = solve(build, values)
+        values = np.array([abs(fit.values[0]), abs(fit.values[1])])
+        if fit.failure or not frequency.min() < values[0] < frequency.max():
+            raise ValueError("the spectrum has no peak")
+        if values[1] > LARGEST_DAMPING:
+            raise ValueError("the spectrum has no peak with half its power on both sides: damped too heavily")
+        weights = [_weights(o, w, values) for o, w in zip(given, weights, strict=True)]
+        build = _builder(given, weights)
+    return solve(build, values)
+
+
+def _smooth(power: Array) -> Array:
+    kernel = np.array([1.0, 2.0, 3.0, 2.0, 1.0])
+    spread = [np.convolve(p, kernel, "same") / np.convolve(np.ones_like(p), kernel, "same") for p in power.T]
+    return np.column_stack(spread)
+
+
+def _builder(given: list[Ordinates], weights: list[Array]) -> Build:
+    def build(values: Array) -> list[Piece]:
+        return [_piece(o, w, values) for o, w in zip(given, weights, strict=True)]
+
+    return build
+
+
+def _columns(ordinates: Ordinates, output: int, values: Array) -> Array:
+    frequency, (natural, damping) = ordinates.frequency, values
+    peak = 1 / ((natural**2 - frequency**2) ** 2 + (2 * damping * natural * frequency) ** 2)
+    columns = [peak * natural**4, peak * natural**2 * frequency**2]
+    if ordinates.noisy:
+        columns.append(np.ones_like(frequency))
+    elif ordinates.accelerations[output]:
+        columns.append(peak * frequency**4)
+    return np.column_stack(columns)
+
+
+def _piece(ordinates: Ordinates, weights: Array, values: Array) -> Piece:
+    outputs = range(ordinates.power.shape[1])
+    own = tuple(_columns(ordinates, j, values) * weights[:, [j]] for j in outputs)
+    return Piece(ordinates.power * weights, own, tuple(columns[:, :0] for columns in own))
+
+
+def _weights(ordinates: Ordinates, weights: Array, values: Array) -> Array:
+    """One over the standard deviation of each ordinate.
+
+    A random motion's is its power. A transient's, ``|S + N|^2`` of noise N about S, is the root of
+    ``2 S floor + floor^2``, once the floor is known.
+    """
+    if not ordinates.noisy:
+        return weights
+    fresh = []
+    for output in range(ordinates.power.shape[1]):
+        columns = _columns(ordinates, output, values)
+        weighted = columns * weights[:, [output]]
+        scale = np.linalg.norm(weighted, axis=0)
+        measured = ordinates.power[:, output] * weights[:, output]
+        parts = np.linalg.lstsq(weighted / scale, measured, rcond=None)[0] / scale
+        signal, floor = np.maximum(columns[:, :2] @ parts[:2], 0.0), max(float(parts[2]), _least(ordinates, output))
+        if np.max(signal) < LEAST_PEAK * floor:
+            raise ValueError("no peak stands out of the spectrum's floor")
+        fresh.append(1 / np.sqrt(2 * signal * floor + floor**2) if ordinates.decays else 1 / (signal + floor))
+    return np.column_stack(fresh)
+
+
+def _least(ordinates: Ordinates, output: int) -> float:
+    """A floor that is surely not above the noise's."""
+    return 0.3 * float(np.median(ordinates.power[-len(ordinates.power) // 3 :, output])) + 1e-300
+
+
+def _spread(fit: SeparableFit) -> Spread:
+    """Errors of the weighted fit, widened where the ordinates scatter more than they should.
+
+    Raises:
+        ValueError: the peak is not determined, or the fit failed.
+    """
+    if fit.failure or not determined(fit.sensitivities):
+        raise ValueError(fit.failure or "the peak is not determined")
+    degrees = float(sum(r.size for r in fit.residuals) - fit.linear - len(fit.values))
+    if degrees < 2:
+        raise ValueError("the peak has too few ordinates")
+    scatter = sum(float(np.sum(r**2)) for r in fit.residuals) / degrees
+    covariance = np.asarray(np.linalg.inv(information(fit.sensitivities)), dtype=np.float64)
+    return Spread(covariance * scatter, degrees) if math.isfinite(scatter) else Spread(covariance * np.nan, 1.0)

@@ -1,1 +1,0 @@
-"""How a vehicle moved: from markers to bodies, coordinates and speeds."""

@@ -1,0 +1,1 @@
+"""Models of the motion, of actuators, drives and wings."""

@@ -1,1 +1,0 @@
-"""The modes of motion: frequencies and dampings by several methods, with their errors."""

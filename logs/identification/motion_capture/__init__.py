@@ -1,0 +1,1 @@
+"""Vehicle motion from marker positions."""

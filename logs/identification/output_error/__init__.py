@@ -1,1 +1,0 @@
-"""Output error: a model flies the measured inputs again, its parameters fitted to the measured outputs."""

@@ -1,0 +1,181 @@
+"""What `wingbeat identify --model` writes: a linear model to tune on, and a world that flies it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from avionics.vehicles import FlightVehicle
+from logs.identification.data.flight import Aircraft
+from logs.identification.models.modes import Mode, ModesResult
+from logs.identification.models.stroke_averaged import LONGITUDINAL, TAIL, matrices
+from logs.identification.results import Estimate
+from sim_bridge.flight_mechanics.identified import IdentifiedWorld, identified_world, world_text
+from sim_bridge.tuning.model import Identified, IdentifiedValue, LinearModel, model_text
+from sim_bridge.vehicles import SimulatedVehicle, load_vehicle, vehicle_names
+from wingbeat.errors import InputError
+
+WORLD, AVIONICS, BASE = "world.toml", "avionics.toml", "base.toml"
+
+
+class Log(NamedTuple):
+    """What the model says of where it is from."""
+
+    name: str
+    """-; of the file"""
+    sha256: str
+    """-; of its bytes, in hexadecimal digits"""
+    density: float | None
+    """kg/m^3; mean of the flight, None where it is not known"""
+
+
+class Base(NamedTuple):
+    """The vehicle that flew, as far as it is known: what the derivatives are laid over."""
+
+    world: SimulatedVehicle
+    """its bodies, drive and sensors"""
+    avionics: FlightVehicle | None
+    """its flight computer's file; None where it has none"""
+
+
+class Written(NamedTuple):
+    """What was written, and what is to be said of it."""
+
+    paths: tuple[Path, ...]
+    notes: tuple[str, ...]
+
+
+def places(out: Path) -> tuple[Path, Path]:
+    """The model's file and the folder of its vehicle beside it, neither of which may be there.
+
+    Raises:
+        InputError: one of them exists, ``out`` is no TOML file, or its folder is not there.
+    """
+    if out.suffix != ".toml":
+        raise InputError(f"--model {out}: the name of a model ends in .toml")
+    folder = out.with_suffix("")
+    for path in (out, folder):
+        if path.exists():
+            raise InputError(f"{path} exists: it is not overwritten")
+    if not out.parent.is_dir():
+        raise InputError(f"{out}: there is no folder {out.parent}")
+    return out, folder
+
+
+def linear_model(modes: ModesResult, log: Log, vehicle: str = "") -> LinearModel:
+    """The longitudinal model of the first method that has one, about the flight's reference; drive and lateral none.
+
+    Raises:
+        InputError: no method has all its derivatives and a short period.
+    """
+    mode, about, period = _whole_mode(modes), modes.reference, modes.wing_period
+    if about is None or period is None:
+        raise InputError("no model is written: the records tell neither a flight condition nor a wing period")
+    derivatives = {e.name: e.value for e in mode.derivatives if e.name not in TAIL}
+    # Place of the IMU and lag of the tail are in the outputs alone.
+    system = matrices(tuple(derivatives), np.array(list(derivatives.values())), about, Aircraft())
+    pairs = (mode.short_period, mode.phugoid)
+    kept = (*mode.derivatives, *(e for pair in pairs if pair is not None for e in pair.estimates))
+    angle = math.atan2(about.w, about.u)
+    found = Identified(log.name, log.sha256, mode.method, about.elevator, angle, log.density, identified_values(kept))
+    origin = f"{log.name}, {mode.method}, {modes.manoeuvres} manoeuvres"
+    return LinearModel(
+        vehicle, origin, about.airspeed, about.pitch, 1.0 / period, system.a, system.b, None, None, found
+    )
+
+
+def _whole_mode(modes: ModesResult) -> Mode:
+    for mode in modes.modes:
+        if mode.short_period is not None and set(LONGITUDINAL) <= {e.name for e in mode.derivatives}:
+            return mode
+    why = "; ".join(f"{mode.method}: {one.reason}" for mode in modes.modes for one in mode.unidentified[:1])
+    raise InputError(f"no model is written: no method gives all longitudinal derivatives{why and f' ({why})'}")
+
+
+def identified_values(found: tuple[Estimate, ...]) -> tuple[IdentifiedValue, ...]:
+    """Estimates as a model file has them."""
+    return tuple(IdentifiedValue(e.name, e.unit, e.value, e.standard_error, e.low, e.high) for e in found)
+
+
+def write_model(
+    out: Path,
+    modes: ModesResult,
+    log: Log,
+    base: Base | None,
+    told: Callable[[int, int], None] = lambda done, of: None,
+) -> Written:
+    """Write the model, and the folder of its vehicle beside it where ``base`` tells the bodies; nothing overwritten.
+
+    ``told`` hears how far the linearising of what was not identified is.
+
+    Raises:
+        InputError: a file exists, or no method has a whole model.
+    """
+    places(out)
+    return write_linear(out, linear_model(modes, log), base, told)
+
+
+def write_linear(
+    out: Path, model: LinearModel, base: Base | None, told: Callable[[int, int], None] = lambda done, of: None
+) -> Written:
+    """Write a ``model`` of whatever it was identified from; as `write_model`.
+
+    Raises:
+        InputError: a file exists.
+    """
+    path, folder = places(out)
+    world, notes = _world(model, base, told)
+    paths = [path]
+    if world is not None and base is not None:
+        model = model._replace(vehicle=folder.name)
+        files = _folder_files(folder.name, model, world, base)
+        folder.mkdir()
+        for name, text in files.items():
+            paths.append(folder / name)
+            _create(folder / name, text)
+    _create(path, model_text(model))
+    return Written(tuple(paths), (*notes, *_left_out(model)))
+
+
+def _left_out(model: LinearModel) -> tuple[str, ...]:
+    missing = [name for name, part in (("lateral", model.lateral), ("drive", model.drive)) if part is None]
+    return (f"not identified, so not in the model: {' and '.join(missing)}",) if missing else ()
+
+
+def _world(
+    model: LinearModel, base: Base | None, told: Callable[[int, int], None]
+) -> tuple[IdentifiedWorld | None, tuple[str, ...]]:
+    """The world that flies the model, None with the reason where it cannot be had."""
+    if base is None:
+        return None, ("no world to fly in: nothing tells the bodies of the vehicle (--vehicle does)",)
+    try:
+        world = identified_world(model, base.world, told)
+    except InputError as error:
+        return None, (f"no world to fly in: {error}",)
+    return world, world.notes
+
+
+def _folder_files(name: str, model: LinearModel, world: IdentifiedWorld, base: Base) -> dict[str, str]:
+    """Texts by the names of the files in the vehicle's folder."""
+    below, files = base.world.name, {}
+    if below not in vehicle_names() or load_vehicle(below).text != base.world.text:
+        below, files = BASE, {BASE: base.world.text}
+    title = f"{base.world.title}, as identified from {model.from_log().log}"
+    files[WORLD] = world_text(world, name, title, below)
+    if base.avionics is not None:
+        files[AVIONICS] = base.avionics.file.text
+    return files
+
+
+def _create(path: Path, text: str) -> None:
+    try:
+        with path.open("x", encoding="utf-8") as file:
+            file.write(text)
+    except FileExistsError:
+        raise InputError(f"{path} exists: it is not overwritten") from None
+    except OSError as error:
+        raise InputError(f"cannot write {path}: {error.strerror}") from None

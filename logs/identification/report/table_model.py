@@ -1,0 +1,158 @@
+"""A fitted longitudinal model as the linear model that ``wingbeat tune`` reads."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from logs.identification.data.flight import Aircraft
+from logs.identification.data.maneuvers import Reference
+from logs.identification.models.stroke_averaged import matrices
+from logs.identification.report.model_file import identified_values
+from logs.identification.results import Estimate
+from logs.identification.sources.table.config import Map, ModesSection, OutputError
+from logs.identification.tables.models import DROPPED, FIRST_SAMPLES, with_speed
+from logs.identification.tables.results import TableFit, TableIdentification
+from logs.identification.tables.subjects import AERO, ALL, MODES
+from sim_bridge.tuning.model import Identified, LinearModel
+from wingbeat.errors import InputError
+
+LONGITUDINAL = "longitudinal"
+REGRESSORS = ("u", "alpha", "q", "delta")
+WANTED = tuple(f"{axis}_{name}" for axis in "XZM" for name in REGRESSORS)
+TRIM = ("theta", "alpha", "flapping")
+"""constants beside the airspeed without which there is no trim to be linear about"""
+
+
+class TableModel(NamedTuple):
+    """The model, and what is to be said of it."""
+
+    model: LinearModel
+    notes: tuple[str, ...]
+
+
+class _Asked(NamedTuple):
+    """The section of a map that gives the model."""
+
+    subject: str
+    section: ModesSection | OutputError
+
+
+def check_model(chosen: Map, what: str) -> None:
+    """Refuse a map that gives no model file, before the long work.
+
+    Raises:
+        InputError: with what is missing.
+    """
+    asked = _asked(chosen, what)
+    told = asked.section.parameters
+    if len(asked.section.inputs) != 1:
+        raise InputError(f"--model: the model takes one elevator in inputs, not {len(asked.section.inputs)}")
+    own = {_own(name, asked.section.inputs[0]) for name in told}
+    left_out = [name for name in WANTED if told and name not in own and name not in DROPPED]
+    if left_out:
+        raise InputError(f"--model: all derivatives are wanted; parameters lacks {', '.join(left_out)}")
+    absent = [f"constants.{name}" for name in TRIM if getattr(chosen.constants, name) is None]
+    if chosen.constants.V is None and "V" not in chosen.signals:
+        absent.insert(0, "constants.V or signals.V")
+    if absent:
+        raise InputError(f"--model: the trim is not known: the map lacks {', '.join(absent)}")
+
+
+def _asked(chosen: Map, what: str) -> _Asked:
+    found = []
+    if chosen.modes is not None and what in (MODES, ALL):
+        found.append(_Asked(MODES, chosen.modes))
+    if chosen.aero is not None and what in (AERO, ALL):
+        found += [_Asked(AERO, one) for one in chosen.aero.output_error]
+    for one in found:
+        if one.section.model == LONGITUDINAL:
+            return one
+    raise InputError(f'--model: it is of a fit with model = "{LONGITUDINAL}" in [modes] or [[aero.output_error]]')
+
+
+def _own(name: str, elevator: str) -> str:
+    return f"{name.removesuffix(elevator)}delta" if name.endswith(f"_{elevator}") else name
+
+
+def table_model(chosen: Map, found: TableIdentification, what: str, sha256: str) -> TableModel:
+    """The model of what was ``found``; its elevator is nose up positive whatever the table's is.
+
+    Raises:
+        InputError: the fit failed, or a derivative was not identified.
+    """
+    asked = _asked(chosen, what)
+    fit = _fit(asked, found)
+    elevator = asked.section.inputs[0]
+    if found.records[0].units.get(elevator) != "rad":
+        raise InputError(f"no model is written: {elevator} is no angle")
+    known = with_speed(found.constants, tuple(one for one in found.records if one.name in found.experiments))
+    speed, alpha, pitch = known["V"], known["alpha"], known["theta"]
+    estimates = {one.name: one for one in fit.fitted.estimates}
+    values = dict.fromkeys(WANTED, 0.0) | dict(fit.fixed) | {n: e.value for n, e in estimates.items()}
+    sign = -1.0 if values["M_delta"] < 0 else 1.0
+    factors = {"alpha": ("w", 1.0 / speed), "delta": ("delta", sign)}
+    named = {name: _renamed(name, factors) for name in WANTED}
+    derivatives = {new: factor * values[name] for name, (new, factor) in named.items()}
+    trim = sign * _trim(found, elevator)
+    about = Reference(speed * math.cos(alpha), speed * math.sin(alpha), pitch, speed, trim)
+    system = matrices(tuple(derivatives), np.array(list(derivatives.values())), about, Aircraft())
+    kept = tuple(_scaled(one, *named.get(name, (name, 1.0))) for name, one in estimates.items())
+    method, files = fit.fitted.method, ", ".join(found.files)
+    told = Identified(files, sha256, method, trim, alpha, known.get("rho"), identified_values(kept))
+    origin = f"{files}, {method}, {len(found.experiments)} manoeuvres"
+    model = LinearModel("", origin, speed, pitch, known["flapping"], system.a, system.b, None, None, told)
+    return TableModel(model, _notes(fit, elevator, sign, tuple(n for n in WANTED if n not in estimates), values))
+
+
+def _fit(asked: _Asked, found: TableIdentification) -> TableFit:
+    """The fit, with every derivative a number.
+
+    Raises:
+        InputError: there is none, or not all of them are.
+    """
+    fits = [one for one in found.fits if one.subject == asked.subject and one.model == LONGITUDINAL]
+    if not fits:
+        why = "; ".join(one.reason for one in found.missing)
+        raise InputError(f"no model is written: {why or 'nothing was fitted'}")
+    fit = fits[0]
+    lost = [f"{one.name} is not identified: {one.reason}" for one in fit.fitted.unidentified]
+    if fit.failure or lost:
+        raise InputError(f"no model is written: {fit.failure or '; '.join(lost)}")
+    return fit
+
+
+def _renamed(name: str, factors: dict[str, tuple[str, float]]) -> tuple[str, float]:
+    """The name and factor of a derivative by w, and by an elevator that is nose up positive."""
+    axis, _, of = name.partition("_")
+    new, factor = factors.get(of, (of, 1.0))
+    return f"{axis}_{new}", factor
+
+
+def _scaled(one: Estimate, name: str, factor: float) -> Estimate:
+    ends = sorted((factor * one.low, factor * one.high))
+    units = {"_w": "1/s", "M_w": "rad/s/m"}
+    unit = units["M_w"] if name == "M_w" else units.get(name[1:], one.unit)
+    return Estimate(name, unit, factor * one.value, abs(factor) * one.standard_error, ends[0], ends[1])
+
+
+def _trim(found: TableIdentification, elevator: str) -> float:
+    """rad; mean of what the elevator's changes are counted from."""
+    fitted = [one.signals[elevator] for one in found.records if one.name in found.experiments]
+    first = [values[np.isfinite(values)][:FIRST_SAMPLES] for values in fitted]
+    return float(np.mean([np.mean(values) for values in first if len(values)]))
+
+
+def _notes(
+    fit: TableFit, elevator: str, sign: float, held: tuple[str, ...], values: dict[str, float]
+) -> tuple[str, ...]:
+    notes = []
+    if sign < 0:
+        notes.append(f"{elevator} pitches the nose down: the model's elevator is -{elevator}")
+    if held:
+        notes.append("held, not found: " + ", ".join(f"{name} = {values[name]:.6g}" for name in held))
+    if values.get("delay"):
+        notes.append(f"the delay of {values['delay']:.3g} s is not in the model")
+    return tuple(notes)

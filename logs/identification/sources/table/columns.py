@@ -1,0 +1,249 @@
+"""Tables as strangers write them: delimiter, decimal sign, names and line of units are found out, or told."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import product
+from pathlib import Path
+from types import MappingProxyType
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from logs.identification.results import Array
+from logs.identification.sources.table.clock import clock_column
+from logs.importing.csv_table import WHITESPACE, Table, decoded, number_of, parse_table, split_rows
+from logs.importing.mapping import TableSection
+from wingbeat.errors import InputError
+from wingbeat.text import pluralize
+
+LOOKED_AT = 200
+"""lines from which the delimiter is found out"""
+COMMENT = "#%!"
+BLANK = ("", "nan", "na", "n/a", "null", "none", "-", "inf", "-inf")
+"""what stands where nothing was measured, beside the numbers that a map tells"""
+
+
+class Layout(NamedTuple):
+    """Section [table] of a map; None is found out."""
+
+    delimiter: str | None = None
+    """one character, or "whitespace" """
+    decimal: Annotated[str, ".", ","] | None = None
+    names: bool | None = None
+    """whether a line of names stands above the numbers; columns are numbered from 1 in any case"""
+    skip: int | None = None
+    """-; lines before the one with the names, or before the first row where there are none"""
+    encoding: str | None = None
+    """UTF-8 or, by its mark, UTF-16, else Windows' cp1252 where not told"""
+    missing: tuple[float, ...] = ()
+    """as the columns; numbers that stand for "not measured" in any column, such as -9999"""
+
+
+class Columns(NamedTuple):
+    """A table's numbers, every column (N,), NaN where a cell has none."""
+
+    file: str
+    """-; name of the file"""
+    by_name: dict[str, Array]
+    """as the file has them; (N,) each"""
+    order: tuple[str, ...]
+    """-; names in the order of the columns; those of columns without a name are their numbers"""
+    twice: frozenset[str]
+    rows: int
+    """-; N"""
+    notes: tuple[str, ...]
+    """-; what was found strange in it, one clause each"""
+    clocks: frozenset[str] = frozenset()
+    """-; names of columns of clocks or dates, which are in s"""
+    texts: Mapping[str, str] = MappingProxyType({})
+    """-; first cell of every column without a number, by its name"""
+
+    def column(self, wanted: str | int, key: str) -> Array:
+        """A column by its name, or by its number from 1.
+
+        Raises:
+            InputError: there is none, or several.
+        """
+        if isinstance(wanted, int):
+            if not 1 <= wanted <= len(self.order):
+                raise InputError(f"{key}: {self.file} has no column {wanted}; it has {len(self.order)}")
+            wanted = self.order[wanted - 1]
+        if wanted not in self.by_name:
+            raise InputError(f"{key}: {self.file} has no column {wanted!r}; it has: {_listed(self.order)}")
+        if wanted in self.twice:
+            raise InputError(f"{key}: {self.file} has several columns {wanted!r}: give its number")
+        return self.by_name[wanted]
+
+
+def _listed(names: Sequence[str]) -> str:
+    shown = ", ".join(name if name.isprintable() else repr(name) for name in names[:40])
+    return shown + (", ..." if len(names) > 40 else "")
+
+
+def read_columns(path: Path, layout: Layout) -> Columns:
+    """Read a table from a file.
+
+    Raises:
+        InputError: it cannot be read, is no table, or has no numbers.
+    """
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror or error}") from None
+    try:
+        return _columns(path.name, data, layout)
+    except InputError as reason:
+        raise InputError(f"{path}: {reason}") from None
+
+
+def _columns(file: str, data: bytes, layout: Layout) -> Columns:
+    lines = [_uncommented(line) for line in _text(data, layout.encoding).splitlines()]
+    if layout.skip is not None:
+        if layout.skip < 0:
+            raise InputError("table.skip must be 0 or more")
+        lines = lines[layout.skip :]
+    form = _form(lines, layout)
+    first = _first_row(lines, form)
+    names = _names(lines[:first], lines[first], form) if layout.names is not False else None
+    if layout.names and names is None:
+        raise InputError("there is no line of names above its numbers (table.names, table.skip)")
+    body = "\n".join(lines[first:])
+    table = parse_table(body.encode(), TableSection(delimiter=form.delimiter, decimal=form.decimal, names=False))
+    return _with_clocks(_named(file, table, names, layout), lines[first:], form)
+
+
+def _with_clocks(columns: Columns, lines: list[str], form: _Form) -> Columns:
+    """With the seconds of columns of clocks, and the first cell of others without a number."""
+    silent = [place for place, name in enumerate(columns.order) if not np.isfinite(columns.by_name[name]).any()]
+    if not silent:
+        return columns
+    rows = split_rows(lines, form.delimiter)
+    by_name, clocks, texts = dict(columns.by_name), set(), {}
+    for place in silent:
+        cells = [row[place] if place < len(row) else "" for row in rows]
+        told = next((cell.strip() for cell in cells if cell.strip()), None)
+        seconds = None if told is None else clock_column(cells, form.decimal)
+        if seconds is not None:
+            by_name[columns.order[place]] = seconds
+            clocks.add(columns.order[place])
+        elif told is not None:
+            texts[columns.order[place]] = told
+    return columns._replace(by_name=by_name, clocks=frozenset(clocks), texts=texts)
+
+
+def _text(data: bytes, encoding: str | None) -> str:
+    if encoding is not None:
+        return decoded(data, encoding)
+    for guess in ("utf-16",) if data[:2] in (b"\xff\xfe", b"\xfe\xff") else ("utf-8", "cp1252"):
+        try:
+            return decoded(data, guess)
+        except InputError:
+            continue
+    raise InputError('it is no text in UTF-8 or cp1252: the map can say [table] encoding = "latin-1"')
+
+
+def _uncommented(line: str) -> str:
+    """Without a comment's sign: the names may stand behind one."""
+    bare = line.strip(" \r\n")
+    return bare.lstrip(COMMENT).strip(" ") if bare[:1] and bare[0] in COMMENT else bare
+
+
+class _Form(NamedTuple):
+    delimiter: str
+    decimal: str
+
+
+def _form(lines: list[str], layout: Layout) -> _Form:
+    """The delimiter and decimal sign with which most cells are numbers, and of those the most columns."""
+    filled = [line for line in lines if line]
+    if not filled:
+        raise InputError("it is empty")
+    told = [layout.delimiter] if layout.delimiter is not None else [",", ";", "\t", WHITESPACE]
+    signs = [layout.decimal] if layout.decimal is not None else [".", ","]
+    sample = filled[len(filled) // 2 :][:LOOKED_AT]
+    return max((_Form(*one) for one in product(told, signs)), key=lambda form: _score(sample, form))
+
+
+def _score(sample: list[str], form: _Form) -> tuple[float, float, bool]:
+    rows = split_rows(sample, form.delimiter)
+    cells = [cell for row in rows for cell in row if cell.strip().lower() not in BLANK]
+    numbers = sum(np.isfinite(number_of(cell, form.decimal)) for cell in cells)
+    width = float(np.median([len(row) for row in rows])) if rows else 0.0
+    return numbers / max(len(cells), 1), width, form.decimal == "."
+
+
+def _all_cells(line: str, form: _Form) -> list[str]:
+    rows = split_rows([line], form.delimiter)
+    return [cell.strip() for cell in rows[0]] if rows else []
+
+
+def _cells(line: str, form: _Form) -> list[str]:
+    """Of one line, without the empty ones that a delimiter at its end makes."""
+    cells = _all_cells(line, form)
+    while cells and not cells[-1]:
+        cells.pop()
+    return cells
+
+
+def _is_row(cells: list[str], form: _Form) -> bool:
+    """At least half of the cells that say something are numbers."""
+    told = [cell for cell in cells if cell.lower() not in BLANK]
+    return bool(told) and 2 * sum(np.isfinite(number_of(cell, form.decimal)) for cell in told) >= len(told)
+
+
+def _first_row(lines: list[str], form: _Form) -> int:
+    """The first line of numbers that the next line of numbers is as wide as, or that only lacks some of them."""
+    rows = ((place, _cells(line, form)) for place, line in enumerate(lines) if line)
+    numeric = [(place, len(cells)) for place, cells in rows if _is_row(cells, form)][: 50 + LOOKED_AT]
+    if not numeric:
+        raise InputError("there is no row of numbers in it")
+    usual = sorted(width for _, width in numeric)[len(numeric) // 2]
+    first = next(place for place, width in numeric if width >= usual)
+    delimiters = len(_all_cells(lines[first], form))
+    while first and _lacks_some(lines[first - 1], form, delimiters):
+        first -= 1
+    return first
+
+
+def _lacks_some(line: str, form: _Form, width: int) -> bool:
+    """Whether a line is a row with as many delimiters as others and nothing but numbers between them, or nothing."""
+    told = [cell for cell in _all_cells(line, form) if cell.lower() not in BLANK]
+    numbers = bool(told) and all(np.isfinite(number_of(cell, form.decimal)) for cell in told)
+    return numbers and len(_all_cells(line, form)) == width
+
+
+def _names(above: list[str], row: str, form: _Form) -> list[str] | None:
+    """The names right above the numbers: of the lines as wide as a row the topmost, a line of units is below it."""
+    width, widest, found = len(_cells(row, form)), len(_all_cells(row, form)), None
+    for line in reversed(above):
+        cells = _cells(line, form)
+        as_wide = width <= len(cells) <= widest or (
+            len(_all_cells(line, form)) == widest <= 2 * len(list(filter(None, cells)))
+        )
+        fewer = found is not None and len(list(filter(None, cells))) < len(list(filter(None, found)))
+        if line and (not as_wide or fewer or _is_row(cells, form)):
+            break
+        found = cells if line else found
+    return found
+
+
+def _named(file: str, table: Table, names: list[str] | None, layout: Layout) -> Columns:
+    values = [_measured(column, layout.missing) for column in table.columns.values()]
+    given = names or []
+    order = [given[n] if n < len(given) and given[n] else str(n + 1) for n in range(len(values))]
+    told = {
+        f"{pluralize(table.strange, 'cell')} with something that is no number": table.strange,
+        f"{pluralize(table.short, 'row')} with fewer cells than the others": table.short,
+    }
+    return Columns(
+        file, dict(zip(order, values, strict=True)), tuple(order),
+        frozenset(name for name in order if order.count(name) > 1), table.rows,
+        tuple(f"{file}: {line}" for line, count in told.items() if count),
+    )  # fmt: skip
+
+
+def _measured(column: Array, missing: tuple[float, ...]) -> Array:
+    """NaN where a number stands for none, or is not finite."""
+    kept: Array = np.where(np.isfinite(column) & ~np.isin(column, missing), column, np.nan)
+    return kept

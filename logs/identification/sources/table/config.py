@@ -1,0 +1,186 @@
+"""The map of a table: TOML that says what its columns are, which manoeuvres are in it, and what is to be fitted."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple
+
+from logs.identification.sources.table.columns import Layout
+from logs.identification.sources.table.constants import ConstantsSection
+from logs.identification.sources.table.maneuvers import Manoeuvres
+from logs.identification.sources.table.prepare import PrepareSection
+from logs.identification.sources.table.signals import SignalEntry, TimeSection
+from logs.identification.tables.benches import TorqueSpeedSection, TwistSection
+from logs.identification.tables.flight_paths import PathSection
+from logs.identification.tables.load_cell_tests import StandSection
+from logs.identification.tables.strokes import StrokeSection
+from wingbeat.errors import InputError
+from wingbeat.schema import check_known, read_document, read_number, read_record
+
+EXAMPLE = """\
+# What the columns of a table are and what is to be fitted: wingbeat identify TABLE.csv --map THIS.toml
+[time]
+column = "t"                 # or rate = 25.0 (Hz) where the rows have no time
+unit = "s"
+
+[signals]                    # SI value: (column * scale + offset) in unit; body axes x forward, y right, z down
+alpha = { column = "alpha", unit = "deg" }
+q = { column = "q", unit = "deg/s" }                 # a column's name, or its number from 1
+a_z = { column = "nz", unit = "g", scale = -1.0 }    # specific force: -9.81 m/s^2 at rest
+V = { column = "tas", unit = "kn" }
+delta_e = { column = "elevator", unit = "deg" }      # any name for controls
+
+[manoeuvres]                 # all of the table is one when not given
+windows = [[2.0, 12.0], [20.0, 32.0]]                # s
+validate = [2]               # numbers of those that are only predicted
+
+[prepare]                    # of whole records, before manoeuvres are cut; nothing when not given
+smooth = { alpha = "spline" }                        # local_quadratic, fourier, spline, rts; alpha_dot comes with it
+[prepare.delay]
+a_z = 0.02                   # s that it is late; { like = "q", by = "slope" } measures it against another signal
+
+[constants]                  # a number in SI, or with a unit
+mass = { value = 10500, unit = "lb" }
+I_y = { value = 23800, unit = "slug ft^2" }
+S = { value = 300, unit = "ft^2" }
+c = { value = 6.5, unit = "ft" }
+V = { value = 200, unit = "kn" }
+altitude = { value = 8000, unit = "ft" }
+
+[modes]                      # the short period, by every method
+inputs = ["delta_e"]         # [] for a free response
+outputs = ["alpha", "q", "a_z"]
+[modes.parameters]           # all of the model's are free when not given; start values are found
+Z_alpha = { start = -1.0 }
+Z_q = 0.0                    # fixed
+
+[[aero.regressions]]         # coefficients by regression, as many as wanted
+response = "C_m"             # a signal, or C_X C_Y C_Z C_L C_D C_l C_m C_n of the measured accelerations
+regressors = ["alpha", "q*c/2V", "delta_e"]
+
+[table]                      # all of it is found out when not given
+missing = [-9999]            # numbers that stand for "not measured"
+"""
+"""What a map looks like: `wingbeat identify --map-example` prints it."""
+DELAY = "delay"
+"""key, and name of the parameter: the time by which all inputs act later than they were recorded"""
+
+
+class Parameter(NamedTuple):
+    """A model's parameter: free, or held at a number."""
+
+    fixed: float | None = None
+    """as the parameter; None where it is free"""
+    start: float | None = None
+    """as the parameter; where the search begins; found by regression when not given"""
+
+    @classmethod
+    def from_entry(cls, entry: Any, key: str) -> Parameter:
+        """Of a map's entry: a number holds it, ``{}``, ``"free"`` and ``{ start = ... }`` leave it free.
+
+        Raises:
+            InputError: it is none of these.
+        """
+        if entry == "free":
+            return cls()
+        if not isinstance(entry, dict):
+            return cls(fixed=read_number(entry, key))
+        for name in entry:
+            check_known(name, ("fixed", "start"), f"{key}.{name}")
+        told = {name: read_number(value, f"{key}.{name}") for name, value in entry.items()}
+        if len(told) > 1:
+            raise InputError(f"{key} is either fixed or has a start")
+        return cls(**told)
+
+
+class ModesSection(NamedTuple):
+    """Section [modes]."""
+
+    outputs: tuple[str, ...]
+    inputs: tuple[str, ...] = ()
+    model: Annotated[str, "short period", "longitudinal", "none"] | None = None
+    """"none" leaves the methods that need no model; short period where it has all outputs when not given"""
+    kinds: Annotated[tuple[str, ...], "short_period", "phugoid"] | None = None
+    """which modes are in the records; by the outputs when not given"""
+    parameters: dict[str, Parameter] = {}
+    delay: Parameter = Parameter(fixed=0.0)
+    """s; of the inputs"""
+    hold: tuple[str, ...] = ()
+    """inputs that are held from each sample to the next; the others are lines between samples"""
+    biases: tuple[str, ...] | None = None
+    """outputs with a bias in every manoeuvre; all when not given"""
+    band: tuple[float, float] | None = None
+    """Hz; of equation error in the frequency domain, by the motion when not given"""
+
+
+class Regression(NamedTuple):
+    """One of [[aero.regressions]]."""
+
+    response: str
+    regressors: tuple[str, ...]
+    selection: Annotated[str, "all", "stepwise"] = "all"
+    method: Annotated[str, "least squares", "orthogonal"] = "least squares"
+    """orthogonal: of the regressors those whose orthogonal functions lower the predicted square error"""
+    domain: Annotated[str, "time", "frequency"] = "time"
+    always: tuple[str, ...] = ()
+    """regressors that stepwise regression keeps in any case"""
+    band: tuple[float, float] | None = None
+    """Hz; of the frequency domain"""
+
+
+class OutputError(NamedTuple):
+    """Section [aero.output_error]."""
+
+    model: Annotated[str, "short period", "longitudinal", "lateral", "nonlinear longitudinal"]
+    outputs: tuple[str, ...]
+    inputs: tuple[str, ...] = ()
+    parameters: dict[str, Parameter] = {}
+    delay: Parameter = Parameter(fixed=0.0)
+    hold: tuple[str, ...] = ()
+    """as of [modes]"""
+    biases: tuple[str, ...] | None = None
+    """as of [modes]; none of a model that is not linear when not given"""
+    search: Annotated[str, "gauss-newton", "nelder-mead", "both"] = "gauss-newton"
+    """both: Gauss-Newton from where the simplex ended"""
+
+
+class AeroSection(NamedTuple):
+    """Section [aero]."""
+
+    regressions: tuple[Regression, ...] = ()
+    output_error: tuple[OutputError, ...] = ()
+
+
+class Map(NamedTuple):
+    """A whole map."""
+
+    signals: dict[str, SignalEntry]
+    time: TimeSection
+    table: Layout = Layout()
+    manoeuvres: Manoeuvres = Manoeuvres()
+    prepare: PrepareSection | None = None
+    constants: ConstantsSection = ConstantsSection()
+    modes: ModesSection | None = None
+    aero: AeroSection | None = None
+    path: PathSection | None = None
+    stroke: StrokeSection | None = None
+    stand: StandSection | None = None
+    torque_speed: TorqueSpeedSection | None = None
+    twist: TwistSection | None = None
+
+
+def load_map(path: Path) -> Map:
+    """A map, every key of it checked.
+
+    Raises:
+        InputError: it cannot be read, is no TOML, or has a key or value that is not known; the text names the key.
+    """
+    document = read_document(path, "map")
+    if "markers" in document:
+        raise InputError(f"map {path}: [markers] is read by wingbeat identify FILE --map MAP.toml markers")
+    try:
+        found: Map = read_record(Map, document, "")
+        found.time.check()
+    except InputError as error:
+        raise InputError(f"map {path}: {error}") from None
+    return found

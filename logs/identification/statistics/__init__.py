@@ -1,0 +1,1 @@
+"""Statistics of residuals and estimates: covariance, whiteness, correlation, Theil."""

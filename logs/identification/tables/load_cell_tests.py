@@ -1,0 +1,211 @@
+"""[stand] of a map: the wings' coefficients from runs on a six-axis load cell, by the model or by a tare run."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from logs.identification.aerodynamics.load_cell import LoadCell, StandRun, stand_coefficients
+from logs.identification.aerodynamics.strokes_measured import strokes_by_angle
+from logs.identification.aerodynamics.structure import CANDIDATES, CoefficientModel, identify_coefficients
+from logs.identification.data.experiment import Experiment
+from logs.identification.models.inverse_dynamics import COEFFICIENTS, WingCoefficients
+from logs.identification.motion_capture.speeds import CUTOFF
+from logs.identification.results import FitSeries, Fitted, Information
+from logs.identification.sources.table.derived import Source
+from logs.identification.sources.table.maneuvers import Cut
+from logs.identification.sources.table.signal_lookup import signal
+from logs.identification.statistics.output_fit import output_fits
+from logs.identification.tables.results import TableFit
+from sim_bridge.vehicles import SimulatedVehicle, load_vehicle
+from wingbeat.errors import InputError
+from wingbeat.schema import check_known
+
+EXAMPLE = """\
+# The wings' coefficients from a six-axis load cell: wingbeat identify RUN.csv TARE.csv --map THIS.toml stand
+[time]
+column = "t"
+
+[signals]
+Fx = { column = "Fx", unit = "N" }                   # in the cell's axes
+Fy = { column = "Fy", unit = "N" }
+Fz = { column = "Fz", unit = "N" }
+Mx = { column = "Mx", unit = "N m" }                 # about the cell's origin
+My = { column = "My", unit = "N m" }
+Mz = { column = "Mz", unit = "N m" }
+flap = { column = "wing", unit = "deg" }             # of both wings, wing up positive
+V = { column = "tunnel", unit = "m/s" }              # or a constant; its mean over a run is taken
+
+[constants]
+alpha = { value = 5, unit = "deg" }                  # of the body's x axis to the stream, nose up
+rho = 1.2
+
+[stand]
+vehicle = "slow_hawk"        # name, file or folder: bodies, hinges, S and c
+load = ["Fx", "Fy", "Fz", "Mx", "My", "Mz"]          # names of signals
+flap = "flap"
+place = [0.02, 0.0, 0.07]    # m; the cell's origin in the body's axes (x forward, y right, z down)
+axes = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]             # rows: body's x, y, z in the cell's axes
+sign = 1                     # 1: the load of the vehicle on the cell, -1: of the cell on the vehicle
+tare = 2                     # manoeuvre of the same strokes in still air; without it the model takes inertia off
+"""
+STROKE_TERMS = ("theta_11", "theta_11_rate", "theta_11^2", "theta_11*theta_11_rate", "theta_11_rate^2")
+STILL = 1e-3
+"""-; of its size, by which a regressor must vary over all runs"""
+ENDS = 5.0
+"""-; periods of the low-pass that are left out at both ends of a run"""
+SAMPLED = 3.0
+"""-; samples kept per period of the low-pass"""
+EQUATIONS = (
+    "Load of the air = load on the cell - weight and inertia of the vehicle, at the body's origin (Grauer Eq. 13)",
+    "C_L = -F_z / (qbar S), C_T = F_x / (qbar S), C_m = M_y / (qbar S c), along the body's axes (Eq. 14 to 16)",
+    "qbar = rho / 2 |v|^2 at every instant, v the wings' mean velocity through the air, flapping included",
+)
+
+
+class StandSection(NamedTuple):
+    """Section [stand]."""
+
+    vehicle: str
+    load: tuple[str, str, str, str, str, str] = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
+    flap: str = "flap"
+    place: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    axes: tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]] = (
+        (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0),
+    )  # fmt: skip
+    sign: float = 1.0
+    tare: int | None = None
+    """number of the manoeuvre"""
+    cutoff: float = CUTOFF
+    """Hz; of the low-pass of load and angle"""
+    candidates: tuple[str, ...] = ()
+    """terms that a stepwise regression chooses from; those that vary when not given"""
+
+
+def stand_fits(asked: StandSection, found: Cut, constants: Mapping[str, float], fill: float | None) -> list[TableFit]:
+    """C_L, C_T and C_m over all runs but the tare, each as a sum of chosen terms, and of the runs held out.
+
+    Raises:
+        InputError: a signal or constant is not there, the vehicle is not known, or a run cannot be used.
+    """
+    if asked.sign not in (1.0, -1.0):
+        raise InputError("stand.sign must be 1 or -1")
+    for name in asked.candidates:
+        check_known(name, CANDIDATES, f"stand.candidates {name}")
+    vehicle, cell = _vehicle(asked.vehicle), LoadCell(asked.place, np.array(asked.axes), asked.sign)
+    tare, rest = _tare(asked, found)
+    still = None if tare is None else _run(asked, tare, constants)
+    fitted, held = (
+        [stand_coefficients(vehicle, _run(asked, one, constants), cell, still, asked.cutoff) for one in part]
+        for part in rest
+    )
+    records, tried = ([_thinned(one, asked.cutoff) for one in part] for part in (fitted, held))
+    candidates = asked.candidates or tuple(name for name in CANDIDATES if _varies(name, records))
+    models = identify_coefficients(tuple(records), candidates).models
+    notes = tuple(_means(one) for one in (*fitted, *held))
+    taken = "the vehicle's model" if tare is None else tare.name
+    off = f"the stream's load on the tail taken off by the vehicle's model, weight and inertia by {taken}"
+    told = (Information(off), *notes)
+    return [_fit(model, records, tried, told if place == 0 else ()) for place, model in enumerate(models)]
+
+
+def _vehicle(name: str) -> SimulatedVehicle:
+    return load_vehicle(str(Path(name) / "world.toml") if Path(name).is_dir() else name)
+
+
+def tare_name(asked: StandSection, found: Cut) -> str | None:
+    """What the manoeuvre of the tare run is called; None where there is none."""
+    begin = f"manoeuvre {asked.tare} of "
+    return next((one.name for one in (*found.fitted, *found.held_out) if one.name.startswith(begin)), None)
+
+
+def _tare(asked: StandSection, found: Cut) -> tuple[Experiment | None, tuple[list[Experiment], list[Experiment]]]:
+    """The tare run, and the runs to fit and to predict.
+
+    Raises:
+        InputError: there is no manoeuvre of that number, or nothing beside it.
+    """
+    name, every = tare_name(asked, found), (*found.fitted, *found.held_out)
+    if asked.tare is not None and name is None:
+        raise InputError(f"stand.tare: there is no manoeuvre {asked.tare}; there are {len(every)}")
+    fitted, held = ([one for one in part if one.name != name] for part in (found.fitted, found.held_out))
+    if not fitted:
+        raise InputError("stand: no run is left beside the tare run and those held out")
+    return next((one for one in every if one.name == name), None), (fitted, held)
+
+
+def _run(asked: StandSection, one: Experiment, constants: Mapping[str, float]) -> StandRun:
+    source = Source(one, constants, "stand")
+    units = ("N",) * 3 + ("N m",) * 3
+    load = [signal(one, name, unit, "stand.load") for name, unit in zip(asked.load, units, strict=True)]
+    flap = signal(one, asked.flap, "rad", "stand.flap")
+    speed, pitch, density = (float(np.nanmean(source.get(name))) for name in ("V", "alpha", "rho"))
+    begin, end = strokes_by_angle(one.time, flap)
+    if not len(begin):
+        raise InputError(f"{one.name}: the wings' angle ({asked.flap}) goes through no whole stroke")
+    cuts = np.append(begin, end[-1])
+    rate = 1.0 / float(np.mean(end - begin))
+    count = np.interp(one.time, cuts, np.arange(len(cuts), dtype=np.float64))
+    count += np.minimum(one.time - cuts[0], 0.0) * rate + np.maximum(one.time - cuts[-1], 0.0) * rate
+    strokes = np.maximum.accumulate(count - count[0])
+    return StandRun(one.name, one.time, np.column_stack(load), flap, speed, pitch, density, strokes)
+
+
+def _thinned(found: WingCoefficients, cutoff: float) -> WingCoefficients:
+    """Without the ends, and no more samples than the low-pass left something between."""
+    one = found.experiment
+    ends, every = math.ceil(ENDS / (cutoff * one.step)), max(int(1.0 / (SAMPLED * cutoff * one.step)), 1)
+    kept = slice(ends, len(one.time) - ends, every)
+    if len(one.time[kept]) < 3:
+        raise InputError(f"{one.name}: too short for a low-pass at {cutoff:g} Hz")
+    signals = {name: np.asarray(values)[kept] for name, values in one.signals.items()}
+    return found._replace(experiment=one._replace(time=one.time[kept], signals=signals))
+
+
+def _varies(name: str, records: list[WingCoefficients]) -> bool:
+    if name not in STROKE_TERMS and len(records) < 2:
+        return False
+    values = np.concatenate([one.experiment.signals[name] for one in records])
+    return float(np.ptp(values)) > STILL * float(np.max(np.abs(values)))
+
+
+def _means(found: WingCoefficients) -> Information:
+    """Mean force and coefficients of a run; lift and thrust to the stream, of which the coefficients are not.
+
+    A body pitched nose up by alpha: lift = F_x sin(alpha) - F_z cos(alpha), thrust = F_x cos(alpha) + F_z sin(alpha).
+    """
+    load, signals = found.load.mean(axis=0), found.experiment.signals
+    pitch = math.atan2(float(np.mean(signals["v_z"])), float(np.mean(signals["v_x"])))
+    lift = load[0] * math.sin(pitch) - load[2] * math.cos(pitch)
+    thrust = load[0] * math.cos(pitch) + load[2] * math.sin(pitch)
+    told = ", ".join(f"{name} {float(np.mean(signals[name])):.4g}" for name in COEFFICIENTS)
+    return Information(
+        f"{found.experiment.name}: mean lift {lift:.4g} N and thrust {thrust:.4g} N to the stream, in body axes"
+        f" {-load[2]:.4g} N up and {load[0]:.4g} N forward; there mean {told}"
+    )
+
+
+def _fit(
+    model: CoefficientModel, fitted: list[WingCoefficients], held: list[WingCoefficients], notes: tuple[str, ...]
+) -> TableFit:
+    sides = [(one, False) for one in fitted] + [(one, True) for one in held]
+    series = tuple(_series(model, one.experiment, side) for one, side in sides) if model.estimates else ()
+    failure = "" if model.estimates else model.unidentified[0].reason
+    terms = " + ".join(("C_0", *(f"[{term}] {term}" for term in model.terms)))
+    equations = (*EQUATIONS, f"{model.name} = {terms}")
+    told = Fitted(f"{model.name} on the stand", equations, model.estimates, model.unidentified, None, series, notes)
+    return TableFit(
+        "stand", told, not failure, failure, {}, {}, output_fits(series), model.samples, steps=model.steps
+    )
+
+
+def _series(model: CoefficientModel, one: Experiment, held_out: bool) -> FitSeries:
+    values: dict[str, Any] = {found.name: found.value for found in model.estimates}
+    made = np.full(len(one.time), values.get(f"{model.name}_0", np.nan))
+    for term in model.terms:
+        made = made + values.get(f"{model.name}_{term}", np.nan) * one.signals[term]
+    return FitSeries(one.name, model.name, "-", one.time, np.asarray(one.signals[model.name]), made, held_out)
