@@ -101,10 +101,8 @@ ALLOWED_NAMES = frozenset({"HOLD", "SUSPECT"})
 ALLOWED_IN = frozenset(
     {
         ("logs/summary.py", "hold"),  # key of the JSON summary of a flight
-        (
-            "logs/identification/sources/table/config.py",
-            "hold",
-        ),  # key of the user's map file; alias it before renaming
+        # a key of the user's map file; alias it before renaming
+        ("logs/identification/sources/table/config.py", "hold"),
     }
 )
 """Names that a file format, a MAVLink parameter, a topic or a JSON key of users depends on: (file, name)."""

@@ -1,12 +1,15 @@
-"""What identification hands back: numbers with their intervals, and what could not be had with the reason."""
+"""Results of identification: estimates with intervals, fit of each output, findings."""
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from logs.identification.findings import Finding, of_severity
 
 Array = NDArray[np.float64]
 CONFIDENCE = 0.95
@@ -107,3 +110,66 @@ def estimates(names: dict[str, str], values: Array, covariance: Array, degrees: 
     errors = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     rows = zip(names.items(), values, errors, strict=True)
     return tuple(estimate(name, unit, float(value), float(error), degrees) for (name, unit), value, error in rows)
+
+
+Status = Literal["converged", "not converged", "diverged", "not identifiable"]
+
+
+class EstimationResult(NamedTuple):
+    """Result of one estimator."""
+
+    method: str
+    """-; key of the registry, such as ``output_error``"""
+    subject: str = ""
+    """-; what was identified: modes, aero, path, ..."""
+    model: str = ""
+    """-; name of the model; empty for a regression or a method without a model"""
+    equations: tuple[str, ...] = ()
+    """-; the model, one equation in symbols or one sentence each"""
+    status: Status = "converged"
+    estimates: tuple[Estimate, ...] = ()
+    """the parameters that the data determines"""
+    covariance: Array | None = None
+    """(p, p); of the estimates in their order"""
+    degrees: float = math.inf
+    """-; degrees of freedom of the intervals"""
+    derived: tuple[Estimate, ...] = ()
+    """numbers computed from the estimates, such as frequency and damping of a mode"""
+    series: tuple[FitSeries, ...] = ()
+    """each fitted or predicted output beside its measurement"""
+    samples: int = 0
+    """-; fitted, over all experiments"""
+    findings: tuple[Finding, ...] = ()
+    initial: Mapping[str, float] = {}
+    """SI; start values of the search by parameter; empty if there was no search"""
+    fixed: Mapping[str, float] = {}
+    """SI; parameters that were held at a value"""
+    steps: tuple[Any, ...] = ()
+    """steps of a stepwise regression"""
+
+    @property
+    def withheld(self) -> tuple[Finding, ...]:
+        """Parameters (subject) without an estimate, with the code of the reason."""
+        return of_severity(self.findings, "withheld")
+
+    @property
+    def warnings(self) -> tuple[Finding, ...]:
+        """Findings that cast doubt on a number."""
+        return of_severity(self.findings, "warning")
+
+    @property
+    def correlation(self) -> Array | None:
+        """Correlation matrix (p, p) of the estimates."""
+        if self.covariance is None:
+            return None
+        deviation = np.sqrt(np.maximum(np.diag(self.covariance), 1e-300))
+        matrix: Array = self.covariance / np.outer(deviation, deviation)
+        return matrix
+
+    def value(self, name: str) -> float:
+        """The estimate of one parameter.
+
+        Raises:
+            KeyError: the parameter has no estimate.
+        """
+        return {one.name: one.value for one in self.estimates}[name]

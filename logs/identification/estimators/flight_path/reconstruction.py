@@ -4,9 +4,10 @@ Klein & Morelli, Aircraft System Identification, 2006, chapter 10; Jategaonkar, 
 2006, chapter 10. Measured rates and specific forces drive the kinematics, whose outputs are fitted to the measured
 ones by output error: Gauss-Newton on the sensors' biases and scales and the first states of every record.
 
-The errors answer for two things. Residuals are coloured: their tapered autocovariance
-(`statistics.residual_autocorrelation`) weighs the sensitivities. And the noise of the inputs is integrated into a wander as slow as the record is long, which no
-autocovariance of that record shows whole: by the adjoint of the kinematics it is carried to the parameters exactly.
+Two error sources are covered. Residuals are colored: their tapered autocovariance
+(`statistics.residual_autocorrelation`) weighs the sensitivities. Input noise is integrated into a random walk as slow
+as the record is long, which no autocovariance of that record shows: the adjoint of the kinematics carries it to the
+parameters exactly.
 """
 
 from __future__ import annotations

@@ -1,0 +1,59 @@
+"""The estimators by name: the command, the map file, the documentation and the contract test read this table."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple, Protocol
+
+from logs.identification.data.experiment import Experiment
+from logs.identification.results import EstimationResult
+
+
+class Request(NamedTuple):
+    """What an estimator works on; it reads what it needs and ignores the rest."""
+
+    experiments: tuple[Experiment, ...]
+    """to be fitted"""
+    held_out: tuple[Experiment, ...] = ()
+    """to be predicted only"""
+    inputs: tuple[str, ...] = ()
+    """-; signals that drive the motion"""
+    outputs: tuple[str, ...] = ()
+    """-; signals to be explained; of a regression the response"""
+    regressors: tuple[str, ...] = ()
+    """-; terms of a regression, such as ``alpha`` or ``q*c/2V``"""
+    model: Any = None
+    """`models` protocol; None for a regression or a method without a model"""
+    parameters: Mapping[str, Any] = {}
+    """start, bounds, prior or fixed value by parameter of the model"""
+    constants: Mapping[str, float] = {}
+    """SI; of the vehicle, by name"""
+    options: Mapping[str, Any] = {}
+    """settings of the method by name; see its row"""
+
+
+class Estimate(Protocol):
+    """The function of a row."""
+
+    def __call__(self, request: Request) -> EstimationResult:
+        """Estimate.
+
+        Raises:
+            InputError: the request does not make sense for this method.
+        """
+
+
+class Estimator(NamedTuple):
+    """One row of the registry."""
+
+    name: str
+    """-; key"""
+    title: str
+    """-; textbook name"""
+    reference: str
+    """-; textbook or paper, with chapter or equation"""
+    estimate: Estimate
+
+
+ESTIMATORS: dict[str, Estimator] = {}
+"""by name"""

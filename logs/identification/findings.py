@@ -1,0 +1,86 @@
+"""Findings: what a diagnostic reports about data, a model or an estimate, by code.
+
+Program logic compares codes and severities. The text is made here, from the catalog and the finding's values.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any, Literal, NamedTuple
+
+Severity = Literal["info", "warning", "withheld"]
+"""info: what was done; warning: it casts doubt on a number; withheld: the number does not exist"""
+
+
+class Finding(NamedTuple):
+    """One result of one check."""
+
+    code: str
+    """-; key of `CATALOG`"""
+    severity: Severity
+    subject: str = ""
+    """-; parameter, signal, maneuver or method concerned; empty for all"""
+    value: float | None = None
+    """as the check's unit; what was found"""
+    limit: float | None = None
+    """as `value`; what it was compared with"""
+    details: Mapping[str, Any] = {}
+    """further values of the text, by name"""
+
+    @property
+    def text(self) -> str:
+        """One clause made from the catalog."""
+        values = {"subject": self.subject, "value": self.value, "limit": self.limit} | dict(self.details)
+        return CATALOG[self.code].text.format(**values)
+
+    def document(self) -> dict[str, Any]:
+        """Keys of the JSON document."""
+        kept = self._asdict()
+        del kept["details"]
+        return kept | {"text": self.text}
+
+
+class Entry(NamedTuple):
+    """What a code means."""
+
+    text: str
+    """-; template of the clause: `str.format` with the finding's fields and details"""
+    meaning: str
+    """-; one sentence for the documentation"""
+    remedy: str = ""
+    """-; what to do, one clause; empty if nothing is to be done"""
+
+
+CATALOG: dict[str, Entry] = {}
+"""by code; `register` adds to it"""
+
+
+def register(entries: Mapping[str, Entry]) -> None:
+    """Add the codes of one module.
+
+    Raises:
+        ValueError: a code is there already.
+    """
+    twice = CATALOG.keys() & entries.keys()
+    if twice:
+        raise ValueError(f"finding codes are registered twice: {', '.join(sorted(twice))}")
+    CATALOG.update(entries)
+
+
+def of_severity(findings: Iterable[Finding], severity: Severity) -> tuple[Finding, ...]:
+    """Those of one severity, in their order."""
+    return tuple(one for one in findings if one.severity == severity)
+
+
+register({
+    "not_identifiable": Entry(
+        "the data does not determine it apart from {others}",
+        "The information matrix is singular along a direction that contains the parameter.",
+        "fix one of the parameters, or fly another input",
+    ),
+    "no_effect": Entry(
+        "it has no effect on the fitted outputs", "The sensitivity of every fitted output to the parameter is zero."
+    ),
+    "at_bound": Entry("it stays at its bound {value:g}", "The likelihood increases beyond the bound."),
+    "not_converged": Entry("the search did not converge: {reason}", "The iteration ended before its threshold."),
+})  # fmt: skip
