@@ -6,13 +6,13 @@ import math
 from collections import deque
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from avionics.autopilot import Autopilot
 from avionics.link.codec import quantized_command
-from avionics.messages import ActuatorCommand, Command, SensorFrame
+from avionics.messages import ActuatorCommand, Input, SensorFrame
 from logs.campaigns.prepared import prepare
 from logs.campaigns.stock import load_stock
 from logs.columns import Columns
@@ -28,6 +28,7 @@ from wingbeat.topic import Topic
 __all__ = ["Simulation"]
 
 Controller = Callable[["Simulation"], ActuatorCommand | None]
+Message = TypeVar("Message")
 
 
 class Simulation:
@@ -82,7 +83,7 @@ class Simulation:
         self.autopilot = Autopilot(flight.computer, flight.plan.mission, self._keep)
         script = [*flight.commands, *fault_commands(flight.scenario.faults)]
         self._script = deque(sorted(script, key=lambda command: command.time_us))
-        self._requests: list[Command] = []
+        self._requests: list[Input] = []
         self.command: ActuatorCommand = NEUTRAL
         """actuator command of the flight computer for the next step"""
         self.frame: SensorFrame | None = None
@@ -123,9 +124,18 @@ class Simulation:
             raise InputError(f"a gust must be finite, not {velocity}")
         self.world.extra_wind = (north, east, down)
 
-    def request(self, command: Command) -> None:
-        """Send a command to the flight computer, such as a mode change; it receives it in the next step."""
+    def request(self, command: Input) -> None:
+        """Send a command or stick inputs to the flight computer; it receives them in the next step."""
         self._requests.append(command)
+
+    def last(self, topic: Topic[Message]) -> Message:
+        """Return the last message of a topic.
+
+        Raises:
+            KeyError: the topic has no message so far.
+        """
+        message: Message = self._messages[topic.name][1][-1]
+        return message
 
     def step(self, command: ActuatorCommand | None = None) -> SensorFrame:
         """Advance one tick with ``command`` (default: that of the flight computer) and return the sensor readings.
@@ -136,7 +146,7 @@ class Simulation:
         """
         self.frame = self.world.step(quantized_command(self.command if command is None else command))
         self.world.record()
-        due: list[Command] = [*self._requests]
+        due: list[Input] = [*self._requests]
         self._requests.clear()
         while self._script and self._script[0].time_us <= self.frame.time_us:
             due.append(self._script.popleft())
