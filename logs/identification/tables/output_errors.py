@@ -68,7 +68,7 @@ def output_error_fit(
     told = Fitted(
         f"output error, {asked.model}", chosen.equations, tuple(map(shortened, fit.estimates)),
         fit.unidentified, correlation, series,
-        (*fitted.notes, *held.notes, *spiky, *notes),
+        (*(Information(one.text) for one in chosen.findings), *fitted.notes, *held.notes, *spiky, *notes),
     )  # fmt: skip
     told = without_unexplained(told)
     samples = sum(len(one.time) for one in fitted.experiments)
