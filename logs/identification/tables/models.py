@@ -14,6 +14,7 @@ from logs.identification.findings import Finding
 from logs.identification.models.actuators import Actuated, Actuator
 from logs.identification.models.compiled import CompiledModel
 from logs.identification.models.linear import LinearModel
+from logs.identification.models.nonlinear_lateral import AXES, MEASURED, LateralAirframe, nonlinear_lateral
 from logs.identification.models.nonlinear_longitudinal import Airframe, nonlinear_longitudinal
 from logs.identification.models.stability import Steady, lateral, longitudinal, short_period
 from logs.identification.models.user import is_user_model, load_user_model
@@ -316,6 +317,48 @@ def _nonlinear(asked: OutputError, constants: Mapping[str, float], experiments: 
     return Made(nonlinear_longitudinal(airframe), NONLINEAR, AERODYNAMIC, aliases, held)
 
 
+def _nonlinear_lateral(
+    section: OutputError, constants: Mapping[str, float], experiments: tuple[Experiment, ...]
+) -> Made:
+    controls = tuple(name for name in section.inputs if name not in MEASURED)
+    if not controls:
+        raise InputError("nonlinear lateral takes at least one control in inputs")
+    known, signals = dict(constants), experiments[0].signals
+    need(known, "mass", "I_x", "I_z", "S", "b", "V", what="nonlinear lateral")
+    if "q" in signals:
+        need(known, "I_y", what="nonlinear lateral with signals.q")
+    aliases, fixed = {name: name for name in controls}, {}
+    for name in MEASURED:
+        if name in signals:
+            aliases[name] = name
+        else:
+            fixed[name] = known.get(name, 0.0)
+    density: float | str = known.get("rho", 0.0)
+    for signal, own in (("rho", "density"), ("qbar", "dynamic_pressure")):
+        if signal in signals:
+            aliases[signal], density = own, own
+    if not density:
+        raise InputError("nonlinear lateral needs constants.rho, constants.altitude, signals.rho or signals.qbar")
+    airframe = LateralAirframe(
+        known["mass"], known["I_x"], known["I_z"], known["S"], known["b"], known.get("I_xz", 0.0),
+        known.get("I_y", 0.0), density, known.get("imu_x", 0.0), known.get("imu_z", 0.0),
+    )  # fmt: skip
+    free = ("0", "beta", "p", "r", *controls)
+    default = tuple(f"C_{axis}_{name}" for axis in AXES for name in free if (axis, name) not in LATERAL_DROPPED)
+    return Made(nonlinear_lateral(airframe, controls), NONLINEAR_LATERAL, default, aliases, fixed)
+
+
+LATERAL_DROPPED = (("Y", "p"), ("Y", "r"))
+"""coefficients that are seldom significant: zero unless a map names them"""
+NONLINEAR_LATERAL = (
+    "beta' = (qbar S C_Y/m + g cos(theta) sin(phi))/(V cos(beta)) + p sin(alpha) - r cos(alpha) - V'/V tan(beta)",
+    "I_x p' - I_xz r' = qbar S b C_l + I_xz p q + (I_y - I_z) q r",
+    "I_z r' - I_xz p' = qbar S b C_n + (I_x - I_y) p q - I_xz q r",
+    "phi' = p + tan(theta) (q sin(phi) + r cos(phi))",
+    "C = C_0 + C_beta beta + C_beta3 beta^3 + C_p p b/(2V) + C_r r b/(2V) + C_delta delta, for Y, l and n",
+)
+
+
 def _user(section: OutputError, constants: Mapping[str, float], experiments: tuple[Experiment, ...]) -> Made:
     path = section.model.path if isinstance(section.model, ModelFile) else Path(section.model)
     user = load_user_model(path, constants)
@@ -341,5 +384,6 @@ MODELS: dict[str, tuple[Build, bool]] = {
     "longitudinal": (_longitudinal, True),
     "lateral": (_lateral, True),
     "nonlinear longitudinal": (_nonlinear, False),
+    "nonlinear lateral": (_nonlinear_lateral, False),
 }
 """By name: what makes it, and whether it is linear about a trim."""
