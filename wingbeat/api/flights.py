@@ -42,7 +42,7 @@ class Flight:
 
     @property
     def summary(self) -> FlightSummary:
-        """Key figures: airtime, altitude hold, energy, touchdown."""
+        """Key figures such as airtime, altitude hold, energy and touchdown."""
         if self._summary is None:
             self._summary = summarize(self.log)
         return self._summary

@@ -104,7 +104,7 @@ class Simulation:
 
     @property
     def state(self) -> TruthState:
-        """True state of the vehicle: position, velocity, attitude, rates, wind."""
+        """True position, velocity, attitude, rates of the vehicle and wind."""
         return self.world.truth()
 
     @property
