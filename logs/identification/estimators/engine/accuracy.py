@@ -24,9 +24,8 @@ from logs.identification.estimators.engine.simulation import Flight
 from logs.identification.estimators.engine.weights import about_mean, whitener_of
 from logs.identification.findings import Entry, Finding, register
 from logs.identification.results import Array, student_factor
-from logs.identification.statistics.autoregression import runs
 from logs.identification.statistics.covariance_inflation import not_below
-from logs.identification.statistics.hac import Coloured, Linear, Noise, noise_of, under
+from logs.identification.statistics.hac import HacCovariance, Linear, Noise, noise_of, runs, under
 from logs.identification.statistics.residual_autocorrelation import colour_of, coloured_information
 
 LAG_SHARE = 0.1
@@ -160,7 +159,7 @@ def _noise_of(given: Sensed, inverse: Array, output: int) -> tuple[Noise | None,
         return None, records
 
 
-def _degrees_each(parts: list[Coloured], count: int) -> Array:
+def _degrees_each(parts: list[HacCovariance], count: int) -> Array:
     """Degrees of freedom (p,) of each variance, a sum over outputs (Satterthwaite, Biometrics 2, 1946)."""
     if not parts:
         return np.full(count, np.inf)
