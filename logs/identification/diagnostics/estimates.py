@@ -11,11 +11,9 @@ from logs.identification.data.experiment import Experiment
 from logs.identification.data.noise_level import noise_of_differences, third_differences
 from logs.identification.diagnostics.context import Context
 from logs.identification.diagnostics.sampling import coarse_inputs, sampling_finding
-from logs.identification.estimators.regression.averaging import as_regressed
-from logs.identification.estimators.regression.coefficients import CoefficientRegression, coefficient_regression
-from logs.identification.estimators.regression.design import INTERCEPT
-from logs.identification.estimators.regression.equation_error import Settings
-from logs.identification.estimators.regression.terms import evaluate, parse
+from logs.identification.estimators.equation_error import CoefficientRegression, Settings, coefficient_regression
+from logs.identification.estimators.regressors import INTERCEPT, as_regressed
+from logs.identification.estimators.terms import evaluate, parse
 from logs.identification.findings import Entry, Finding, register
 from logs.identification.results import CONFIDENCE, Array, Estimate, EstimationResult
 from logs.identification.sources.table.quantities import SIGNALS

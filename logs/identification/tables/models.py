@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from logs.identification.data.experiment import Experiment
 from logs.identification.estimators.engine.problem import Fit, Model
+from logs.identification.findings import Finding
 from logs.identification.models.actuators import Actuated, Actuator
+from logs.identification.models.compiled import CompiledModel
 from logs.identification.models.linear import LinearModel
+from logs.identification.models.nonlinear_lateral import AXES, MEASURED, LateralAirframe, nonlinear_lateral
 from logs.identification.models.nonlinear_longitudinal import Airframe, nonlinear_longitudinal
 from logs.identification.models.stability import Steady, lateral, longitudinal, short_period
+from logs.identification.models.user import is_user_model, load_user_model
 from logs.identification.results import Array
-from logs.identification.sources.table.config import DELAY, OutputError, Parameter
+from logs.identification.sources.table.config import DELAY, ModelFile, OutputError, Parameter
 from logs.identification.sources.table.constants import need
 from wingbeat.errors import InputError
 from wingbeat.schema import check_known
@@ -47,6 +52,9 @@ class Built(NamedTuple):
     """-; the model's inputs by the name in the map"""
     constant_inputs: Mapping[str, float] = {}
     """SI; inputs without a signal, by the model's name"""
+    starts: Mapping[str, float] = {}
+    """as the parameters; of a user's model, if its file gives them"""
+    findings: tuple[Finding, ...] = ()
 
 
 class Chosen(NamedTuple):
@@ -62,6 +70,9 @@ class Chosen(NamedTuple):
     """-; the model's inputs by the name in the map"""
     constant_inputs: Mapping[str, float]
     """SI; inputs without a signal, by the model's name"""
+    operating_point: tuple[Array, Array] | None = None
+    """(n,), (k,); mean states and inputs, about which a nonlinear model is linearized"""
+    findings: tuple[Finding, ...] = ()
 
     @property
     def fixed(self) -> dict[str, float]:
@@ -108,16 +119,24 @@ class Chosen(NamedTuple):
         """Matrix A (n, n) of a linear model as a function of the free parameters (p,), without integrated angles.
 
         Raises:
-            InputError: the model is not linear.
+            InputError: the model has no modes.
         """
         inner = self.model.model if isinstance(self.model, Actuated) else self.model
-        if not isinstance(inner, LinearModel):
-            raise InputError("a nonlinear model has no modes of its own")
         base = {name: one.value for name, one in inner.parameters.items()} | self.fixed
 
+        def parameters(values: Array) -> Array:
+            merged = base | dict(zip(fit.names, values.tolist(), strict=True))
+            return np.array([merged[name] for name in inner.parameters])
+
+        if isinstance(inner, CompiledModel) and self.operating_point is not None:
+            model, point = inner, self.operating_point
+            return lambda values: model.state_matrix(parameters(values), *point)
+        if not isinstance(inner, LinearModel):
+            raise InputError("a nonlinear model has no modes of its own")
+        linear = inner
+
         def system(values: Array) -> Array:
-            all_values = base | dict(zip(fit.names, values.tolist(), strict=True))
-            whole = inner.matrices(np.array([all_values[name] for name in inner.parameters])).a
+            whole = linear.matrices(parameters(values)).a
             states = [n for n in range(len(whole)) if np.any(whole[:, n]) or len(whole) == 1]
             return np.asarray(whole[np.ix_(states, states)])
 
@@ -130,7 +149,7 @@ def chosen_model(section: OutputError, constants: Mapping[str, float], experimen
     Raises:
         InputError: an output or parameter that it does not have, or a constant that it needs.
     """
-    build, linear = MODELS[section.model]
+    build, linear = (_user, False) if is_user_model(section.model) else MODELS[section.model]
     built = build(section, with_speed(constants, experiments), experiments)
     late = () if section.delay.fixed == 0.0 else (Actuator(tuple(built.model.inputs), DELAY),)
     zoh = _zoh_inputs(section, built)
@@ -150,7 +169,22 @@ def chosen_model(section: OutputError, constants: Mapping[str, float], experimen
         parameters[DELAY] = section.delay
     if all(one.fixed is not None for one in parameters.values()):
         raise InputError(f"{section.model}: every parameter is fixed, there is nothing to find")
-    return Chosen(model, built.equations, parameters, linear, built.aliases, built.constant_inputs)
+    return Chosen(
+        model, built.equations, parameters, linear, built.aliases, built.constant_inputs,
+        None if linear else _operating_point(built, experiments), built.findings,
+    )  # fmt: skip
+
+
+def _operating_point(built: Built, experiments: tuple[Experiment, ...]) -> tuple[Array, Array] | None:
+    """Mean states and inputs; a state that is not measured has its value in the model."""
+    if not isinstance(built.model, CompiledModel):
+        return None
+    signals = {own: name for name, own in built.aliases.items()}
+    means = {name: _mean(signals.get(name, name), experiments) for name in (*built.model.states, *built.model.inputs)}
+    states = [one.value if (mean := means[name]) is None else mean for name, one in built.model.states.items()]
+    constant = built.constant_inputs
+    inputs = [constant.get(name, 0.0) if (mean := means[name]) is None else mean for name in built.model.inputs]
+    return np.array(states), np.array(inputs)
 
 
 def _zoh_inputs(section: OutputError, built: Built) -> tuple[str, ...]:
@@ -167,7 +201,7 @@ def _zoh_inputs(section: OutputError, built: Built) -> tuple[str, ...]:
 def _parameters(section: OutputError, built: Built) -> dict[str, Parameter]:
     """The map's, by the model's names: with one input ``Z_delta_e`` is ``Z_delta``."""
     if not section.parameters:
-        return {name: Parameter() for name in built.default}
+        return {name: Parameter(start=built.starts.get(name)) for name in built.default}
     found = {}
     for name, one in section.parameters.items():
         own = name
@@ -286,6 +320,59 @@ def _nonlinear(section: OutputError, constants: Mapping[str, float], experiments
     return Built(nonlinear_longitudinal(airframe), NONLINEAR, AERODYNAMIC, aliases, constant)
 
 
+def _nonlinear_lateral(
+    section: OutputError, constants: Mapping[str, float], experiments: tuple[Experiment, ...]
+) -> Built:
+    controls = tuple(name for name in section.inputs if name not in MEASURED)
+    if not controls:
+        raise InputError("nonlinear lateral takes at least one control in inputs")
+    known, signals = dict(constants), experiments[0].signals
+    need(known, "mass", "I_x", "I_z", "S", "b", "V", what="nonlinear lateral")
+    if "q" in signals:
+        need(known, "I_y", what="nonlinear lateral with signals.q")
+    aliases, fixed = {name: name for name in controls}, {}
+    for name in MEASURED:
+        if name in signals:
+            aliases[name] = name
+        else:
+            fixed[name] = known.get(name, 0.0)
+    density: float | str = known.get("rho", 0.0)
+    for signal, own in (("rho", "density"), ("qbar", "dynamic_pressure")):
+        if signal in signals:
+            aliases[signal], density = own, own
+    if not density:
+        raise InputError("nonlinear lateral needs constants.rho, constants.altitude, signals.rho or signals.qbar")
+    airframe = LateralAirframe(
+        known["mass"], known["I_x"], known["I_z"], known["S"], known["b"], known.get("I_xz", 0.0),
+        known.get("I_y", 0.0), density, known.get("imu_x", 0.0), known.get("imu_z", 0.0),
+    )  # fmt: skip
+    free = ("0", "beta", "p", "r", *controls)
+    default = tuple(f"C_{axis}_{name}" for axis in AXES for name in free if (axis, name) not in LATERAL_DROPPED)
+    return Built(nonlinear_lateral(airframe, controls), NONLINEAR_LATERAL, default, aliases, fixed)
+
+
+LATERAL_DROPPED = (("Y", "p"), ("Y", "r"))
+"""coefficients that are seldom significant: zero unless a map names them"""
+NONLINEAR_LATERAL = (
+    "beta' = (qbar S C_Y/m + g cos(theta) sin(phi))/(V cos(beta)) + p sin(alpha) - r cos(alpha) - V'/V tan(beta)",
+    "I_x p' - I_xz r' = qbar S b C_l + I_xz p q + (I_y - I_z) q r",
+    "I_z r' - I_xz p' = qbar S b C_n + (I_x - I_y) p q - I_xz q r",
+    "phi' = p + tan(theta) (q sin(phi) + r cos(phi))",
+    "C = C_0 + C_beta beta + C_beta3 beta^3 + C_p p b/(2V) + C_r r b/(2V) + C_delta delta, for Y, l and n",
+)
+
+
+def _user(section: OutputError, constants: Mapping[str, float], experiments: tuple[Experiment, ...]) -> Built:
+    path = section.model.path if isinstance(section.model, ModelFile) else Path(section.model)
+    user = load_user_model(path, constants)
+    for name, unit in user.model.inputs.items():
+        told = experiments[0].units.get(name, unit)
+        if told != unit:
+            raise InputError(f"signals.{name} is in {told}, the input {name} of {section.model} in {unit}")
+    aliases = {name: name for name in user.model.inputs}
+    return Built(user.model, user.equations, tuple(user.model.parameters), aliases, {}, user.starts, user.findings)
+
+
 NONLINEAR = (
     "V' = -qbar S C_D/m + T cos(alpha + sigma)/m + g sin(alpha - theta)",
     "alpha' = q - (qbar S C_L + T sin(alpha + sigma))/(m V) + g cos(alpha - theta)/V",
@@ -300,5 +387,6 @@ MODELS: dict[str, tuple[Build, bool]] = {
     "longitudinal": (_longitudinal, True),
     "lateral": (_lateral, True),
     "nonlinear longitudinal": (_nonlinear, False),
+    "nonlinear lateral": (_nonlinear_lateral, False),
 }
 """By name: what makes it, and whether it is linear about a trim."""

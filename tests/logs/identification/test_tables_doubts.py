@@ -15,17 +15,16 @@ from logs.identification.data.experiment import Experiment
 from logs.identification.diagnostics.context import Context
 from logs.identification.diagnostics.estimates import disagreements, with_regressor_noise
 from logs.identification.diagnostics.model_structure import lack_of_fit, poor_fit
+from logs.identification.estimators.equation_error import Settings, coefficient_regression
 from logs.identification.estimators.equivalent_system import equivalent_system
 from logs.identification.estimators.era import realization
 from logs.identification.estimators.nonparametric import modes_of_experiments, modes_of_records
 from logs.identification.estimators.records import records_of
-from logs.identification.estimators.regression.coefficients import coefficient_regression
-from logs.identification.estimators.regression.equation_error import Settings
 from logs.identification.models.modes import TOO_FAST
 from logs.identification.report.result_formatting import notes_of as said_of
 from logs.identification.report.result_formatting import table_document
 from logs.identification.results import EstimationResult, FitSeries, estimate
-from logs.identification.statistics.autoregression import autocovariance, prediction_variances
+from logs.identification.statistics.hac import autocovariance
 from logs.identification.tables.run import identify_tables
 from tests.logs.identification.test_frequency_equations import SLOW, exact
 from tests.logs.identification.test_tables_identified import codes, flight
@@ -186,7 +185,6 @@ def test_a_fast_motion_without_noise_is_not_called_noise(noise: float) -> None:
 def test_an_autoregression_at_its_limit_divides_by_nothing() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        assert np.all(np.isfinite(prediction_variances(np.array([1.0, -0.5]))))
         assert np.all(np.isfinite(autocovariance(np.array([-1.0]), 8)))
 
 
