@@ -9,10 +9,10 @@ import numpy as np
 from logs.identification.data.experiment import Experiment
 from logs.identification.estimators.frequency_equations import METHOD, STATES, Asked, frequency_equation_error
 from logs.identification.models.modes import SHORT_PERIOD, Mode, nothing
+from logs.identification.results import EstimationResult
 from logs.identification.sources.table.config import DELAY, ModesSection
 from logs.identification.sources.table.signal_lookup import band_frequencies
 from logs.identification.tables.models import DROPPED, with_speed
-from logs.identification.tables.results import TableFit
 
 SINGLE = "delta"
 """what the derivatives by a single input are called, as output error calls them"""
@@ -27,7 +27,7 @@ def by_equations(
     asked: ModesSection,
     experiments: tuple[Experiment, ...],
     constants: Mapping[str, float],
-    fits: Sequence[TableFit],
+    fits: Sequence[EstimationResult],
 ) -> Mode:
     """The short period by its two equations; with output error's delay, and its error, where that is free.
 
@@ -36,7 +36,7 @@ def by_equations(
     """
     delay, error = asked.delay.fixed, 0.0
     if delay is None:
-        found = next((one for fit in fits for one in fit.fitted.estimates if one.name == DELAY), None)
+        found = next((one for fit in fits for one in fit.estimates if one.name == DELAY), None)
         delay, error = (None, 0.0) if found is None else (found.value, found.standard_error)
     if delay is None:
         return nothing(METHOD, "the delay is free, and output error did not find it: hold it")

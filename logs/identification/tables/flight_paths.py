@@ -14,11 +14,9 @@ from logs.identification.estimators.flight_path.records import LEAST_SAMPLES
 from logs.identification.estimators.flight_path.result import fitted_path, input_names, path_chapter
 from logs.identification.estimators.flight_path.sensors import LONGITUDINAL_INPUTS, UNITS, WINDS, Places
 from logs.identification.models.rigid_body import INPUTS
-from logs.identification.results import Array, Information
+from logs.identification.results import Array, EstimationResult, Information, from_fitted
 from logs.identification.sources.table.maneuvers import Cut
 from logs.identification.sources.table.signals import LONGEST_FILL
-from logs.identification.statistics.output_fit import output_fits
-from logs.identification.tables.results import TableFit
 from wingbeat.constants import STANDARD_GRAVITY
 from wingbeat.errors import InputError
 from wingbeat.schema import check_known
@@ -47,7 +45,7 @@ altitude = { column = "alt", unit = "ft" }           # climb_rate, north, east (
 
 [manoeuvres]
 windows = [[10, 40], [60, 90]]
-validate = [2]               # predicted with the errors found from the others
+validate = [2]               # predicted with the errors maneuvers from the others
 
 [path]
 longitudinal = false         # true: u, w, theta and altitude alone, from q, a_x and a_z, wings level
@@ -74,63 +72,63 @@ class PathSection(NamedTuple):
     """SI; standard deviation of the white noise by input; by the records where not given"""
 
 
-def path_fit(asked: PathSection, found: Cut, constants: Mapping[str, float], fill: float | None) -> list[TableFit]:
+def path_fit(
+    section: PathSection, maneuvers: Cut, constants: Mapping[str, float], fill: float | None
+) -> list[EstimationResult]:
     """The reconstruction over all manoeuvres, and what its errors make of those that were held out.
 
     Raises:
         InputError: an input or the airspeed is not there, or no stretch without a gap is long enough.
     """
-    setup, notes = _setup(asked, tuple(found.fitted[0].signals), constants)
-    fitted = _records(found.fitted, setup.longitudinal, fill, notes)
+    setup, notes = _setup(section, tuple(maneuvers.fitted[0].signals), constants)
+    fitted = _records(maneuvers.fitted, setup.longitudinal, fill, notes)
     if not fitted:
         raise InputError("path: " + "; ".join(notes))
-    held = _records(found.held_out, setup.longitudinal, fill, notes)
+    held = _records(maneuvers.held_out, setup.longitudinal, fill, notes)
     result = _with_level_wings(reconstruct(fitted, setup), fitted, setup.longitudinal)
     told = fitted_path(fitted, result, setup, held)
     told = told._replace(notes=(*notes, *_unknown_bank(fitted, result, setup.longitudinal), *told.notes))
     chapter = path_chapter(fitted, result)
     samples = sum(len(one.time) for one in fitted)
-    one = TableFit(
-        "path", told, not result.failure, result.failure, {}, {}, output_fits(told.series), samples,
-        chapters=() if chapter is None else (chapter,),
-    )  # fmt: skip
+    chapters = () if chapter is None else (chapter,)
+    one = from_fitted(told, "flight_path", result.failure, subject="path", samples=samples, chapters=chapters)
     return [one]
 
 
-def _nothing(found: Reconstruction, why: str) -> Reconstruction:
-    return found._replace(parameters=(), tracks=(), correlation=np.zeros((0, 0)), failure=why)
+def _nothing(maneuvers: Reconstruction, why: str) -> Reconstruction:
+    return maneuvers._replace(parameters=(), tracks=(), correlation=np.zeros((0, 0)), failure=why)
 
 
-def _with_level_wings(found: Reconstruction, records: list[Experiment], longitudinal: bool) -> Reconstruction:
-    """What was ``found``, or nothing where the longitudinal motion alone was flown with a measured bank that counts.
+def _with_level_wings(maneuvers: Reconstruction, records: list[Experiment], longitudinal: bool) -> Reconstruction:
+    """The result, or nothing if the longitudinal motion alone was fitted with a measured bank that matters.
 
     A level turn's pitch rate ``r tan(phi)`` would be a bias of q, and what a bank takes off ``g cos(phi)`` one of
     a_z.
     """
     banked = [one for one in records if "phi" in one.signals]
-    if not longitudinal or found.failure or not banked:
-        return found
+    if not longitudinal or maneuvers.failure or not banked:
+        return maneuvers
     phi = np.concatenate([one.signals["phi"] for one in banked])
     turning = np.concatenate([_yaw_rate(one) for one in banked]) * np.tan(phi)
     made = {"bias_q": np.nanmean(turning), "bias_a_z": STANDARD_GRAVITY * np.nanmean(1.0 - np.cos(phi))}
-    for one in found.parameters:
+    for one in maneuvers.parameters:
         if abs(made.get(one.name, 0.0)) > one.high - one.value:
             why = (
                 f"phi of up to {np.degrees(np.nanmax(np.abs(phi))):.0f} deg is not level: the bank alone makes"
                 f" {made[one.name]:.2g} {one.unit} of {one.name}; tell p, r and a_y, or cut where the wings are level"
             )
-            return _nothing(found, why)
-    return found
+            return _nothing(maneuvers, why)
+    return maneuvers
 
 
-def _unknown_bank(records: list[Experiment], found: Reconstruction, longitudinal: bool) -> tuple[str, ...]:
+def _unknown_bank(records: list[Experiment], maneuvers: Reconstruction, longitudinal: bool) -> tuple[str, ...]:
     """What is said where no measured bank can refute the level wings of the longitudinal motion alone.
 
     Of a steady bank phi a level turn pitches by ``g / V sin(phi) tan(phi)``, and g (1 - cos(phi)) is taken off a_z.
     """
-    if not longitudinal or found.failure or any("phi" in one.signals for one in records):
+    if not longitudinal or maneuvers.failure or any("phi" in one.signals for one in records):
         return ()
-    half = {one.name: one.high - one.value for one in found.parameters}
+    half = {one.name: one.high - one.value for one in maneuvers.parameters}
     speed = float(np.nanmean(np.concatenate([one.signals["airspeed"] for one in records])))
     made = []
     if "bias_q" in half:
@@ -155,17 +153,17 @@ def _yaw_rate(one: Experiment) -> Array:
     return np.asarray(STANDARD_GRAVITY * np.sin(one.signals["phi"]) / np.where(speed > 0.0, speed, np.nan))
 
 
-def _setup(asked: PathSection, signals: tuple[str, ...], constants: Mapping[str, float]) -> tuple[Setup, list[str]]:
+def _setup(section: PathSection, signals: tuple[str, ...], constants: Mapping[str, float]) -> tuple[Setup, list[str]]:
     names = (*(f"{kind}_{channel}" for kind in ("bias", "scale") for channel in UNITS), *WINDS)
     for key in ("also", "known"):
-        for name in getattr(asked, key):
+        for name in getattr(section, key):
             check_known(name, names, f"path.{key} {name}")
-    for name, value in asked.input_noise.items():
+    for name, value in section.input_noise.items():
         check_known(name, INPUTS, f"path.input_noise.{name}")
         if not value > 0:
             raise InputError(f"path.input_noise.{name} must be above 0")
     absent = [name for name in INPUTS if name not in signals]
-    longitudinal, notes = asked.longitudinal, []
+    longitudinal, notes = section.longitudinal, []
     if longitudinal is None:
         longitudinal = bool(set(absent) - set(LONGITUDINAL_INPUTS))
         if longitudinal:
@@ -175,18 +173,18 @@ def _setup(asked: PathSection, signals: tuple[str, ...], constants: Mapping[str,
     missing += [] if {"V", "airspeed"} & set(signals) else ["signals.V"]
     if missing:
         raise InputError(f"path needs {', '.join(missing)}")
-    places = asked.places
+    places = section.places
     if places.imu == Places().imu:
         x, y, z = (constants.get(f"imu_{axis}", 0.0) for axis in "xyz")
         places = places._replace(imu=(x, y, z))
-    return Setup(longitudinal, asked.also, asked.known, places, asked.input_noise or None), notes
+    return Setup(longitudinal, section.also, section.known, places, section.input_noise or None), notes
 
 
 def _records(
     experiments: tuple[Experiment, ...], longitudinal: bool, fill: float | None, notes: list[str]
 ) -> list[Experiment]:
     """Stretches of the manoeuvres without gaps in what drives the kinematics, the airspeed by its name there."""
-    found: list[Experiment] = []
+    maneuvers: list[Experiment] = []
     for one in map(_named, experiments):
         names, gap = input_names(longitudinal), LONGEST_FILL * one.step if fill is None else fill
         lost = int(np.count_nonzero(~np.all([np.isfinite(one.signals[name]) for name in names], axis=0)))
@@ -201,8 +199,8 @@ def _records(
             notes.append(
                 Information(f"{one.name}: {said}, {lost - min(left, lost)} of them bridged, {left} left out")
             )
-        found += pieces
-    return found
+        maneuvers += pieces
+    return maneuvers
 
 
 def _named(one: Experiment) -> Experiment:

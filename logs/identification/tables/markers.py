@@ -178,7 +178,7 @@ def clouds_of_tables(paths: Sequence[Path], chosen: MarkersMap) -> tuple[tuple[C
         raise InputError("no marker of markers.places has signals NAME_x, NAME_y and NAME_z")
     for path in paths:
         records, told = records_of(read_columns(path, chosen.table), chosen.signals, chosen.time, None)
-        notes += told
+        notes += [one.text for one in told]
         for number, record in enumerate(records, 1):
             name = record.file if len(records) == 1 else f"record {number} of {record.file}"
             clouds.append(Cloud(name, record.time, {one: _track(record.signals, one, asked) for one in there}))

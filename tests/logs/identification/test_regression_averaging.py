@@ -111,7 +111,7 @@ def test_a_control_behind_an_actuator_leaves_the_truth_inside(tmp_path: Path, ac
     (fit,) = identified(tmp_path, columns, mapped("time"), "aero").fits
     for name, derivative in (("alpha", "M_alpha"), ("q", "M_q"), ("delta_e", "M_delta")):
         assert numbers(fit)[name].contains(TRUTH[derivative]), name
-    said = [note for note in fit.fitted.notes if "record it faster" in note]
+    said = [one for one in fit.findings if one.code == "sampling"]
     assert len(said) == (rate * actuator < 5.0)
     if not said:
         assert all(one.high - one.low < 0.06 * abs(one.value) for n, one in numbers(fit).items() if n != "intercept")
