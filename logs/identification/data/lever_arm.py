@@ -3,7 +3,7 @@
 Klein & Morelli, Aircraft System Identification, 2006, chapter 10 (data compatibility): a
 point of a rigid body at r from the centre of mass moves with v + omega x r and accelerates with
 a + omega_dot x r + omega x (omega x r). Every r is from the centre of mass to the sensor, in FRD. Vanes and pitot off
-the centre are corrected where the motion is fitted to all sensors at once (`estimators.flight_path.reconstruction`).
+the centre are corrected where the motion is fitted to all sensors at once (`estimators.flight_path`).
 """
 
 from __future__ import annotations

@@ -25,7 +25,7 @@ from logs.identification.report.markers import marker_document, marker_lines
 from logs.identification.results import Estimate, Unidentified
 from logs.identification.sources.cached_source import Remembered
 from logs.identification.sources.flight import drive_data, flight_data, throttle_data, true_drive_data
-from logs.identification.sources.flight_path_log import PathResult, identify_path
+from logs.identification.sources.flight_path import PathResult, identify_path
 from logs.identification.sources.topic_table import ColumnSource
 from logs.identification.sources.true_imu import imu_truths
 from logs.identification.tables.markers import MarkersResult
