@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from logs.identification.data.contiguous_runs import longest_run, runs
-from logs.identification.data.fourier_smoothing import LEAST, POWER, fourier_smoothing
+from logs.identification.data.smoothing import MIN_FOURIER, POWER, fourier_smoothing
 from logs.identification.results import Array
 from logs.strokes import strokes_of, time_at
 from sim_bridge.aerodynamics.stroke_averages import StrokeRecord, stroke_record
@@ -154,7 +154,7 @@ def wing_motion(flap: Array, step: float) -> WingMotion:
     the longest one's cut-off.
     """
     smooth, rate, bent = (np.full(len(flap), np.nan) for _ in range(3))
-    pieces = [run for run in runs(np.isfinite(flap)) if run.stop - run.start >= LEAST]
+    pieces = [run for run in runs(np.isfinite(flap)) if run.stop - run.start >= MIN_FOURIER]
     if not pieces:
         return WingMotion(smooth, rate, 0.0, bent)
     cut_off = min(fourier_smoothing(flap[longest_run(np.isfinite(flap))], step).cut_off, HIGHEST / step)
