@@ -23,11 +23,9 @@ from logs.identification.models.modes import KINDS, Mode, ModesResult, Oscillati
 from logs.identification.report.background import begun
 from logs.identification.report.markers import marker_document, marker_lines
 from logs.identification.results import Estimate, Unidentified
-from logs.identification.sources.cached_source import Remembered
 from logs.identification.sources.flight import drive_data, flight_data, throttle_data, true_drive_data
-from logs.identification.sources.flight_path import PathResult, identify_path
-from logs.identification.sources.topic_table import ColumnSource
-from logs.identification.sources.true_imu import imu_truths
+from logs.identification.sources.flight_path import PathResult, identify_path, imu_truths
+from logs.identification.sources.topic_table import CachedSource, ColumnSource
 from logs.identification.tables.markers import MarkersResult
 from sim_bridge.vehicles import SimulatedVehicle
 from wingbeat.errors import InputError
@@ -109,7 +107,7 @@ def identify(
     """
     if what not in SUBJECTS:
         raise InputError(f"cannot identify {what!r}; known: {', '.join(SUBJECTS)}")
-    source = Remembered(source)
+    source = CachedSource(source)
     known, aircraft, missing = dict(truths or {}), aircraft or Aircraft(), list[Unidentified]()
     torque = power = load = frequency = None
     unknown_modes = list[Unidentified]()

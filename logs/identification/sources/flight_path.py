@@ -8,11 +8,13 @@ if that is a sensor's own, with a sigma of 0.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from avionics import topics
 from logs.identification.data.contiguous_runs import longest_run, runs
@@ -37,7 +39,12 @@ from logs.identification.report.flight_path import path_chapter
 from logs.identification.results import Array, EstimationResult, Fitted, fitted_of
 from logs.identification.sources.full_flight import LONGEST_GAP, whole_flight
 from logs.identification.sources.topic_table import ColumnSource, TopicTable
+from sim_bridge import topics as truth
+from wingbeat.constants import STANDARD_GRAVITY
 from wingbeat.errors import InputError
+from wingbeat.rotation_arrays import dcms_from_quaternions
+
+QUATERNION = ("quaternion_w", "quaternion_x", "quaternion_y", "quaternion_z")
 
 FLIGHT_SPEED, SPEED_QUANTILE = 0.5, 0.9
 """-; fraction of this quantile of the speed, below which it is on the ground"""
@@ -269,3 +276,35 @@ def _airborne(flight: Experiment) -> tuple[Experiment, ...]:
             cut(flight, slice(int(a), int(b))) for a, b in pairwise(bounds) if (b - a) * flight.step >= MIN_PIECE
         ]
     return tuple(one._replace(name=f"piece {number}") for number, one in enumerate(pieces, 1))
+
+
+# --- truth of a simulated flight ------------------------------------------------------------------------------
+
+
+def imu_truths(source: ColumnSource, aircraft: Aircraft, spans: Sequence[tuple[float, float]]) -> dict[str, float]:
+    """Mean error of each rate (rad/s) and specific force (m/s^2) over the ``spans`` (s), by name of its bias.
+
+    Scales and misalignments are included. Empty if the log is not of a simulated flight.
+    """
+    try:
+        true = _true_inputs(source, aircraft)
+    except InputError:
+        return {}
+    flight = whole_flight(source, "flight", aircraft.imu)
+    inside = np.any([(flight.time >= begin) & (flight.time <= end) for begin, end in spans], axis=0)
+    errors = {name: flight.signals[name] - np.interp(flight.time, *true[name]) for name in INPUTS}
+    return {f"bias_{name}": float(np.nanmean(values[inside])) for name, values in errors.items()}
+
+
+def _true_inputs(source: ColumnSource, aircraft: Aircraft) -> dict[str, tuple[Array, Array]]:
+    """Time and value of the true rates and of the specific forces at the IMU's position."""
+    rates = ("roll_rate", "pitch_rate", "yaw_rate")
+    state = TopicTable(source, truth.STATE, "v_north", "v_east", "v_down", *QUATERNION, *rates)
+    to_ned = dcms_from_quaternions(np.column_stack([state[name] for name in QUATERNION]))
+    omega = np.column_stack([state[name] for name in rates])
+    arm = np.array((aircraft.imu_x, 0.0, aircraft.imu_z))
+    v_ned = np.column_stack([state[f"v_{axis}"] for axis in ("north", "east", "down")])
+    at_imu = v_ned + np.einsum("nij,nj->ni", to_ned, np.cross(omega, arm))
+    force_ned = CubicSpline(state.time, at_imu)(state.time, 1) - np.array((0.0, 0.0, STANDARD_GRAVITY))
+    forces = np.einsum("nji,nj->ni", to_ned, force_ned)
+    return {name: (state.time, column) for name, column in zip(INPUTS, np.hstack((omega, forces)).T, strict=True)}

@@ -14,9 +14,8 @@ from logs.identification.data.flight import Aircraft
 from logs.identification.estimators.gps_aided import AidedFit, AidedFlight, aided_fit, ned_from_frd
 from logs.identification.models.rigid_body import INPUTS
 from logs.identification.results import Array, estimate
-from logs.identification.sources.flight_path import aided_flight, identify_path
+from logs.identification.sources.flight_path import aided_flight, identify_path, imu_truths
 from logs.identification.sources.full_flight import whole_flight
-from logs.identification.sources.true_imu import imu_truths
 from sim_bridge import topics as truth_topics
 from wingbeat.topic import Topic
 
