@@ -11,7 +11,7 @@ from avionics import topics
 from avionics.messages import BURST_LENGTH
 from avionics.sensing import inertial
 from logs.identification.data.flight import AIRSPEED_GUESSED, STROKES_GUESSED, DriveData, FlightData
-from logs.identification.drive.frequency import ThrottleData
+from logs.identification.estimators.flapping_frequency import ThrottleData
 from logs.identification.results import Array
 from logs.identification.sources.detection import detect_inputs, strokes_in
 from logs.identification.sources.topic_table import ColumnSource, TopicTable, time_base

@@ -19,7 +19,7 @@ from avionics.sensing import inertial
 from logs.identification.data.contiguous_runs import runs
 from logs.identification.data.lag import behind
 from logs.identification.models.inverse_dynamics import WingMotion
-from logs.identification.models.wing_air import MovedVehicle
+from logs.identification.models.multibody import MovedVehicle
 from logs.identification.motion_capture.speeds import smoothed
 from logs.identification.results import Array
 from logs.identification.sources.topic_table import ColumnSource, TopicTable, time_base

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from logs.identification.aerodynamics.structure import AeroResult, identify_coefficients
+from logs.identification.estimators.wing_coefficients import AeroResult, identify_coefficients
 from logs.identification.models.inverse_dynamics import LOW_PASS, WingMotion, coefficients, moved_by_speeds
 from logs.identification.motion_capture.marker_motion import Cloud, MarkerMotion, marker_motion
 from logs.identification.motion_capture.markers import Places

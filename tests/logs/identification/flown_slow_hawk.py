@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from logs.identification.models.wing_air import MovedVehicle
+from logs.identification.models.multibody import MovedVehicle
 from logs.identification.motion_capture.kinematic_chain import skeleton
 from sim_bridge import plant_kernel as k
 from sim_bridge.aerodynamics import regression

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from logs.identification.aerodynamics.structure import AeroResult, identify_coefficients, named
 from logs.identification.estimators.equation_error import coefficient_regression
+from logs.identification.estimators.wing_coefficients import AeroResult, identify_coefficients, named
 from logs.identification.models.inverse_dynamics import (
     LOW_PASS,
     WingCoefficients,

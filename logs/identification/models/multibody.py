@@ -14,7 +14,7 @@ import numpy as np
 from sim_bridge import plant_kernel as k
 from sim_bridge.aerodynamics.regression import dynamic_pressure
 from sim_bridge.compiled import Bound, bound_values, kernel
-from sim_bridge.mechanism import build_mechanism
+from sim_bridge.mechanism import build_mechanism, wing_strips
 from sim_bridge.multibody.plates import add_plates
 from sim_bridge.multibody.tree import BASE, Equations, assemble
 from sim_bridge.multibody.wings import add_wings
@@ -22,6 +22,15 @@ from sim_bridge.plant import plant_parameters, scratch
 from sim_bridge.vectors import Floats
 from sim_bridge.vehicles import SimulatedVehicle
 from wingbeat.errors import InputError
+
+
+class Wing(NamedTuple):
+    """What coefficients are told of."""
+
+    area: float
+    """m^2; S of Eq. 14, both wings"""
+    chord: float
+    """m; c of Eq. 16"""
 
 
 class MovedVehicle(NamedTuple):
@@ -46,6 +55,26 @@ class WingAir(NamedTuple):
     """N, N m; (N, 6), on the vehicle about the base's origin, body axes; apparent mass included"""
     pressure: Floats
     """Pa; (N,), half the density times |v_mac|^2 of Eq. 14, mean of the wings"""
+
+
+def wing_of(vehicle: SimulatedVehicle) -> Wing:
+    """Area of both wings and their mean chord, as the vehicle's regression has them, or by its strips."""
+    told = vehicle.sections.get("regression")
+    if told is not None:
+        return Wing(float(told.area), float(told.chord))
+    strips, _ = wing_strips(vehicle.wing)
+    area = float(np.sum(strips.chord * strips.width))
+    return Wing(area, area / (2.0 * vehicle.wing.semispan))
+
+
+def flap_columns(vehicle: SimulatedVehicle) -> list[int]:
+    """Columns of the flapping angles among the coordinates of the ``vehicle``."""
+    return [index - k.COORDINATES for index in build_mechanism(vehicle).layout.flap]
+
+
+def coordinate_count(vehicle: SimulatedVehicle) -> int:
+    """Number of the coordinates of the ``vehicle``."""
+    return len(build_mechanism(vehicle).layout.coordinates)
 
 
 @kernel
@@ -94,3 +123,7 @@ def wing_air(vehicle: SimulatedVehicle, moved: MovedVehicle, density: float, wit
     rates, winds = (np.ascontiguousarray(values, dtype=np.float64) for values in (moved.rates, moved.wind_ned))
     _required(states, rates, winds, density, bound, out)
     return WingAir(out[:, :BASE], out[:, BASE])
+
+
+__all__ = ["BASE", "SimulatedVehicle"]
+"""re-exported, so that no other module of the core imports the plant"""

@@ -17,14 +17,15 @@ from scipy.optimize import least_squares
 
 from logs.identification.data.experiment import Experiment
 from logs.identification.data.noise_level import noise_beside_steps
-from logs.identification.drive.servo import ServoModel
+from logs.identification.estimators.servo import ServoModel
 from logs.identification.results import Array, Estimate, Unidentified, estimate, student_factor
-from logs.identification.statistics.covariance_inflation import not_below
-from logs.identification.statistics.residual_autocorrelation import colour_of, coloured_information
+from logs.identification.statistics.hac import Linear, autocorrelated
 from wingbeat.errors import InputError
 
 DAMPING, NATURAL = "twist_damping", "twist_natural_frequency"
 LEAST_SAMPLES = 16
+LINEAR = 3
+"""-; amplitudes and rest position, fitted beside the two constants"""
 GUESSES = (0.05, 0.2, 0.5, 0.8)
 """-; damping ratios from which the fit begins"""
 HELD = 8.0
@@ -268,16 +269,12 @@ def _slope(constants: Array, time: Array, values: Array, index: int) -> Array:
 
 
 def _covariance(jacobian: Array, residuals: Array, time: Array, measured: Array) -> tuple[Array, float]:
-    """Covariance (2, 2) with coloured residuals, and its degrees of freedom."""
+    """Covariance (2, 2) for autocorrelated residuals, and its degrees of freedom."""
     full, left = np.zeros((len(time), 2)), np.zeros(len(time))
     full[measured], left[measured] = jacobian, residuals
-    colour = colour_of([left[:, None]], [measured.astype(float)], max(len(time) // 10, 1))
-    degrees = max(colour.effective - 5.0, 1.0)
-    inverse = np.asarray(np.linalg.pinv(jacobian.T @ jacobian), dtype=np.float64)
-    white = inverse * float(residuals @ residuals) / max(len(residuals) - 5.0, 1.0)
-    covariance = inverse @ coloured_information([full[:, None, :]], colour) @ inverse * (colour.effective / degrees)
-    widened = not_below(covariance, white) if np.all(np.diag(covariance) > 0) else white
-    return np.asarray(widened, dtype=np.float64), degrees
+    record = Linear(full @ np.linalg.pinv(jacobian.T @ jacobian), np.linalg.qr(full)[0], left, measured.astype(float))
+    found = autocorrelated((record,))
+    return found.covariance, max(float(found.degrees.min()) - LINEAR, 1.0)
 
 
 def _nothing(why: str, spread: float, count: int) -> ServoModel:

@@ -1,18 +1,43 @@
-"""What calibrations leave wrong in the drives' sensors, and what it makes of a model's intervals.
+"""Result of a servo fit, and the effect of the sensors' calibration errors on its intervals.
 
-A scale or a zero that is wrong all flight long leaves no trace in the residuals. Its effect is found by fitting again
-with each sensor changed by one standard deviation (GUM, JCGM 100:2008, 5.1.3 with finite differences); the squares
-are added to those of the random errors.
+A scale or a zero that is wrong throughout leaves no trace in the residuals. Its effect is found by fitting again with
+each sensor changed by one standard deviation (GUM, JCGM 100:2008, 5.1.3 with finite differences); the squares are
+added to those of the random errors.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import NamedTuple
 
 from logs.identification.data.flight import DriveData, GaugeErrors
-from logs.identification.drive.servo import ServoModel
-from logs.identification.results import Estimate, student_factor
+from logs.identification.results import Estimate, Unidentified, student_factor
+
+
+class ServoModel(NamedTuple):
+    """One fitted servo model."""
+
+    estimates: tuple[Estimate, ...]
+    """what the data gives"""
+    unidentified: tuple[Unidentified, ...]
+    """what it does not, and why"""
+    centre_current: float
+    """A; C_D, added to the current of one servo (0 for the torque)"""
+    centre_voltage: float
+    """V; C_E, added to the voltage (0 for the torque)"""
+    residual: float
+    """N m or W; standard deviation"""
+    samples: int
+    """-; bursts or strokes"""
+
+
+class ServoResult(NamedTuple):
+    """Torque and power model of the drive servos; None for one that was not asked for."""
+
+    torque: ServoModel | None
+    power: ServoModel | None
+
 
 Fit = Callable[[DriveData], ServoModel]
 

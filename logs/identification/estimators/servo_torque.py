@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from logs.identification.data.flight import DriveData
-from logs.identification.drive.servo import ServoModel
 from logs.identification.estimators.least_squares import regress
+from logs.identification.estimators.servo import ServoModel
 from logs.identification.results import Array, Unidentified, estimate, student_factor
 from wingbeat.errors import InputError
 

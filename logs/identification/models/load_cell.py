@@ -22,15 +22,18 @@ from logs.identification.models.inverse_dynamics import (
     product_units,
     products,
     states,
+)
+from logs.identification.models.multibody import (
+    BASE,
+    MovedVehicle,
+    SimulatedVehicle,
+    coordinate_count,
+    flap_columns,
+    wing_air,
     wing_of,
 )
-from logs.identification.models.wing_air import MovedVehicle, wing_air
 from logs.identification.motion_capture.speeds import CUTOFF, smoothed
 from logs.identification.results import Array
-from sim_bridge.mechanism import build_mechanism
-from sim_bridge.multibody.tree import BASE
-from sim_bridge.plant_kernel import COORDINATES
-from sim_bridge.vehicles import SimulatedVehicle
 from wingbeat.errors import InputError
 from wingbeat.rotations import quaternion_from_euler
 
@@ -113,13 +116,11 @@ def stand_motion(vehicle: SimulatedVehicle, run: StandRun, cutoff: float = CUTOF
         InputError: the run is too short, not equally spaced, or has samples that are not numbers.
     """
     step, count = _step(run, cutoff), len(run.time)
-    layout = build_mechanism(vehicle).layout
-    c = len(layout.coordinates)
+    c = coordinate_count(vehicle)
     angle = smoothed(run.flap[:, None], step, cutoff)[:, 0]
     spline = CubicSpline(run.time, angle)
     coordinates, speeds, rates = np.zeros((count, c)), np.zeros((count, BASE + c)), np.zeros((count, BASE + c))
-    for index in layout.flap:
-        column = index - COORDINATES
+    for column in flap_columns(vehicle):
         coordinates[:, column] = angle
         speeds[:, BASE + column] = spline(run.time, 1)
         rates[:, BASE + column] = spline(run.time, 2)

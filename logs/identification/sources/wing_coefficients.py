@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from avionics.sensing import inertial
-from logs.identification.aerodynamics.structure import AeroResult, identify_coefficients
+from logs.identification.estimators.wing_coefficients import AeroResult, identify_coefficients
 from logs.identification.models.inverse_dynamics import LOW_PASS, coefficients
 from logs.identification.sources.motion import measured_motion, true_motion
 from logs.identification.sources.topic_table import ColumnSource

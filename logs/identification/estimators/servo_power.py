@@ -11,9 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from logs.identification.data.flight import DriveData, GaugeErrors
-from logs.identification.drive.gauges import with_gauge_errors
-from logs.identification.drive.servo import ServoModel
 from logs.identification.estimators.least_squares import Fit, regress
+from logs.identification.estimators.servo import ServoModel, with_gauge_errors
 from logs.identification.results import Array, Estimate, Unidentified, estimate, student_factor
 from logs.identification.statistics.covariance_inflation import not_below, uneven
 from logs.strokes import interval_mean, stroke_cuts, stroke_means

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_bridge.vectors import Floats
+from logs.identification.results import Array as Floats
 from wingbeat.errors import InputError
 
 WORST_CONDITION = 1e6
