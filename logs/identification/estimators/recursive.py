@@ -23,7 +23,7 @@ from logs.identification.estimators.equation_error import (
 )
 from logs.identification.estimators.least_squares import WORST_CONDITION
 from logs.identification.estimators.registry import ESTIMATORS, Estimator, Request
-from logs.identification.estimators.regressors import INTERCEPT, as_regressed, design_of
+from logs.identification.estimators.regressors import INTERCEPT, as_regressed
 from logs.identification.estimators.terms import parse
 from logs.identification.findings import of_severity
 from logs.identification.results import Array, EstimationResult, FitSeries, estimates
@@ -72,7 +72,7 @@ def recursive_least_squares(
     if not 0.0 < forgetting <= 1.0:
         raise InputError(f"forgetting must be above 0 and at most 1, not {forgetting:g}")
     settings = settings or Settings()
-    design = design_of(experiments, response, regressors, settings.constants, settings.units, settings.averaging)
+    design = settings.design(experiments, response, regressors)
     used = np.concatenate([record.used for record in design.records])
     columns = np.vstack([record.regressors for record in design.records])
     x = np.column_stack((used, columns))

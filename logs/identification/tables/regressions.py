@@ -70,9 +70,15 @@ def regression_fit(section: Regression, cut: Cut, constants: Mapping[str, float]
     names = tuple(product_of(name) for name in section.regressors)
     wanted = {symbol for name in (section.response, *names) for symbol in parse(name).powers}
     parts = [tuple(with_made(one, wanted, constants) for one in part) for part in (cut.fitted, cut.held_out)]
+    steady = any(one.steady for one in cut.fitted)
+    averaging = averaging_of(cut.fitted, wanted)
+    if steady and (averaging is not None or section.domain != "time"):
+        raise InputError(
+            f"aero.regressions of {section.response}: steady readings have no derivatives and no spectrum"
+        )
     settings = Settings(
-        constants=constants, units=UNITS, frequencies=_frequencies(section, parts[0]),
-        averaging=averaging_of(cut.fitted, wanted),
+        constants=constants, units=UNITS, frequencies=_frequencies(section, parts[0]), averaging=averaging,
+        steady=steady,
     )  # fmt: skip
     steps: tuple[Step, ...] = ()
     findings: tuple[Finding, ...] = ()
@@ -84,7 +90,7 @@ def regression_fit(section: Regression, cut: Cut, constants: Mapping[str, float]
         model = coefficient_regression(
             parts[0], section.response, selected, "time" if section.domain == "time" else "frequency", settings
         )
-    model, noisy = regression_findings(model, parts[0], settings)
+    model, noisy = (model, ()) if steady else regression_findings(model, parts[0], settings)
     method = "orthogonal" if section.method == "orthogonal" else "stepwise" if steps else "equation_error"
     result = _result(section, model, (parts[0], parts[1]), settings)._replace(
         method=method, steps=steps, chapters=chapters

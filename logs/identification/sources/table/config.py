@@ -110,6 +110,13 @@ class Parameter(NamedTuple):
         return cls(**told)
 
 
+class ExperimentSection(NamedTuple):
+    """Section [experiment]."""
+
+    kind: Annotated[str, "dynamic", "steady"] = "dynamic"
+    """steady: rows are independent steady readings in any order, without time"""
+
+
 class ModesSection(NamedTuple):
     """Section [modes]."""
 
@@ -180,7 +187,8 @@ class Map(NamedTuple):
     """A whole map."""
 
     signals: dict[str, SignalEntry]
-    time: TimeSection
+    time: TimeSection = TimeSection()
+    experiment: ExperimentSection = ExperimentSection()
     table: Layout = Layout()
     manoeuvres: Manoeuvres = Manoeuvres()
     prepare: PrepareSection | None = None
@@ -205,6 +213,8 @@ def load_map(path: Path) -> Map:
         raise InputError(f"map {path}: [markers] is read by wingbeat identify FILE --map MAP.toml markers")
     try:
         found: Map = read_record(Map, document, "")
+        if found.experiment.kind == "steady" and found.time == TimeSection():
+            found = found._replace(time=TimeSection(rate=1.0))
         found.time.check()
         found = _with_models(found, path.parent)
     except InputError as error:
