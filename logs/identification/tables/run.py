@@ -51,11 +51,13 @@ def identify_tables(files: Sequence[Path], mapping: Path, what: str = ALL) -> Ta
     tables = [read_columns(path, chosen.table) for path in files]
     try:
         maneuvers = cut(tables, chosen.signals, chosen.time, chosen.manoeuvres, chosen.prepare)
-        if chosen.experiment.kind == "steady":
-            fitted, held_out = (
-                tuple(one._replace(steady=True) for one in part) for part in (maneuvers.fitted, maneuvers.held_out)
-            )
-            maneuvers = maneuvers._replace(fitted=fitted, held_out=held_out)
+        smoothed = {} if chosen.prepare is None else chosen.prepare.smooth
+        steady = chosen.experiment.kind == "steady"
+        fitted, held_out = (
+            tuple(one._replace(smoothed=smoothed, steady=steady) for one in part)
+            for part in (maneuvers.fitted, maneuvers.held_out)
+        )
+        maneuvers = maneuvers._replace(fitted=fitted, held_out=held_out)
         return _identified(chosen, maneuvers, what)
     except InputError as error:
         raise InputError(f"{error} (map {mapping})") from None
