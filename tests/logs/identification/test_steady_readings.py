@@ -51,7 +51,7 @@ def test_intervals_are_those_of_ordinary_least_squares(tmp_path: Path, order: st
     x = np.column_stack((np.ones(120), i, u, i * u, i**2))
     values, (squares,), *_ = np.linalg.lstsq(x, columns["P"], rcond=None)
     errors = np.sqrt(np.diag(np.linalg.inv(x.T @ x)) * squares / 115)
-    for one, value, error in zip(fit.fitted.estimates, values, errors, strict=True):
+    for one, value, error in zip(fit.estimates, values, errors, strict=True):
         assert one.value == pytest.approx(value, rel=1e-5)
         assert one.standard_error == pytest.approx(error, rel=1e-3)
         assert one.contains(TRUTH[one.name])
