@@ -22,7 +22,7 @@ import numpy as np
 from logs.identification.data.experiment import Experiment
 from logs.identification.estimators.terms import parse, unit_of
 from logs.identification.models.multibody import MovedVehicle, SimulatedVehicle, Wing, flap_columns, wing_air, wing_of
-from logs.identification.motion_capture.speeds import Speeds, smoothed
+from logs.identification.motion_capture.motion import Speeds, low_passed
 from logs.identification.results import Array
 from wingbeat.errors import InputError
 
@@ -156,5 +156,5 @@ def _low_passed(motion: WingMotion, signals: dict[str, Array], cutoff: float) ->
     # Residuals without anything in most of their band would have no white part to tell their errors by.
     every = max(int(1.0 / (SAMPLED * cutoff * step)), 1)
     kept = slice(ends, len(motion.time) - ends, every)
-    table = smoothed(np.column_stack(list(signals.values())), step, cutoff)[kept]
+    table = low_passed(np.column_stack(list(signals.values())), step, cutoff)[kept]
     return motion.time[kept], dict(zip(signals, table.T, strict=True))

@@ -32,7 +32,7 @@ from logs.identification.models.multibody import (
     wing_air,
     wing_of,
 )
-from logs.identification.motion_capture.speeds import CUTOFF, smoothed
+from logs.identification.motion_capture.motion import CUTOFF, low_passed
 from logs.identification.results import Array
 from wingbeat.errors import InputError
 from wingbeat.rotations import quaternion_from_euler
@@ -110,14 +110,14 @@ def stand_coefficients(
 
 
 def stand_motion(vehicle: SimulatedVehicle, run: StandRun, cutoff: float = CUTOFF) -> MovedVehicle:
-    """The vehicle of a ``run``: base at rest in the stream, both wings at the smoothed angle, other joints at zero.
+    """The vehicle of a ``run``: base at rest in the stream, both wings at the low_passed angle, other joints at zero.
 
     Raises:
         InputError: the run is too short, not equally spaced, or has samples that are not numbers.
     """
     step, count = _step(run, cutoff), len(run.time)
     c = coordinate_count(vehicle)
-    angle = smoothed(run.flap[:, None], step, cutoff)[:, 0]
+    angle = low_passed(run.flap[:, None], step, cutoff)[:, 0]
     spline = CubicSpline(run.time, angle)
     coordinates, speeds, rates = np.zeros((count, c)), np.zeros((count, BASE + c)), np.zeros((count, BASE + c))
     for column in flap_columns(vehicle):
@@ -147,7 +147,7 @@ def _on_base(run: StandRun, cell: LoadCell, cutoff: float) -> Array:
     r = np.asarray(cell.r_frd_from_cell, float)
     if r.shape != (3, 3) or np.abs(r @ r.T - np.eye(3)).max() > MOUNT_ROUNDING or np.linalg.det(r) < 0.0:
         raise InputError("the load cell's r_frd_from_cell is no rotation")
-    load = cell.sign * smoothed(run.load, _step(run, cutoff), cutoff)
+    load = cell.sign * low_passed(run.load, _step(run, cutoff), cutoff)
     force = load[:, :3] @ r.T
     moment = load[:, 3:] @ r.T + np.cross(np.asarray(cell.place, float), force)
     return np.column_stack([force, moment])

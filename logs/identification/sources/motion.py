@@ -20,7 +20,7 @@ from logs.identification.data.contiguous_runs import runs
 from logs.identification.data.lag import behind
 from logs.identification.models.inverse_dynamics import WingMotion
 from logs.identification.models.multibody import MovedVehicle
-from logs.identification.motion_capture.speeds import smoothed
+from logs.identification.motion_capture.motion import low_passed
 from logs.identification.results import Array
 from logs.identification.sources.topic_table import ColumnSource, TopicTable, time_base
 from sim_bridge import topics as truth
@@ -117,12 +117,12 @@ def _measured_base(
     quaternion = _attitude(attitude, time)
     step = float(time[1] - time[0])
     turning = np.column_stack([attitude.linear(f"{axis}_rate", time) for axis in ("roll", "pitch", "yaw")])
-    omega = smoothed(turning, step, _cutoff(step))
+    omega = low_passed(turning, step, _cutoff(step))
     omega_rate = _slope(time, omega)
     force = np.column_stack([imu.linear(f"accel_{axis}", time) for axis in "xyz"])
     force = (force - np.asarray(calibration.accel_offset)) * np.asarray(calibration.accel_scale)
     arm = np.asarray(vehicle.fuselage.imu_position, float)
-    force = smoothed(force, step, _cutoff(step)) - np.cross(omega_rate, arm) - np.cross(omega, np.cross(omega, arm))
+    force = low_passed(force, step, _cutoff(step)) - np.cross(omega_rate, arm) - np.cross(omega, np.cross(omega, arm))
     to_ned = dcms_from_quaternions(quaternion)
     acceleration = np.einsum("nij,nj->ni", to_ned, force) + np.array((0.0, 0.0, STANDARD_GRAVITY))
     ground = TopicTable(source, topics.POSITION, "v_north", "v_east")
@@ -130,7 +130,7 @@ def _measured_base(
     over_ground = [ground.linear(field, time) for field in ("v_north", "v_east")]
     slow = np.column_stack([*over_ground, -climb.linear("climb_rate", time)])
     quick = cumulative_trapezoid(acceleration, dx=step, axis=0, initial=0.0)
-    v = np.einsum("nji,nj->ni", to_ned, quick + smoothed(slow - quick, step, CROSSOVER))
+    v = np.einsum("nji,nj->ni", to_ned, quick + low_passed(slow - quick, step, CROSSOVER))
     weight = np.einsum("nji,j->ni", to_ned, np.array([0.0, 0.0, STANDARD_GRAVITY]))
     return _Base(quaternion, v, omega, force + weight - np.cross(omega, v), omega_rate)
 
@@ -156,7 +156,7 @@ def _segments(vehicle: SimulatedVehicle, flight: _Flight, use: NDArray[np.bool_]
     joint_angles = np.zeros((len(time), count))
     for index, values in angles.items():
         joint_angles[:, index - COORDINATES] = values
-    coordinates = smoothed(joint_angles, step, _cutoff(step))
+    coordinates = low_passed(joint_angles, step, _cutoff(step))
     spline = CubicSpline(time, coordinates)
     speeds = np.column_stack([base.velocity, base.omega, spline(time, 1)])
     rates = np.column_stack([base.velocity_rate, base.omega_rate, spline(time, 2)])
@@ -216,7 +216,7 @@ def _attitude(table: TopicTable, time: Array) -> Array:
 
 def _slope(time: Array, values: Array) -> Array:
     step = float(time[1] - time[0])
-    return np.asarray(CubicSpline(time, smoothed(values, step, _cutoff(step)))(time, 1))
+    return np.asarray(CubicSpline(time, low_passed(values, step, _cutoff(step)))(time, 1))
 
 
 def _cutoff(step: float) -> float:

@@ -15,7 +15,7 @@ from logs.identification.findings import Entry, Finding, register
 from logs.identification.models.inverse_dynamics import COEFFICIENTS, WingCoefficients
 from logs.identification.models.load_cell import LoadCell, StandRun, stand_coefficients
 from logs.identification.models.wing_strokes import strokes_by_angle
-from logs.identification.motion_capture.speeds import CUTOFF
+from logs.identification.motion_capture.motion import CUTOFF
 from logs.identification.results import EstimationResult, FitSeries, withheld_finding
 from logs.identification.sources.table.derived import Source
 from logs.identification.sources.table.maneuvers import Cut

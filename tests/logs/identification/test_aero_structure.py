@@ -15,7 +15,7 @@ from logs.identification.models.inverse_dynamics import (
     moved_by_speeds,
 )
 from logs.identification.motion_capture.coordinates import fit_coordinates
-from logs.identification.motion_capture.speeds import generalized_speeds
+from logs.identification.motion_capture.motion import generalized_speeds
 from tests.logs.identification import flown_slow_hawk as hawk
 from wingbeat.errors import InputError
 
