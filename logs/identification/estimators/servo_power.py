@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from logs.identification.data.flight import DriveData, GaugeErrors
-from logs.identification.estimators.least_squares import Fit, regress
+from logs.identification.estimators.least_squares import CovarianceKind, Fit, regress
 from logs.identification.estimators.servo import ServoModel, with_gauge_errors
 from logs.identification.results import Array, Estimate, Unidentified, estimate, student_factor
 from logs.identification.statistics.covariance_inflation import not_below, uneven
@@ -19,6 +19,7 @@ from logs.strokes import interval_mean, stroke_cuts, stroke_means
 from wingbeat.errors import InputError
 
 LEAST_STROKES = 40
+MIN_READINGS = 20
 HIGHEST_INFLATION = 25.0
 """-; a regressor that is explained by the others so well (variance inflation) is not identifiable"""
 NOISE_SHARE = 0.05
@@ -102,19 +103,43 @@ def identify_power(
     Raises:
         InputError: too few strokes.
     """
-    strokes = _stroke_means(data)
+    return _power_model(_stroke_means(data), centre_current, centre_voltage, terms)
+
+
+def power_of_readings(current: Array, voltage: Array, power: Array, steady: bool = True) -> ServoModel:
+    """The coefficients of Gerdes Eq. 12 from readings (N,) of one servo on a bench, in A, V and W.
+
+    ``steady`` readings are independent of one another.
+
+    Raises:
+        InputError: too few readings.
+    """
+    known = np.isfinite(current) & np.isfinite(voltage) & np.isfinite(power)
+    if known.sum() < MIN_READINGS:
+        raise InputError(f"{int(known.sum())} readings have current, voltage and power; {MIN_READINGS} are needed")
+    readings = _Strokes(current[known], voltage[known], power[known], (0.0, 0.0))
+    return _power_model(readings, None, None, None, "white" if steady else "autocorrelated")
+
+
+def _power_model(
+    strokes: _Strokes,
+    centre_current: float | None,
+    centre_voltage: float | None,
+    terms: tuple[str, ...] | None,
+    covariance: CovarianceKind = "autocorrelated",
+) -> ServoModel:
     c_d = -float(strokes.current.mean()) if centre_current is None else centre_current
     c_e = -float(strokes.voltage.mean()) if centre_voltage is None else centre_voltage
     columns = _regressors(strokes, c_d, c_e)
     dropped: tuple[Unidentified, ...] = ()
-    kept = terms
-    if kept is None:
-        kept, noisy = _measured(strokes)
-        kept, weak = _identifiable(columns, strokes.power, kept)
+    chosen = terms
+    if chosen is None:
+        chosen, noisy = _measured(strokes)
+        chosen, weak = _identifiable(columns, strokes.power, chosen, covariance)
         dropped = (*noisy, *weak)
-    fit = _fit(columns, strokes.power, kept)
-    found = _coefficients(fit, kept, c_d, c_e)
-    model = ServoModel(found, dropped, c_d, c_e, float(np.std(fit.residuals)), len(strokes.power))
+    fit = _fit(columns, strokes.power, chosen, covariance)
+    estimates = _coefficients(fit, chosen, c_d, c_e)
+    model = ServoModel(estimates, dropped, c_d, c_e, float(np.std(fit.residuals)), len(strokes.power))
     return _without_vague(model) if terms is None else model
 
 
@@ -162,10 +187,12 @@ def _regressors(strokes: _Strokes, c_d: float, c_e: float) -> dict[str, Array]:
     return {"C_A": np.ones_like(i), "C_B": i, "C_C": v, "C_F": i * v, "C_G": i * i, "C_H": v * v}
 
 
-def _fit(columns: dict[str, Array], power: Array, terms: tuple[str, ...]) -> Fit:
+def _fit(
+    columns: dict[str, Array], power: Array, terms: tuple[str, ...], covariance: CovarianceKind = "autocorrelated"
+) -> Fit:
     scale = {term: float(np.sqrt(np.mean(columns[term] ** 2))) or 1.0 for term in terms}
     design = np.column_stack([columns[term] / scale[term] for term in terms])
-    fit = regress(design, power, np.ones_like(power))
+    fit = regress(design, power, np.ones_like(power), covariance=covariance)
     # Strong strokes scatter more than weak ones: their noise is the gauges' times the rate.
     inner = np.asarray(np.linalg.inv(design.T @ design), dtype=np.float64)
     scatter = uneven(inner, design, fit.residuals, np.ones_like(power))
@@ -198,7 +225,7 @@ def _measured(strokes: _Strokes) -> tuple[tuple[str, ...], tuple[Unidentified, .
 
 
 def _identifiable(
-    columns: dict[str, Array], power: Array, kept: tuple[str, ...]
+    columns: dict[str, Array], power: Array, kept: tuple[str, ...], covariance: CovarianceKind
 ) -> tuple[tuple[str, ...], tuple[Unidentified, ...]]:
     """Backward elimination, highest terms first: collinear ones, then those whose interval spans zero."""
     dropped: list[Unidentified] = []
@@ -210,7 +237,7 @@ def _identifiable(
         dropped.append(Unidentified(worst, _collinear(worst, _inflation(columns, kept, worst))))
         kept = tuple(term for term in kept if term != worst)
     while True:
-        fit = _fit(columns, power, kept)
+        fit = _fit(columns, power, kept, covariance)
         ratio = np.abs(fit.values) / np.sqrt(np.diag(fit.covariance))
         weak = [(r, t) for r, t in zip(ratio, kept, strict=True) if t != "C_A" and r < student_factor(fit.degrees)]
         if not weak:

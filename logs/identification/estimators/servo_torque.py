@@ -19,13 +19,14 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from logs.identification.data.flight import DriveData
-from logs.identification.estimators.least_squares import regress
+from logs.identification.estimators.least_squares import CovarianceKind, regress
 from logs.identification.estimators.servo import ServoModel
-from logs.identification.results import Array, Unidentified, estimate, student_factor
+from logs.identification.results import Array, Unidentified, estimate, estimates, student_factor
 from wingbeat.errors import InputError
 
 Mask = NDArray[np.bool_]
 LEAST_SAMPLES = 40
+MIN_READINGS = 20
 FINE = 8
 """-; instants inside a burst at which the torque's size is taken"""
 MARGIN = 0.04
@@ -176,3 +177,27 @@ def _torque_model(bursts: _Bursts, torque: Array, used: Array) -> _Fitted:
 def _blind(spread: float, samples: int) -> ServoModel:
     refused = Unidentified("K_tau", "the torque does not follow the current in this log")
     return ServoModel((), (refused,), 0.0, 0.0, spread, samples)
+
+
+def torque_of_readings(current: Array, torque: Array, steady: bool = True) -> ServoModel:
+    """K_tau and K_tau0 of Gerdes Eq. 11 from readings (N,) of one loaded servo on a bench, in A and N m.
+
+    ``steady`` readings are independent of one another.
+
+    Raises:
+        InputError: too few readings.
+    """
+    known = np.isfinite(current) & np.isfinite(torque)
+    if known.sum() < MIN_READINGS:
+        raise InputError(f"{int(known.sum())} readings have current and torque; {MIN_READINGS} are needed")
+    design = np.column_stack((current[known], np.ones(int(known.sum()))))
+    kind: CovarianceKind = "white" if steady else "autocorrelated"
+    try:
+        fit = regress(design, torque[known], np.ones(len(design)), covariance=kind)
+    except np.linalg.LinAlgError:
+        reason = "the current does not vary"
+        return ServoModel(
+            (), (Unidentified("K_tau", reason), Unidentified("K_tau0", reason)), 0.0, 0.0, 0.0, len(design)
+        )
+    values = estimates({"K_tau": "N m/A", "K_tau0": "N m"}, fit.values, fit.covariance, fit.degrees)
+    return ServoModel(values, (), 0.0, 0.0, float(np.std(fit.residuals)), len(design))

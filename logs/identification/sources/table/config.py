@@ -14,6 +14,7 @@ from logs.identification.sources.table.signals import SignalEntry, TimeSection
 from logs.identification.tables.benches import TorqueSpeedSection, TwistSection
 from logs.identification.tables.flight_paths import PathSection
 from logs.identification.tables.load_cell_tests import StandSection
+from logs.identification.tables.servos import PowerSection, ServoSection
 from logs.identification.tables.strokes import StrokeSection
 from wingbeat.errors import InputError
 from wingbeat.schema import check_known, read_document, read_number, read_record, read_value
@@ -200,6 +201,8 @@ class Map(NamedTuple):
     stand: StandSection | None = None
     torque_speed: TorqueSpeedSection | None = None
     twist: TwistSection | None = None
+    servo: ServoSection | None = None
+    power: PowerSection | None = None
 
 
 def load_map(path: Path) -> Map:
