@@ -216,7 +216,9 @@ def load_map(path: Path) -> Map:
         raise InputError(f"map {path}: [markers] is read by wingbeat identify FILE --map MAP.toml markers")
     try:
         found: Map = read_record(Map, document, "")
-        if found.experiment.kind == "steady" and found.time == TimeSection():
+        if found.time == TimeSection():
+            if found.experiment.kind != "steady":
+                raise InputError("time is missing")
             found = found._replace(time=TimeSection(rate=1.0))
         found.time.check()
         found = _with_models(found, path.parent)
