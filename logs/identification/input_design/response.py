@@ -38,7 +38,7 @@ class Waveform(NamedTuple):
 
 
 def waveform(excitation: Excitation, step: float, fade: float, margin: float) -> Waveform:
-    """Return one repeat of ``excitation`` every ``step`` s, with a ``margin`` (s) at its ends and a sweep's ``fade`` (s)."""
+    """Return one repeat of ``excitation`` with a ``margin`` (s) at its ends; ``fade`` (s) is that of a sweep."""
     length = 2.0 * excitation.settle + shapes.duration(excitation)
     time: Array = step * np.arange(int((length + 2.0 * margin) / step) + 1, dtype=np.float64)
     since = time - margin - excitation.settle
