@@ -9,8 +9,14 @@ from scipy.signal import savgol_filter
 
 from avionics import topics
 from avionics.messages import BURST_LENGTH
-from avionics.sensing import inertial
-from logs.identification.data.flight import AIRSPEED_GUESSED, STROKES_GUESSED, DriveData, FlightData
+from logs.identification.data.flight import (
+    AIRSPEED_GUESSED,
+    NEUTRAL,
+    STROKES_GUESSED,
+    DriveData,
+    FlightData,
+    ImuCalibration,
+)
 from logs.identification.estimators.flapping_frequency import ThrottleData
 from logs.identification.results import Array
 from logs.identification.sources.detection import detect_inputs, strokes_in
@@ -67,7 +73,7 @@ class _Excitation(NamedTuple):
     note: str = ""
 
 
-def flight_data(source: ColumnSource, calibration: inertial.Gains = inertial.NEUTRAL) -> FlightData:
+def flight_data(source: ColumnSource, calibration: ImuCalibration = NEUTRAL) -> FlightData:
     """Longitudinal motion of the flight in a log, the IMU's samples corrected by its ``calibration``.
 
     In a log of another program missing signals are replaced, which ``notes`` lists: maneuvers by the elevator's
@@ -80,7 +86,7 @@ def flight_data(source: ColumnSource, calibration: inertial.Gains = inertial.NEU
     imu = _inertial(source, excitation is not None)
     attitude = TopicTable(source, topics.ATTITUDE, "pitch", "bias_y")
     time = time_base(imu.time)
-    accel_z = (imu.linear("accel_z", time) - calibration.accel_offset[2]) * calibration.accel_scale[2]
+    accel_z = calibration.correct(imu.linear("accel_z", time), 2)
     elevator = commanded.zero_order_hold("elevator", time)
     climb = TopicTable(source, topics.ALTITUDE, "climb_rate").linear("climb_rate", time)
     airspeed, strokes = _airspeed(source, time, climb), _stroke_count(source, time, accel_z)
@@ -96,7 +102,7 @@ def flight_data(source: ColumnSource, calibration: inertial.Gains = inertial.NEU
     return FlightData(
         time,
         imu.linear("gyro_y", time) - attitude.linear("bias_y", time),
-        (imu.linear("accel_x", time) - calibration.accel_offset[0]) * calibration.accel_scale[0],
+        calibration.correct(imu.linear("accel_x", time), 0),
         accel_z,
         attitude.linear("pitch", time),
         airspeed.values,
@@ -116,11 +122,11 @@ def flight_data(source: ColumnSource, calibration: inertial.Gains = inertial.NEU
     )
 
 
-def _bank_and_slip(source: ColumnSource, time: Array, calibration: inertial.Gains) -> Array:
+def _bank_and_slip(source: ColumnSource, time: Array, calibration: ImuCalibration) -> Array:
     """Roll, its rate, that of yaw and the specific force along y (4, N); NaN if not measured."""
     roll, bias_x, bias_z = (_where_measured(source, topics.ATTITUDE, f, time) for f in ("roll", "bias_x", "bias_z"))
     p, r, a_y = (_where_measured(source, topics.IMU, field, time) for field in ("gyro_x", "gyro_z", "accel_y"))
-    return np.array((roll, p - bias_x, r - bias_z, (a_y - calibration.accel_offset[1]) * calibration.accel_scale[1]))
+    return np.array((roll, p - bias_x, r - bias_z, calibration.correct(a_y, 1)))
 
 
 def _where_measured(source: ColumnSource, topic: Topic[Any], field: str, time: Array) -> Array:

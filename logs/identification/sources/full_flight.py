@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from avionics import topics
-from avionics.sensing import inertial
 from logs.identification.data.experiment import Experiment
+from logs.identification.data.flight import NEUTRAL, ImuCalibration
 from logs.identification.data.resampling import Channel, interpolated
 from logs.identification.results import Array
 from logs.identification.sources.topic_table import ColumnSource
@@ -63,7 +63,7 @@ SOURCES = (
 """specific forces and rates are the IMU's, biases included"""
 
 
-def whole_flight(source: ColumnSource, name: str, calibration: inertial.Gains = inertial.NEUTRAL) -> Experiment:
+def whole_flight(source: ColumnSource, name: str, calibration: ImuCalibration = NEUTRAL) -> Experiment:
     """The motion of a flight, specific forces corrected by the IMU's ``calibration``.
 
     Signals as in `SOURCES`, and ``strokes`` counted by the wing's phase; a field that was not recorded is left out.
@@ -77,7 +77,7 @@ def whole_flight(source: ColumnSource, name: str, calibration: inertial.Gains = 
         raise InputError(f"the log has no topic {topics.IMU.name}, which this needs")
     for axis, signal in enumerate(("a_x", "a_y", "a_z")):
         if signal in channels:
-            values = (channels[signal].values - calibration.accel_offset[axis]) * calibration.accel_scale[axis]
+            values = calibration.correct(channels[signal].values, axis)
             channels[signal] = channels[signal]._replace(values=values)
     base = channels["q"].time
     step = float(np.median(np.diff(base)))

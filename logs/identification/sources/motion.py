@@ -15,8 +15,8 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import CubicSpline
 
 from avionics import topics
-from avionics.sensing import inertial
 from logs.identification.data.contiguous_runs import runs
+from logs.identification.data.flight import NEUTRAL, ImuCalibration
 from logs.identification.data.lag import behind
 from logs.identification.models.inverse_dynamics import WingMotion
 from logs.identification.models.multibody import MovedVehicle
@@ -54,7 +54,7 @@ class _Base(NamedTuple):
 
 
 def measured_motion(
-    source: ColumnSource, vehicle: SimulatedVehicle, calibration: inertial.Gains = inertial.NEUTRAL
+    source: ColumnSource, vehicle: SimulatedVehicle, calibration: ImuCalibration = NEUTRAL
 ) -> tuple[WingMotion, ...]:
     """The measured motion of every segment of flapping flight; of those with excitation if the log records it.
 
@@ -111,7 +111,7 @@ def true_motion(source: ColumnSource, vehicle: SimulatedVehicle) -> tuple[WingMo
 
 
 def _measured_base(
-    source: ColumnSource, vehicle: SimulatedVehicle, imu: TopicTable, time: Array, calibration: inertial.Gains
+    source: ColumnSource, vehicle: SimulatedVehicle, imu: TopicTable, time: Array, calibration: ImuCalibration
 ) -> _Base:
     attitude = TopicTable(source, topics.ATTITUDE, *QUATERNION, "roll_rate", "pitch_rate", "yaw_rate")
     quaternion = _attitude(attitude, time)

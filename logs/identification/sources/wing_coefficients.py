@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from avionics.sensing import inertial
+from logs.identification.data.flight import NEUTRAL, ImuCalibration
 from logs.identification.estimators.wing_coefficients import AeroResult, identify_coefficients
 from logs.identification.models.inverse_dynamics import LOW_PASS, coefficients
 from logs.identification.sources.motion import measured_motion, true_motion
@@ -14,7 +14,7 @@ from wingbeat.errors import InputError
 def identify_aero(
     source: ColumnSource,
     vehicle: SimulatedVehicle | None,
-    calibration: inertial.Gains = inertial.NEUTRAL,
+    calibration: ImuCalibration = NEUTRAL,
     by_truth: bool = False,
 ) -> AeroResult:
     """Structure and parameters of C_L, C_T and C_m (Grauer Eq. 13 to 19) from the flapping flight in a log.
