@@ -284,6 +284,17 @@ def velocity_at(velocity: Array, rates: Array, position: Position, imu: Position
     return moved
 
 
+def acceleration_at_center(measured: Array, omega: Array, omega_dot: Array, position: Position) -> Array:
+    """Specific force (m/s^2; (N, 3), FRD) at the center of mass from that ``measured`` (N, 3) at a ``position``.
+
+    A point of a rigid body at r accelerates with ``a + omega' x r + omega x (omega x r)``. ``omega`` (rad/s) and
+    ``omega_dot`` (rad/s^2) are (N, 3), FRD.
+    """
+    r = np.asarray(position, dtype=np.float64)
+    moved: Array = measured - np.cross(omega_dot, r) - np.cross(omega, np.cross(omega, r))
+    return moved
+
+
 def flow_of(velocity: Array, name: str) -> Array:
     """Airspeed (m/s), alpha = atan2(w, u) or beta = asin(v / V) (rad) of a ``velocity`` (m/s; (N, 3), FRD)."""
     if name == "alpha":
