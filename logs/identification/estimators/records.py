@@ -26,8 +26,6 @@ LEAST_MOVE = 0.01
 """rad, of an angle; a smaller movement excites little"""
 LONGEST_SPIKE = 2
 """-; samples in all that an input may be elsewhere and is said to rest"""
-LONG = 4.0
-"""-; strokes, from the first to the last sample above half of an input's peak"""
 FAST_UNITS, SLOW_UNITS = ("rad/s", "m/s^2"), ("m/s", "m")
 """rates and accelerations; speeds and heights: where only these and the pitch ring, it is the phugoid that rings"""
 AVERAGED_OUTPUTS = {"q": "rad/s", "a_z": "m/s^2"}
@@ -57,14 +55,14 @@ class Records(NamedTuple):
     """-; of the m outputs"""
     units: tuple[str, ...]
     """SI; of the m outputs"""
-    blur: float
-    """s; length of the moving average that input and outputs went through, 0 for none"""
+    smooth_input: bool = False
+    """-; the input is band-limited, as an average is; else it is linear between samples"""
+    airspeed: float | None = None
+    """m/s; mean of the signal V, None if it was not measured"""
     notes: tuple[str, ...] = ()
     """-; what was bridged or left out, one clause each"""
     beside: tuple[str, ...] = ()
     """-; inputs beside the one in the pieces, that move as well"""
-    in_step: float = 0.0
-    """-; how alike the phases of the stroke are at which short inputs began: 0 all round it, 1 all at one"""
 
     @property
     def fast(self) -> bool:
@@ -82,6 +80,8 @@ def records_of(
     input_name: str | None,
     output_names: tuple[str, ...],
     others: tuple[str, ...] = (),
+    *,
+    smooth_input: bool = False,
 ) -> Records:
     """The longest stretch of each experiment on which inputs and outputs were measured.
 
@@ -108,7 +108,15 @@ def records_of(
         raise InputError(f"no record of {', '.join(output_names)} has {LEAST_SAMPLES} samples in a row")
     units = tuple(experiments[0].units.get(name, "") for name in output_names)
     beside = tuple(name for name in others if name in moving)
-    return Records(tuple(pieces), output_names, units, 0.0, tuple(notes), beside)
+    return Records(tuple(pieces), output_names, units, smooth_input, _airspeed(experiments), tuple(notes), beside)
+
+
+def _airspeed(experiments: tuple[Experiment, ...]) -> float | None:
+    """Mean of the signal V in m/s, None if it was not measured."""
+    measured = [np.asarray(one.signals["V"]) for one in experiments if "V" in one.signals]
+    known = np.concatenate(measured or [np.zeros(0)])
+    known = known[np.isfinite(known)]
+    return float(known.mean()) if len(known) else None
 
 
 def _columns(experiment: Experiment, input_name: str | None, output_names: tuple[str, ...]) -> Array:
@@ -184,20 +192,5 @@ def averaged_records(manoeuvres: tuple[Manoeuvre, ...], beyond: tuple[Array, ...
         step = float(manoeuvre.at[1] - manoeuvre.at[0])
         about = outputs - outputs.mean(axis=0)
         pieces.append(Record(f"manoeuvre {manoeuvre.number}", step, tail - tail[0], about, rest_of(tail)))
-    blur = float(np.mean([manoeuvre.period for manoeuvre in manoeuvres]))
     names, units = tuple(AVERAGED_OUTPUTS), tuple(AVERAGED_OUTPUTS.values())
-    return Records(tuple(pieces), names, units, blur, in_step=_in_step(manoeuvres))
-
-
-def _in_step(manoeuvres: tuple[Manoeuvre, ...]) -> float:
-    """Length of the mean unit vector at the wings' phases (Mardia & Jupp, Directional Statistics, 2000, ch. 2).
-
-    An input of `LONG` strokes has come at all phases of the stroke, and counts as none of them.
-    """
-    begun = []
-    for manoeuvre in manoeuvres:
-        size = np.abs(manoeuvre.command)
-        moved = np.flatnonzero(size > np.max(size) / 2.0)
-        if len(moved) and manoeuvre.strokes[moved[-1]] - manoeuvre.strokes[moved[0]] < LONG:
-            begun.append(manoeuvre.strokes[moved[0]])
-    return float(np.abs(np.sum(np.exp(2j * np.pi * np.array(begun))))) / len(manoeuvres)
+    return Records(tuple(pieces), names, units, smooth_input=True)

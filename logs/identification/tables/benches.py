@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from logs.identification.data.experiment import Experiment
-from logs.identification.drive.servo import ServoModel
-from logs.identification.drive.torque_speed import identify_torque_speed, turning
-from logs.identification.drive.twist import DAMPING, NATURAL, identify_twist, swing_of
+from logs.identification.estimators.servo import ServoModel
+from logs.identification.estimators.torque_speed import identify_torque_speed, turning
+from logs.identification.estimators.twist import DAMPING, NATURAL, identify_twist, swing_of
 from logs.identification.findings import Entry, Finding, register
 from logs.identification.report.document import MEASURED, MODEL, POINTS, Chapter, Plot, Series
 from logs.identification.results import Array, EstimationResult, FitSeries, withheld_finding

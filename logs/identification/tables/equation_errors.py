@@ -7,7 +7,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from logs.identification.data.experiment import Experiment
-from logs.identification.estimators.frequency_equations import METHOD, STATES, Asked, frequency_equation_error
+from logs.identification.estimators.frequency_equations import (
+    METHOD,
+    STATES,
+    EquationSettings,
+    frequency_equation_error,
+)
 from logs.identification.models.modes import SHORT_PERIOD, Mode, nothing
 from logs.identification.results import EstimationResult
 from logs.identification.sources.table.config import DELAY, ModesSection
@@ -46,7 +51,7 @@ def by_equations(
     speed = with_speed(constants, experiments).get("V")
     arm = float(constants.get("imu_x", 0.0))
     hold = tuple(own for own, name in zip(inputs, asked.inputs, strict=True) if name in asked.hold)
-    equations = Asked(inputs, _held(asked, inputs), speed, arm, delay, error, frequencies, hold)
+    equations = EquationSettings(inputs, _held(asked, inputs), speed, arm, delay, error, frequencies, hold)
     return frequency_equation_error(named, equations)
 
 

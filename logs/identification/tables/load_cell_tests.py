@@ -9,13 +9,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from logs.identification.aerodynamics.load_cell import LoadCell, StandRun, stand_coefficients
-from logs.identification.aerodynamics.strokes_measured import strokes_by_angle
-from logs.identification.aerodynamics.structure import CANDIDATES, CoefficientModel, identify_coefficients
 from logs.identification.data.experiment import Experiment
+from logs.identification.estimators.wing_coefficients import CANDIDATES, CoefficientModel, identify_coefficients
 from logs.identification.findings import Entry, Finding, register
 from logs.identification.models.inverse_dynamics import COEFFICIENTS, WingCoefficients
-from logs.identification.motion_capture.speeds import CUTOFF
+from logs.identification.models.load_cell import LoadCell, StandRun, stand_coefficients
+from logs.identification.models.wing_strokes import strokes_by_angle
+from logs.identification.motion_capture.motion import CUTOFF
 from logs.identification.results import EstimationResult, FitSeries, withheld_finding
 from logs.identification.sources.table.derived import Source
 from logs.identification.sources.table.maneuvers import Cut

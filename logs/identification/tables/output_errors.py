@@ -125,7 +125,7 @@ def model_fit(
         *_failure(fit, aliased), *chosen.findings, *conditional, *(one.finding for one in effects),
         *diagnose("model", context),
         *_input_delay(section, chosen, fitted.experiments, constants, series, fit),
-        *fitted.findings, *held.findings,
+        *chosen.findings, *fitted.findings, *held.findings,
     )  # fmt: skip
     return ModelFit(result._replace(findings=findings), fit, chosen)
 

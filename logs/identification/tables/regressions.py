@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 
 from logs.identification.data.experiment import Experiment
 from logs.identification.diagnostics.context import Context
@@ -18,6 +18,7 @@ from logs.identification.estimators.equation_error import (
 )
 from logs.identification.estimators.orthogonal import Orthogonal, orthogonal_regression
 from logs.identification.estimators.registry import Request
+from logs.identification.estimators.regressors import LOCAL_POLYNOMIAL, filtered_like_derivative
 from logs.identification.estimators.stepwise import Rules, Step, stepwise_regression
 from logs.identification.estimators.terms import parse
 from logs.identification.findings import Entry, Finding, register
@@ -56,6 +57,12 @@ register({
         "The predicted square error rejects a term that the F test keeps.",
         "selection = \"stepwise\" selects by F",
     ),
+    "smoothed_derivative": Entry(
+        "{subject} is the derivative of a signal smoothed by {method}, the regressors are not smoothed alike: their"
+        " coefficients are biased where the smoothing attenuates the motion",
+        "A regression with a derivative whose smoothing depends on the data.",
+        "smooth by local_quadratic, which all signals then go through, or do not smooth",
+    )
 })  # fmt: skip
 
 
@@ -69,10 +76,17 @@ def regression_fit(section: Regression, cut: Cut, constants: Mapping[str, float]
     section, constant = _without_constant(section, cut.fitted)
     names = tuple(product_of(name) for name in section.regressors)
     wanted = {symbol for name in (section.response, *names) for symbol in parse(name).powers}
-    parts = [tuple(with_made(one, wanted, constants) for one in part) for part in (cut.fitted, cut.held_out)]
+    alike = [tuple(filtered_like_derivative(one, wanted) for one in part) for part in (cut.fitted, cut.held_out)]
+    parts = [tuple(with_made(one, wanted, constants) for one in part) for part in alike]
+    steady = any(one.steady for one in cut.fitted)
+    averaging = averaging_of(alike[0], wanted)
+    if steady and (averaging is not None or section.domain != "time"):
+        raise InputError(
+            f"aero.regressions of {section.response}: steady readings have no derivatives and no spectrum"
+        )
     settings = Settings(
-        constants=constants, units=UNITS, frequencies=_frequencies(section, parts[0]),
-        averaging=averaging_of(cut.fitted, wanted),
+        constants=constants, units=UNITS, frequencies=_frequencies(section, parts[0]), averaging=averaging,
+        steady=steady,
     )  # fmt: skip
     steps: tuple[Step, ...] = ()
     findings: tuple[Finding, ...] = ()
@@ -84,7 +98,7 @@ def regression_fit(section: Regression, cut: Cut, constants: Mapping[str, float]
         model = coefficient_regression(
             parts[0], section.response, selected, "time" if section.domain == "time" else "frequency", settings
         )
-    model, noisy = regression_findings(model, parts[0], settings)
+    model, noisy = (model, ()) if steady else regression_findings(model, parts[0], settings)
     method = "orthogonal" if section.method == "orthogonal" else f"equation_error_{section.domain}"
     way = "orthogonal functions" if section.method == "orthogonal" else f"{section.domain} domain"
     options = settings._asdict() | {"units": UNITS}
@@ -100,7 +114,18 @@ def regression_fit(section: Regression, cut: Cut, constants: Mapping[str, float]
     symbols = tuple(dict.fromkeys(s for n in names for s in _symbols(n, cut.fitted) if s not in SCALES))
     checks = diagnose("regression", Context(cut.fitted, constants, signals=symbols, result=result))
     thrust = _thrust_unknown(section, cut.fitted, constants)
-    return result._replace(findings=(*result.findings, *constant, *noisy, *checks, *thrust, *findings))
+    return result._replace(
+        findings=(*result.findings, *constant, *noisy, *checks, *thrust, *findings, *_smoothed(alike[0], wanted))
+    )
+
+
+def _smoothed(experiments: Sequence[Experiment], symbols: Collection[str]) -> tuple[Finding, ...]:
+    """Derivatives of signals that were smoothed by a method that depends on the data."""
+    return tuple(
+        Finding("smoothed_derivative", "warning", f"{name}_dot", details={"method": method})
+        for name, method in experiments[0].smoothed.items()
+        if f"{name}_dot" in symbols and method != LOCAL_POLYNOMIAL
+    )
 
 
 def _thrust_unknown(

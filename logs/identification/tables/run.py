@@ -51,6 +51,13 @@ def identify_tables(files: Sequence[Path], mapping: Path, what: str = ALL) -> Ta
     tables = [read_columns(path, chosen.table) for path in files]
     try:
         maneuvers = cut(tables, chosen.signals, chosen.time, chosen.manoeuvres, chosen.prepare)
+        smoothed = {} if chosen.prepare is None else chosen.prepare.smooth
+        steady = chosen.experiment.kind == "steady"
+        fitted, held_out = (
+            tuple(one._replace(smoothed=smoothed, steady=steady) for one in part)
+            for part in (maneuvers.fitted, maneuvers.held_out)
+        )
+        maneuvers = maneuvers._replace(fitted=fitted, held_out=held_out)
         return _identified(chosen, maneuvers, what)
     except InputError as error:
         raise InputError(f"{error} (map {mapping})") from None
@@ -68,7 +75,8 @@ def _identified(chosen: Map, raw: Cut, what: str) -> TableIdentification:
     _check(aero, raw, constants)
     prepared = raw
     if modes_section is not None or aero is not None:
-        prepared = at_centre(apart(raw), constants, _flow_angles(modes_section, aero))
+        separate = raw if chosen.experiment.kind == "steady" else apart(raw)
+        prepared = at_centre(separate, constants, _flow_angles(modes_section, aero))
     findings: list[Finding] = []
     if what in (MODES, AERO, PATH, ALL) and chosen.stand is None:
         every = (*prepared.fitted, *prepared.held_out)

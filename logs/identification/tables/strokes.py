@@ -7,8 +7,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from logs.identification.aerodynamics.stroke_fits import Flight, derivative_fit, stroke_chapter, stroke_fit
-from logs.identification.aerodynamics.strokes_measured import (
+from logs.identification.data.experiment import Experiment
+from logs.identification.estimators.stroke_coefficients import (
+    LEAST_STROKES,
+    Flight,
+    MeanCoefficients,
+    derivative_fit,
+    stroke_chapter,
+    stroke_fit,
+)
+from logs.identification.findings import Entry, Finding, register
+from logs.identification.models.stroke_averages import Attitude
+from logs.identification.models.wing_strokes import (
     Flapped,
     MeasuredStrokes,
     Planform,
@@ -17,16 +27,12 @@ from logs.identification.aerodynamics.strokes_measured import (
     strokes_by_angle,
     strokes_by_count,
 )
-from logs.identification.data.experiment import Experiment
-from logs.identification.findings import Entry, Finding, register
-from logs.identification.models.stroke_coefficients import LEAST_STROKES, MeanCoefficients
 from logs.identification.results import Array, EstimationResult, Fitted, from_fitted
 from logs.identification.sources.table.constants import need
 from logs.identification.sources.table.derived import Source
 from logs.identification.sources.table.maneuvers import Cut
 from logs.identification.sources.table.signal_lookup import signal
 from logs.strokes import interval_mean
-from sim_bridge.aerodynamics.stroke_averages import Attitude
 from wingbeat.errors import InputError
 from wingbeat.text import pluralize
 

@@ -8,8 +8,7 @@ from linear_ornithopter import AIRCRAFT, REFERENCE, TRUTH, Flight, fly
 from test_identification_report import RecordedTopics, motion_topics
 
 from avionics import topics
-from avionics.sensing import inertial
-from logs.identification.data.flight import FlightData
+from logs.identification.data.flight import FlightData, ImuCalibration
 from logs.identification.data.flight_segments import stretches
 from logs.identification.data.maneuvers import find_manoeuvres
 from logs.identification.estimators.flight.gust_ekf_data import Task, averaged_strokes
@@ -33,7 +32,7 @@ def test_a_log_tells_bank_and_slip() -> None:
     imu = dict(source.tables[topics.IMU.name])
     imu["accel_y"] = imu["accel_y"] / 1.1 + 0.4
     wrong = RecordedTopics({**source.tables, topics.IMU.name: imu})
-    read = flight_data(wrong, inertial.Gains(accel_offset=(0.0, 0.4, 0.0), accel_scale=(1.0, 1.1, 1.0)))
+    read = flight_data(wrong, ImuCalibration(accel_offset=(0.0, 0.4, 0.0), accel_scale=(1.0, 1.1, 1.0)))
     assert not read.notes
     for name in SIDEWAYS:
         np.testing.assert_allclose(getattr(read, name), getattr(flight, name), atol=1e-9)

@@ -423,7 +423,7 @@ def test_a_regressor_that_is_misspelt_is_told_before_anything_is_fitted(
         (["run.csv"], "tables need --map"),
         ([], "which log or table"),
         (["run.csv", "--map", "none.toml"], "cannot read map none.toml"),
-        (["run.csv", "servo", "--map", "map.toml"], "'servo' needs a log"),
+        (["run.csv", "servo", "--map", "map.toml"], "no section \\[servo\\] that says what to fit"),
         (["run.csv", "aero", "--map", "map.toml"], r"it has no section \[aero\]"),
         (["none.csv", "--map", "map.toml"], "cannot read none.csv"),
         (["run.csv", "--map", "map.toml", "--vehicle", "x"], "--vehicle is for logs"),

@@ -176,7 +176,7 @@ def test_resampling_to_no_whole_share_of_the_rate_gives_the_rate_asked_for(tmp_p
     ("mapping", "told"),
     [
         ('[time]\ncolumn = "t"\n', "signals is missing"),
-        (WAVE, "time is missing"),
+        (WAVE, r"\[time\] must have either a column or a rate"),
         ("[time]\nrate = 0\n" + WAVE, "time.rate = 0 Hz is outside"),
         ("[time]\n" + WAVE, "either a column or a rate"),
         (TIMED.replace('"-"', '"furlong"'), "signals.a: unit 'furlong' is not known"),

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from groundstation.command.main import main
-from logs.identification.aerodynamics.load_cell import StandRun, stand_motion
 from logs.identification.models.inverse_dynamics import states, wing_of
-from logs.identification.models.wing_air import wing_air
+from logs.identification.models.load_cell import StandRun, stand_motion
+from logs.identification.models.multibody import wing_air
 from sim_bridge.vehicles import SimulatedVehicle, load_vehicle
 
 PLACE, AXES = np.array((0.02, 0.0, 0.07)), np.array([(0.0, 1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, -1.0)])

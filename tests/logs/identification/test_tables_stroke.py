@@ -10,16 +10,15 @@ import numpy as np
 import pytest
 
 from groundstation.command.main import main
-from logs.identification.aerodynamics.stroke_fits import Flight, stroke_fit
-from logs.identification.aerodynamics.strokes_measured import (
+from logs.identification.estimators.stroke_coefficients import HIDDEN, Flight, stroke_fit
+from logs.identification.models.stroke_averages import Attitude
+from logs.identification.models.wing_strokes import (
     Flapped,
     measured_strokes,
     planform_of,
     strokes_by_angle,
     wing_motion,
 )
-from logs.identification.models.stroke_coefficients import HIDDEN
-from sim_bridge.aerodynamics.stroke_averages import Attitude
 
 TRUTH = {"C_L_up": 0.35, "C_L_down": 0.95, "C_D_up": 0.12, "C_D_down": 0.21}
 RATE, FLAPPING, DENSITY = 400.0, 4.87, 1.2

@@ -14,6 +14,7 @@ from logs.identification.sources.table.signals import SignalEntry, TimeSection
 from logs.identification.tables.benches import TorqueSpeedSection, TwistSection
 from logs.identification.tables.flight_paths import PathSection
 from logs.identification.tables.load_cell_tests import StandSection
+from logs.identification.tables.servos import PowerSection, ServoSection
 from logs.identification.tables.strokes import StrokeSection
 from wingbeat.errors import InputError
 from wingbeat.schema import check_known, read_document, read_number, read_record, read_value
@@ -65,8 +66,6 @@ missing = [-9999]            # numbers that stand for "not measured"
 """What a map looks like: `wingbeat identify --map-example` prints it."""
 DELAY = "delay"
 """key, and name of the parameter: the time by which all inputs act later than they were recorded"""
-
-
 MODES_MODELS = ("short period", "longitudinal", "none")
 """none: the methods that need no model"""
 AERO_MODELS = ("short period", "longitudinal", "lateral", "nonlinear longitudinal", "nonlinear lateral")
@@ -112,13 +111,21 @@ class Parameter(NamedTuple):
         return cls(**told)
 
 
+class ExperimentSection(NamedTuple):
+    """Section [experiment]."""
+
+    kind: Annotated[str, "dynamic", "steady"] = "dynamic"
+    """steady: rows are independent steady readings in any order, without time"""
+
+
 class ModesSection(NamedTuple):
     """Section [modes]."""
 
     outputs: tuple[str, ...]
     inputs: tuple[str, ...] = ()
     model: str | None = None
-    """one of `MODES_MODELS`, or a user's file; by `states` and the outputs if not given"""
+    """one of `MODES_MODELS`, or a user's file; "none": only methods without a model; if not given by `states` and the
+    outputs"""
     states: Annotated[int, 2, 4] | None = None
     """-; 2: angle of attack and pitch rate; 4: speed and pitch too; if not given 4 if u or a_x is an output or if the
     likelihood ratio requires it, else 2"""
@@ -181,7 +188,8 @@ class Map(NamedTuple):
     """A whole map."""
 
     signals: dict[str, SignalEntry]
-    time: TimeSection
+    time: TimeSection = TimeSection()
+    experiment: ExperimentSection = ExperimentSection()
     table: Layout = Layout()
     manoeuvres: Manoeuvres = Manoeuvres()
     prepare: PrepareSection | None = None
@@ -193,6 +201,8 @@ class Map(NamedTuple):
     stand: StandSection | None = None
     torque_speed: TorqueSpeedSection | None = None
     twist: TwistSection | None = None
+    servo: ServoSection | None = None
+    power: PowerSection | None = None
 
 
 def load_map(path: Path) -> Map:
@@ -206,25 +216,15 @@ def load_map(path: Path) -> Map:
         raise InputError(f"map {path}: [markers] is read by wingbeat identify FILE --map MAP.toml markers")
     try:
         found: Map = read_record(Map, document, "")
+        if found.time == TimeSection():
+            if found.experiment.kind != "steady":
+                raise InputError("time is missing")
+            found = found._replace(time=TimeSection(rate=1.0))
         found.time.check()
         found = _with_models(found, path.parent)
     except InputError as error:
         raise InputError(f"map {path}: {error}") from None
     return found
-
-
-def _with_include(document: dict[str, Any], path: Path) -> dict[str, Any]:
-    """The document with the keys of the included file, its own first."""
-    name = document.pop("include", None)
-    if name is None:
-        return document
-    if not isinstance(name, str):
-        raise InputError(f"map {path}: include must be the name of a file in quotes")
-    shared = read_document(path.parent / name, "include")
-    for key, value in shared.items():
-        own = document.get(key)
-        document[key] = {**value, **own} if isinstance(own, dict) and isinstance(value, dict) else own or value
-    return document
 
 
 def _with_models(chosen: Map, folder: Path) -> Map:
@@ -254,3 +254,17 @@ def _model(name: str, inputs: tuple[str, ...], models: tuple[str, ...], key: str
     if inputs and set(inputs) != set(names):
         raise InputError(f"{key}.inputs: the inputs of {name} are {', '.join(names) or 'none'}; leave the key out")
     return {"model": file, "inputs": names}
+
+
+def _with_include(document: dict[str, Any], path: Path) -> dict[str, Any]:
+    """The document with the keys of the included file, its own first."""
+    name = document.pop("include", None)
+    if name is None:
+        return document
+    if not isinstance(name, str):
+        raise InputError(f"map {path}: include must be the name of a file in quotes")
+    shared = read_document(path.parent / name, "include")
+    for key, value in shared.items():
+        own = document.get(key)
+        document[key] = {**value, **own} if isinstance(own, dict) and isinstance(value, dict) else own or value
+    return document
