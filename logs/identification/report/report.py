@@ -25,6 +25,7 @@ from logs.identification.report.fits import (
     residuals_chapter,
     validation_chapter,
 )
+from logs.identification.report.flight_path import log_chapter
 from logs.identification.report.html import page
 from logs.identification.report.labels import sentence
 from logs.identification.report.markers import markers_chapter
@@ -122,7 +123,7 @@ def chapters(
         drives_chapter(results.torque, results.power, drive, results.truths),
         wings_chapter(results.load, results.frequency, results.truths),
         None if results.aero is None else aero_chapter(results.aero, results.truths),
-        results.path.chapter if results.path is not None else None,
+        log_chapter(results.path) if results.path is not None else None,
         None if results.markers is None else markers_chapter(results.markers),
         *_of_fits(fits, results, validations),
         *more,
