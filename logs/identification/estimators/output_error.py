@@ -1,4 +1,4 @@
-"""Output error from a problem to a fit that says what it is worth."""
+"""Output error: maximum likelihood of the parameters of a simulated model (Klein & Morelli, 2006, ch. 6)."""
 
 from __future__ import annotations
 
@@ -6,18 +6,30 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from logs.identification.estimators.engine.accuracy import Accuracy, accuracy_of
+from logs.identification.data.experiment import Experiment
+from logs.identification.estimators.engine.accuracy import accuracy_of
 from logs.identification.estimators.engine.gauss_newton import Found, gauss_newton
 from logs.identification.estimators.engine.nelder_mead import nelder_mead
 from logs.identification.estimators.engine.normal_equations import SMALLEST_SIZE
-from logs.identification.estimators.engine.problem import Fit, History, Own, Problem
-from logs.identification.estimators.engine.records import layout_of, records_of
+from logs.identification.estimators.engine.problem import (
+    Fit,
+    History,
+    Nuisances,
+    Own,
+    Parameter,
+    Problem,
+)
+from logs.identification.estimators.engine.records import Record, layout_of, records_of
 from logs.identification.estimators.engine.simulation import Flight, Unknowns
-from logs.identification.estimators.engine.weights import about_mean, noise_of, whitener_of
-from logs.identification.results import estimate
+from logs.identification.estimators.engine.weights import about_mean, noise_of, variation, whitener_of
+from logs.identification.estimators.registry import ESTIMATORS, Estimator, Request
+from logs.identification.findings import Finding, of_severity
+from logs.identification.results import Array, EstimationResult, FitSeries, Unidentified, estimate
 
 MOST_STEPS = 60
 SURE = 0.99
+PREDICTION_STEPS = 10
+"""-; of Gauss-Newton for the initial states and biases of an experiment that is predicted"""
 Method = Literal["gauss-newton", "nelder-mead", "both"]
 
 
@@ -26,6 +38,8 @@ class Search(NamedTuple):
 
     method: Method = "gauss-newton"
     """-; "both": Gauss-Newton from where the simplex of Nelder and Mead ended"""
+    fallback: bool = True
+    """-; "both" where "gauss-newton" does not converge"""
     starts: int = 1
     """-; the first from the problem's start values, the others at random about them; the likeliest end is taken"""
     spread: float = 0.5
@@ -37,11 +51,13 @@ class Search(NamedTuple):
     """-; of the random starts"""
 
 
-FROM_THE_START = Search()
+DEFAULT_SEARCH = Search()
 
 
-def output_error(problem: Problem, search: Search = FROM_THE_START) -> Fit:
+def output_error(problem: Problem, search: Search = DEFAULT_SEARCH) -> Fit:
     """The free parameters of ``problem`` by maximum likelihood.
+
+    A simplex takes over where Gauss-Newton does not converge, and Gauss-Newton again from its end.
 
     Raises:
         InputError: the problem does not make sense: unknown names, gaps in inputs, nothing measured.
@@ -66,7 +82,9 @@ def starts_of(flight: Flight, search: Search) -> list[Unknowns]:
 
 def _found(problem: Problem, flight: Flight, start: Unknowns, search: Search) -> Found:
     if search.method == "gauss-newton":
-        return gauss_newton(problem, flight, start, search.steps)
+        found = gauss_newton(problem, flight, start, search.steps)
+        if found.status != "not converged" or not search.fallback:
+            return found
     simplex = nelder_mead(problem, flight, start)
     if search.method == "nelder-mead" or not np.isfinite(simplex.cost):
         return simplex
@@ -83,43 +101,44 @@ def flight_of(problem: Problem) -> Flight:
     return Flight(problem.model, layout, records_of(problem, layout))
 
 
-def fit_of(problem: Problem, flight: Flight, found: Found) -> Fit:
-    """What a search found, with its errors; nothing but the reason where it may not be used."""
+def fit_of(problem: Problem, flight: Flight, end: Found) -> Fit:
+    """The fit at the end of a search with its errors; without numbers if the search failed."""
     names = _free_names(problem, flight)
-    reason = found.reason or _explains_nothing(flight, found)
-    if reason:
-        return _failed(problem, found, names, reason)
-    accuracy = accuracy_of(flight, found, names)
-    lost = {u.name for u in accuracy.unidentified}
+    if end.reason:
+        return _failed(problem, end, names, Finding("not_converged", "withheld", details={"reason": end.reason}))
+    if _explains_nothing(flight, end):
+        return _failed(problem, end, names, Finding("not_significant", "withheld"))
+    accuracy = accuracy_of(flight, end, names)
+    withheld = of_severity(accuracy.findings, "withheld")
+    lost = {one.subject for one in withheld}
     errors, units = np.sqrt(np.diag(accuracy.covariance)), problem.model.parameters
-    rows = zip(names, found.unknowns.values, errors, accuracy.degrees, strict=True)
+    rows = zip(names, end.unknowns.values, errors, accuracy.degrees, strict=True)
     return Fit(
         status="converged" if len(lost) < len(names) else "not identifiable",
-        failure="" if len(lost) < len(names) else f"no parameter is identified: {accuracy.unidentified[0].reason}",
+        failure="" if len(lost) < len(names) else f"no parameter is identified: {withheld[0].text}",
         estimates=tuple(
             estimate(name, units[name].unit, float(value), float(error), float(degrees))
             for name, value, error, degrees in rows
             if name not in lost
         ),
-        unidentified=accuracy.unidentified,
+        unidentified=tuple(Unidentified(one.subject, one.text) for one in withheld),
         names=names,
-        values=found.unknowns.values,
+        values=end.unknowns.values,
         covariance=accuracy.covariance,
-        degrees=_least(accuracy, names),
-        noise=noise_of(problem._replace(weighting="full"), flight.records, flight.residuals(found.unknowns)),
-        cost=found.cost,
-        iterations=found.iterations,
-        own=tuple(_own(problem, flight, found, i) for i in range(len(flight.records))),
-        histories=tuple(_history(flight, found, i) for i in range(len(flight.records))),
+        degrees=min((float(d) for n, d in zip(names, accuracy.degrees, strict=True) if n not in lost), default=1.0),
+        noise=noise_of(problem._replace(weighting="full"), flight.records, flight.residuals(end.unknowns)),
+        cost=end.cost,
+        iterations=end.iterations,
+        own=tuple(_own(problem, flight, end, i) for i in range(len(flight.records))),
+        histories=tuple(_history(flight, end, i) for i in range(len(flight.records))),
         outputs=problem.outputs,
+        findings=accuracy.findings,
     )
 
 
-def _least(accuracy: Accuracy, names: tuple[str, ...]) -> float:
-    """Degrees of freedom of what rests on several parameters: as of the least known of those that were identified."""
-    lost = {one.name for one in accuracy.unidentified}
-    known = [float(one) for name, one in zip(names, accuracy.degrees, strict=True) if name not in lost]
-    return min(known, default=1.0)
+def variation_of(problem: Problem) -> Array:
+    """Standard deviation (m,) of each fitted output over all records."""
+    return variation(records_of(problem, layout_of(problem)))
 
 
 def _free_names(problem: Problem, flight: Flight) -> tuple[str, ...]:
@@ -127,33 +146,28 @@ def _free_names(problem: Problem, flight: Flight) -> tuple[str, ...]:
     return tuple(every[index] for index in flight.layout.free)
 
 
-def _failed(problem: Problem, found: Found, names: tuple[str, ...], reason: str) -> Fit:
+def _failed(problem: Problem, end: Found, names: tuple[str, ...], why: Finding) -> Fit:
     p, m = len(names), len(problem.outputs)
     nothing = np.full((p, p), np.nan)
-    status = found.status if found.reason else "not identifiable"
+    status, reason = end.status if end.reason else "not identifiable", end.reason or why.text
     return Fit(
-        status, reason, (), (), names, np.full(p, np.nan), nothing, 1.0, np.full((m, m), np.nan), found.cost,
-        found.iterations, (), (), problem.outputs,
+        status, reason, (), (), names, np.full(p, np.nan), nothing, 1.0, np.full((m, m), np.nan), end.cost,
+        end.iterations, (), (), problem.outputs, (why,),
     )  # fmt: skip
 
 
-def _explains_nothing(flight: Flight, found: Found) -> str:
-    """Why a fit that explains no more than chance is none: a search may converge far from any, or without motion.
-
-    An F test of the whole model against constants.
-    """
+def _explains_nothing(flight: Flight, end: Found) -> bool:
+    """Whether an F test of the whole model against constant outputs is not significant."""
     from scipy.special import fdtri  # takes 0.3 s, which a flight need not wait for
 
-    whiteners = [whitener_of(record, found.weights) for record in flight.records]
-    residuals = flight.residuals(found.unknowns)
+    whiteners = [whitener_of(record, end.weights) for record in flight.records]
+    residuals = flight.residuals(end.unknowns)
     left = sum(float(np.sum(w(r) ** 2)) for w, r in zip(whiteners, residuals, strict=True))
-    still = sum(float(np.sum(w(about_mean(r)) ** 2)) for w, r in zip(whiteners, flight.records, strict=True))
+    total = sum(float(np.sum(w(about_mean(r)) ** 2)) for w, r in zip(whiteners, flight.records, strict=True))
     count = sum(float(record.used.sum()) for record in flight.records)
     unknown = len(flight.layout.free) + flight.layout.own * len(flight.records)
     rest = max(count - unknown, 1.0)
-    if still - left <= fdtri(unknown, rest, SURE) * unknown * left / rest:
-        return "the model that was found explains no more of the outputs than chance would"
-    return ""
+    return bool(total - left <= fdtri(unknown, rest, SURE) * unknown * left / rest)
 
 
 def _own(problem: Problem, flight: Flight, found: Found, index: int) -> Own:
@@ -172,3 +186,107 @@ def _history(flight: Flight, found: Found, index: int) -> History:
     record = flight.records[index]
     model = flight.outputs(record, found.unknowns.values, found.unknowns.own[index])
     return History(record.name, record.time, np.where(record.used > 0, record.measured, np.nan), model)
+
+
+def problem_of(request: Request) -> Problem:
+    """The maximum-likelihood problem of a request.
+
+    ``parameters`` are `engine.problem.Parameter` or start values; without any all parameters of the model are free
+    from its values. Options: ``nuisances``, ``initial``, ``weighting`` and ``deviations`` of `Problem`. All outputs
+    have a bias unless ``nuisances`` is given.
+    """
+    given = request.parameters or {name: one.value for name, one in request.model.parameters.items()}
+    parameters = {n: one if isinstance(one, Parameter) else Parameter(float(one)) for n, one in given.items()}
+    options = {name: request.options[name] for name in Problem._fields if name in request.options}
+    nuisances = options.pop("nuisances", Nuisances(output_biases=request.outputs))
+    return Problem(request.model, request.experiments, parameters, request.outputs, nuisances, **options)
+
+
+def result_of(method: str, request: Request, problem: Problem, fit: Fit) -> EstimationResult:
+    """A fit as the result of a row of the registry, with its prediction of the experiments held out."""
+    kept = [index for index, name in enumerate(fit.names) if name in {one.name for one in fit.estimates}]
+    return EstimationResult(
+        method,
+        str(request.options.get("subject", "")),
+        str(request.options.get("model", "")),
+        status=fit.status,
+        estimates=fit.estimates,
+        covariance=fit.covariance[np.ix_(kept, kept)],
+        degrees=fit.degrees,
+        series=(
+            *fitted_series(problem, fit),
+            *(predicted(problem, fit, request.held_out) if request.held_out else ()),
+        ),
+        samples=sum(len(one.time) for one in request.experiments),
+        findings=fit.findings,
+        initial={name: one.start for name, one in problem.parameters.items() if one.free},
+        fixed={name: one.start for name, one in problem.parameters.items() if not one.free},
+    )
+
+
+def fitted_series(problem: Problem, fit: Fit) -> tuple[FitSeries, ...]:
+    """Measured and modeled outputs of every experiment that was fitted."""
+    return tuple(
+        FitSeries(
+            one.name, output, problem.model.outputs[output], one.time, one.measured[:, place], one.model[:, place]
+        )
+        for one in fit.histories
+        for place, output in enumerate(fit.outputs)
+    )
+
+
+def predicted(problem: Problem, fit: Fit, experiments: tuple[Experiment, ...]) -> tuple[FitSeries, ...]:
+    """Measured and predicted outputs; initial state and biases of each by least squares. Nothing after a failure.
+
+    Raises:
+        InputError: a signal is missing, or nothing of the outputs was measured.
+    """
+    if fit.failure or not experiments:
+        return ()
+    other = problem._replace(experiments=experiments, initial=())
+    layout = layout_of(other)
+    flight = Flight(problem.model, layout, records_of(other, layout))
+    series = []
+    for record, own in zip(flight.records, flight.first().own, strict=True):
+        there = np.where(record.used > 0, record.measured, np.nan)
+        scale = np.nanstd(there, axis=0)
+        found = _record_values(flight, record, fit.values, own, np.where(scale > 0, scale, 1.0))
+        model = flight.outputs(record, fit.values, found)
+        series += [
+            FitSeries(record.name, output, problem.model.outputs[output], record.time, there[:, n], model[:, n], True)
+            for n, output in enumerate(problem.outputs)
+        ]
+    return tuple(series)
+
+
+def _record_values(flight: Flight, record: Record, values: Array, first: Array, scale: Array) -> Array:
+    """Initial state and biases (l,) of the best prediction, by Gauss-Newton."""
+    values_of_record = first
+    for _ in range(PREDICTION_STEPS):
+        rest = (record.measured - flight.outputs(record, values, values_of_record)) * record.used / scale
+        slopes = flight.slopes(record, values, values_of_record)[:, :, len(values) :] / scale[:, None]
+        design = slopes.reshape(-1, len(values_of_record))
+        if not (np.all(np.isfinite(rest)) and np.all(np.isfinite(design))):
+            return first
+        size = np.linalg.norm(design, axis=0)
+        size[~(size > 0)] = np.inf
+        step = np.linalg.lstsq(design / size, rest.ravel(), rcond=1e-8)[0] / size
+        values_of_record = values_of_record + step
+        if np.all(np.abs(step) <= 1e-8 * np.maximum(np.abs(values_of_record), 1e-3)):
+            break
+    return values_of_record
+
+
+def estimate_by_output_error(request: Request) -> EstimationResult:
+    """Output error of a request; option ``search``: a `Search`."""
+    problem = problem_of(request)
+    fit = output_error(problem, request.options.get("search", DEFAULT_SEARCH))
+    return result_of("output_error", request, problem, fit)
+
+
+ESTIMATORS["output_error"] = Estimator(
+    "output_error",
+    "Output error (maximum likelihood)",
+    "Klein & Morelli, Aircraft System Identification, 2006, ch. 6; Jategaonkar, 2006, ch. 4",
+    estimate_by_output_error,
+)

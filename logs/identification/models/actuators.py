@@ -17,7 +17,8 @@ from typing import NamedTuple
 import numpy as np
 
 from logs.identification.data.lag import behind
-from logs.identification.estimators.engine.problem import Held, Model, Named
+from logs.identification.estimators.engine.problem import Feedback, Held, Model, Named
+from logs.identification.models.linear import LinearModel
 from logs.identification.results import Array
 from wingbeat.errors import InputError
 
@@ -74,9 +75,15 @@ class Actuated(NamedTuple):
         return dict(self.model.parameters) | {name: Named("s") for one in self.actuators for name in one.parameters}
 
     def simulate(
-        self, parameters: Array, start: Array, inputs: Array, step: float, held: Held | None = None
+        self,
+        parameters: Array,
+        start: Array,
+        inputs: Array,
+        step: float,
+        zero_order_hold: Held | None = None,
+        feedback: Feedback | None = None,
     ) -> Array:
-        """Outputs (N, m); see `problem.Model`. A negative lag cannot be flown; what is ``held`` it knows itself."""
+        """Outputs (N, m); see `problem.Model`. NaN for a negative lag; ``held`` replaces the hold."""
         own = len(self.model.parameters)
         told = dict(zip(list(self.parameters)[own:], parameters[own:].tolist(), strict=True))
         behind_what = {name: one for one in self.actuators for name in one.inputs}
@@ -91,9 +98,20 @@ class Actuated(NamedTuple):
             columns.append(behind(acting(values, step, delay, parts), step / parts, 0.0, lag, held=False))
             seen.append(columns[-1] if lines[place] else _held_before(values, step, delay, parts))
         ways = step / parts, Held(lines, np.column_stack(seen)) if self.held else None
-        flown = self.model.simulate(parameters[:own], start, np.column_stack(columns), *ways)[::parts]
+        arguments = parameters[:own], start, np.column_stack(columns), *ways
+        if feedback is not None and isinstance(self.model, LinearModel):
+            flown = self.model.simulate(*arguments, _at_samples(feedback, parts))[::parts]
+        else:
+            flown = self.model.simulate(*arguments)[::parts]
         lags = [told[one.lag] for one in self.actuators if one.lag]
         return flown if all(lag > -step for lag in lags) else np.full_like(flown, np.nan)
+
+
+def _at_samples(feedback: Feedback, parts: int) -> Feedback:
+    """The same at ``parts`` steps a sample: no measurement between samples."""
+    measured = np.full(((len(feedback.measured) - 1) * parts + 1, feedback.measured.shape[1]), np.nan)
+    measured[::parts] = feedback.measured
+    return feedback._replace(measured=measured)
 
 
 def _on_lines(values: Array, step: float, delay: float, parts: int) -> Array:

@@ -1,4 +1,4 @@
-"""Linear models whose matrices are affine in named parameters, flown by exact discretisation.
+"""Linear models whose matrices are affine in named parameters, simulated by exact discretization.
 
 ``x' = A x + B u + b``, ``y = C x + D u + d``; every entry is a sum of constants and multiples of parameters. The
 inputs are linear between samples (triangular hold) or held from theirs on, so that the step is exact at any sampling
@@ -12,9 +12,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from logs.identification.estimators.engine.problem import Held, Named
+from logs.identification.estimators.engine.problem import Feedback, Held, Named
 from logs.identification.results import Array
 from sim_bridge.compiled import njit
+from sim_bridge.vectors import Integers
 from wingbeat.errors import InputError
 
 ONE = "1"
@@ -76,26 +77,49 @@ class LinearModel(NamedTuple):
         return Matrices(whole[:n, :n], whole[:n, n:], whole[n:, :n], whole[n:, n:])
 
     def simulate(
-        self, parameters: Array, start: Array, inputs: Array, step: float, held: Held | None = None
+        self,
+        parameters: Array,
+        start: Array,
+        inputs: Array,
+        step: float,
+        zero_order_hold: Held | None = None,
+        feedback: Feedback | None = None,
     ) -> Array:
-        """Outputs (N, m); see `problem.Model`."""
+        """Outputs (N, m); see `problem.Model`. With ``feedback`` those predicted from the samples before."""
         n, k = len(self.states), inputs.shape[1]
         whole = self.constant + (parameters @ self.slopes).reshape(self.constant.shape)
         size = n + 2 * (k + 1)
         block = np.zeros((size, size))
         block[:n, : n + k + 1] = whole[:n] * step
         block[n : n + k + 1, n + k + 1 :] = np.eye(k + 1)
-        table, largest = np.full((len(inputs), len(self.outputs)), np.nan), float(np.max(np.abs(block)))
-        if not largest < LARGEST_RATE:
+        table, total = np.full((len(inputs), len(self.outputs)), np.nan), exponential(block)
+        if not np.all(np.isfinite(total)):
             return table
-        halvings = max(0, int(np.ceil(np.log2(largest * size + 1e-30))) + 1)
-        _exponential(block / 2.0**halvings, halvings, total := np.eye(size))
-        if held:
-            total[:, n + k + 1 : n + 2 * k + 1] *= held.lines
-        _fly(total, whole, np.ascontiguousarray(start), np.ascontiguousarray(inputs), table)
-        if held:
-            table += (held.seen - inputs) @ whole[n:, n : n + k].T
+        if zero_order_hold:
+            total[:, n + k + 1 : n + 2 * k + 1] *= zero_order_hold.lines
+        gain, measured, chosen = _feedback(feedback, len(inputs), n)
+        shown = zero_order_hold.seen if zero_order_hold else inputs
+        states = np.ascontiguousarray(start), np.ascontiguousarray(inputs), np.ascontiguousarray(shown)
+        _fly(total, whole, *states, gain, measured, chosen, table)
         return table
+
+
+def _feedback(feedback: Feedback | None, count: int, states: int) -> tuple[Array, Array, Integers]:
+    """Gain (n, m), measured outputs (N, m) and their numbers (m,) for the kernel."""
+    if feedback is None:
+        return np.empty((states, 0)), np.empty((count, 0)), np.empty(0, dtype=np.int64)
+    measured = np.ascontiguousarray(feedback.measured)
+    return np.ascontiguousarray(feedback.gain), measured, np.array(feedback.outputs, dtype=np.int64)
+
+
+def exponential(matrix: Array) -> Array:
+    """Matrix exponential (s, s) by scaling, Taylor series and squaring; faster than SciPy's for a few rows."""
+    size, largest = len(matrix), float(np.max(np.abs(matrix)))
+    if not largest < LARGEST_RATE:
+        return np.full((size, size), np.nan)
+    halvings = max(0, int(np.ceil(np.log2(largest * size + 1e-30))) + 1)
+    _exponential(matrix / 2.0**halvings, halvings, total := np.eye(size))
+    return total
 
 
 @njit(cache=True)
@@ -122,8 +146,22 @@ def _exponential(small: Array, halvings: int, total: Array) -> None:
 
 
 @njit(cache=True)
-def _fly(exact: Array, whole: Array, start: Array, inputs: Array, table: Array) -> None:
-    """Outputs (N, m) by the exact step ``exact``, NaN from where the states overflow."""
+def _fly(
+    exact: Array,
+    whole: Array,
+    start: Array,
+    inputs: Array,
+    shown: Array,
+    gain: Array,
+    measured: Array,
+    chosen: Integers,
+    table: Array,
+) -> None:
+    """Outputs (N, m) by the exact step ``exact``, NaN from where the states overflow.
+
+    The outputs contain the inputs ``shown``. The innovations of the outputs ``chosen``, where ``measured``, correct
+    the states by ``gain``.
+    """
     n, k, m = start.shape[0], inputs.shape[1], table.shape[1]
     x, ahead = start.copy(), np.empty(n)
     ramp = n + k + 1
@@ -133,10 +171,15 @@ def _fly(exact: Array, whole: Array, start: Array, inputs: Array, table: Array) 
             for j in range(n):
                 total += whole[n + i, j] * x[j]
             for j in range(k):
-                total += whole[n + i, n + j] * inputs[row, j]
+                total += whole[n + i, n + j] * shown[row, j]
             table[row, i] = total
         if row + 1 == inputs.shape[0]:
             break
+        for j in range(gain.shape[1]):
+            innovation = measured[row, j] - table[row, chosen[j]]
+            if not np.isnan(innovation):
+                for i in range(n):
+                    x[i] += gain[i, j] * innovation
         for i in range(n):
             total = exact[i, n + k]
             for j in range(n):

@@ -18,8 +18,7 @@ from logs.identification.diagnostics.unexplained_outputs import without_unexplai
 from logs.identification.estimators.engine.problem import Fit, Nuisances, Problem
 from logs.identification.estimators.engine.problem import Parameter as Sought
 from logs.identification.estimators.initial_values import SPANS, begin
-from logs.identification.estimators.output_error import Method, Search, output_error
-from logs.identification.estimators.prediction import predicted
+from logs.identification.estimators.output_error import Method, Search, output_error, predicted
 from logs.identification.estimators.regression.terms import quotient
 from logs.identification.results import Estimate, FitSeries, Fitted, Information, Unidentified
 from logs.identification.sources.table.config import DELAY, OutputError

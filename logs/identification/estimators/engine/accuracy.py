@@ -1,4 +1,4 @@
-"""Cramer-Rao bounds corrected for coloured residuals, and what the data does not tell.
+"""Cramer-Rao bounds corrected for colored residuals, and parameters that the data does not determine.
 
 Morelli & Klein, Accuracy of Aerodynamic Model Parameters Estimated from Flight Test Data, J. Guidance 20(1), 1997.
 """
@@ -22,7 +22,8 @@ from logs.identification.estimators.engine.normal_equations import (
 from logs.identification.estimators.engine.records import Indices
 from logs.identification.estimators.engine.simulation import Flight
 from logs.identification.estimators.engine.weights import about_mean, whitener_of
-from logs.identification.results import Array, Unidentified, student_factor
+from logs.identification.findings import Entry, Finding, register
+from logs.identification.results import Array, student_factor
 from logs.identification.statistics.autoregression import runs
 from logs.identification.statistics.covariance_inflation import not_below
 from logs.identification.statistics.hac import Coloured, Linear, Noise, noise_of, under
@@ -37,6 +38,19 @@ MIXED = 1e-2
 WIDEST = 1.0
 """-; of a value: half an interval, from which on it must also move the outputs less than they moved"""
 
+register({
+    "wide_interval": Entry(
+        "half of its interval, {value:.3g}, exceeds the value",
+        "The 95 % interval contains zero, and its ends change the outputs more than the measured motion.",
+        "fly larger inputs or more of them, or fix the parameter",
+    ),
+    "not_significant": Entry(
+        "the model explains no more of the outputs than chance",
+        "An F test of the model against constant outputs is not significant at 99 %.",
+        "fly larger inputs; compare the model with the aircraft",
+    ),
+})  # fmt: skip
+
 
 class Accuracy(NamedTuple):
     """What the estimates are worth."""
@@ -45,7 +59,8 @@ class Accuracy(NamedTuple):
     """(p, p); zero in the rows of what is not identified"""
     degrees: Array
     """-; (p,), effective degrees of freedom of each variance"""
-    unidentified: tuple[Unidentified, ...]
+    findings: tuple[Finding, ...]
+    """withheld: the parameters without an estimate; warnings: those with a wide interval"""
 
 
 def accuracy_of(flight: Flight, found: Found, names: tuple[str, ...]) -> Accuracy:
@@ -60,13 +75,13 @@ def accuracy_of(flight: Flight, found: Found, names: tuple[str, ...]) -> Accurac
     degrees = np.ones(p)
     degrees[free] = each
     values = found.unknowns.values
-    lost = {names[i]: f"it stays at its bound {values[i]:g}" for i in np.flatnonzero(found.held)}
+    lost = {names[i]: Finding("at_bound", "withheld", names[i], float(values[i])) for i in np.flatnonzero(found.held)}
     lost |= _undetermined(spectrum, [names[i] for i in free])
-    halves = np.sqrt(np.diag(covariance)) * [student_factor(float(one)) for one in degrees]
-    lost = _too_wide(flight, found, halves, names) | lost
     for index in (names.index(name) for name in lost):
         covariance[index], covariance[:, index] = 0.0, 0.0
-    return Accuracy(covariance, degrees, tuple(Unidentified(n, lost[n]) for n in names if n in lost))
+    halves = np.sqrt(np.diag(covariance)) * [student_factor(float(one)) for one in degrees]
+    wide = [one for one in _wide(flight, found, halves, names) if one.subject not in lost]
+    return Accuracy(covariance, degrees, (*(lost[name] for name in names if name in lost), *wide))
 
 
 def _sandwich(flight: Flight, normal: Normal, free: Indices, inverse: Array, rank: int) -> tuple[Array, Array]:
@@ -91,7 +106,8 @@ def _sandwich(flight: Flight, normal: Normal, free: Indices, inverse: Array, ran
         # below zero, times sensitivities that are all the larger, is the whole variance.
         colour = colour_of(whitened.residuals, whitened.used, lags, definite=True)
         covariance = inverse @ coloured_information(whitened.sensitivities, colour) @ inverse
-    covariance *= effective / degrees
+    prior = inverse * normal.precision[free] @ inverse
+    covariance = covariance * (effective / degrees) + prior
     count = sum(float(mask.sum()) for mask in used)
     variance = sum(float(np.sum(piece**2)) for piece in residuals) / max(count - len(free) - rank, 1.0)
     each = np.minimum(_degrees_each([under(one, records) for one, records in noises if one], len(free)), degrees)
@@ -153,33 +169,31 @@ def _degrees_each(parts: list[Coloured], count: int) -> Array:
     return np.asarray(1.0 / np.maximum(np.sum(shares**2 / [one.degrees for one in parts], axis=0), 1e-12))
 
 
-def _undetermined(spectrum: Spectrum, names: list[str]) -> dict[str, str]:
-    """Parameters in directions that change nothing, by name, with what they are mixed up with."""
-    lost: dict[str, str] = {}
+def _undetermined(spectrum: Spectrum, names: list[str]) -> dict[str, Finding]:
+    """Parameters in directions without information, by name, with those that they are correlated with."""
+    lost: dict[str, Finding] = {}
     null = spectrum.vectors[:, ~spectrum.kept]
     share = np.sqrt(np.sum(null**2, axis=1))
     for index, name in enumerate(names):
         if not np.isfinite(spectrum.scale[index]):
-            lost[name] = "it has no effect on the fitted outputs"
+            lost[name] = Finding("no_effect", "withheld", name)
         elif share[index] > MIXED:
-            alike = np.abs(null @ null[index]) > MIXED * share[index]
-            others = [other for i, other in enumerate(names) if alike[i] and other != name]
-            lost[name] = "the data does not tell it from " + (
-                ", ".join(others) if others else "the initial states and biases"
-            )
+            related = np.abs(null @ null[index]) > MIXED * share[index]
+            others = [other for i, other in enumerate(names) if related[i] and other != name]
+            details = {"others": ", ".join(others) or "the initial states and biases"}
+            lost[name] = Finding("not_identifiable", "withheld", name, details=details)
     return lost
 
 
-def _too_wide(flight: Flight, found: Found, halves: Array, names: tuple[str, ...]) -> dict[str, str]:
-    """Parameters that could be anything: half their interval exceeds them and would move the outputs more than
-    they moved."""
-    assert found.normal is not None
-    motion, alone = _motion(flight, found.weights), np.sqrt(reduced(found.normal).alone)
-    wide: dict[str, str] = {}
-    for name, half, value, effect in zip(names, halves, found.unknowns.values, alone, strict=True):
-        if not np.isfinite(half) or (half > WIDEST * abs(value) and half * effect > motion):
-            wide[name] = "its interval is too wide to be of use: half of it exceeds the value"
-    return wide
+def _wide(flight: Flight, end: Found, halves: Array, names: tuple[str, ...]) -> list[Finding]:
+    """Parameters whose half interval exceeds them and would move the outputs more than they moved."""
+    assert end.normal is not None
+    motion, effects = _motion(flight, end.weights), np.sqrt(reduced(end.normal).alone)
+    return [
+        Finding("wide_interval", "warning", name, float(half), abs(float(value)))
+        for name, half, value, effect in zip(names, halves, end.unknowns.values, effects, strict=True)
+        if not np.isfinite(half) or (half > WIDEST * abs(value) and half * effect > motion)
+    ]
 
 
 def _motion(flight: Flight, weights: Array) -> float:

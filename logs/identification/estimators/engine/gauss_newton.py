@@ -58,7 +58,7 @@ class Here(NamedTuple):
     """as the outputs' products; (m, m), covariance of the residuals"""
     whiteners: tuple[Whitener, ...]
     squares: float
-    """-; weighted"""
+    """-; weighted residuals and distances from the priors"""
 
     @property
     def cost(self) -> float:
@@ -77,7 +77,8 @@ def here(problem: Problem, flight: Flight, unknowns: Unknowns, residuals: list[A
     """The search at ``unknowns``, the noise that of ``residuals``."""
     noise = noise_of(problem, flight.records, residuals)
     whiteners = tuple(whitener_of(record, noise) for record in flight.records)
-    return Here(unknowns, residuals, noise, whiteners, squares_of(residuals, whiteners))
+    squares = squares_of(residuals, whiteners) + flight.prior_squares(unknowns.values)
+    return Here(unknowns, residuals, noise, whiteners, squares)
 
 
 def gauss_newton(problem: Problem, flight: Flight, start: Unknowns, most: int) -> Found:
@@ -154,6 +155,6 @@ def _advance(
     for trial in _trials(now, normal, step, held):
         inside = trial._replace(values=np.clip(trial.values, flight.layout.low, flight.layout.high))
         residuals = flight.residuals(inside)
-        if squares_of(residuals, now.whiteners) < now.squares:
+        if squares_of(residuals, now.whiteners) + flight.prior_squares(inside.values) < now.squares:
             return inside, residuals
     return None

@@ -126,7 +126,8 @@ def _pass(flight: Flight, start: Unknowns, weights: Array, sizes: Array) -> tupl
 
     def cost(scaled: Array) -> float:
         pairs = zip(borders, start.own, strict=True)
-        return sum(border.best(flight, placed(scaled), own)[1] for border, own in pairs)
+        values = placed(scaled)
+        return sum(border.best(flight, values, own)[1] for border, own in pairs) + flight.prior_squares(values)
 
     options: dict[str, Any] = {
         "initial_simplex": np.vstack((np.zeros(p), np.eye(p))),

@@ -35,6 +35,10 @@ class Normal(NamedTuple):
     pieces: tuple[Piece, ...]
     sizes: Array
     """(p,); of the parameters, to tell one that has no effect"""
+    precision: Array
+    """(p,); of the parameters' priors"""
+    prior_gradient: Array
+    """(p,); what the priors add to the gradient"""
 
 
 class Step(NamedTuple):
@@ -62,7 +66,8 @@ def normal_of(flight: Flight, unknowns: Unknowns, residuals: list[Array], whiten
         slopes = white(flight.slopes(record, unknowns.values, own)).reshape(raw.size, -1)
         pieces.append(Piece(white(raw), slopes[:, :p], slopes[:, p:]))
     sizes = np.maximum(np.maximum(np.abs(unknowns.values), np.abs(flight.first().values)), SMALLEST_SIZE)
-    return Normal(tuple(pieces), sizes)
+    precision = flight.layout.precision
+    return Normal(tuple(pieces), sizes, precision, precision * (flight.layout.prior_mean - unknowns.values))
 
 
 def finite(normal: Normal) -> bool:
@@ -102,8 +107,8 @@ class Reduced(NamedTuple):
 
 def reduced(normal: Normal, damping: float = 0.0) -> Reduced:
     """Schur complement of the nuisances; ``damping`` is Levenberg and Marquardt's, in shares of the diagonal."""
-    p = normal.pieces[0].slopes.shape[1]
-    information, gradient, alone, rank = np.zeros((p, p)), np.zeros(p), np.zeros(p), 0
+    information, gradient = np.diag(normal.precision), normal.prior_gradient.copy()
+    alone, rank = normal.precision.copy(), 0
     for piece in normal.pieces:
         whole = piece.slopes.T @ piece.slopes
         inverse, kept = pseudo_inverse(_damped(piece.own.T @ piece.own, damping))

@@ -1,4 +1,4 @@
-"""What output error is asked: a model, the manoeuvres, what is free, and how the outputs are weighed."""
+"""Maximum-likelihood problem: model, maneuvers, free parameters, priors, and weights of the outputs."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Literal, NamedTuple, Protocol
 import numpy as np
 
 from logs.identification.data.experiment import Experiment
+from logs.identification.findings import Finding
 from logs.identification.results import Array, Estimate, Unidentified
 from wingbeat.errors import InputError
 
@@ -54,13 +55,43 @@ class Model(Protocol):
         """By name, in the order of ``parameters``."""
 
     def simulate(
-        self, parameters: Array, start: Array, inputs: Array, step: float, held: Held | None = None
+        self, parameters: Array, start: Array, inputs: Array, step: float, zero_order_hold: Held | None = None, /
     ) -> Array:
         """Outputs (N, m) from the state ``start`` (n,), driven by ``inputs`` (N, k) every ``step`` s.
 
-        Inputs are linear between samples but for what is ``held``. A simulation that overflows gives values that are
-        not finite from there on.
+        Inputs are linear between samples, except those under ``zero_order_hold``. A simulation that overflows gives
+        values that are not finite from there on.
         """
+
+
+class Feedback(NamedTuple):
+    """Measured outputs that correct the states of a model while it is simulated."""
+
+    gain: Array
+    """(n, m); of the state by the innovations, at each sample"""
+    measured: Array
+    """(N, m); NaN where not measured: the innovation is zero there"""
+    outputs: tuple[int, ...]
+    """-; (m,), of the model, that are measured"""
+
+
+class Predictor(Protocol):
+    """A model that predicts each sample from the inputs and from the outputs measured before it.
+
+    A `Model` without ``predict`` is simulated: output error. One with it is predicted: filter error.
+    """
+
+    def predict(self, parameters: Array, start: Array, inputs: Array, measured: Array, step: float) -> Array:
+        """Outputs (N, m) of the fitted ones, whose measurements are ``measured`` (N, m), NaN where there are none."""
+
+
+class Prior(NamedTuple):
+    """Gaussian prior of one parameter."""
+
+    mean: float
+    """as the parameter"""
+    deviation: float
+    """as the parameter; standard deviation"""
 
 
 class Parameter(NamedTuple):
@@ -75,7 +106,9 @@ class Parameter(NamedTuple):
     high: float = math.inf
     """as the model's unit; greatest value allowed"""
     local: bool = False
-    """-; every manoeuvre has a value of its own (a trim moment, say), which is then a nuisance like a bias"""
+    """-; every maneuver has its value (a trim moment, say), which is then a nuisance like a bias"""
+    prior: Prior | None = None
+    """of a free parameter that all maneuvers share; None for none"""
 
 
 class Nuisances(NamedTuple):
@@ -175,6 +208,8 @@ class Fit(NamedTuple):
     """per experiment; empty after a failure"""
     outputs: tuple[str, ...]
     """-; (m,)"""
+    findings: tuple[Finding, ...] = ()
+    """parameters without an estimate, and warnings; of a failure its reason"""
 
 
 def window(experiment: Experiment, start: float, end: float) -> Experiment:

@@ -63,6 +63,10 @@ class Layout(NamedTuple):
     """-; positions among the fitted outputs"""
     biased_inputs: Ints
     """-; of the model's inputs"""
+    prior_mean: Array
+    """(p,); of the free parameters"""
+    precision: Array
+    """(p,); of the prior, 0 without one"""
 
     @property
     def own(self) -> int:
@@ -97,7 +101,18 @@ def layout_of(problem: Problem) -> Layout:
         outputs=_places(fitted, list(model.outputs), "output"),
         biased_outputs=_places(_biased(nuisances, fitted), fitted, "output"),
         biased_inputs=_places(nuisances.input_biases, list(model.inputs), "input"),
+        **_priors([parameters[n] for n in free]),
     )
+
+
+def _priors(free: list[Parameter]) -> dict[str, Array]:
+    priors = [one.prior for one in free]
+    if any(one is not None and not one.deviation > 0 for one in priors):
+        raise InputError("the standard deviation of a prior must be positive")
+    return {
+        "prior_mean": np.array([one.mean if one else 0.0 for one in priors]),
+        "precision": np.array([one.deviation**-2.0 if one else 0.0 for one in priors]),
+    }
 
 
 def _fitted(problem: Problem) -> list[str]:

@@ -1,4 +1,4 @@
-"""The model flown through every record: residuals, and by differences what each free number does to them."""
+"""Predicted outputs of every record, residuals, and sensitivities by finite differences."""
 
 from __future__ import annotations
 
@@ -45,6 +45,15 @@ class Flight(NamedTuple):
     layout: Layout
     records: tuple[Record, ...]
 
+    @property
+    def predicts(self) -> bool:
+        """Whether the outputs measured before a sample enter its prediction (`problem.Predictor`)."""
+        return hasattr(self.model, "predict")
+
+    def prior_squares(self, values: Array) -> float:
+        """Squared distance of ``values`` (p,) from the priors, in standard deviations."""
+        return float(np.sum(self.layout.precision * (values - self.layout.prior_mean) ** 2))
+
     def first(self) -> Unknowns:
         """Where the search begins."""
         own = tuple(self._first_own(record) for record in self.records)
@@ -74,6 +83,11 @@ class Flight(NamedTuple):
         """Fitted outputs (N, m) of the model, biases included; not finite where it overflows."""
         split = self.split(record, values, own)
         inputs = record.inputs + split.input_biases if self.layout.biased_inputs else record.inputs
+        if self.predicts:
+            measured = np.where(record.used > 0, record.measured - split.output_biases, np.nan)
+            predict = self.model.predict  # type: ignore[attr-defined]
+            predicted: Array = predict(split.parameters, split.start, inputs, measured, record.step)
+            return predicted + split.output_biases
         flown = self.model.simulate(split.parameters, split.start, inputs, record.step)
         chosen: Array = flown[:, self.layout.outputs] + split.output_biases
         return chosen
@@ -104,7 +118,7 @@ class Flight(NamedTuple):
     def _slope(self, record: Record, here: Array, both: Array, index: int) -> Array:
         p, layout = len(self.layout.free), self.layout
         bias = index - p - len(layout.local) - len(layout.states)
-        if 0 <= bias < len(layout.biased_outputs):
+        if 0 <= bias < len(layout.biased_outputs) and not self.predicts:
             column = np.zeros(here.shape)
             column[:, layout.biased_outputs[bias]] = 1.0
             return column

@@ -1,0 +1,299 @@
+"""Filter error: maximum likelihood of the innovations of a steady-state Kalman filter, for linear models.
+
+``x' = A x + B u + F w`` with white noise w of unit density; the strengths on the diagonal of F are parameters. The
+gain is that of the discrete Riccati equation. Between searches the measurement noise is scaled until the innovations
+have the variances that the filter expects (relaxation: Jategaonkar, Flight Vehicle System Identification, 2006,
+ch. 5; Klein & Morelli, Aircraft System Identification, 2006, ch. 6). Output error is the case without process noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from logs.identification.estimators.engine.problem import Feedback, Fit, Held, Named, Parameter, Problem
+from logs.identification.estimators.output_error import (
+    DEFAULT_SEARCH,
+    Search,
+    output_error,
+    problem_of,
+    result_of,
+    variation_of,
+)
+from logs.identification.estimators.registry import ESTIMATORS, Estimator, Request
+from logs.identification.models.actuators import Actuated
+from logs.identification.models.linear import LinearModel, exponential
+from logs.identification.results import Array, EstimationResult
+from wingbeat.errors import InputError
+
+PREFIX = "process_noise_"
+"""of the parameters of the strengths: ``process_noise_<state>``"""
+RELAXATIONS = 6
+"""-; searches, each with the measurement noise of the one before"""
+SETTLED = 0.1
+"""-; change of the logarithm of the likelihood that ends the relaxation"""
+START_SHARE = 0.3
+"""-; of the residuals of output error: standard deviation that the process noise adds to an output at the start"""
+MEMORY = 10.0
+"""-; samples over which process noise is collected, at the start"""
+LEAST_STRENGTH = 0.03
+"""-; of the start: bound below which the process noise has no effect"""
+DOUBLINGS = 40
+EPSILON = 1e-12
+
+
+class FilterModel(NamedTuple):
+    """A linear model with process noise, as a `problem.Predictor`."""
+
+    model: LinearModel | Actuated
+    noisy: tuple[str, ...]
+    """-; states with process noise"""
+    fitted: tuple[str, ...]
+    """-; (m,), outputs that are measured"""
+    noise: Array
+    """(m, m); covariance of the innovations that the gain is computed with"""
+
+    @property
+    def linear(self) -> LinearModel:
+        """The model without its actuators."""
+        inner = self.model.model if isinstance(self.model, Actuated) else self.model
+        if not isinstance(inner, LinearModel):
+            raise InputError("filter error needs a linear model")
+        return inner
+
+    @property
+    def states(self) -> Mapping[str, Named]:
+        """Those of the model."""
+        return self.model.states
+
+    @property
+    def inputs(self) -> Mapping[str, str]:
+        """Those of the model."""
+        return self.model.inputs
+
+    @property
+    def outputs(self) -> Mapping[str, str]:
+        """Those of the model."""
+        return self.model.outputs
+
+    @property
+    def parameters(self) -> Mapping[str, Named]:
+        """Those of the model, then the strength of the process noise of each noisy state."""
+        strengths = {PREFIX + name: Named(f"({self.states[name].unit})/s^0.5") for name in self.noisy}
+        return dict(self.model.parameters) | strengths
+
+    def simulate(
+        self, parameters: Array, start: Array, inputs: Array, step: float, zero_order_hold: Held | None = None
+    ) -> Array:
+        """Outputs (N, m) without the filter."""
+        return self.model.simulate(parameters[: len(self.model.parameters)], start, inputs, step, zero_order_hold)
+
+    def predict(self, parameters: Array, start: Array, inputs: Array, measured: Array, step: float) -> Array:
+        """Outputs (N, m) of ``fitted``, each predicted from the samples before."""
+        count = len(self.model.parameters)
+        chosen = tuple(list(self.outputs).index(name) for name in self.fitted)
+        gain = self.gain(parameters, step)
+        if not np.all(np.isfinite(gain)):
+            return np.full(measured.shape, np.nan)
+        feedback = Feedback(gain, measured, chosen)
+        outputs: Array = self.model.simulate(parameters[:count], start, inputs, step, None, feedback)[:, chosen]
+        return outputs
+
+    def excess(self, parameters: Array, innovations: Array, step: float) -> Array:
+        """Variances of ``innovations`` (m, m) over those that the filter expects, (m,)."""
+        a, c, density = self._system(parameters)
+        transition, covariance = discrete_noise(a, density, step)
+        expected = c @ riccati(transition, c, covariance, self.noise) @ c.T + self.noise
+        return np.asarray(np.diag(innovations) / np.diag(expected))
+
+    def gain(self, parameters: Array, step: float) -> Array:
+        """Steady-state gain (n, m) of the innovations at samples ``step`` s apart; NaN where there is none."""
+        a, c, density = self._system(parameters)
+        if not np.all(np.isfinite(a)) or not np.all(np.isfinite(density)):
+            return np.full((len(c.T), len(c)), np.nan)
+        return _gain(a.tobytes(), c.tobytes(), density.tobytes(), self.noise.tobytes(), step, c.shape)
+
+    def _system(self, parameters: Array) -> tuple[Array, Array, Array]:
+        """A (n, n), C (m, n) of the fitted outputs, and the density (n, n) of the process noise."""
+        count, linear = len(self.model.parameters), self.linear
+        matrices = linear.matrices(parameters[: len(linear.parameters)])
+        density = np.zeros(len(linear.states))
+        density[[list(linear.states).index(name) for name in self.noisy]] = parameters[count:] ** 2
+        c = matrices.c[[list(self.outputs).index(name) for name in self.fitted]]
+        return np.ascontiguousarray(matrices.a), c, np.diag(density)
+
+
+@lru_cache(maxsize=16)
+def _gain(a: bytes, c: bytes, density: bytes, noise: bytes, step: float, size: tuple[int, int]) -> Array:
+    """`steady_gain` of arrays as bytes; one set of parameters serves all records."""
+    m, n = size
+    shaped = (np.frombuffer(a).reshape(n, n), np.frombuffer(c).reshape(m, n), np.frombuffer(density).reshape(n, n))
+    return steady_gain(*shaped, np.frombuffer(noise).reshape(m, m), step)
+
+
+def steady_gain(a: Array, c: Array, density: Array, noise: Array, step: float) -> Array:
+    """Gain (n, m) of the measurement update of a steady-state Kalman filter.
+
+    Args:
+        a: (n, n); 1/s, of ``x' = A x``.
+        c: (m, n); of the outputs.
+        density: (n, n); spectral density of the process noise.
+        noise: (m, m); covariance of the measurement noise.
+        step: s; between samples.
+    """
+    transition, covariance = discrete_noise(a, density, step)
+    p = riccati(transition, c, covariance, noise)
+    with np.errstate(invalid="ignore", over="ignore"):
+        innovations = c @ p @ c.T + noise
+        if not np.all(np.isfinite(innovations)):
+            return np.full((len(a), len(c)), np.nan)
+        return np.asarray(np.linalg.solve(innovations, c @ p).T, dtype=np.float64)
+
+
+def discrete_noise(a: Array, density: Array, step: float) -> tuple[Array, Array]:
+    """Transition (n, n) over one ``step`` and covariance (n, n) of what the process noise adds in it.
+
+    Van Loan, Computing Integrals Involving the Matrix Exponential, IEEE Trans. Automatic Control 23(3), 1978.
+    """
+    n = len(a)
+    block = np.zeros((2 * n, 2 * n))
+    block[:n, :n], block[:n, n:], block[n:, n:] = -a * step, density * step, a.T * step
+    exact = exponential(block)
+    transition = exact[n:, n:].T
+    covariance: Array = transition @ exact[:n, n:]
+    return transition, (covariance + covariance.T) / 2
+
+
+def riccati(transition: Array, c: Array, covariance: Array, noise: Array) -> Array:
+    """Covariance (n, n) of the predicted state: the discrete algebraic Riccati equation by doubling.
+
+    Anderson, Second-order convergent algorithms for the steady-state Riccati equation, Int. J. Control 28(2), 1978.
+    NaN where it has no stabilizing solution.
+    """
+    a: Array = transition.T
+    g: Array = c.T @ np.linalg.solve(noise, c)
+    h: Array = covariance
+    eye = np.eye(len(a))
+    for _ in range(DOUBLINGS):
+        try:
+            inverse = np.linalg.inv(eye + g @ h)
+        except np.linalg.LinAlgError:
+            return np.full_like(h, np.nan)
+        more = a.T @ h @ inverse @ a
+        a, g, h = a @ inverse @ a, g + a @ inverse @ g @ a.T, h + more
+        if not np.all(np.isfinite(h)):
+            return np.full_like(h, np.nan)
+        if np.max(np.abs(more)) <= EPSILON * max(float(np.max(np.abs(h))), 1e-300):
+            break
+    return h
+
+
+class Filtered(NamedTuple):
+    """A filter-error fit and the problem whose model predicts with the filter that it ended with."""
+
+    problem: Problem
+    fit: Fit
+
+
+def filter_error(problem: Problem, noisy: tuple[str, ...] | None = None, search: Search = DEFAULT_SEARCH) -> Fit:
+    """The fit of `filter_error_search`."""
+    return filter_error_search(problem, noisy, search).fit
+
+
+def filter_error_search(
+    problem: Problem, noisy: tuple[str, ...] | None = None, search: Search = DEFAULT_SEARCH
+) -> Filtered:
+    """The free parameters of ``problem``, whose model is linear, by filter error.
+
+    ``noisy`` are the states with process noise; None for all but angles that are integrals of rates (theta, phi).
+    The problem's own start values lead to output error first; its end and residuals start the filter.
+
+    Raises:
+        InputError: as `output_error`, or the model is not linear.
+    """
+    noisy = default_noisy(problem) if noisy is None else noisy
+    unknown = [name for name in noisy if name not in problem.model.states]
+    if unknown:
+        raise InputError(f"the model has no state {unknown[0]} (it has {', '.join(problem.model.states)})")
+    before = output_error(problem, search)
+    start, noise = _start(problem, before, noisy)
+    best: Filtered | None = None
+    step = min(one.step for one in problem.experiments)
+    for _ in range(RELAXATIONS):
+        model = FilterModel(problem.model, noisy, problem.outputs, noise)  # type: ignore[arg-type]
+        filtered = problem._replace(model=model, parameters=start)
+        fit = output_error(filtered, search)
+        search = search._replace(starts=1, fallback=False)
+        if best is not None and (fit.failure or fit.cost >= best.fit.cost):
+            break
+        improved = best is None or best.fit.cost - fit.cost > SETTLED
+        best = Filtered(filtered, fit)
+        if fit.failure or not improved:
+            break
+        excess = model.excess(vector_of(model, fit), fit.noise, step)
+        if not np.all(np.isfinite(excess)):
+            break
+        noise = noise * excess[:, None]
+        values = dict(zip(fit.names, fit.values.tolist(), strict=True))
+        scale = float(np.exp(np.mean(np.log(excess)) / 2))
+        values |= {PREFIX + name: values[PREFIX + name] * scale for name in noisy}
+        start = {name: _at(one, values.get(name, one.start)) for name, one in start.items()}
+    assert best is not None
+    return best
+
+
+def _at(parameter: Parameter, start: float) -> Parameter:
+    return parameter._replace(start=min(max(start, parameter.low), parameter.high))
+
+
+def default_noisy(problem: Problem) -> tuple[str, ...]:
+    """States that forces and moments drive."""
+    return tuple(name for name in problem.model.states if name not in ("theta", "phi"))
+
+
+def vector_of(model: FilterModel, fit: Fit) -> Array:
+    """All parameters of the ``model`` as a fit without local parameters has them."""
+    shared = fit.own[0].parameters
+    return np.array([shared[name] for name in model.parameters])
+
+
+def _start(problem: Problem, before: Fit, noisy: tuple[str, ...]) -> tuple[dict[str, Parameter], Array]:
+    """Parameters with the strengths of the process noise, and the first covariance of the innovations.
+
+    The strengths start where white noise of the states' rates accounts for `START_SHARE` of the outputs' residuals.
+    """
+    usable = not before.failure
+    values = dict(zip(before.names, before.values.tolist(), strict=True)) if usable else {}
+    parameters = {name: one._replace(start=values.get(name, one.start)) for name, one in problem.parameters.items()}
+    noise = np.diag(np.diag(before.noise)) if usable else np.diag(variation_of(problem) ** 2) / 4
+    first = FilterModel(problem.model, noisy, problem.outputs, noise)  # type: ignore[arg-type]
+    table = [parameters[n].start if n in parameters else p.value for n, p in problem.model.parameters.items()]
+    matrices = first.linear.matrices(np.array(table)[: len(first.linear.parameters)])
+    rows = np.abs(matrices.c[[list(first.outputs).index(name) for name in problem.outputs]])
+    deviation = np.sqrt(np.diag(noise))
+    step = min(one.step for one in problem.experiments)
+    strengths = {}
+    for name in noisy:
+        column = rows[:, list(first.linear.states).index(name)]
+        reach = np.min(np.where(column > 0, deviation / np.maximum(column, 1e-300), np.inf))
+        size = reach if np.isfinite(reach) else 1.0
+        strength = START_SHARE * float(size) / np.sqrt(step * MEMORY)
+        strengths[PREFIX + name] = Parameter(strength, low=LEAST_STRENGTH * strength)
+    return parameters | strengths, noise
+
+
+def estimate_by_filter_error(request: Request) -> EstimationResult:
+    """Filter error of a request; option ``noisy``: states with process noise."""
+    found = filter_error_search(problem_of(request), request.options.get("noisy"))
+    return result_of("filter_error", request, found.problem, found.fit)
+
+
+ESTIMATORS["filter_error"] = Estimator(
+    "filter_error",
+    "Filter error (maximum likelihood with process noise)",
+    "Jategaonkar, Flight Vehicle System Identification, 2006, ch. 5; Klein & Morelli, 2006, ch. 6",
+    estimate_by_filter_error,
+)
