@@ -17,7 +17,7 @@ from logs.identification.drive.power import power_truth, power_with_gauge_errors
 from logs.identification.drive.servo import ServoModel, ServoResult
 from logs.identification.drive.torque import identify_torque
 from logs.identification.drive.torque_speed import identify_load, load_truth
-from logs.identification.estimators.flight.short_period import identify_modes
+from logs.identification.estimators.flight_modes import identify_modes
 from logs.identification.estimators.stepwise import Step
 from logs.identification.models.modes import KINDS, Mode, ModesResult, Oscillation
 from logs.identification.report.background import begun

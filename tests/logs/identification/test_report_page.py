@@ -17,7 +17,7 @@ from logs.identification.aerodynamics.structure import AeroResult, CoefficientMo
 from logs.identification.drive.frequency import FrequencyModel, Segment
 from logs.identification.drive.power import identify_power
 from logs.identification.drive.torque import identify_torque
-from logs.identification.estimators.flight.short_period import identify_modes
+from logs.identification.estimators.flight_modes import identify_modes
 from logs.identification.report import Identification
 from logs.identification.report.document import (
     DASHED,

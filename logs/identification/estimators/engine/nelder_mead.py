@@ -28,13 +28,13 @@ from logs.identification.estimators.engine.simulation import Flight, Unknowns
 from logs.identification.estimators.engine.weights import Whitener, variation, whitener_of
 from logs.identification.results import Array
 
-PASSES = 12
+PASSES = 6
 FIRST_SIZE = 0.1
 """-; of a parameter: the first simplex"""
 LEAST_SIZE = 1e-2
 THRESHOLD = 1e-3
 """-; of the first simplex: its size at the end"""
-MOST_EVALUATIONS = 600
+MOST_EVALUATIONS = 200
 """-; per parameter, of one pass"""
 OVERFLOWED = 1e30
 LARGE = 4
