@@ -2,6 +2,7 @@
 #
 #   make fly       fly, record, identify          (make fly ARGS="--vehicle arizona_100cm --seed 7")
 #   make test      every check but the long studies
+#   make docs      the documentation site in build/site
 #   make bench     how fast it is
 #   make validate  the long studies
 #   make clean     remove the environment and the caches; recordings stay
@@ -22,7 +23,7 @@ PYTEST := $(BIN)/python -m pytest -q -m "not bench and not validate"
 # Modules are compiled once, at their first import, not in every process.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: docs/parameters.md help fly test lint kernels collected bench validate clean
+.PHONY: docs docs/parameters.md help fly test lint kernels collected bench validate clean
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -36,6 +37,9 @@ fly: $(VENV)/.installed
 test: $(VENV)/.installed
 	@$(MAKE) --no-print-directory -j 2 lint collected
 	$(PYTEST) -n 3 --dist loadfile --no-loadscope-reorder
+
+docs: $(VENV)/.installed-dev
+	$(BIN)/python docs/site/build.py build/site
 
 docs/parameters.md: $(VENV)/.installed
 	@$(BIN)/python docs/write_parameters.py $@

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from mcap.opcode import Opcode
@@ -17,6 +17,9 @@ from logs.layout import SCALARS, Field, Layout
 from logs.records import Damage
 from logs.schema import layout_from_schema
 from wingbeat.errors import InputError
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Array = NDArray[Any]
 Stamped = tuple[int, dict[str, Any]]
@@ -71,6 +74,27 @@ class Columns(Mapping[str, Array]):
     def __len__(self) -> int:
         """Count the fields; the number of messages is ``len(columns.time)``."""
         return len(self.fields)
+
+    def __repr__(self) -> str:
+        count = len(self.log_time_ns)
+        span = f" from {self.time[0]:.3f} to {self.time[-1]:.3f} s" if count else ""
+        units = (f"{name} ({self.units.get(name, '-')})" for name in self.fields)
+        return f"{self.topic}: {count} messages{span}; {', '.join(units)}"
+
+    def to_pandas(self) -> pd.DataFrame:
+        """Return a data frame with one row per message, indexed by the time in s since boot (needs pandas).
+
+        A packed array of n values becomes n columns, ``name[0]`` and so on.
+        """
+        import pandas as pd
+
+        table: dict[str, Array] = {}
+        for name, values in self.fields.items():
+            if values.ndim == 1:
+                table[name] = values
+            else:
+                table |= {f"{name}[{i}]": values[:, i] for i in range(values.shape[1])}
+        return pd.DataFrame(table, index=pd.Index(self.time, name="time"))
 
     @property
     def time(self) -> NDArray[np.float64]:

@@ -89,6 +89,16 @@ class LogFile:
         for name, channels in self._by_topic.items():
             self.topics[name] = self._info(channels[0])
 
+    def __getitem__(self, topic: str) -> Columns:
+        """Read one topic as columns, as `columns` does."""
+        return self.columns(topic)
+
+    def __repr__(self) -> str:
+        count = sum(info.messages for info in self.topics.values())
+        fault = "; damaged" if self.damage else ""
+        names = ", ".join(sorted(self.topics))
+        return f"Log {self.path}: {self.duration:.1f} s, {count} messages{fault}; topics {names}"
+
     def close(self) -> None:
         """Close the file; it cannot be read afterwards."""
         self._data.close()

@@ -9,6 +9,7 @@ from datetime import datetime
 from pathlib import Path
 
 from logs.new_files import locked_name, numbered
+from wingbeat.errors import InputError
 
 RECORDINGS = Path("recordings")
 
@@ -48,6 +49,25 @@ def files_of(recording: Path) -> tuple[Path, ...]:
 def parts_of(recording: Path) -> list[Path]:
     """Return the existing recordings of world and flight computer of a flight."""
     return [part for part in files_of(recording)[1:] if part.is_file()]
+
+
+LATEST = "latest"
+"""Name of the newest recording in place of a path."""
+
+
+def recording_path(name: str, folder: Path = RECORDINGS) -> Path:
+    """Return the path of a recording; ``latest`` is the newest in ``folder``, unless a file has this name.
+
+    Raises:
+        InputError: ``latest``, and there is no recording.
+    """
+    path = Path(name)
+    if name != LATEST or path.exists():
+        return path
+    flights = [one for one in folder.glob("*.mcap") if not one.name.endswith(PARTS)]
+    if not flights:
+        raise InputError(f"no recording in {folder}/: record one with wingbeat fly, or name a file")
+    return max(flights, key=lambda one: one.stat().st_mtime_ns)
 
 
 @contextlib.contextmanager

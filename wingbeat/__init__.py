@@ -1,1 +1,38 @@
-"""Leaf modules that all packages share; importing one loads nothing else of Wingbeat."""
+"""Flight software, simulation and system identification of flapping-wing aircraft.
+
+Public names are loaded on first use, so that importing one leaf module loads nothing else.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+_HOME = {
+    "Flight": "wingbeat.api.flights",
+    "LinearMotion": "wingbeat.api.steady",
+    "Simulation": "wingbeat.api.simulation",
+    "SteadyFlight": "wingbeat.api.steady",
+    "Vehicle": "wingbeat.api.vehicles",
+    "campaign": "wingbeat.api.campaigns",
+    "fly": "wingbeat.api.flights",
+    "linearize": "wingbeat.api.steady",
+    "load_vehicle": "wingbeat.api.vehicles",
+    "open_log": "wingbeat.api.flights",
+    "trim": "wingbeat.api.steady",
+    "vehicle_names": "wingbeat.api.vehicles",
+}
+"""module by public name"""
+__all__ = list(_HOME)
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'wingbeat' has no attribute {name!r}; it has: {', '.join(_HOME)}")
+    value = getattr(import_module(_HOME[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_HOME})

@@ -78,7 +78,9 @@ def build_parser() -> options.Parser:
     )
     for verb, text in TEXTS.items():
         one = verbs.add_parser(verb, help=text, description=text)
-        one.add_argument("file", type=Path, metavar="FILE")
+        one.add_argument(
+            "file", type=options.recording_path, metavar="FILE", help="path, or latest: the newest of recordings/"
+        )
         options.add_json(one)
         if verb in ("info", "view", "export", "recover"):
             one.add_argument(

@@ -52,7 +52,13 @@ def build_parser() -> options.Parser:
         " reference attitude (BROAD .npz) through the attitude filter."
     )
     parser = options.build_parser("replay", summary, EXAMPLES, JSON_KEYS)
-    parser.add_argument("file", nargs="?", type=Path, metavar="FILE", help="a log of a Wingbeat flight computer")
+    parser.add_argument(
+        "file",
+        nargs="?",
+        type=options.recording_path,
+        metavar="FILE",
+        help="a log of a Wingbeat flight computer, or latest: the newest of recordings/",
+    )
     _add_flight(parser)
     options.add_identity(parser)
     _add_filter(parser)

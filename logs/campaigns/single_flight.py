@@ -163,7 +163,24 @@ def _recorded(order: Order, flight: Prepared) -> Iterator[Publish]:
     if order.recording is None:
         yield publish_nothing
         return
-    with _recorder(order.recording.path) as recorder:
+    path = order.recording.path
+    unfinished = path.with_name(path.name + UNFINISHED)
+    try:
+        unfinished.unlink(missing_ok=True)
+    except OSError as error:
+        raise CannotRecord(f"cannot record to {path}: {error.strerror or error}") from None
+    with recorded(unfinished, flight) as publish:
+        yield publish
+
+
+@contextmanager
+def recorded(path: Path, flight: Prepared) -> Iterator[Publish]:
+    """Yield the function that records a flight's messages to the new file ``path``.
+
+    Raises:
+        CannotRecord: the log cannot be written.
+    """
+    with _recorder(path) as recorder:
         note_flight(recorder, flight)
         seen = SceneRecorder(recorder, shape_of(flight.vehicle), recorder.start_epoch_ns)
         with batched(seen.record_all) as publish:
@@ -173,10 +190,8 @@ def _recorded(order: Order, flight: Prepared) -> Iterator[Publish]:
 
 
 def _recorder(path: Path) -> McapRecorder:
-    unfinished = path.with_name(path.name + UNFINISHED)
     try:
-        unfinished.unlink(missing_ok=True)
-        return McapRecorder(unfinished)
+        return McapRecorder(path)
     except OSError as error:
         raise CannotRecord(f"cannot record to {path}: {error.strerror or error}") from None
     except InputError as error:

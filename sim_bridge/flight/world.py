@@ -46,6 +46,7 @@ REST_SPEED = 0.3
 RECORD_PERIOD_US = 4000
 """us; minimum recording period of the truth, independent of the step"""
 STILL = dryden.Gust((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+NO_WIND: Vector = (0.0, 0.0, 0.0)
 NO_MEANS = Means(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
@@ -169,6 +170,8 @@ class SimulatedWorld:
         self._turbulence = dryden.turbulence(scenario.turbulence, 2.0 * vehicle.wing.semispan, scenario.seed)
         self._gusts = dryden.initial(self._turbulence, scenario.wind_from)
         self._gust = STILL
+        self.extra_wind: Vector = NO_WIND
+        """m/s; NED, added to wind and turbulence; set by the caller"""
         self._v_ned = (0.0, 0.0, 0.0)
         self._publish = publish
         self._recorded = publish is not publish_nothing
@@ -361,8 +364,11 @@ class SimulatedWorld:
         return k.Surroundings._make((*wind, air.density, self._launcher(), self._push, 0.0, 0.0, *turn))
 
     def _air_velocity(self) -> Vector:
-        """m/s; velocity of the air at the vehicle, NED: steady wind plus gust."""
+        """m/s; velocity of the air at the vehicle, NED: steady wind plus gusts."""
         (a, b, c), (x, y, z) = self._wind, self._gust.velocity
+        if self.extra_wind is not NO_WIND:
+            north, east, down = self.extra_wind
+            return a + x + north, b + y + east, c + z + down
         return a + x, b + y, c + z
 
     def _sample_gust(self) -> None:

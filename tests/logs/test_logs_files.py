@@ -26,7 +26,7 @@ from logs.export import csv_header, export_csv, export_npz
 from logs.info import flight_summary, summary, topic_row
 from logs.join import join
 from logs.log_file import TopicInfo
-from logs.names import JOINED, PARTS, reserved
+from logs.names import JOINED, PARTS, recording_path, reserved
 from logs.new_files import claim, draft, locked_name
 from logs.reader import open_log
 from sim_bridge import topics as truth_topics
@@ -319,3 +319,17 @@ def test_the_place_of_another_is_never_taken(tmp_path: Path, monkeypatch: pytest
             claim(name, tmp_path / "a.csv")
     assert (tmp_path / "a.csv").read_bytes() == b"first"
     assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_latest_is_the_newest_flight(tmp_path: Path) -> None:
+    """GIVEN recordings of different age and a part of a flight WHEN latest is named THEN it is the newest flight."""
+    for age, name in enumerate(("b.mcap", "a.mcap", "c.world.mcap", "d.txt")):
+        (tmp_path / name).touch()
+        os.utime(tmp_path / name, (1e9 + age, 1e9 + age))
+    assert recording_path("latest", tmp_path) == tmp_path / "a.mcap"
+    assert recording_path("other.mcap", tmp_path) == Path("other.mcap")
+
+
+def test_latest_without_recordings_is_one_line(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no recording in"):
+        recording_path("latest", tmp_path)

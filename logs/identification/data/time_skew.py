@@ -18,7 +18,7 @@ from logs.identification.data.experiment import Experiment
 from logs.identification.data.fourier_smoothing import fourier_smoothing
 from logs.identification.data.resampling import interpolated
 from logs.identification.data.smoothed import Smoothed, whole
-from logs.identification.estimators.regression.least_squares import regress
+from logs.identification.estimators.least_squares import regress
 from logs.identification.results import Array, Estimate, Unidentified, estimate
 from wingbeat.errors import InputError
 

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from logs.identification.data.experiment import Experiment
-from logs.identification.estimators.regression.terms import parse
+from logs.identification.estimators.terms import parse
 from logs.identification.results import Array, Unidentified
 from logs.identification.sources.table.config import Regression
 from logs.identification.sources.table.maneuvers import file_of

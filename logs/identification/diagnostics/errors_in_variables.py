@@ -15,14 +15,13 @@ from math import hypot
 import numpy as np
 
 from logs.identification.data.experiment import Experiment
+from logs.identification.data.fourier import in_band
 from logs.identification.data.noise_level import noise_of_differences, third_differences
-from logs.identification.estimators.regression.averaging import as_regressed
-from logs.identification.estimators.regression.coefficients import CoefficientRegression
-from logs.identification.estimators.regression.design import INTERCEPT
-from logs.identification.estimators.regression.equation_error import Settings
-from logs.identification.estimators.regression.frequency_domain import in_band
-from logs.identification.estimators.regression.terms import evaluate, parse
-from logs.identification.results import Array, Estimate, Unidentified, estimate
+from logs.identification.estimators.equation_error import CoefficientRegression, Settings
+from logs.identification.estimators.regressors import INTERCEPT, TREND, as_regressed
+from logs.identification.estimators.terms import evaluate, parse
+from logs.identification.findings import Entry, Finding, register
+from logs.identification.results import Array, Estimate, estimate
 
 FELT = 0.25
 """-; standard errors that noise in the regressors puts a coefficient off by, from which on it is said"""
@@ -39,8 +38,13 @@ MADE_OF = {"C_L": ("alpha",), "C_D": ("alpha",)}
 """signals whose noise is in a response that is made of them, and may be in it as in the model"""
 SLACK = 2.0
 """-; by how many times the residuals a regressor's noise may make up: a coefficient may be off by others'"""
-TREND = "t^"
-"""how the names of a manoeuvre's trends begin"""
+
+register({
+    "regressor_noise": Entry(
+        "its regressor is mostly noise apart from what the others explain",
+        "Errors in variables: noise is most of the variance of a combination of regressors.", "smooth it",
+    )
+})  # fmt: skip
 
 
 def with_noise(
@@ -64,21 +68,15 @@ def with_noise(
     noise, common = (left * one for one in _at_most(most, *_noise(names, result.response, experiments, settings)))
     bias, lost = _bias(moments, noise, common, values)
     off = dict(zip(names, bias.tolist(), strict=True)) | {INTERCEPT: -float(np.vstack(parts).mean(axis=0) @ bias)}
-    refused = {
-        name: "its regressor is noise for the most part, but for what the others tell of it"
-        for name, gone in zip(names, lost, strict=True)
-        if gone
-    }
+    refused = [name for name, gone in zip(names, lost, strict=True) if gone]
     kept = tuple(_widened(one, off, result) for one in result.estimates if one.name not in refused)
     before = {one.name for one in result.unidentified}
-    found = tuple(Unidentified(name, why) for name, why in refused.items() if name not in before)
+    found = tuple(Finding("regressor_noise", "withheld", name) for name in refused if name not in before)
     told = _said(kept, off, _noisy(names, moments, noise), bool(len(result.frequencies)))
     drowned = bool(refused) and all(one.name == INTERCEPT for one in kept)
-    failure = "every regressor is noise for the most part" if drowned else ""
     return result._replace(
-        estimates=() if failure else kept, unidentified=(*result.unidentified, *found),
-        notes=(*result.notes, *told), failure=failure,
-    )  # fmt: skip
+        estimates=() if drowned else kept, findings=(*result.findings, *found), notes=(*result.notes, *told)
+    )
 
 
 def _columns(names: tuple[str, ...], experiments: tuple[Experiment, ...], settings: Settings) -> list[Array]:

@@ -8,7 +8,7 @@ from math import hypot
 import numpy as np
 
 from logs.identification.data.experiment import Experiment
-from logs.identification.estimators.regression.coefficients import CoefficientRegression
+from logs.identification.estimators.equation_error import CoefficientRegression
 from logs.identification.results import Array, estimate
 
 FELT = 0.3

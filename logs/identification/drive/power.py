@@ -13,7 +13,7 @@ import numpy as np
 from logs.identification.data.flight import DriveData, GaugeErrors
 from logs.identification.drive.gauges import with_gauge_errors
 from logs.identification.drive.servo import ServoModel
-from logs.identification.estimators.regression.least_squares import Fit, regress
+from logs.identification.estimators.least_squares import Fit, regress
 from logs.identification.results import Array, Estimate, Unidentified, estimate, student_factor
 from logs.identification.statistics.covariance_inflation import not_below, uneven
 from logs.strokes import interval_mean, stroke_cuts, stroke_means
@@ -166,7 +166,7 @@ def _regressors(strokes: _Strokes, c_d: float, c_e: float) -> dict[str, Array]:
 def _fit(columns: dict[str, Array], power: Array, terms: tuple[str, ...]) -> Fit:
     scale = {term: float(np.sqrt(np.mean(columns[term] ** 2))) or 1.0 for term in terms}
     design = np.column_stack([columns[term] / scale[term] for term in terms])
-    fit = regress(design, power, np.ones_like(power), least_lags=10)
+    fit = regress(design, power, np.ones_like(power))
     # Strong strokes scatter more than weak ones: their noise is the gauges' times the rate.
     inner = np.asarray(np.linalg.inv(design.T @ design), dtype=np.float64)
     scatter = uneven(inner, design, fit.residuals, np.ones_like(power))

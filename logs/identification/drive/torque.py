@@ -20,7 +20,7 @@ from scipy.interpolate import CubicSpline
 
 from logs.identification.data.flight import DriveData
 from logs.identification.drive.servo import ServoModel
-from logs.identification.estimators.regression.least_squares import regress
+from logs.identification.estimators.least_squares import regress
 from logs.identification.results import Array, Unidentified, estimate, student_factor
 from wingbeat.errors import InputError
 
@@ -160,7 +160,7 @@ def _torque_model(bursts: _Bursts, torque: Array, used: Array) -> _Fitted:
     regressors, instruments = (
         np.column_stack((current, np.ones(len(torque)), *columns)) for current in (bursts.current, bursts.expected)
     )
-    fit = regress(regressors, torque, used, 50, instruments)
+    fit = regress(regressors, torque, used, instruments)
     (slope, offset), errors = fit.values[:2], np.sqrt(np.diag(fit.covariance))
     spread = float(np.sqrt(np.average(fit.residuals**2, weights=used)))
     if not abs(slope) > student_factor(fit.degrees) * errors[0]:

@@ -18,7 +18,7 @@ from logs.identification.data.flight import DriveData, GaugeErrors
 from logs.identification.data.resampling import GAP_STEPS, Channel, even
 from logs.identification.drive.gauges import with_gauge_errors
 from logs.identification.drive.servo import ServoModel
-from logs.identification.estimators.regression.least_squares import Fit, regress
+from logs.identification.estimators.least_squares import Fit, regress
 from logs.identification.results import Array, Estimate, Unidentified, estimate, student_factor
 from logs.identification.statistics.delta_method import propagate
 from logs.strokes import stroke_cuts

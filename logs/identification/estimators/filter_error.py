@@ -215,7 +215,7 @@ def riccati(transition: Array, c: Array, covariance: Array, noise: Array) -> Arr
     NaN where it has no stabilizing solution.
     """
     a: Array = transition.T
-    g: Array = c.T @ np.linalg.solve(noise, c)
+    g: Array = _solved(noise, c) @ c
     h: Array = covariance
     eye = np.eye(len(a))
     for _ in range(DOUBLINGS):

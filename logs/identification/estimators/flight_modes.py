@@ -26,12 +26,11 @@ from logs.identification.data.maneuvers import (
 from logs.identification.data.split import by_flight, drawn
 from logs.identification.diagnostics.agreement import agreement
 from logs.identification.estimators.engine.problem import Fit, Nuisances, Parameter, Problem
+from logs.identification.estimators.equation_error import Settings, coefficient_regression
 from logs.identification.estimators.filter_error import Filtered, filter_error_search
 from logs.identification.estimators.nonparametric import modes_of_records
 from logs.identification.estimators.output_error import Search, fitted_series, output_error, predicted
 from logs.identification.estimators.records import Records, records_of
-from logs.identification.estimators.regression.coefficients import coefficient_regression
-from logs.identification.estimators.regression.equation_error import Settings
 from logs.identification.findings import Entry, Finding, register
 from logs.identification.models.actuators import Actuated, Actuator
 from logs.identification.models.modes import SHORT_PERIOD, Mode, ModesResult, mode_of_system, nothing
@@ -39,7 +38,6 @@ from logs.identification.models.stroke_averaged import LONGITUDINAL, TAIL_DELAY,
 from logs.identification.results import Array, Estimate, EstimationResult, FitSeries, Fitted, Unidentified
 from logs.identification.statistics.parameter_uncertainty import Spread
 from wingbeat.constants import STANDARD_GRAVITY
-from wingbeat.text import pluralize
 
 OUTPUT_ERROR, EQUATION_ERROR, FILTER_ERROR = "output error", "equation error, frequency domain", "filter error"
 OUTPUTS = ("q", "a_x", "a_z")
@@ -73,10 +71,11 @@ EQUATIONS = (
 
 register({
     "turbulence": Entry(
-        "the elevator explains {share} of the pitch rate; prefer filter error",
+        "the elevator explains {share} of the pitch rate; prefer filter error, whose damping may be low",
         "The coefficient of determination of the pitch rate by output error is low: turbulence moves the aircraft as"
-        " much as the input does, and methods without process noise are biased.",
-        "fly larger inputs, or in calmer air; use the result of filter error",
+        " much as the input does. Methods without process noise are biased then; the damping by filter error is"
+        " biased low if records are shorter than about twenty strokes, since each has initial states and biases.",
+        "fly larger inputs, longer maneuvers, or in calmer air; use the frequency of filter error",
     ),
     "large_motion": Entry(
         "pitch moves through {value:.2f} rad; the linear model assumes less than {limit:g} rad",
@@ -191,10 +190,14 @@ def with_speeds(maneuver: Maneuver, reference: Reference, aircraft: Aircraft, la
     scale = maneuver.airspeed / reference.airspeed
     means = scale * reference.u, scale * reference.w
     u, w = (np.full(len(q), mean) for mean in means)
+    spread = maneuver.period**2 / 12
+    gravity = STANDARD_GRAVITY * (1 - spread * q**2 / 2)
     for _ in range(SPEED_PASSES):
+        # Means over a stroke of T s: of a product, that of the means plus T^2 / 12 times that of the slopes.
+        turned_u, turned_w = (one * q + spread * np.gradient(one, step) * q_dot for one in (u, w))
         rates = (
-            f_x - w * q - STANDARD_GRAVITY * np.sin(pitch),
-            f_z + u * q + STANDARD_GRAVITY * np.cos(pitch),
+            f_x - turned_w - gravity * np.sin(pitch),
+            f_z + turned_u + gravity * np.cos(pitch),
         )
         integrals = (_integral(rate - rate.mean(), step) for rate in rates)
         u, w = (mean + one - one.mean() for mean, one in zip(means, integrals, strict=True))
@@ -238,7 +241,7 @@ def fit_derivatives(flight: FlightProblem) -> Fits:
     regression, problem = first_problem(flight)
     by_output = output_error(problem, NO_FALLBACK)
     if flight.aircraft.tail_time_constant is None and not by_output.failure:
-        regression = equation_error(flight, float(by_output.values[by_output.names.index(TAIL_LAG)]))
+        regression = equation_error(flight, _lag(flight, by_output))
     if by_output.failure:
         control = {name: one.start for name, one in problem.parameters.items() if name.endswith("_delta")}
         starts = problem, flight.problem(typical(flight) | control)
@@ -292,7 +295,7 @@ def identify_modes(
         mode_of(OUTPUT_ERROR, flight, fits.output),
         mode_of(EQUATION_ERROR, flight, fits.equation),
         mode_of(FILTER_ERROR, flight, fits.filter.fit),
-        *modes_of_records(records_of_flight(flight, fits.output), (SHORT_PERIOD,)),
+        *modes_of_records(records_of_flight(flight, _lag(flight, fits.output)), (SHORT_PERIOD,)),
     )
     findings = motion_findings(flight, results[0])
     if any(one.code == "turbulence" for one in findings) and modes[2].short_period is not None:
@@ -335,12 +338,15 @@ def motion_findings(flight: FlightProblem, result: EstimationResult) -> tuple[Fi
     return tuple(findings)
 
 
-def records_of_flight(flight: FlightProblem, by_output: Fit) -> Records:
-    """Tail angle, pitch rate and normal specific force for the methods without a physical model."""
-    lag = flight.aircraft.tail_time_constant
-    if lag is None:
-        found = {} if by_output.failure else dict(zip(by_output.names, by_output.values.tolist(), strict=True))
-        lag = found.get(TAIL_LAG, 0.0)
+def _lag(flight: FlightProblem, by_output: Fit) -> float:
+    """Time constant of the tail, known or estimated."""
+    if flight.aircraft.tail_time_constant is not None:
+        return flight.aircraft.tail_time_constant
+    return 0.0 if by_output.failure else float(by_output.values[by_output.names.index(TAIL_LAG)])
+
+
+def records_of_flight(flight: FlightProblem, lag: float) -> Records:
+    """Angle of a tail with this ``lag`` (s), pitch rate and normal specific force, for methods without a model."""
     experiments = []
     for one in (maneuver.experiment for maneuver in flight.maneuvers):
         tail = behind(one.signals[ELEVATOR], one.step, flight.aircraft.tail_delay, lag, held=False)
@@ -432,12 +438,13 @@ def fitted(result: ModesResult) -> tuple[Fitted, ...]:
                 ahead = cross_validated(result.flight)
                 series = (*series, *ahead)
             count = len({piece.experiment for piece in ahead})
-            statement = (
-                f"{pluralize(count, 'manoeuvre')} predicted by a fit to the others; initial state and sensor biases"
-                " are those of the manoeuvre itself."
-                if ahead
-                else "No manoeuvre was held out: none can be spared."
-            )
+            total = len(result.maneuvers) + count * bool(result.held_out)
+            statement = "No maneuver was held out: none can be spared."
+            if ahead:
+                statement = (
+                    f"{count} of {total} maneuvers were held out: derivatives estimated from the others predict them;"
+                    " initial state and sensor biases are those of the maneuver itself."
+                )
         refused = tuple(Unidentified(finding.subject or one.method, finding.text) for finding in one.withheld)
         shown.append(
             Fitted(one.method, one.equations, one.estimates, refused, one.correlation, series, (), statement)

@@ -19,11 +19,11 @@ from typing import NamedTuple
 import numpy as np
 
 from logs.identification.data.experiment import Experiment
+from logs.identification.data.fourier import in_band
 from logs.identification.data.resampling import whole_records
-from logs.identification.estimators.regression.design import Design, Record, common_step
-from logs.identification.estimators.regression.equation_error import Settings, equations
-from logs.identification.estimators.regression.frequency_domain import default_frequencies, in_band
-from logs.identification.estimators.regression.least_squares import Colouring, Fit, Piece, linear_of, regress_records
+from logs.identification.estimators.equation_error import Settings, default_frequencies, equations
+from logs.identification.estimators.least_squares import CovarianceKind, Fit, Piece, linear_of, regress_records
+from logs.identification.estimators.regressors import Design, Record, common_step
 from logs.identification.models.intersample import Acting, ExactMotion, acting_of, fly
 from logs.identification.models.modes import Mode, mode_of_system, nothing
 from logs.identification.results import Array
@@ -151,7 +151,7 @@ def _both(records: tuple[Experiment, ...], asked: Asked) -> tuple[_Equation, _Eq
         flown = _flown(records, asked, tried) or flown
     if flown is None:
         return "the motion of its equations runs away: nothing takes the noise of alpha and q out of them"
-    first, second = (_equation(axis, records, asked, frequencies, flown, "parzen") for axis in "ZM")
+    first, second = (_equation(axis, records, asked, frequencies, flown, "autocorrelated") for axis in "ZM")
     sides = ("force" if force else "slope of alpha", "pitch acceleration")
     for side, one in zip(sides, (first, second), strict=True):
         if one.explained < LITTLE:
@@ -285,7 +285,7 @@ def _equation(
     asked: Asked,
     frequencies: Array,
     flown: list[ExactMotion] | None,
-    colour: Colouring,
+    kind: CovarianceKind,
 ) -> _Equation:
     """Least squares in the band, or with the ``flown`` motions for instruments."""
     settings = Settings(intercept="each", frequencies=frequencies)
@@ -299,7 +299,7 @@ def _equation(
         pairs = zip(pieces, clean, strict=True)
         pieces = tuple(Piece(p.regressors, c.instruments, p.response, p.used) for p, c in pairs)
     scaled, scale = _scaled(pieces)
-    fit = regress_records(scaled, colour=colour)
+    fit = regress_records(scaled, kind)
     rows = np.hstack([one[0].T for one in linear_of(scaled)[1]])[count:] / scale[count:, None]
     residuals = _banded(pieces, fit, scale, frequencies, design.step)
     response = _in_band([piece.response for piece in pieces], frequencies, design.step)

@@ -17,7 +17,7 @@ from scipy.signal import savgol_coeffs
 from logs.identification.data.experiment import Experiment
 from logs.identification.data.resampling import filled
 from logs.identification.estimators.engine.problem import Model
-from logs.identification.estimators.regression.averaging import average_of_slope, averaged
+from logs.identification.estimators.regressors import average_of_slope, averaged
 from logs.identification.models.actuators import Actuated
 from logs.identification.models.compiled import CompiledModel
 from logs.identification.models.linear import LinearModel

@@ -1,15 +1,15 @@
 """Stepwise regression: which of many terms a response needs (Grauer V.C; Klein & Morelli, 2006, ch. 5.4).
 
-The candidate of the highest partial correlation with what the model leaves enters; then whatever has become
-superfluous leaves; until the stop rule says no. Every step is recorded with why and with all statistics.
+The candidate with the highest partial correlation with the residuals enters; then terms that have become superfluous
+leave; until the stop rule is met. Every step is recorded with its reason and statistics.
 
-The rules:
-* ``F``: a term's partial F, the square of its coefficient over its standard error, with the colour of the noise that
-  the most complete model leaves (what an early model lacks is no noise) and the term's own degrees of freedom. What
-  enters must be less probable by chance than `Rules.significance` shared among the candidates; what stays, than
+Stop rules:
+* ``F``: a term's partial F, the square of its coefficient over its standard error, with the autocorrelated noise of
+  the largest model (lack of fit of an early model is not noise) and the term's degrees of freedom. A term enters if
+  its p-value is below `Rules.significance` divided by the number of candidates; it leaves above
   `Rules.significance`.
-* ``PSE``: the predicted square error falls. Its charge for a term is a multiple of what chance gives: few terms.
-* ``PRESS``: the mean square error of runs of samples predicted from the others falls.
+* ``PSE``: the predicted square error falls.
+* ``PRESS``: the mean square error of blocks of samples predicted from the others falls.
 """
 
 from __future__ import annotations
@@ -20,31 +20,42 @@ import numpy as np
 from scipy.special import fdtrc
 
 from logs.identification.data.experiment import Experiment
-from logs.identification.estimators.regression.candidates import Candidates, candidates_of, determined, pieces_of
-from logs.identification.estimators.regression.coefficients import CoefficientRegression, solve
-from logs.identification.estimators.regression.design import design_of
-from logs.identification.estimators.regression.equation_error import Settings
-from logs.identification.estimators.regression.least_squares import Fit, regress_records
-from logs.identification.estimators.regression.statistics import (
+from logs.identification.estimators.equation_error import (
+    CoefficientRegression,
+    Settings,
+    one_response,
+    regression_result,
+    settings_of,
+    solve,
+)
+from logs.identification.estimators.least_squares import Fit, regress_records
+from logs.identification.estimators.model_structure import (
+    Candidates,
     Statistics,
+    candidates_of,
+    independent,
     partial_correlations,
     partial_f,
+    pieces_of,
     statistics_of,
 )
+from logs.identification.estimators.registry import ESTIMATORS, Estimator, Request
+from logs.identification.estimators.regressors import design_of
+from logs.identification.results import EstimationResult
 
 
 class Rules(NamedTuple):
-    """When stepwise regression takes a term and when it stops."""
+    """Stop rule of stepwise regression."""
 
     stop: Literal["F", "PSE", "PRESS"] = "F"
     significance: float = 0.05
-    """-; probability of a term by chance; shared among the candidates where one enters"""
+    """-; largest p-value of a term; divided by the number of candidates for one that enters"""
     least_gain: float = 0.0
-    """-; R^2 that a term must add, 0.005 in Klein & Morelli"""
+    """-; increase of R^2 that a term must give, 0.005 in Klein & Morelli"""
     most_terms: int = 12
-    """-; in the model, the intercept aside"""
+    """-; in the model, without the intercept"""
     always: tuple[str, ...] = ()
-    """-; terms that are in from the start and stay"""
+    """-; terms that are forced into the model"""
 
 
 class Step(NamedTuple):
@@ -52,17 +63,17 @@ class Step(NamedTuple):
 
     action: Literal["start", "enters", "leaves", "stops"]
     term: str
-    """-; the one that came, went or was refused; empty at the start, and where no candidate was left"""
+    """-; the term that entered, left or was rejected; empty at the start, or if no candidate was left"""
     why: str
     """-; one clause"""
     partial_correlation: float
-    """-; of the term with what the model before it left; NaN where none"""
+    """-; of the term with the residuals of the model before; NaN if there is no term"""
     partial_f: float
-    """-; of the term, as published (white residuals); NaN where none"""
+    """-; of the term, for white residuals; NaN if there is no term"""
     coloured_f: float
-    """-; of the term, its error by the recipe for coloured residuals; NaN where none"""
+    """-; of the term, for autocorrelated residuals; NaN if there is no term"""
     probability: float
-    """-; of that by chance; NaN where none"""
+    """-; p-value of that; NaN if there is no term"""
     terms: tuple[str, ...]
     """-; in the model after the step"""
     statistics: Statistics
@@ -70,7 +81,7 @@ class Step(NamedTuple):
 
 
 class Stepwise(NamedTuple):
-    """Outcome of stepwise regression."""
+    """Result of stepwise regression."""
 
     model: CoefficientRegression
     """the chosen terms' coefficients"""
@@ -78,13 +89,13 @@ class Stepwise(NamedTuple):
     """-; chosen, in the order in which they entered"""
     steps: tuple[Step, ...]
     independent: float
-    """-; independent samples, by which the rules count"""
+    """-; effective number of independent samples"""
     failure: str = ""
-    """-; why there is no model, empty when there is"""
+    """-; why there is no model, empty if there is"""
 
 
 class _Pool(NamedTuple):
-    """Candidates and by what they are judged."""
+    """Candidates and stop rule."""
 
     candidates: Candidates
     rules: Rules
@@ -92,7 +103,7 @@ class _Pool(NamedTuple):
 
 
 class _Test(NamedTuple):
-    """Coloured F test of one term."""
+    """F test of one term for autocorrelated residuals."""
 
     f: float
     probability: float
@@ -110,7 +121,7 @@ def stepwise_regression(
     In the time domain; take the terms to `coefficient_regression` for the frequency domain.
 
     Raises:
-        InputError: unknown names, unequal time steps.
+        InputError: unknown names, unequal sampling intervals.
     """
     rules, settings = rules or Rules(), settings or Settings()
     candidates = tuple(dict.fromkeys((*rules.always, *candidates)))
@@ -125,33 +136,33 @@ def stepwise_regression(
     steps = _walk(pool)
     terms = steps[-1].terms
     model = solve(design.taking(terms), "time", settings, lengths)
-    return Stepwise(model, terms, tuple(steps), pool.candidates.system.independent, model.failure)
+    return Stepwise(model, terms, tuple(steps), pool.candidates.effective, model.failure)
 
 
 def _walk(pool: _Pool) -> list[Step]:
-    """All steps from the terms that are always in."""
+    """All steps from the forced terms."""
     chosen = pool.always
     steps = [_step(pool, "start", None, "", chosen)]
-    seen = {frozenset(chosen)}
+    visited = {frozenset(chosen)}
     while True:
         entered = _enter(pool, chosen)
         steps.append(entered[1])
-        if entered[0] is None or frozenset(entered[0]) in seen:
+        if entered[0] is None or frozenset(entered[0]) in visited:
             if entered[0] is not None:
-                steps[-1] = _step(pool, "stops", entered[0][-1], "it came and went before", chosen)
+                steps[-1] = _step(pool, "stops", entered[0][-1], "it entered and left before", chosen)
             return steps
         chosen = entered[0]
-        seen.add(frozenset(chosen))
+        visited.add(frozenset(chosen))
         while (left := _leave(pool, chosen)) is not None:
             chosen = left[0]
             steps.append(left[1])
 
 
 def _enter(pool: _Pool, chosen: tuple[int, ...]) -> tuple[tuple[int, ...] | None, Step]:
-    """The model with one more term, or None, and the step that tells why."""
-    correlations = partial_correlations(pool.candidates.system, chosen)
+    """The model with one more term, or None, and the step with the reason."""
+    correlations = partial_correlations(pool.candidates, chosen)
     for column in np.argsort(-np.abs(correlations)):
-        if correlations[column] == 0 or not determined(pool.candidates, (*chosen, int(column))):
+        if correlations[column] == 0 or not independent(pool.candidates, (*chosen, int(column))):
             correlations[column] = 0.0
     best = int(np.argmax(np.abs(correlations))) if len(correlations) else 0
     if len(chosen) >= pool.rules.most_terms:
@@ -161,16 +172,16 @@ def _enter(pool: _Pool, chosen: tuple[int, ...]) -> tuple[tuple[int, ...] | None
     trial = (*chosen, best)
     tests = _tests(pool, trial)
     if tests is None:
-        return None, _step(pool, "stops", best, "the samples do not bear one more term", chosen)
+        return None, _step(pool, "stops", best, "too few samples for one more term", chosen)
     accepted, why = _accepted(pool, chosen, trial, tests[-1])
     step = _step(pool, "enters" if accepted else "stops", best, why, trial if accepted else chosen)
-    step = _told(step, pool, trial, best, tests[-1], float(correlations[best]))
+    step = _with_statistics(step, pool, trial, best, tests[-1], float(correlations[best]))
     return (trial if accepted else None), step
 
 
 def _accepted(pool: _Pool, chosen: tuple[int, ...], trial: tuple[int, ...], test: _Test) -> tuple[bool, str]:
-    """Whether the stop rule takes the last of ``trial``, and why."""
-    before, after = (statistics_of(pool.candidates.system, columns) for columns in (chosen, trial))
+    """Whether the stop rule accepts the last of ``trial``, and why."""
+    before, after = (statistics_of(pool.candidates, columns) for columns in (chosen, trial))
     gain = after.r_squared - before.r_squared
     if gain < pool.rules.least_gain:
         return False, f"R^2 would rise by {gain:.2g} only"
@@ -182,31 +193,33 @@ def _accepted(pool: _Pool, chosen: tuple[int, ...], trial: tuple[int, ...], test
 
 
 def _leave(pool: _Pool, chosen: tuple[int, ...]) -> tuple[tuple[int, ...], Step] | None:
-    """The model without its most superfluous term and the step, None where all are needed."""
+    """The model without its least significant term and the step, None if all are needed."""
     tests = _tests(pool, chosen) if len(chosen) > 1 else None
     free = [i for i, column in enumerate(chosen) if column not in pool.always]
     if tests is None or not free:
         return None
     worst = min(free, key=lambda i: tests[i].f)
     column, rest = chosen[worst], tuple(c for c in chosen if c != chosen[worst])
-    goes, why = _superfluous(pool, chosen, rest, tests[worst])
-    if not goes:
+    leaves, why = _superfluous(pool, chosen, rest, tests[worst])
+    if not leaves:
         return None
-    return rest, _told(_step(pool, "leaves", column, why, rest), pool, chosen, column, tests[worst], np.nan)
+    return rest, _with_statistics(
+        _step(pool, "leaves", column, why, rest), pool, chosen, column, tests[worst], np.nan
+    )
 
 
 def _superfluous(pool: _Pool, chosen: tuple[int, ...], rest: tuple[int, ...], test: _Test) -> tuple[bool, str]:
     if pool.rules.stop == "F":
         limit = pool.rules.significance
         return test.probability > limit, f"probability of its F by chance {test.probability:.2g}, limit {limit:.2g}"
-    with_, without = (statistics_of(pool.candidates.system, columns) for columns in (chosen, rest))
+    with_, without = (statistics_of(pool.candidates, columns) for columns in (chosen, rest))
     old, new = (with_.pse, without.pse) if pool.rules.stop == "PSE" else (with_.press, without.press)
     return new < old, f"{pool.rules.stop} falls without it: from {old:.4g} to {new:.4g}"
 
 
 def _tests(pool: _Pool, chosen: tuple[int, ...]) -> list[_Test] | None:
-    """Coloured F of each of the ``chosen``; None where the fit cannot be had."""
-    if len(pool.candidates.system.response) <= pool.candidates.nuisances + len(chosen) + 2:
+    """F of each of the ``chosen``; None if there are too few samples."""
+    if len(pool.candidates.response) <= pool.candidates.nuisances + len(chosen) + 2:
         return None
     try:
         fit = regress_records(pieces_of(pool.candidates, chosen), noise=pool.candidates.noise)
@@ -230,15 +243,28 @@ def _step(
 ) -> Step:
     names = tuple(pool.candidates.names[c] for c in chosen)
     term = "" if column is None else pool.candidates.names[column]
-    nothing = (np.nan, np.nan, np.nan, np.nan)
-    return Step(action, term, why, *nothing, names, statistics_of(pool.candidates.system, chosen))
+    missing = (np.nan, np.nan, np.nan, np.nan)
+    return Step(action, term, why, *missing, names, statistics_of(pool.candidates, chosen))
 
 
-def _told(step: Step, pool: _Pool, trial: tuple[int, ...], column: int, test: _Test, correlation: float) -> Step:
+def _with_statistics(
+    step: Step, pool: _Pool, trial: tuple[int, ...], column: int, test: _Test, correlation: float
+) -> Step:
     """``step`` with the statistics of its term."""
     return step._replace(
         partial_correlation=correlation,
-        partial_f=partial_f(pool.candidates.system, trial, column),
+        partial_f=partial_f(pool.candidates, trial, column),
         coloured_f=test.f,
         probability=test.probability,
     )
+
+
+def _row(request: Request) -> EstimationResult:
+    rules = Rules(**{name: value for name, value in request.options.items() if name in Rules._fields})
+    found = stepwise_regression(
+        request.experiments, one_response(request), request.regressors, rules, settings_of(request)
+    )
+    return regression_result("stepwise", request, found.model, steps=found.steps)
+
+
+ESTIMATORS["stepwise"] = Estimator("stepwise", "Stepwise regression", "Klein & Morelli 2006, ch. 5.4", _row)

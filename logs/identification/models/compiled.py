@@ -7,6 +7,7 @@ are called through a pointer, so that the integrator is compiled once for all mo
 
 from __future__ import annotations
 
+import inspect
 import math
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
@@ -21,6 +22,8 @@ from sim_bridge.compiled import njit
 LONGEST_STEP = 0.05
 """s; of the integration: a mode of 3 rad/s is then 1e-6 true in amplitude after a cycle"""
 OVERFLOW = 1e12
+DIFFERENCE = 1e-5
+"""-; width of central differences, of a state's size"""
 _VECTOR = types.Array(types.float64, 1, "C")
 _TABLE = types.Array(types.float64, 2, "C")
 _FUNCTION = types.FunctionType(types.void(_VECTOR, _VECTOR, _VECTOR, _VECTOR, _VECTOR))
@@ -83,6 +86,9 @@ def _observe(outputs: Any, states: Array, inputs: Array, p: Array, c: Array, tab
         outputs(states[row], inputs[row], p, c, table[row])
 
 
+_INTERPRETED = tuple(inspect.unwrap(kernel) for kernel in (_integrate, _observe))
+
+
 class CompiledModel(NamedTuple):
     """A `problem.Model` of two compiled functions."""
 
@@ -98,6 +104,8 @@ class CompiledModel(NamedTuple):
     """(c,); what the functions need beside the parameters"""
     longest_step: float = LONGEST_STEP
     """s; samples further apart are integrated in parts"""
+    interpreted: bool = False
+    """-; the functions are plain Python: a user's model that numba cannot compile"""
 
     def simulate(
         self, parameters: Array, start: Array, inputs: Array, step: float, held: Held | None = None
@@ -109,6 +117,19 @@ class CompiledModel(NamedTuple):
         parts = max(math.ceil(step / self.longest_step - 1e-9), 1)
         p, x = np.ascontiguousarray(parameters), np.ascontiguousarray(start)
         lines, seen = (held.lines, np.ascontiguousarray(held.seen)) if held else (np.ones(driven.shape[1]), driven)
-        _integrate(self.rates, x, driven, lines, p, self.constants, states, step, parts)
-        _observe(self.observe, states, seen, p, self.constants, table)
+        integrate, tabulate = _INTERPRETED if self.interpreted else (_integrate, _observe)
+        integrate(self.rates, x, driven, lines, p, self.constants, states, step, parts)
+        tabulate(self.observe, states, seen, p, self.constants, table)
         return table
+
+    def state_matrix(self, parameters: Array, state: Array, inputs: Array) -> Array:
+        """Matrix A (n, n) = df/dx at a state (n,) and inputs (k,), by central differences."""
+        p, u = np.ascontiguousarray(parameters), np.ascontiguousarray(inputs)
+        matrix, ahead, behind = np.empty((len(state), len(state))), np.empty(len(state)), np.empty(len(state))
+        for j, value in enumerate(state):
+            width = DIFFERENCE * max(abs(float(value)), 1.0)
+            shift = np.where(np.arange(len(state)) == j, width, 0.0)
+            self.rates(state + shift, u, p, self.constants, ahead)
+            self.rates(state - shift, u, p, self.constants, behind)
+            matrix[:, j] = (ahead - behind) / (2.0 * width)
+        return matrix

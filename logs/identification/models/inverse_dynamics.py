@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from logs.identification.data.experiment import Experiment
-from logs.identification.estimators.regression.terms import parse, unit_of
+from logs.identification.estimators.terms import parse, unit_of
 from logs.identification.models.wing_air import MovedVehicle, wing_air
 from logs.identification.motion_capture.speeds import Speeds, smoothed
 from logs.identification.results import Array

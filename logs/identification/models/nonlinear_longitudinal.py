@@ -120,7 +120,7 @@ def nonlinear_longitudinal(airframe: Airframe, longest_step: float = LONGEST_STE
     for name in ("mass", "inertia_y", "area", "chord", "airspeed"):
         if not getattr(airframe, name) > 0:
             raise InputError(f"the airframe's {name} must be positive, not {getattr(airframe, name):g}")
-    air = _air(airframe.density)
+    air = air_source(airframe.density)
     inputs = {ELEVATOR: "rad", THRUST: "N"} | ({str(airframe.density): air[2]} if air[2] else {})
     return CompiledModel(
         states={
@@ -139,7 +139,7 @@ def nonlinear_longitudinal(airframe: Airframe, longest_step: float = LONGEST_STE
     )  # fmt: skip
 
 
-def _air(density: float | str) -> tuple[float, float, str]:
+def air_source(density: float | str) -> tuple[float, float, str]:
     """How the dynamic pressure is had, the constant density, and the unit of its signal."""
     if density == DENSITY:
         return SIGNAL, 0.0, "kg/m^3"

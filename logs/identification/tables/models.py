@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from logs.identification.data.experiment import Experiment
 from logs.identification.estimators.engine.problem import Model
+from logs.identification.findings import Finding
 from logs.identification.models.actuators import Actuated, Actuator
+from logs.identification.models.compiled import CompiledModel
 from logs.identification.models.linear import LinearModel
+from logs.identification.models.nonlinear_lateral import AXES, MEASURED, LateralAirframe, nonlinear_lateral
 from logs.identification.models.nonlinear_longitudinal import Airframe, nonlinear_longitudinal
 from logs.identification.models.stability import Steady, lateral, longitudinal, short_period
+from logs.identification.models.user import is_user_model, load_user_model
 from logs.identification.results import Array
-from logs.identification.sources.table.config import DELAY, OutputError, Parameter
+from logs.identification.sources.table.config import DELAY, ModelFile, OutputError, Parameter
 from logs.identification.sources.table.constants import need
 from wingbeat.errors import InputError
 from wingbeat.schema import check_known
@@ -46,6 +51,9 @@ class Made(NamedTuple):
     """-; the model's inputs by what the map calls them"""
     held: Mapping[str, float] = {}
     """SI; inputs that no signal gives, by the model's name"""
+    starts: Mapping[str, float] = {}
+    """as the parameters; of a user's model, where its file gives them"""
+    findings: tuple[Finding, ...] = ()
 
 
 class Chosen(NamedTuple):
@@ -61,6 +69,9 @@ class Chosen(NamedTuple):
     """-; the model's inputs by what the map calls them"""
     held: Mapping[str, float]
     """SI; inputs that no signal gives, by the model's name"""
+    operating_point: tuple[Array, Array] | None = None
+    """(n,), (k,); mean states and inputs, about which a nonlinear model is linearized"""
+    findings: tuple[Finding, ...] = ()
 
     @property
     def unnamed(self) -> dict[str, float]:
@@ -102,9 +113,12 @@ class Chosen(NamedTuple):
         """Matrix A (n, n) of a linear model with parameters ``values``, without angles that only follow.
 
         Raises:
-            InputError: the model is not linear.
+            InputError: the model has no modes.
         """
         inner = self.model.model if isinstance(self.model, Actuated) else self.model
+        if isinstance(inner, CompiledModel) and self.operating_point is not None:
+            parameters = np.array([values[name] for name in inner.parameters])
+            return inner.state_matrix(parameters, *self.operating_point)
         if not isinstance(inner, LinearModel):
             raise InputError("a model that is not linear has no modes of its own")
         whole = inner.matrices(np.array([values[name] for name in inner.parameters])).a
@@ -118,7 +132,7 @@ def chosen_model(asked: OutputError, constants: Mapping[str, float], experiments
     Raises:
         InputError: an output or parameter that it does not have, or a constant that it needs.
     """
-    build, linear = MODELS[asked.model]
+    build, linear = (_user, False) if is_user_model(asked.model) else MODELS[asked.model]
     made = build(asked, with_speed(constants, experiments), experiments)
     late = () if asked.delay.fixed == 0.0 else (Actuator(tuple(made.model.inputs), DELAY),)
     held = _held(asked, made)
@@ -138,7 +152,21 @@ def chosen_model(asked: OutputError, constants: Mapping[str, float], experiments
         parameters[DELAY] = asked.delay
     if all(one.fixed is not None for one in parameters.values()):
         raise InputError(f"{asked.model}: every parameter is fixed, there is nothing to find")
-    return Chosen(model, made.equations, parameters, linear, made.aliases, made.held)
+    return Chosen(
+        model, made.equations, parameters, linear, made.aliases, made.held,
+        None if linear else _operating_point(made, experiments), made.findings,
+    )  # fmt: skip
+
+
+def _operating_point(made: Made, experiments: tuple[Experiment, ...]) -> tuple[Array, Array] | None:
+    """Mean states and inputs; a state that is not measured has its value in the model."""
+    if not isinstance(made.model, CompiledModel):
+        return None
+    signals = {own: name for name, own in made.aliases.items()}
+    means = {name: _mean(signals.get(name, name), experiments) for name in (*made.model.states, *made.model.inputs)}
+    states = [one.value if (mean := means[name]) is None else mean for name, one in made.model.states.items()]
+    inputs = [made.held.get(name, 0.0) if (mean := means[name]) is None else mean for name in made.model.inputs]
+    return np.array(states), np.array(inputs)
 
 
 def _held(asked: OutputError, made: Made) -> tuple[str, ...]:
@@ -155,7 +183,7 @@ def _held(asked: OutputError, made: Made) -> tuple[str, ...]:
 def _parameters(asked: OutputError, made: Made) -> dict[str, Parameter]:
     """The map's, by the model's names: with one input ``Z_delta_e`` is ``Z_delta``."""
     if not asked.parameters:
-        return {name: Parameter() for name in made.default}
+        return {name: Parameter(start=made.starts.get(name)) for name in made.default}
     found = {}
     for name, one in asked.parameters.items():
         own = name
@@ -289,6 +317,59 @@ def _nonlinear(asked: OutputError, constants: Mapping[str, float], experiments: 
     return Made(nonlinear_longitudinal(airframe), NONLINEAR, AERODYNAMIC, aliases, held)
 
 
+def _nonlinear_lateral(
+    section: OutputError, constants: Mapping[str, float], experiments: tuple[Experiment, ...]
+) -> Made:
+    controls = tuple(name for name in section.inputs if name not in MEASURED)
+    if not controls:
+        raise InputError("nonlinear lateral takes at least one control in inputs")
+    known, signals = dict(constants), experiments[0].signals
+    need(known, "mass", "I_x", "I_z", "S", "b", "V", what="nonlinear lateral")
+    if "q" in signals:
+        need(known, "I_y", what="nonlinear lateral with signals.q")
+    aliases, fixed = {name: name for name in controls}, {}
+    for name in MEASURED:
+        if name in signals:
+            aliases[name] = name
+        else:
+            fixed[name] = known.get(name, 0.0)
+    density: float | str = known.get("rho", 0.0)
+    for signal, own in (("rho", "density"), ("qbar", "dynamic_pressure")):
+        if signal in signals:
+            aliases[signal], density = own, own
+    if not density:
+        raise InputError("nonlinear lateral needs constants.rho, constants.altitude, signals.rho or signals.qbar")
+    airframe = LateralAirframe(
+        known["mass"], known["I_x"], known["I_z"], known["S"], known["b"], known.get("I_xz", 0.0),
+        known.get("I_y", 0.0), density, known.get("imu_x", 0.0), known.get("imu_z", 0.0),
+    )  # fmt: skip
+    free = ("0", "beta", "p", "r", *controls)
+    default = tuple(f"C_{axis}_{name}" for axis in AXES for name in free if (axis, name) not in LATERAL_DROPPED)
+    return Made(nonlinear_lateral(airframe, controls), NONLINEAR_LATERAL, default, aliases, fixed)
+
+
+LATERAL_DROPPED = (("Y", "p"), ("Y", "r"))
+"""coefficients that are seldom significant: zero unless a map names them"""
+NONLINEAR_LATERAL = (
+    "beta' = (qbar S C_Y/m + g cos(theta) sin(phi))/(V cos(beta)) + p sin(alpha) - r cos(alpha) - V'/V tan(beta)",
+    "I_x p' - I_xz r' = qbar S b C_l + I_xz p q + (I_y - I_z) q r",
+    "I_z r' - I_xz p' = qbar S b C_n + (I_x - I_y) p q - I_xz q r",
+    "phi' = p + tan(theta) (q sin(phi) + r cos(phi))",
+    "C = C_0 + C_beta beta + C_beta3 beta^3 + C_p p b/(2V) + C_r r b/(2V) + C_delta delta, for Y, l and n",
+)
+
+
+def _user(section: OutputError, constants: Mapping[str, float], experiments: tuple[Experiment, ...]) -> Made:
+    path = section.model.path if isinstance(section.model, ModelFile) else Path(section.model)
+    user = load_user_model(path, constants)
+    for name, unit in user.model.inputs.items():
+        told = experiments[0].units.get(name, unit)
+        if told != unit:
+            raise InputError(f"signals.{name} is in {told}, the input {name} of {section.model} in {unit}")
+    aliases = {name: name for name in user.model.inputs}
+    return Made(user.model, user.equations, tuple(user.model.parameters), aliases, {}, user.starts, user.findings)
+
+
 NONLINEAR = (
     "V' = -qbar S C_D/m + T cos(alpha + sigma)/m + g sin(alpha - theta)",
     "alpha' = q - (qbar S C_L + T sin(alpha + sigma))/(m V) + g cos(alpha - theta)/V",
@@ -303,5 +384,6 @@ MODELS: dict[str, tuple[Build, bool]] = {
     "longitudinal": (_longitudinal, True),
     "lateral": (_lateral, True),
     "nonlinear longitudinal": (_nonlinear, False),
+    "nonlinear lateral": (_nonlinear_lateral, False),
 }
 """By name: what makes it, and whether it is linear about a trim."""

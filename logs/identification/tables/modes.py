@@ -23,6 +23,7 @@ from logs.identification.estimators.initial_values import acting_at
 from logs.identification.estimators.nonparametric import modes_of_experiments
 from logs.identification.estimators.records import away
 from logs.identification.models.modes import KINDS, Mode, ModesResult, mode_of_system, nothing
+from logs.identification.models.user import is_user_model
 from logs.identification.sources.table.config import ModesSection, OutputError
 from logs.identification.sources.table.maneuvers import Cut
 from logs.identification.sources.table.signal_lookup import check_apart
@@ -93,7 +94,9 @@ def _by_model(
         fits, known = [table], (_mode(table, fit, chosen),)
         suspected = suspected_delay(table, wanted, found, constants, fill)
     if model != LONGITUDINAL and has_equations(asked):
-        known = (*known, by_equations(asked, found.fitted, constants, fits))
+        # The names of a user's parameters are no derivatives of the two equations.
+        equations = asked._replace(parameters={}) if is_user_model(model) else asked
+        known = (*known, by_equations(equations, found.fitted, constants, fits))
     return fits, known, suspected
 
 

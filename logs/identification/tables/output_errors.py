@@ -19,7 +19,7 @@ from logs.identification.estimators.engine.problem import Fit, Nuisances, Proble
 from logs.identification.estimators.engine.problem import Parameter as Sought
 from logs.identification.estimators.initial_values import SPANS, begin
 from logs.identification.estimators.output_error import Method, Search, output_error, predicted
-from logs.identification.estimators.regression.terms import quotient
+from logs.identification.estimators.terms import quotient
 from logs.identification.results import Estimate, FitSeries, Fitted, Information, Unidentified
 from logs.identification.sources.table.config import DELAY, OutputError
 from logs.identification.sources.table.maneuvers import Cut
@@ -67,7 +67,7 @@ def output_error_fit(
     told = Fitted(
         f"output error, {asked.model}", chosen.equations, tuple(map(shortened, fit.estimates)),
         fit.unidentified, correlation, series,
-        (*fitted.notes, *held.notes, *spiky, *notes),
+        (*(Information(one.text) for one in chosen.findings), *fitted.notes, *held.notes, *spiky, *notes),
     )  # fmt: skip
     told = without_unexplained(told)
     samples = sum(len(one.time) for one in fitted.experiments)

@@ -7,19 +7,19 @@ from collections.abc import Collection, Mapping
 
 from logs.identification.data.experiment import Experiment
 from logs.identification.diagnostics.derivative_signs import turned
-from logs.identification.diagnostics.errors_in_variables import TREND, with_noise
+from logs.identification.diagnostics.errors_in_variables import with_noise
 from logs.identification.diagnostics.intersample_behavior import coarse, felt, said_coarse, with_between
-from logs.identification.estimators.orthogonal import Orthogonal, orthogonal_regression
-from logs.identification.estimators.regression.averaging import as_regressed
-from logs.identification.estimators.regression.coefficients import (
+from logs.identification.estimators.equation_error import (
     CoefficientRegression,
+    Domain,
+    Settings,
     coefficient_regression,
     predict,
 )
-from logs.identification.estimators.regression.design import INTERCEPT
-from logs.identification.estimators.regression.equation_error import Domain, Settings
-from logs.identification.estimators.regression.terms import parse
+from logs.identification.estimators.orthogonal import Orthogonal, orthogonal_regression
+from logs.identification.estimators.regressors import INTERCEPT, TREND, as_regressed
 from logs.identification.estimators.stepwise import Rules, Step, stepwise_regression
+from logs.identification.estimators.terms import parse
 from logs.identification.report.document import Chapter, Table
 from logs.identification.results import Array, FitSeries, Fitted, Information
 from logs.identification.sources.table.config import Regression

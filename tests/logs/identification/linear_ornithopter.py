@@ -13,13 +13,15 @@ from logs.identification.estimators.flight_modes import (
     FILTER_ERROR,
     OUTPUT_ERROR,
     OUTPUTS,
-    FlightProblem,
     Fits,
+    FlightProblem,
     first_problem,
     fit_derivatives,
     mode_of,
+    records_of_flight,
 )
 from logs.identification.estimators.output_error import output_error
+from logs.identification.estimators.records import Records
 from logs.identification.models.modes import Mode
 from logs.identification.models.stroke_averaged import LONGITUDINAL, Matrices, matrices
 from logs.identification.results import Array
@@ -358,3 +360,8 @@ def by_output_error(
 def by_filter_error(data: FlightData, aircraft: Aircraft = AIRCRAFT) -> Mode:
     problem, fits = fits_of(data, aircraft)
     return mode_of(FILTER_ERROR, problem, fits.filter.fit)
+
+
+def flight_records(data: FlightData) -> Records:
+    """Stroke averages for the methods without a physical model."""
+    return records_of_flight(flight_problem(data), AIRCRAFT.tail_time_constant or 0.0)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from logs.identification.aerodynamics.structure import AeroResult, identify_coefficients, named
-from logs.identification.estimators.regression.coefficients import coefficient_regression
+from logs.identification.estimators.equation_error import coefficient_regression
 from logs.identification.models.inverse_dynamics import (
     LOW_PASS,
     WingCoefficients,

@@ -7,7 +7,7 @@ import pytest
 from promised import promise_kept
 from scipy.signal import lfilter
 
-from logs.identification.estimators.regression.least_squares import regress
+from logs.identification.estimators.least_squares import regress
 from logs.identification.results import student_factor
 from logs.identification.statistics.residual_autocorrelation import parzen
 

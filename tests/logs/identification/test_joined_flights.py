@@ -19,8 +19,8 @@ from logs.identification.estimators.flight_modes import (
 )
 from logs.identification.models.modes import ModesResult, short_period_of
 from logs.identification.report.numbers import Identification, document, rows
-from logs.identification.sources.multi_flight import joined_flights
 from logs.identification.results import Array
+from logs.identification.sources.multi_flight import joined_flights
 from wingbeat.errors import InputError
 
 FLIGHTS = tuple(fly(Flight(seed=seed, modulation=0.2)) for seed in (1, 2))
@@ -34,9 +34,7 @@ def held_out(last: FlightData) -> ModesResult:
     kept, locked = by_flight(find_maneuvers(together), ("friday.mcap",))
     problem = FlightProblem(kept, reference_of(together, kept), AIRCRAFT)
     results = results_of(problem, fit_derivatives(problem), locked)
-    return ModesResult(
-        (), None, "", problem.reference, len(kept), 0.25, (), kept, results, locked, (), problem
-    )
+    return ModesResult((), None, "", problem.reference, len(kept), 0.25, (), kept, results, locked, (), problem)
 
 
 def columns(one: Maneuver) -> Array:
@@ -112,7 +110,7 @@ def test_the_report_draws_a_whole_flight_and_says_so() -> None:
     drawn = fitted(result._replace(held_out=(), results=results))[0]
     for told in (asked, drawn):
         names = {one.experiment.rpartition(" of ")[2] for one in told.series if one.held_out}
-        assert len(names) == 1 and told.validation.startswith("6 manoeuvres predicted")
+        assert len(names) == 1 and told.validation.startswith("6 of ")
     assert not {one.experiment for one in drawn.series if one.held_out} & {m.name for m in result.held_out}
 
 

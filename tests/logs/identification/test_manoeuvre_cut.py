@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from linear_ornithopter import AIRCRAFT, STEP, Flight, by_output_error, fly, model_of
+from linear_ornithopter import STEP, Flight, by_output_error, fly, model_of
 
 from logs.identification.data.flight import FlightData
 from logs.identification.data.maneuvers import find_maneuvers

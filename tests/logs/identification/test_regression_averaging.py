@@ -9,7 +9,7 @@ import pytest
 from scipy.signal import savgol_coeffs, savgol_filter
 from test_tables_identified import TRUTH, flight, identified, numbers
 
-from logs.identification.estimators.regression.averaging import LINE, SMOOTH, average_of_slope, averaged
+from logs.identification.estimators.regressors import LINE, SMOOTH, average_of_slope, averaged
 
 MAPPED = """
 [time]

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from logs.identification.data.experiment import Experiment
-from logs.identification.estimators.regression.coefficients import (
+from logs.identification.data.fourier import in_band, transform
+from logs.identification.estimators.equation_error import (
     CoefficientRegression,
+    Settings,
     coefficient_regression,
     predict,
 )
-from logs.identification.estimators.regression.equation_error import Settings
-from logs.identification.estimators.regression.frequency_domain import in_band, transform
 from logs.identification.results import Estimate
 from tests.logs.identification.coloured_noise import TRUTH, flown, noise
 from wingbeat.errors import InputError
@@ -78,14 +78,17 @@ def test_a_trend_of_the_manoeuvre_is_taken_out(domain: str) -> None:
 
 
 def test_missing_samples_are_left_out_in_time() -> None:
-    flight = flown("AR 0.5", 300, 4)
-    alpha = flight.signals["alpha"].copy()
-    alpha[[10, 50, 51]] = np.nan
-    alpha[100:160] = np.nan
-    found = coefficient_regression((with_signals(flight, alpha=alpha),), "C", NAMES)
-    assert found.samples == 237
-    assert np.isnan(found.residuals[0]).sum() == 63
-    assert all(by_name(found)[name].contains(TRUTH[name]) for name in TRUTH)
+    hits = []
+    for seed in range(20):
+        flight = flown("AR 0.5", 300, seed)
+        alpha = flight.signals["alpha"].copy()
+        alpha[[10, 50, 51]] = np.nan
+        alpha[100:160] = np.nan
+        found = coefficient_regression((with_signals(flight, alpha=alpha),), "C", NAMES)
+        assert found.samples == 237
+        assert np.isnan(found.residuals[0]).sum() == 63
+        hits += [by_name(found)[name].contains(TRUTH[name]) for name in TRUTH]
+    assert np.mean(hits) >= 0.88
 
 
 def test_frequency_domain_bridges_short_gaps_and_refuses_long_ones() -> None:
@@ -113,12 +116,15 @@ def test_dependent_regressors_are_named_and_the_others_keep_their_numbers(domain
     assert by_name(result)["q"].contains(TRUTH["q"])
 
 
-def test_regressors_that_nearly_follow_one_another_are_refused_where_they_tell_nothing() -> None:
+def test_collinear_regressors_have_wide_intervals_and_a_warning() -> None:
     flight = flown("white", 300, 7, 0.5)
     copy = flight.signals["alpha"] + 1e-4 * noise("white", 300, np.random.default_rng(1))
     result = coefficient_regression((with_signals(flight, copy=copy),), "C", ("alpha", "copy", "q", "delta"))
-    assert {one.name for one in result.unidentified} == {"alpha", "copy"}
-    assert "follows copy" in result.unidentified[0].reason
+    (finding,) = result.findings
+    assert (finding.code, finding.severity) == ("collinearity", "warning")
+    assert "alpha, copy" in finding.text
+    assert by_name(result)["alpha"].contains(TRUTH["alpha"]) and by_name(result)["copy"].contains(0.0)
+    assert by_name(result)["alpha"].standard_error > 10.0 * by_name(result)["q"].standard_error
 
 
 @pytest.mark.parametrize("domain", ["time", "frequency"])

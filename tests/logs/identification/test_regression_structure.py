@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from logs.identification.data.experiment import Experiment
-from logs.identification.estimators.orthogonal import orthogonal_regression, orthogonalised
-from logs.identification.estimators.regression.coefficients import coefficient_regression
-from logs.identification.estimators.regression.terms import pool
+from logs.identification.estimators.equation_error import coefficient_regression
+from logs.identification.estimators.orthogonal import orthogonal_regression, orthogonalized
 from logs.identification.estimators.stepwise import Rules, stepwise_regression
+from logs.identification.estimators.terms import pool
 from logs.identification.report.document import Chapter
 from logs.identification.report.html import page
 from logs.identification.report.steps import step_table
@@ -159,7 +159,7 @@ def test_orthogonalisation_survives_candidates_that_are_almost_alike() -> None:
     rng = np.random.default_rng(9)
     base = rng.normal(size=200)
     columns = np.column_stack([base, base + 1e-4 * rng.normal(size=200), base, rng.normal(size=200)])
-    order, basis, triangle = orthogonalised(columns, base + rng.normal(size=200), 10)
+    order, basis, triangle = orthogonalized(columns, base + rng.normal(size=200), 10)
     assert len(order) == 3
     np.testing.assert_allclose(basis.T @ basis, np.eye(3), atol=1e-12)
     np.testing.assert_allclose(basis @ triangle, columns[:, order], atol=1e-10)

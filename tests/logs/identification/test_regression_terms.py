@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from logs.identification.data.experiment import Experiment
-from logs.identification.estimators.regression.terms import evaluate, parse, pool, quotient, unit_of
+from logs.identification.estimators.terms import evaluate, parse, pool, quotient, unit_of
 
 FLIGHT = Experiment(
     "flight",

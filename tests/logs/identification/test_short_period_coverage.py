@@ -41,9 +41,7 @@ def coverage(flight: Flight, seeds: range) -> dict[str, dict[str, float]]:
         for method, fit in methods.items():
             found = estimates_of(mode_of(method, problem, fit))
             hits.setdefault(method, []).append([found[name].contains(truth[name]) for name in NAMES])
-    return {
-        method: dict(zip(NAMES, np.mean(rows, axis=0).tolist(), strict=True)) for method, rows in hits.items()
-    }
+    return {method: dict(zip(NAMES, np.mean(rows, axis=0).tolist(), strict=True)) for method, rows in hits.items()}
 
 
 def test_intervals_of_a_few_flights() -> None:

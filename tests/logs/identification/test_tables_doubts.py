@@ -15,17 +15,16 @@ from scipy.signal import lsim
 from logs.identification.data.experiment import Experiment
 from logs.identification.diagnostics.errors_in_variables import with_noise
 from logs.identification.diagnostics.lack_of_fit import lacking
+from logs.identification.estimators.equation_error import Settings, coefficient_regression
 from logs.identification.estimators.equivalent_system import equivalent_system
 from logs.identification.estimators.era import realization
 from logs.identification.estimators.nonparametric import modes_of_experiments, modes_of_records
 from logs.identification.estimators.records import records_of
-from logs.identification.estimators.regression.coefficients import coefficient_regression
-from logs.identification.estimators.regression.equation_error import Settings
 from logs.identification.models.modes import TOO_FAST
 from logs.identification.report.result_formatting import notes_of as said_of
 from logs.identification.report.result_formatting import table_document
 from logs.identification.results import FitSeries, Fitted, Information
-from logs.identification.statistics.autoregression import autocovariance, prediction_variances
+from logs.identification.statistics.hac import autocovariance
 from logs.identification.tables.results import OutputFit, TableFit, TableIdentification
 from logs.identification.tables.run import identify_tables
 from tests.logs.identification.test_frequency_equations import SLOW, exact
@@ -188,9 +187,9 @@ def test_a_regressor_that_is_noise_has_no_coefficient() -> None:
     flights = (noisy_moment(1, 1.5),)
     found = with_noise(coefficient_regression(flights, "C", ("q", "delta")), flights, Settings())
     assert [one.name for one in found.estimates] == ["intercept", "delta"]
-    assert "noise for the most part" in found.unidentified[0].reason and found.unidentified[0].name == "q"
+    assert [(one.code, one.subject) for one in found.findings] == [("regressor_noise", "q")]
     alone = with_noise(coefficient_regression(flights, "C", ("q",)), flights, Settings())
-    assert not alone.estimates and "noise for the most part" in alone.failure
+    assert not alone.estimates and [one.code for one in alone.findings] == ["regressor_noise"]
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.02])
@@ -227,7 +226,6 @@ def test_who_works_in_a_band_is_not_told_to() -> None:
 def test_an_autoregression_at_its_limit_divides_by_nothing() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        assert np.all(np.isfinite(prediction_variances(np.array([1.0, -0.5]))))
         assert np.all(np.isfinite(autocovariance(np.array([-1.0]), 8)))
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
+from logs.identification.models.user import is_user_model, user_inputs
 from logs.identification.sources.table.columns import Layout
 from logs.identification.sources.table.constants import ConstantsSection
 from logs.identification.sources.table.maneuvers import Manoeuvres
@@ -15,7 +16,7 @@ from logs.identification.tables.flight_paths import PathSection
 from logs.identification.tables.load_cell_tests import StandSection
 from logs.identification.tables.strokes import StrokeSection
 from wingbeat.errors import InputError
-from wingbeat.schema import check_known, read_document, read_number, read_record
+from wingbeat.schema import check_known, read_document, read_number, read_record, read_value
 
 EXAMPLE = """\
 # What the columns of a table are and what is to be fitted: wingbeat identify TABLE.csv --map THIS.toml
@@ -64,6 +65,22 @@ missing = [-9999]            # numbers that stand for "not measured"
 """What a map looks like: `wingbeat identify --map-example` prints it."""
 DELAY = "delay"
 """key, and name of the parameter: the time by which all inputs act later than they were recorded"""
+MODES_MODELS = ("short period", "longitudinal", "none")
+"""none: the methods that need no model"""
+AERO_MODELS = ("short period", "longitudinal", "lateral", "nonlinear longitudinal", "nonlinear lateral")
+
+
+class ModelFile(str):
+    """A user's model as the map names it, relative to the map's folder."""
+
+    __slots__ = ("path",)
+    path: Path
+
+    def __new__(cls, name: str, folder: Path) -> ModelFile:
+        """Of the file ``name`` in ``folder``."""
+        file = super().__new__(cls, name)
+        file.path = folder / name
+        return file
 
 
 class Parameter(NamedTuple):
@@ -98,8 +115,8 @@ class ModesSection(NamedTuple):
 
     outputs: tuple[str, ...]
     inputs: tuple[str, ...] = ()
-    model: Annotated[str, "short period", "longitudinal", "none"] | None = None
-    """"none" leaves the methods that need no model; short period where it has all outputs when not given"""
+    model: str | None = None
+    """one of `MODES_MODELS`, or a user's file; short period where it has all outputs when not given"""
     kinds: Annotated[tuple[str, ...], "short_period", "phugoid"] | None = None
     """which modes are in the records; by the outputs when not given"""
     parameters: dict[str, Parameter] = {}
@@ -131,7 +148,8 @@ class Regression(NamedTuple):
 class OutputError(NamedTuple):
     """Section [aero.output_error]."""
 
-    model: Annotated[str, "short period", "longitudinal", "lateral", "nonlinear longitudinal"]
+    model: str
+    """one of `AERO_MODELS`, or a user's file"""
     outputs: tuple[str, ...]
     inputs: tuple[str, ...] = ()
     parameters: dict[str, Parameter] = {}
@@ -181,6 +199,36 @@ def load_map(path: Path) -> Map:
     try:
         found: Map = read_record(Map, document, "")
         found.time.check()
+        found = _with_models(found, path.parent)
     except InputError as error:
         raise InputError(f"map {path}: {error}") from None
     return found
+
+
+def _with_models(chosen: Map, folder: Path) -> Map:
+    """Replace the names of user's models by their files, and fill in their inputs."""
+    modes, aero = chosen.modes, chosen.aero
+    if modes is not None and modes.model is not None:
+        modes = modes._replace(**_model(modes.model, modes.inputs, MODES_MODELS, "modes", folder))
+    if aero is not None:
+        fits = tuple(
+            one._replace(**_model(one.model, one.inputs, AERO_MODELS, "aero.output_error", folder))
+            for one in aero.output_error
+        )
+        aero = aero._replace(output_error=fits)
+    return chosen._replace(modes=modes, aero=aero)
+
+
+def _model(name: str, inputs: tuple[str, ...], models: tuple[str, ...], key: str, folder: Path) -> dict[str, Any]:
+    """Model and inputs of a section.
+
+    Raises:
+        InputError: an unknown model, or other inputs than those of a user's model.
+    """
+    if not is_user_model(name):
+        return {"model": read_value(Annotated[str, *models], name, f"{key}.model"), "inputs": inputs}
+    file = ModelFile(name, folder)
+    names = user_inputs(file.path)
+    if inputs and set(inputs) != set(names):
+        raise InputError(f"{key}.inputs: the inputs of {name} are {', '.join(names) or 'none'}; leave the key out")
+    return {"model": file, "inputs": names}

@@ -17,7 +17,7 @@ from logs.identification.data.experiment import Experiment
 from logs.identification.data.lever_arm import acceleration_at_centre
 from logs.identification.data.local_quadratic import NEIGHBOURS, local_quadratic
 from logs.identification.diagnostics.intersample_behavior import jumps
-from logs.identification.estimators.regression.averaging import LINE, Averaging, average_of_slope
+from logs.identification.estimators.regressors import LINE, Averaging, average_of_slope
 from logs.identification.results import Array
 from wingbeat.errors import InputError
 

@@ -1,0 +1,190 @@
+"""Statistics for the choice of a regression's terms (Klein & Morelli, Aircraft System Identification, 2006, ch. 5).
+
+The published criteria count samples. With autocorrelated residuals they would accept nearly every term: here they
+count effective samples, and PRESS leaves out blocks of samples. With white residuals they are the published ones.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from logs.identification.estimators.equation_error import Settings, equations
+from logs.identification.estimators.least_squares import ROUNDING, Piece, linear_of
+from logs.identification.estimators.regressors import Design
+from logs.identification.results import Array
+from logs.identification.statistics.hac import Noise, noise_of, under, white
+
+RANK = 1e-5
+"""-; smallest singular value of independent candidates of unit length"""
+SAMPLES_PER_TERM = 10
+MAX_TERMS = 24
+"""-; of the largest model, from whose residuals the noise is estimated"""
+DEPENDENT = 1e-10
+"""-; relative squared length of a column that the others do not explain, below which it depends on them"""
+
+
+class Candidates(NamedTuple):
+    """Candidate terms, intercepts and trends taken out, with the noise of the largest model."""
+
+    names: tuple[str, ...]
+    """-; (p,)"""
+    pieces: tuple[Piece, ...]
+    """nuisances (intercepts, trends) first, then the candidates; columns of unit length over all records"""
+    nuisances: int
+    """-; number of their columns"""
+    columns: Array
+    """(N, p); candidates of all records, orthogonal to the nuisances"""
+    response: Array
+    """(N,); orthogonal to the nuisances"""
+    basis: Array
+    """(N, k); orthonormal, of the nuisances"""
+    lengths: Array
+    """(p,); length of each candidate"""
+    effective: float
+    """-; effective number of independent samples"""
+    charge: float
+    """response squared; of the predicted square error for each parameter"""
+    noise: Noise | None
+    """of the largest model, None if its residuals are rounding"""
+
+
+class Statistics(NamedTuple):
+    """Fit of a model with some of the candidates."""
+
+    r_squared: float
+    """-; fraction of the response's variance that the terms explain"""
+    adjusted: float
+    """-; the same, adjusted for the number of parameters"""
+    press: float
+    """response squared; mean square error of each block of samples predicted from the others (5.98)"""
+    pse: float
+    """response squared; predicted square error: mean square plus a charge for each parameter (5.103)"""
+    variance: float
+    """response squared; s^2, squares over degrees of freedom"""
+    parameters: int
+    """-; fitted, nuisances included"""
+
+
+def candidates_of(design: Design, settings: Settings) -> Candidates:
+    """The columns of ``design`` as candidates.
+
+    Samples count by the median factor by which autocorrelation raises the variances of the largest model's terms.
+    """
+    wanted = equations(design, "time", settings)
+    nuisances = len(wanted.names) - len(design.names)
+    size = np.linalg.norm(np.vstack([piece.regressors for piece in wanted.pieces]), axis=0)
+    scale = np.where(size > 0, size, 1.0)
+    unit = [piece.regressors / scale for piece in wanted.pieces]
+    pieces = tuple(p._replace(regressors=u, instruments=u) for p, u in zip(wanted.pieces, unit, strict=True))
+    used = np.concatenate([piece.used for piece in pieces]) > 0
+    whole = np.vstack(unit)[used]
+    response = np.concatenate([piece.response for piece in pieces])[used]
+    basis = np.linalg.qr(whole[:, :nuisances])[0] if nuisances else np.zeros((len(whole), 0))
+    rest = whole[:, nuisances:] - basis @ (basis.T @ whole[:, nuisances:])
+    lost = np.sum(rest**2, axis=0) <= 1e-20 * np.sum(whole[:, nuisances:] ** 2, axis=0)
+    remaining, count = response - basis @ (basis.T @ response), len(whole)
+    charge = float(remaining @ remaining) / max(count - nuisances, 1) / count
+    plain = Candidates(
+        design.names, pieces, nuisances, np.where(lost, 0.0, rest), remaining, basis, scale[nuisances:],
+        float(count), charge, None,
+    )  # fmt: skip
+    largest = _largest_model(plain)
+    left = statistics_of(plain, largest)
+    if not largest or not left.r_squared < 1 - ROUNDING:
+        return plain
+    _, records = linear_of(pieces_of(plain, largest))
+    noise = noise_of(records)
+    raised, even = (np.diag(c.covariance)[nuisances:] for c in (under(noise, records), white(records)))
+    effective = count / float(np.clip(np.median(raised / even), 1.0, count / 3))
+    # The published charge, sigma_max^2 / N with the response's own variance, exceeds the 2 sigma^2 / N of white noise
+    # (Barron 1984); autocorrelated noise may need more.
+    return plain._replace(effective=effective, charge=max(charge, 2 * left.variance / effective), noise=noise)
+
+
+def pieces_of(candidates: Candidates, chosen: tuple[int, ...]) -> tuple[Piece, ...]:
+    """The records with only the nuisances and the ``chosen`` candidates."""
+    columns = [*range(candidates.nuisances), *(candidates.nuisances + column for column in chosen)]
+    parts = ((piece, piece.regressors[:, columns]) for piece in candidates.pieces)
+    return tuple(Piece(regressors, regressors, piece.response, piece.used) for piece, regressors in parts)
+
+
+def independent(candidates: Candidates, chosen: tuple[int, ...]) -> bool:
+    """Whether the ``chosen`` candidates are linearly independent."""
+    columns = candidates.columns[:, chosen]
+    return bool(np.linalg.svd(columns / np.linalg.norm(columns, axis=0), compute_uv=False)[-1] > RANK)
+
+
+def residuals_of(candidates: Candidates, chosen: tuple[int, ...]) -> Array:
+    """Residuals (N,) of the model with the ``chosen`` candidates."""
+    columns = candidates.columns[:, chosen]
+    return np.asarray(candidates.response - columns @ np.linalg.lstsq(columns, candidates.response, rcond=None)[0])
+
+
+def statistics_of(candidates: Candidates, chosen: tuple[int, ...]) -> Statistics:
+    """`Statistics` of the model with the ``chosen`` candidates; NaN for ratios to a response that does not vary."""
+    residuals = residuals_of(candidates, chosen)
+    count = len(residuals)
+    fitted = len(chosen) + candidates.nuisances
+    squares, total = float(residuals @ residuals), float(candidates.response @ candidates.response)
+    all_variance, variance = total / max(count - candidates.nuisances, 1), squares / max(count - fitted, 1)
+    return Statistics(
+        1 - squares / total if total > 0 else np.nan,
+        1 - variance / all_variance if total > 0 else np.nan,
+        _press(candidates, chosen, residuals),
+        squares / count + candidates.charge * fitted,
+        variance,
+        fitted,
+    )
+
+
+def partial_f(candidates: Candidates, chosen: tuple[int, ...], column: int) -> float:
+    """Partial F of one ``column`` of the ``chosen`` (5.92), as published: for white residuals."""
+    full = residuals_of(candidates, chosen)
+    without = residuals_of(candidates, tuple(c for c in chosen if c != column))
+    squares = float(full @ full)
+    degrees = max(len(full) - len(chosen) - candidates.nuisances, 1)
+    return (float(without @ without) - squares) / squares * degrees if squares > 0 else np.inf
+
+
+def partial_correlations(candidates: Candidates, chosen: tuple[int, ...]) -> Array:
+    """Partial correlation (p,) of each candidate with the response, given the ``chosen`` (5.90).
+
+    Zero for the chosen and for candidates that depend on them.
+    """
+    residuals, retained = residuals_of(candidates, chosen), candidates.columns[:, chosen]
+    rest = candidates.columns - retained @ np.linalg.lstsq(retained, candidates.columns, rcond=None)[0]
+    squares, total = np.sum(rest**2, axis=0), np.sum(candidates.columns**2, axis=0)
+    varies = squares > DEPENDENT * total
+    varies[list(chosen)] = False
+    size = np.sqrt(np.where(varies, squares, 1.0) * max(float(residuals @ residuals), 1e-300))
+    return np.asarray(np.where(varies, rest.T @ residuals / size, 0.0))
+
+
+def _press(candidates: Candidates, chosen: tuple[int, ...], residuals: Array) -> float:
+    """Mean square error of blocks of N / effective samples, each predicted from all others."""
+    design = np.column_stack((candidates.basis, np.linalg.qr(candidates.columns[:, chosen])[0]))
+    length = max(round(len(residuals) / candidates.effective), 1)
+    blocks = -(-len(residuals) // length)
+    padded = np.zeros((blocks * length, design.shape[1] + 1))
+    padded[: len(residuals), :-1], padded[: len(residuals), -1] = design, residuals
+    stacked = padded.reshape(blocks, length, -1)
+    rows, errors = stacked[:, :, :-1], stacked[:, :, -1:]
+    transposed = rows.transpose(0, 2, 1)
+    # (I - H)^-1 of a block (Woodbury), in the few dimensions of the model instead of the many of the block.
+    inner = np.linalg.pinv(np.eye(design.shape[1]) - transposed @ rows, hermitian=True)
+    return float(np.sum((errors + rows @ (inner @ (transposed @ errors))) ** 2)) / len(residuals)
+
+
+def _largest_model(candidates: Candidates) -> tuple[int, ...]:
+    """Independent candidates in the order of partial correlation, as many as the samples allow."""
+    chosen: tuple[int, ...] = ()
+    limit = min(len(candidates.names), max(len(candidates.response) // SAMPLES_PER_TERM, 1), MAX_TERMS)
+    while len(chosen) < limit:
+        correlations = np.abs(partial_correlations(candidates, chosen))
+        best = int(np.argmax(correlations))
+        if correlations[best] <= 0 or not independent(candidates, (*chosen, best)):
+            break
+        chosen = (*chosen, best)
+    return chosen

@@ -1,1 +1,0 @@
-"""Equation error: regressors, designs and least squares."""

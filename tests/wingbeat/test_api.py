@@ -1,0 +1,151 @@
+"""The public Python API: names, flights, simulation, steady flight, Gymnasium environment."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import wingbeat
+from sim_bridge import topics as truth
+from wingbeat.errors import InputError
+
+VEHICLE = "robo_raven_ii_d"
+SHORT = 16.0
+"""s; of a flight that is in the air from about 9 s on"""
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory: pytest.TempPathFactory) -> wingbeat.Flight:
+    return wingbeat.fly(duration=SHORT, seed=3, log=tmp_path_factory.mktemp("api") / "flight.mcap")
+
+
+def test_import_loads_nothing_else() -> None:
+    code = "import sys, wingbeat; print([m for m in ('numpy', 'avionics', 'logs', 'sim_bridge') if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_every_public_name_is_there_documented_and_typed() -> None:
+    stub = Path(wingbeat.__file__).with_suffix(".pyi").read_text()
+    for name in wingbeat.__all__:
+        assert getattr(wingbeat, name).__doc__, name
+        assert f'"{name}"' in stub, name
+
+
+def test_unknown_name_lists_the_public_ones() -> None:
+    with pytest.raises(AttributeError, match="linearize"):
+        wingbeat.linearise  # type: ignore[attr-defined]  # noqa: B018
+
+
+def test_flight_has_summary_topics_and_columns(flight: wingbeat.Flight) -> None:
+    assert flight.summary.airtime is not None
+    assert 5.0 < flight.summary.airtime < SHORT - 8.0
+    assert "/main/wing" in flight.topics
+    frame = flight["/main/wing"].to_pandas()
+    assert frame.index.name == "time" and len(frame) == len(flight["/main/wing"].time)
+    assert np.allclose(frame["phase"], flight.log["/main/wing"]["phase"])
+    assert (
+        "in the air" in repr(flight)
+        and "/main/wing" in repr(flight.log)
+        and "phase (rad)" in repr(flight["/main/wing"])
+    )
+
+
+def test_flight_refuses_an_existing_log(flight: wingbeat.Flight) -> None:
+    with pytest.raises(InputError, match="exists"):
+        wingbeat.fly(duration=SHORT, log=flight.path)
+
+
+def test_flight_plots(flight: wingbeat.Flight) -> None:
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    figure = flight.plot()
+    assert figure.axes[0].get_ylabel() == "altitude (m)"
+    assert all(axes.lines for axes in figure.axes)
+
+
+def test_simulation_is_the_flight(flight: wingbeat.Flight) -> None:
+    """GIVEN the same inputs WHEN stepped THEN the true states are those of the recorded flight, bit for bit."""
+    sim = wingbeat.Simulation(duration=SHORT, seed=3)
+    sim.run()
+    simulated, recorded = sim[truth.STATE.name], flight[truth.STATE.name]
+    for name in ("north", "down", "quaternion_y", "pitch_rate"):
+        assert np.array_equal(simulated[name], recorded[name]), name
+    assert simulated.units["pitch_rate"] == "rad/s"
+
+
+def test_own_command_moves_the_aircraft() -> None:
+    def nose_up(sim: wingbeat.Simulation) -> object:
+        return sim.command._replace(elevator=sim.command.elevator + 0.1) if sim.time > 12.0 else None
+
+    plain, changed = wingbeat.Simulation(duration=13.0), wingbeat.Simulation(duration=13.0)
+    plain.run()
+    changed.run(controller=nose_up)  # type: ignore[arg-type]
+    pitch_rate = changed[truth.STATE.name]["pitch_rate"] - plain[truth.STATE.name]["pitch_rate"]
+    late = plain[truth.STATE.name].time > 12.0
+    assert np.all(pitch_rate[~late] == 0.0)
+    assert pitch_rate[late][24] > 0.1
+
+
+def test_gust_is_in_the_air_and_must_be_finite() -> None:
+    sim = wingbeat.Simulation(duration=13.0)
+    sim.run(until=12.0)
+    sim.gust = (0.0, 0.0, -2.0)
+    sim.run()
+    assert sim.state.wind_down == pytest.approx(-2.0)
+    with pytest.raises(InputError, match="finite"):
+        sim.gust = (float("nan"), 0.0, 0.0)
+
+
+def test_linear_motion_has_the_trim_and_the_short_period() -> None:
+    steady = wingbeat.trim(VEHICLE, 7.0)
+    assert steady.orbit.means.airspeed == pytest.approx(7.0, abs=1e-5)
+    motion = wingbeat.linearize(steady)
+    system = motion.longitudinal()
+    assert system.state_labels == ["u", "w", "q", "theta"] and system.input_labels == ["elevator"]
+    assert np.allclose(system.A, motion.model.a)
+    assert motion.lateral().input_labels == ["rudder"]
+
+
+def test_vehicles_are_listed_and_loaded() -> None:
+    assert VEHICLE in wingbeat.vehicle_names()
+    assert wingbeat.load_vehicle(VEHICLE).mass == pytest.approx(0.29, abs=0.15)
+    with pytest.raises(InputError, match="unknown vehicle"):
+        wingbeat.load_vehicle("robo_raven")
+
+
+def test_campaign_returns_a_row_per_flight(tmp_path: Path) -> None:
+    (tmp_path / "c.toml").write_text(
+        'name = "c"\nflights = 1\nseed = 1\n[flight]\nvehicle = "robo_raven_ii_d"\nmission = "circuit"\n'
+        'duration = 12.0\n[grid]\n"wind.speed" = [0.0, 1.0]\n'
+    )
+    table = wingbeat.campaign(tmp_path / "c.toml")
+    assert list(table["wind.speed"]) == [0.0, 1.0]
+    assert not table["failed"].any()
+
+
+def test_gymnasium_environment_passes_the_checker() -> None:
+    gymnasium = pytest.importorskip("gymnasium")
+    from gymnasium.utils.env_checker import check_env
+
+    env = gymnasium.make("wingbeat.gym:wingbeat/Flapping-v0", time_limit=2.0)
+    check_env(env.unwrapped, skip_render_check=True)
+    seen, info = env.reset(seed=5)
+    again, _ = env.reset(seed=5)
+    assert np.array_equal(seen, again) and info["altitude_target"] > 0.0
+
+
+def test_gymnasium_elevator_stick_pitches_up() -> None:
+    gymnasium = pytest.importorskip("gymnasium")
+    env = gymnasium.make("wingbeat.gym:wingbeat/Flapping-v0", time_limit=2.0)
+    rates = []
+    for stick in (-0.5, 0.5):
+        env.reset(seed=5)
+        seen = [env.step(np.array([stick, 0.0, 0.0, 0.5], np.float32))[0] for _ in range(20)]
+        rates.append(np.mean([one[7] for one in seen]))
+    assert rates[1] > rates[0] + 0.2

@@ -1,0 +1,1 @@
+"""The public Python API: flights, simulation, logs, steady flight, campaigns."""
