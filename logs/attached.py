@@ -10,7 +10,7 @@ from typing import TypeVar
 from avionics import parameters
 from avionics.vehicles import FlightVehicle
 from avionics.vehicles import load_vehicle as load_flight_vehicle
-from logs.identification.data.flight import Aircraft, GaugeErrors
+from logs.identification.data.flight import Aircraft, GaugeErrors, ImuCalibration
 from logs.names import AERODYNAMICS, FLIGHT_VEHICLE, WORLD, WORLD_VEHICLE
 from logs.reader import Log
 from logs.settings import initial_parameters
@@ -64,8 +64,10 @@ def aircraft_of(log: Log) -> Aircraft:
         return Aircraft()
     known = vehicle.airframe
     world = simulated_vehicle(log)
-    told = Aircraft(known.imu_x, known.imu_z, known.tail_time_constant, imu=vehicle.gains.imu)
-    return told._replace(gauges=gauges_of(world), span=span_of(world))
+    imu = vehicle.gains.imu
+    calibration = ImuCalibration(imu.accel_offset, imu.accel_scale)
+    aircraft = Aircraft(known.imu_x, known.imu_z, known.tail_time_constant, imu=calibration)
+    return aircraft._replace(gauges=gauges_of(world), span=span_of(world))
 
 
 def span_of(vehicle: SimulatedVehicle | None) -> float | None:

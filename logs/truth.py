@@ -6,7 +6,7 @@ import numpy as np
 
 from avionics import topics
 from logs.attached import simulated_vehicle
-from logs.identification.drive.frequency import FrequencyModel, frequency_truth
+from logs.identification.estimators.flapping_frequency import FrequencyModel, frequency_truth
 from logs.reader import Log
 from sim_bridge import topics as truth
 from sim_bridge.flight_mechanics.averaged import short_period_of, stroke_averaged_model

@@ -19,11 +19,16 @@ from groundstation.views.progress import ProgressBar
 from groundstation.views.terminal import open_console
 from logs.attached import airframe_of, span_of
 from logs.identification.data.flight import Aircraft
-from logs.identification.input_design.limits import Limits
-from logs.identification.input_design.plan import Asked, Plan, plan
+from logs.identification.input_design.design import (
+    DesignSpec,
+    InputDesign,
+    Limits,
+    command_line,
+    design_input,
+    mission_item,
+)
 from logs.identification.input_design.prediction import Gust
 from logs.identification.input_design.prior import Prior, prior_of, sensor_noise
-from logs.identification.input_design.wording import command_line, mission_item
 from logs.new_files import check_new
 from sim_bridge.tuning.model import LinearModel, is_model_file, load_model
 from sim_bridge.vehicles import SimulatedVehicle
@@ -90,7 +95,9 @@ def build_parser() -> options.Parser:
         metavar="%",
         help="required standard error of the short-period frequency",
     )
-    parser.add_argument("--damping-error", type=options.positive, metavar="X", help="asked of the damping ratio")
+    parser.add_argument(
+        "--damping-error", type=options.positive, metavar="X", help="required standard error of the damping ratio"
+    )
     parser.add_argument(
         "--settle", type=options.not_negative, metavar="S", help="pause before and after (default: from the damping)"
     )
@@ -135,7 +142,7 @@ def run(arguments: Sequence[str]) -> int:
     prior = prior_of(subject.model, subject.aircraft, noise, chosen.rate)
     requested = _request(chosen, subject, prior)
     with ProgressBar("designing") as bar:
-        designs = plan(prior, requested, bar.show)
+        designs = design_input(prior, requested, bar.show)
     if chosen.out is not None:
         with chosen.out.open("x", encoding="utf-8") as file:
             file.write(mission_item(designs.excitation))
@@ -195,10 +202,10 @@ def _noise(subject: _Subject) -> tuple[float, float, float]:
     return sensor_noise(subject.world)
 
 
-def _request(chosen: argparse.Namespace, subject: _Subject, prior: Prior) -> Asked:
+def _request(chosen: argparse.Namespace, subject: _Subject, prior: Prior) -> DesignSpec:
     envelope = None if subject.vehicle is None else subject.vehicle.gains.excitation
     pacing = {} if envelope is None else {"fade": envelope.fade, "pause": envelope.recovery + envelope.spread / 2.0}
-    return Asked(
+    return DesignSpec(
         SHAPES[chosen.input],
         _limits(chosen, subject, prior),
         None if chosen.amplitude is None else math.radians(chosen.amplitude),
@@ -232,7 +239,7 @@ def _limits(chosen: argparse.Namespace, subject: _Subject, prior: Prior) -> Limi
     )
 
 
-def _document(subject: _Subject, prior: Prior, requested: Asked, designs: Plan) -> dict[str, Any]:
+def _document(subject: _Subject, prior: Prior, requested: DesignSpec, designs: InputDesign) -> dict[str, Any]:
     """Build the document of `JSON_KEYS`."""
     flown = designs.excitation
     keys = ("amplitude", "width", "low", "high", "settle", "repeats")

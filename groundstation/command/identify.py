@@ -26,9 +26,9 @@ from logs.identification.data.flight import Aircraft, FlightData
 from logs.identification.data.split import drawn
 from logs.identification.estimators.flight_modes import identify_modes
 from logs.identification.report import SUBJECTS, Identification, document, identify
-from logs.identification.sources.elevator import MadeElevator
 from logs.identification.sources.flight import flight_data
 from logs.identification.sources.multi_flight import joined_flights
+from logs.identification.sources.topic_table import ElevatorFromField
 from logs.identification.tables import fit_registry as rooms
 from logs.identification.tables import markers
 from logs.identification.tables.subjects import ALL
@@ -369,7 +369,7 @@ def _bodies_if_given(log: Log, vehicle: str | None) -> SimulatedVehicle | None:
         return None
 
 
-def _made(log: Log, elevator: Sequence[str]) -> MadeElevator:
+def _made(log: Log, elevator: Sequence[str]) -> ElevatorFromField:
     (name, said), (topic, _, field) = elevator, elevator[0].rpartition(".")
     try:
         scale = float(said)
@@ -379,6 +379,6 @@ def _made(log: Log, elevator: Sequence[str]) -> MadeElevator:
         raise InputError(f"--elevator {name} {said}: it takes TOPIC.FIELD and rad per unit of it, which is not 0")
     if topics.ACTUATORS.name in log.topics:
         raise InputError(f"{log.path} tells the elevator's angle: --elevator is for logs that do not")
-    made = MadeElevator(log, topic, field, scale)
+    made = ElevatorFromField(log, topic, field, scale)
     made.columns(topics.ACTUATORS)  # what is wrong with it is told before anything is identified
     return made

@@ -11,7 +11,7 @@ from groundstation.command.compiling import announced
 from groundstation.command.identify_out import check_outputs, sha256
 from groundstation.views.progress import ProgressBar
 from logs.attached import simulated_vehicle
-from logs.identification.motion_capture.marker_motion import Cloud
+from logs.identification.motion_capture.motion import Cloud
 from logs.identification.report import Identification
 from logs.identification.report.report import Subject, write_report
 from logs.identification.results import Unidentified

@@ -9,10 +9,8 @@ from rich.text import Text
 
 from groundstation.views import wording
 from groundstation.views.tables import NUMBER, UNIT, plain_table
-from logs.identification.input_design.limits import NAMES
-from logs.identification.input_design.plan import Asked, Plan
+from logs.identification.input_design.design import NAMES, DesignSpec, InputDesign, command_line, mission_item
 from logs.identification.input_design.prior import Prior
-from logs.identification.input_design.wording import command_line, mission_item
 from sim_bridge.tuning.model import LinearModel
 
 WHITE = "of white sensor noise alone; gusts, and what the wing's shaking leaves after averaging, come on top (--gust)"
@@ -20,7 +18,7 @@ SHARE_SHOWN = 10.0
 """-; relative error above which an estimate is not useful"""
 
 
-def plan_view(model: LinearModel, prior: Prior, requested: Asked, designs: Plan) -> RenderableType:
+def plan_view(model: LinearModel, prior: Prior, requested: DesignSpec, designs: InputDesign) -> RenderableType:
     """Show heading, predicted errors, envelope, and the flight instructions."""
     return Group(
         Text.assemble(("predicted errors", "bold"), f", on {model.origin}"),
@@ -34,7 +32,7 @@ def plan_view(model: LinearModel, prior: Prior, requested: Asked, designs: Plan)
     )
 
 
-def _errors(designs: Plan) -> RenderableType:
+def _errors(designs: InputDesign) -> RenderableType:
     table = plain_table(("", ""), ("value", NUMBER), ("standard error", NUMBER), ("", NUMBER), ("", UNIT))
     for one in designs.predicted:
         value, error = wording.significant(one.value, one.standard_error)
@@ -49,7 +47,7 @@ def _name(name: str) -> str:
     return wording.words(name) if name.islower() else name
 
 
-def _basis(prior: Prior, requested: Asked, designs: Plan) -> str:
+def _basis(prior: Prior, requested: DesignSpec, designs: InputDesign) -> str:
     q, x, z = prior.noise
     sensors = f"noise {q:.2g} rad/s, {x:.2g} and {z:.2g} m/s^2 at {1.0 / prior.step:.0f} Hz"
     if requested.gust is None:
@@ -60,7 +58,7 @@ def _basis(prior: Prior, requested: Asked, designs: Plan) -> str:
     return f"{sensors}; {gusts}"
 
 
-def _envelope(requested: Asked, designs: Plan) -> RenderableType:
+def _envelope(requested: DesignSpec, designs: InputDesign) -> RenderableType:
     table = plain_table(("change from the trim", ""), ("reached", NUMBER), ("limit", NUMBER), ("", UNIT))
     for field, (words, unit) in NAMES.items():
         reached, limit = getattr(designs.reached, field), getattr(requested.limits, field)

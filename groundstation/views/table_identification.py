@@ -12,8 +12,10 @@ from groundstation.views import tables, wording
 from groundstation.views.identification import identification_table
 from logs.identification.models.modes import Mode, ModesResult
 from logs.identification.report import Identification
-from logs.identification.report.result_formatting import heading, notes_of, number_rows
-from logs.identification.tables.results import TableFit, TableIdentification
+from logs.identification.report.result_formatting import finding_line, heading, notes_of, number_rows
+from logs.identification.results import EstimationResult
+from logs.identification.statistics.output_fit import output_fits
+from logs.identification.tables.results import TableIdentification
 
 ABOVE = "as said above"
 """in place of a reason that stands at a fit already"""
@@ -26,15 +28,14 @@ def table_identification(estimates: TableIdentification) -> RenderableType:
         parts += [*_fit(fit), Text()]
     if estimates.modes is not None:
         parts += [identification_table(Identification(modes=_withheld(estimates.modes, estimates.fits))), Text()]
-    last = [f"{one.name}: {one.reason.removeprefix(f'{one.name}: ')}" for one in estimates.missing] + list(
-        estimates.notes
-    )
+    last = [f"{one.subject}: {one.text.removeprefix(f'{one.subject}: ')}" for one in estimates.missing]
+    last += map(finding_line, estimates.findings)
     return Group(*(parts if last else parts[:-1]), *(Text(note, style="dim") for note in last))
 
 
-def _withheld(modes: ModesResult, fits: Sequence[TableFit]) -> ModesResult:
+def _withheld(modes: ModesResult, fits: Sequence[EstimationResult]) -> ModesResult:
     """The modes, with a word for each reason that stands at a fit above already."""
-    listed = {one.reason for fit in fits for one in fit.fitted.unidentified} | {fit.failure for fit in fits}
+    listed = {one.text for fit in fits for one in fit.findings if one.severity == "withheld"}
     return modes._replace(modes=tuple(_referring(mode, listed) for mode in modes.modes))
 
 
@@ -48,16 +49,16 @@ def _data(estimates: TableIdentification) -> str:
     return f"fitted: {', '.join(estimates.experiments)}{held}"
 
 
-def _fit(fit: TableFit) -> list[RenderableType]:
+def _fit(fit: EstimationResult) -> list[RenderableType]:
     parts: list[RenderableType] = [Text(heading(fit), style="bold")]
-    if fit.fitted.estimates:
+    if fit.estimates:
         parts.append(_numbers(fit))
-    if fit.outputs:
+    if fit.series:
         parts.append(_outputs(fit))
     return [*parts, *(Text(note, style="dim") for note in notes_of(fit))]
 
 
-def _numbers(fit: TableFit) -> RenderableType:
+def _numbers(fit: EstimationResult) -> RenderableType:
     table = tables.plain_table(
         ("parameter", ""), ("value", "right"), ("95 % interval", "right"), ("start", "right"), ("", tables.UNIT)
     )
@@ -72,18 +73,18 @@ def _numbers(fit: TableFit) -> RenderableType:
     return table
 
 
-def _outputs(fit: TableFit) -> RenderableType:
+def _outputs(fit: EstimationResult) -> RenderableType:
     table = tables.plain_table(
-        ("manoeuvre", tables.GROUP), ("output", ""), ("R²", "right"), ("RMS", "right"), ("Theil", "right"),
+        ("maneuver", tables.GROUP), ("output", ""), ("R²", "right"), ("RMS", "right"), ("Theil", "right"),
         ("residuals", ""),
     )  # fmt: skip
     listed = ""
-    for one in fit.outputs:
-        colour = {True: "white", False: "coloured", None: ""}[one.white]
+    for one in output_fits(fit.series):
+        color = {True: "white", False: "colored", None: ""}[one.white]
         where = f"{one.experiment}{', held out' if one.held_out else ''}"
         rms = f"{one.rms:.3g}{'' if one.unit == '-' else ' ' + one.unit}"
         numbers = (_plain(one.r_squared), rms, _plain(one.theil))
-        table.add_row(where if where != listed else "", one.output, *numbers, colour)
+        table.add_row(where if where != listed else "", one.output, *numbers, color)
         listed = where
     return table
 

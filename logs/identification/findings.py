@@ -83,4 +83,6 @@ register({
     ),
     "at_bound": Entry("it stays at its bound {value:g}", "The likelihood increases beyond the bound."),
     "not_converged": Entry("the search did not converge: {reason}", "The iteration ended before its threshold."),
+    "not_estimated": Entry("{reason}", "The method gives no number for this parameter or mode."),
+    "note": Entry("{note}", "A remark of a source or an estimator on what was read, filled or decided."),
 })  # fmt: skip

@@ -14,7 +14,7 @@ from logs.identification.findings import Finding, of_severity
 Array = NDArray[np.float64]
 CONFIDENCE = 0.95
 SURE = 0.99
-"""-; with which the data must ask for what a model has no place for"""
+"""-; confidence of the tests that reject a model"""
 
 
 class Estimate(NamedTuple):
@@ -38,20 +38,11 @@ class Estimate(NamedTuple):
         return self.low <= truth <= self.high
 
 
-class Unidentified(NamedTuple):
-    """A number that this data does not give, and why."""
-
-    name: str
-    """-; the symbol in the source's equation"""
-    reason: str
-    """-; one clause"""
-
-
 class FitSeries(NamedTuple):
-    """One measured output of one manoeuvre beside what a model makes of it."""
+    """One measured output of one maneuver and the response of a model."""
 
     experiment: str
-    """-; the manoeuvre's name"""
+    """-; name of the maneuver"""
     output: str
     """-; what was fitted or predicted"""
     unit: str
@@ -63,33 +54,29 @@ class FitSeries(NamedTuple):
     model: Array
     """as `unit`; (M,)"""
     held_out: bool = False
-    """-; not among the data that the model was fitted to: a prediction"""
+    """-; a prediction: not among the data that the model was fitted to"""
     steady: float = 0.0
-    """as `unit`; of the steady flight, from which Theil's coefficient counts: gravity alone is no prediction"""
+    """as `unit`; of the steady flight, the reference of Theil's coefficient: gravity alone is no prediction"""
 
 
-class Information(str):
-    """A note that tells what was done, and casts no doubt on a number as all other notes do."""
+class OutputFit(NamedTuple):
+    """How one output of one maneuver follows the measurement."""
 
-    __slots__ = ()
-
-
-class Fitted(NamedTuple):
-    """What any method hands to the report: its model, its numbers, and how they fit."""
-
-    method: str
-    """-; what the report calls it"""
-    equations: tuple[str, ...]
-    """-; the model, one equation in symbols or one sentence each"""
-    estimates: tuple[Estimate, ...]
-    unidentified: tuple[Unidentified, ...] = ()
-    correlation: Array | None = None
-    """-; (p, p), of the estimates in their order"""
-    series: tuple[FitSeries, ...] = ()
-    notes: tuple[str, ...] = ()
-    """-; what was dropped, taken from elsewhere or decided, one sentence each; `Information` where it is no doubt"""
-    validation: str = ""
-    """-; how the held-out manoeuvres were predicted, or why none were, one sentence; empty where nothing is to say"""
+    experiment: str
+    output: str
+    unit: str
+    held_out: bool
+    """-; predicted, not fitted"""
+    samples: int
+    """-; with both measurement and model"""
+    r_squared: float
+    """-; NaN if the measurement is constant"""
+    rms: float
+    """as `unit`; root mean square of measured minus model"""
+    theil: float
+    """-; Theil's inequality coefficient, 0 for a perfect model, 1 for the worst"""
+    white: bool | None
+    """-; whether the residuals pass the whiteness tests; None if there are too few samples"""
 
 
 def student_factor(degrees: float, confidence: float = CONFIDENCE) -> float:
@@ -136,21 +123,34 @@ class EstimationResult(NamedTuple):
     derived: tuple[Estimate, ...] = ()
     """numbers computed from the estimates, such as frequency and damping of a mode"""
     series: tuple[FitSeries, ...] = ()
-    """each fitted or predicted output beside its measurement"""
+    """each fitted or predicted output and its measurement"""
     samples: int = 0
     """-; fitted, over all experiments"""
     findings: tuple[Finding, ...] = ()
     initial: Mapping[str, float] = {}
     """SI; start values of the search by parameter; empty if there was no search"""
     fixed: Mapping[str, float] = {}
-    """SI; parameters that were held at a value"""
+    """SI; parameters with a fixed value"""
     steps: tuple[Any, ...] = ()
     """steps of a stepwise regression"""
+    title: str = ""
+    """-; heading of the result in texts, such as "output error, short period" """
+    response: str = ""
+    """-; of a regression"""
+    unnamed: Mapping[str, float] = {}
+    """SI; parameters of the equations that the problem neither frees nor fixes, and the value of each"""
+    chapters: tuple[Any, ...] = ()
+    """`report.document.Chapter`; parts of the report that only this result has"""
+
+    @property
+    def failure(self) -> Finding | None:
+        """The reason why there is no estimate at all; None if there is one."""
+        return next((one for one in self.findings if one.severity == "withheld" and not one.subject), None)
 
     @property
     def withheld(self) -> tuple[Finding, ...]:
         """Parameters (subject) without an estimate, with the code of the reason."""
-        return of_severity(self.findings, "withheld")
+        return tuple(one for one in of_severity(self.findings, "withheld") if one.subject)
 
     @property
     def warnings(self) -> tuple[Finding, ...]:
@@ -163,7 +163,7 @@ class EstimationResult(NamedTuple):
         if self.covariance is None:
             return None
         deviation = np.sqrt(np.maximum(np.diag(self.covariance), 1e-300))
-        matrix: Array = self.covariance / np.outer(deviation, deviation)
+        matrix: Array = np.clip(self.covariance / np.outer(deviation, deviation), -1.0, 1.0)
         return matrix
 
     def value(self, name: str) -> float:
@@ -173,3 +173,81 @@ class EstimationResult(NamedTuple):
             KeyError: the parameter has no estimate.
         """
         return {one.name: one.value for one in self.estimates}[name]
+
+    def estimate(self, name: str) -> Estimate | None:
+        """One parameter or derived number; None without an estimate."""
+        return next((one for one in (*self.estimates, *self.derived) if one.name == name), None)
+
+
+class Unidentified(NamedTuple):
+    """A parameter without an estimate, of modules that do not report a `Finding` yet."""
+
+    name: str
+    """-; the symbol in the source's equation"""
+    reason: str
+    """-; one clause"""
+
+
+class Information(str):
+    """A note without doubt about a number, of modules that do not report a `Finding` yet."""
+
+    __slots__ = ()
+
+
+class Fitted(NamedTuple):
+    """Result of modules that do not return an `EstimationResult` yet; `from_fitted` converts it."""
+
+    method: str
+    """-; heading of the result in texts"""
+    equations: tuple[str, ...]
+    """-; the model, one equation in symbols or one sentence each"""
+    estimates: tuple[Estimate, ...]
+    unidentified: tuple[Unidentified, ...] = ()
+    correlation: Array | None = None
+    """-; (p, p), of the estimates in their order"""
+    series: tuple[FitSeries, ...] = ()
+    notes: tuple[str, ...] = ()
+    validation: str = ""
+    """-; how the held-out maneuvers were predicted"""
+
+
+def withheld_finding(one: Unidentified | Finding) -> Finding:
+    """The finding of a parameter without an estimate."""
+    if isinstance(one, Finding):
+        return one
+    return Finding("not_estimated", "withheld", one.name, details={"reason": one.reason})
+
+
+def note_finding(note: str | Finding) -> Finding:
+    """The finding of a note."""
+    if isinstance(note, Finding):
+        return note
+    return Finding("note", "info" if isinstance(note, Information) else "warning", details={"note": str(note)})
+
+
+def from_fitted(fitted: Fitted, method: str, failure: str = "", **more: Any) -> EstimationResult:
+    """The `EstimationResult` of a `Fitted`; ``more`` are its other fields."""
+    covariance = None
+    if fitted.correlation is not None:
+        errors = np.array([one.standard_error for one in fitted.estimates])
+        covariance = fitted.correlation * np.outer(errors, errors)
+    failed = (Finding("not_estimated", "withheld", details={"reason": failure}),) if failure else ()
+    lost = (withheld_finding(one) for one in fitted.unidentified if one.reason != failure)
+    return EstimationResult(
+        method, equations=fitted.equations, status="not converged" if failure else "converged",
+        estimates=fitted.estimates, covariance=covariance, series=fitted.series,
+        findings=(*failed, *lost, *map(note_finding, fitted.notes)), title=fitted.method, **more,
+    )  # fmt: skip
+
+
+def fitted_of(result: EstimationResult, method: str) -> Fitted:
+    """A result as the report takes it, findings as text; ``method`` is its title."""
+    notes: list[str] = []
+    for one in result.findings:
+        if one.severity != "withheld":
+            text = one.text if not one.subject or one.subject in one.text else f"{one.subject}: {one.text}"
+            notes.append(Information(text) if one.severity == "info" else text)
+    withheld = tuple(Unidentified(one.subject, one.text) for one in result.withheld)
+    return Fitted(
+        method, result.equations, result.estimates, withheld, result.correlation, result.series, tuple(notes)
+    )

@@ -6,7 +6,7 @@ the section's velocity through the air and drag along it, so that the law needs 
 
 The paper stops at small angles. Beyond the stall the section is a plate across the flow (Hoerner), and a flow from
 behind meets the trailing edge as its leading edge: with both the loads hold at every angle. What the paper averages
-over the strokes (Eq. 19 to 25) is in `sim_bridge.aerodynamics.stroke_averages`.
+over the strokes (Eq. 19 to 25) belongs to identification.
 """
 
 from __future__ import annotations

@@ -7,9 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from sim_bridge.aerodynamics.blade_element import MODEL, BladeElement, BladeParameters, section_coefficients
-from sim_bridge.aerodynamics.protocol import FORWARD, UPWARD, blank_loads
-from sim_bridge.aerodynamics.stroke_averages import (
+from logs.identification.models.stroke_averages import (
     Attitude,
     DragPolar,
     LiftDerivatives,
@@ -27,6 +25,8 @@ from sim_bridge.aerodynamics.stroke_averages import (
     stroke_matrix,
     stroke_record,
 )
+from sim_bridge.aerodynamics.blade_element import MODEL, BladeElement, BladeParameters, section_coefficients
+from sim_bridge.aerodynamics.protocol import FORWARD, UPWARD, blank_loads
 from sim_bridge.flight_mechanics.prescribed import (
     Stroke,
     WingMotion,

@@ -13,8 +13,7 @@ from memory_log import simulate
 from simulate import ARIZONA, RAVEN
 
 from logs.identification.results import Estimate
-from logs.identification.sources.flight_path_log import identify_path
-from logs.identification.sources.true_imu import imu_truths
+from logs.identification.sources.flight_path import identify_path, imu_truths
 from sim_bridge.flight.world import Scenario
 
 DURATION = 100.0

@@ -19,6 +19,10 @@ class Experiment(NamedTuple):
     """as `units`, by name; (N,) each, NaN where a sample was not measured"""
     units: Mapping[str, str]
     """SI unit by the signal's name"""
+    smoothed: Mapping[str, str] = {}
+    """-; method by which a signal was smoothed, by its name"""
+    steady: bool = False
+    """-; rows are independent steady readings: their order and time mean nothing"""
 
     @property
     def step(self) -> float:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from avionics.sensing import inertial
 from logs.identification.results import Array
 
 STROKES_GUESSED = "strokes: by the specific force"
@@ -133,6 +132,22 @@ class GaugeErrors(NamedTuple):
     """-"""
 
 
+class ImuCalibration(NamedTuple):
+    """Calibration of the accelerometers: ``(measured - offset) scale``; neutral by default."""
+
+    accel_offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """m/s^2; along FRD x, y, z"""
+    accel_scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    """-"""
+
+    def correct(self, values: Array, axis: int) -> Array:
+        """Specific force (N,) of one ``axis`` (0, 1, 2)."""
+        return (values - self.accel_offset[axis]) * self.accel_scale[axis]
+
+
+NEUTRAL = ImuCalibration()
+
+
 class Aircraft(NamedTuple):
     """What must be known of the aircraft beside its flight data."""
 
@@ -149,7 +164,7 @@ class Aircraft(NamedTuple):
     """A; C_D of Gerdes Eq. 12 where given, else minus the mean current per servo"""
     centre_voltage: float | None = None
     """V; C_E of Gerdes Eq. 12 where given, else minus the mean voltage"""
-    imu: inertial.Gains = inertial.NEUTRAL
+    imu: ImuCalibration = NEUTRAL
     """calibration of the IMU; a log holds its samples as they came"""
     gauges: GaugeErrors = GaugeErrors()
     """accuracy of torque cells and power sensors, none where it is not known"""

@@ -1,7 +1,7 @@
-"""How late an input acts: a pure delay, then a first-order lag, as actuators have them.
+"""Delay and first-order lag of an actuator.
 
-``u'_a = (u(t - delay) - u_a) / T``, solved exactly for an input that is held from each sample to the next, or that is
-linear between samples. Before the record the input rests at its first value, and what follows it with it.
+``u'_a = (u(t - delay) - u_a) / T``, with the exact solution for an input under a zero-order hold, or linear between
+samples. Before the record the input has its first value, in equilibrium.
 """
 
 from __future__ import annotations
@@ -12,14 +12,15 @@ from scipy.signal import lfilter
 from logs.identification.results import Array
 
 SHORTEST_LAG = 1e-3
-"""-; of a sampling interval: a shorter lag is none"""
+"""-; of a sampling interval: a shorter lag is zero"""
 
 
 def behind(values: Array, step: float, delay: float, lag: float, *, held: bool) -> Array:
-    """``values`` (N,), ``step`` s apart, behind a ``delay`` (s) and a time constant ``lag`` (s), in their unit.
+    """``values`` (N,), ``step`` s apart, after a ``delay`` (s) and a time constant ``lag`` (s).
 
-    They are ``held`` from each sample to the next, as commands are, or else linear between samples; a delay of parts
-    of a step is linear between samples in either case. A negative delay is a lead: the last value then stays.
+    With ``held`` they are constant from each sample to the next, as commands are, else linear between samples; a
+    delay of a fraction of a step is interpolated linearly. After a negative delay, a lead, the last value
+    remains.
     """
     if not len(values):
         return values.copy()

@@ -1,8 +1,8 @@
-"""How noisy a signal is, without a model of what it tells.
+"""Noise level of a signal without a model of it.
 
 Tintner, The Variate Difference Method, 1940; the variances of the differences as in Anderson, The Statistical
 Analysis of Time Series, 1971, chapter 3. The k-th difference of white noise has binomial(2k, k) times its
-variance; what is smooth in the signal vanishes as k rises.
+variance; the smooth part of the signal vanishes as k increases.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from logs.identification.results import Array
 HIGHEST = 8
 """-; order of differences"""
 THIRD = 3
-"""-; order of the difference in which only noise and steps are left of a motion"""
+"""-; order of the difference that has only noise and steps of a motion"""
 MEDIAN_TO_DEVIATION = 1.4826
 """-; standard deviation of a normal variable over its median size"""
 SETTLED = 2.0
-"""-; standard deviations by which a higher difference lowers the estimate, at the most, once all signal is gone"""
+"""-; standard deviations: decrease of the estimate by the next order, below which the order is sufficient"""
 
 
 def noise_level(values: Array) -> float:
     """Standard deviation of the white noise in equally spaced ``values`` (N,), in their unit.
 
-    Noise that is correlated from sample to sample counts only by what of it differs between neighbours.
+    Of correlated noise only the part that differs between adjacent samples counts.
 
     Raises:
         InputError: too few samples, or some are missing.
@@ -43,16 +43,16 @@ def noise_level(values: Array) -> float:
 
 
 def noise_beside_steps(values: Array) -> float:
-    """The same where ``values`` (N,) may step, as a control does, or be NaN: by the median of the third difference.
+    """The same for ``values`` (N,) with steps, as of a control, or NaN: by the median of the third difference.
 
-    What is smooth is gone from it; a step is in four of them and moves the median by little. It takes nearly three
-    times the samples to be as exact. 0 where no four neighbours were measured.
+    A step is in four of them, which changes the median little. It needs nearly three times the samples for the same
+    accuracy. 0 if no four adjacent samples were measured.
     """
     return noise_of_differences(third_differences(values))
 
 
 def third_differences(values: Array) -> Array:
-    """Of neighbours in ``values`` (N,) or (N, k): (N - 3, ...), none where there are fewer than four."""
+    """Of ``values`` (N,) or (N, k): (N - 3, ...), none if there are fewer than four."""
     return np.asarray(np.diff(values, THIRD, axis=0))
 
 

@@ -1,9 +1,8 @@
-"""From the times at which things were measured to one even time base, gaps found, filled or cut out.
+"""Resampling to one even time base; gaps are interpolated or cut out.
 
-Linear between samples, never beyond the first or last. Where the new samples lie further apart than the old, a
-linear-phase low pass (Kaiser's window; Kaiser, Proc. IEEE Int. Symposium on Circuits and Systems, 1974) comes
-first: it lets pass what lies below 0.6 of the new half rate, and nothing that is folded below it gets through by more
-than -60 dB. Its reach, about five new samples, is lost at both ends and at gaps.
+Linear between samples, without extrapolation. To a lower rate, after a linear-phase low-pass (Kaiser's window;
+Kaiser, Proc. IEEE Int. Symposium on Circuits and Systems, 1974) with a pass band to 0.6 of the new Nyquist frequency
+and -60 dB for what aliases into it. Half its length, about five new samples, is lost at both ends and at gaps.
 """
 
 from __future__ import annotations
@@ -21,12 +20,12 @@ from logs.identification.results import Array
 from wingbeat.errors import InputError
 
 PASSED = 0.6
-"""-; of the new half rate"""
+"""-; of the new Nyquist frequency"""
 STOPPED_DB = 60.0
 UNEVEN = 1e-3
-"""-; of a step, by which the samples of an even time base may stray"""
+"""-; of a step, by which samples of an even time base may differ"""
 GAP_STEPS = 1.5
-"""-; steps between two samples that nothing is missing between"""
+"""-; steps between adjacent samples, at most"""
 
 
 class Channel(NamedTuple):
@@ -35,13 +34,13 @@ class Channel(NamedTuple):
     name: str
     unit: str
     time: Array
-    """s; (N,), rising"""
+    """s; (N,), increasing"""
     values: Array
-    """as the unit; (N,), NaN where a sample was not measured"""
+    """as the unit; (N,), NaN if not measured"""
 
 
 def filled(values: Array, longest: int) -> Array:
-    """``values`` (N,) with inner gaps of up to ``longest`` samples bridged by straight lines; the others stay."""
+    """``values`` (N,) with inner gaps of up to ``longest`` samples interpolated linearly."""
     out, places = values.copy(), np.arange(len(values))
     known = np.isfinite(values)
     for gap in runs(np.isnan(values)):
@@ -51,7 +50,7 @@ def filled(values: Array, longest: int) -> Array:
 
 
 def interpolated(time: Array, values: Array, at: Array, longest: float = 0.0) -> Array:
-    """``values`` (N,) at the times ``at`` (s; M,), linear between samples at rising ``time`` (s; N,).
+    """``values`` (N,) at the times ``at`` (s; M,), linear between samples at increasing ``time`` (s; N,).
 
     NaN outside the record, and in gaps: between two measured samples further apart than ``longest`` s (for 0, than
     one and a half median steps).
@@ -70,12 +69,12 @@ def interpolated(time: Array, values: Array, at: Array, longest: float = 0.0) ->
 
 
 def even(channel: Channel, at: Array, longest_gap: float) -> Array:
-    """The channel at the equally spaced times ``at`` (s; M,), low-passed first where they are sparser; NaN in gaps.
+    """The channel at the equally spaced times ``at`` (s; M,), low-passed before if they are sparser; NaN in gaps.
 
-    Gaps up to ``longest_gap`` s are bridged by straight lines.
+    Gaps up to ``longest_gap`` s are interpolated linearly.
 
     Raises:
-        InputError: fewer than two samples, or time that does not rise.
+        InputError: fewer than two samples, or time that does not increase.
     """
     if len(channel.time) < 2 or np.any(np.diff(channel.time) <= 0):
         raise InputError(f"{channel.name}: time must rise over two samples or more")
@@ -88,7 +87,7 @@ def even(channel: Channel, at: Array, longest_gap: float) -> Array:
 
 
 def _low_passed(values: Array, ratio: float) -> Array:
-    """``values`` (N,) without what a rate lower by ``ratio`` would fold; NaN where it meets a gap or an end."""
+    """``values`` (N,) low-passed for a rate lower by ``ratio``; NaN near gaps and ends."""
     width, beta = kaiserord(STOPPED_DB, 2 * (1 - PASSED) * ratio)
     taps = firwin(width + 1 - width % 2, ratio, window=("kaiser", beta))
     half = len(taps) // 2
@@ -138,7 +137,7 @@ def down_sampled(experiment: Experiment, step: float) -> Experiment:
 
 
 def bridged(experiment: Experiment, names: Sequence[str], longest: int) -> Experiment:
-    """The experiment with gaps of up to ``longest`` samples inside the signals ``names`` bridged, as by `filled`."""
+    """The experiment with gaps of up to ``longest`` samples in the signals ``names`` interpolated, as by `filled`."""
     return experiment._replace(
         signals=dict(experiment.signals) | {name: filled(experiment.signals[name], longest) for name in names}
     )
@@ -147,7 +146,7 @@ def bridged(experiment: Experiment, names: Sequence[str], longest: int) -> Exper
 def measured_pieces(experiment: Experiment, names: Sequence[str], least: int) -> tuple[Experiment, ...]:
     """The pieces of the experiment, of ``least`` samples or more, in which every signal of ``names`` was measured.
 
-    Where there are several they are called NAME, part 1, NAME, part 2, ...
+    Several are named NAME, part 1, NAME, part 2, ...
     """
     known = np.ones(len(experiment.time), bool)
     for name in names:
@@ -160,7 +159,7 @@ def measured_pieces(experiment: Experiment, names: Sequence[str], least: int) ->
 def whole_records(
     experiment: Experiment, names: Sequence[str], longest_gap: float, least: float
 ) -> tuple[Experiment, ...]:
-    """`measured_pieces` of ``least`` s or more, gaps of the signals ``names`` up to ``longest_gap`` s bridged before.
+    """`measured_pieces` of ``least`` s or more, after interpolation of gaps up to ``longest_gap`` s in ``names``.
 
     Raises:
         InputError: a signal is missing, or no piece is left.

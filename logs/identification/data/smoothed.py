@@ -1,4 +1,4 @@
-"""What every smoother gives, and what it asks of a signal."""
+"""Result of a smoother, and checks of its input."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from wingbeat.errors import InputError
 
 
 class Smoothed(NamedTuple):
-    """A signal freed of noise, with its slope."""
+    """A smoothed signal and its derivative."""
 
     values: Array
     """as the signal; (N,)"""
     rates: Array
     """as the signal, per s; (N,)"""
     noise: float
-    """as the signal; standard deviation of the noise that was taken off"""
+    """as the signal; standard deviation of the noise"""
     value_errors: Array | None = None
-    """as the signal; (N,) standard errors of `values`, None where the method tells none"""
+    """as the signal; (N,) standard errors of `values`, None if the method has none"""
     rate_errors: Array | None = None
-    """as the signal, per s; (N,) standard errors of `rates`, None where the method tells none"""
+    """as the signal, per s; (N,) standard errors of `rates`, None if the method has none"""
 
 
 def whole(values: Array, least: int) -> Array:

@@ -1,8 +1,8 @@
-"""Which data a model is fitted to and which it is tried on.
+"""Split into training and validation data.
 
-Manoeuvres of one flight share its weather, its trim and the errors of its sensors: a model tried on another
-manoeuvre of the flight it was fitted to looks better than it is. So whole flights are held back (Jategaonkar, Flight
-Vehicle System Identification, 2006, chapter 11), whole manoeuvres only where there is but one flight.
+Maneuvers of one flight share weather, trim and errors of the sensors: validation by another maneuver of the same
+flight is too favorable. So whole flights are held out (Jategaonkar, Flight Vehicle System Identification, 2006,
+chapter 11), maneuvers only if there is a single flight.
 """
 
 from __future__ import annotations
@@ -17,33 +17,33 @@ from logs.identification.data.flight import JoinedFlight
 from wingbeat.errors import InputError
 
 SHARE = 1 / 3
-"""-; held back, if nothing is asked"""
+"""-; held out by default"""
 
 
 class FromFlight(Protocol):
-    """A manoeuvre that knows which of several flights it is from."""
+    """A maneuver of one of several flights."""
 
     @property
     def flight(self) -> JoinedFlight | None:
-        """None where there is but one."""
+        """None if there is only one."""
 
 
 M = TypeVar("M", bound=FromFlight)
 
 
 class Split(NamedTuple):
-    """Experiments to fit and experiments to try."""
+    """Training and validation experiments."""
 
     training: tuple[Experiment, ...]
     validation: tuple[Experiment, ...]
     note: str
-    """-; what was held back, one clause for the report"""
+    """-; what was held out, one clause"""
 
 
 def split(flights: Mapping[str, Sequence[Experiment]], share: float = SHARE, seed: int = 0) -> Split:
-    """Hold back a ``share`` of the flights (one at the least, not all), or of the only flight's manoeuvres.
+    """Hold out a ``share`` of the flights (at least one, not all), or of the only flight's maneuvers.
 
-    The same ``seed`` and names of flights, or of manoeuvres, give the same split, in whatever order they come.
+    The same ``seed`` and names of flights or maneuvers give the same split in any order.
 
     Raises:
         InputError: the share is not between 0 and 1, or there is but one manoeuvre.
@@ -75,7 +75,7 @@ def _of_one_flight(manoeuvres: list[Experiment], share: float, seed: int) -> Spl
 
 
 def by_flight(manoeuvres: Sequence[M], held: Collection[str]) -> tuple[tuple[M, ...], tuple[M, ...]]:
-    """The manoeuvres of the flights that are fitted, and those of the flights named by ``held``.
+    """The maneuvers of the flights that are fitted, and those of the flights ``held`` out.
 
     Raises:
         InputError: a flight held out has no usable manoeuvre, or all are.
@@ -91,7 +91,7 @@ def by_flight(manoeuvres: Sequence[M], held: Collection[str]) -> tuple[tuple[M, 
 
 
 def drawn(names: list[str], share: float = SHARE, seed: int = 0) -> set[str]:
-    """The ``share`` of the names that is held back: one at the least, not all."""
+    """The ``share`` of the names that is held out: at least one, not all."""
     count = min(max(round(share * len(names)), 1), len(names) - 1)
     order = np.random.default_rng(seed).permutation(len(names))
     return {names[int(index)] for index in order[:count]}

@@ -1,9 +1,9 @@
-"""Time skew between two signals that tell the same motion, such as the same rate by two recorders.
+"""Time skew between two signals of the same motion, such as one rate by two recorders.
 
 Cross-correlation finds the skew to a sample (Bendat & Piersol, Random Data, 4th ed., 2010, chapters 5 and 8; the
-spread of a correlation between coloured signals is Bartlett's, J. Royal Statistical Society 98, 1935). Between the
+variance of a correlation between colored signals is Bartlett's, J. Royal Statistical Society 98, 1935). Between the
 samples it is the shift of the first signal, smoothed by `fourier_smoothing`, that fits the second by least squares
-with a gain and an offset: the maximum of the correlation again, but with a standard error, corrected for coloured
+with a gain and an offset: the maximum of the correlation again, but with a standard error, corrected for colored
 residuals.
 """
 
@@ -15,9 +15,9 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
 from logs.identification.data.experiment import Experiment
-from logs.identification.data.fourier_smoothing import fourier_smoothing
 from logs.identification.data.resampling import interpolated
 from logs.identification.data.smoothed import Smoothed, whole
+from logs.identification.data.smoothing import fourier_smoothing
 from logs.identification.estimators.least_squares import regress
 from logs.identification.results import Array, Estimate, Unidentified, estimate
 from wingbeat.errors import InputError
@@ -25,9 +25,9 @@ from wingbeat.errors import InputError
 LEAST = 40
 """-; samples"""
 LEAST_OVERLAP = 0.5
-"""-; of the record that both signals must share at the longest skew"""
+"""-; of the record that both signals share at the longest skew, at least"""
 CLEAR = 2.0
-"""-; standard deviations by which the highest peak of the correlation must stand above the next"""
+"""-; standard deviations between the highest peak of the correlation and the next, at least"""
 ITERATIONS = 20
 NAME = "skew"
 
@@ -37,16 +37,16 @@ class _Peak(NamedTuple):
 
     lag: int
     width: int
-    """-; samples to the nearer valley beside it"""
+    """-; samples to the nearer adjacent minimum"""
     reason: str
-    """-; why it is not to be believed, empty where it is"""
+    """-; why it is not usable; empty if it is"""
 
 
 def skew_between(first: Array, second: Array, step: float, longest: float) -> Estimate | Unidentified:
-    """By how much ``second`` (N,) is late behind ``first`` (N,), in s; the samples of both are ``step`` s apart.
+    """Delay (s) of ``second`` (N,) behind ``first`` (N,), both sampled every ``step`` s.
 
-    The signals agree but for a gain above zero, an offset and noise. Skews up to ``longest`` s either way are looked
-    for; no skew is told where the peak of the correlation is not clear of the next or lies at the end of the search.
+    The signals agree up to a positive gain, an offset and noise. Skews up to ``longest`` s in both directions are
+    tried; there is no estimate if the peak of the correlation is not clear of the next or at the end of the range.
 
     Raises:
         InputError: the signals differ in length, are shorter than 40 samples or twice the longest skew, or have gaps.
@@ -55,7 +55,7 @@ def skew_between(first: Array, second: Array, step: float, longest: float) -> Es
         raise InputError(f"signals of {len(first)} and {len(second)} samples cannot be aligned: resample them first")
     reach = int(np.ceil(longest / step))
     if reach < 1 or reach > (1 - LEAST_OVERLAP) * len(first):
-        raise InputError(f"a skew up to {longest:g} s cannot be looked for in {step * len(first):g} s of signals")
+        raise InputError(f"a skew up to {longest:g} s cannot be estimated in {step * len(first):g} s of signals")
     smooth = fourier_smoothing(whole(first, LEAST), step).smoothed
     whole(second, LEAST)
     if np.ptp(first) == 0 or np.ptp(second) == 0:
@@ -65,9 +65,9 @@ def skew_between(first: Array, second: Array, step: float, longest: float) -> Es
 
 
 def shifted(experiment: Experiment, names: tuple[str, ...], skew: float) -> Experiment:
-    """The experiment with the signals ``names``, late by ``skew`` s, moved to where they belong.
+    """The experiment with the signals ``names``, delayed by ``skew`` s, shifted back.
 
-    Linear between samples; NaN where nothing was measured.
+    Linear between samples; NaN if not measured.
     """
     moved = {name: interpolated(experiment.time, experiment.signals[name], experiment.time + skew) for name in names}
     return experiment._replace(signals={**experiment.signals, **moved})
@@ -89,7 +89,7 @@ def _highest(first: Array, second: Array, reach: int) -> _Peak:
     rival = float(np.max(np.concatenate((heights[:left], heights[right + 1 :])), initial=-1.0))
     reason = ""
     if top in (0, len(lags) - 1):
-        reason = "the correlation still rises at the longest skew looked for"
+        reason = "the correlation still increases at the longest skew"
     elif _fisher(heights[top]) < CLEAR * spread:
         reason = f"the signals do not belong together: their correlation is {heights[top]:.2f} at the most"
     elif _fisher(heights[top]) - _fisher(rival) < CLEAR * spread:
@@ -98,12 +98,12 @@ def _highest(first: Array, second: Array, reach: int) -> _Peak:
 
 
 def _fisher(correlation: float) -> float:
-    """Fisher's transformation, whose spread is the same for any correlation."""
+    """Fisher's transformation, whose variance is the same for any correlation."""
     return float(np.arctanh(np.clip(correlation, -0.999999, 0.999999)))
 
 
 def _valleys(heights: Array, top: int) -> tuple[int, int]:
-    """Where the correlation rises again to the left and right of its highest peak, or ends."""
+    """Minima of the correlation to the left and right of its highest peak, or its ends."""
     falling = np.diff(heights)
     right = top + int(np.argmax(np.append(falling[top:] > 0, True)))
     left = top - int(np.argmax(np.append(falling[:top][::-1] < 0, True)))
@@ -111,14 +111,14 @@ def _valleys(heights: Array, top: int) -> tuple[int, int]:
 
 
 def _independent(first: Array, second: Array) -> float:
-    """Pairs of samples that are worth as much as the coloured ones, after Bartlett."""
+    """Independent pairs of samples, by Bartlett's formula."""
     product = _correlation(first) * _correlation(second)
     return float(len(first) / max(1 + 2 * np.sum(product[1 : len(first) // 4]), 1.0))
 
 
 def _correlation(values: Array) -> Array:
-    centred = values - np.mean(values)
-    power = np.abs(np.fft.rfft(centred, 2 * len(values))) ** 2
+    centered = values - np.mean(values)
+    power = np.abs(np.fft.rfft(centered, 2 * len(values))) ** 2
     sums = np.fft.irfft(power)[: len(values)]
     correlation: Array = sums / sums[0]
     return correlation

@@ -96,6 +96,12 @@ class Settings(NamedTuple):
     steady: bool = False
     """-; rows are independent steady readings in any order: residuals are white"""
 
+    def design(self, experiments: tuple[Experiment, ...], response: str, regressors: tuple[str, ...]) -> Design:
+        """`regressors.design_of` with these settings."""
+        return design_of(
+            experiments, response, regressors, self.constants, self.units, self.averaging, steady=self.steady
+        )
+
 
 class Equations(NamedTuple):
     """A regression ready to be solved: nuisances first, then the design's regressors."""
@@ -175,10 +181,7 @@ def coefficient_regression(
         InputError: unknown names, unequal sampling intervals, long gaps, frequencies that the record cannot have.
     """
     settings = settings or Settings()
-    design = design_of(
-        experiments, response, regressors, settings.constants, settings.units, settings.averaging,
-        steady=settings.steady,
-    )  # fmt: skip
+    design = settings.design(experiments, response, regressors)
     lengths = tuple(len(record.used) for record in design.records)
     if domain == "frequency":
         design = bridged(design, settings.longest_gap)

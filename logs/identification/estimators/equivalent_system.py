@@ -1,89 +1,87 @@
-"""Low-order equivalent system: transfer functions of one denominator and one delay, fitted in the frequency domain.
+"""Low-order equivalent system: transfer functions with one denominator and one delay, in the frequency domain.
 
-``y_j(s) = (b_j0 + b_j1 s [+ b_j2 s^2]) exp(-tau s) / (s^2 + 2 zeta omega s + omega^2) u(s)``, with the phugoid's
-pair in the denominator and two powers more in the numerators where it is asked for (MIL-HDBK-1797, appendix A;
-Morelli, Identification of Low Order Equivalent System Models from Flight Test Data, NASA/TM-2000-210117).
-Complex output error by maximum likelihood on finite Fourier transforms (Klein & Morelli, Aircraft System
-Identification, 2006, ch. 7): the noise's spectrum is part of what is estimated. At a record's own frequencies what
-it begins and ends with is a polynomial in s over the same denominator; with a slow drift it is each record's own.
+``y_j(s) = (b_j0 + b_j1 s [+ b_j2 s^2]) exp(-tau s) / (s^2 + 2 zeta omega s + omega^2) u(s)``, with a second pair in
+the denominator and two more powers in the numerators if the phugoid is identified too (MIL-HDBK-1797, appendix A;
+Morelli, Identification of Low Order Equivalent System Models from Flight Test Data, NASA/TM-2000-210117). Output
+error on finite Fourier transforms (Klein & Morelli, Aircraft System Identification, 2006, ch. 7). At a record's own
+frequencies its initial and final state are a polynomial in s over the same denominator; with a drift they are linear
+nuisance parameters of each record. Of a short period the handling-quality parameters follow (MIL-STD-1797A,
+4.2.1.2).
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from functools import partial
+from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from logs.identification.diagnostics.model_structure_error import share_of_lack
+from logs.identification.estimators.modal import ModalFit, ModalMethod, NotIdentified, add_row
 from logs.identification.estimators.records import Record, Records
 from logs.identification.estimators.variable_projection import (
     Build,
     Piece,
-    Prior,
     SeparableFit,
+    joint_sensitivities,
     residuals_at,
     solve,
     squares,
-    taken,
 )
-from logs.identification.models.modes import KINDS, PHUGOID, SHORT_PERIOD, TOO_FAST, Mode, nothing, paired_mode
-from logs.identification.results import Array
-from logs.identification.statistics.noise_spectrum import power_law
-from logs.identification.statistics.parameter_uncertainty import Spread, by_scatter, determined, information
+from logs.identification.findings import Entry, Finding, register
+from logs.identification.models.modes import SHORT_PERIOD
+from logs.identification.results import Array, Estimate
+from logs.identification.statistics.parameter_uncertainty import Spread, by_scatter, carry, determined, information
+from wingbeat.constants import STANDARD_GRAVITY
 
 Complex = NDArray[np.complex128]
-METHOD = "equivalent system"
+Function = Callable[[Array], float]
+"""of the parameters"""
 ACCELERATIONS = ("m/s^2", "rad/s^2")
-"""units of outputs that the input reaches at once"""
+"""units of outputs with direct transmission of the input"""
 FORCES = ("n_y", "n_z", "alpha_dot", "beta_dot")
-"""names of others that it does: load factors, and what turns the path. Without that power the frequency of q_dot's
-motion came out 1.8 % too high, with an interval of 0.5 %"""
+"""names of others with direct transmission: load factors and the rates of the flow angles"""
 ANGLES = ("theta", "pitch")
-"""names of outputs that hold the integral of the pitch rate"""
-POWER_KEPT = 0.99
-"""-; of the input's power: the band ends where it has been seen"""
-HIGHEST_OF_AVERAGE = 0.8
-"""-; of the moving average's own frequency, beyond which it leaves nothing"""
-HIGHEST_OF_SAMPLING = 0.2
-ALONE, BOTH = 0, 2
-"""pairs that are fitted: one with nothing beside it, both; 1 is one with a slow pair that stands in for the other"""
-MUCH_LESS = 4.0
-"""-; times what both pairs leave of an output, which one alone must leave for the second to be told"""
+"""names of outputs that contain the integral of the pitch rate"""
+POWER_FRACTION = 0.99
+"""-; of the input's power in the band"""
+HIGHEST = 0.2
+"""-; of the sampling rate"""
 GRID, STARTS = 12, 3
 DAMPINGS = (0.1, 0.4, 0.8)
-SLOW_SHARE, SLOW_DAMPING = 0.12, 0.2
-"""-; the slow pair that stands for the phugoid where it is not asked for, its frequency as a share of the short
-period's. Without one the frequency came out 1.3 % too high and the damping 0.02 too low. A system that has no slow
-pair cancels it in the numerator"""
-SLOW_DOUBT = 1.4, 0.2
-"""-; how far it may be off, share (as a factor) and damping, one standard deviation: they are parameters with that
-prior. Two fits with shares 1.4 times larger and smaller, taken for an error as large as they differ, had inputs of
-0.4 s, which tell the share, say a third less than they do"""
-LEAST_DEGREES = 4.0
-LEAST_FREQUENCIES = 3
-OWN = 5.0
-"""-; of each record: what it begins and ends with, and a drift. Where records have no more frequencies than that on
-average, half of all that they hold is their own: of 80 flights the intervals of 65, that gave a number, held the
-frequency in 9, of 120 with up to one frequency more those of 81 in 80"""
-LEAST_EXPLAINED = 0.95
-"""-; by the input, of what is not the records' own. In gusts of 0.5 m/s it was 0.9, the frequency 14 % low"""
-LEAST_EXPLAINED_FLAPPING = 0.993
-"""-; the same of stroke averages. Where the stroke modulated the derivatives by 0.3 and doublets were of 0.1 s, it
-was 0.989 and the frequency of every third flight a third too low or worse"""
-LEAST_PERIODS = 6.0
-"""-; of the mode in all records together. Of one record of 25 Hz, 24 times with other noise, 50 to 60 % of the
-intervals held frequency and damping in 2 to 3 periods, 80 in 4 to 5, 90 in 6.7; in less than one it gave 18 rad/s
-where 2.8 was true"""
-MOST_IN_STEP = 0.7
-"""-; of `Records.in_step`. What swings with the stroke averages out over inputs that come at all its phases; at one
-phase it is taken for the aircraft. Of flights with two doublets and more whose derivatives swing by 0.15 or 0.3 the
-intervals held the damping in 227 of 227 below this, 39 of 49 from here to 0.9 and 28 of 84 above"""
-SURE_OF_DELAY = 2.6
-"""-; standard errors from which on a delay is one: 99 %"""
-LARGEST_DELAY = 1.0
-"""rad at the mode's frequency, above which the delay has taken the mode's place"""
+SLOW_FRACTION, SLOW_DAMPING = 0.12, 0.2
+"""-; of the second pair, the frequency relative to the first: start values, and mean of its prior"""
+SLOW_DEVIATIONS = 1.4, 0.2
+"""-; standard deviation of that prior: factor of the frequency, damping ratio"""
+ONE_PAIR, SLOW_PRIOR, TWO_PAIRS = "one pair", "slow pair with a prior", "two pairs"
+MUCH_LESS = 4.0
+"""-; ratio of the residual power with one pair to that with two, above which there are two"""
+MIN_EXPLAINED = 0.95
+"""-; of the outputs' power without the nuisances"""
+MIN_PERIODS = 4.9
+"""-; of the mode in all records together (Morelli, SIDPAC)"""
+MIN_DEGREES = 4.0
+MAX_DELAY_PHASE = 1.0
+"""rad at the mode's frequency, above which the delay replaces the mode"""
+CATEGORY_A = ((0.28, 3.6, 0.35, 1.3), (0.16, 10.0, 0.25, 2.0))
+"""1/(g s^2), -; bounds of CAP and damping ratio of levels 1 and 2, flight phase category A (MIL-STD-1797A)"""
+DELAYS = (0.10, 0.20, 0.25)
+"""s; largest equivalent delay of levels 1 to 3"""
+
+register({
+    "delay_replaces_mode": Entry(
+        "the delay turns the phase by {value:.2g} rad at the mode's frequency, more than {limit:g}: the input does"
+        " not excite the mode, or has a wrong time", "The delay of the equivalent system took the place of the mode.",
+        "check the time of the input",
+    ),
+    "handling_level": Entry(
+        "short period of level {value:.0f} by CAP and damping (category A), equivalent delay of level {delay_level}",
+        "Level of MIL-STD-1797A by CAP, damping ratio and equivalent delay; 4 is worse than level 3.",
+    ),
+})  # fmt: skip
 
 
 class Transform(NamedTuple):
@@ -92,274 +90,265 @@ class Transform(NamedTuple):
     s: Complex
     """1/s; (F,), imaginary"""
     input: Complex
-    """(F,), complex"""
+    """(F,)"""
     outputs: Complex
-    """(F, m), complex"""
+    """(F, m)"""
     length: float
     """s"""
-    line: Array
-    """-; (F,), by which the input's is less where it is a line between the samples"""
 
 
-def equivalent_system(records: Records, kinds: tuple[str, ...] = (SHORT_PERIOD,)) -> Mode:
-    """Modes ``kinds`` from input and outputs of all records.
+def fit(records: Records, kinds: tuple[str, ...]) -> ModalFit:
+    """Modes ``kinds``, the delay, and of a short period gains, numerators and handling-quality parameters.
 
-    A phugoid alone is the slower of two pairs where the data tell two: with but one, the faster was taken for it.
+    A short period alone is fitted with a slow pair that has a prior, a phugoid alone as the slower of two pairs if
+    the second explains most of what one leaves. The handling-quality parameters are those of one pair, the equivalent
+    system of the standard.
     """
     driven = tuple(r for r in records.pieces if r.input is not None and np.ptp(r.input) > 0)
     if not driven:
-        seen = any(r.input is not None for r in records.pieces)
-        why = "the input does not move where all was measured" if seen else "it takes an input"
-        return nothing(METHOD, why, kinds)
-    transforms = [transform(record, records.blur) for record in driven]
-    transforms = [t for t in transforms if len(t.s) > LEAST_FREQUENCIES]
-    if not transforms:
-        return nothing(METHOD, "the records hold too few frequencies below the end of the input's band", kinds)
-    why = _little(transforms, records)
-    if why:
-        return nothing(METHOD, why, kinds)
-    count = len(kinds) if SHORT_PERIOD in kinds else _told(transforms, records)
-    fit, shift = fit_transforms(transforms, records, count)
-    why = fit.failure or _doubt(fit, transforms, count, kinds)
-    if why:
-        return nothing(METHOD, why, kinds)
-    spread = _spread(fit, count).plus(np.outer(shift, shift))
-    spread = spread.plus(_lack(fit, spread)) if records.blur else spread
-    if spread.degrees < LEAST_DEGREES:
-        return nothing(METHOD, "the records hold too few frequencies for the model's parameters", kinds)
-    delay = spread.part(slice(-1, None)).estimates({"delay": "s"}, fit.values[-1:])
-    fitted = KINDS if count == BOTH else kinds
-    oscillations = slice(0, 2 * len(fitted))
-    mode = paired_mode(METHOD, fitted, fit.values[oscillations], spread.part(oscillations), delay)
-    if SHORT_PERIOD in kinds:
-        return mode
-    return mode._replace(short_period=None, unidentified=tuple(u for u in mode.unidentified if u.name == PHUGOID))
+        raise NotIdentified("no_input")
+    if any(np.any(np.ptp(record.outputs, axis=0) == 0) for record in driven):
+        raise NotIdentified("constant_output")
+    transforms = [transform(record, records.smooth_input) for record in driven]
+    if kinds == (SHORT_PERIOD,):
+        order = SLOW_PRIOR
+    else:
+        order = TWO_PAIRS if len(kinds) == 2 or _two_pairs(transforms, records) else ONE_PAIR
+    best = _fitted(transforms, records, order)
+    _check(best, builder(transforms, records, order), transforms, order, kinds)
+    spread = _spread(best, best.sensitivities, order)
+    if spread.degrees < MIN_DEGREES:
+        raise NotIdentified("record_too_short", spread.degrees, MIN_DEGREES, unit="degrees of freedom")
+    delay = spread.part(slice(-1, None)).estimates({"delay": "s"}, best.values[-1:])
+    pairs = [2 * int(k) + i for k in np.argsort(-_pairs(best.values, order)[: len(kinds), 0]) for i in (0, 1)]
+    if order == TWO_PAIRS and len(kinds) == 1:
+        slower = 2 * int(np.argmin(best.values[:4:2]))
+        pairs = [slower, slower + 1]
+    ordered = spread.carried(np.eye(len(best.values))[pairs])
+    if kinds != (SHORT_PERIOD,):
+        return ModalFit(best.values[pairs], ordered, delay)
+    single = _fitted(transforms, records, ONE_PAIR)
+    if single.failure or not determined(single.sensitivities):
+        return ModalFit(best.values[pairs], ordered, delay)
+    sensitivities = joint_sensitivities(builder(transforms, records, ONE_PAIR), single)
+    values = np.concatenate((single.values, *single.gains))
+    parameters, level = _parameters(records, values, _spread(single, sensitivities, ONE_PAIR))
+    return ModalFit(best.values[pairs], ordered, (*delay, *parameters), level)
 
 
-def _told(transforms: list[Transform], records: Records) -> int:
-    """Whether a motion of which the phugoid is asked is fitted as `BOTH` pairs or as one `ALONE`.
+def _two_pairs(transforms: list[Transform], records: Records) -> bool:
+    """Whether a second pair explains most of what one leaves of an output."""
+    left = []
+    for order in (ONE_PAIR, TWO_PAIRS):
+        try:
+            found = _fitted(transforms, records, order)
+        except NotIdentified:
+            return False
+        left.append(found.deviation**2)
+    return bool(np.max(left[0] / np.maximum(left[1], 1e-300)) > MUCH_LESS)
 
-    Both where the second explains most of what one leaves: else it is fitted to noise, and told for the slower mode.
+
+def transform(record: Record, smooth_input: bool = False) -> Transform:
+    """Finite Fourier transforms (trapezoids) at the record's own frequencies, up to the end of the input's band.
+
+    An input that is linear between samples has the squared sinc of its samples' transform.
     """
-    white = [np.ones(t.outputs.shape) for t in transforms]
-    left = {}
-    for count in (ALONE, BOTH):
-        fit, _ = fit_transforms(transforms, records, count)
-        if not np.all(np.isfinite(fit.values)):
-            return BOTH
-        residuals, _ = residuals_at(builder(transforms, records, white, count), fit.values)
-        left[count] = np.sum(np.vstack(residuals) ** 2, axis=0)
-    return BOTH if np.max(left[ALONE] / np.maximum(left[BOTH], 1e-300)) > MUCH_LESS else ALONE
-
-
-def _little(transforms: list[Transform], records: Records) -> str:
-    """Why no fit of the records may be believed; empty where it may."""
-    if np.mean([len(t.s) for t in transforms]) <= OWN:
-        return "the records are too short: half of what they hold is how they begin and end"
-    if records.in_step >= MOST_IN_STEP and len(records.pieces) == 1:
-        return "one input came at one phase of the stroke: what swings with it does not average out, fly more"
-    if records.in_step >= MOST_IN_STEP:
-        return "the inputs came at much the same phase of the stroke: what swings with it does not average out"
-    return ""
-
-
-def transform(record: Record, blur: float) -> Transform:
-    """Finite Fourier transforms (trapezoids) at the record's own frequencies, up to the end of the input's band."""
     count = len(record.outputs)
     length = (count - 1) * record.step
     given = np.zeros(count) if record.input is None else record.input
-    highest = min(HIGHEST_OF_SAMPLING / record.step, HIGHEST_OF_AVERAGE / blur if blur else math.inf)
-    frequencies = np.arange(1, int(highest * length) + 1) / length
+    frequencies = np.arange(1, int(HIGHEST / record.step * length) + 1) / length
     kernel = np.exp(-2j * np.pi * np.outer(frequencies, np.arange(count) * record.step))
     kernel[:, [0, -1]] /= 2
     both = kernel @ np.column_stack((given, record.outputs)) * record.step / math.sqrt(length)
     power = np.cumsum(np.abs(both[:, 0]) ** 2)
-    kept = slice(0, int(np.searchsorted(power, POWER_KEPT * power[-1])) + 1) if len(power) else slice(0, 0)
-    s: Complex = np.asarray(2j * np.pi * frequencies[kept], dtype=np.complex128)
-    seen: Complex = np.asarray(both[kept], dtype=np.complex128)
-    line = np.sinc(frequencies[kept] * record.step) ** 2
-    return Transform(s, seen[:, 0], seen[:, 1:], length, line)
+    band = slice(0, int(np.searchsorted(power, POWER_FRACTION * power[-1])) + 1) if len(power) else slice(0, 0)
+    s: Complex = np.asarray(2j * np.pi * frequencies[band], dtype=np.complex128)
+    spectra: Complex = np.asarray(both[band], dtype=np.complex128)
+    hold = 1.0 if smooth_input else np.sinc(frequencies[band] * record.step) ** 2
+    return Transform(s, hold * spectra[:, 0], spectra[:, 1:], length)
 
 
-def fit_transforms(transforms: list[Transform], records: Records, count: int) -> tuple[SeparableFit, Array]:
-    """Two pairs of frequency and damping and the delay (5,), residuals white; and what is not known of the input.
-
-    The former are (w, z, w, z, delay); of a ``count`` of 1 the second pair is by how many standard deviations the
-    slow pair's share and damping are off, of `ALONE` it is not used.
-    The second (5,) is by what they move where the input is a line between the samples, not as smooth as they allow.
-    """
-    unknown = np.zeros(5)
-    weights, prior = [np.ones(t.outputs.shape) for t in transforms], _prior(count)
-    build = builder(transforms, records, weights, count)
-    least = LEAST_EXPLAINED_FLAPPING if records.blur else LEAST_EXPLAINED
-    first = _first(build, transforms, count, least)
-    if first.failure:
-        return first, unknown
-    explained = _explained(build, first)
-    weights = _reweighted(build, first, transforms, weights)
-    build = builder(transforms, records, weights, count)
-    fit = solve(build, first.values, prior)
-    # Whitened residuals hide what is not explained: on the Arizona it was 0.99 before and 0.997 with the weights.
-    if not fit.failure and min(explained, _explained(build, fit)) < least:
-        why = "the input explains too little of the motion: turbulence, or a lag that is not known"
-        return fit._replace(failure=why), unknown
-    if records.blur or fit.failure:  # an average is smooth
-        return fit, unknown
-    lines = [t._replace(input=t.input * t.line) for t in transforms]
-    other = solve(builder(lines, records, weights, count), fit.values, prior)
-    why = f"with its input as a line between samples {other.failure}" if other.failure else ""
-    return fit._replace(failure=why), other.values - fit.values
-
-
-def _prior(count: int) -> Prior:
-    """What is known beforehand of a fit of ``count``: what the pair may be that stands in, or that it is not used."""
-    weight = np.zeros(5)
-    weight[2:4] = float(count != BOTH)
-    return Prior(np.zeros(5), weight)
-
-
-def _explained(build: Build, fit: SeparableFit) -> float:
-    """Share of the power that is not the records' own which the input explains, of the output where it is largest."""
-
-    def idle(values: Array) -> list[Piece]:
-        return [piece._replace(shared=tuple(c[:, :0] for c in piece.shared)) for piece in build(values)]
-
-    left, total = (np.sum(np.vstack(residuals_at(made, fit.values)[0]) ** 2, axis=0) for made in (build, idle))
-    return float(np.max(1 - left / np.maximum(total, 1e-300)))
-
-
-def _first(build: Build, transforms: list[Transform], count: int, least: float) -> SeparableFit:
-    """The fit from the best place of a grid, or where it does not explain ``least`` the first one that does.
-
-    From the best place alone a pitch that rang at 2 and at 0.2 rad/s was fitted with the latter and a delay of a
-    second.
-    """
-    fits = []
-    for start in _starts(build, transforms, count):
-        fit = solve(build, start, _prior(count))
-        turns = not fit.failure and bool(np.all(_pairs(fit.values, count)[:, 0] > 0))
-        if turns and _explained(build, fit) >= least:
-            return fit
-        fits.append(fit)
-    return next((fit for fit in fits if not fit.failure), fits[0])
-
-
-def _starts(build: Build, transforms: list[Transform], count: int) -> list[Array]:
-    """Of a grid of frequencies, each with its best damping, those `STARTS` that fit best among their neighbours."""
-    low = 0.7 * min(abs(t.s[0]) for t in transforms)
-    high = max(abs(t.s[-1]) for t in transforms)
-    best, costs = [], []
-    for w in np.geomspace(low, high, GRID):
-        other = (0.0, 0.0) if count != BOTH else (SLOW_SHARE * w, SLOW_DAMPING)
-        tried = [np.array([w, z, *other, 0.0]) for z in DAMPINGS]
-        cost = [squares(build, start) for start in tried]
-        best.append(tried[int(np.argmin(cost))])
-        costs.append(min(cost))
-    around = np.concatenate(([np.inf], costs, [np.inf]))
-    valleys = [k for k in range(GRID) if around[k + 1] <= min(around[k], around[k + 2])]
-    return [best[k] for k in sorted(valleys, key=lambda k: costs[k])[:STARTS]]
-
-
-def builder(transforms: list[Transform], records: Records, weights: list[Array], count: int) -> Build:
-    """What makes the linear problem of a ``count`` of pairs and the delay (5,), as `fit_transforms` has them."""
+def builder(transforms: list[Transform], records: Records, order: str) -> Build:
+    """The linear problem at frequency and damping of the pairs and the delay (p,)."""
 
     def build(values: Array) -> list[Piece]:
-        given = _pairs(values, count), values[-1]
-        return [_piece(t, records, w, given) for t, w in zip(transforms, weights, strict=True)]
+        return [_piece(one, records, _pairs(values, order), float(values[-1])) for one in transforms]
 
     return build
 
 
-def _pairs(values: Array, count: int) -> Array:
-    """Frequencies and dampings of the denominator: (2, 2), of one `ALONE` (1, 2)."""
-    if count == BOTH:
+def _pairs(values: Array, order: str) -> Array:
+    """Frequencies and dampings (k, 2) of the denominator."""
+    if order != SLOW_PRIOR:
         return values[:-1].reshape(-1, 2)
-    if count == ALONE:
-        return values[:2].reshape(1, 2)
-    frequency, damping, share, slow = values[:-1]
-    by_share, by_damping = SLOW_DOUBT
-    standing_in = [SLOW_SHARE * by_share**share * frequency, SLOW_DAMPING + by_damping * slow]
-    return np.array([[frequency, damping], standing_in])
+    frequency, damping, slower, heavier = values[:-1]
+    factor, difference = SLOW_DEVIATIONS
+    slow = [SLOW_FRACTION * factor**slower * frequency, SLOW_DAMPING + difference * heavier]
+    return np.array([[frequency, damping], slow])
 
 
-def _piece(given: Transform, records: Records, weights: Array, parameters: tuple[Array, float]) -> Piece:
-    s, (pairs, delay) = given.s, parameters
+def _precision(order: str) -> Array | None:
+    """Of the prior, one over the standard deviation of each parameter (p,)."""
+    return np.array([0.0, 0.0, 1.0, 1.0, 0.0]) if order == SLOW_PRIOR else None
+
+
+def _piece(given: Transform, records: Records, pairs: Array, delay: float) -> Piece:
+    s = given.s
     denominator = np.prod([s**2 + 2 * z * w * s + w**2 for w, z in pairs], axis=0)
     driven = given.input * np.exp(-s * delay) / denominator
-    own, shared = [], []
-    for output, (name, unit) in enumerate(zip(records.names, records.units, strict=True)):
-        below = s if name in ANGLES else np.ones_like(s)
+    nuisances, shared = [], []
+    for name, unit in zip(records.names, records.units, strict=True):
+        integral = s if name in ANGLES else np.ones_like(s)
         powers = 2 * len(pairs) + (unit in ACCELERATIONS or name in FORCES)
-        ends = [s**k / (denominator * below) for k in range(2 * len(pairs) + (name in ANGLES))]
-        drift = [] if name in ANGLES else [1 / s]  # an angle's ends span it already
-        own.append(_stacked(np.column_stack([*ends, *drift]), weights[:, output]))
-        shared.append(_stacked(np.column_stack([driven / below * s**k for k in range(powers)]), weights[:, output]))
-    measured = [_stacked(given.outputs[:, [j]], weights[:, j])[:, 0] for j in range(len(own))]
-    return Piece(np.column_stack(measured), tuple(own), tuple(shared))
+        ends = [s**k / (denominator * integral) for k in range(2 * len(pairs) + (name in ANGLES))]
+        drift = [] if name in ANGLES else [1 / s]
+        nuisances.append(_real(np.column_stack([*ends, *drift])))
+        shared.append(_real(np.column_stack([driven / integral * s**k for k in range(powers)])))
+    return Piece(_real(given.outputs), tuple(nuisances), tuple(shared))
 
 
-def _stacked(columns: Complex, weights: Array) -> Array:
-    weighted = columns * weights[:, None]
-    return np.vstack((weighted.real, weighted.imag))
+def _real(columns: Complex) -> Array:
+    """Real parts and, behind them, imaginary ones (2 F, k)."""
+    return np.vstack((columns.real, columns.imag))
 
 
-def _reweighted(build: Build, fit: SeparableFit, transforms: list[Transform], weights: list[Array]) -> list[Array]:
-    """Weights (F, m) that make the residuals white: their power as a power law in frequency, of each output."""
-    frequencies = [np.abs(t.s) for t in transforms]
-    left = np.split(1.0 - taken(build, fit.values), np.cumsum([2 * len(f) for f in frequencies])[:-1])
-    degrees = np.vstack([_folded(each) for each in left])
-    power = np.vstack([_folded(r**2) / w**2 for r, w in zip(fit.residuals, weights, strict=True)])
-    every = np.concatenate(frequencies)
-    level, slope = np.column_stack([power_law(every, *each) for each in zip(power.T, degrees.T, strict=True)])
-    return [np.exp(-(level + np.outer(np.log(f), slope)) / 2.0) for f in frequencies]
+def _fitted(transforms: list[Transform], records: Records, order: str) -> SeparableFit:
+    """Fit of pairs and delay from the best start value, or the next ones if it explains little."""
+    build, count = builder(transforms, records, order), 1 if order == ONE_PAIR else 2
+    low = 0.7 * min((abs(t.s[0]) for t in transforms if len(t.s)), default=0.0)
+    high = max((abs(t.s[-1]) for t in transforms if len(t.s)), default=0.0)
+    unknowns = 2 * count * (len(transforms) + 1)
+    frequencies = sum(len(t.s) for t in transforms)
+    if not low < high or 2 * frequencies <= unknowns + 2 * count + 1:
+        raise NotIdentified("record_too_short", float(frequencies), float(unknowns), unit="frequencies")
+    starts, costs = [], []
+    for w in np.geomspace(low, high, GRID):
+        slow = {ONE_PAIR: (), SLOW_PRIOR: (0.0, 0.0), TWO_PAIRS: (SLOW_FRACTION * w, SLOW_DAMPING)}[order]
+        tried = [np.array([w, z, *slow, 0.0]) for z in DAMPINGS]
+        cost = [squares(build, start) for start in tried]
+        starts.append(tried[int(np.argmin(cost))])
+        costs.append(min(cost))
+    padded = np.concatenate(([np.inf], costs, [np.inf]))
+    minima = [k for k in range(GRID) if costs[k] <= min(padded[k], padded[k + 2])]
+    # The first that explains the outputs, not the best: another may take the mode for its slow pair.
+    fits = []
+    for k in sorted(minima, key=lambda k: costs[k])[:STARTS]:
+        fit = solve(build, starts[k], _precision(order))
+        if not fit.failure and np.all(_pairs(fit.values, order)[:, 0] > 0) and _explained(build, fit) > MIN_EXPLAINED:
+            return fit
+        fits.append(fit)
+    return fits[0]
 
 
-def _folded(both: Array) -> Array:
-    """Real parts and, behind them, imaginary ones (2 F, m) added up: (F, m)."""
-    half = len(both) // 2
-    return both[:half] + both[half:]
+def _check(fit: SeparableFit, build: Build, transforms: list[Transform], order: str, kinds: tuple[str, ...]) -> None:
+    """Refuse a fit that determines no mode."""
+    frequencies = fit.values[: 4 if order == TWO_PAIRS else 2 : 2]
+    if fit.failure or not determined(fit.sensitivities, _prior(order)) or np.any(frequencies <= 0):
+        raise NotIdentified("mode_not_identifiable")
+    explained = _explained(build, fit)
+    if explained < MIN_EXPLAINED:
+        raise NotIdentified("little_explained", explained, MIN_EXPLAINED)
+    frequency = float(np.max(frequencies) if SHORT_PERIOD in kinds else np.min(frequencies))
+    phase = abs(float(fit.values[-1])) * frequency
+    if phase > MAX_DELAY_PHASE:
+        raise NotIdentified("delay_replaces_mode", phase, MAX_DELAY_PHASE)
+    periods = frequency * sum(t.length for t in transforms) / (2 * math.pi)
+    if periods < MIN_PERIODS:
+        raise NotIdentified("record_too_short", periods, MIN_PERIODS, unit="periods of the mode")
+    band = max(abs(t.s[-1]) for t in transforms)
+    if frequency > band:
+        raise NotIdentified("mode_too_fast", frequency, band)
 
 
-def _doubt(fit: SeparableFit, transforms: list[Transform], count: int, kinds: tuple[str, ...]) -> str:
-    """Why the fitted numbers may not be used; empty where they may."""
-    if not determined(fit.sensitivities, np.diag(_prior(count).weight ** 2)):
-        return "the records do not determine frequency, damping and delay"
-    frequencies = fit.values[: 4 if count == BOTH else 2 : 2]
-    if np.any(frequencies <= 0):
-        return "no mode of second order fits the records"
-    asked = float(np.max(frequencies) if SHORT_PERIOD in kinds else np.min(frequencies))
-    if abs(fit.values[-1]) * asked > LARGEST_DELAY:
-        return "the delay took the mode's place: the input does not excite it, or was recorded far off its time"
-    periods = asked * sum(t.length for t in transforms) / (2 * math.pi)
-    if periods < LEAST_PERIODS:
-        return f"the records are short, {periods:.1f} periods in all: its interval needs {LEAST_PERIODS:g}"
-    if asked > max(abs(t.s[-1]) for t in transforms):
-        return TOO_FAST
-    return ""
+def _prior(order: str) -> Array | None:
+    """Information matrix (p, p) of the prior."""
+    precision = _precision(order)
+    return None if precision is None else np.diag(precision**2)
 
 
-def _spread(fit: SeparableFit, count: int) -> Spread:
-    """Cramer-Rao bounds or the scatter between records, the prior's information with the records'."""
-    known = np.diag(_prior(count).weight ** 2)
-    inverse = np.asarray(np.linalg.inv(information(fit.sensitivities) + known), dtype=np.float64)
+def _explained(build: Build, fit: SeparableFit) -> float:
+    """Fraction of the power without the nuisances that the input explains, of the output where it is largest."""
+
+    def without_input(values: Array) -> list[Piece]:
+        return [piece._replace(shared=tuple(c[:, :0] for c in piece.shared)) for piece in build(values)]
+
+    left, total = (
+        np.sum(np.vstack(residuals_at(made, fit.values)[0]) ** 2, axis=0) for made in (build, without_input)
+    )
+    return float(np.max(1 - left / np.maximum(total, 1e-300)))
+
+
+def _spread(fit: SeparableFit, sensitivities: list[Array], order: str) -> Spread:
+    """Cramer-Rao bounds, or the dispersion between records if there are enough."""
     size = sum(r.size for r in fit.residuals)
-    degrees = float(size - fit.linear - len(fit.values))
+    degrees, known = float(size - fit.linear - len(fit.values)), _prior(order)
+    total = information(sensitivities) + (0.0 if known is None else known)
+    inverse = np.asarray(np.linalg.pinv(total, hermitian=True), dtype=np.float64)
     within = Spread(inverse * size / max(degrees, 1.0), degrees)
-    return by_scatter(within, fit.residuals, fit.sensitivities, known)
+    return by_scatter(within, fit.residuals, sensitivities, known)
 
 
-def _lack(fit: SeparableFit, spread: Spread) -> Array:
-    """Covariance (5, 5) of what moves where the delay is none, as far as it is more than noise.
+def _parameters(records: Records, values: Array, spread: Spread) -> tuple[tuple[Estimate, ...], tuple[Finding, ...]]:
+    """Static gains and numerators of one pair, CAP and dropback, and the level that follows."""
+    found: list[Estimate] = []
 
-    A flight's tail angle has the tail's lag, as it is known or as output error found it: a delay beyond it stands for
-    what four states lack. Its noise is in the errors already, unlike output error's, which fits none: so it must be
-    surer here. The delay's own interval holds none then. Together and each alone, see `differing.lacking`. Without it
-    the multibody Robo Raven in still air, 4 % too fast at the median, was held in 17 flights of twenty.
-    """
-    delay, covariance = float(fit.values[-1]), spread.covariance
-    share = share_of_lack(delay, float(covariance[-1, -1]), SURE_OF_DELAY)
-    if share == 0.0:
-        return np.zeros_like(covariance)
-    way = covariance[:, -1] / covariance[-1, -1] * delay
-    both: Array = share * (np.outer(way, way) + np.diag(way**2)) / 2.0
-    return both
+    def add(name: str, unit: str, of: Function) -> None:
+        value, carried = carry(lambda p: np.array([of(p)]), values, spread)
+        if np.isfinite(value[0]):
+            found.extend(carried.estimates({name: unit}, value))
+
+    places: dict[str, list[int]] = {}
+    start = 3
+    for name, unit in zip(records.names, records.units, strict=True):
+        powers = 2 + (unit in ACCELERATIONS or name in FORCES)
+        places[name] = list(range(start, start + powers))
+        for power, place in enumerate(places[name]):
+            add(f"{name}_b{power}", f"{unit or '-'} s^{power - 2}", itemgetter(place))
+        if name not in ANGLES:
+            add(f"{name}_gain", unit or "-", partial(_gain, places[name][0]))
+        start += powers
+    rate = places.get("q") or next((places[name] for name in ANGLES if name in places), None)
+    if rate is not None:
+        add("T_theta2", "s", lambda p: p[rate[1]] / p[rate[0]])
+        add("dropback", "s", lambda p: p[rate[1]] / p[rate[0]] - 2 * p[1] / p[0])
+    load = _load_factor(records, places, rate)
+    if load is not None:
+        add("n_alpha", "1/rad", load)
+        add("CAP", "1/(g s^2)", lambda p: p[0] ** 2 / load(p))
+    return tuple(found), _level(found, values)
+
+
+def _gain(place: int, values: Array) -> float:
+    """Static gain of the numerator whose constant is at ``place``."""
+    return float(values[place] / values[0] ** 2)
+
+
+def _load_factor(records: Records, places: dict[str, list[int]], rate: list[int] | None) -> Function | None:
+    """Load factor per angle of attack, g/rad, as a function of the parameters; None if it is not measured."""
+    if "alpha" in places and "a_z" in places:
+        return lambda p: -p[places["a_z"][0]] / p[places["alpha"][0]] / STANDARD_GRAVITY
+    if "alpha" in places and "n_z" in places:
+        return lambda p: p[places["n_z"][0]] / p[places["alpha"][0]]
+    if rate is not None and records.airspeed is not None:
+        speed = records.airspeed
+        return lambda p: speed / STANDARD_GRAVITY * p[rate[0]] / p[rate[1]]
+    return None
+
+
+def _level(derived: list[Estimate], values: Array) -> tuple[Finding, ...]:
+    """Level of MIL-STD-1797A by CAP, damping and delay."""
+    cap = next((one.value for one in derived if one.name == "CAP"), None)
+    if cap is None:
+        return ()
+    damping, delay = float(values[1]), float(values[2])
+    inside = [low <= cap <= high and least <= damping <= most for low, high, least, most in CATEGORY_A]
+    level = 1 + inside.index(True) if any(inside) else 3
+    delay_level = next((k + 1 for k, limit in enumerate(DELAYS) if delay <= limit), 4)
+    return (Finding("handling_level", "info", SHORT_PERIOD, float(level), details={"delay_level": delay_level}),)
+
+
+EQUIVALENT_SYSTEM = add_row(
+    ModalMethod("equivalent_system", "equivalent system", "Morelli, NASA/TM-2000-210117", fit, inputs=True)
+)
+METHOD = EQUIVALENT_SYSTEM.title
+equivalent_system = EQUIVALENT_SYSTEM.mode

@@ -1,10 +1,9 @@
-"""Markov parameters and the eigensystem realization algorithm (ERA).
+"""Eigensystem realization algorithm (ERA), of free responses or of Markov parameters of driven records.
 
 Juang & Pappa, An Eigensystem Realization Algorithm for Modal Parameter Identification, J. Guidance 8(5), 1985, as
-`control.eigensys_realization` has it. A free motion is a pulse response as it stands, one column for each record.
-Driven records give the Markov parameters through an observer's (Juang, Phan, Horta & Longman, J. Guidance 16(2),
-1993): `control.markov` wants one record that begins at rest and is longer than the response, which no manoeuvre is
-that has a phugoid in it. Errors: of driven records by leaving out one piece at a time (jackknife), of free ones by a
+`control.eigensys_realization` has it. A free response is a pulse response, one column for each record. Driven records
+give Markov parameters through an observer (OKID: Juang, Phan, Horta & Longman, J. Guidance 16(2), 1993), estimated
+with instrumental variables. Standard errors: of driven records by the jackknife over blocks, of free ones by a
 bootstrap over blocks of the residuals.
 """
 
@@ -16,75 +15,70 @@ from typing import NamedTuple
 
 import numpy as np
 
+from logs.identification.estimators.modal import ModalFit, ModalMethod, NotIdentified, add_row
 from logs.identification.estimators.records import Record, Records
-from logs.identification.models.modes import (
-    HEAVY,
-    SHORT_PERIOD,
-    TOO_FAST,
-    Mode,
-    eigenvalues_of,
-    nothing,
-    paired_mode,
-    without_heavy,
-)
+from logs.identification.findings import Entry, register
+from logs.identification.models.modes import eigenvalues_of
 from logs.identification.results import Array
 from logs.identification.statistics.parameter_uncertainty import Spread
 
-METHOD = "eigensystem realization"
-SAMPLES_A_STROKE = 3
-"""-; to which stroke averages are thinned: their neighbours hold the same wing strokes. With 4 the frequency of a
-lightly damped aircraft was held in 89 % of 272 flights, with 3 in 92 of 257 (`DEPENDENT` being 1e-9); of weak inputs
-197 and 231 of 300 gave a number"""
 LONGEST_RECORD = 160
-"""-; samples to which a free motion is thinned"""
-SAMPLES_A_CYCLE = 8
+"""-; samples to which a free response is decimated"""
+SAMPLES_PER_CYCLE = 8
 """-; of the highest frequency in the input"""
-POWER_KEPT = 0.99
+POWER_FRACTION = 0.99
 MEMORY = 1.2
-"""s; of the input, with which the first instruments are made"""
+"""s; of the input, from which the first instruments are computed"""
 RIDGE = 1e-3
 STATES = 4
 """-; of the observer: short period and phugoid"""
-LEAST_ROWS = 4
+MIN_ROWS = 4
 DEPENDENT = 2e-5
-"""-; singular value of the observer's equations, of the largest, under which they tell nothing. With 1e-9 noise along
-such directions made parts of the records contradict one another in 43 of 300 lightly damped flights; with 1e-4 the
-damping came out too large"""
+"""-; relative singular value of the observer's equations that is neglected"""
 RESPONSE = 1.0
-"""s; length of the pulse response that is realized"""
-LARGEST_ORDER = 8
-NOISE_SHARE = 0.03
-"""-; of the largest singular value: what is below belongs to the noise"""
-LARGEST_DAMPING = 0.4
-"""-; above it noise in the slow roots moved the frequency by 2 % and the damping by 0.02"""
+"""s; length of the pulse response"""
+MAX_ORDER = 8
+NOISE_FRACTION = 0.03
+"""-; of the largest singular value: smaller ones are noise"""
+MAX_DAMPING = 0.4
+"""-; above which noise in the slow roots biases frequency and damping"""
 BLOCKS = 12
 RESAMPLES = 40
-BLOCK_SHARE = 10
+BLOCK_FRACTION = 10
 SEED = 1
 """of the bootstrap: the same data give the same errors"""
-LEAST_EXPLAINED = 0.8
-"""-; of a free motion's power, by the oscillations, of the output where it is largest"""
-LEAST_DRIVEN = 0.5
-"""-; of driven records' power, by the last `MEMORY` of the input, of the output where it is largest: of white noise
-that no input moved 3 of 40 gave a frequency, with a tight interval"""
-WIDEST = 0.1
-"""-; standard error of a frequency over it, and of a damping. Noise alone passed 0.25 once in 12 records; of 300
-flights with inputs that hardly moved them 14 passed it with 1.4 to 2.1 times the frequency, none passed 0.1"""
+MIN_EXPLAINED_FREE = 0.8
+"""-; of a free response's power, by the oscillations, of the output where it is largest"""
+MIN_EXPLAINED = 0.5
+"""-; of driven records' power, by the last `MEMORY` of the input, of the output where it is largest"""
+MAX_ERROR = 0.1
+"""-; relative standard error of a frequency, and standard error of a damping"""
 HIGHEST_TURN = 0.6
-"""-; of the sampling's Nyquist frequency: above it a pair is noise"""
+"""-; of the Nyquist frequency: above it a pair is noise"""
+
+register({
+    "hidden_in_noise": Entry(
+        "blocks of the records give different modes ({value:.2g}, limit {limit:g}): noise",
+        "Resampled records give too different frequencies or dampings, or none.",
+    ),
+    "no_oscillation": Entry(
+        "the realization has no oscillating pair: overdamped or hidden in noise",
+        "The realized system has fewer complex pairs than modes.",
+    ),
+})  # fmt: skip
 
 
 class Lags(NamedTuple):
-    """Of what the observer is made."""
+    """Lags of the observer."""
 
     past: int
     """-; outputs"""
     every: int
-    """-; samples from one to the next; the input is taken at every sample between, as so many inputs"""
+    """-; samples from one to the next; the input enters at every sample between, as separate inputs"""
 
 
 class Regression(NamedTuple):
-    """Normal equations of the observer, piece by piece."""
+    """Normal equations of the observer by block."""
 
     squares: Array
     """(K, p, p)"""
@@ -92,49 +86,42 @@ class Regression(NamedTuple):
     """(K, p, m)"""
 
 
-def realization(records: Records, kinds: tuple[str, ...] = (SHORT_PERIOD,)) -> Mode:
-    """Modes ``kinds`` by ERA, of driven records or, where no input was measured, of free ones."""
+def fit(records: Records, kinds: tuple[str, ...]) -> ModalFit:
+    """Modes ``kinds`` of driven records or, without an input, of free ones."""
     driven = [r for r in records.pieces if r.input is not None and np.ptp(r.input) > 0]
-    try:
-        if driven:
-            pairs, covariance, degrees = _of_driven(driven, _spacing(driven, records.blur), len(kinds))
-        else:
-            pairs, covariance, degrees = _of_free(records.pieces, len(kinds))
-    except ValueError as error:
-        return nothing(METHOD, str(error), kinds)
-    mode = paired_mode(METHOD, kinds, pairs, Spread(covariance, degrees))
-    # By its interval as well: of an Arizona damped by 0.68 one flight of twenty came out at 0.36.
-    return without_heavy(mode, LARGEST_DAMPING) if driven else mode
+    if any(np.any(np.ptp(record.outputs, axis=0) == 0) for record in driven or records.pieces):
+        raise NotIdentified("constant_output")
+    if driven:
+        pairs, covariance, degrees = _of_driven(driven, len(kinds))
+        if np.any(pairs[1::2] > MAX_DAMPING):
+            raise NotIdentified("overdamped", float(np.max(pairs[1::2])), MAX_DAMPING)
+    else:
+        pairs, covariance, degrees = _of_free(records.pieces, len(kinds))
+    return ModalFit(pairs, Spread(covariance, degrees))
 
 
-def _spacing(records: Sequence[Record], blur: float) -> int:
-    """Samples between the observer's lags: a stroke average and the input's band keep a few."""
-    seconds = max(blur / SAMPLES_A_STROKE, 1 / (SAMPLES_A_CYCLE * max(_band(record) for record in records)))
-    return max(int(seconds / records[0].step), 1)
+def _spacing(records: Sequence[Record]) -> int:
+    """Samples between the observer's lags."""
+    return max(int(1 / (SAMPLES_PER_CYCLE * max(_band(record) for record in records)) / records[0].step), 1)
 
 
 def _band(record: Record) -> float:
     """Frequency (Hz) below which nearly all of the input's power lies."""
     given = np.zeros(1) if record.input is None else record.input
     power = np.cumsum(np.abs(np.fft.rfft(given - given.mean())) ** 2)
-    return float(max(np.searchsorted(power, POWER_KEPT * power[-1]), 1) / (len(given) * record.step))
+    return float(max(np.searchsorted(power, POWER_FRACTION * power[-1]), 1) / (len(given) * record.step))
 
 
-def _of_driven(records: list[Record], every: int, count: int) -> tuple[Array, Array, float]:
-    """Frequencies and dampings (2 k,), their covariance and its degrees of freedom.
-
-    Raises:
-        ValueError: no number may be had, with the reason.
-    """
-    step, outputs = records[0].step, records[0].outputs.shape[1]
-    if any(np.any(np.ptp(record.outputs, axis=0) == 0) for record in records):
-        raise ValueError("an output is constant: it tells no motion")
+def _of_driven(records: list[Record], count: int) -> tuple[Array, Array, float]:
+    """Frequencies and dampings (2 k,), their covariance and its degrees of freedom."""
+    step, outputs, every = records[0].step, records[0].outputs.shape[1], _spacing(records)
     lags = max(math.ceil(STATES / outputs), 2)
     clean = _filtered(records, max(int(MEMORY / step), lags * every))
-    if _share_of_input(records, clean) < LEAST_DRIVEN:
-        raise ValueError("the input explains too little of the records: noise, turbulence, or nothing that it moves")
-    fit = _observer(records, Lags(lags, every), clean)
-    total = fit.squares.sum(axis=0), fit.products.sum(axis=0)
+    explained = _explained(records, clean)
+    if explained < MIN_EXPLAINED:
+        raise NotIdentified("little_explained", explained, MIN_EXPLAINED)
+    blocks = _observer(records, Lags(lags, every), clean)
+    total = blocks.squares.sum(axis=0), blocks.products.sum(axis=0)
 
     def pairs(squares: Array, products: Array, order: int | None, near: Array | None = None) -> tuple[Array, int]:
         length = max(int(RESPONSE / step / every), 4 * STATES)
@@ -142,24 +129,23 @@ def _of_driven(records: list[Record], every: int, count: int) -> tuple[Array, Ar
         return realized_pairs(response, step * every, count, order, near)
 
     whole, order = pairs(*total, STATES)
-    left_out = []
-    for squares, products in zip(fit.squares, fit.products, strict=True):
-        left_out.append(pairs(total[0] - squares, total[1] - products, order, whole)[0])
-    if float(np.max(whole[::2])) > 2 * math.pi * max(_band(record) for record in records):
-        raise ValueError(TOO_FAST)
-    if np.any(whole[1::2] > LARGEST_DAMPING):
-        raise ValueError(HEAVY)
-    around, number = np.array(left_out), len(left_out)
-    about = around - around.mean(axis=0)
-    covariance = about.T @ about * (number - 1) / number
+    band = 2 * math.pi * max(_band(record) for record in records)
+    if float(np.max(whole[::2])) > band:
+        raise NotIdentified("mode_too_fast", float(np.max(whole[::2])), band)
+    left_out = np.array([
+        pairs(total[0] - squares, total[1] - products, order, whole)[0]
+        for squares, products in zip(blocks.squares, blocks.products, strict=True)
+    ])  # fmt: skip
+    deviations, number = left_out - left_out.mean(axis=0), len(left_out)
+    covariance = deviations.T @ deviations * (number - 1) / number
     relative = np.sqrt(np.diag(covariance)) / np.column_stack((whole[::2], np.ones(count))).ravel()
-    if np.any(relative > WIDEST):
-        raise ValueError("parts of the records tell different frequencies or dampings: it is hidden in noise")
+    if np.any(relative > MAX_ERROR):
+        raise NotIdentified("hidden_in_noise", float(relative.max()), MAX_ERROR)
     return whole, covariance, number - 1.0
 
 
 def _solved(squares: Array, products: Array) -> Array:
-    """Without what the data hardly tell: neighbouring samples of a smooth input are nearly alike."""
+    """Truncated least squares: neighboring samples of a smooth input are nearly dependent."""
     scale = np.maximum(np.sqrt(np.abs(np.diag(squares))), 1e-300)
     values: Array = np.linalg.lstsq(squares / np.outer(scale, scale), products / scale[:, None], rcond=DEPENDENT)[0]
     return values / scale[:, None]
@@ -168,15 +154,12 @@ def _solved(squares: Array, products: Array) -> Array:
 def _observer(records: list[Record], lags: Lags, instruments: list[Record]) -> Regression:
     """``y[k] = sum A_i y[k - i] + sum B_i u[k - i]`` and an offset of each record, by instrumental variables.
 
-    The past outputs carry noise that stroke averages and filters make correlated with the present one's; what the
-    past input tells of them (``instruments``) does not.
-
-    Raises:
-        ValueError: the records are too short.
+    The noise of the past outputs is correlated with the present one's; their response to the past input
+    (``instruments``) is not.
     """
     squares, products, rows = [], [], 0
     for record, clean in zip(records, instruments, strict=True):
-        if len(record.outputs) - (lags.past + 1) * lags.every < LEAST_ROWS:
+        if len(record.outputs) - (lags.past + 1) * lags.every < MIN_ROWS:
             continue
         design, response = (part - part.mean(axis=0) for part in _lagged(record, lags))
         leading = _lagged(clean, lags)[0]
@@ -186,14 +169,17 @@ def _observer(records: list[Record], lags: Lags, instruments: list[Record]) -> R
             products.append(leading[part].T @ response[part])
         rows += len(design)
     if not squares or rows < 2 * squares[0].shape[0]:
-        raise ValueError("the records are too short for Markov parameters")
+        raise NotIdentified(
+            "record_too_short", float(rows), 2.0 * (squares[0].shape[0] if squares else 1), unit="rows"
+        )
     return Regression(np.array(squares), np.array(products))
 
 
 def _filtered(records: list[Record], memory: int) -> list[Record]:
-    """The records with outputs as the last ``memory`` samples of the input alone tell them, by least squares."""
+    """The records with outputs computed from the last ``memory`` samples of the input, by least squares."""
     if memory > min(len(record.outputs) for record in records):
-        raise ValueError("the records are too short for Markov parameters")
+        shortest = min(len(record.outputs) for record in records)
+        raise NotIdentified("record_too_short", float(shortest), float(memory), unit="samples")
     given = [np.zeros(len(r.outputs)) if r.input is None else r.input for r in records]
     designs = [np.column_stack([_later(u, i) for i in range(memory)]) for u in given]
     about = [(d - d.mean(axis=0), r.outputs - r.outputs.mean(axis=0)) for d, r in zip(designs, records, strict=True)]
@@ -203,8 +189,8 @@ def _filtered(records: list[Record], memory: int) -> list[Record]:
     return [r._replace(outputs=d @ values) for r, (d, _) in zip(records, about, strict=True)]
 
 
-def _share_of_input(records: list[Record], clean: list[Record]) -> float:
-    """Share of the outputs' power that their past input tells (``clean``), of the output where it is largest."""
+def _explained(records: list[Record], clean: list[Record]) -> float:
+    """Fraction of the outputs' power that the past input explains (``clean``), of the output where it is largest."""
     about = [one.outputs - one.outputs.mean(axis=0) for one in records]
     left = sum(np.sum((y - one.outputs) ** 2, axis=0) for y, one in zip(about, clean, strict=True))
     return float(np.max(1.0 - left / sum(np.sum(y**2, axis=0) for y in about)))
@@ -226,7 +212,7 @@ def _lagged(record: Record, lags: Lags) -> tuple[Array, Array]:
 def system_markov(values: Array, lags: Lags, outputs: int, count: int) -> Array:
     """Markov parameters (m, ``lags.every``, ``count``) of the system from the observer's ``values`` (p, m).
 
-    Every sample of the input between two lags is an input of its own, so that none is taken for held.
+    Every sample of the input between two lags is a separate input, without an assumption between samples.
     """
     autonomous = values[: lags.past * outputs].reshape(lags.past, outputs, outputs)
     driven = values[lags.past * outputs :].reshape(lags.past + 1, lags.every, outputs)
@@ -244,9 +230,6 @@ def realized_pairs(
     """Frequency (rad/s) and damping of ``count`` pairs of a pulse ``response`` (m, r, N), and the order.
 
     An order of None is chosen by the singular values. The pairs are the strongest, or those closest to ``near``.
-
-    Raises:
-        ValueError: the realization has fewer oscillating pairs.
     """
     from control import eigensys_realization  # a second of imports, which only this method needs
 
@@ -256,22 +239,22 @@ def realized_pairs(
     system, _ = eigensys_realization(response, order, m=half, n=half, dt=step)
     found = _pairs(system, step)
     if len(found) < count:
-        raise ValueError("the realization has no oscillating pair: damped too heavily or hidden in noise")
+        raise NotIdentified("no_oscillation")
     if near is None:
         return np.concatenate(sorted((pair for _, pair in found[:count]), key=lambda pair: -pair[0])), order
-    wanted = near.reshape(-1, 2)
-    chosen = [min((pair for _, pair in found), key=lambda pair: float(np.sum((pair - w) ** 2))) for w in wanted]
+    found_pairs = [pair for _, pair in found]
+    chosen = [min(found_pairs, key=lambda pair: float(np.sum((pair - w) ** 2))) for w in near.reshape(-1, 2)]
     return np.concatenate(chosen), order
 
 
 def order_of(singular: Array, least: int) -> int:
-    """Order of the model: how many ``singular`` values stand above the noise, even, of ``least`` to the largest."""
-    above = int(np.sum(singular > NOISE_SHARE * singular[0]))
-    return min(max(above + above % 2, least), LARGEST_ORDER, len(singular))
+    """Order of the model: number of ``singular`` values above the noise, even, at least ``least``."""
+    above = int(np.sum(singular > NOISE_FRACTION * singular[0]))
+    return min(max(above + above % 2, least), MAX_ORDER, len(singular))
 
 
 def _pairs(system: object, step: float) -> list[tuple[float, Array]]:
-    """Oscillating pairs (2,) of frequency and damping with their part in the outputs, the largest first."""
+    """Oscillating pairs (2,) of frequency and damping with their participation in the outputs, the largest first."""
     a, b, c = (np.asarray(getattr(system, name)) for name in "ABC")
     roots, vectors = np.linalg.eig(a)
     shares = np.linalg.norm(c @ vectors, axis=0) * np.linalg.norm(np.linalg.pinv(vectors) @ b, axis=1)
@@ -285,11 +268,7 @@ def _pairs(system: object, step: float) -> list[tuple[float, Array]]:
 
 
 def _of_free(records: Sequence[Record], count: int) -> tuple[Array, Array, float]:
-    """As `_of_driven`, of records without an input.
-
-    Raises:
-        ValueError: no number may be had, with the reason.
-    """
+    """As `_of_driven`, of records without an input."""
     length = min(len(record.outputs) for record in records)
     every = math.ceil(length / LONGEST_RECORD)
     response = np.stack([_level(_means(r.outputs[:length], every)).T for r in records], axis=1)
@@ -297,33 +276,32 @@ def _of_free(records: Sequence[Record], count: int) -> tuple[Array, Array, float
     whole, order = realized_pairs(response, step, count, None)
     model = _refitted(response, whole, step)
     rest = response - model
-    if (
-        float(np.max(1 - np.sum(rest**2, axis=(1, 2)) / np.sum(response**2, axis=(1, 2)).clip(1e-300)))
-        < LEAST_EXPLAINED
-    ):
-        raise ValueError("free oscillation explains too little of the records: noise, turbulence, or a forced motion")
+    power, left = (np.sum(one**2, axis=(1, 2)) for one in (response, rest))
+    explained = float(np.max(1 - left / power.clip(1e-300)))
+    if explained < MIN_EXPLAINED_FREE:
+        raise NotIdentified("little_explained", explained, MIN_EXPLAINED_FREE)
     rng = np.random.default_rng(SEED)
     around = []
     for _ in range(RESAMPLES):
         try:
             around.append(realized_pairs(model + _shuffled(rest, rng), step, count, order, whole)[0])
-        except ValueError:
-            continue  # a sample in which the pair has vanished tells that it is near the noise
+        except NotIdentified:
+            continue
     if len(around) < 0.9 * RESAMPLES:
-        raise ValueError("the pair vanishes in resampled data: it is hidden in noise")
-    free = response[0].size / BLOCK_SHARE * response.shape[0]
+        raise NotIdentified("hidden_in_noise", 1.0 - len(around) / RESAMPLES, 0.1)
+    free = response[0].size / BLOCK_FRACTION * response.shape[0]
     return whole, np.cov(np.array(around).T), max(free, 2.0)
 
 
 def _means(outputs: Array, every: int) -> Array:
-    """Means over ``every`` samples, which leave an exponential's exponent as it is: (N / every, m)."""
+    """Means over ``every`` samples, which do not change an exponent: (N / every, m)."""
     count = len(outputs) // every
     means: Array = outputs[: count * every].reshape(count, every, -1).mean(axis=1)
     return means
 
 
 def _level(outputs: Array) -> Array:
-    """``outputs`` (N, m) without offset and slope, which a pulse response has not."""
+    """``outputs`` (N, m) without offset and slope."""
     line = np.vander(np.linspace(-1, 1, len(outputs)), 2)
     level: Array = outputs - line @ np.linalg.lstsq(line, outputs, rcond=None)[0]
     return level
@@ -340,11 +318,18 @@ def _refitted(response: Array, pairs: Array, step: float) -> Array:
 
 
 def _shuffled(rest: Array, rng: np.random.Generator) -> Array:
-    """``rest`` (m, r, N) put together anew from blocks of itself, the same of every output, of random sign."""
+    """``rest`` (m, r, N) resampled in blocks, the same for every output, of random sign."""
     count = rest.shape[2]
-    size = max(count // BLOCK_SHARE, 1)
+    size = max(count // BLOCK_FRACTION, 1)
     starts = rng.integers(0, count - size + 1, math.ceil(count / size))
     signs = np.repeat(rng.choice((-1.0, 1.0), len(starts)), size)
     order = (starts[:, None] + np.arange(size)).ravel()
     shuffled: Array = (rest[:, :, order] * signs)[:, :, :count]
     return shuffled
+
+
+ERA = add_row(
+    ModalMethod("era", "eigensystem realization", "Juang & Pappa, J. Guidance 8(5), 1985", fit, True, MAX_DAMPING)
+)
+METHOD = ERA.title
+realization = ERA.mode

@@ -352,8 +352,7 @@ def records_of_flight(flight: FlightProblem, lag: float) -> Records:
         tail = behind(one.signals[ELEVATOR], one.step, flight.aircraft.tail_delay, lag, held=False)
         signals = {name: values[::2] for name, values in {**one.signals, ELEVATOR: tail}.items()}
         experiments.append(one._replace(time=one.time[::2], signals=signals))
-    records = records_of(tuple(experiments), ELEVATOR, ("q", "a_z"))
-    return records._replace(blur=float(np.mean([one.period for one in flight.maneuvers])))
+    return records_of(tuple(experiments), ELEVATOR, ("q", "a_z"), smooth_input=True)
 
 
 def results_of(

@@ -47,7 +47,9 @@ class Candidates(NamedTuple):
     charge: float
     """response squared; of the predicted square error for each parameter"""
     noise: Noise | None
-    """of the largest model, None if its residuals are rounding"""
+    """of the largest model, None if its residuals are rounding or white"""
+    steady: bool = False
+    """-; residuals are white"""
 
 
 class Statistics(NamedTuple):
@@ -88,11 +90,11 @@ def candidates_of(design: Design, settings: Settings) -> Candidates:
     charge = float(remaining @ remaining) / max(count - nuisances, 1) / count
     plain = Candidates(
         design.names, pieces, nuisances, np.where(lost, 0.0, rest), remaining, basis, scale[nuisances:],
-        float(count), charge, None,
+        float(count), charge, None, settings.steady,
     )  # fmt: skip
     largest = _largest_model(plain)
     left = statistics_of(plain, largest)
-    if not largest or not left.r_squared < 1 - ROUNDING:
+    if not largest or not left.r_squared < 1 - ROUNDING or settings.steady:
         return plain
     _, records = linear_of(pieces_of(plain, largest))
     noise = noise_of(records)

@@ -26,7 +26,6 @@ from logs.identification.estimators.equation_error import (
 from logs.identification.estimators.least_squares import ROUNDING
 from logs.identification.estimators.model_structure import DEPENDENT, Candidates, candidates_of
 from logs.identification.estimators.registry import ESTIMATORS, Estimator, Request
-from logs.identification.estimators.regressors import design_of
 from logs.identification.results import Array, EstimationResult
 
 
@@ -73,7 +72,7 @@ def orthogonal_regression(
         InputError: unknown names, unequal sampling intervals.
     """
     settings = settings or Settings()
-    design = design_of(experiments, response, candidates, settings.constants, settings.units, settings.averaging)
+    design = settings.design(experiments, response, candidates)
     lengths = tuple(len(record.used) for record in design.records)
     if design.samples < 3 * len(experiments) + 3:
         failure = f"{design.samples} samples with {response} and all candidates"

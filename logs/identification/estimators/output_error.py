@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -235,15 +236,19 @@ def fitted_series(problem: Problem, fit: Fit) -> tuple[FitSeries, ...]:
     )
 
 
-def predicted(problem: Problem, fit: Fit, experiments: tuple[Experiment, ...]) -> tuple[FitSeries, ...]:
+def predicted(
+    problem: Problem, fit: Fit, experiments: tuple[Experiment, ...], initial: tuple[Mapping[str, float], ...] = ()
+) -> tuple[FitSeries, ...]:
     """Measured and predicted outputs; initial state and biases of each by least squares. Nothing after a failure.
+
+    The search begins at the ``initial`` states, as in `Problem`.
 
     Raises:
         InputError: a signal is missing, or nothing of the outputs was measured.
     """
     if fit.failure or not experiments:
         return ()
-    other = problem._replace(experiments=experiments, initial=())
+    other = problem._replace(experiments=experiments, initial=initial)
     layout = layout_of(other)
     flight = Flight(problem.model, layout, records_of(other, layout))
     series = []

@@ -25,12 +25,8 @@ LEAST_MOVE = 0.01
 """rad, of an angle; a smaller movement excites little"""
 LONGEST_SPIKE = 2
 """-; samples in all that an input may be elsewhere and is said to rest"""
-LONG = 4.0
-"""-; strokes, from the first to the last sample above half of an input's peak"""
 FAST_UNITS, SLOW_UNITS = ("rad/s", "m/s^2"), ("m/s", "m")
 """rates and accelerations; speeds and heights: where only these and the pitch ring, it is the phugoid that rings"""
-AVERAGED_OUTPUTS = {"q": "rad/s", "a_z": "m/s^2"}
-"""of a flapping flight; units by name. What else there is adds nothing but its own errors"""
 
 
 class Record(NamedTuple):
@@ -56,14 +52,14 @@ class Records(NamedTuple):
     """-; of the m outputs"""
     units: tuple[str, ...]
     """SI; of the m outputs"""
-    blur: float
-    """s; length of the moving average that input and outputs went through, 0 for none"""
+    smooth_input: bool = False
+    """-; the input is band-limited, as an average is; else it is linear between samples"""
+    airspeed: float | None = None
+    """m/s; mean of the signal V, None if it was not measured"""
     notes: tuple[str, ...] = ()
     """-; what was bridged or left out, one clause each"""
     beside: tuple[str, ...] = ()
     """-; inputs beside the one in the pieces, that move as well"""
-    in_step: float = 0.0
-    """-; how alike the phases of the stroke are at which short inputs began: 0 all round it, 1 all at one"""
 
     @property
     def fast(self) -> bool:
@@ -81,6 +77,8 @@ def records_of(
     input_name: str | None,
     output_names: tuple[str, ...],
     others: tuple[str, ...] = (),
+    *,
+    smooth_input: bool = False,
 ) -> Records:
     """The longest stretch of each experiment on which inputs and outputs were measured.
 
@@ -107,7 +105,15 @@ def records_of(
         raise InputError(f"no record of {', '.join(output_names)} has {LEAST_SAMPLES} samples in a row")
     units = tuple(experiments[0].units.get(name, "") for name in output_names)
     beside = tuple(name for name in others if name in moving)
-    return Records(tuple(pieces), output_names, units, 0.0, tuple(notes), beside)
+    return Records(tuple(pieces), output_names, units, smooth_input, _airspeed(experiments), tuple(notes), beside)
+
+
+def _airspeed(experiments: tuple[Experiment, ...]) -> float | None:
+    """Mean of the signal V in m/s, None if it was not measured."""
+    measured = [np.asarray(one.signals["V"]) for one in experiments if "V" in one.signals]
+    known = np.concatenate(measured or [np.zeros(0)])
+    known = known[np.isfinite(known)]
+    return float(known.mean()) if len(known) else None
 
 
 def _columns(experiment: Experiment, input_name: str | None, output_names: tuple[str, ...]) -> Array:

@@ -6,10 +6,11 @@ the same average, which leaves the coefficients without bias (filtered regressio
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Literal, NamedTuple
 
 import numpy as np
+from scipy.signal import savgol_coeffs
 
 from logs.identification.data.experiment import Experiment
 from logs.identification.data.resampling import filled
@@ -26,6 +27,8 @@ SMOOTH = (-1.0 / 24.0, 13.0 / 24.0, 13.0 / 24.0, -1.0 / 24.0)
 """-; mean of a signal over one sampling interval by the cubic through four samples"""
 LINE = (0.0, 0.5, 0.5, 0.0)
 """-; the same by the line through two samples"""
+LOCAL_POLYNOMIAL, NEIGHBORS = "local_quadratic", 5
+"""-; the smoothing method that is a fixed linear filter, and its samples"""
 Intercept = Literal["common", "each", "none"]
 
 
@@ -195,6 +198,26 @@ def as_regressed(
     if averaging is None or averaging.through & term.powers.keys():
         return values
     return averaged(values, averaging.weights)
+
+
+def filtered_like_derivative(experiment: Experiment, symbols: Collection[str]) -> Experiment:
+    """The experiment with all signals through the local polynomial that one was smoothed by before differentiation.
+
+    A linear filter of all signals leaves a linear relation between them unchanged; of some it biases the
+    coefficients. Nothing is done if none of the ``symbols`` is the derivative of such a signal. Derivatives from the
+    smoothing are removed, so that they are made with the regression's own average.
+    """
+    names = {name for name, method in experiment.smoothed.items() if method == LOCAL_POLYNOMIAL}
+    rates = {f"{name}_dot" for name in names}
+    if not rates & set(symbols):
+        return experiment
+    weights = savgol_coeffs(NEIGHBORS, 2)
+    signals = {
+        name: np.asarray(values) if name in names else averaged(np.asarray(values, dtype=np.float64), weights)
+        for name, values in experiment.signals.items()
+        if name not in rates
+    }
+    return experiment._replace(signals=signals)
 
 
 def without(nuisance: Array, columns: Array) -> Array:

@@ -1,9 +1,9 @@
-"""The resonance peak of a spectrum: its place and its half-power bandwidth.
+"""Resonance peak of a spectrum: frequency and half-power bandwidth.
 
 ``P(omega) = (a + b omega^2) / ((omega_n^2 - omega^2)^2 + (2 zeta omega_n omega)^2) + floor`` is fitted to the power
-of free motion, of motion in gusts, or of the frequency response where an input was measured (Bendat & Piersol,
-Random Data, 2010, ch. 6 and 9, whose variances of the ordinates weigh the fit). The bandwidth at half the power is
-``2 zeta omega_n`` (Etkin & Reid, Dynamics of Flight, 1996, ch. 7): a mode without a peak has none and is refused.
+spectrum of free motion or of motion in gusts, or to the frequency response if an input was measured (Bendat &
+Piersol, Random Data, 2010, ch. 6 and 9, whose variances of the ordinates weigh the fit). The bandwidth at half the
+power is ``2 zeta omega_n`` (Etkin & Reid, Dynamics of Flight, 1996, ch. 7).
 """
 
 from __future__ import annotations
@@ -13,29 +13,42 @@ from typing import NamedTuple
 
 import numpy as np
 
+from logs.identification.estimators.modal import ModalFit, ModalMethod, NotIdentified, add_row
 from logs.identification.estimators.records import Record, Records
 from logs.identification.estimators.variable_projection import Build, Piece, SeparableFit, solve, squares
-from logs.identification.models.modes import SHORT_PERIOD, Mode, nothing, paired_mode
+from logs.identification.findings import Entry, register
 from logs.identification.results import Array
 from logs.identification.statistics.parameter_uncertainty import Spread, determined, information
 
-METHOD = "spectrum"
-LARGEST_DAMPING = 0.35
-"""-; beyond which half the power is not reached on both sides of the peak"""
-LEAST_RECORDS = 4
-"""-; from which a coherence may be had"""
-LEAST_COHERENCE = 0.3
-LEAST_ORDINATES = 12
+MAX_DAMPING = 0.35
+"""-; above which half the power is not reached on both sides of the peak"""
+MIN_RECORDS = 4
+"""-; for a coherence"""
+MIN_COHERENCE = 0.3
+MIN_ORDINATES = 12
 HIGHEST = 0.25
 """-; of the sampling frequency"""
-FALL = 2.0
-"""-; of the motion from the first to the last third of a record: it decays, and its spectrum is not random"""
-LEAST_DECAY = 3.0
-"""-; time constants after the input; at 1.8 the damping came out 17 % too large"""
+DECAY = 2.0
+"""-; rms of the first third of a record over that of the last, above which the motion is a transient"""
+MIN_TIME_CONSTANTS = 3.0
+"""-; after the input; the spectrum of a transient that is cut off leaks"""
 DAMPINGS = (0.03, 0.1, 0.3)
-WEIGHT_PASSES = 4
-LEAST_PEAK = 4.0
+PASSES = 4
+MIN_PEAK = 4.0
 """-; of the peak's power over the floor's"""
+
+register({
+    "one_mode_only": Entry("one peak does not separate two modes", "The spectrum identifies one mode."),
+    "no_peak": Entry("the spectrum has no peak", "No resonance stands out of the spectrum."),
+    "transient_cut_off": Entry(
+        "the records end {value:.2g} time constants after the input, {limit:g} are needed: their spectra leak",
+        "The motion has not decayed at the end of a record.", "record longer",
+    ),
+    "low_coherence": Entry(
+        "input and output are coherent at too few frequencies",
+        "A frequency response needs several records with a coherent response.",
+    ),
+})  # fmt: skip
 
 
 class Ordinates(NamedTuple):
@@ -46,39 +59,38 @@ class Ordinates(NamedTuple):
     power: Array
     """(F, m)"""
     deviation: Array
-    """(F, m); standard deviation of `power`, ones where the fit is to tell it"""
+    """(F, m); standard deviation of `power`, ones if the fit estimates it"""
     decays: bool
     """-; a transient in noise, not random motion"""
     accelerations: tuple[bool, ...]
-    """-; m; outputs of a frequency response that the input reaches at once"""
+    """-; m; outputs of a frequency response with direct transmission"""
     noisy: bool
-    """-; holds a floor of noise"""
+    """-; with a noise floor"""
 
 
-def spectrum(records: Records, kinds: tuple[str, ...] = (SHORT_PERIOD,)) -> Mode:
-    """The one mode that has a peak, of ``kinds``."""
+def fit(records: Records, kinds: tuple[str, ...]) -> ModalFit:
+    """The one mode of ``kinds``, from its peak."""
     if len(kinds) > 1:
-        return nothing(METHOD, "two modes are not told apart by one peak", kinds)
+        raise NotIdentified("one_mode_only")
     driven = [r for r in records.pieces if r.input is not None and np.ptp(r.input) > 0]
-    try:
-        given = [_response(driven, records)] if driven else [periodogram(record) for record in records.pieces]
-        fit = _fitted(given)
-        span = _rests(driven) if driven else _decaying(records.pieces, given)
-        if fit.values[0] * fit.values[1] * span < LEAST_DECAY:
-            raise ValueError("the records end before the motion has died away: their spectra leak")
-        spread = _spread(fit)
-    except ValueError as error:
-        return nothing(METHOD, str(error), kinds)
-    return paired_mode(METHOD, kinds, fit.values, spread)
+    if any(np.any(np.ptp(record.outputs, axis=0) == 0) for record in driven or records.pieces):
+        raise NotIdentified("constant_output")
+    given = [_response(driven, records)] if driven else [periodogram(record) for record in records.pieces]
+    found = _fitted(given)
+    span = _rests(driven) if driven else _decaying(records.pieces, given)
+    constants = float(found.values[0] * found.values[1] * span)
+    if constants < MIN_TIME_CONSTANTS:
+        raise NotIdentified("transient_cut_off", constants, MIN_TIME_CONSTANTS)
+    return ModalFit(found.values, _spread(found))
 
 
 def _rests(records: list[Record]) -> float:
-    """Seconds from the input's rest to the record's end, of the shortest."""
+    """Time in s from the end of the input to the end of the record, of the shortest."""
     return min((len(record.outputs) - record.free_from) * record.step for record in records)
 
 
 def _decaying(records: tuple[Record, ...], given: list[Ordinates]) -> float:
-    """Seconds of the shortest record whose motion decays; infinite where it is random in all of them."""
+    """Length in s of the shortest record whose motion decays; infinite if it is random in all of them."""
     return min(
         (len(one.outputs) * one.step for one, powers in zip(records, given, strict=True) if powers.decays),
         default=math.inf,
@@ -86,34 +98,30 @@ def _decaying(records: tuple[Record, ...], given: list[Ordinates]) -> float:
 
 
 def periodogram(record: Record) -> Ordinates:
-    """Power of each output at the record's own frequencies.
-
-    Raises:
-        ValueError: the record has too few frequencies.
-    """
+    """Power of each output at the record's own frequencies."""
     count = len(record.outputs)
     line = np.vander(np.linspace(-1, 1, count), 2)
     level = record.outputs - line @ np.linalg.lstsq(line, record.outputs, rcond=None)[0]
+    third = count // 3
+    falls = np.sqrt(np.mean(level[:third] ** 2, axis=0) / np.maximum(np.mean(level[-third:] ** 2, axis=0), 1e-300))
+    decays = bool(np.median(falls) > DECAY)
+    if decays:  # a line through a transient would leak; its jump at the start is halved (trapezoidal rule)
+        level = record.outputs - record.outputs[-count // 10 :].mean(axis=0)
+        level[0] /= 2
     frequency: Array = (2 * np.pi * np.fft.rfftfreq(count, record.step)).astype(np.float64)
     power = np.abs(np.fft.rfft(level, axis=0)) ** 2 * record.step / count
     kept = (frequency > 0) & (frequency < 2 * np.pi * HIGHEST / record.step)
-    if kept.sum() < LEAST_ORDINATES:
-        raise ValueError("the record is too short for a spectrum")
-    third = count // 3
-    falls = np.sqrt(np.mean(level[:third] ** 2, axis=0) / np.maximum(np.mean(level[-third:] ** 2, axis=0), 1e-300))
+    if kept.sum() < MIN_ORDINATES:
+        raise NotIdentified("record_too_short", float(kept.sum()), MIN_ORDINATES, unit="ordinates")
     ones = np.ones((int(kept.sum()), power.shape[1]))
     none = (False,) * power.shape[1]
-    return Ordinates(frequency[kept], power[kept], ones, bool(np.median(falls) > FALL), none, True)
+    return Ordinates(frequency[kept], power[kept], ones, decays, none, True)
 
 
 def _response(records: list[Record], given: Records) -> Ordinates:
-    """Squared modulus of the frequency response, averaged over records, with its error by the coherence.
-
-    Raises:
-        ValueError: too few records, or nowhere coherent.
-    """
-    if len(records) < LEAST_RECORDS:
-        raise ValueError(f"a frequency response needs {LEAST_RECORDS} records or more")
+    """Squared modulus of the frequency response, averaged over records, with its error by the coherence."""
+    if len(records) < MIN_RECORDS:
+        raise NotIdentified("record_too_short", float(len(records)), MIN_RECORDS, unit="records")
     count, step = min(len(record.outputs) for record in records), records[0].step
     frequency = 2 * np.pi * np.fft.rfftfreq(count, step)
     inputs, outputs = [], []
@@ -125,11 +133,9 @@ def _response(records: list[Record], given: Records) -> Ordinates:
     u, y = np.array(inputs)[:, :, None], np.array(outputs)
     cross, auto = np.sum(np.conj(u) * y, axis=0), np.sum(np.abs(u) ** 2, axis=0)
     coherence = np.clip(np.abs(cross) ** 2 / (auto * np.sum(np.abs(y) ** 2, axis=0) + 1e-300), 0, 1 - 1e-9)
-    kept = (frequency > 0) & np.all(coherence > LEAST_COHERENCE, axis=1) & (frequency < 2 * np.pi * HIGHEST / step)
-    if given.blur:
-        kept &= frequency < 0.8 * 2 * np.pi / given.blur
-    if kept.sum() < LEAST_ORDINATES / 2:
-        raise ValueError("input and output are coherent at too few frequencies")
+    kept = (frequency > 0) & np.all(coherence > MIN_COHERENCE, axis=1) & (frequency < 2 * np.pi * HIGHEST / step)
+    if kept.sum() < MIN_ORDINATES / 2:
+        raise NotIdentified("low_coherence")
     power = np.abs(cross / auto) ** 2
     relative = np.sqrt(2 * (1 - coherence) / (len(records) * coherence))
     sharp = tuple(unit == "m/s^2" for unit in given.units)
@@ -137,24 +143,20 @@ def _response(records: list[Record], given: Records) -> Ordinates:
 
 
 def _fitted(given: list[Ordinates]) -> SeparableFit:
-    """Frequency and damping of the peak, the ordinates weighed by what the model says of their scatter.
-
-    Raises:
-        ValueError: there is no peak.
-    """
+    """Frequency and damping of the peak, the ordinates weighted by their variance under the model."""
     weights = [1 / o.deviation if not o.noisy else 1 / np.maximum(_smooth(o.power), 1e-300) for o in given]
     frequency = np.concatenate([o.frequency for o in given])
     grid = np.unique(frequency[frequency < 0.7 * frequency.max()])[:200]
     starts = [np.array([w, z]) for w in grid for z in DAMPINGS]
     build = _builder(given, weights)
     values = min(starts, key=lambda start: squares(build, start))
-    for _ in range(WEIGHT_PASSES):
+    for _ in range(PASSES):
         fit = solve(build, values)
         values = np.array([abs(fit.values[0]), abs(fit.values[1])])
         if fit.failure or not frequency.min() < values[0] < frequency.max():
-            raise ValueError("the spectrum has no peak")
-        if values[1] > LARGEST_DAMPING:
-            raise ValueError("the spectrum has no peak with half its power on both sides: damped too heavily")
+            raise NotIdentified("no_peak")
+        if values[1] > MAX_DAMPING:
+            raise NotIdentified("overdamped", float(values[1]), MAX_DAMPING)
         weights = [_weights(o, w, values) for o, w in zip(given, weights, strict=True)]
         build = _builder(given, weights)
     return solve(build, values)
@@ -205,29 +207,33 @@ def _weights(ordinates: Ordinates, weights: Array, values: Array) -> Array:
         scale = np.linalg.norm(weighted, axis=0)
         measured = ordinates.power[:, output] * weights[:, output]
         parts = np.linalg.lstsq(weighted / scale, measured, rcond=None)[0] / scale
-        signal, floor = np.maximum(columns[:, :2] @ parts[:2], 0.0), max(float(parts[2]), _least(ordinates, output))
-        if np.max(signal) < LEAST_PEAK * floor:
-            raise ValueError("no peak stands out of the spectrum's floor")
+        signal, floor = (
+            np.maximum(columns[:, :2] @ parts[:2], 0.0),
+            max(float(parts[2]), _lower_bound(ordinates, output)),
+        )
+        if np.max(signal) < MIN_PEAK * floor:
+            raise NotIdentified("no_peak")
         fresh.append(1 / np.sqrt(2 * signal * floor + floor**2) if ordinates.decays else 1 / (signal + floor))
     return np.column_stack(fresh)
 
 
-def _least(ordinates: Ordinates, output: int) -> float:
-    """A floor that is surely not above the noise's."""
+def _lower_bound(ordinates: Ordinates, output: int) -> float:
+    """A lower bound of the noise floor."""
     return 0.3 * float(np.median(ordinates.power[-len(ordinates.power) // 3 :, output])) + 1e-300
 
 
 def _spread(fit: SeparableFit) -> Spread:
-    """Errors of the weighted fit, widened where the ordinates scatter more than they should.
-
-    Raises:
-        ValueError: the peak is not determined, or the fit failed.
-    """
+    """Cramer-Rao bounds, scaled by the dispersion of the ordinates."""
     if fit.failure or not determined(fit.sensitivities):
-        raise ValueError(fit.failure or "the peak is not determined")
+        raise NotIdentified("mode_not_identifiable")
     degrees = float(sum(r.size for r in fit.residuals) - fit.linear - len(fit.values))
     if degrees < 2:
-        raise ValueError("the peak has too few ordinates")
+        raise NotIdentified("record_too_short", degrees, 2.0, unit="degrees of freedom")
     scatter = sum(float(np.sum(r**2)) for r in fit.residuals) / degrees
     covariance = np.asarray(np.linalg.inv(information(fit.sensitivities)), dtype=np.float64)
     return Spread(covariance * scatter, degrees) if math.isfinite(scatter) else Spread(covariance * np.nan, 1.0)
+
+
+SPECTRUM = add_row(ModalMethod("spectrum", "spectrum", "Bendat & Piersol 2010, ch. 6 and 9", fit, inputs=True))
+METHOD = SPECTRUM.title
+spectrum = SPECTRUM.mode

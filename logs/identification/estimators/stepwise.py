@@ -28,7 +28,7 @@ from logs.identification.estimators.equation_error import (
     settings_of,
     solve,
 )
-from logs.identification.estimators.least_squares import Fit, regress_records
+from logs.identification.estimators.least_squares import CovarianceKind, Fit, regress_records
 from logs.identification.estimators.model_structure import (
     Candidates,
     Statistics,
@@ -40,7 +40,6 @@ from logs.identification.estimators.model_structure import (
     statistics_of,
 )
 from logs.identification.estimators.registry import ESTIMATORS, Estimator, Request
-from logs.identification.estimators.regressors import design_of
 from logs.identification.results import EstimationResult
 
 
@@ -125,7 +124,7 @@ def stepwise_regression(
     """
     rules, settings = rules or Rules(), settings or Settings()
     candidates = tuple(dict.fromkeys((*rules.always, *candidates)))
-    design = design_of(experiments, response, candidates, settings.constants, settings.units, settings.averaging)
+    design = settings.design(experiments, response, candidates)
     lengths = tuple(len(record.used) for record in design.records)
     least = len(rules.always) + len(experiments) * (2 + (settings.trend or 0)) + 3
     if design.samples < least:
@@ -222,7 +221,8 @@ def _tests(pool: _Pool, chosen: tuple[int, ...]) -> list[_Test] | None:
     if len(pool.candidates.response) <= pool.candidates.nuisances + len(chosen) + 2:
         return None
     try:
-        fit = regress_records(pieces_of(pool.candidates, chosen), noise=pool.candidates.noise)
+        kind: CovarianceKind = "white" if pool.candidates.steady else "autocorrelated"
+        fit = regress_records(pieces_of(pool.candidates, chosen), kind, pool.candidates.noise)
     except np.linalg.LinAlgError:
         return None
     return [_test(fit, pool.candidates.nuisances + index) for index in range(len(chosen))]

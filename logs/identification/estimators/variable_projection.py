@@ -1,7 +1,7 @@
-"""Least squares where most unknowns enter linearly: those are solved for at every step of the few others.
+"""Variable projection: nonlinear least squares with the linear unknowns eliminated at every step.
 
-Variable projection (Golub & Pereyra, SIAM J. Numer. Anal. 10(2), 1973). Amplitudes, offsets and drifts of each
-record and gains that all records share are linear; frequency, damping and delay are not.
+Golub & Pereyra, SIAM J. Numer. Anal. 10(2), 1973. Amplitudes, offsets and drifts of each record and gains that all
+records share are linear; frequency, damping and delay are not.
 """
 
 from __future__ import annotations
@@ -31,15 +31,6 @@ class Piece(NamedTuple):
     """m of (n, l); what has a coefficient of its own in this record"""
     shared: tuple[Array, ...]
     """m of (n, g); what has one coefficient in all records, g may be 0"""
-
-
-class Prior(NamedTuple):
-    """What is known of the nonlinear parameters beforehand, each by itself."""
-
-    mean: Array
-    """(p,)"""
-    weight: Array
-    """(p,); one over the standard deviation, 0 where nothing is known"""
 
 
 class SeparableFit(NamedTuple):
@@ -113,52 +104,70 @@ def _bases(distinct: dict[int, Array]) -> dict[int, Array]:
     return bases
 
 
-def taken(build: Build, values: Array) -> Array:
-    """Share (n, m) of each ordinate of all records in turn that the linear unknowns take: their leverages."""
-    pieces, shares = build(values), []
-    bases = _bases({id(own): own for piece in pieces for own in piece.own})
-    for output in range(len(pieces[0].own)):
-        own, design, scale = _without_own(pieces, output, bases)
-        along, lengths, _ = np.linalg.svd(design / scale, full_matrices=False)
-        told = along[:, lengths > DEPENDENT * np.max(lengths, initial=0.0)]
-        each = np.concatenate([np.sum(basis**2, axis=1) for basis in own])
-        shares.append(each + np.sum(told**2, axis=1))
-    return np.column_stack(shares)
-
-
 def squares(build: Build, values: Array) -> float:
     """Sum over the outputs of the logarithm of the residuals' squares: the concentrated likelihood of ``values``."""
     residuals, _ = residuals_at(build, values)
     return float(np.sum(np.log(np.sum(np.vstack(residuals) ** 2, axis=0) + 1e-300)))
 
 
-def solve(build: Build, start: Array, prior: Prior | None = None) -> SeparableFit:
-    """The nonlinear parameters from ``start`` (p,) on, by Levenberg-Marquardt on what the linear ones leave.
+def solve(build: Build, start: Array, precision: Array | None = None) -> SeparableFit:
+    """The nonlinear parameters from ``start`` (p,) by Levenberg-Marquardt.
 
-    A ``prior`` counts as one more residual of each parameter, in standard deviations.
+    ``precision`` (p,) is one over the standard deviation of a Gaussian prior about zero, 0 without one.
     """
     values, deviation = start, np.ones(1)
     for _ in range(PASSES):
         residuals, _ = residuals_at(build, values)
         deviation = np.maximum(np.sqrt(np.mean(np.vstack(residuals) ** 2, axis=0)), 1e-300)
+        weighted = _weighted(build, deviation, precision)
         found = least_squares(
-            _weighted(build, deviation, prior), values, method="lm", x_scale="jac", xtol=TOLERANCE, ftol=TOLERANCE,
-            max_nfev=EVALUATIONS,
-        )  # fmt: skip
+            weighted, values, method="lm", x_scale="jac", xtol=TOLERANCE, ftol=TOLERANCE, max_nfev=EVALUATIONS
+        )
         values = found.x
     residuals, gains = residuals_at(build, values)
     failure = "" if found.success and np.all(np.isfinite(found.jac)) else "the fit did not converge"
     bounds = np.cumsum([len(piece) for piece in residuals])
-    told = found.jac[: bounds[-1] * len(deviation)]
-    slopes = np.split(-told.reshape(-1, len(deviation), len(values)), bounds[:-1])
+    jacobian = found.jac[: bounds[-1] * len(deviation)]
+    slopes = np.split(-jacobian.reshape(-1, len(deviation), len(values)), bounds[:-1])
     pieces = build(values)
     linear = sum(own.shape[1] for piece in pieces for own in piece.own) + sum(len(gain) for gain in gains)
     return SeparableFit(values, [r / deviation for r in residuals], slopes, linear, deviation, gains, failure)
 
 
-def _weighted(build: Build, deviation: Array, prior: Prior | None) -> Callable[[Array], Array]:
+def joint_sensitivities(build: Build, fit: SeparableFit) -> list[Array]:
+    """Sensitivities (n_i, m, p + g) of a ``fit``'s outputs to its nonlinear and shared linear parameters.
+
+    In standard deviations, with each record's linear nuisance parameters projected out.
+    """
+    pieces, steps = build(fit.values), np.maximum(np.abs(fit.values), 1e-2) * 1e-6
+    bases = _bases({id(own): own for piece in pieces for own in piece.own})
+    moved = [(build(fit.values + step), build(fit.values - step)) for step in np.diag(steps)]
+    p, total = len(fit.values), sum(map(len, fit.gains))
+    sensitivities = [np.zeros((*piece.measured.shape, p + total)) for piece in pieces]
+    column = p
+    for output, gains in enumerate(fit.gains):
+        for n, piece in enumerate(pieces):
+            own, shared = piece.own[output], piece.shared[output]
+            nuisance = np.linalg.lstsq(own, piece.measured[:, output] - shared @ gains, rcond=None)[0].astype(
+                np.float64
+            )
+            models = [[_model(one[n], output, nuisance, gains) for one in both] for both in moved]
+            slopes = [(ahead - behind) / (2 * step) for (ahead, behind), step in zip(models, steps, strict=True)]
+            basis, whole = bases[id(own)], np.column_stack((*slopes, shared))
+            rest = (whole - basis @ (basis.T @ whole)) / fit.deviation[output]
+            sensitivities[n][:, output, :p] = rest[:, :p]
+            sensitivities[n][:, output, column : column + len(gains)] = rest[:, p:]
+        column += len(gains)
+    return sensitivities
+
+
+def _model(piece: Piece, output: int, nuisance: Array, gains: Array) -> Array:
+    return np.asarray(piece.own[output] @ nuisance + piece.shared[output] @ gains)
+
+
+def _weighted(build: Build, deviation: Array, precision: Array | None) -> Callable[[Array], Array]:
     def weighted(values: Array) -> Array:
         flat: Array = (np.vstack(residuals_at(build, values)[0]) / deviation).ravel()
-        return flat if prior is None else np.concatenate((flat, (values - prior.mean) * prior.weight))
+        return flat if precision is None else np.concatenate((flat, values * precision))
 
     return weighted

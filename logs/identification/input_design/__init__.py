@@ -1,1 +1,1 @@
-"""What a planned manoeuvre will tell: predicted errors of its parameters, and the manoeuvre that makes them small."""
+"""Input design: predicted errors of parameters, and the maneuver that minimizes them."""

@@ -1,9 +1,9 @@
-"""Predicted standard errors: what the sensors' noise, and gusts, will leave uncertain after a planned manoeuvre.
+"""Predicted standard errors after a planned maneuver, with noise of the sensors and gusts.
 
-The Cramer-Rao bound of output error (Klein & Morelli, Aircraft System Identification, 2006, ch. 6 and 9.3), with what
-the initial state and a bias of each output take out of it. A flapping aircraft's outputs are averaged over strokes
-first: neighbouring averages share samples, so the bound is that of least squares on noise coloured so. In gusts the
-residuals are coloured by the aircraft's own motion; their covariance is that of a stationary gust through the model.
+The Cramer-Rao bound of output error (Klein & Morelli, Aircraft System Identification, 2006, ch. 6 and 9.3), with a
+free initial state and a bias of each output. The outputs of a flapping aircraft are averaged over strokes: adjacent
+averages share samples, so the bound is that of least squares with colored noise. In gusts the residuals are colored
+by the aircraft's motion; their covariance is that of a stationary gust through the model.
 """
 
 from __future__ import annotations
@@ -17,8 +17,7 @@ from scipy.sparse import csr_array, eye_array
 from logs.identification.data.maneuvers import OUTPUT_STEP
 from logs.identification.data.stroke_average import averaging_matrix
 from logs.identification.input_design.prior import OUTPUTS, Prior
-from logs.identification.input_design.response import Response
-from logs.identification.input_design.waveform import Waveform
+from logs.identification.input_design.response import Response, Waveform
 from logs.identification.models.modes import short_period_of
 from logs.identification.models.stroke_averaged import LONGITUDINAL, UNITS, matrices
 from logs.identification.results import Array
@@ -116,7 +115,7 @@ def _averaging(prior: Prior, planned: Waveform) -> csr_array:
     """From samples to what is fitted: stroke averages, or the samples themselves."""
     if not prior.wing_period:
         return csr_array(eye_array(len(planned.time)))
-    at = np.arange(planned.begin, planned.end, OUTPUT_STEP)
+    at = np.arange(planned.start, planned.end, OUTPUT_STEP)
     return averaging_matrix(planned.time, np.full(len(at), prior.wing_period), at)
 
 

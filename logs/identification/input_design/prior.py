@@ -1,4 +1,4 @@
-"""What is known before the flight: a linear model of the aircraft, and the noise of the sensors that watch it."""
+"""Prior knowledge for input design: a linear model of the aircraft, and noise of the sensors."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from wingbeat.constants import STANDARD_GRAVITY
 from wingbeat.errors import InputError
 
 OUTPUTS = ("q", "a_x", "a_z")
-"""what is fitted, in the order of `Prior.noise`"""
+"""fitted outputs, in the order of `Prior.noise`"""
 ROUNDING = 1.0 / math.sqrt(12.0)
 """-; standard deviation of a reading within one count"""
 
 
 class Prior(NamedTuple):
-    """A longitudinal model with its derivatives, and how it will be measured."""
+    """A longitudinal model with its derivatives, and its measurement."""
 
     values: Array
     """as `longitudinal.UNITS`; (12,), derivatives in the order of `longitudinal.LONGITUDINAL`"""
     reference: Reference
     """the trim"""
     aircraft: Aircraft
-    """place of the IMU, lag of the tail"""
+    """position of the IMU, lag of the tail"""
     wing_period: float
     """s; over which the outputs are averaged, 0 for fixed wings"""
     noise: tuple[float, float, float]
@@ -45,10 +45,10 @@ class Prior(NamedTuple):
 
 
 def prior_of(model: LinearModel, aircraft: Aircraft, noise: tuple[float, float, float], rate: float = 0.0) -> Prior:
-    """The prior that a linear ``model`` of level flight is; ``rate`` (Hz) of the samples, 0 for the IMU's own.
+    """The prior of a linear ``model`` of level flight; sample ``rate`` (Hz), 0 for that of the IMU.
 
     Raises:
-        InputError: a noise that is not above zero: nothing would have an error.
+        InputError: a noise that is not above zero.
     """
     if not all(math.isfinite(sigma) and sigma > 0.0 for sigma in noise):
         raise InputError("the noise of pitch rate and accelerations must be above 0")
@@ -64,10 +64,10 @@ def sensor_noise(vehicle: SimulatedVehicle) -> tuple[float, float, float]:
     """Noise of one sample of q (rad/s), a_x and a_z (m/s^2) by a vehicle's file, with the rounding to counts.
 
     Raises:
-        InputError: the file tells no gyroscope or accelerometer.
+        InputError: the file has no gyroscope or accelerometer.
     """
     if not {"gyroscope", "accelerometer"} <= set(vehicle.sections):
-        raise InputError(f"{vehicle.path} tells no gyroscope and accelerometer: say their noise with --noise")
+        raise InputError(f"{vehicle.path} has no gyroscope and accelerometer: specify their noise with --noise")
     gyro, accel = vehicle.sections["gyroscope"], vehicle.sections["accelerometer"]
     q = math.radians(math.hypot(gyro.noise_deg_s, ROUNDING / gyro.sensitivity))
     x, z = (math.hypot(accel.noise[i], ROUNDING) / accel.sensitivity * STANDARD_GRAVITY for i in (0, 2))

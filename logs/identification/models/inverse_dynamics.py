@@ -21,12 +21,9 @@ import numpy as np
 
 from logs.identification.data.experiment import Experiment
 from logs.identification.estimators.terms import parse, unit_of
-from logs.identification.models.wing_air import MovedVehicle, wing_air
-from logs.identification.motion_capture.speeds import Speeds, smoothed
+from logs.identification.models.multibody import MovedVehicle, SimulatedVehicle, Wing, flap_columns, wing_air, wing_of
+from logs.identification.motion_capture.motion import Speeds, low_passed
 from logs.identification.results import Array
-from sim_bridge.mechanism import build_mechanism, wing_strips
-from sim_bridge.plant_kernel import COORDINATES
-from sim_bridge.vehicles import SimulatedVehicle
 from wingbeat.errors import InputError
 
 LOW_PASS = 15.0
@@ -40,15 +37,6 @@ LEAST_PRESSURE = 1.0
 COEFFICIENTS = ("C_L", "C_T", "C_m")
 STATES = {"v_x": "m/s", "v_z": "m/s", "omega_y": "rad/s", "theta_11": "rad", "theta_11_rate": "rad/s"}
 """Regressors of Grauer Eq. 17 to 19 and their units; theta_11 is positive with the wing down"""
-
-
-class Wing(NamedTuple):
-    """What coefficients are told of."""
-
-    area: float
-    """m^2; S of Eq. 14, both wings"""
-    chord: float
-    """m; c of Eq. 16"""
 
 
 class WingMotion(NamedTuple):
@@ -74,16 +62,6 @@ class WingCoefficients(NamedTuple):
     pressure: Array
     """Pa; (N,), half the density times |v_mac|^2; not low-passed"""
     notes: tuple[str, ...] = ()
-
-
-def wing_of(vehicle: SimulatedVehicle) -> Wing:
-    """Area of both wings and their mean chord, as the vehicle's regression has them, or by its strips."""
-    told = vehicle.sections.get("regression")
-    if told is not None:
-        return Wing(float(told.area), float(told.chord))
-    strips, _ = wing_strips(vehicle.wing)
-    area = float(np.sum(strips.chord * strips.width))
-    return Wing(area, area / (2.0 * vehicle.wing.semispan))
 
 
 def moved_by_speeds(vehicle: SimulatedVehicle, found: Speeds, wind_ned: tuple[float, float, float]) -> MovedVehicle:
@@ -133,7 +111,7 @@ def coefficients_of(load: Array, force: Array, chord: float) -> tuple[Array, Arr
 
 def states(vehicle: SimulatedVehicle, moved: MovedVehicle) -> dict[str, Array]:
     """The regressors `STATES` (N,): speeds of the base through the air, the wings' mean angle and its rate."""
-    flaps = [index - COORDINATES for index in build_mechanism(vehicle).layout.flap]
+    flaps = flap_columns(vehicle)
     w, x, y, z = (moved.quaternion / np.linalg.norm(moved.quaternion, axis=1, keepdims=True)).T
     wind = moved.wind_ned
     # Rows of r_frd_from_ned: the first and the third column of r_ned_from_frd.
@@ -178,5 +156,5 @@ def _low_passed(motion: WingMotion, signals: dict[str, Array], cutoff: float) ->
     # Residuals without anything in most of their band would have no white part to tell their errors by.
     every = max(int(1.0 / (SAMPLED * cutoff * step)), 1)
     kept = slice(ends, len(motion.time) - ends, every)
-    table = smoothed(np.column_stack(list(signals.values())), step, cutoff)[kept]
+    table = low_passed(np.column_stack(list(signals.values())), step, cutoff)[kept]
     return motion.time[kept], dict(zip(signals, table.T, strict=True))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from logs.identification.aerodynamics.structure import AeroResult, CoefficientModel
+from logs.identification.estimators.wing_coefficients import AeroResult, CoefficientModel
 from logs.identification.report.document import Bar, Chapter, Intervals
 from logs.identification.report.labels import sentence
 from logs.identification.report.steps import step_table

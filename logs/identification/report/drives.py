@@ -7,8 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from logs.identification.data.flight import DriveData
-from logs.identification.drive.frequency import FrequencyModel
-from logs.identification.drive.servo import ServoModel
+from logs.identification.estimators.flapping_frequency import FrequencyModel
+from logs.identification.estimators.servo import ServoModel
 from logs.identification.report.document import DASHED, MEASURED, MODEL, POINTS, Bar, Chapter, Intervals, Plot, Series
 from logs.identification.results import Array
 from logs.strokes import interval_mean, stroke_cuts, stroke_means

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from itertools import groupby
+from itertools import groupby, zip_longest
 
 import numpy as np
 
+from logs.identification.findings import of_severity
 from logs.identification.report.document import (
     DASHED,
     MEASURED,
@@ -25,7 +26,8 @@ from logs.identification.report.document import (
     Table,
 )
 from logs.identification.report.labels import meaning, number, sentence
-from logs.identification.results import Array, FitSeries, Fitted
+from logs.identification.report.result_formatting import finding_line
+from logs.identification.results import Array, EstimationResult, FitSeries
 from logs.identification.statistics.correlation import STRONG, strong_pairs
 from logs.identification.statistics.theil import theil
 from logs.identification.statistics.whiteness import BAND, autocorrelation
@@ -37,7 +39,7 @@ LONGEST_LAG = 0.5
 Truths = Mapping[str, float]
 
 
-def parameters_chapter(fits: tuple[Fitted, ...], truths: Truths, controls: Sequence[str] = ()) -> Chapter:
+def parameters_chapter(fits: tuple[EstimationResult, ...], truths: Truths, controls: Sequence[str] = ()) -> Chapter:
     """Estimates with their intervals, as numbers and as pictures, and what was not identified, method by method.
 
     ``controls`` are the inputs, where they have names of their own.
@@ -45,19 +47,21 @@ def parameters_chapter(fits: tuple[Fitted, ...], truths: Truths, controls: Seque
     return Chapter("Parameters", (), parts=tuple(_parameters(fit, truths, controls) for fit in fits))
 
 
-def _pieces(fit: Fitted, held_out: bool) -> list[FitSeries]:
+def _pieces(fit: EstimationResult, held_out: bool) -> list[FitSeries]:
     """The fit's series of one kind that have something to compare."""
     pieces = [one for one in fit.series if one.held_out == held_out]
     return [one for one in pieces if np.isfinite(one.measured - one.model).sum() > 1]
 
 
-def _parameters(fit: Fitted, truths: Truths, controls: Sequence[str]) -> Chapter:
+def _parameters(fit: EstimationResult, truths: Truths, controls: Sequence[str]) -> Chapter:
     bars = tuple(Bar(e.name, e, truths.get(e.name), meaning(e.name, controls)) for e in fit.estimates)
-    refused = tuple(f"Not identified: {one.name.replace('_', ' ')}: {one.reason}." for one in fit.unidentified)
-    return Chapter(fit.method, (*refused, *map(sentence, fit.notes)), plots=(Intervals("", bars),) if bars else ())
+    failed = (sentence(fit.failure.text),) if fit.failure is not None else ()
+    lost = tuple(f"Not identified: {one.subject.replace('_', ' ')}: {one.text}." for one in fit.withheld)
+    notes = [sentence(finding_line(one)) for kind in ("warning", "info") for one in of_severity(fit.findings, kind)]
+    return Chapter(fit.title, (*failed, *lost, *notes), plots=(Intervals("", bars),) if bars else ())
 
 
-def correlation_chapter(fits: tuple[Fitted, ...]) -> Chapter | None:
+def correlation_chapter(fits: tuple[EstimationResult, ...]) -> Chapter | None:
     """How far the errors of the estimates go together; None where no method tells it."""
     parts = tuple(_correlation(fit) for fit in fits if fit.correlation is not None and len(fit.estimates) > 1)
     note = (
@@ -67,30 +71,30 @@ def correlation_chapter(fits: tuple[Fitted, ...]) -> Chapter | None:
     return Chapter("Correlation of the estimates", (note,), parts=parts) if parts else None
 
 
-def _correlation(fit: Fitted) -> Chapter:
+def _correlation(fit: EstimationResult) -> Chapter:
     assert fit.correlation is not None
     names = tuple(e.name for e in fit.estimates)
     pairs = strong_pairs(names, fit.correlation)
     close = [f"{one} and {other} ({number(value, 0.1)})" for one, other, value in pairs]
     return Chapter(
-        fit.method,
+        fit.title,
         (f"Hard to tell apart: {', '.join(close)}.",) if close else ("No pair is beyond that.",),
         plots=(Matrix("", names, fit.correlation),),
     )
 
 
-def fits_chapter(fits: tuple[Fitted, ...]) -> Chapter | None:
+def fits_chapter(fits: tuple[EstimationResult, ...]) -> Chapter | None:
     """Measured beside modelled, a plot for each output of each manoeuvre; None without any."""
     parts = tuple(_fit_parts(fit) for fit in fits if _pieces(fit, held_out=False))
     note = "Measured and modelled outputs of every manoeuvre, time from its start."
     return Chapter("Fits", (note,), parts=parts) if parts else None
 
 
-def _fit_parts(fit: Fitted) -> Chapter:
+def _fit_parts(fit: EstimationResult) -> Chapter:
     """The method's table of goodness and its plots."""
     pieces = _pieces(fit, held_out=False)
     drawn, notes = _drawn(pieces)
-    return Chapter(fit.method, notes, (_goodness(pieces),), parts=drawn)
+    return Chapter(fit.title, notes, (_goodness(pieces),), parts=drawn)
 
 
 def _drawn(pieces: list[FitSeries]) -> tuple[tuple[Chapter, ...], tuple[str, ...]]:
@@ -143,7 +147,7 @@ def _r_squared(pieces: list[FitSeries]) -> float:
     return 1.0 - left / spread if spread > 0.0 else float("nan")
 
 
-def residuals_chapter(fits: tuple[Fitted, ...]) -> Chapter | None:
+def residuals_chapter(fits: tuple[EstimationResult, ...]) -> Chapter | None:
     """Residuals in time, their autocorrelation and distribution, output by output; None without any fit."""
     parts = tuple(_residual_parts(fit) for fit in fits if _pieces(fit, held_out=False))
     notes = (
@@ -154,12 +158,12 @@ def residuals_chapter(fits: tuple[Fitted, ...]) -> Chapter | None:
     return Chapter("Residuals", notes, parts=parts) if parts else None
 
 
-def _residual_parts(fit: Fitted) -> Chapter:
+def _residual_parts(fit: EstimationResult) -> Chapter:
     pieces = _pieces(fit, held_out=False)
     plots: list[Plot] = []
     for output, unit in dict.fromkeys((one.output, one.unit) for one in pieces):
         plots += _residual_plots(output, unit, [one for one in pieces if one.output == output])
-    return Chapter(fit.method, plots=tuple(plots))
+    return Chapter(fit.title, plots=tuple(plots))
 
 
 def _residual_plots(output: str, unit: str, pieces: list[FitSeries]) -> list[Plot]:
@@ -201,14 +205,16 @@ def _histogram(output: str, unit: str, residuals: Array) -> Plot:
     return Plot(f"{output}: distribution", f"residual of {output}", unit, "density", "-", tuple(series))
 
 
-def validation_chapter(fits: tuple[Fitted, ...]) -> Chapter | None:
-    """Manoeuvres that the model was not fitted to, as it predicts them; None where nothing was said of it."""
+def validation_chapter(fits: tuple[EstimationResult, ...], notes: Sequence[str] = ()) -> Chapter | None:
+    """Held-out maneuvers as each result predicts them, with a note for each; None without any."""
     parts = []
-    for fit in fits:
-        pieces, said = _pieces(fit, held_out=True), (fit.validation,) if fit.validation else ()
+    for fit, note in zip_longest(fits, notes[: len(fits)], fillvalue=""):
+        if isinstance(fit, str):
+            continue
+        pieces, said = _pieces(fit, held_out=True), (note,) if isinstance(note, str) and note else ()
         if pieces:
-            drawn, notes = _drawn(pieces)
-            parts.append(Chapter(fit.method, (*said, *notes), (_goodness(pieces),), parts=drawn))
+            drawn, more = _drawn(pieces)
+            parts.append(Chapter(fit.title, (*said, *more), (_goodness(pieces),), parts=drawn))
         elif said:
-            parts.append(Chapter(fit.method, said))
+            parts.append(Chapter(fit.title, said))
     return Chapter("Validation on held-out manoeuvres", parts=tuple(parts)) if parts else None

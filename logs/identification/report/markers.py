@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from logs.identification.motion_capture.marker_motion import BASE, MarkerMotion, said
+from logs.identification.motion_capture.motion import BASE, MarkerMotion, findings_of
 from logs.identification.report.document import MEASURED, Band, Chapter, Plot, Series, Table
 from logs.identification.report.labels import sentence
 from logs.identification.results import Array, student_factor
@@ -30,7 +30,7 @@ class Track(NamedTuple):
     name: str
     unit: str
     values: Array
-    """as `unit`; (N,), NaN where not told"""
+    """as `unit`; (N,), NaN if not known"""
     errors: Array
     """as `unit`; (N,), standard errors"""
 
@@ -76,7 +76,7 @@ def marker_lines(motion: MarkerMotion) -> tuple[tuple[str, str], ...]:
     rates = {name: (unit, low, high) for name, unit, low, high in speed_lines(motion)}
     lines = [(track.name, track.line) for track in coordinates(motion)]
     lines += [(name, f"{low:.2f} to {high:.2f} {unit}") for name, (unit, low, high) in rates.items()]
-    return (*lines, *(("told", clause) for clause in said(motion)))
+    return (*lines, *(("told", one.text) for one in findings_of(motion)))
 
 
 def marker_document(found: MarkersResult) -> dict[str, Any]:
@@ -90,9 +90,9 @@ def _record(motion: MarkerMotion) -> dict[str, Any]:
         "name": motion.name,
         "noise": motion.noise._asdict(),
         "frames": len(motion.time),
-        "told": int(motion.told.sum()),
+        "told": int(motion.known.sum()),
         "left_out": motion.coordinates.unused,
-        "never_seen": list(motion.never),
+        "never_seen": list(motion.unobserved),
         "low_pass": motion.cutoff,
         "time": _list(motion.time),
         "quaternion": [_list(row) for row in motion.coordinates.quaternion],
@@ -143,7 +143,9 @@ def _part(motion: MarkerMotion) -> Chapter:
         tables.append(Table(("speed", "unit", "least", "greatest"), speed_lines(motion)))
     plots = tuple(_plot(one, motion.time, factor) for one in tracks)
     told = f"marker noise {1e3 * noise.value:.3f} mm ({1e3 * noise.low:.3f} to {1e3 * noise.high:.3f})"
-    return Chapter(motion.name, tuple(map(sentence, (told, *said(motion)))), tuple(tables), plots)
+    return Chapter(
+        motion.name, tuple(map(sentence, (told, *(one.text for one in findings_of(motion))))), tuple(tables), plots
+    )
 
 
 def _plot(one: Track, time: Array, factor: float) -> Plot:

@@ -7,27 +7,24 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from logs.identification.aerodynamics.flight import identify_aero
-from logs.identification.aerodynamics.structure import AeroResult
 from logs.identification.data.flight import Aircraft, GaugeErrors
 from logs.identification.diagnostics.validation import Validation, validation
-from logs.identification.drive.frequency import FrequencyModel, identify_frequency
-from logs.identification.drive.gauges import with_gauge_errors
-from logs.identification.drive.power import power_truth, power_with_gauge_errors
-from logs.identification.drive.servo import ServoModel, ServoResult
-from logs.identification.drive.torque import identify_torque
-from logs.identification.drive.torque_speed import identify_load, load_truth
+from logs.identification.estimators.flapping_frequency import FrequencyModel, identify_frequency
 from logs.identification.estimators.flight_modes import identify_modes
+from logs.identification.estimators.servo import ServoModel, ServoResult, with_gauge_errors
+from logs.identification.estimators.servo_power import power_truth, power_with_gauge_errors
+from logs.identification.estimators.servo_torque import identify_torque
 from logs.identification.estimators.stepwise import Step
+from logs.identification.estimators.torque_speed import identify_load, load_truth
+from logs.identification.estimators.wing_coefficients import AeroResult
 from logs.identification.models.modes import KINDS, Mode, ModesResult, Oscillation
 from logs.identification.report.background import begun
 from logs.identification.report.markers import marker_document, marker_lines
 from logs.identification.results import Estimate, Unidentified
-from logs.identification.sources.cached_source import Remembered
 from logs.identification.sources.flight import drive_data, flight_data, throttle_data, true_drive_data
-from logs.identification.sources.flight_path_log import PathResult, identify_path
-from logs.identification.sources.topic_table import ColumnSource
-from logs.identification.sources.true_imu import imu_truths
+from logs.identification.sources.flight_path import PathResult, identify_path, imu_truths
+from logs.identification.sources.topic_table import CachedSource, ColumnSource
+from logs.identification.sources.wing_coefficients import identify_aero
 from logs.identification.tables.markers import MarkersResult
 from sim_bridge.vehicles import SimulatedVehicle
 from wingbeat.errors import InputError
@@ -109,7 +106,7 @@ def identify(
     """
     if what not in SUBJECTS:
         raise InputError(f"cannot identify {what!r}; known: {', '.join(SUBJECTS)}")
-    source = Remembered(source)
+    source = CachedSource(source)
     known, aircraft, missing = dict(truths or {}), aircraft or Aircraft(), list[Unidentified]()
     torque = power = load = frequency = None
     unknown_modes = list[Unidentified]()

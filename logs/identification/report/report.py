@@ -29,7 +29,7 @@ from logs.identification.report.labels import sentence
 from logs.identification.report.markers import markers_chapter
 from logs.identification.report.numbers import POWER_TRUTH, Identification, determined
 from logs.identification.report.numbers import rows as all_rows
-from logs.identification.results import Array, Fitted
+from logs.identification.results import Array, EstimationResult, from_fitted
 from logs.new_files import claim, draft, settle
 from wingbeat.errors import InputError
 from wingbeat.text import pluralize
@@ -71,13 +71,13 @@ def refuse_existing(path: Path) -> None:
 def write_report(
     path: Path,
     subject: Subject,
-    found: Identification,
+    results: Identification,
     drive: DriveData | None = None,
     more: tuple[Chapter, ...] = (),
 ) -> int:
     """Write the page to ``path``, which must not exist; its size in bytes.
 
-    ``drive`` is what the servo models were found from, for their scatter plots; ``more`` are chapters of other rooms.
+    ``drive`` is what the servo models are from, for their scatter plots; ``more`` are chapters of other rooms.
 
     Raises:
         InputError: the file exists or cannot be written.
@@ -87,7 +87,7 @@ def write_report(
         *(name for name, _ in subject.more),
         *(f"{word} {value}" for word, value in subject.facts[:3]),
     )
-    return write_page(path, subject.title, facts, chapters(subject, found, drive, more))
+    return write_page(path, subject.title, facts, chapters(subject, results, drive, more))
 
 
 def write_page(path: Path, title: str, facts: tuple[str, ...], told: tuple[Chapter, ...]) -> int:
@@ -106,58 +106,70 @@ def write_page(path: Path, title: str, facts: tuple[str, ...], told: tuple[Chapt
 
 
 def chapters(
-    subject: Subject, found: Identification, drive: DriveData | None = None, more: tuple[Chapter, ...] = ()
+    subject: Subject, results: Identification, drive: DriveData | None = None, more: tuple[Chapter, ...] = ()
 ) -> tuple[Chapter, ...]:
     """The report: findings first, then what they rest on."""
-    fits = fitted(found.modes) if found.modes is not None else ()
-    fits += (found.path.fitted,) if found.path is not None else ()
+    older = (
+        *(fitted(results.modes) if results.modes else ()),
+        *((results.path.fitted,) if results.path else ()),
+    )
+    fits, validations = tuple(from_fitted(one, one.method) for one in older), tuple(one.validation for one in older)
     told = [
-        _findings(found),
-        _data(subject, found),
-        modes_chapter(found.modes, found.truths) if found.modes is not None else None,
-        drives_chapter(found.torque, found.power, drive, found.truths),
-        wings_chapter(found.load, found.frequency, found.truths),
-        None if found.aero is None else aero_chapter(found.aero, found.truths),
-        found.path.chapter if found.path is not None else None,
-        None if found.markers is None else markers_chapter(found.markers),
-        *_of_fits(fits, found),
+        _findings(results),
+        _data(subject, results),
+        modes_chapter(results.modes, results.truths) if results.modes is not None else None,
+        drives_chapter(results.torque, results.power, drive, results.truths),
+        wings_chapter(results.load, results.frequency, results.truths),
+        None if results.aero is None else aero_chapter(results.aero, results.truths),
+        results.path.chapter if results.path is not None else None,
+        None if results.markers is None else markers_chapter(results.markers),
+        *_of_fits(fits, results, validations),
         *more,
     ]
     return tuple(chapter for chapter in told if chapter is not None)
 
 
-def _of_fits(fits: tuple[Fitted, ...], found: Identification) -> tuple[Chapter | None, ...]:
+def _of_fits(
+    fits: tuple[EstimationResult, ...], results: Identification, validations: tuple[str, ...]
+) -> tuple[Chapter | None, ...]:
     if not fits:
         return ()
     return (
-        model_chapter(fits, found.modes),
-        parameters_chapter(fits, found.truths),
+        model_chapter(fits, results.modes),
+        parameters_chapter(fits, results.truths),
         correlation_chapter(fits),
         fits_chapter(fits),
         residuals_chapter(fits),
-        validation_chapter(fits),
+        validation_chapter(fits, validations),
     )
 
 
-def _findings(found: Identification) -> Chapter:
+def _findings(results: Identification) -> Chapter:
     """What a reader wants to know first."""
     bars = []
-    shown = _shown(found.modes)
+    shown = _shown(results.modes)
     for kind in KINDS if shown else ():
         pair = shown.of_kind(kind) if shown else None
-        bars += [Bar(e.name, e, found.truths.get(e.name)) for e in determined(pair.estimates if pair else ())[0]]
-    for drive, prefix in ((found.torque, ""), (found.power, "power."), (found.load, ""), (found.frequency, "")):
-        bars += [Bar(e.name, e, found.truths.get(prefix + e.name)) for e in (drive.estimates if drive else ())]
-    bars += [Bar(e.name, e, found.truths.get(e.name)) for e in (found.path.fitted.estimates if found.path else ())]
-    for model in found.aero.models if found.aero else ():
-        bars += [Bar(e.name, e, found.truths.get(e.name)) for e in model.estimates]
+        bars += [Bar(e.name, e, results.truths.get(e.name)) for e in determined(pair.estimates if pair else ())[0]]
+    for drive, prefix in (
+        (results.torque, ""),
+        (results.power, "power."),
+        (results.load, ""),
+        (results.frequency, ""),
+    ):
+        bars += [Bar(e.name, e, results.truths.get(prefix + e.name)) for e in (drive.estimates if drive else ())]
+    bars += [
+        Bar(e.name, e, results.truths.get(e.name)) for e in (results.path.fitted.estimates if results.path else ())
+    ]
+    for model in results.aero.models if results.aero else ():
+        bars += [Bar(e.name, e, results.truths.get(e.name)) for e in model.estimates]
     notes = (
         []
-        if found.modes is None
-        else [f"{f'Modes by {shown.method}' if shown else 'No modes'}; {found.modes.statement}."]
+        if results.modes is None
+        else [f"{f'Modes by {shown.method}' if shown else 'No modes'}; {results.modes.statement}."]
     )
-    notes += [f"Not identified: {one.name}: {one.reason}." for one in found.missing]
-    if any(row.truth is not None for row in all_rows(found)):
+    notes += [f"Not identified: {one.name}: {one.reason}." for one in results.missing]
+    if any(row.truth is not None for row in all_rows(results)):
         notes.append(
             "The flight was simulated: true values stand beside the estimates, red where outside the interval."
         )
@@ -170,20 +182,20 @@ def _shown(modes: ModesResult | None) -> Mode | None:
     return next(iter(given), None)
 
 
-def _data(subject: Subject, found: Identification) -> Chapter:
+def _data(subject: Subject, results: Identification) -> Chapter:
     """The file, the manoeuvres, and what was left out or taken from elsewhere."""
     rows = (*subject.sources, *subject.facts)
     tables = [Table(("", ""), rows)]
     notes: tuple[str, ...] = ()
     parts: tuple[Chapter, ...] = ()
-    if found.modes is not None:
-        notes = tuple(map(sentence, found.modes.notes))
-        tried = validation(found.modes)
+    if results.modes is not None:
+        notes = tuple(map(sentence, results.modes.notes))
+        tried = validation(results.modes)
         notes += () if tried is None else (sentence(f"held out: {tried.statement}"),)
-        if found.modes.maneuvers:
-            tables.append(_maneuvers(found.modes.maneuvers))
-            parts = (_inputs(found.modes.maneuvers),)
-    if any(name.startswith("power.") for name in found.truths):
+        if results.modes.maneuvers:
+            tables.append(_maneuvers(results.modes.maneuvers))
+            parts = (_inputs(results.modes.maneuvers),)
+    if any(name.startswith("power.") for name in results.truths):
         notes += (f"True values of the power model: {POWER_TRUTH}.",)
     return Chapter("Data used", notes, tuple(tables), parts=parts)
 
@@ -251,9 +263,9 @@ def modes_chapter(result: ModesResult, truths: Mapping[str, float]) -> Chapter:
     return Chapter("Modes", (sentence(result.statement),), tables, parts=tuple(parts))
 
 
-def model_chapter(fits: tuple[Fitted, ...], result: ModesResult | None) -> Chapter:
+def model_chapter(fits: tuple[EstimationResult, ...], result: ModesResult | None) -> Chapter:
     """Equations and the flight that they are about."""
-    methods = {fit.equations: [other.method for other in fits if other.equations == fit.equations] for fit in fits}
+    methods = {fit.equations: [other.title for other in fits if other.equations == fit.equations] for fit in fits}
     parts = tuple(Chapter(" and ".join(dict.fromkeys(names)), equations) for equations, names in methods.items())
     tables: tuple[Table, ...] = ()
     if result is not None and result.reference is not None:

@@ -1,111 +1,120 @@
-"""What was identified from tables, as rows for people and as a JSON document."""
+"""Results of tables as rows for people and as a JSON document."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import groupby
 from typing import Any, NamedTuple
 
+from logs.identification.findings import CATALOG, Finding, of_severity
+from logs.identification.models.lateral_modes import DUTCH_ROLL, LATERAL_PHUGOID, ROLL, SPIRAL
 from logs.identification.report.numbers import Identification, document, step_entries
-from logs.identification.results import Estimate, Information, Unidentified
-from logs.identification.tables.results import LITTLE, OutputFit, TableFit, TableIdentification, finite
+from logs.identification.results import Estimate, EstimationResult, OutputFit
+from logs.identification.statistics.correlation import Pair, strong_pairs
+from logs.identification.statistics.output_fit import output_fits
+from logs.identification.tables.results import TableIdentification, finite
+
+LATERAL_MODES = (DUTCH_ROLL, ROLL, SPIRAL, LATERAL_PHUGOID)
+"""subjects that are modes, not parameters"""
 
 
 class NumberRow(NamedTuple):
-    """One number of a fit."""
+    """One number of a result."""
 
     name: str
     estimate: Estimate
     start: float | None
-    """as the estimate; where its search began, None where it had no search"""
+    """as the estimate; start value of the search, None without a search"""
 
 
-def number_rows(fit: TableFit) -> tuple[NumberRow, ...]:
-    """Every estimate with where its search began, then the modes that a lateral model has."""
-    return tuple(NumberRow(one.name, one, fit.starts.get(one.name)) for one in (*fit.fitted.estimates, *fit.modes))
+def number_rows(result: EstimationResult) -> tuple[NumberRow, ...]:
+    """Every estimate with its start value, then the derived numbers."""
+    every = (*result.estimates, *result.derived)
+    return tuple(NumberRow(one.name, one, result.initial.get(one.name)) for one in every)
 
 
-def notes_of(fit: TableFit) -> tuple[str, ...]:
-    """What must be said beside the numbers, a line each: first what doubts them, then what only tells of them."""
-    lines = [fit.failure] if fit.failure else []
-    lines += _refused([one for one in fit.fitted.unidentified if one.reason != fit.failure])
-    lines += _refused(fit.lost)
-    lines += _poor(fit)
-    lines += [note for note in fit.fitted.notes if not isinstance(note, Information)]
-    lines += [f"{first} and {second} are correlated by {value:+.2f}" for first, second, value in fit.correlated]
-    if fit.fixed:
-        lines.append("held: " + ", ".join(f"{name} = {value:.6g}" for name, value in fit.fixed.items()))
-    coloured = [one for one in fit.outputs if one.white is False and not one.held_out]
-    if coloured:
-        names = ", ".join(dict.fromkeys(one.output for one in coloured))
-        lines.append(f"residuals of {names} are not white: the intervals allow for their colour")
-    lines += [note for note in fit.fitted.notes if isinstance(note, Information)]
-    return (*lines, *(f"stepwise: {one.term} {one.action}, {one.why}" for one in fit.steps if one.term))
+def heading(result: EstimationResult) -> str:
+    """The title of a result, and whether there is any number."""
+    return f"{result.title}{': no numbers' if result.failure is not None else ''}"
 
 
-def _refused(lost: Sequence[Unidentified]) -> list[str]:
-    """A line for each reason, with all that it is the reason of."""
-    reasons = dict.fromkeys(one.reason for one in lost)
-    return [
-        f"{', '.join(one.name for one in lost if one.reason == reason)} not identified: {reason}"
-        for reason in reasons
-    ]
+def correlated(result: EstimationResult) -> tuple[Pair, ...]:
+    """Pairs of estimates with strongly correlated errors."""
+    if result.correlation is None:
+        return ()
+    return strong_pairs(tuple(one.name for one in result.estimates), result.correlation)
 
 
-def _poor(fit: TableFit) -> list[str]:
-    """A line for each manoeuvre with outputs of which the model explains little."""
-    poor = [one for one in fit.outputs if one.r_squared < LITTLE]
-    return [
-        f"the model explains {', '.join(f'{100 * max(one.r_squared, 0):.0f} % of {one.output}' for one in group)}"
-        f" in {name}"
-        for name, group in groupby(poor, key=lambda one: one.experiment)
-    ]
+def notes_of(result: EstimationResult) -> tuple[str, ...]:
+    """Lines below the numbers: what is withheld, what casts doubt on them, what was done."""
+    lines = [result.failure.text] if result.failure is not None else []
+    lines += withheld_lines(result.withheld)
+    lines += map(finding_line, result.warnings)
+    lines += [f"{first} and {second} are correlated by {value:+.2f}" for first, second, value in correlated(result)]
+    if result.fixed:
+        lines.append("fixed: " + ", ".join(f"{name} = {value:.6g}" for name, value in result.fixed.items()))
+    colored = [one.output for one in output_fits(result.series) if one.white is False and not one.held_out]
+    if colored:
+        lines.append(f"residuals of {', '.join(dict.fromkeys(colored))} are colored; the intervals allow for it")
+    lines += map(finding_line, of_severity(result.findings, "info"))
+    return (*lines, *(f"stepwise: {one.term} {one.action}, {one.why}" for one in result.steps if one.term))
 
 
-def heading(fit: TableFit) -> str:
-    """A fit's method, and whether there is anything."""
-    state = "" if not fit.failure else ": no numbers"
-    return f"{fit.fitted.method}{state}"
+def finding_line(finding: Finding) -> str:
+    """The text of a finding and its remedy."""
+    remedy = CATALOG[finding.code].remedy
+    return f"{finding.text}; {remedy}" if remedy and finding.severity != "info" else finding.text
 
 
-def table_document(found: TableIdentification) -> dict[str, Any]:
+def withheld_lines(withheld: Sequence[Finding]) -> list[str]:
+    """A line for each reason with all parameters that have it."""
+    groups: dict[str, list[str]] = {}
+    for one in withheld:
+        groups.setdefault(finding_line(one), []).append(one.subject)
+    return [f"{', '.join(names)} not identified: {reason}" for reason, names in groups.items()]
+
+
+def table_document(identified: TableIdentification) -> dict[str, Any]:
     """The result as a JSON document; a number that is not finite is null."""
-    modes = None if found.modes is None else document(Identification(modes=found.modes))["modes"]
+    modes = None if identified.modes is None else document(Identification(modes=identified.modes))["modes"]
     return {
-        "files": list(found.files),
-        "manoeuvres": {"fitted": list(found.experiments), "held_out": list(found.held_out)},
-        "fits": [_fit(fit) for fit in found.fits],
+        "files": list(identified.files),
+        "manoeuvres": {"fitted": list(identified.experiments), "held_out": list(identified.held_out)},
+        "fits": [_fit(fit) for fit in identified.fits],
         "modes": modes,
-        "missing": [one._asdict() for one in found.missing],
-        "delays": [_numbers(one) for one in found.delays],
-        "notes": list(found.notes),
+        "missing": [_reason(one) for one in identified.missing],
+        "delays": [_numbers(one) for one in identified.delays],
+        "notes": [one.text for one in identified.findings],
+        "findings": [one.document() for one in (*identified.findings, *identified.missing)],
     }
 
 
-def _fit(fit: TableFit) -> dict[str, Any]:
+def _fit(fit: EstimationResult) -> dict[str, Any]:
+    notes = [one.text for one in fit.findings if one.severity != "withheld"]
+    lost = [one for one in fit.withheld if one.subject not in LATERAL_MODES]
     return {
         "subject": fit.subject,
-        "method": fit.fitted.method,
-        "equations": list(fit.fitted.equations),
-        "converged": fit.converged,
-        "failure": fit.failure or None,
-        "estimates": [_estimate(row) for row in number_rows(fit) if row.estimate not in fit.modes],
+        "method": fit.title,
+        "equations": list(fit.equations),
+        "converged": fit.status == "converged",
+        "failure": None if fit.failure is None else fit.failure.text,
+        "estimates": [_numbers(one) | {"start": finite(fit.initial.get(one.name))} for one in fit.estimates],
         "modes": {
-            "estimates": [_numbers(one) for one in fit.modes],
-            "unidentified": [one._asdict() for one in fit.lost],
+            "estimates": [_numbers(one) for one in fit.derived],
+            "unidentified": [_reason(one) for one in fit.withheld if one.subject in LATERAL_MODES],
         },
-        "unidentified": [one._asdict() for one in fit.fitted.unidentified],
+        "unidentified": [_reason(one) for one in lost],
         "fixed": dict(fit.fixed),
-        "correlated": [{"first": a, "second": b, "correlation": value} for a, b, value in fit.correlated],
-        "outputs": [_output(one) for one in fit.outputs],
+        "correlated": [{"first": a, "second": b, "correlation": value} for a, b, value in correlated(fit)],
+        "outputs": [_output(one) for one in output_fits(fit.series)],
         "samples": fit.samples,
         "steps": step_entries(fit.steps),
-        "notes": list(fit.fitted.notes),
+        "notes": notes,
+        "findings": [one.document() for one in fit.findings],
     }
 
 
-def _estimate(row: NumberRow) -> dict[str, Any]:
-    return _numbers(row.estimate) | {"start": finite(row.start)}
+def _reason(one: Finding) -> dict[str, str]:
+    return {"name": one.subject, "reason": one.text}
 
 
 def _numbers(one: Estimate) -> dict[str, Any]:

@@ -11,10 +11,10 @@ from logs.identification.data.flight import Aircraft
 from logs.identification.data.maneuvers import Reference
 from logs.identification.models.stroke_averaged import matrices
 from logs.identification.report.model_file import identified_values
-from logs.identification.results import Estimate
+from logs.identification.results import Estimate, EstimationResult
 from logs.identification.sources.table.config import Map, ModesSection, OutputError
 from logs.identification.tables.models import DROPPED, FIRST_SAMPLES, with_speed
-from logs.identification.tables.results import TableFit, TableIdentification
+from logs.identification.tables.results import TableIdentification
 from logs.identification.tables.subjects import AERO, ALL, MODES
 from sim_bridge.tuning.model import Identified, LinearModel
 from wingbeat.errors import InputError
@@ -46,11 +46,11 @@ def check_model(chosen: Map, what: str) -> None:
     Raises:
         InputError: with what is missing.
     """
-    asked = _asked(chosen, what)
-    told = asked.section.parameters
-    if len(asked.section.inputs) != 1:
-        raise InputError(f"--model: the model takes one elevator in inputs, not {len(asked.section.inputs)}")
-    own = {_own(name, asked.section.inputs[0]) for name in told}
+    request = _asked(chosen, what)
+    told = request.section.parameters
+    if len(request.section.inputs) != 1:
+        raise InputError(f"--model: the model takes one elevator in inputs, not {len(request.section.inputs)}")
+    own = {_own(name, request.section.inputs[0]) for name in told}
     left_out = [name for name in WANTED if told and name not in own and name not in DROPPED]
     if left_out:
         raise InputError(f"--model: all derivatives are wanted; parameters lacks {', '.join(left_out)}")
@@ -62,12 +62,12 @@ def check_model(chosen: Map, what: str) -> None:
 
 
 def _asked(chosen: Map, what: str) -> _Asked:
-    found = []
+    results = []
     if chosen.modes is not None and what in (MODES, ALL):
-        found.append(_Asked(MODES, chosen.modes))
+        results.append(_Asked(MODES, chosen.modes))
     if chosen.aero is not None and what in (AERO, ALL):
-        found += [_Asked(AERO, one) for one in chosen.aero.output_error]
-    for one in found:
+        results += [_Asked(AERO, one) for one in chosen.aero.output_error]
+    for one in results:
         if one.section.model == LONGITUDINAL:
             return one
     raise InputError(f'--model: it is of a fit with model = "{LONGITUDINAL}" in [modes] or [[aero.output_error]]')
@@ -77,50 +77,50 @@ def _own(name: str, elevator: str) -> str:
     return f"{name.removesuffix(elevator)}delta" if name.endswith(f"_{elevator}") else name
 
 
-def table_model(chosen: Map, found: TableIdentification, what: str, sha256: str) -> TableModel:
-    """The model of what was ``found``; its elevator is nose up positive whatever the table's is.
+def table_model(chosen: Map, results: TableIdentification, what: str, sha256: str) -> TableModel:
+    """The model of what was ``identified``; its elevator is nose up positive whatever the table's is.
 
     Raises:
         InputError: the fit failed, or a derivative was not identified.
     """
-    asked = _asked(chosen, what)
-    fit = _fit(asked, found)
-    elevator = asked.section.inputs[0]
-    if found.records[0].units.get(elevator) != "rad":
+    request = _asked(chosen, what)
+    fit = _fit(request, results)
+    elevator = request.section.inputs[0]
+    if results.records[0].units.get(elevator) != "rad":
         raise InputError(f"no model is written: {elevator} is no angle")
-    known = with_speed(found.constants, tuple(one for one in found.records if one.name in found.experiments))
+    known = with_speed(results.constants, tuple(one for one in results.records if one.name in results.experiments))
     speed, alpha, pitch = known["V"], known["alpha"], known["theta"]
-    estimates = {one.name: one for one in fit.fitted.estimates}
+    estimates = {one.name: one for one in fit.estimates}
     values = dict.fromkeys(WANTED, 0.0) | dict(fit.fixed) | {n: e.value for n, e in estimates.items()}
     sign = -1.0 if values["M_delta"] < 0 else 1.0
     factors = {"alpha": ("w", 1.0 / speed), "delta": ("delta", sign)}
     named = {name: _renamed(name, factors) for name in WANTED}
     derivatives = {new: factor * values[name] for name, (new, factor) in named.items()}
-    trim = sign * _trim(found, elevator)
+    trim = sign * _trim(results, elevator)
     about = Reference(speed * math.cos(alpha), speed * math.sin(alpha), pitch, speed, trim)
     system = matrices(tuple(derivatives), np.array(list(derivatives.values())), about, Aircraft())
     kept = tuple(_scaled(one, *named.get(name, (name, 1.0))) for name, one in estimates.items())
-    method, files = fit.fitted.method, ", ".join(found.files)
+    method, files = fit.title, ", ".join(results.files)
     told = Identified(files, sha256, method, trim, alpha, known.get("rho"), identified_values(kept))
-    origin = f"{files}, {method}, {len(found.experiments)} manoeuvres"
+    origin = f"{files}, {method}, {len(results.experiments)} manoeuvres"
     model = LinearModel("", origin, speed, pitch, known["flapping"], system.a, system.b, None, None, told)
     return TableModel(model, _notes(fit, elevator, sign, tuple(n for n in WANTED if n not in estimates), values))
 
 
-def _fit(asked: _Asked, found: TableIdentification) -> TableFit:
+def _fit(request: _Asked, results: TableIdentification) -> EstimationResult:
     """The fit, with every derivative a number.
 
     Raises:
         InputError: there is none, or not all of them are.
     """
-    fits = [one for one in found.fits if one.subject == asked.subject and one.model == LONGITUDINAL]
+    fits = [one for one in results.fits if one.subject == request.subject and one.model == LONGITUDINAL]
     if not fits:
-        why = "; ".join(one.reason for one in found.missing)
+        why = "; ".join(one.text for one in results.missing)
         raise InputError(f"no model is written: {why or 'nothing was fitted'}")
     fit = fits[0]
-    lost = [f"{one.name} is not identified: {one.reason}" for one in fit.fitted.unidentified]
-    if fit.failure or lost:
-        raise InputError(f"no model is written: {fit.failure or '; '.join(lost)}")
+    lost = [f"{one.subject} is not identified: {one.text}" for one in fit.withheld]
+    if fit.failure is not None or lost:
+        raise InputError(f"no model is written: {fit.failure.text if fit.failure else '; '.join(lost)}")
     return fit
 
 
@@ -138,21 +138,21 @@ def _scaled(one: Estimate, name: str, factor: float) -> Estimate:
     return Estimate(name, unit, factor * one.value, abs(factor) * one.standard_error, ends[0], ends[1])
 
 
-def _trim(found: TableIdentification, elevator: str) -> float:
+def _trim(results: TableIdentification, elevator: str) -> float:
     """rad; mean of what the elevator's changes are counted from."""
-    fitted = [one.signals[elevator] for one in found.records if one.name in found.experiments]
+    fitted = [one.signals[elevator] for one in results.records if one.name in results.experiments]
     first = [values[np.isfinite(values)][:FIRST_SAMPLES] for values in fitted]
     return float(np.mean([np.mean(values) for values in first if len(values)]))
 
 
 def _notes(
-    fit: TableFit, elevator: str, sign: float, held: tuple[str, ...], values: dict[str, float]
+    fit: EstimationResult, elevator: str, sign: float, fixed: tuple[str, ...], values: dict[str, float]
 ) -> tuple[str, ...]:
     notes = []
     if sign < 0:
         notes.append(f"{elevator} pitches the nose down: the model's elevator is -{elevator}")
-    if held:
-        notes.append("held, not found: " + ", ".join(f"{name} = {values[name]:.6g}" for name in held))
+    if fixed:
+        notes.append("fixed, not estimated: " + ", ".join(f"{name} = {values[name]:.6g}" for name in fixed))
     if values.get("delay"):
         notes.append(f"the delay of {values['delay']:.3g} s is not in the model")
     return tuple(notes)

@@ -9,12 +9,17 @@ from scipy.signal import savgol_filter
 
 from avionics import topics
 from avionics.messages import BURST_LENGTH
-from avionics.sensing import inertial
-from logs.identification.data.flight import AIRSPEED_GUESSED, STROKES_GUESSED, DriveData, FlightData
-from logs.identification.drive.frequency import ThrottleData
+from logs.identification.data.flight import (
+    AIRSPEED_GUESSED,
+    NEUTRAL,
+    STROKES_GUESSED,
+    DriveData,
+    FlightData,
+    ImuCalibration,
+)
+from logs.identification.estimators.flapping_frequency import ThrottleData
 from logs.identification.results import Array
-from logs.identification.sources.flapping import strokes_in
-from logs.identification.sources.inputs import find_inputs
+from logs.identification.sources.detection import detect_inputs, strokes_in
 from logs.identification.sources.topic_table import ColumnSource, TopicTable, time_base
 from logs.strokes import strokes_of
 from sim_bridge import topics as truth
@@ -23,22 +28,22 @@ from wingbeat.topic import Topic
 
 BURST_RATE = 6000.0
 """Hz; of the ADC's samples inside a burst"""
-SMOOTHED = 5
-"""-; samples of the local cubic whose slope is the wing rate"""
-GAP, LEAST_SAMPLES = 1.5, 10.0
-"""-; usual steps between two samples that are no neighbours; samples of a stroke"""
+CUBIC_SAMPLES = 5
+"""-; samples of the local cubic whose derivative is the wing rate"""
+GAP, MIN_STROKE_SAMPLES = 1.5, 10.0
+"""-; median steps, above which samples are not adjacent; samples in a stroke"""
 RATE_UNKNOWN = (
     "flapping: its wing topic has too few samples of a stroke to tell how hard; what that does counts as gusts"
 )
 SIDEWAYS_UNKNOWN = "bank and slip: not measured all the time; what they do then counts as gusts"
-BRIDGED = 0.1
-"""s; between two samples of bank or slip, which is a line there: half a stroke of a slow wing"""
-MOSTLY = 0.99
-"""-; of the samples, that a signal without a note has"""
+MAX_GAP = 0.1
+"""s; gap of bank or slip that is interpolated: half a stroke of a slow wing"""
+MIN_FRACTION = 0.99
+"""-; fraction of samples, from which a signal counts as measured"""
 
 
 def _strokes(source: ColumnSource) -> tuple[TopicTable, Array]:
-    """The wing's angles, and strokes at their times by its phase, or by the left angle where no phase is told."""
+    """The wing's angles, and strokes at their times by its phase, or by the left angle if there is no phase."""
     try:
         wing = TopicTable(source, topics.WING, "phase", "angle_left", "angle_right")
         return wing, strokes_of(wing["phase"])
@@ -51,15 +56,15 @@ def _strokes(source: ColumnSource) -> tuple[TopicTable, Array]:
             raise missing from None
 
 
-class _Taken(NamedTuple):
-    """A signal at the times asked for, and where it is from when not from its own topic."""
+class _Signal(NamedTuple):
+    """A signal, and its origin if that is another topic."""
 
     values: Array
     note: str = ""
 
 
-class _Excited(NamedTuple):
-    """The fields of `FlightData` that tell the inputs."""
+class _Excitation(NamedTuple):
+    """Fields of `FlightData` about the inputs."""
 
     active: Array
     manoeuvre: Array
@@ -68,102 +73,109 @@ class _Excited(NamedTuple):
     note: str = ""
 
 
-def flight_data(source: ColumnSource, calibration: inertial.Gains = inertial.NEUTRAL) -> FlightData:
+def flight_data(source: ColumnSource, calibration: ImuCalibration = NEUTRAL) -> FlightData:
     """Longitudinal motion of the flight in a log, the IMU's samples corrected by its ``calibration``.
 
-    What a log of another program lacks is taken from what it has, and told in ``notes``: the manoeuvres from the
-    elevator's motion, the strokes from the wing's angle or the specific force, the airspeed from that over ground.
+    In a log of another program missing signals are replaced, which ``notes`` lists: maneuvers by the elevator's
+    motion, strokes by the wing's angle or the specific force, airspeed by the ground speed.
 
     Raises:
-        InputError: a topic is missing and nothing can stand for it, or nothing was excited.
+        InputError: a topic is missing and cannot be replaced, or nothing was excited.
     """
-    told, commanded = _told(source), _elevator(source)
-    imu = _inertial(source, told is not None)
+    excitation, commanded = _excitation_topic(source), _elevator(source)
+    imu = _inertial(source, excitation is not None)
     attitude = TopicTable(source, topics.ATTITUDE, "pitch", "bias_y")
     time = time_base(imu.time)
-    accel_z = (imu.linear("accel_z", time) - calibration.accel_offset[2]) * calibration.accel_scale[2]
-    elevator = commanded.held("elevator", time)
+    accel_z = calibration.correct(imu.linear("accel_z", time), 2)
+    elevator = commanded.zero_order_hold("elevator", time)
     climb = TopicTable(source, topics.ALTITUDE, "climb_rate").linear("climb_rate", time)
-    airspeed, strokes = _airspeed(source, time, climb), _flown_strokes(source, time, accel_z)
-    excited = _found(time, elevator, strokes.values) if told is None else _flown(told, time)
+    airspeed, strokes = _airspeed(source, time, climb), _stroke_count(source, time, accel_z)
+    if excitation is None:
+        inputs = _detected_excitation(time, elevator, strokes.values)
+    else:
+        inputs = _recorded_excitation(excitation, time)
     wing = _wing_rate_squared(source, time)
-    # Whose strokes were guessed has no filter error, which alone asks for the rate.
-    untold = RATE_UNKNOWN if not (np.isfinite(wing).any() or strokes.note) else ""
+    # Filter error, which needs the rate, needs measured strokes too.
+    rate_note = RATE_UNKNOWN if not (np.isfinite(wing).any() or strokes.note) else ""
     roll, roll_rate, yaw_rate, accel_y = aside = _bank_and_slip(source, time, calibration)
-    no_slip = "" if np.isfinite(aside).all(axis=0).mean() >= MOSTLY or strokes.note else SIDEWAYS_UNKNOWN
+    slip_note = "" if np.isfinite(aside).all(axis=0).mean() >= MIN_FRACTION or strokes.note else SIDEWAYS_UNKNOWN
     return FlightData(
         time,
         imu.linear("gyro_y", time) - attitude.linear("bias_y", time),
-        (imu.linear("accel_x", time) - calibration.accel_offset[0]) * calibration.accel_scale[0],
+        calibration.correct(imu.linear("accel_x", time), 0),
         accel_z,
         attitude.linear("pitch", time),
         airspeed.values,
         climb,
         elevator,
         strokes.values,
-        excited.active,
-        excited.manoeuvre,
-        excited.excitation,
-        excited.aborted,
+        inputs.active,
+        inputs.manoeuvre,
+        inputs.excitation,
+        inputs.aborted,
         wing,
         roll,
         roll_rate,
         yaw_rate,
         accel_y,
-        tuple(note for note in (excited.note, strokes.note, airspeed.note, untold, no_slip) if note),
+        tuple(note for note in (inputs.note, strokes.note, airspeed.note, rate_note, slip_note) if note),
     )
 
 
-def _bank_and_slip(source: ColumnSource, time: Array, calibration: inertial.Gains) -> Array:
-    """Roll, its rate, that of yaw and the specific force along y (4, N); NaN where the log does not tell them."""
-    roll, bias_x, bias_z = (_where_told(source, topics.ATTITUDE, f, time) for f in ("roll", "bias_x", "bias_z"))
-    p, r, a_y = (_where_told(source, topics.IMU, field, time) for field in ("gyro_x", "gyro_z", "accel_y"))
-    return np.array((roll, p - bias_x, r - bias_z, (a_y - calibration.accel_offset[1]) * calibration.accel_scale[1]))
+def _bank_and_slip(source: ColumnSource, time: Array, calibration: ImuCalibration) -> Array:
+    """Roll, its rate, that of yaw and the specific force along y (4, N); NaN if not measured."""
+    roll, bias_x, bias_z = (_where_measured(source, topics.ATTITUDE, f, time) for f in ("roll", "bias_x", "bias_z"))
+    p, r, a_y = (_where_measured(source, topics.IMU, field, time) for field in ("gyro_x", "gyro_z", "accel_y"))
+    return np.array((roll, p - bias_x, r - bias_z, calibration.correct(a_y, 1)))
 
 
-def _where_told(source: ColumnSource, topic: Topic[Any], field: str, time: Array) -> Array:
-    """The field at ``time`` (N,); NaN beyond its samples, in its gaps, and where the log has not the field."""
+def _where_measured(source: ColumnSource, topic: Topic[Any], field: str, time: Array) -> Array:
+    """The field at ``time`` (N,); NaN outside its samples, in its gaps, and if the log does not have it."""
     try:
         table = TopicTable(source, topic, field)
     except InputError:
         return np.full(len(time), np.nan)
     behind = np.searchsorted(table.time, time, side="left").clip(1, len(table.time) - 1)
     apart = table.time[behind] - table.time[behind - 1]
-    longest = max(BRIDGED, GAP * float(np.median(np.diff(table.time))))
-    told = (time >= table.time[0]) & (time <= table.time[-1]) & (apart <= longest)
-    return np.where(told, table.linear(field, time), np.nan)
+    longest = max(MAX_GAP, GAP * float(np.median(np.diff(table.time))))
+    recorded = (time >= table.time[0]) & (time <= table.time[-1]) & (apart <= longest)
+    return np.where(recorded, table.linear(field, time), np.nan)
 
 
-def _told(source: ColumnSource) -> TopicTable | None:
-    """The topic of the excitation; None where the log has none."""
+def _excitation_topic(source: ColumnSource) -> TopicTable | None:
+    """The topic of the excitation; None if the log has none."""
     try:
-        told = TopicTable(source, topics.EXCITATION, "active", "manoeuvre", "elevator", "aborted")
+        recorded = TopicTable(source, topics.EXCITATION, "active", "manoeuvre", "elevator", "aborted")
     except InputError:
         return None
-    if not np.any(told["active"]):
+    if not np.any(recorded["active"]):
         raise InputError("the log has no excitation: fly an EXCITE item with the elevator to identify the modes")
-    return told
+    return recorded
 
 
 def _inertial(source: ColumnSource, excited: bool) -> TopicTable:
     try:
         return TopicTable(source, topics.IMU, "gyro_y", "accel_x", "accel_z")
     except InputError as missing:
-        raise missing if excited else InputError(f"no excitation is told, nor can one be found: {missing}") from None
+        raise (
+            missing if excited else InputError(f"no excitation is recorded, nor can one be found: {missing}")
+        ) from None
 
 
-def _flown(told: TopicTable, time: Array) -> _Excited:
-    active, manoeuvre, added, aborted = (told.held(f, time) for f in ("active", "manoeuvre", "elevator", "aborted"))
-    return _Excited(active, manoeuvre, added, aborted)
+def _recorded_excitation(recorded: TopicTable, time: Array) -> _Excitation:
+    active, manoeuvre, added, aborted = (
+        recorded.zero_order_hold(f, time) for f in ("active", "manoeuvre", "elevator", "aborted")
+    )
+    return _Excitation(active, manoeuvre, added, aborted)
 
 
-def _found(time: Array, elevator: Array, strokes: Array) -> _Excited:
+def _detected_excitation(time: Array, elevator: Array, strokes: Array) -> _Excitation:
     try:
-        inputs = find_inputs(time, elevator, strokes)
+        inputs = detect_inputs(time, elevator, strokes)
     except InputError as reason:
         raise InputError(f"the log has no topic {topics.EXCITATION.name} that tells an input, and {reason}") from None
     note = "manoeuvres: the elevator's quick movements from rest to rest"
-    return _Excited(inputs.active, inputs.manoeuvre, inputs.excitation, np.zeros(len(time)), note)
+    return _Excitation(inputs.active, inputs.manoeuvre, inputs.excitation, np.zeros(len(time)), note)
 
 
 def _elevator(source: ColumnSource) -> TopicTable:
@@ -174,36 +186,36 @@ def _elevator(source: ColumnSource) -> TopicTable:
         raise InputError(f"{missing} to find the elevator's excitation: its angle ({hint})") from None
 
 
-def _airspeed(source: ColumnSource, time: Array, climb: Array) -> _Taken:
+def _airspeed(source: ColumnSource, time: Array, climb: Array) -> _Signal:
     try:
-        return _Taken(TopicTable(source, topics.AIR_DATA, "airspeed").linear("airspeed", time))
+        return _Signal(TopicTable(source, topics.AIR_DATA, "airspeed").linear("airspeed", time))
     except InputError as missing:
         try:
             ground = TopicTable(source, topics.POSITION, "v_north", "v_east")
         except InputError:
             raise missing from None
     north, east = (ground.linear(field, time) for field in ("v_north", "v_east"))
-    return _Taken(np.sqrt(north**2 + east**2 + climb**2), AIRSPEED_GUESSED)
+    return _Signal(np.sqrt(north**2 + east**2 + climb**2), AIRSPEED_GUESSED)
 
 
-def _flown_strokes(source: ColumnSource, time: Array, accel_z: Array) -> _Taken:
+def _stroke_count(source: ColumnSource, time: Array, accel_z: Array) -> _Signal:
     """Strokes by the wing's phase, its angle, or what flapping does to the body."""
     try:
         wing, strokes = _strokes(source)
-        return _Taken(np.interp(time, wing.time, strokes))
+        return _Signal(np.interp(time, wing.time, strokes))
     except InputError as missing:
         try:
             strokes = strokes_in(time, accel_z)
         except InputError as reason:
             raise InputError(f"{missing}, and its specific force tells no strokes: {reason}") from None
-    return _Taken(strokes, STROKES_GUESSED)
+    return _Signal(strokes, STROKES_GUESSED)
 
 
 def _wing_rate_squared(source: ColumnSource, time: Array) -> Array:
     """Square of the wings' rate at ``time`` (N,) in rad^2/s^2, mean of both.
 
-    NaN where their motion was not measured: in gaps of the topic and, throughout, where it tells fewer than
-    `LEAST_SAMPLES` of a stroke, from which a slope would come out too small.
+    NaN if not measured: in gaps of the topic and, throughout, if it has fewer than `MIN_STROKE_SAMPLES` in a stroke,
+    from which a derivative would be too small.
     """
     unknown = np.full(len(time), np.nan)
     try:
@@ -211,11 +223,11 @@ def _wing_rate_squared(source: ColumnSource, time: Array) -> Array:
     except InputError:
         return unknown
     steps = np.diff(wing.time)
-    if len(steps) < SMOOTHED or len(strokes) / max(strokes[-1] - strokes[0], 1.0) < LEAST_SAMPLES:
+    if len(steps) < CUBIC_SAMPLES or len(strokes) / max(strokes[-1] - strokes[0], 1.0) < MIN_STROKE_SAMPLES:
         return unknown
     step = float(np.median(steps))
     for run in np.split(np.arange(len(wing.time)), np.flatnonzero(steps > GAP * step) + 1):
-        if len(run) >= SMOOTHED:
+        if len(run) >= CUBIC_SAMPLES:
             left, right = (_rate(wing[angle][run], step) for angle in ("angle_left", "angle_right"))
             within = (time >= wing.time[run[0]]) & (time <= wing.time[run[-1]])
             unknown[within] = np.interp(time[within], wing.time[run], (left**2 + right**2) / 2.0)
@@ -225,7 +237,7 @@ def _wing_rate_squared(source: ColumnSource, time: Array) -> Array:
 def drive_data(source: ColumnSource) -> DriveData:
     """The wing drives in a log, as measured by strain gauges, encoders and power sensors.
 
-    A stand without encoders gives no motion of the wings, which the torque model does without.
+    A bench without encoders has no motion of the wings, which the torque model does not need.
 
     Raises:
         InputError: a topic is missing.
@@ -241,7 +253,7 @@ def drive_data(source: ColumnSource) -> DriveData:
 
 
 def _cell_window(source: ColumnSource, ticks: Array) -> float:
-    """s; over which a torque cell that our board samples tells the mean: one of its ``ticks``; 0 for any other."""
+    """s; averaging window of a torque cell: one of the board's ``ticks``; 0 for other recorders."""
     try:
         TopicTable(source, topics.TORQUE_RAW, "left_counts")
     except InputError:
@@ -276,16 +288,16 @@ def _motion(source: ColumnSource) -> tuple[Array, Array, Array, Array]:
 
 
 def _rate(angle: Array, step: float) -> Array:
-    """Wing rate (N,) in rad/s, ``angle`` (N,) told every ``step`` s; without the lag of the rate that was flown with.
+    """Wing rate (N,) in rad/s from the ``angle`` (N,) every ``step`` s, without the lag of the onboard rate.
 
-    Three milliseconds against a torque that is mostly inertial would make a fifth of the power disappear.
+    A lag of 3 ms against a torque that is mostly inertial would lose a fifth of the power.
     """
-    rate: Array = savgol_filter(angle, SMOOTHED, 3, deriv=1, delta=step)
+    rate: Array = savgol_filter(angle, CUBIC_SAMPLES, 3, deriv=1, delta=step)
     return rate
 
 
 def true_drive_data(source: ColumnSource) -> DriveData:
-    """The wing drives in a simulated flight's log as they truly were, strokes as measured.
+    """The wing drives in a simulated flight's log by the truth, strokes as measured.
 
     Raises:
         InputError: the log has no topic of the world's truth.

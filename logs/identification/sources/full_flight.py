@@ -1,4 +1,4 @@
-"""From a log's topics to one experiment: all of a flight on the IMU's time base, every axis."""
+"""A whole flight of a log as one experiment on the IMU's time base, all axes."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from avionics import topics
-from avionics.sensing import inertial
 from logs.identification.data.experiment import Experiment
+from logs.identification.data.flight import NEUTRAL, ImuCalibration
 from logs.identification.data.resampling import Channel, interpolated
 from logs.identification.results import Array
 from logs.identification.sources.topic_table import ColumnSource
@@ -18,79 +18,79 @@ from wingbeat.errors import InputError
 from wingbeat.topic import Topic
 
 LONGEST_GAP = 0.1
-"""s; bridged by a straight line"""
-LEAST_SAMPLES = 20
+"""s; interpolated linearly"""
+MIN_SAMPLES = 20
 
 
-class Wanted(NamedTuple):
-    """A field and the signal that it becomes."""
+class SignalSource(NamedTuple):
+    """A field of a topic and its signal."""
 
     topic: Topic[Any]
     field: str
     signal: str
     unit: str
-    held: bool = False
-    """-; a command or a flag, which stays until the next message"""
-    turns: bool = False
+    zero_order_hold: bool = False
+    """-; a command or a flag, which is constant until the next message"""
+    wraps: bool = False
     """-; an angle that wraps at pi"""
 
 
-WANTED = (
-    Wanted(topics.IMU, "gyro_x", "p", "rad/s"),
-    Wanted(topics.IMU, "gyro_y", "q", "rad/s"),
-    Wanted(topics.IMU, "gyro_z", "r", "rad/s"),
-    Wanted(topics.IMU, "accel_x", "a_x", "m/s^2"),
-    Wanted(topics.IMU, "accel_y", "a_y", "m/s^2"),
-    Wanted(topics.IMU, "accel_z", "a_z", "m/s^2"),
-    Wanted(topics.ATTITUDE, "roll", "phi", "rad", turns=True),
-    Wanted(topics.ATTITUDE, "pitch", "theta", "rad"),
-    Wanted(topics.ATTITUDE, "yaw", "psi", "rad", turns=True),
-    Wanted(topics.AIR_DATA, "airspeed", "airspeed", "m/s"),
-    Wanted(topics.ALTITUDE, "altitude", "altitude", "m"),
-    Wanted(topics.ALTITUDE, "climb_rate", "climb_rate", "m/s"),
-    Wanted(topics.POSITION, "north", "north", "m"),
-    Wanted(topics.POSITION, "east", "east", "m"),
-    Wanted(topics.ACTUATORS, "elevator", "elevator", "rad", held=True),
-    Wanted(topics.ACTUATORS, "rudder", "rudder", "rad", held=True),
-    Wanted(topics.ACTUATORS, "throttle", "throttle", "-", held=True),
-    Wanted(topics.EXCITATION, "active", "active", "-", held=True),
-    Wanted(topics.EXCITATION, "manoeuvre", "manoeuvre", "-", held=True),
-    Wanted(topics.EXCITATION, "aborted", "aborted", "-", held=True),
-    Wanted(topics.EXCITATION, "elevator", "excitation_elevator", "rad", held=True),
-    Wanted(topics.EXCITATION, "rudder", "excitation_rudder", "rad", held=True),
-    Wanted(topics.EXCITATION, "throttle", "excitation_throttle", "-", held=True),
+SOURCES = (
+    SignalSource(topics.IMU, "gyro_x", "p", "rad/s"),
+    SignalSource(topics.IMU, "gyro_y", "q", "rad/s"),
+    SignalSource(topics.IMU, "gyro_z", "r", "rad/s"),
+    SignalSource(topics.IMU, "accel_x", "a_x", "m/s^2"),
+    SignalSource(topics.IMU, "accel_y", "a_y", "m/s^2"),
+    SignalSource(topics.IMU, "accel_z", "a_z", "m/s^2"),
+    SignalSource(topics.ATTITUDE, "roll", "phi", "rad", wraps=True),
+    SignalSource(topics.ATTITUDE, "pitch", "theta", "rad"),
+    SignalSource(topics.ATTITUDE, "yaw", "psi", "rad", wraps=True),
+    SignalSource(topics.AIR_DATA, "airspeed", "airspeed", "m/s"),
+    SignalSource(topics.ALTITUDE, "altitude", "altitude", "m"),
+    SignalSource(topics.ALTITUDE, "climb_rate", "climb_rate", "m/s"),
+    SignalSource(topics.POSITION, "north", "north", "m"),
+    SignalSource(topics.POSITION, "east", "east", "m"),
+    SignalSource(topics.ACTUATORS, "elevator", "elevator", "rad", zero_order_hold=True),
+    SignalSource(topics.ACTUATORS, "rudder", "rudder", "rad", zero_order_hold=True),
+    SignalSource(topics.ACTUATORS, "throttle", "throttle", "-", zero_order_hold=True),
+    SignalSource(topics.EXCITATION, "active", "active", "-", zero_order_hold=True),
+    SignalSource(topics.EXCITATION, "manoeuvre", "manoeuvre", "-", zero_order_hold=True),
+    SignalSource(topics.EXCITATION, "aborted", "aborted", "-", zero_order_hold=True),
+    SignalSource(topics.EXCITATION, "elevator", "excitation_elevator", "rad", zero_order_hold=True),
+    SignalSource(topics.EXCITATION, "rudder", "excitation_rudder", "rad", zero_order_hold=True),
+    SignalSource(topics.EXCITATION, "throttle", "excitation_throttle", "-", zero_order_hold=True),
 )
-"""the specific forces and rates are the IMU's own, biases included"""
+"""specific forces and rates are the IMU's, biases included"""
 
 
-def whole_flight(source: ColumnSource, name: str, calibration: inertial.Gains = inertial.NEUTRAL) -> Experiment:
-    """All that a log tells of a flight's motion, the specific forces corrected by the IMU's ``calibration``.
+def whole_flight(source: ColumnSource, name: str, calibration: ImuCalibration = NEUTRAL) -> Experiment:
+    """The motion of a flight, specific forces corrected by the IMU's ``calibration``.
 
-    Signals as in `WANTED`, and ``strokes`` counted by the wing's phase; a field that was not recorded is left out.
-    Before a signal's first and behind its last message, and in gaps over 0.1 s, it is NaN.
+    Signals as in `SOURCES`, and ``strokes`` counted by the wing's phase; a field that was not recorded is left out.
+    A signal is NaN before its first and after its last message, and in gaps over 0.1 s.
 
     Raises:
         InputError: the log has no IMU, or a topic that is there is damaged.
     """
-    channels = {wanted.signal: channel for wanted in WANTED if (channel := _channel(source, wanted))}
+    channels = {one.signal: channel for one in SOURCES if (channel := _channel(source, one))}
     if "q" not in channels:
         raise InputError(f"the log has no topic {topics.IMU.name}, which this needs")
     for axis, signal in enumerate(("a_x", "a_y", "a_z")):
         if signal in channels:
-            values = (channels[signal].values - calibration.accel_offset[axis]) * calibration.accel_scale[axis]
+            values = calibration.correct(channels[signal].values, axis)
             channels[signal] = channels[signal]._replace(values=values)
     base = channels["q"].time
     step = float(np.median(np.diff(base)))
     time = base[0] + step * np.arange(int((base[-1] - base[0]) / step + 1e-6) + 1)
-    held = {wanted.signal for wanted in WANTED if wanted.held}
-    signals = {s: _held(c, time) if s in held else interpolated(c.time, c.values, time, LONGEST_GAP)
+    commands = {one.signal for one in SOURCES if one.zero_order_hold}
+    signals = {s: _last_value(c, time) if s in commands else interpolated(c.time, c.values, time, LONGEST_GAP)
                for s, c in channels.items()}  # fmt: skip
-    units = {wanted.signal: wanted.unit for wanted in WANTED if wanted.signal in channels}
+    units = {one.signal: one.unit for one in SOURCES if one.signal in channels}
     return Experiment(name, time, {**signals, **_strokes(source, time)}, {**units, "strokes": "-"})
 
 
 def _read(source: ColumnSource, topic: Topic[Any], field: str) -> tuple[Array, Array] | None:
-    """Time (s) and finite values of a field in order of time; None where it was not recorded."""
+    """Time (s) and finite values of a field in order of time; None if it was not recorded."""
     try:
         columns: Mapping[str, Array] = source.columns(topic)
         time, values = (np.asarray(columns[key], dtype=np.float64) for key in ("time_us", field))
@@ -98,23 +98,23 @@ def _read(source: ColumnSource, topic: Topic[Any], field: str) -> tuple[Array, A
         return None
     except InputError:
         if topic.name in getattr(source, "topics", ()):
-            raise  # it is there, and damaged
+            raise  # it is damaged
         return None
     good = np.isfinite(time) & np.isfinite(values)
     time, values = time[good] * 1e-6, values[good]
     rising = np.concatenate(([True], np.diff(np.maximum.accumulate(time)) > 0))[: len(time)]
-    return (time[rising], values[rising]) if rising.sum() >= LEAST_SAMPLES else None
+    return (time[rising], values[rising]) if rising.sum() >= MIN_SAMPLES else None
 
 
-def _channel(source: ColumnSource, wanted: Wanted) -> Channel | None:
-    read = _read(source, wanted.topic, wanted.field)
+def _channel(source: ColumnSource, one: SignalSource) -> Channel | None:
+    read = _read(source, one.topic, one.field)
     if read is None:
         return None
-    return Channel(wanted.signal, wanted.unit, read[0], np.unwrap(read[1]) if wanted.turns else read[1])
+    return Channel(one.signal, one.unit, read[0], np.unwrap(read[1]) if one.wraps else read[1])
 
 
-def _held(channel: Channel, time: Array) -> Array:
-    """Held since the last message; NaN before the first."""
+def _last_value(channel: Channel, time: Array) -> Array:
+    """The value of the last message; NaN before the first."""
     index = np.searchsorted(channel.time, time + 1e-7, side="right") - 1
     values: Array = np.where(index < 0, np.nan, channel.values[np.clip(index, 0, None)])
     return values

@@ -1,8 +1,8 @@
-"""From a log's topics to a vehicle's motion as inverse dynamics takes it: as measured, or as it truly was.
+"""Motion of a vehicle for inverse dynamics from a log: as measured, or the truth.
 
-As measured, the base's acceleration is the specific force of the IMU and needs no differentiation; its speed is that
-acceleration integrated, its slow part from position and climb rate. The wings' angles are the encoders', the tail's
-the commands behind its servo. How the membrane twists nothing measures: it counts as at rest.
+The measured acceleration of the base is the specific force of the IMU, without differentiation; the velocity is its
+integral, the slow part from position and climb rate. The wings' angles are the encoders', the tail's the commands
+after the servo's lag. The twist of the membrane is not measured and taken as zero.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import CubicSpline
 
 from avionics import topics
-from avionics.sensing import inertial
 from logs.identification.data.contiguous_runs import runs
+from logs.identification.data.flight import NEUTRAL, ImuCalibration
 from logs.identification.data.lag import behind
 from logs.identification.models.inverse_dynamics import WingMotion
-from logs.identification.models.wing_air import MovedVehicle
-from logs.identification.motion_capture.speeds import smoothed
+from logs.identification.models.multibody import MovedVehicle
+from logs.identification.motion_capture.motion import low_passed
 from logs.identification.results import Array
 from logs.identification.sources.topic_table import ColumnSource, TopicTable, time_base
 from sim_bridge import topics as truth
@@ -34,9 +34,9 @@ from wingbeat.rotation_arrays import dcms_from_quaternions
 
 CUTOFF = 50.0
 """Hz; Grauer IV.C"""
-SLOW = 0.5
-"""Hz; below it the speed is that over ground, above it the integrated acceleration"""
-LEAST_SECONDS = 1.5
+CROSSOVER = 0.5
+"""Hz; crossover from ground velocity to integrated acceleration"""
+MIN_SECONDS = 1.5
 QUATERNION = ("quaternion_w", "quaternion_x", "quaternion_y", "quaternion_z")
 
 
@@ -54,14 +54,12 @@ class _Base(NamedTuple):
 
 
 def measured_motion(
-    source: ColumnSource, vehicle: SimulatedVehicle, calibration: inertial.Gains = inertial.NEUTRAL
+    source: ColumnSource, vehicle: SimulatedVehicle, calibration: ImuCalibration = NEUTRAL
 ) -> tuple[WingMotion, ...]:
-    """The motion of every stretch of flapping flight in a log, by what the vehicle measured.
-
-    Where excitation is told, only stretches with excitation.
+    """The measured motion of every segment of flapping flight; of those with excitation if the log records it.
 
     Raises:
-        InputError: a topic is missing, or no stretch is long enough.
+        InputError: a topic is missing, or no segment is long enough.
     """
     imu = TopicTable(source, topics.IMU, "accel_x", "accel_y", "accel_z")
     wing = TopicTable(source, topics.WING, "angle_left", "angle_right", "flapping")
@@ -73,20 +71,22 @@ def measured_motion(
     layout = build_mechanism(vehicle).layout
     for index, field in ((layout.elevator, "elevator"), (layout.rudder, "rudder")):
         if index >= 0:
-            angles[index] = behind(tail.held(field, time), step, 0.0, vehicle.tail_servo.time_constant, held=True)
+            angles[index] = behind(
+                tail.zero_order_hold(field, time), step, 0.0, vehicle.tail_servo.time_constant, held=True
+            )
     winds, density, notes = _air(source, time)
     notes += ("tail: its commands behind the servo's lag",)
     if vehicle.wing.twists:
         notes += ("twist of the wings: not measured, counted as at rest",)
-    use = (wing.held("flapping", time) > 0) & _excited(source, time)
-    return _stretches(vehicle, _Whole(time, base, angles, winds, density, notes), use)
+    use = (wing.zero_order_hold("flapping", time) > 0) & _excited(source, time)
+    return _segments(vehicle, _Flight(time, base, angles, winds, density, notes), use)
 
 
 def true_motion(source: ColumnSource, vehicle: SimulatedVehicle) -> tuple[WingMotion, ...]:
-    """The motion of every stretch of a simulated flight, as it truly was.
+    """The true motion of every segment of a simulated flight.
 
     Raises:
-        InputError: the log has no topics of the truth, or no stretch is long enough.
+        InputError: the log has no topics of the truth, or no segment is long enough.
     """
     fields = ("v_north", "v_east", "v_down", *QUATERNION, "roll_rate", "pitch_rate", "yaw_rate", "wind_north",
               "wind_east", "wind_down", "on_ground")  # fmt: skip
@@ -107,36 +107,36 @@ def true_motion(source: ColumnSource, vehicle: SimulatedVehicle) -> tuple[WingMo
     winds = np.column_stack([columns[f"wind_{axis}"] for axis in ("north", "east", "down")])
     base = _Base(quaternion, v, omega, _slope(time, v), _slope(time, omega))
     density, use = _air(source, time)[1], (columns["on_ground"] < 0.5) & _excited(source, time)
-    return _stretches(vehicle, _Whole(time, base, angles, winds, density, ()), use)
+    return _segments(vehicle, _Flight(time, base, angles, winds, density, ()), use)
 
 
 def _measured_base(
-    source: ColumnSource, vehicle: SimulatedVehicle, imu: TopicTable, time: Array, calibration: inertial.Gains
+    source: ColumnSource, vehicle: SimulatedVehicle, imu: TopicTable, time: Array, calibration: ImuCalibration
 ) -> _Base:
     attitude = TopicTable(source, topics.ATTITUDE, *QUATERNION, "roll_rate", "pitch_rate", "yaw_rate")
     quaternion = _attitude(attitude, time)
     step = float(time[1] - time[0])
     turning = np.column_stack([attitude.linear(f"{axis}_rate", time) for axis in ("roll", "pitch", "yaw")])
-    omega = smoothed(turning, step, _cutoff(step))
+    omega = low_passed(turning, step, _cutoff(step))
     omega_rate = _slope(time, omega)
-    felt = np.column_stack([imu.linear(f"accel_{axis}", time) for axis in "xyz"])
-    felt = (felt - np.asarray(calibration.accel_offset)) * np.asarray(calibration.accel_scale)
+    force = np.column_stack([imu.linear(f"accel_{axis}", time) for axis in "xyz"])
+    force = (force - np.asarray(calibration.accel_offset)) * np.asarray(calibration.accel_scale)
     arm = np.asarray(vehicle.fuselage.imu_position, float)
-    felt = smoothed(felt, step, _cutoff(step)) - np.cross(omega_rate, arm) - np.cross(omega, np.cross(omega, arm))
+    force = low_passed(force, step, _cutoff(step)) - np.cross(omega_rate, arm) - np.cross(omega, np.cross(omega, arm))
     to_ned = dcms_from_quaternions(quaternion)
-    acceleration = np.einsum("nij,nj->ni", to_ned, felt) + np.array((0.0, 0.0, STANDARD_GRAVITY))
+    acceleration = np.einsum("nij,nj->ni", to_ned, force) + np.array((0.0, 0.0, STANDARD_GRAVITY))
     ground = TopicTable(source, topics.POSITION, "v_north", "v_east")
     climb = TopicTable(source, topics.ALTITUDE, "climb_rate")
     over_ground = [ground.linear(field, time) for field in ("v_north", "v_east")]
     slow = np.column_stack([*over_ground, -climb.linear("climb_rate", time)])
     quick = cumulative_trapezoid(acceleration, dx=step, axis=0, initial=0.0)
-    v = np.einsum("nji,nj->ni", to_ned, quick + smoothed(slow - quick, step, SLOW))
+    v = np.einsum("nji,nj->ni", to_ned, quick + low_passed(slow - quick, step, CROSSOVER))
     weight = np.einsum("nji,j->ni", to_ned, np.array([0.0, 0.0, STANDARD_GRAVITY]))
-    return _Base(quaternion, v, omega, felt + weight - np.cross(omega, v), omega_rate)
+    return _Base(quaternion, v, omega, force + weight - np.cross(omega, v), omega_rate)
 
 
-class _Whole(NamedTuple):
-    """A whole flight, before it is cut."""
+class _Flight(NamedTuple):
+    """A flight before it is cut."""
 
     time: Array
     """s; (N,)"""
@@ -150,19 +150,19 @@ class _Whole(NamedTuple):
     notes: tuple[str, ...]
 
 
-def _stretches(vehicle: SimulatedVehicle, whole: _Whole, use: NDArray[np.bool_]) -> tuple[WingMotion, ...]:
-    time, base, angles, winds, density, notes = whole
+def _segments(vehicle: SimulatedVehicle, flight: _Flight, use: NDArray[np.bool_]) -> tuple[WingMotion, ...]:
+    time, base, angles, winds, density, notes = flight
     step, count = float(time[1] - time[0]), len(build_mechanism(vehicle).layout.coordinates)
-    still = np.zeros((len(time), count))
+    joint_angles = np.zeros((len(time), count))
     for index, values in angles.items():
-        still[:, index - COORDINATES] = values
-    coordinates = smoothed(still, step, _cutoff(step))
+        joint_angles[:, index - COORDINATES] = values
+    coordinates = low_passed(joint_angles, step, _cutoff(step))
     spline = CubicSpline(time, coordinates)
     speeds = np.column_stack([base.velocity, base.omega, spline(time, 1)])
     rates = np.column_stack([base.velocity_rate, base.omega_rate, spline(time, 2)])
-    spans = [run for run in runs(use) if (run.stop - run.start) * step >= LEAST_SECONDS]
+    spans = [run for run in runs(use) if (run.stop - run.start) * step >= MIN_SECONDS]
     if not spans:
-        raise InputError(f"the log has no {LEAST_SECONDS:g} s of flapping flight without a break")
+        raise InputError(f"the log has no {MIN_SECONDS:g} s of flapping flight without a break")
     return tuple(
         WingMotion(
             f"{time[s.start]:.1f} s to {time[s.stop - 1]:.1f} s",
@@ -181,12 +181,12 @@ def _flaps(vehicle: SimulatedVehicle) -> tuple[tuple[int, str], ...]:
 
 
 def _excited(source: ColumnSource, time: Array) -> NDArray[np.bool_]:
-    """Where a manoeuvre runs; everywhere, in a log that tells of none."""
+    """Samples of maneuvers; all, if the log has none."""
     try:
         active = TopicTable(source, topics.EXCITATION, "active")
     except InputError:
         return np.ones(len(time), bool)
-    running = active.held("active", time) > 0
+    running = active.zero_order_hold("active", time) > 0
     return np.asarray(running) if running.any() else np.ones(len(time), bool)
 
 
@@ -195,10 +195,10 @@ def _air(source: ColumnSource, time: Array) -> tuple[Array, float, tuple[str, ..
     notes: tuple[str, ...] = ()
     wind = np.zeros(3)
     try:
-        told = TopicTable(source, topics.POSITION, "wind_north", "wind_east")
-        wind[:2] = np.mean(told["wind_north"]), np.mean(told["wind_east"])
+        topic = TopicTable(source, topics.POSITION, "wind_north", "wind_east")
+        wind[:2] = np.mean(topic["wind_north"]), np.mean(topic["wind_east"])
     except InputError:
-        notes += ("wind: none, as none is told",)
+        notes += ("wind: none, as none is recorded",)
     try:
         density = float(np.median(TopicTable(source, topics.AIR_DATA, "density")["density"]))
     except InputError:
@@ -207,16 +207,16 @@ def _air(source: ColumnSource, time: Array) -> tuple[Array, float, tuple[str, ..
 
 
 def _attitude(table: TopicTable, time: Array) -> Array:
-    """Unit quaternions (N, 4) at ``time``, between samples of one sign."""
-    told = np.column_stack([table[field] for field in QUATERNION])
-    signs = np.cumprod(np.concatenate([[1.0], np.where((told[1:] * told[:-1]).sum(axis=1) < 0.0, -1.0, 1.0)]))
-    at = np.column_stack([np.interp(time, table.time, column) for column in (told * signs[:, None]).T])
+    """Unit quaternions (N, 4) at ``time``, interpolated between samples of one sign."""
+    topic = np.column_stack([table[field] for field in QUATERNION])
+    signs = np.cumprod(np.concatenate([[1.0], np.where((topic[1:] * topic[:-1]).sum(axis=1) < 0.0, -1.0, 1.0)]))
+    at = np.column_stack([np.interp(time, table.time, column) for column in (topic * signs[:, None]).T])
     return np.asarray(at / np.linalg.norm(at, axis=1, keepdims=True))
 
 
 def _slope(time: Array, values: Array) -> Array:
     step = float(time[1] - time[0])
-    return np.asarray(CubicSpline(time, smoothed(values, step, _cutoff(step)))(time, 1))
+    return np.asarray(CubicSpline(time, low_passed(values, step, _cutoff(step)))(time, 1))
 
 
 def _cutoff(step: float) -> float:

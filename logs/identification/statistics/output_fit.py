@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from logs.identification.results import FitSeries
+from logs.identification.results import FitSeries, OutputFit
 from logs.identification.statistics.goodness import goodness
 from logs.identification.statistics.theil import theil
 from logs.identification.statistics.whiteness import whiteness_of
-from logs.identification.tables.results import OutputFit
 
 
 def output_fits(series: tuple[FitSeries, ...]) -> tuple[OutputFit, ...]:

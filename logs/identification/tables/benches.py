@@ -8,16 +8,15 @@ from typing import NamedTuple
 import numpy as np
 
 from logs.identification.data.experiment import Experiment
-from logs.identification.drive.servo import ServoModel
-from logs.identification.drive.torque_speed import identify_torque_speed, turning
-from logs.identification.drive.twist import DAMPING, NATURAL, identify_twist, swing_of
+from logs.identification.estimators.servo import ServoModel
+from logs.identification.estimators.torque_speed import identify_torque_speed, turning
+from logs.identification.estimators.twist import DAMPING, NATURAL, identify_twist, swing_of
+from logs.identification.findings import Entry, Finding, register
 from logs.identification.report.document import MEASURED, MODEL, POINTS, Chapter, Plot, Series
-from logs.identification.results import Array, FitSeries, Fitted
+from logs.identification.results import Array, EstimationResult, FitSeries, withheld_finding
 from logs.identification.sources.table.maneuvers import Cut
 from logs.identification.sources.table.quantities import Measure
 from logs.identification.sources.table.signal_lookup import signal
-from logs.identification.statistics.output_fit import output_fits
-from logs.identification.tables.results import TableFit
 from wingbeat.errors import InputError
 
 TORQUE_SPEED_EXAMPLE = """\
@@ -63,6 +62,11 @@ RELEASE = (
 )
 
 
+register({
+    "nominal_voltage": Entry("the numbers are for {value:.4g} V", "Voltage of the torque-speed line."),
+})  # fmt: skip
+
+
 class TorqueSpeedSection(NamedTuple):
     """Section [torque_speed]."""
 
@@ -89,40 +93,39 @@ class _Bench(NamedTuple):
 
 
 def torque_speed_fit(
-    asked: TorqueSpeedSection, found: Cut, constants: Mapping[str, float], fill: float | None
-) -> list[TableFit]:
+    section: TorqueSpeedSection, maneuvers: Cut, constants: Mapping[str, float], fill: float | None
+) -> list[EstimationResult]:
     """The line over all manoeuvres, and its torque in those that were held out.
 
     Raises:
         InputError: a signal is not there or in another unit, or too few samples have all three.
     """
-    nominal = None if asked.nominal is None else asked.nominal.si("V", 0.0)
-    if asked.voltage is None and nominal is None:
+    nominal = None if section.nominal is None else section.nominal.si("V", 0.0)
+    if section.voltage is None and nominal is None:
         raise InputError("torque_speed needs voltage (a signal) or nominal (V)")
-    parts = [_bench(asked, one, nominal) for one in found.fitted]
+    parts = [_bench(section, one, nominal) for one in maneuvers.fitted]
     whole = _Bench(*(np.concatenate(column) for column in zip(*parts, strict=True)))
     volts = float(np.nanmean(whole.voltage)) if nominal is None else nominal
     model = identify_torque_speed(*whole, volts)
-    held = [_bench(asked, one, nominal) for one in found.held_out]
-    series = [_line(one, part, model, volts, False) for one, part in zip(found.fitted, parts, strict=True)]
-    series += [_line(one, part, model, volts, True) for one, part in zip(found.held_out, held, strict=True)]
-    said = (f"the numbers are for {volts:.4g} V",)
+    held = [_bench(section, one, nominal) for one in maneuvers.held_out]
+    series = [_line(one, part, model, volts, False) for one, part in zip(maneuvers.fitted, parts, strict=True)]
+    series += [_line(one, part, model, volts, True) for one, part in zip(maneuvers.held_out, held, strict=True)]
     chapters = (_bounding(whole, model, volts),) if model.estimates else ()
-    told = Fitted("torque-speed line", LINE, (), (), None, tuple(series), said)
-    return [_fit("torque_speed", model, told, chapters)]
+    voltage = Finding("nominal_voltage", "info", "", volts)
+    return [_result("torque_speed", "torque-speed line", LINE, model, tuple(series), chapters, (voltage,))]
 
 
-def _bench(asked: TorqueSpeedSection, one: Experiment, nominal: float | None) -> _Bench:
-    torque = signal(one, asked.torque, "N m", "torque_speed.torque")
-    speed = signal(one, asked.speed, "rad/s", "torque_speed.speed")
-    if asked.voltage is None:
+def _bench(section: TorqueSpeedSection, one: Experiment, nominal: float | None) -> _Bench:
+    torque = signal(one, section.torque, "N m", "torque_speed.torque")
+    speed = signal(one, section.speed, "rad/s", "torque_speed.speed")
+    if section.voltage is None:
         return _Bench(torque, speed, np.full(len(torque), nominal))
-    return _Bench(torque, speed, signal(one, asked.voltage, "V", "torque_speed.voltage"))
+    return _Bench(torque, speed, signal(one, section.voltage, "V", "torque_speed.voltage"))
 
 
 def _line(one: Experiment, bench: _Bench, model: ServoModel, volts: float, held_out: bool) -> FitSeries:
     """Torque as measured and by the line; nothing where there is none."""
-    values = {found.name: found.value for found in model.estimates}
+    values = {maneuvers.name: maneuvers.value for maneuvers in model.estimates}
     told = np.full(len(bench.torque), np.nan)
     if values:
         way = turning(bench.torque, bench.speed)
@@ -133,7 +136,7 @@ def _line(one: Experiment, bench: _Bench, model: ServoModel, volts: float, held_
 
 def _bounding(bench: _Bench, model: ServoModel, volts: float) -> Chapter:
     """Torque at the nominal voltage over the speed."""
-    values = {found.name: found.value for found in model.estimates}
+    values = {maneuvers.name: maneuvers.value for maneuvers in model.estimates}
     way = turning(bench.torque, bench.speed)
     nominal = bench.torque * way + values["stall_torque"] * (1.0 - bench.voltage / volts)
     across = np.array([0.0, values["no_load_speed"]])
@@ -144,55 +147,66 @@ def _bounding(bench: _Bench, model: ServoModel, volts: float) -> Chapter:
     return Chapter("Torque and speed", plots=(Plot("", "speed", "rad/s", "torque", "N m", lines),))
 
 
-def twist_fits(asked: TwistSection, found: Cut, constants: Mapping[str, float], fill: float | None) -> list[TableFit]:
+def twist_fits(
+    section: TwistSection, maneuvers: Cut, constants: Mapping[str, float], fill: float | None
+) -> list[EstimationResult]:
     """Each release for itself, and those held out with the mean of the others' constants.
 
     Raises:
         InputError: the signal is not there or is no angle or rate, or a release has too few samples.
     """
-    for one in (*found.fitted, *found.held_out):
-        signal(one, asked.signal, None, "twist.signal")
-        if one.units.get(asked.signal) not in ("rad", "rad/s"):
-            raise InputError(f"twist.signal: signals.{asked.signal} is no angle and no rate")
+    for one in (*maneuvers.fitted, *maneuvers.held_out):
+        signal(one, section.signal, None, "twist.signal")
+        if one.units.get(section.signal) not in ("rad", "rad/s"):
+            raise InputError(f"twist.signal: signals.{section.signal} is no angle and no rate")
     fits = []
-    for one in found.fitted:
-        model = identify_twist(one, asked.signal)
-        series = _swing(one, asked.signal, model, held_out=False)
-        fits.append(_fit("twist", model, Fitted(f"twist, {one.name}", RELEASE, (), series=series)))
-    known = [fit for fit in fits if fit.fitted.estimates]
-    if known and found.held_out:
-        mean = _mean([fit.fitted for fit in known])
-        ahead = tuple(s for one in found.held_out for s in _swing(one, asked.signal, mean, held_out=True))
-        told = known[0].fitted._replace(series=(*known[0].fitted.series, *ahead))
-        fits[fits.index(known[0])] = known[0]._replace(fitted=told, outputs=output_fits(told.series))
+    for one in maneuvers.fitted:
+        model = identify_twist(one, section.signal)
+        series = _swing(one, section.signal, model, held_out=False)
+        fits.append(_result("twist", f"twist, {one.name}", RELEASE, model, series))
+    known = [fit for fit in fits if fit.estimates]
+    if known and maneuvers.held_out:
+        mean = _mean(known)
+        ahead = tuple(s for one in maneuvers.held_out for s in _swing(one, section.signal, mean, held_out=True))
+        fits[fits.index(known[0])] = known[0]._replace(series=(*known[0].series, *ahead))
     return fits
 
 
-def _mean(fits: list[Fitted]) -> ServoModel:
+def _mean(fits: list[EstimationResult]) -> ServoModel:
     """A model with the mean of natural frequency and damping."""
-    tables = [{found.name: found for found in fit.estimates} for fit in fits]
     means = tuple(
-        tables[0][name]._replace(value=float(np.mean([table[name].value for table in tables])))
+        one._replace(value=float(np.mean([fit.value(name) for fit in fits])))
         for name in (NATURAL, DAMPING)
+        if (one := fits[0].estimate(name)) is not None
     )
     return ServoModel(means, (), 0.0, 0.0, 0.0, 0)
 
 
 def _swing(one: Experiment, name: str, model: ServoModel, held_out: bool) -> tuple[FitSeries, ...]:
     """The release as measured and by Eq. 16, angle, rate and rest its own; nothing without constants."""
-    values = {found.name: found.value for found in model.estimates}
+    values = {maneuvers.name: maneuvers.value for maneuvers in model.estimates}
     if not values:
         return ()
     swing = swing_of(one, name, values[NATURAL], values[DAMPING])
     return (FitSeries(one.name, name, one.units[name], swing.time, swing.measured, swing.model, held_out),)
 
 
-def _fit(subject: str, model: ServoModel, told: Fitted, chapters: tuple[Chapter, ...] = ()) -> TableFit:
-    """The ``model``'s numbers as ``told``: without measured beside model where there are none."""
-    failure = "" if model.estimates else model.unidentified[0].reason
-    whole = told._replace(estimates=model.estimates, unidentified=model.unidentified)
-    if failure:
-        whole = whole._replace(series=())
-    return TableFit(
-        subject, whole, not failure, failure, {}, {}, output_fits(whole.series), model.samples, chapters=chapters
-    )
+def _result(
+    subject: str,
+    title: str,
+    equations: str | tuple[str, ...],
+    model: ServoModel,
+    series: tuple[FitSeries, ...],
+    chapters: tuple[Chapter, ...] = (),
+    findings: tuple[Finding, ...] = (),
+) -> EstimationResult:
+    """The result of one model."""
+    lost = [withheld_finding(one) for one in model.unidentified]
+    if not model.estimates:
+        lost.insert(0, lost[0]._replace(subject=""))
+    return EstimationResult(
+        subject, subject, "", (equations,) if isinstance(equations, str) else equations,
+        "converged" if model.estimates else "not identifiable", model.estimates,
+        series=series if model.estimates else (), samples=model.samples, findings=(*lost, *findings), title=title,
+        chapters=chapters,
+    )  # fmt: skip

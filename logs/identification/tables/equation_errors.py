@@ -7,12 +7,17 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from logs.identification.data.experiment import Experiment
-from logs.identification.estimators.frequency_equations import METHOD, STATES, Asked, frequency_equation_error
+from logs.identification.estimators.frequency_equations import (
+    METHOD,
+    STATES,
+    EquationSettings,
+    frequency_equation_error,
+)
 from logs.identification.models.modes import SHORT_PERIOD, Mode, nothing
+from logs.identification.results import EstimationResult
 from logs.identification.sources.table.config import DELAY, ModesSection
 from logs.identification.sources.table.signal_lookup import band_frequencies
 from logs.identification.tables.models import DROPPED, with_speed
-from logs.identification.tables.results import TableFit
 
 SINGLE = "delta"
 """what the derivatives by a single input are called, as output error calls them"""
@@ -27,7 +32,7 @@ def by_equations(
     asked: ModesSection,
     experiments: tuple[Experiment, ...],
     constants: Mapping[str, float],
-    fits: Sequence[TableFit],
+    fits: Sequence[EstimationResult],
 ) -> Mode:
     """The short period by its two equations; with output error's delay, and its error, where that is free.
 
@@ -36,7 +41,7 @@ def by_equations(
     """
     delay, error = asked.delay.fixed, 0.0
     if delay is None:
-        found = next((one for fit in fits for one in fit.fitted.estimates if one.name == DELAY), None)
+        found = next((one for fit in fits for one in fit.estimates if one.name == DELAY), None)
         delay, error = (None, 0.0) if found is None else (found.value, found.standard_error)
     if delay is None:
         return nothing(METHOD, "the delay is free, and output error did not find it: hold it")
@@ -46,7 +51,7 @@ def by_equations(
     speed = with_speed(constants, experiments).get("V")
     arm = float(constants.get("imu_x", 0.0))
     hold = tuple(own for own, name in zip(inputs, asked.inputs, strict=True) if name in asked.hold)
-    equations = Asked(inputs, _held(asked, inputs), speed, arm, delay, error, frequencies, hold)
+    equations = EquationSettings(inputs, _held(asked, inputs), speed, arm, delay, error, frequencies, hold)
     return frequency_equation_error(named, equations)
 
 

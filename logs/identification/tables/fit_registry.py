@@ -1,26 +1,39 @@
-"""What a map's sections beside [modes] and [aero] are fitted by, and a map to begin with for every subject."""
+"""The fit of each section of a map other than [modes] and [aero], and the example map of every subject."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from logs.identification.results import EstimationResult
 from logs.identification.sources.table.config import EXAMPLE
 from logs.identification.sources.table.maneuvers import Cut
-from logs.identification.tables import benches, flight_paths, strokes
+from logs.identification.tables import benches, flight_paths, servos, strokes
 from logs.identification.tables import load_cell_tests as stands
-from logs.identification.tables.results import TableFit
-from logs.identification.tables.subjects import AERO, ALL, MODES, PATH, STAND, STROKE, TORQUE_SPEED, TWIST
+from logs.identification.tables.subjects import (
+    AERO,
+    ALL,
+    MODES,
+    PATH,
+    POWER,
+    SERVO,
+    STAND,
+    STROKE,
+    TORQUE_SPEED,
+    TWIST,
+)
 
-Room = Callable[[Any, Cut, Mapping[str, float], float | None], list[TableFit]]
-"""from a section, the manoeuvres, the constants and the longest gap (s) that is filled to the section's fits"""
+SectionFit = Callable[[Any, Cut, Mapping[str, float], float | None], list[EstimationResult]]
+"""(section, maneuvers, constants, longest gap that is interpolated (s)) -> results"""
 
-ROOMS: dict[str, Room] = {
+SECTION_FITS: dict[str, SectionFit] = {
     PATH: flight_paths.path_fit,
     STROKE: strokes.stroke_fits,
     STAND: stands.stand_fits,
     TORQUE_SPEED: benches.torque_speed_fit,
     TWIST: benches.twist_fits,
+    SERVO: servos.servo_fit,
+    POWER: servos.power_fit,
 }
 EXAMPLES: dict[str, str] = {
     MODES: EXAMPLE, AERO: EXAMPLE, ALL: EXAMPLE,
@@ -29,5 +42,7 @@ EXAMPLES: dict[str, str] = {
     STAND: stands.EXAMPLE,
     TORQUE_SPEED: benches.TORQUE_SPEED_EXAMPLE,
     TWIST: benches.TWIST_EXAMPLE,
+    SERVO: servos.SERVO_EXAMPLE,
+    POWER: servos.POWER_EXAMPLE,
 }  # fmt: skip
-"""by subject; what `wingbeat identify --map-example SUBJECT` prints"""
+"""by subject; output of `wingbeat identify --map-example SUBJECT`"""

@@ -1,4 +1,4 @@
-"""[path] of a map: biases and scales of the sensors from records whose kinematics must be those of one motion."""
+"""[path] of a map: biases and scales of the sensors by flight-path reconstruction."""
 
 from __future__ import annotations
 
@@ -9,17 +9,13 @@ import numpy as np
 
 from logs.identification.data.experiment import Experiment
 from logs.identification.data.resampling import whole_records
-from logs.identification.estimators.flight_path.reconstruction import Reconstruction, Setup, reconstruct
-from logs.identification.estimators.flight_path.records import LEAST_SAMPLES
-from logs.identification.estimators.flight_path.result import fitted_path, input_names, path_chapter
-from logs.identification.estimators.flight_path.sensors import LONGITUDINAL_INPUTS, UNITS, WINDS, Places
-from logs.identification.models.rigid_body import INPUTS
-from logs.identification.results import Array, Information
+from logs.identification.estimators.flight_path import MIN_SAMPLES, PathOptions, reconstruct
+from logs.identification.findings import Entry, Finding, register
+from logs.identification.models.rigid_body import INPUTS, LONGITUDINAL_INPUTS, UNITS, WINDS, SensorPositions
+from logs.identification.report.flight_path import path_chapter
+from logs.identification.results import EstimationResult
 from logs.identification.sources.table.maneuvers import Cut
 from logs.identification.sources.table.signals import LONGEST_FILL
-from logs.identification.statistics.output_fit import output_fits
-from logs.identification.tables.results import TableFit
-from wingbeat.constants import STANDARD_GRAVITY
 from wingbeat.errors import InputError
 from wingbeat.schema import check_known
 from wingbeat.text import pluralize
@@ -53,7 +49,7 @@ validate = [2]               # predicted with the errors found from the others
 longitudinal = false         # true: u, w, theta and altitude alone, from q, a_x and a_z, wings level
 also = ["scale_q"]           # beyond the usual: biases of rates and accelerations, bias and scale of the vanes, wind
 known = []                   # errors that are zero, as "bias_a_y"
-[path.places]                # m from the centre of mass, x forward, y right, z down
+[path.places]                # m from the center of mass, x forward, y right, z down
 imu = [0.1, 0.0, -0.05]
 airspeed = [1.2, 0.0, 0.0]
 alpha = [1.5, 0.4, 0.1]
@@ -65,148 +61,105 @@ class PathSection(NamedTuple):
     """Section [path]."""
 
     longitudinal: bool | None = None
-    """where one of p, r and a_y is not told when not given"""
+    """if absent: whether one of p, r and a_y is not measured"""
     also: tuple[str, ...] = ()
     known: tuple[str, ...] = ()
-    places: Places = Places()
-    """m; the IMU's is that of the constants imu_x, imu_y, imu_z where not given"""
+    places: SensorPositions = SensorPositions()
+    """m; the IMU's is that of the constants imu_x, imu_y, imu_z if absent"""
     input_noise: dict[str, float] = {}
-    """SI; standard deviation of the white noise by input; by the records where not given"""
+    """SI; standard deviation of the white noise by input; estimated from the records if absent"""
 
 
-def path_fit(asked: PathSection, found: Cut, constants: Mapping[str, float], fill: float | None) -> list[TableFit]:
-    """The reconstruction over all manoeuvres, and what its errors make of those that were held out.
+register({
+    "longitudinal_only": Entry(
+        "not measured: {signals}; the longitudinal motion alone, with level wings",
+        "The lateral inputs of the kinematics are absent.",
+    ),
+    "record_left_out": Entry("left out: {reason}", "A record has no piece in which all inputs are measured."),
+    "samples_bridged": Entry(
+        "{lost} without {signals}, {bridged} of them bridged, {left} left out",
+        "Gaps of the inputs are interpolated up to `fill`; records are cut at longer ones.",
+    ),
+})  # fmt: skip
+
+
+def path_fit(
+    section: PathSection, split: Cut, constants: Mapping[str, float], fill: float | None
+) -> list[EstimationResult]:
+    """The reconstruction over all maneuvers, and the prediction of those that were held out.
 
     Raises:
-        InputError: an input or the airspeed is not there, or no stretch without a gap is long enough.
+        InputError: an input or the airspeed is not there, or no piece without a gap is long enough.
     """
-    setup, notes = _setup(asked, tuple(found.fitted[0].signals), constants)
-    fitted = _records(found.fitted, setup.longitudinal, fill, notes)
+    options, findings = _options(section, tuple(split.fitted[0].signals), constants)
+    fitted = _records(split.fitted, options.longitudinal, fill, findings)
     if not fitted:
-        raise InputError("path: " + "; ".join(notes))
-    held = _records(found.held_out, setup.longitudinal, fill, notes)
-    result = _with_level_wings(reconstruct(fitted, setup), fitted, setup.longitudinal)
-    told = fitted_path(fitted, result, setup, held)
-    told = told._replace(notes=(*notes, *_unknown_bank(fitted, result, setup.longitudinal), *told.notes))
-    chapter = path_chapter(fitted, result)
-    samples = sum(len(one.time) for one in fitted)
-    one = TableFit(
-        "path", told, not result.failure, result.failure, {}, {}, output_fits(told.series), samples,
-        chapters=() if chapter is None else (chapter,),
+        raise InputError("path: " + "; ".join(one.text for one in findings))
+    held_out = _records(split.held_out, options.longitudinal, fill, findings)
+    path = reconstruct(fitted, options, held_out)
+    chapter = path_chapter(fitted, path)
+    result = path.result._replace(
+        subject="path", title="flight path", findings=(*findings, *path.result.findings),
+        samples=sum(len(one.time) for one in fitted), chapters=() if chapter is None else (chapter,),
     )  # fmt: skip
-    return [one]
+    return [result]
 
 
-def _nothing(found: Reconstruction, why: str) -> Reconstruction:
-    return found._replace(parameters=(), tracks=(), correlation=np.zeros((0, 0)), failure=why)
-
-
-def _with_level_wings(found: Reconstruction, records: list[Experiment], longitudinal: bool) -> Reconstruction:
-    """What was ``found``, or nothing where the longitudinal motion alone was flown with a measured bank that counts.
-
-    A level turn's pitch rate ``r tan(phi)`` would be a bias of q, and what a bank takes off ``g cos(phi)`` one of
-    a_z.
-    """
-    banked = [one for one in records if "phi" in one.signals]
-    if not longitudinal or found.failure or not banked:
-        return found
-    phi = np.concatenate([one.signals["phi"] for one in banked])
-    turning = np.concatenate([_yaw_rate(one) for one in banked]) * np.tan(phi)
-    made = {"bias_q": np.nanmean(turning), "bias_a_z": STANDARD_GRAVITY * np.nanmean(1.0 - np.cos(phi))}
-    for one in found.parameters:
-        if abs(made.get(one.name, 0.0)) > one.high - one.value:
-            why = (
-                f"phi of up to {np.degrees(np.nanmax(np.abs(phi))):.0f} deg is not level: the bank alone makes"
-                f" {made[one.name]:.2g} {one.unit} of {one.name}; tell p, r and a_y, or cut where the wings are level"
-            )
-            return _nothing(found, why)
-    return found
-
-
-def _unknown_bank(records: list[Experiment], found: Reconstruction, longitudinal: bool) -> tuple[str, ...]:
-    """What is said where no measured bank can refute the level wings of the longitudinal motion alone.
-
-    Of a steady bank phi a level turn pitches by ``g / V sin(phi) tan(phi)``, and g (1 - cos(phi)) is taken off a_z.
-    """
-    if not longitudinal or found.failure or any("phi" in one.signals for one in records):
-        return ()
-    half = {one.name: one.high - one.value for one in found.parameters}
-    speed = float(np.nanmean(np.concatenate([one.signals["airspeed"] for one in records])))
-    made = []
-    if "bias_q" in half:
-        # sin(phi) tan(phi) = c of cos(phi)^2 + c cos(phi) - 1 = 0
-        share = half["bias_q"] * speed / STANDARD_GRAVITY
-        made.append(np.arccos(min((np.sqrt(share**2 + 4.0) - share) / 2.0, 1.0)))
-    if "bias_a_z" in half:
-        made.append(np.arccos(np.clip(1.0 - half["bias_a_z"] / STANDARD_GRAVITY, -1.0, 1.0)))
-    if not made:
-        return ()
-    return (
-        "phi is not told: that the wings were level is not tested, and a steady bank of"
-        f" {np.degrees(min(made)):.1f} deg would take bias_q or bias_a_z out of its interval",
-    )
-
-
-def _yaw_rate(one: Experiment) -> Array:
-    """Measured (N,), or that of a coordinated turn."""
-    if "r" in one.signals:
-        return np.asarray(one.signals["r"], dtype=np.float64)
-    speed = np.asarray(one.signals["airspeed"], dtype=np.float64)
-    return np.asarray(STANDARD_GRAVITY * np.sin(one.signals["phi"]) / np.where(speed > 0.0, speed, np.nan))
-
-
-def _setup(asked: PathSection, signals: tuple[str, ...], constants: Mapping[str, float]) -> tuple[Setup, list[str]]:
+def _options(
+    section: PathSection, signals: tuple[str, ...], constants: Mapping[str, float]
+) -> tuple[PathOptions, list[Finding]]:
     names = (*(f"{kind}_{channel}" for kind in ("bias", "scale") for channel in UNITS), *WINDS)
     for key in ("also", "known"):
-        for name in getattr(asked, key):
+        for name in getattr(section, key):
             check_known(name, names, f"path.{key} {name}")
-    for name, value in asked.input_noise.items():
+    for name, value in section.input_noise.items():
         check_known(name, INPUTS, f"path.input_noise.{name}")
         if not value > 0:
             raise InputError(f"path.input_noise.{name} must be above 0")
-    absent = [name for name in INPUTS if name not in signals]
-    longitudinal, notes = asked.longitudinal, []
-    if longitudinal is None:
-        longitudinal = bool(set(absent) - set(LONGITUDINAL_INPUTS))
-        if longitudinal:
-            said = ", ".join(name for name in absent if name not in LONGITUDINAL_INPUTS)
-            notes.append(f"not told: {said}; the longitudinal motion alone, flown with level wings")
-    missing = [f"signals.{name}" for name in input_names(longitudinal) if name not in signals]
+    lateral = [name for name in INPUTS if name not in signals and name not in LONGITUDINAL_INPUTS]
+    longitudinal = bool(lateral) if section.longitudinal is None else section.longitudinal
+    missing = [f"signals.{name}" for name in _inputs(longitudinal) if name not in signals]
     missing += [] if {"V", "airspeed"} & set(signals) else ["signals.V"]
     if missing:
         raise InputError(f"path needs {', '.join(missing)}")
-    places = asked.places
-    if places.imu == Places().imu:
+    positions = section.places
+    if positions.imu == SensorPositions().imu:
         x, y, z = (constants.get(f"imu_{axis}", 0.0) for axis in "xyz")
-        places = places._replace(imu=(x, y, z))
-    return Setup(longitudinal, asked.also, asked.known, places, asked.input_noise or None), notes
+        positions = positions._replace(imu=(x, y, z))
+    options = PathOptions(longitudinal, section.also, section.known, positions, section.input_noise)
+    if section.longitudinal is None and longitudinal:
+        return options, [Finding("longitudinal_only", "info", details={"signals": ", ".join(lateral)})]
+    return options, []
+
+
+def _inputs(longitudinal: bool) -> tuple[str, ...]:
+    return LONGITUDINAL_INPUTS if longitudinal else INPUTS
 
 
 def _records(
-    experiments: tuple[Experiment, ...], longitudinal: bool, fill: float | None, notes: list[str]
+    experiments: tuple[Experiment, ...], longitudinal: bool, fill: float | None, findings: list[Finding]
 ) -> list[Experiment]:
-    """Stretches of the manoeuvres without gaps in what drives the kinematics, the airspeed by its name there."""
-    found: list[Experiment] = []
-    for one in map(_named, experiments):
-        names, gap = input_names(longitudinal), LONGEST_FILL * one.step if fill is None else fill
+    """Pieces of the maneuvers without gaps in the inputs, the airspeed by its name in the kinematics."""
+    records: list[Experiment] = []
+    for one in map(_renamed, experiments):
+        names, gap = _inputs(longitudinal), LONGEST_FILL * one.step if fill is None else fill
         lost = int(np.count_nonzero(~np.all([np.isfinite(one.signals[name]) for name in names], axis=0)))
         try:
-            pieces = whole_records(one, names, gap, (LEAST_SAMPLES - 1) * one.step)
+            pieces = whole_records(one, names, gap, (MIN_SAMPLES - 1) * one.step)
         except InputError as reason:
-            notes.append(f"left out: {reason}")
+            findings.append(Finding("record_left_out", "warning", details={"reason": str(reason)}))
             continue
         left = len(one.time) - sum(len(piece.time) for piece in pieces)
         if lost:
-            said = f"{pluralize(lost, 'sample')} without {', '.join(names)}"
-            notes.append(
-                Information(f"{one.name}: {said}, {lost - min(left, lost)} of them bridged, {left} left out")
+            counts = {"lost": pluralize(lost, "sample"), "bridged": lost - min(left, lost), "left": left}
+            findings.append(
+                Finding("samples_bridged", "info", one.name, details=counts | {"signals": ", ".join(names)})
             )
-        found += pieces
-    return found
+        records += pieces
+    return records
 
 
-def _named(one: Experiment) -> Experiment:
-    """With the airspeed as the kinematics call it; an angle that wraps counts on."""
+def _renamed(one: Experiment) -> Experiment:
     if "V" not in one.signals or "airspeed" in one.signals:
         return one
     signals = {("airspeed" if name == "V" else name): values for name, values in one.signals.items()}

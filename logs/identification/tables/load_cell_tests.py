@@ -9,18 +9,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from logs.identification.aerodynamics.load_cell import LoadCell, StandRun, stand_coefficients
-from logs.identification.aerodynamics.strokes_measured import strokes_by_angle
-from logs.identification.aerodynamics.structure import CANDIDATES, CoefficientModel, identify_coefficients
 from logs.identification.data.experiment import Experiment
+from logs.identification.estimators.wing_coefficients import CANDIDATES, CoefficientModel, identify_coefficients
+from logs.identification.findings import Entry, Finding, register
 from logs.identification.models.inverse_dynamics import COEFFICIENTS, WingCoefficients
-from logs.identification.motion_capture.speeds import CUTOFF
-from logs.identification.results import FitSeries, Fitted, Information
+from logs.identification.models.load_cell import LoadCell, StandRun, stand_coefficients
+from logs.identification.models.wing_strokes import strokes_by_angle
+from logs.identification.motion_capture.motion import CUTOFF
+from logs.identification.results import EstimationResult, FitSeries, withheld_finding
 from logs.identification.sources.table.derived import Source
 from logs.identification.sources.table.maneuvers import Cut
 from logs.identification.sources.table.signal_lookup import signal
-from logs.identification.statistics.output_fit import output_fits
-from logs.identification.tables.results import TableFit
 from sim_bridge.vehicles import SimulatedVehicle, load_vehicle
 from wingbeat.errors import InputError
 from wingbeat.schema import check_known
@@ -67,6 +66,19 @@ EQUATIONS = (
 )
 
 
+register({
+    "tare": Entry(
+        "tail load subtracted by the vehicle's model, weight and inertia by {taken}",
+        "Source of the loads that are not those of the wings.",
+    ),
+    "mean_load": Entry(
+        "{where}: mean lift {lift:.4g} N and thrust {thrust:.4g} N along the stream, body axes {up:.4g} N up and"
+        " {forward:.4g} N forward; mean {coefficients}",
+        "Mean loads of a run on the load cell.",
+    ),
+})  # fmt: skip
+
+
 class StandSection(NamedTuple):
     """Section [stand]."""
 
@@ -86,67 +98,69 @@ class StandSection(NamedTuple):
     """terms that a stepwise regression chooses from; those that vary when not given"""
 
 
-def stand_fits(asked: StandSection, found: Cut, constants: Mapping[str, float], fill: float | None) -> list[TableFit]:
-    """C_L, C_T and C_m over all runs but the tare, each as a sum of chosen terms, and of the runs held out.
+def stand_fits(
+    section: StandSection, maneuvers: Cut, constants: Mapping[str, float], fill: float | None
+) -> list[EstimationResult]:
+    """C_L, C_T and C_m over all runs but the tare, each as a sum of chosen terms, and of the runs predicted out.
 
     Raises:
         InputError: a signal or constant is not there, the vehicle is not known, or a run cannot be used.
     """
-    if asked.sign not in (1.0, -1.0):
+    if section.sign not in (1.0, -1.0):
         raise InputError("stand.sign must be 1 or -1")
-    for name in asked.candidates:
+    for name in section.candidates:
         check_known(name, CANDIDATES, f"stand.candidates {name}")
-    vehicle, cell = _vehicle(asked.vehicle), LoadCell(asked.place, np.array(asked.axes), asked.sign)
-    tare, rest = _tare(asked, found)
-    still = None if tare is None else _run(asked, tare, constants)
-    fitted, held = (
-        [stand_coefficients(vehicle, _run(asked, one, constants), cell, still, asked.cutoff) for one in part]
+    vehicle, cell = _vehicle(section.vehicle), LoadCell(section.place, np.array(section.axes), section.sign)
+    tare, rest = _tare(section, maneuvers)
+    still = None if tare is None else _run(section, tare, constants)
+    fitted, predicted = (
+        [stand_coefficients(vehicle, _run(section, one, constants), cell, still, section.cutoff) for one in part]
         for part in rest
     )
-    records, tried = ([_thinned(one, asked.cutoff) for one in part] for part in (fitted, held))
-    candidates = asked.candidates or tuple(name for name in CANDIDATES if _varies(name, records))
+    records, tried = ([_thinned(one, section.cutoff) for one in part] for part in (fitted, predicted))
+    candidates = section.candidates or tuple(name for name in CANDIDATES if _varies(name, records))
     models = identify_coefficients(tuple(records), candidates).models
-    notes = tuple(_means(one) for one in (*fitted, *held))
     taken = "the vehicle's model" if tare is None else tare.name
-    off = f"the stream's load on the tail taken off by the vehicle's model, weight and inertia by {taken}"
-    told = (Information(off), *notes)
-    return [_fit(model, records, tried, told if place == 0 else ()) for place, model in enumerate(models)]
+    notes = (Finding("tare", "info", details={"taken": taken}), *(_means(one) for one in (*fitted, *predicted)))
+    return [_result(model, records, tried, notes if place == 0 else ()) for place, model in enumerate(models)]
 
 
 def _vehicle(name: str) -> SimulatedVehicle:
     return load_vehicle(str(Path(name) / "world.toml") if Path(name).is_dir() else name)
 
 
-def tare_name(asked: StandSection, found: Cut) -> str | None:
+def tare_name(section: StandSection, maneuvers: Cut) -> str | None:
     """What the manoeuvre of the tare run is called; None where there is none."""
-    begin = f"manoeuvre {asked.tare} of "
-    return next((one.name for one in (*found.fitted, *found.held_out) if one.name.startswith(begin)), None)
+    begin = f"manoeuvre {section.tare} of "
+    return next((one.name for one in (*maneuvers.fitted, *maneuvers.held_out) if one.name.startswith(begin)), None)
 
 
-def _tare(asked: StandSection, found: Cut) -> tuple[Experiment | None, tuple[list[Experiment], list[Experiment]]]:
+def _tare(
+    section: StandSection, maneuvers: Cut
+) -> tuple[Experiment | None, tuple[list[Experiment], list[Experiment]]]:
     """The tare run, and the runs to fit and to predict.
 
     Raises:
         InputError: there is no manoeuvre of that number, or nothing beside it.
     """
-    name, every = tare_name(asked, found), (*found.fitted, *found.held_out)
-    if asked.tare is not None and name is None:
-        raise InputError(f"stand.tare: there is no manoeuvre {asked.tare}; there are {len(every)}")
-    fitted, held = ([one for one in part if one.name != name] for part in (found.fitted, found.held_out))
+    name, every = tare_name(section, maneuvers), (*maneuvers.fitted, *maneuvers.held_out)
+    if section.tare is not None and name is None:
+        raise InputError(f"stand.tare: there is no manoeuvre {section.tare}; there are {len(every)}")
+    fitted, predicted = ([one for one in part if one.name != name] for part in (maneuvers.fitted, maneuvers.held_out))
     if not fitted:
-        raise InputError("stand: no run is left beside the tare run and those held out")
-    return next((one for one in every if one.name == name), None), (fitted, held)
+        raise InputError("stand: no run is left beside the tare run and those predicted out")
+    return next((one for one in every if one.name == name), None), (fitted, predicted)
 
 
-def _run(asked: StandSection, one: Experiment, constants: Mapping[str, float]) -> StandRun:
+def _run(section: StandSection, one: Experiment, constants: Mapping[str, float]) -> StandRun:
     source = Source(one, constants, "stand")
     units = ("N",) * 3 + ("N m",) * 3
-    load = [signal(one, name, unit, "stand.load") for name, unit in zip(asked.load, units, strict=True)]
-    flap = signal(one, asked.flap, "rad", "stand.flap")
+    load = [signal(one, name, unit, "stand.load") for name, unit in zip(section.load, units, strict=True)]
+    flap = signal(one, section.flap, "rad", "stand.flap")
     speed, pitch, density = (float(np.nanmean(source.get(name))) for name in ("V", "alpha", "rho"))
     begin, end = strokes_by_angle(one.time, flap)
     if not len(begin):
-        raise InputError(f"{one.name}: the wings' angle ({asked.flap}) goes through no whole stroke")
+        raise InputError(f"{one.name}: the wings' angle ({section.flap}) goes through no whole stroke")
     cuts = np.append(begin, end[-1])
     rate = 1.0 / float(np.mean(end - begin))
     count = np.interp(one.time, cuts, np.arange(len(cuts), dtype=np.float64))
@@ -155,15 +169,15 @@ def _run(asked: StandSection, one: Experiment, constants: Mapping[str, float]) -
     return StandRun(one.name, one.time, np.column_stack(load), flap, speed, pitch, density, strokes)
 
 
-def _thinned(found: WingCoefficients, cutoff: float) -> WingCoefficients:
+def _thinned(maneuvers: WingCoefficients, cutoff: float) -> WingCoefficients:
     """Without the ends, and no more samples than the low-pass left something between."""
-    one = found.experiment
+    one = maneuvers.experiment
     ends, every = math.ceil(ENDS / (cutoff * one.step)), max(int(1.0 / (SAMPLED * cutoff * one.step)), 1)
     kept = slice(ends, len(one.time) - ends, every)
     if len(one.time[kept]) < 3:
         raise InputError(f"{one.name}: too short for a low-pass at {cutoff:g} Hz")
     signals = {name: np.asarray(values)[kept] for name, values in one.signals.items()}
-    return found._replace(experiment=one._replace(time=one.time[kept], signals=signals))
+    return maneuvers._replace(experiment=one._replace(time=one.time[kept], signals=signals))
 
 
 def _varies(name: str, records: list[WingCoefficients]) -> bool:
@@ -173,38 +187,43 @@ def _varies(name: str, records: list[WingCoefficients]) -> bool:
     return float(np.ptp(values)) > STILL * float(np.max(np.abs(values)))
 
 
-def _means(found: WingCoefficients) -> Information:
-    """Mean force and coefficients of a run; lift and thrust to the stream, of which the coefficients are not.
+def _means(maneuvers: WingCoefficients) -> Finding:
+    """Mean force and coefficients of a run.
 
     A body pitched nose up by alpha: lift = F_x sin(alpha) - F_z cos(alpha), thrust = F_x cos(alpha) + F_z sin(alpha).
     """
-    load, signals = found.load.mean(axis=0), found.experiment.signals
+    load, signals = maneuvers.load.mean(axis=0), maneuvers.experiment.signals
     pitch = math.atan2(float(np.mean(signals["v_z"])), float(np.mean(signals["v_x"])))
-    lift = load[0] * math.sin(pitch) - load[2] * math.cos(pitch)
-    thrust = load[0] * math.cos(pitch) + load[2] * math.sin(pitch)
-    told = ", ".join(f"{name} {float(np.mean(signals[name])):.4g}" for name in COEFFICIENTS)
-    return Information(
-        f"{found.experiment.name}: mean lift {lift:.4g} N and thrust {thrust:.4g} N to the stream, in body axes"
-        f" {-load[2]:.4g} N up and {load[0]:.4g} N forward; there mean {told}"
-    )
+    details = {
+        "where": maneuvers.experiment.name, "up": -load[2], "forward": load[0],
+        "lift": load[0] * math.sin(pitch) - load[2] * math.cos(pitch),
+        "thrust": load[0] * math.cos(pitch) + load[2] * math.sin(pitch),
+        "coefficients": ", ".join(f"{name} {float(np.mean(signals[name])):.4g}" for name in COEFFICIENTS),
+    }  # fmt: skip
+    return Finding("mean_load", "info", details=details)
 
 
-def _fit(
-    model: CoefficientModel, fitted: list[WingCoefficients], held: list[WingCoefficients], notes: tuple[str, ...]
-) -> TableFit:
-    sides = [(one, False) for one in fitted] + [(one, True) for one in held]
+def _result(
+    model: CoefficientModel,
+    fitted: list[WingCoefficients],
+    predicted: list[WingCoefficients],
+    notes: tuple[Finding, ...],
+) -> EstimationResult:
+    sides = [(one, False) for one in fitted] + [(one, True) for one in predicted]
     series = tuple(_series(model, one.experiment, side) for one, side in sides) if model.estimates else ()
-    failure = "" if model.estimates else model.unidentified[0].reason
+    lost = [withheld_finding(one) for one in model.unidentified]
+    if not model.estimates:
+        lost.insert(0, lost[0]._replace(subject=""))
     terms = " + ".join(("C_0", *(f"[{term}] {term}" for term in model.terms)))
-    equations = (*EQUATIONS, f"{model.name} = {terms}")
-    told = Fitted(f"{model.name} on the stand", equations, model.estimates, model.unidentified, None, series, notes)
-    return TableFit(
-        "stand", told, not failure, failure, {}, {}, output_fits(series), model.samples, steps=model.steps
-    )
+    return EstimationResult(
+        "stand", "stand", "", (*EQUATIONS, f"{model.name} = {terms}"),
+        "converged" if model.estimates else "not identifiable", model.estimates, series=series,
+        samples=model.samples, findings=(*lost, *notes), steps=model.steps, title=f"{model.name} on the stand",
+    )  # fmt: skip
 
 
 def _series(model: CoefficientModel, one: Experiment, held_out: bool) -> FitSeries:
-    values: dict[str, Any] = {found.name: found.value for found in model.estimates}
+    values: dict[str, Any] = {maneuvers.name: maneuvers.value for maneuvers in model.estimates}
     made = np.full(len(one.time), values.get(f"{model.name}_0", np.nan))
     for term in model.terms:
         made = made + values.get(f"{model.name}_{term}", np.nan) * one.signals[term]

@@ -1,4 +1,4 @@
-"""[markers] of a map: where markers are on a vehicle, for the log of a capture or a table of their positions."""
+"""[markers] of a map: positions of markers on a vehicle, for the log of a capture or a table."""
 
 from __future__ import annotations
 
@@ -8,11 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from logs.identification.aerodynamics.structure import AeroResult, identify_coefficients
+from logs.identification.estimators.wing_coefficients import AeroResult, identify_coefficients
 from logs.identification.models.inverse_dynamics import LOW_PASS, WingMotion, coefficients, moved_by_speeds
-from logs.identification.motion_capture.marker_motion import Cloud, MarkerMotion, marker_motion
 from logs.identification.motion_capture.markers import Places
-from logs.identification.motion_capture.speeds import CUTOFF
+from logs.identification.motion_capture.motion import CUTOFF, Cloud, MarkerMotion, marker_motion
 from logs.identification.results import Array
 from logs.identification.sources.table.columns import Layout, read_columns
 from logs.identification.sources.table.signals import SignalEntry, TimeSection, records_of
@@ -61,7 +60,7 @@ tail_left = [-0.17, -0.1, 0.0]
 TOPIC = "/mocap/"
 FIELDS = ("north", "east", "down")
 SLIP = 0.1
-"""-; of a frame, by which a stamp may lie beside the even time base"""
+"""-; of a frame, by which a time stamp may differ from the even time base"""
 NED = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 Row = tuple[float, float, float]
 
@@ -88,7 +87,7 @@ class MarkersSection(NamedTuple):
 
 
 class MarkersMap(NamedTuple):
-    """A whole map; all but [markers] are of tables."""
+    """A map; all sections but [markers] are of tables."""
 
     markers: MarkersSection
     signals: dict[str, SignalEntry] = {}
@@ -97,12 +96,12 @@ class MarkersMap(NamedTuple):
 
 
 class MarkersResult(NamedTuple):
-    """What markers tell of a vehicle's motion."""
+    """Motion of a vehicle by markers."""
 
     vehicle: str
     """-; its name, or that of a single rigid body"""
     motions: tuple[MarkerMotion, ...]
-    """one a record"""
+    """one per record"""
     notes: tuple[str, ...] = ()
 
 
@@ -121,33 +120,33 @@ def load_markers_map(path: Path) -> MarkersMap:
     return found
 
 
-def _check(asked: MarkersSection) -> None:
-    names, axes = asked.names(), np.array(asked.axes)
+def _check(section: MarkersSection) -> None:
+    names, axes = section.names(), np.array(section.axes)
     twice = next((name for place, name in enumerate(names) if name in names[:place]), None)
     if twice is not None:
         raise InputError(f"markers.places: {twice} is on two bodies")
     if not np.allclose(axes @ axes.T, np.eye(3), atol=1e-3) or np.linalg.det(axes) < 0.0:
         raise InputError("markers.axes must be a rotation: rows of unit length at right angles, right-handed")
-    if not asked.density > 0.0:
+    if not section.density > 0.0:
         raise InputError("markers.density must be above 0")
-    if not asked.cutoff > 0.0:
+    if not section.cutoff > 0.0:
         raise InputError("markers.cutoff must be above 0")
 
 
-def cloud_of_log(log: Log, asked: MarkersSection) -> Cloud:
+def cloud_of_log(log: Log, section: MarkersSection) -> Cloud:
     """The markers under /mocap/ of a log that `wingbeat log import` made.
 
     Raises:
         InputError: none of the map's markers is there, or their frames are not of one rate.
     """
-    there = [name for name in asked.names() if TOPIC + name in log.topics]
+    there = [name for name in section.names() if TOPIC + name in log.topics]
     if not there:
-        seen = ", ".join(name.removeprefix(TOPIC) for name in log.topics if name.startswith(TOPIC))
-        raise InputError(f"{log.path} has none of the map's markers under {TOPIC}; it has: {seen or 'none'}")
+        recorded = ", ".join(name.removeprefix(TOPIC) for name in log.topics if name.startswith(TOPIC))
+        raise InputError(f"{log.path} has none of the map's markers under {TOPIC}; it has: {recorded or 'none'}")
     columns = {name: log.columns(TOPIC + name) for name in there}
     stamps = np.unique(np.concatenate([np.asarray(one.time, float) for one in columns.values()]))
     if len(stamps) < 2:
-        raise InputError(f"{log.path}: its markers were seen in a single frame")
+        raise InputError(f"{log.path}: its markers were measured in a single frame")
     step = float(np.median(np.diff(stamps)))
     time = stamps[0] + step * np.arange(round(float(stamps[-1] - stamps[0]) / step) + 1)
     tracks = {}
@@ -161,7 +160,7 @@ def cloud_of_log(log: Log, asked: MarkersSection) -> Cloud:
 
 
 def clouds_of_tables(paths: Sequence[Path], chosen: MarkersMap) -> tuple[tuple[Cloud, ...], tuple[str, ...]]:
-    """The markers of tables, a cloud for every record, and what was done to make their time even.
+    """The markers of tables, a cloud for every record, and notes on their time base.
 
     Raises:
         InputError: a marker has no three signals NAME_x, NAME_y, NAME_z in m, or a table cannot be read.
@@ -169,61 +168,63 @@ def clouds_of_tables(paths: Sequence[Path], chosen: MarkersMap) -> tuple[tuple[C
     if not chosen.signals:
         raise InputError("the map has no [signals] that say which columns of the table are the markers'")
     chosen.time.check()
-    asked, notes, clouds = chosen.markers, [], []
-    there = [name for name in asked.names() if any(f"{name}_{axis}" in chosen.signals for axis in "xyz")]
+    section, notes, clouds = chosen.markers, [], []
+    there = [name for name in section.names() if any(f"{name}_{axis}" in chosen.signals for axis in "xyz")]
     for name in [f"{marker}_{axis}" for marker in there for axis in "xyz"]:
         if name not in chosen.signals or chosen.signals[name].unit != "m":
             raise InputError(f"signals.{name} must be there, in a unit of length")
     if not there:
         raise InputError("no marker of markers.places has signals NAME_x, NAME_y and NAME_z")
     for path in paths:
-        records, told = records_of(read_columns(path, chosen.table), chosen.signals, chosen.time, None)
-        notes += told
+        records, record_notes = records_of(read_columns(path, chosen.table), chosen.signals, chosen.time, None)
+        notes += [one.text for one in record_notes]
         for number, record in enumerate(records, 1):
             name = record.file if len(records) == 1 else f"record {number} of {record.file}"
-            clouds.append(Cloud(name, record.time, {one: _track(record.signals, one, asked) for one in there}))
+            clouds.append(Cloud(name, record.time, {one: _track(record.signals, one, section) for one in there}))
     return tuple(clouds), tuple(notes)
 
 
-def _track(signals: dict[str, Array], name: str, asked: MarkersSection) -> Array:
-    told = np.column_stack([signals[f"{name}_{axis}"] for axis in "xyz"])
-    told[~np.isfinite(told).all(axis=1)] = np.nan
-    return np.asarray(told @ np.array(asked.axes).T)
+def _track(signals: dict[str, Array], name: str, section: MarkersSection) -> Array:
+    track = np.column_stack([signals[f"{name}_{axis}"] for axis in "xyz"])
+    track[~np.isfinite(track).all(axis=1)] = np.nan
+    return np.asarray(track @ np.array(section.axes).T)
 
 
 def identify_markers(
-    vehicle: SimulatedVehicle | None, asked: MarkersSection, clouds: Sequence[Cloud], notes: tuple[str, ...] = ()
+    vehicle: SimulatedVehicle | None, section: MarkersSection, clouds: Sequence[Cloud], notes: tuple[str, ...] = ()
 ) -> MarkersResult:
     """Coordinates and speeds of every record; without a vehicle of the one rigid body that has markers.
 
     Raises:
         InputError: as of `marker_motion`.
     """
-    places: Places = asked.places
+    places: Places = section.places
     name = vehicle.name if vehicle is not None else next(iter(places))
-    return MarkersResult(name, tuple(marker_motion(vehicle, places, cloud, asked.cutoff) for cloud in clouds), notes)
+    return MarkersResult(
+        name, tuple(marker_motion(vehicle, places, cloud, section.cutoff) for cloud in clouds), notes
+    )
 
 
-def wings_by_markers(vehicle: SimulatedVehicle, asked: MarkersSection, found: MarkersResult) -> AeroResult:
-    """The wings' coefficients (Grauer Eq. 13 to 19) by the motion that the markers tell.
+def wings_by_markers(vehicle: SimulatedVehicle, section: MarkersSection, result: MarkersResult) -> AeroResult:
+    """The wings' coefficients (Grauer Eq. 13 to 19) by the motion of the markers.
 
     Raises:
-        InputError: no stretch of the speeds is long enough, or the wings do not move through the air.
+        InputError: no record of the speeds is long enough, or the wings do not move through the air.
     """
     notes: tuple[str, ...] = ("motion: by markers",)
     if vehicle.wing.twists:
         notes += ("twist of the wings: not measured, counted as at rest",)
-    told, lost = [], []
-    for motion in found.motions:
+    motions, lost = [], []
+    for motion in result.motions:
         for piece in motion.speeds:
             name = f"{motion.name}, {piece.time[0]:.2f} s to {piece.time[-1]:.2f} s"
-            moved = moved_by_speeds(vehicle, piece, asked.wind)
+            moved = moved_by_speeds(vehicle, piece, section.wind)
             try:
-                told.append(
-                    coefficients(vehicle, WingMotion(name, piece.time, moved, asked.density, notes), LOW_PASS)
+                motions.append(
+                    coefficients(vehicle, WingMotion(name, piece.time, moved, section.density, notes), LOW_PASS)
                 )
             except InputError as error:
                 lost.append(str(error))
-    if not told:
-        raise InputError("; ".join(lost) or "the markers tell no speeds")
-    return identify_coefficients(tuple(told))
+    if not motions:
+        raise InputError("; ".join(lost) or "the markers give no speeds")
+    return identify_coefficients(tuple(motions))

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from logs.identification.data.experiment import Experiment
-from logs.identification.estimators.engine.problem import Model
+from logs.identification.estimators.engine.problem import Fit, Model
 from logs.identification.findings import Finding
 from logs.identification.models.actuators import Actuated, Actuator
 from logs.identification.models.compiled import CompiledModel
@@ -29,59 +29,65 @@ LONGEST_DELAY = 1.0
 """s; either way"""
 OF_SPEED = ("a_x", "a_y", "a_z", "n_y", "n_z", "u")
 """outputs that a linear model needs the airspeed for"""
-TELL_THE_FORCE = {"alpha", "a_z", "n_z"}
-"""outputs of a short period without which gravity's change with theta is left out. That alone would tell Z_alpha,
-Z_delta and M_q from one another by the pitch motion, and is no larger than the change of the airspeed, which is left
-out too: Z_delta came out as 1.6 (1.1 to 2.0) where -0.16 was true"""
+FORCE_OUTPUTS = {"alpha", "a_z", "n_z"}
+"""outputs of a short period without which gravity's change with theta is left out: it alone would separate Z_alpha,
+Z_delta and M_q by the pitch motion, and is no larger than the change of the airspeed, which is left out too"""
 TRIM = ("V", "alpha", "theta")
-"""constants of the steady flight that signals tell too"""
+"""constants of the steady flight that signals give too"""
 DROPPED = ("Z_q", "X_q", "Y_p", "Y_r")
-"""derivatives that are seldom told apart from others: zero unless a map names them"""
+"""derivatives that are rarely identifiable: zero unless a map names them"""
+WITHOUT_SPEED = ("X_delta", "M_u")
+"""derivatives of the longitudinal model that are zero unless the speed is measured or a map names them"""
 AERODYNAMIC = ("C_D_0", "C_D_alpha", "C_L_0", "C_L_alpha", "C_m_0", "C_m_alpha", "C_m_q", "C_m_delta")
-"""coefficients that are free where a map names none"""
+"""coefficients that are free if a map names none"""
 
 
-class Made(NamedTuple):
-    """A model with what it says and what is free in it where a map names nothing."""
+class Built(NamedTuple):
+    """A model with its equations and the parameters that are free if a map names none."""
 
     model: Model
     equations: tuple[str, ...]
     default: tuple[str, ...]
     aliases: Mapping[str, str]
-    """-; the model's inputs by what the map calls them"""
-    held: Mapping[str, float] = {}
-    """SI; inputs that no signal gives, by the model's name"""
+    """-; the model's inputs by the name in the map"""
+    constant_inputs: Mapping[str, float] = {}
+    """SI; inputs without a signal, by the model's name"""
     starts: Mapping[str, float] = {}
-    """as the parameters; of a user's model, where its file gives them"""
+    """as the parameters; of a user's model, if its file gives them"""
     findings: tuple[Finding, ...] = ()
 
 
 class Chosen(NamedTuple):
-    """A model as a map wants it."""
+    """A model as a map requests it."""
 
     model: Model
     equations: tuple[str, ...]
     parameters: Mapping[str, Parameter]
-    """what is free, and what is held, by name"""
+    """free and fixed parameters by name"""
     linear: bool
     """-; about a trim: inputs count from their first value, every output has a bias"""
     aliases: Mapping[str, str]
-    """-; the model's inputs by what the map calls them"""
-    held: Mapping[str, float]
-    """SI; inputs that no signal gives, by the model's name"""
+    """-; the model's inputs by the name in the map"""
+    constant_inputs: Mapping[str, float]
+    """SI; inputs without a signal, by the model's name"""
     operating_point: tuple[Array, Array] | None = None
     """(n,), (k,); mean states and inputs, about which a nonlinear model is linearized"""
     findings: tuple[Finding, ...] = ()
 
     @property
+    def fixed(self) -> dict[str, float]:
+        """SI; the parameters that the map fixes."""
+        return {name: one.fixed for name, one in self.parameters.items() if one.fixed is not None}
+
+    @property
     def unnamed(self) -> dict[str, float]:
-        """SI; parameters in the equations that a fit neither seeks nor is told, by name: as the model has them."""
+        """SI; parameters in the equations that are neither free nor fixed by the map, by name."""
         rest = {name: one.value for name, one in self.model.parameters.items() if name not in self.parameters}
-        # The linear models' constants, the biases' part, are in no equation.
+        # The constants of linear models belong to the biases and are in no equation.
         return {name: value for name, value in rest.items() if not (self.linear and name.endswith("_0"))}
 
     def about(self, experiment: Experiment) -> Experiment:
-        """The manoeuvre with its inputs as the model takes them.
+        """The maneuver with its inputs under the model's names.
 
         Raises:
             InputError: an input is not among the signals.
@@ -91,12 +97,12 @@ class Chosen(NamedTuple):
             if name not in signals:
                 raise InputError(f"input {name!r} is not in [signals]; there are: {', '.join(experiment.signals)}")
             signals[own] = signals[name]
-        for name, value in self.held.items():
+        for name, value in self.constant_inputs.items():
             signals[name] = np.full(len(experiment.time), value)
         return experiment._replace(signals=signals)
 
     def from_trim(self, experiment: Experiment) -> Experiment:
-        """The manoeuvre with the inputs of a linear model counted from their first value."""
+        """The maneuver with the inputs of a linear model counted from their first value."""
         if not self.linear:
             return experiment
         signals = dict(experiment.signals)
@@ -105,98 +111,106 @@ class Chosen(NamedTuple):
         return experiment._replace(signals=signals)
 
     def input_biases(self, outputs: tuple[str, ...]) -> tuple[str, ...]:
-        """Inputs whose trim must be free: an angle that a steady rate would run away with is among the outputs."""
+        """Inputs with a free bias: an attitude among the outputs integrates a steady rate."""
         free = self.linear and ("theta" in outputs or "phi" in outputs)
         return tuple(self.model.inputs) if free else ()
 
-    def system(self, values: Mapping[str, float]) -> Array:
-        """Matrix A (n, n) of a linear model with parameters ``values``, without angles that only follow.
+    def system_of(self, fit: Fit) -> Callable[[Array], Array]:
+        """Matrix A (n, n) of a linear model as a function of the free parameters (p,), without integrated angles.
 
         Raises:
             InputError: the model has no modes.
         """
         inner = self.model.model if isinstance(self.model, Actuated) else self.model
-        if isinstance(inner, CompiledModel) and self.operating_point is not None:
-            parameters = np.array([values[name] for name in inner.parameters])
-            return inner.state_matrix(parameters, *self.operating_point)
-        if not isinstance(inner, LinearModel):
-            raise InputError("a model that is not linear has no modes of its own")
-        whole = inner.matrices(np.array([values[name] for name in inner.parameters])).a
-        kept = [place for place in range(len(whole)) if np.any(whole[:, place]) or len(whole) == 1]
-        return np.asarray(whole[np.ix_(kept, kept)])
+        if not isinstance(inner, LinearModel) and not (isinstance(inner, CompiledModel) and self.operating_point):
+            raise InputError("the model has no modes of its own")
+        base = {name: one.value for name, one in inner.parameters.items()} | self.fixed
+
+        def system(values: Array) -> Array:
+            all_values = base | dict(zip(fit.names, values.tolist(), strict=True))
+            parameters = np.array([all_values[name] for name in inner.parameters])
+            if not isinstance(inner, LinearModel):
+                assert isinstance(inner, CompiledModel) and self.operating_point is not None
+                return inner.state_matrix(parameters, *self.operating_point)
+            whole = inner.matrices(parameters).a
+            states = [n for n in range(len(whole)) if np.any(whole[:, n]) or len(whole) == 1]
+            return np.asarray(whole[np.ix_(states, states)])
+
+        return system
 
 
-def chosen_model(asked: OutputError, constants: Mapping[str, float], experiments: tuple[Experiment, ...]) -> Chosen:
+def chosen_model(section: OutputError, constants: Mapping[str, float], experiments: tuple[Experiment, ...]) -> Chosen:
     """The model with what is free in it.
 
     Raises:
         InputError: an output or parameter that it does not have, or a constant that it needs.
     """
-    build, linear = (_user, False) if is_user_model(asked.model) else MODELS[asked.model]
-    made = build(asked, with_speed(constants, experiments), experiments)
-    late = () if asked.delay.fixed == 0.0 else (Actuator(tuple(made.model.inputs), DELAY),)
-    held = _held(asked, made)
-    model = Actuated(made.model, late, held) if late or held else made.model
-    for name in asked.outputs:
+    build, linear = (_user, False) if is_user_model(section.model) else MODELS[section.model]
+    built = build(section, with_speed(constants, experiments), experiments)
+    late = () if section.delay.fixed == 0.0 else (Actuator(tuple(built.model.inputs), DELAY),)
+    zoh = _zoh_inputs(section, built)
+    model = Actuated(built.model, late, zoh) if late or zoh else built.model
+    for name in section.outputs:
         if name not in model.outputs:
-            raise InputError(f"{asked.model} has no output {name!r}; it has: {', '.join(model.outputs)}")
+            raise InputError(f"{section.model} has no output {name!r}; it has: {', '.join(model.outputs)}")
         unit = experiments[0].units.get(name, model.outputs[name])
         if unit != model.outputs[name]:
             raise InputError(f"signals.{name} is in {unit}, the model's {name} in {model.outputs[name]}")
-    parameters = _parameters(asked, made)
-    if asked.delay.fixed != 0.0:
-        if asked.delay.fixed is not None and not abs(asked.delay.fixed) <= LONGEST_DELAY:
+    parameters = _parameters(section, built)
+    if section.delay.fixed != 0.0:
+        if section.delay.fixed is not None and not abs(section.delay.fixed) <= LONGEST_DELAY:
             raise InputError(
-                f"delay = {asked.delay.fixed:g} s: an input acts at most {LONGEST_DELAY:g} s late or early"
+                f"delay = {section.delay.fixed:g} s: an input acts at most {LONGEST_DELAY:g} s late or early"
             )
-        parameters[DELAY] = asked.delay
+        parameters[DELAY] = section.delay
     if all(one.fixed is not None for one in parameters.values()):
-        raise InputError(f"{asked.model}: every parameter is fixed, there is nothing to find")
+        raise InputError(f"{section.model}: every parameter is fixed, there is nothing to find")
     return Chosen(
-        model, made.equations, parameters, linear, made.aliases, made.held,
-        None if linear else _operating_point(made, experiments), made.findings,
+        model, built.equations, parameters, linear, built.aliases, built.constant_inputs,
+        None if linear else _operating_point(built, experiments), built.findings,
     )  # fmt: skip
 
 
-def _operating_point(made: Made, experiments: tuple[Experiment, ...]) -> tuple[Array, Array] | None:
+def _operating_point(built: Built, experiments: tuple[Experiment, ...]) -> tuple[Array, Array] | None:
     """Mean states and inputs; a state that is not measured has its value in the model."""
-    if not isinstance(made.model, CompiledModel):
+    if not isinstance(built.model, CompiledModel):
         return None
-    signals = {own: name for name, own in made.aliases.items()}
-    means = {name: _mean(signals.get(name, name), experiments) for name in (*made.model.states, *made.model.inputs)}
-    states = [one.value if (mean := means[name]) is None else mean for name, one in made.model.states.items()]
-    inputs = [made.held.get(name, 0.0) if (mean := means[name]) is None else mean for name in made.model.inputs]
+    signals = {own: name for name, own in built.aliases.items()}
+    means = {name: _mean(signals.get(name, name), experiments) for name in (*built.model.states, *built.model.inputs)}
+    states = [one.value if (mean := means[name]) is None else mean for name, one in built.model.states.items()]
+    fixed = built.constant_inputs
+    inputs = [fixed.get(name, 0.0) if (mean := means[name]) is None else mean for name in built.model.inputs]
     return np.array(states), np.array(inputs)
 
 
-def _held(asked: OutputError, made: Made) -> tuple[str, ...]:
-    """The model's names of the inputs that are held.
+def _zoh_inputs(section: OutputError, built: Built) -> tuple[str, ...]:
+    """The model's names of the inputs that are constant between samples.
 
     Raises:
-        InputError: the map holds what is no input.
+        InputError: ``hold`` names another signal.
     """
-    for name in asked.hold:
-        check_known(name, asked.inputs, f"hold {name}")
-    return tuple(made.aliases.get(name, name) for name in asked.hold)
+    for name in section.hold:
+        check_known(name, section.inputs, f"hold {name}")
+    return tuple(built.aliases.get(name, name) for name in section.hold)
 
 
-def _parameters(asked: OutputError, made: Made) -> dict[str, Parameter]:
+def _parameters(section: OutputError, built: Built) -> dict[str, Parameter]:
     """The map's, by the model's names: with one input ``Z_delta_e`` is ``Z_delta``."""
-    if not asked.parameters:
-        return {name: Parameter(start=made.starts.get(name)) for name in made.default}
+    if not section.parameters:
+        return {name: Parameter(start=built.starts.get(name)) for name in built.default}
     found = {}
-    for name, one in asked.parameters.items():
+    for name, one in section.parameters.items():
         own = name
-        for given in made.aliases:
-            if name not in made.model.parameters and name.endswith(f"_{given}"):
+        for given in built.aliases:
+            if name not in built.model.parameters and name.endswith(f"_{given}"):
                 own = f"{name.removesuffix(given)}delta"
-        check_known(own, made.model.parameters, f"parameters.{name}")
+        check_known(own, built.model.parameters, f"parameters.{name}")
         found[own] = one
     return found
 
 
 def with_speed(constants: Mapping[str, float], experiments: tuple[Experiment, ...]) -> dict[str, float]:
-    """The trim's airspeed, angle of attack and pitch are the means of the measured ones where they are not told."""
+    """The constants; airspeed, angle of attack and pitch of the trim are means of the signals if not given."""
     return {name: mean for name in TRIM if (mean := _mean(name, experiments)) is not None} | dict(constants)
 
 
@@ -206,27 +220,10 @@ def _mean(name: str, experiments: tuple[Experiment, ...]) -> float | None:
     return float(measured.mean()) if len(measured) else None
 
 
-def untold_trim(
-    asked: OutputError, constants: Mapping[str, float], experiments: tuple[Experiment, ...]
-) -> tuple[str, ...]:
-    """What is said of a trim's angles that nothing tells, where the model turns its axes by them."""
-    if asked.model not in ("longitudinal", "lateral") or "beta" in asked.inputs:
-        return ()
-    absent = [name for name in TRIM[1:] if name not in with_speed(constants, experiments)]
-    if not absent:
-        return ()
-    one = len(absent) == 1
-    told = ", ".join(f"constants.{name}" for name in absent)
-    return (
-        f"{told} {'is' if one else 'are'} neither told nor measured: taken to be 0, and derivatives are"
-        " off by more than their intervals where that is wrong",
-    )
-
-
-def _steady(asked: OutputError, constants: Mapping[str, float]) -> Steady:
-    needs_speed = asked.model != "short period" or any(name in OF_SPEED for name in asked.outputs)
+def _steady(section: OutputError, constants: Mapping[str, float]) -> Steady:
+    needs_speed = section.model != "short period" or any(name in OF_SPEED for name in section.outputs)
     if needs_speed and "V" not in constants:
-        raise InputError(f"{asked.model} with {', '.join(asked.outputs)} needs constants.V or signals.V")
+        raise InputError(f"{section.model} with {', '.join(section.outputs)} needs constants.V or signals.V")
     return Steady(
         constants.get("V", 1.0),
         constants.get("theta", 0.0) if "V" in constants else 0.0,
@@ -236,12 +233,12 @@ def _steady(asked: OutputError, constants: Mapping[str, float]) -> Steady:
     )
 
 
-def _linear(model: LinearModel, asked: OutputError) -> Made:
+def _linear(model: LinearModel, section: OutputError) -> Built:
     names = [name for name in model.parameters if not name.endswith("_0") and name not in DROPPED]
     slopes = model.slopes.reshape(len(model.parameters), *model.constant.shape)
     columns, states = (*model.states, *model.inputs, "1"), tuple(model.states)
     rows = {f"{name}'": row for row, name in enumerate(states)}
-    rows |= {name: len(states) + row for row, name in enumerate(model.outputs) if name in asked.outputs}
+    rows |= {name: len(states) + row for row, name in enumerate(model.outputs) if name in section.outputs}
     equations = []
     for told, row in rows.items():
         # What is a state is measured as it is.
@@ -255,7 +252,7 @@ def _linear(model: LinearModel, asked: OutputError) -> Made:
             if not name.endswith("_0")
         ]
         equations.append(f"{told} = {_sum([one for one in terms if one[0]])}")
-    return Made(model, tuple(equations), tuple(names), {name: name for name in asked.inputs})
+    return Built(model, tuple(equations), tuple(names), {name: name for name in section.inputs})
 
 
 def _sum(terms: list[tuple[float, str]]) -> str:
@@ -269,35 +266,37 @@ def _sum(terms: list[tuple[float, str]]) -> str:
     return told or "0"
 
 
-def _short_period(asked: OutputError, constants: Mapping[str, float], _: tuple[Experiment, ...]) -> Made:
-    steady, pitch = _steady(asked, constants), "theta" in asked.outputs
-    if not TELL_THE_FORCE & set(asked.outputs):
+def _short_period(section: OutputError, constants: Mapping[str, float], _: tuple[Experiment, ...]) -> Built:
+    steady, pitch = _steady(section, constants), "theta" in section.outputs
+    if not FORCE_OUTPUTS & set(section.outputs):
         steady = steady._replace(pitch=0.0)
-    return _linear(short_period(steady, asked.inputs, pitch=pitch), asked)
+    return _linear(short_period(steady, section.inputs, pitch=pitch), section)
 
 
-def _longitudinal(asked: OutputError, constants: Mapping[str, float], _: tuple[Experiment, ...]) -> Made:
-    return _linear(longitudinal(_steady(asked, constants), asked.inputs), asked)
+def _longitudinal(section: OutputError, constants: Mapping[str, float], _: tuple[Experiment, ...]) -> Built:
+    built = _linear(longitudinal(_steady(section, constants), section.inputs), section)
+    unknown = () if {"u", "a_x"} & set(section.outputs) else WITHOUT_SPEED
+    return built._replace(default=tuple(name for name in built.default if name not in unknown))
 
 
-def _lateral(asked: OutputError, constants: Mapping[str, float], _: tuple[Experiment, ...]) -> Made:
-    inputs = asked.inputs
-    left_out = {*inputs, *(("phi",) if "beta" in inputs and "phi" not in asked.outputs else ())}
+def _lateral(section: OutputError, constants: Mapping[str, float], _: tuple[Experiment, ...]) -> Built:
+    inputs = section.inputs
+    left_out = {*inputs, *(("phi",) if "beta" in inputs and "phi" not in section.outputs else ())}
     states = tuple(name for name in ("beta", "p", "r", "phi") if name not in left_out)
-    return _linear(lateral(_steady(asked, constants), inputs, states), asked)
+    return _linear(lateral(_steady(section, constants), inputs, states), section)
 
 
-def _nonlinear(asked: OutputError, constants: Mapping[str, float], experiments: tuple[Experiment, ...]) -> Made:
-    controls = tuple(name for name in asked.inputs if name != "thrust")
+def _nonlinear(section: OutputError, constants: Mapping[str, float], experiments: tuple[Experiment, ...]) -> Built:
+    controls = tuple(name for name in section.inputs if name != "thrust")
     if len(controls) != 1:
         raise InputError(f"nonlinear longitudinal takes one control in inputs (and thrust), not {len(controls)}")
     known = dict(constants)
     need(known, "mass", "I_y", "S", "c", "V", what="nonlinear longitudinal")
-    aliases, held = {controls[0]: "delta_e"}, {}
+    aliases, constant = {controls[0]: "delta_e"}, {}
     if "thrust" in experiments[0].signals:
         aliases["thrust"] = "thrust"
     elif "thrust" in known:
-        held["thrust"] = known["thrust"]
+        constant["thrust"] = known["thrust"]
     else:
         raise InputError("nonlinear longitudinal needs signals.thrust or constants.thrust (0 for a glide)")
     density: float | str = known.get("rho", 0.0)
@@ -314,12 +313,12 @@ def _nonlinear(asked: OutputError, constants: Mapping[str, float], experiments: 
         known["mass"], known["I_y"], known["S"], known["c"], known["V"], density, angle, float(arm),
         known.get("imu_x", 0.0), known.get("imu_z", 0.0),
     )  # fmt: skip
-    return Made(nonlinear_longitudinal(airframe), NONLINEAR, AERODYNAMIC, aliases, held)
+    return Built(nonlinear_longitudinal(airframe), NONLINEAR, AERODYNAMIC, aliases, constant)
 
 
 def _nonlinear_lateral(
     section: OutputError, constants: Mapping[str, float], experiments: tuple[Experiment, ...]
-) -> Made:
+) -> Built:
     controls = tuple(name for name in section.inputs if name not in MEASURED)
     if not controls:
         raise InputError("nonlinear lateral takes at least one control in inputs")
@@ -345,7 +344,7 @@ def _nonlinear_lateral(
     )  # fmt: skip
     free = ("0", "beta", "p", "r", *controls)
     default = tuple(f"C_{axis}_{name}" for axis in AXES for name in free if (axis, name) not in LATERAL_DROPPED)
-    return Made(nonlinear_lateral(airframe, controls), NONLINEAR_LATERAL, default, aliases, fixed)
+    return Built(nonlinear_lateral(airframe, controls), NONLINEAR_LATERAL, default, aliases, fixed)
 
 
 LATERAL_DROPPED = (("Y", "p"), ("Y", "r"))
@@ -359,7 +358,7 @@ NONLINEAR_LATERAL = (
 )
 
 
-def _user(section: OutputError, constants: Mapping[str, float], experiments: tuple[Experiment, ...]) -> Made:
+def _user(section: OutputError, constants: Mapping[str, float], experiments: tuple[Experiment, ...]) -> Built:
     path = section.model.path if isinstance(section.model, ModelFile) else Path(section.model)
     user = load_user_model(path, constants)
     for name, unit in user.model.inputs.items():
@@ -367,7 +366,7 @@ def _user(section: OutputError, constants: Mapping[str, float], experiments: tup
         if told != unit:
             raise InputError(f"signals.{name} is in {told}, the input {name} of {section.model} in {unit}")
     aliases = {name: name for name in user.model.inputs}
-    return Made(user.model, user.equations, tuple(user.model.parameters), aliases, {}, user.starts, user.findings)
+    return Built(user.model, user.equations, tuple(user.model.parameters), aliases, {}, user.starts, user.findings)
 
 
 NONLINEAR = (
@@ -378,7 +377,7 @@ NONLINEAR = (
     "C = C_0 + C_V V/V0 + C_alpha alpha + C_alpha2 alpha^2 + C_q q c/(2 V0) + C_delta delta, for D, L and m;"
     " C_D + C_D_k C_L^2",
 )
-Build = Callable[[OutputError, Mapping[str, float], tuple[Experiment, ...]], Made]
+Build = Callable[[OutputError, Mapping[str, float], tuple[Experiment, ...]], Built]
 MODELS: dict[str, tuple[Build, bool]] = {
     "short period": (_short_period, True),
     "longitudinal": (_longitudinal, True),

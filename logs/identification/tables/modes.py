@@ -1,4 +1,4 @@
-"""[modes] of a map: short period and phugoid by output error with a model, and by every method without one."""
+"""[modes] of a map: short period and phugoid by a fitted model and by every method without one."""
 
 from __future__ import annotations
 
@@ -8,158 +8,183 @@ import numpy as np
 
 from logs.identification.data.experiment import Experiment
 from logs.identification.diagnostics.agreement import agreement
-from logs.identification.diagnostics.input_delay import (
-    counted_from_record,
-    delay_beside,
-    known_delay,
-    lateness,
-    suspected_delay,
-    tells,
+from logs.identification.diagnostics.context import Context
+from logs.identification.diagnostics.model_structure import has_lack_of_fit
+from logs.identification.diagnostics.sampling import (
+    FASTEST_TURN,
+    LEAST_RUN,
+    aliased_mode,
+    coarse_inputs,
+    short_records,
 )
-from logs.identification.diagnostics.intersample_behavior import FURTHEST_TURN, LEAST_RUN, coarse
-from logs.identification.estimators.engine.problem import Fit
-from logs.identification.estimators.free_response import METHOD as RINGING
+from logs.identification.estimators.equivalent_system import METHOD as EQUIVALENT
+from logs.identification.estimators.free_response import METHOD as FREE_RESPONSE
 from logs.identification.estimators.initial_values import acting_at
 from logs.identification.estimators.nonparametric import modes_of_experiments
 from logs.identification.estimators.records import away
+from logs.identification.findings import Entry, Finding, register
+from logs.identification.models.lateral_modes import DUTCH_ROLL, LateralModes, lateral_modes
 from logs.identification.models.modes import KINDS, Mode, ModesResult, mode_of_system, nothing
-from logs.identification.models.user import is_user_model
-from logs.identification.sources.table.config import ModesSection, OutputError
+from logs.identification.report.document import Bar, Chapter, Intervals
+from logs.identification.results import SURE, EstimationResult, Unidentified, withheld_finding
+from logs.identification.sources.table.config import DELAY, ModesSection, OutputError, Parameter
 from logs.identification.sources.table.maneuvers import Cut
 from logs.identification.sources.table.signal_lookup import check_apart
 from logs.identification.statistics.parameter_uncertainty import Spread
 from logs.identification.tables.equation_errors import by_equations, has_equations
-from logs.identification.tables.models import Chosen
-from logs.identification.tables.output_errors import output_error_fit, shortened
-from logs.identification.tables.results import TableFit
-from logs.identification.tables.systems import fitted_system
+from logs.identification.tables.models import with_speed
+from logs.identification.tables.output_errors import METHODS, ModelFit, model_fit, shortened
+from wingbeat.constants import STANDARD_GRAVITY
 from wingbeat.errors import InputError
 
-LONGITUDINAL = "longitudinal"
+SHORT_PERIOD, LONGITUDINAL, LATERAL = "short period", "longitudinal", "lateral"
 SHORT_PERIOD_OUTPUTS = {"alpha", "q", "theta", "a_z", "n_z", "q_dot"}
+LONGITUDINAL_OUTPUTS = SHORT_PERIOD_OUTPUTS | {"u", "a_x"}
+ANGLES = {"alpha", "beta", "gamma", "phi", "theta", "psi"}
 
-MOTION = {"alpha", "beta", "gamma", "phi", "theta", "psi"}
+register({
+    "four_states": Entry(
+        "the model with speed and pitch (4 states) replaces the short period: likelihood ratio {value:.0f}"
+        " (limit {limit:.0f})",
+        "The two-state model leaves more than noise, and the four-state model is significantly more likely.",
+    ),
+})  # fmt: skip
 
 
 def modes_fit(
-    asked: ModesSection, found: Cut, constants: Mapping[str, float], fill: float | None
-) -> tuple[list[TableFit], ModesResult]:
-    """The fit of the model, and the modes by it and by all other methods that the records allow.
+    section: ModesSection, cut: Cut, constants: Mapping[str, float], fill: float | None
+) -> tuple[list[EstimationResult], ModesResult]:
+    """The fits of the model, and the modes by them and by all other methods that the records allow.
 
     Raises:
         InputError: a signal that is not there, or no record is long enough.
     """
-    _check(asked, found)
-    fits, known, suspected = _by_model(asked, found, constants, fill)
-    result = _compared(asked, found.fitted, known, known_delay(asked, fits))
-    told = delay_beside(result, found.fitted) if fits else 0.0
-    late = told or suspected
-    if late and asked.delay.fixed == 0.0:
-        result = result._replace(notes=(*result.notes, lateness(late, bool(told), ", ".join(asked.inputs))))
-    return fits, result
+    _check(section, cut)
+    fits = _model_fits(section, cut, constants, fill)
+    results, known = [one.result for one in fits], tuple(_mode(one) for one in fits)
+    if (not fits or fits[0].result.model == SHORT_PERIOD or section.model is None) and has_equations(section):
+        known = (*known, by_equations(section, cut.fitted, constants, results))
+    delay = section.delay.fixed
+    if delay is None:
+        found = (fit.estimate(DELAY) for fit in results)
+        delay = next((one.value for one in found if one is not None), 0.0)
+    for place, mode in enumerate(known[: len(results)]):
+        derived = () if mode.short_period is None else mode.short_period.estimates
+        short = short_records(Context(cut.fitted, result=results[place]._replace(derived=derived)))
+        results[place] = results[place]._replace(findings=(*results[place].findings, *short))
+    return results, _compared(section, cut.fitted, known, delay)
 
 
-def _check(asked: ModesSection, found: Cut) -> None:
-    """Refuse what no method could answer.
+def _model_fits(
+    section: ModesSection, cut: Cut, constants: Mapping[str, float], fill: float | None
+) -> list[ModelFit]:
+    """The fit of the requested model; by every method of `METHODS` if the map names none."""
+    model = section.model or _by_outputs(section)
+    if model == "none":
+        return []
+    methods = tuple(METHODS) if section.method is None else (section.method,)
+    request = OutputError(
+        model,
+        section.outputs,
+        section.inputs,
+        section.parameters,
+        section.delay,
+        section.hold,
+        section.biases,
+        method=methods[0],
+    )
+    first = model_fit("modes", request, cut, constants, fill)
+    automatic = section.model is None and section.states is None and not section.parameters and model == SHORT_PERIOD
+    if automatic and "V" in with_speed(constants, cut.fitted) and has_lack_of_fit(first.result.series):
+        request = _four_states(request, first, with_speed(constants, cut.fitted))
+        first = _more_likely(first, model_fit("modes", request, cut, constants, fill))
+        request = request._replace(model=first.result.model) if first.result.model == LONGITUDINAL else request
+        if first.result.model != LONGITUDINAL:
+            request = request._replace(model=model, parameters={})
+    fits = [first]
+    for method in methods[1:]:
+        try:
+            fits.append(model_fit("modes", request._replace(method=method), cut, constants, fill))
+        except InputError:
+            continue
+    return fits
+
+
+def _by_outputs(section: ModesSection) -> str:
+    """The model by the key ``states``, else by the outputs."""
+    outputs = set(section.outputs)
+    if section.states == 2 or (section.states is None and outputs <= SHORT_PERIOD_OUTPUTS):
+        return SHORT_PERIOD if outputs <= SHORT_PERIOD_OUTPUTS else "none"
+    if section.states == 4 or outputs & {"u", "a_x"}:
+        return LONGITUDINAL if outputs <= LONGITUDINAL_OUTPUTS else "none"
+    return "none"
+
+
+def _four_states(request: OutputError, first: ModelFit, constants: Mapping[str, float]) -> OutputError:
+    """The four-state model, started from the two-state one and the phugoid of Lanchester."""
+    speed = constants["V"]
+    two = dict(zip(first.fit.names, first.fit.values.tolist(), strict=True)) if not first.fit.failure else {}
+    starts = {
+        "X_u": -0.02 * STANDARD_GRAVITY / speed, "X_alpha": 0.5 * STANDARD_GRAVITY,
+        "Z_u": -2.0 * STANDARD_GRAVITY / speed, "Z_alpha": speed * two.get("Z_alpha", -1.0),
+        "Z_delta": speed * two.get("Z_delta", 0.0),
+    } | {name: value for name, value in two.items() if name.startswith("M_")}  # fmt: skip
+    controls = ("delta",) if len(request.inputs) == 1 else request.inputs
+    names = [f"{axis}_{of}" for axis in "ZM" for of in ("alpha", *controls)]
+    names += ["X_u", "X_alpha", "Z_u", "M_q"]
+    parameters = {name: Parameter(start=starts[name]) if name in starts else Parameter() for name in names}
+    return request._replace(model=LONGITUDINAL, parameters=parameters)
+
+
+def _more_likely(two: ModelFit, four: ModelFit) -> ModelFit:
+    """The four-state fit if its likelihood is significantly greater (chi-squared test of the likelihood ratio)."""
+    from scipy.special import chdtri
+
+    if four.fit.failure:
+        return two
+    more = max(len(four.fit.names) - len(two.fit.names), 1)
+    ratio, limit = 2.0 * (two.fit.cost - four.fit.cost), float(chdtri(more, 1.0 - SURE))
+    if not two.fit.failure and ratio <= limit:
+        return two
+    finding = Finding("four_states", "info", "", ratio, limit)
+    return four._replace(result=four.result._replace(findings=(finding, *four.result.findings)))
+
+
+def _check(section: ModesSection, cut: Cut) -> None:
+    """Check the signals of the section.
 
     Raises:
-        InputError: a signal that is not there or is input and output, no output, no kind, or inputs that do not move.
+        InputError: a signal that is missing or is input and output, no output, no kind, or constant inputs.
     """
-    for name in (*asked.inputs, *asked.outputs):
-        if name not in found.fitted[0].signals:
-            raise InputError(f"modes: {name!r} is not in [signals]; there are: {', '.join(found.fitted[0].signals)}")
-    if not asked.outputs:
+    for name in (*section.inputs, *section.outputs):
+        if name not in cut.fitted[0].signals:
+            raise InputError(f"modes: {name!r} is not in [signals]; there are: {', '.join(cut.fitted[0].signals)}")
+    if not section.outputs:
         raise InputError("modes.outputs names no signal")
-    if asked.kinds is not None and not asked.kinds:
+    if section.kinds is not None and not section.kinds:
         raise InputError("modes.kinds names no mode: leave it out to have those that the outputs show")
-    check_apart(found.fitted, asked.inputs, asked.outputs, "modes")
-    if not asked.inputs:
-        _must_be_free(found.fitted, asked.outputs)
-    _must_move(found.fitted, asked.inputs)
+    check_apart(cut.fitted, section.inputs, section.outputs, "modes")
+    if not section.inputs:
+        _check_free(cut.fitted, section.outputs)
+        return
+    names = ", ".join(section.inputs)
+    known = [one.signals[name] for one in cut.fitted for name in section.inputs]
+    known = [one[np.isfinite(one)] for one in known]
+    if not any(map(len, known)):
+        raise InputError(f"modes: {names}: nothing was measured; a free motion has inputs = []")
+    if not any(len(one) and np.ptp(one) > 0.0 for one in known):
+        verb = "do" if len(section.inputs) > 1 else "does"
+        raise InputError(f"modes: {names} {verb} not move; a free motion has inputs = []")
 
 
-def _by_model(
-    asked: ModesSection, found: Cut, constants: Mapping[str, float], fill: float | None
-) -> tuple[list[TableFit], tuple[Mode, ...], float]:
-    """The fit of the model, the modes by it and by its equations, and by how much (s) its inputs seem late."""
-    fits: list[TableFit] = []
-    known: tuple[Mode, ...] = ()
-    suspected = 0.0
-    model = asked.model or ("short period" if set(asked.outputs) <= SHORT_PERIOD_OUTPUTS else "none")
-    if model != "none":
-        wanted = OutputError(
-            model, asked.outputs, asked.inputs, asked.parameters, asked.delay, asked.hold, asked.biases
-        )
-        table, fit, chosen = output_error_fit("modes", wanted, found, constants, fill)
-        fits, known = [table], (_mode(table, fit, chosen),)
-        suspected = suspected_delay(table, wanted, found, constants, fill)
-    if model != LONGITUDINAL and has_equations(asked):
-        # The names of a user's parameters are no derivatives of the two equations.
-        equations = asked._replace(parameters={}) if is_user_model(model) else asked
-        known = (*known, by_equations(equations, found.fitted, constants, fits))
-    return fits, known, suspected
-
-
-def _compared(
-    asked: ModesSection, experiments: tuple[Experiment, ...], known: tuple[Mode, ...], delay: float
-) -> ModesResult:
-    """The ``known`` modes beside those of every method that needs no model, of inputs that act by ``delay`` s late.
-
-    Raises:
-        InputError: no method can be asked, and no mode is known.
-    """
-    first = asked.inputs[0] if asked.inputs else None
-    acting = tuple(acting_at(one, asked.inputs, delay) for one in experiments)
-    try:
-        result = modes_of_experiments(acting, first, asked.outputs, asked.kinds, known, asked.inputs[1:])
-    except InputError as error:
-        if not known:
-            raise
-        return ModesResult(known, None, f"no comparison: {error}", None, len(experiments), None)
-    result = result._replace(modes=tuple(counted_from_record(mode, delay) for mode in result.modes))
-    return _seen(result, experiments, [name for name in asked.inputs if name not in asked.hold])
-
-
-def _seen(result: ModesResult, experiments: tuple[Experiment, ...], lines: list[str]) -> ModesResult:
-    """The modes, or none by the inputs where one method finds a motion that turns far between two samples.
-
-    That is where the inputs' course between them is not known. What rings after the inputs does not ask for them.
-    """
-    driven = [mode for mode in result.modes if mode.method != RINGING]
-    pairs = [pair for mode in driven for kind in KINDS if (pair := mode.of_kind(kind)) is not None]
-    turned = max((pair.frequency.value for pair in pairs), default=0.0) * min(one.step for one in experiments)
-    if turned <= FURTHEST_TURN or not coarse(lines, experiments):
-        return result
-    samples = f"{2.0 * np.pi / turned:.1f} samples"
-    why = f"the motion has a period of {samples}, and inputs move far between two: record it faster"
-    modes = tuple(nothing(mode.method, why) if mode in driven and tells(mode) else mode for mode in result.modes)
-    agree, statement = agreement(modes)
-    return result._replace(modes=modes, agree=agree, statement=statement)
-
-
-def _must_move(experiments: tuple[Experiment, ...], inputs: tuple[str, ...]) -> None:
-    """Refuse a response to inputs none of which moves: what derivatives it gave would be those of a free motion.
-
-    Raises:
-        InputError: no input moves in any manoeuvre.
-    """
-    measured = [one.signals[name] for one in experiments for name in inputs]
-    moved = [one[np.isfinite(one)] for one in measured]
-    if inputs and not any(map(len, moved)):
-        raise InputError(f"modes: {', '.join(inputs)}: nothing was measured; a free motion has inputs = []")
-    if inputs and not any(len(one) and np.ptp(one) > 0.0 for one in moved):
-        said = "do" if len(inputs) > 1 else "does"
-        raise InputError(f"modes: {', '.join(inputs)} {said} not move; a free motion has inputs = []")
-
-
-def _must_be_free(experiments: tuple[Experiment, ...], outputs: tuple[str, ...]) -> None:
-    """Refuse a free response in which a control, an angle with a name of its own, moves.
+def _check_free(experiments: tuple[Experiment, ...], outputs: tuple[str, ...]) -> None:
+    """Reject a free response during which a control moves.
 
     Raises:
         InputError: one does, with the time at which it comes to rest.
     """
     for one in experiments:
-        for name in one.signals.keys() - MOTION - set(outputs):
+        for name in one.signals.keys() - ANGLES - set(outputs):
             values = one.signals[name]
             if one.units.get(name) != "rad" or not np.any(np.isfinite(values)):
                 continue
@@ -172,12 +197,96 @@ def _must_be_free(experiments: tuple[Experiment, ...], outputs: tuple[str, ...])
                 )
 
 
-def _mode(table: TableFit, fit: Fit, chosen: Chosen) -> Mode:
-    """The modes that the fitted matrices have, errors by the delta method."""
-    method = "output error"
-    system = fitted_system(table, fit, chosen)
-    if system.failure:
-        return nothing(method, system.failure)
-    return mode_of_system(
-        method, system.of, fit.values, Spread(fit.covariance, fit.degrees), tuple(map(shortened, fit.estimates))
+def _compared(
+    section: ModesSection, experiments: tuple[Experiment, ...], known: tuple[Mode, ...], delay: float
+) -> ModesResult:
+    """The ``known`` modes and those of every method without a model, inputs ``delay`` s late.
+
+    Raises:
+        InputError: no method applies, and no mode is known.
+    """
+    first = section.inputs[0] if section.inputs else None
+    acting = tuple(acting_at(one, section.inputs, delay) for one in experiments)
+    try:
+        result = modes_of_experiments(acting, first, section.outputs, section.kinds, known, section.inputs[1:])
+    except InputError as error:
+        if not known:
+            raise
+        return ModesResult(known, None, f"no comparison: {error}", None, len(experiments), None)
+    result = result._replace(modes=tuple(_from_record(mode, delay) for mode in result.modes))
+    return _without_aliased(result, experiments, [name for name in section.inputs if name not in section.hold])
+
+
+def _from_record(mode: Mode, delay: float) -> Mode:
+    """The mode with the equivalent system's delay from the time of the record."""
+    if mode.method != EQUIVALENT or not delay:
+        return mode
+    moved = tuple(
+        one._replace(value=one.value + delay, low=one.low + delay, high=one.high + delay)
+        if one.name == DELAY
+        else one
+        for one in mode.derivatives
+    )
+    return mode._replace(derivatives=moved)
+
+
+def _without_aliased(result: ModesResult, experiments: tuple[Experiment, ...], lines: list[str]) -> ModesResult:
+    """The modes without those of a response to inputs that are unknown between samples, if they are too fast."""
+    driven = [mode for mode in result.modes if mode.method != FREE_RESPONSE]
+    pairs = [pair for mode in driven for kind in KINDS if (pair := mode.of_kind(kind)) is not None]
+    fastest, step = max((one.frequency.value for one in pairs), default=0.0), min(one.step for one in experiments)
+    if fastest * step <= FASTEST_TURN or not coarse_inputs(lines, experiments):
+        return result
+    why = f"{aliased_mode(fastest, step).text}: record at a higher rate"
+    modes = tuple(
+        nothing(mode.method, why) if mode in driven and any(mode.of_kind(k) for k in KINDS) else mode
+        for mode in result.modes
+    )
+    agree, statement = agreement(modes)
+    return result._replace(modes=modes, agree=agree, statement=statement)
+
+
+def _withheld_mode(one: ModelFit) -> str:
+    """Why the modes of a linear model's fit have no number; empty if they have."""
+    if one.result.failure is not None:
+        return one.result.failure.text
+    system = one.chosen.system_of(one.fit)
+    for lost in one.result.withheld:
+        if lost.subject not in one.fit.names:
+            continue
+        moved, place = one.fit.values.copy(), one.fit.names.index(lost.subject)
+        moved[place] += max(abs(float(moved[place])), 1.0)
+        if np.any(system(moved) != system(one.fit.values)):
+            return f"{lost.subject} is not identified: {lost.text}"
+    return ""
+
+
+def _mode(one: ModelFit) -> Mode:
+    """The modes of the fitted matrices, errors by the delta method."""
+    title = METHODS[one.result.method][0]
+    why = _withheld_mode(one)
+    if why:
+        return nothing(title, why)
+    spread = Spread(one.fit.covariance, one.fit.degrees)
+    estimates = tuple(map(shortened, one.fit.estimates))
+    return mode_of_system(title, one.chosen.system_of(one.fit), one.fit.values, spread, estimates)
+
+
+def with_lateral_modes(one: ModelFit) -> EstimationResult:
+    """A lateral model's result with its modes as derived numbers; any other's as it is."""
+    result = one.result
+    if result.model != LATERAL or result.failure is not None:
+        return result
+    why = _withheld_mode(one)
+    if why:
+        found = LateralModes((), (Unidentified(DUTCH_ROLL, why),))
+    else:
+        spread = Spread(np.asarray(one.fit.covariance), one.fit.degrees)
+        found = lateral_modes(one.chosen.system_of(one.fit), one.fit.values, spread)
+    lost = tuple(map(withheld_finding, found.unidentified))
+    notes = tuple(f"{lost.subject} not identified: {lost.text}" for lost in lost)
+    bars = tuple(Bar(one.name, one) for one in found.estimates)
+    chapter = Chapter("Lateral modes", notes, plots=(Intervals("", bars),) if bars else ())
+    return result._replace(
+        derived=found.estimates, findings=(*result.findings, *lost), chapters=(*result.chapters, chapter)
     )

@@ -1,239 +1,264 @@
-"""[modes] and [[aero.output_error]] of a map: a model flown with the measured inputs, fitted to the outputs."""
+"""[modes] and [[aero.output_error]] of a map: a model fitted to the outputs by maximum likelihood."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
 
 from logs.identification.data.experiment import Experiment
 from logs.identification.data.resampling import bridged, measured_pieces
-from logs.identification.diagnostics.intersample_behavior import FURTHEST_TURN, LEAST_RUN, coarse
-from logs.identification.diagnostics.lack_of_fit import lacking
-from logs.identification.diagnostics.outliers import spikes
-from logs.identification.diagnostics.output_error import Flown, doubts, lines_of
-from logs.identification.diagnostics.unexplained_outputs import without_unexplained
+from logs.identification.diagnostics.context import Context
+from logs.identification.diagnostics.model_structure import (
+    conditional_estimates,
+    has_lack_of_fit,
+    omitted_effects,
+    widened,
+)
+from logs.identification.diagnostics.sampling import FASTEST_TURN, LEAST_RUN, aliased_mode, coarse_inputs
+from logs.identification.diagnostics.table import diagnose
 from logs.identification.estimators.engine.problem import Fit, Nuisances, Problem
-from logs.identification.estimators.engine.problem import Parameter as Sought
-from logs.identification.estimators.initial_values import SPANS, begin
+from logs.identification.estimators.engine.problem import Parameter as FitParameter
+from logs.identification.estimators.initial_values import SPANS, best_delay, start_values
 from logs.identification.estimators.output_error import Method, Search, output_error, predicted
 from logs.identification.estimators.terms import quotient
-from logs.identification.results import Estimate, FitSeries, Fitted, Information, Unidentified
+from logs.identification.findings import Entry, Finding, register
+from logs.identification.results import Estimate, EstimationResult, FitSeries, withheld_finding
 from logs.identification.sources.table.config import DELAY, OutputError
 from logs.identification.sources.table.maneuvers import Cut
 from logs.identification.sources.table.signal_lookup import check_apart
 from logs.identification.sources.table.signals import LONGEST_FILL
-from logs.identification.statistics.correlation import correlation_among
-from logs.identification.statistics.output_fit import output_fits
 from logs.identification.tables.models import LONGEST_DELAY, Chosen, chosen_model
-from logs.identification.tables.results import LITTLE, TableFit
 from wingbeat.errors import InputError
 from wingbeat.text import pluralize
 
-BESIDE = Search(starts=4)
-"""where Gauss-Newton does not arrive: from starts beside the first as well"""
+RANDOM_STARTS = Search(starts=4)
+"""if Gauss-Newton does not converge from any other start"""
 SEARCHES: dict[str, Method] = {"gauss-newton": "gauss-newton", "nelder-mead": "nelder-mead", "both": "both"}
-"""how the optimum is looked for, by the word in the map"""
+Estimator = Callable[[Problem, Search], Fit]
+METHODS: dict[str, tuple[str, Estimator]] = {"output_error": ("output error", output_error)}
+"""by the word in the map: title and estimator"""
+DELAY_SHARE, LEAST_DELAY_STEPS = 0.5, 2.0
+"""-; squares of the equations' errors that a delay leaves, and its sampling intervals, from which it is reported"""
+
+register({
+    "interpolated_inputs": Entry("{where}: {value:.0f} samples of {subject} interpolated", "Short gaps of an input."),
+    "skipped_samples": Entry(
+        "{where}: {value:.0f} samples without {subject} left out",
+        "Samples without an input, or pieces that are too short, cut the maneuver.",
+    ),
+    "no_numbers": Entry("{reason}", "The search did not end at an optimum of the likelihood."),
+    "input_delay": Entry(
+        "{subject} {amount:.2g} s {direction} fits the equations far better",
+        "The model's equations, fitted to the measured states, find a delay of the inputs.",
+        "set delay = \"free\"",
+    ),
+})  # fmt: skip
+
+
+class ModelFit(NamedTuple):
+    """A fit by maximum likelihood with what it was made of."""
+
+    result: EstimationResult
+    fit: Fit
+    chosen: Chosen
 
 
 class Driven(NamedTuple):
-    """Manoeuvres whose inputs have every sample."""
+    """Maneuvers whose inputs have every sample."""
 
     experiments: tuple[Experiment, ...]
-    notes: tuple[str, ...]
+    findings: tuple[Finding, ...]
 
 
-def output_error_fit(
-    subject: str, asked: OutputError, found: Cut, constants: Mapping[str, float], fill: float | None
-) -> tuple[TableFit, Fit, Chosen]:
-    """One output-error fit over all manoeuvres, and its prediction of those that were held out.
+def model_fit(
+    subject: str, section: OutputError, cut: Cut, constants: Mapping[str, float], fill: float | None
+) -> ModelFit:
+    """One fit over all maneuvers, and its prediction of the held-out ones.
 
     Raises:
         InputError: a signal, constant or parameter that the model does not have or needs and is not there.
     """
-    check_apart(found.fitted, asked.inputs, asked.outputs, subject)
-    chosen = chosen_model(asked, constants, found.fitted)
-    fitted = driven(found.fitted, chosen, fill)
-    held = driven(found.held_out, chosen, fill) if found.held_out else Driven((), ())
-    fixed = {name: one.fixed for name, one in chosen.parameters.items() if one.fixed is not None}
-    starts, problem, fit = _likeliest(asked, chosen, fitted.experiments, constants)
-    fit = _within_sampling(fit, chosen, fitted.experiments, bool(coarse(lines_of(asked), found.fitted)))
-    series = (*_flown(problem, fit), *(predicted(problem, fit, held.experiments) if held.experiments else ()))
-    correlation = correlation_among(fit.estimates, fit.names, fit.covariance)
-    notes = doubts(asked, found.fitted, Flown(chosen, problem, fit, series), constants)
-    spiky = spikes(series, (*fitted.experiments, *held.experiments), tuple(chosen.model.inputs))
-    told = Fitted(
-        f"output error, {asked.model}", chosen.equations, tuple(map(shortened, fit.estimates)),
-        fit.unidentified, correlation, series,
-        (*(Information(one.text) for one in chosen.findings), *fitted.notes, *held.notes, *spiky, *notes),
+    check_apart(cut.fitted, section.inputs, section.outputs, subject)
+    title, estimator = METHODS[section.method]
+    chosen = chosen_model(section, constants, cut.fitted)
+    fitted = driven(cut.fitted, chosen, fill)
+    held = driven(cut.held_out, chosen, fill) if cut.held_out else Driven((), ())
+    starts, problem, fit = _likeliest(section, chosen, fitted.experiments, constants, estimator)
+    aliased = _aliased(fit, section, chosen, cut.fitted)
+    lines = {name: chosen.aliases.get(name, name) for name in section.inputs if name not in section.hold}
+    effects = () if aliased else omitted_effects(problem, fit, constants, lines, chosen.unnamed)
+    fit = widened(fit, effects)
+    conditional = () if aliased else conditional_estimates(problem, fit)
+    dependent = {one.subject for one in conditional}
+    fit = fit._replace(estimates=tuple(one for one in fit.estimates if one.name not in dependent))
+    series = (*fitted_series(problem, fit), *(predicted(problem, fit, held.experiments) if held.experiments else ()))
+    result = EstimationResult(
+        section.method, subject, section.model, chosen.equations, fit.status, tuple(map(shortened, fit.estimates)),
+        _covariance(fit), fit.degrees, (), series, sum(len(one.time) for one in fitted.experiments),
+        initial={name: value for name, value in starts.items() if name not in chosen.fixed}, fixed=chosen.fixed,
+        title=f"{title}, {section.model}", unnamed=chosen.unnamed,
     )  # fmt: skip
-    told = without_unexplained(told)
-    samples = sum(len(one.time) for one in fitted.experiments)
-    own = {name: value for name, value in starts.items() if name not in fixed}
-    table = TableFit(
-        subject, told, fit.status == "converged", fit.failure, own, fixed, output_fits(series), samples, asked.model,
-        unnamed=chosen.unnamed,
+    if aliased:
+        result = result._replace(status="not converged", estimates=(), covariance=None, series=())
+    context = Context(cut.fitted, constants, section.inputs, section.outputs, section.hold, result, chosen.linear)
+    findings = (
+        *_failure(fit, aliased), *conditional, *(one.finding for one in effects), *diagnose("model", context),
+        *_input_delay(section, chosen, fitted.experiments, constants, series, fit),
+        *chosen.findings, *fitted.findings, *held.findings,
     )  # fmt: skip
-    return table, fit, chosen
+    return ModelFit(result._replace(findings=findings), fit, chosen)
 
 
-def _within_sampling(fit: Fit, chosen: Chosen, experiments: tuple[Experiment, ...], jerky: bool) -> Fit:
-    """The fit, or none where the motion that it found is faster than the samples could show.
+def _covariance(fit: Fit) -> np.ndarray | None:
+    if not fit.estimates:
+        return None
+    places = [fit.names.index(one.name) for one in fit.estimates]
+    return np.asarray(fit.covariance[np.ix_(places, places)])
 
-    Where the inputs' course between samples is not known either (``jerky``), that is one that turns by more than a
-    radian between two.
-    """
+
+def _failure(fit: Fit, aliased: Finding | None) -> tuple[Finding, ...]:
+    """Why there is no number, or which parameters have none."""
+    if aliased is not None:
+        return (aliased,)
+    failed = (Finding("no_numbers", "withheld", details={"reason": fit.failure}),) if fit.failure else ()
+    return (*failed, *map(withheld_finding, fit.unidentified))
+
+
+def _aliased(fit: Fit, section: OutputError, chosen: Chosen, experiments: tuple[Experiment, ...]) -> Finding | None:
+    """The finding of a mode that the samples cannot show; None if there is none."""
     if fit.failure or not chosen.linear:
-        return fit
-    held = {name: one.fixed for name, one in chosen.parameters.items() if one.fixed is not None}
-    values = {name: one.value for name, one in chosen.model.parameters.items()} | held
-    roots = np.linalg.eigvals(chosen.system(values | dict(zip(fit.names, fit.values.tolist(), strict=True))))
+        return None
+    roots = np.linalg.eigvals(chosen.system_of(fit)(fit.values))
     step = min(one.step for one in experiments)
-    fastest, turning = float(np.max(np.abs(roots.imag))), float(np.max(np.abs(roots[roots.imag > 0]), initial=0.0))
-    if fastest * step > np.pi:
-        why = (
-            f"it found a motion of {fastest:.3g} rad/s, faster than {np.pi / step:.3g} rad/s, half the sampling rate"
-        )
-    elif jerky and turning * step > FURTHEST_TURN:
-        why = (
-            f"it found a motion of {turning:.3g} rad/s, a period of {2 * np.pi / turning / step:.1f} samples, and the"
-            " inputs move far between two: record it faster"
-        )
-    else:
-        return fit
-    nothing = tuple(Unidentified(name, why) for name in fit.names)
-    return fit._replace(
-        status="not converged", failure=why, estimates=(), unidentified=nothing, own=(), histories=(),
-        values=np.full(len(fit.values), np.nan),
-    )  # fmt: skip
+    fastest = float(np.max(np.abs(roots.imag), initial=0.0))
+    turning = float(np.max(np.abs(roots[roots.imag > 0]), initial=0.0))
+    coarse = coarse_inputs([name for name in section.inputs if name not in section.hold], experiments)
+    if fastest * step > np.pi or (coarse and turning * step > FASTEST_TURN):
+        return aliased_mode(turning or fastest, step)
+    return None
+
+
+def _input_delay(
+    section: OutputError,
+    chosen: Chosen,
+    experiments: tuple[Experiment, ...],
+    constants: Mapping[str, float],
+    series: tuple[FitSeries, ...],
+    fit: Fit,
+) -> tuple[Finding, ...]:
+    """A large delay of the inputs by the model's equations, if the outputs are not followed."""
+    if section.delay.fixed != 0.0 or not section.inputs or not (fit.failure or has_lack_of_fit(series)):
+        return ()
+    delay, share = best_delay(chosen.model, chosen.parameters, experiments, constants, chosen.linear)
+    least = LEAST_DELAY_STEPS * max(one.step for one in experiments)
+    if share >= DELAY_SHARE or abs(delay) <= least:
+        return ()
+    details = {"amount": abs(delay), "direction": "late" if delay > 0 else "early"}
+    return (Finding("input_delay", "warning", ", ".join(section.inputs), delay, least, details),)
 
 
 def driven(experiments: tuple[Experiment, ...], chosen: Chosen, fill: float | None) -> Driven:
-    """The manoeuvres, short gaps of their inputs bridged, cut at longer ones.
+    """The maneuvers, short gaps of their inputs interpolated, cut at longer ones.
 
     Raises:
         InputError: an input is not among the signals, or no run with all of them is long enough.
     """
     pieces: list[Experiment] = []
-    notes: list[str] = []
-    for experiment in (chosen.about(one) for one in experiments):
-        pieces += _whole_runs(experiment, tuple(chosen.model.inputs), fill, notes)
+    findings: list[Finding] = []
+    inputs = tuple(chosen.model.inputs)
+    for experiment in map(chosen.about, experiments):
+        for name in inputs:
+            if name not in experiment.signals:
+                raise InputError(f"input {name} is not in [signals]; there are {', '.join(experiment.signals)}")
+        samples = LONGEST_FILL if fill is None else int(fill / experiment.step + 1e-9)
+        whole = bridged(experiment, inputs, samples)
+        where = {"where": experiment.name}
+        for name in inputs:
+            count = int(np.isfinite(whole.signals[name]).sum() - np.isfinite(experiment.signals[name]).sum())
+            if count:
+                findings.append(Finding("interpolated_inputs", "info", name, float(count), None, where))
+        found = measured_pieces(whole, inputs, LEAST_RUN)
+        lost = len(experiment.time) - sum(len(piece.time) for piece in found)
+        if lost:
+            findings.append(Finding("skipped_samples", "info", ", ".join(inputs), float(lost), None, where))
+        pieces += found
     if not pieces:
         longest = max(len(one.time) for one in experiments)
-        if longest < LEAST_RUN or not chosen.model.inputs:
+        if longest < LEAST_RUN or not inputs:
             raise InputError(f"the longest manoeuvre has {pluralize(longest, 'sample')}: it takes {LEAST_RUN}")
-        raise InputError(f"no {LEAST_RUN} samples on end have every input ({', '.join(chosen.model.inputs)})")
-    return Driven(tuple(chosen.from_trim(one) for one in pieces), tuple(notes))
-
-
-def _whole_runs(
-    experiment: Experiment, inputs: tuple[str, ...], fill: float | None, notes: list[str]
-) -> tuple[Experiment, ...]:
-    for name in inputs:
-        if name not in experiment.signals:
-            raise InputError(f"input {name} is not in [signals]; there are {', '.join(experiment.signals)}")
-    whole = bridged(experiment, inputs, LONGEST_FILL if fill is None else int(fill / experiment.step + 1e-9))
-    for name in inputs:
-        count = int(np.isfinite(whole.signals[name]).sum() - np.isfinite(experiment.signals[name]).sum())
-        if count:
-            notes.append(Information(f"{experiment.name}: {pluralize(count, 'sample')} of {name} interpolated"))
-    pieces = measured_pieces(whole, inputs, LEAST_RUN)
-    untold = int(np.count_nonzero(~np.all([np.isfinite(whole.signals[name]) for name in inputs], axis=0)))
-    short = len(experiment.time) - sum(len(piece.time) for piece in pieces) - untold
-    if untold or short:
-        lost = [f"{pluralize(untold, 'sample')} without {', '.join(inputs)}"] if untold else []
-        lost += [f"{pluralize(short, 'sample')} of pieces that are too short"] if short else []
-        notes.append(Information(f"{experiment.name}: {' and '.join(lost)} left out"))
-    return pieces
+        raise InputError(f"no {LEAST_RUN} samples on end have every input ({', '.join(inputs)})")
+    return Driven(tuple(map(chosen.from_trim, pieces)), tuple(findings))
 
 
 def _problem(
-    asked: OutputError,
-    chosen: Chosen,
-    experiments: tuple[Experiment, ...],
-    values: Mapping[str, float],
-    free: tuple[str, ...],
+    section: OutputError, chosen: Chosen, experiments: tuple[Experiment, ...], values: Mapping[str, float]
 ) -> Problem:
-    sought = {name: _sought(name, value, name in free) for name, value in values.items()}
-    biases = asked.biases if asked.biases is not None else (asked.outputs if chosen.linear else ())
+    parameters = {
+        name: FitParameter(value, name not in chosen.fixed, -LONGEST_DELAY, LONGEST_DELAY)
+        if name == DELAY
+        else FitParameter(value, name not in chosen.fixed)
+        for name, value in {**values, **chosen.fixed}.items()
+    }
+    biases = section.biases if section.biases is not None else (section.outputs if chosen.linear else ())
     return Problem(
-        chosen.model, experiments, sought, asked.outputs,
-        Nuisances(output_biases=biases, input_biases=chosen.input_biases(asked.outputs)),
+        chosen.model, experiments, parameters, section.outputs,
+        Nuisances(output_biases=biases, input_biases=chosen.input_biases(section.outputs)),
     )  # fmt: skip
 
 
 def _likeliest(
-    asked: OutputError,
+    section: OutputError,
     chosen: Chosen,
     experiments: tuple[Experiment, ...],
     constants: Mapping[str, float],
+    estimator: Estimator,
 ) -> tuple[dict[str, float], Problem, Fit]:
-    """The fit, with where it began, from the first start that leads somewhere; in doubt the likeliest of all.
-
-    In doubt is what did not converge, or leaves more of an output than noise: of full and clean records of a large
-    transport, one in twenty ended elsewhere from the first start; of those with runs not measured, most.
-    """
-    fixed = {name: one.fixed for name, one in chosen.parameters.items() if one.fixed is not None}
-    names = tuple(name for name in chosen.parameters if name not in fixed)
+    """The first fit without a lack of fit; else the most likely one of all starts."""
     ends: list[tuple[dict[str, float], Problem, Fit]] = []
-    for starts, search in _starts(asked, chosen, experiments, constants):
-        if any(starts == before for before, *_ in ends) and search is not BESIDE:
+    for starts, search in _starts(section, chosen, experiments, constants):
+        converged = [end for end in ends if end[-1].status not in ("not converged", "diverged")]
+        if search is RANDOM_STARTS and converged:
             continue
-        if search is BESIDE and any(not _led_nowhere(fit) for *_, fit in ends):
+        if search is not RANDOM_STARTS and any(starts == before for before, *_ in ends):
             continue
-        problem = _problem(asked, chosen, experiments, {**starts, **fixed}, names)
-        ends.append((starts, problem, output_error(problem, search)))
-        if not _in_doubt(problem, ends[-1][-1]):
+        problem = _problem(section, chosen, experiments, starts)
+        fit = estimator(problem, search)
+        ends.append((starts, problem, fit))
+        if not fit.failure and not has_lack_of_fit(fitted_series(problem, fit)):
             return ends[-1]
-    somewhere = [end for end in ends if not _led_nowhere(end[-1])]
-    return min(somewhere or ends[-1:], key=lambda end: end[-1].cost)
-
-
-def _led_nowhere(fit: Fit) -> bool:
-    return fit.status in ("not converged", "diverged")
-
-
-def _in_doubt(problem: Problem, fit: Fit) -> bool:
-    """Whether another start may lead to a likelier end."""
-    if fit.failure:
-        return True
-    series = tuple(_flown(problem, fit))
-    return bool(lacking(series)) or any(one.r_squared < LITTLE for one in output_fits(series))
+    usable = [end for end in ends if end[-1].status not in ("not converged", "diverged")]
+    return min(usable or ends[-1:], key=lambda end: end[-1].cost)
 
 
 def _starts(
-    asked: OutputError, chosen: Chosen, experiments: tuple[Experiment, ...], constants: Mapping[str, float]
+    section: OutputError, chosen: Chosen, experiments: tuple[Experiment, ...], constants: Mapping[str, float]
 ) -> Iterator[tuple[dict[str, float], Search]]:
-    """Starts and how to search from each: the map's, and where it gives any, those without them; then of slopes over
-    longer spans; then at random about the first that are not the map's."""
+    """Start values of the map, by equation error, by equation error over longer spans, and at random about them."""
     unaided = {name: one._replace(start=None) for name, one in chosen.parameters.items()}
-    first = Search(SEARCHES[asked.search])
+    first = Search(SEARCHES[section.search])
     if unaided != chosen.parameters:
-        yield begin(chosen.model, chosen.parameters, experiments, constants, chosen.linear), first
-    own = begin(chosen.model, unaided, experiments, constants, chosen.linear)
-    yield own, first
+        yield start_values(chosen.model, chosen.parameters, experiments, constants, chosen.linear), first
+    plain = start_values(chosen.model, unaided, experiments, constants, chosen.linear)
+    yield plain, first
     for span in SPANS:
-        yield begin(chosen.model, unaided, experiments, constants, chosen.linear, span), first
-    yield own, BESIDE
+        yield start_values(chosen.model, unaided, experiments, constants, chosen.linear, span), first
+    yield plain, RANDOM_STARTS
 
 
 def shortened(one: Estimate) -> Estimate:
-    """With its unit shortened: ``(rad/s)/(rad)`` is 1/s."""
+    """The estimate with its unit shortened: ``(rad/s)/(rad)`` is 1/s."""
     parts = re.fullmatch(r"\((.*)\)/\((.*)\)", one.unit)
     return one._replace(unit=quotient(parts[1], parts[2])) if parts else one
 
 
-def _sought(name: str, value: float, free: bool) -> Sought:
-    return Sought(value, free, -LONGEST_DELAY, LONGEST_DELAY) if name == DELAY else Sought(value, free)
-
-
-def _flown(problem: Problem, fit: Fit) -> list[FitSeries]:
-    return [
-        FitSeries(
-            one.name, output, problem.model.outputs[output], one.time, one.measured[:, place], one.model[:, place]
-        )
+def fitted_series(problem: Problem, fit: Fit) -> tuple[FitSeries, ...]:
+    """Measured and fitted outputs of every maneuver."""
+    units = problem.model.outputs
+    return tuple(
+        FitSeries(one.name, output, units[output], one.time, one.measured[:, n], one.model[:, n])
         for one in fit.histories
-        for place, output in enumerate(fit.outputs)
-    ]
+        for n, output in enumerate(fit.outputs)
+    )

@@ -3,182 +3,234 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 
 from logs.identification.data.experiment import Experiment
-from logs.identification.diagnostics.derivative_signs import turned
-from logs.identification.diagnostics.errors_in_variables import with_noise
-from logs.identification.diagnostics.intersample_behavior import coarse, felt, said_coarse, with_between
+from logs.identification.diagnostics.context import Context
+from logs.identification.diagnostics.estimates import regression_findings
+from logs.identification.diagnostics.signals import joined, measured, moves
+from logs.identification.diagnostics.table import diagnose
 from logs.identification.estimators.equation_error import (
     CoefficientRegression,
-    Domain,
     Settings,
     coefficient_regression,
     predict,
 )
 from logs.identification.estimators.orthogonal import Orthogonal, orthogonal_regression
-from logs.identification.estimators.regressors import INTERCEPT, TREND, as_regressed
+from logs.identification.estimators.regressors import (
+    INTERCEPT,
+    LOCAL_POLYNOMIAL,
+    as_regressed,
+    filtered_like_derivative,
+)
 from logs.identification.estimators.stepwise import Rules, Step, stepwise_regression
 from logs.identification.estimators.terms import parse
+from logs.identification.findings import Entry, Finding, register
 from logs.identification.report.document import Chapter, Table
-from logs.identification.results import Array, FitSeries, Fitted, Information
+from logs.identification.results import Array, EstimationResult, FitSeries, note_finding, withheld_finding
 from logs.identification.sources.table.config import Regression
 from logs.identification.sources.table.constants import UNITS
 from logs.identification.sources.table.derived import MADE, averaging_of, with_made
-from logs.identification.sources.table.maneuvers import Cut
-from logs.identification.sources.table.quantities import SIGNALS
+from logs.identification.sources.table.maneuvers import Cut, file_of
 from logs.identification.sources.table.signal_lookup import band_frequencies
-from logs.identification.statistics.correlation import correlation_among
-from logs.identification.statistics.output_fit import output_fits
-from logs.identification.tables.results import TableFit
 from wingbeat.errors import InputError
 from wingbeat.text import did_you_mean
 
-OF_THRUST = ("C_X", "C_Z", "C_L", "C_D")
-"""responses that thrust is taken off"""
-NO_CHANCE = 0.01
-"""-; probability by chance, shared among the candidates, below which a function that was not kept is named"""
-NAMED = "Each number in brackets is called by what it multiplies."
+FORCES = ("C_X", "C_Z", "C_L", "C_D")
+"""responses from which thrust is subtracted"""
+SIGNIFICANT = 0.01
+"""-; probability by chance, over all candidates, below which a function that was not kept is reported"""
+SCALES = ("V", "rho", "qbar", "altitude", "thrust")
+"""signals that make regressors dimensionless"""
+MOMENT_RATES = {"C_l": "p", "C_m": "q", "C_n": "r"}
+"""the rate whose derivative a moment coefficient contains if no angular acceleration was measured"""
+NAMED = "Each number in brackets is named by its regressor."
+
+register({
+    "thrust_unknown": Entry(
+        "thrust is neither a signal nor a constant: {subject} contains it",
+        "A force coefficient computed from accelerations contains the thrust.",
+        "set thrust in [constants] (0.0 for a glide) or [signals]",
+    ),
+    "orthogonal_function": Entry(
+        "orthogonal function of {subject}: {value:.3g} % of the variance, PSE {pse:.4g}, {action}",
+        "An orthogonal function of the regressors (Klein & Morelli 2006, sec. 5.4).",
+    ),
+    "omitted_function": Entry(
+        "not kept, but significant: {subject}; its effect is in the other coefficients",
+        "The predicted square error rejects a term that the F test keeps.",
+        "selection = \"stepwise\" selects by F",
+    ),
+    "smoothed_derivative": Entry(
+        "{subject} is the derivative of a signal smoothed by {method}, the regressors are not smoothed alike: their"
+        " coefficients are biased where the smoothing attenuates the motion",
+        "A regression with a derivative whose smoothing depends on the data.",
+        "smooth by local_quadratic, which all signals then go through, or do not smooth",
+    )
+})  # fmt: skip
 
 
-def regression_fit(asked: Regression, found: Cut, constants: Mapping[str, float]) -> TableFit:
-    """One regression over all manoeuvres, and its prediction of those that were held out.
+def regression_fit(section: Regression, cut: Cut, constants: Mapping[str, float]) -> EstimationResult:
+    """One regression over all maneuvers, and its prediction of the held-out ones.
 
     Raises:
-        InputError: a name that is neither signal nor constant and cannot be made of them, or no term was chosen.
+        InputError: a name that is neither signal nor constant and cannot be computed, a constant response, or no term
+            was selected.
     """
-    names = tuple(product_of(name) for name in asked.regressors)
-    wanted = {symbol for name in (asked.response, *names) for symbol in parse(name).powers}
-    fitted = tuple(with_made(one, wanted, constants) for one in found.fitted)
-    held = tuple(with_made(one, wanted, constants) for one in found.held_out)
+    section, constant = _without_constant(section, cut.fitted)
+    names = tuple(product_of(name) for name in section.regressors)
+    wanted = {symbol for name in (section.response, *names) for symbol in parse(name).powers}
+    alike = [tuple(filtered_like_derivative(one, wanted) for one in part) for part in (cut.fitted, cut.held_out)]
+    parts = [tuple(with_made(one, wanted, constants) for one in part) for part in alike]
+    steady = any(one.steady for one in cut.fitted)
+    averaging = averaging_of(alike[0], wanted)
+    if steady and (averaging is not None or section.domain != "time"):
+        raise InputError(
+            f"aero.regressions of {section.response}: steady readings have no derivatives and no spectrum"
+        )
     settings = Settings(
-        constants=constants,
-        units=UNITS,
-        frequencies=_frequencies(asked, fitted),
-        averaging=averaging_of(found.fitted, wanted),
+        constants=constants, units=UNITS, frequencies=_frequencies(section, parts[0]), averaging=averaging,
+        steady=steady,
+    )  # fmt: skip
+    steps: tuple[Step, ...] = ()
+    findings: tuple[Finding, ...] = ()
+    chapters: tuple[Chapter, ...] = ()
+    if section.method == "orthogonal":
+        model, findings, chapters = _orthogonal(section, names, parts[0], settings)
+    else:
+        selected, steps = _selected(section, names, parts[0], settings)
+        model = coefficient_regression(
+            parts[0], section.response, selected, "time" if section.domain == "time" else "frequency", settings
+        )
+    model, noisy = (model, ()) if steady else regression_findings(model, parts[0], settings)
+    method = "orthogonal" if section.method == "orthogonal" else "stepwise" if steps else "equation_error"
+    result = _result(section, model, (parts[0], parts[1]), settings)._replace(
+        method=method, steps=steps, chapters=chapters
     )
-    thrust = _without_thrust(asked, found.fitted, constants)
-    if asked.method == "orthogonal":
-        fit = _orthogonal(asked, names, (fitted, held), settings)
-        return fit._replace(fitted=fit.fitted._replace(notes=(*fit.fitted.notes, *thrust)))
-    chosen, steps = _chosen(asked, names, fitted, settings)
-    domain: Domain = "time" if asked.domain == "time" else "frequency"
-    result = coefficient_regression(fitted, asked.response, chosen, domain, settings)
-    result = _with_errors(result, fitted, settings)
-    return _told(asked, result._replace(notes=(*result.notes, *thrust)), fitted, held, settings)._replace(steps=steps)
+    symbols = tuple(dict.fromkeys(s for n in names for s in _symbols(n, cut.fitted) if s not in SCALES))
+    checks = diagnose("regression", Context(cut.fitted, constants, signals=symbols, result=result))
+    thrust = _thrust_unknown(section, cut.fitted, constants)
+    return result._replace(
+        findings=(*result.findings, *constant, *noisy, *checks, *thrust, *findings, *_smoothed(alike[0], wanted))
+    )
 
 
-def _with_errors(
-    result: CoefficientRegression, experiments: tuple[Experiment, ...], settings: Settings
-) -> CoefficientRegression:
-    """The regression with intervals that hold what noise in regressors and their course between samples do."""
-    noisy = with_noise(result, experiments, settings)
-    noisy = noisy._replace(notes=(*noisy.notes, *turned(noisy.estimates, noisy.response)))
-    if settings.averaging is None or noisy.failure:
-        return noisy
-    chosen = tuple(name for name in result.names if name != INTERCEPT and not name.startswith(TREND))
-    symbols = dict.fromkeys(symbol for name in chosen for symbol in parse(name).powers if symbol not in SIGNALS)
-    unseen = coarse([one for one in symbols if all(one in each.signals for each in experiments)], experiments)
-    others = settings._replace(averaging=settings.averaging._replace(weights=settings.averaging.others))
-    otherwise = coefficient_regression(experiments, result.response, chosen, result.domain, others)
-    told = said_coarse(unseen, "the intervals hold what that may do") if felt(noisy, otherwise) else ()
-    noisy = with_between(noisy, otherwise, bool(unseen))
-    return noisy._replace(notes=(*noisy.notes, *told))
+def _smoothed(experiments: Sequence[Experiment], symbols: Collection[str]) -> tuple[Finding, ...]:
+    """Derivatives of signals that were smoothed by a method that depends on the data."""
+    return tuple(
+        Finding("smoothed_derivative", "warning", f"{name}_dot", details={"method": method})
+        for name, method in experiments[0].smoothed.items()
+        if f"{name}_dot" in symbols and method != LOCAL_POLYNOMIAL
+    )
 
 
-def _without_thrust(
-    asked: Regression, experiments: tuple[Experiment, ...], constants: Mapping[str, float]
-) -> tuple[str, ...]:
-    """What is said of a force that was made of accelerations where no thrust was told."""
-    made = asked.response in OF_THRUST and asked.response not in experiments[0].signals
-    if not made or "thrust" in experiments[0].signals or "thrust" in constants:
+def _thrust_unknown(
+    section: Regression, experiments: tuple[Experiment, ...], constants: Mapping[str, float]
+) -> tuple[Finding, ...]:
+    computed = section.response in FORCES and section.response not in experiments[0].signals
+    if not computed or "thrust" in experiments[0].signals or "thrust" in constants:
         return ()
-    return (
-        f"thrust is neither told nor measured: {asked.response} is of all that pushes, not of the air alone"
-        " (thrust = 0.0 in [constants] is a glide)",
-    )
+    return (Finding("thrust_unknown", "warning", section.response),)
 
 
-def check_names(asked: Regression, signals: Collection[str], constants: Collection[str]) -> None:
-    """Refuse what no manoeuvre can tell, a word misspelt, before anything is fitted.
+def check_names(section: Regression, signals: Collection[str], constants: Collection[str]) -> None:
+    """Reject unknown names before anything is fitted.
 
     Raises:
-        InputError: a regressor that is no product, or a name that is no signal, no constant and not to be made of
-            them.
+        InputError: a regressor that is no product, or a name that is no signal, no constant and cannot be computed.
     """
     known = [*signals, *constants, *(name for name in MADE if name not in signals)]
-    for name in (asked.response, *asked.regressors, *asked.always):
+    for name in (section.response, *section.regressors, *section.always):
         for symbol in () if name in signals else parse(product_of(name)).powers:
             if symbol not in known:
                 guess = did_you_mean(symbol, known)
                 of = "" if symbol == name else f" of {name!r}"
                 raise InputError(
-                    f"aero.regressions of {asked.response}: {symbol!r}{of} is neither in [signals] nor in"
+                    f"aero.regressions of {section.response}: {symbol!r}{of} is neither in [signals] nor in"
                     f" [constants]{guess}; there are: {', '.join([*signals, *constants])}"
                 )
 
 
-def _orthogonal(
-    asked: Regression,
-    names: tuple[str, ...],
-    parts: tuple[tuple[Experiment, ...], tuple[Experiment, ...]],
-    settings: Settings,
-) -> TableFit:
-    """The terms whose orthogonal functions lower the predicted square error, and every function's share.
+def _symbols(name: str, experiments: tuple[Experiment, ...]) -> tuple[str, ...]:
+    signals = experiments[0].signals
+    return (name,) if name in signals else tuple(one for one in parse(product_of(name)).powers if one in signals)
+
+
+def _without_constant(
+    section: Regression, experiments: tuple[Experiment, ...]
+) -> tuple[Regression, tuple[Finding, ...]]:
+    """The regression without terms of constant signals, and a finding for each.
 
     Raises:
-        InputError: a choice by other means as well, the frequency domain, or no function that is worth its cost.
+        InputError: the response is constant, or no term is left.
     """
-    key = f"aero.regressions of {asked.response}"
-    if asked.selection != "all" or asked.always or asked.domain != "time":
+    where = ", ".join(dict.fromkeys(file_of(one) for one in experiments))
+    signals = [name for name in experiments[0].signals if measured(joined(name, experiments))]
+    constant = {name for name in signals if not moves(joined(name, experiments))}
+    rate = MOMENT_RATES.get(section.response, "")
+    if section.response in constant:
+        raise InputError(f"{section.response} is constant in {where}: is it the wrong column?")
+    if rate in constant and not {section.response, f"{rate}_dot"} & set(experiments[0].signals):
+        raise InputError(f"{section.response} is computed from {rate}, which is constant in {where}")
+    lost = {}
+    for name in dict.fromkeys((*section.regressors, *section.always)):
+        symbols = [one for one in _symbols(name, experiments) if one not in SCALES]
+        if symbols and set(symbols) <= constant:
+            lost[name] = Finding("constant_signal", "withheld", name, details={"where": where})
+    kept = tuple(name for name in section.regressors if name not in lost)
+    if lost and not kept:
+        raise InputError("; ".join(f"{name} is constant in {where}" for name in lost))
+    always = tuple(name for name in section.always if name not in lost)
+    return section._replace(regressors=kept, always=always), tuple(lost.values())
+
+
+def _orthogonal(
+    section: Regression, names: tuple[str, ...], fitted: tuple[Experiment, ...], settings: Settings
+) -> tuple[CoefficientRegression, tuple[Finding, ...], tuple[Chapter, ...]]:
+    """The regression on the terms whose orthogonal functions lower the predicted square error.
+
+    Raises:
+        InputError: another selection, the frequency domain, or no function that lowers it.
+    """
+    key = f"aero.regressions of {section.response}"
+    if section.selection != "all" or section.always or section.domain != "time":
         raise InputError(f'{key}: method = "orthogonal" chooses its terms itself, in the time domain')
-    found = orthogonal_regression(parts[0], asked.response, names, len(names), settings)
+    found = orthogonal_regression(fitted, section.response, names, len(names), settings)
     if not found.terms:
         why = found.failure or "no orthogonal function lowers the predicted square error"
         raise InputError(f"{key}: nothing was chosen: {why}")
-    told: tuple[str, ...] = tuple(
-        Information(
-            f"orthogonal function of {one.term}: {100 * one.gain:.3g} % of the variance, PSE {one.pse:.4g},"
-            f" {'kept' if one.kept else 'not kept'}"
-        )
+    findings = [
+        Finding("orthogonal_function", "info", one.term, 100 * one.gain, None,
+                {"pse": one.pse, "action": "kept" if one.kept else "not kept"})
         for one in found.functions
-    )
-    missed = [one.term for one in found.functions if not one.kept and one.chance < NO_CHANCE / len(names)]
-    if missed:
-        told = (
-            *told,
-            f"not kept, but more than chance: {', '.join(missed)}; what they tell is in the others' coefficients,"
-            ' and not in their intervals (selection = "stepwise" chooses by F)',
-        )
-    model = _with_errors(found.model, parts[0], settings)
-    model = model._replace(notes=(*told, *model.notes))
-    fit = _told(asked, model, *parts, settings)
-    return fit._replace(
-        fitted=fit.fitted._replace(method=f"regression of {asked.response}, orthogonal functions"),
-        chapters=(_functions(asked.response, found),),
-    )
+    ]  # fmt: skip
+    missed = [one.term for one in found.functions if not one.kept and one.chance < SIGNIFICANT / len(names)]
+    findings += [Finding("omitted_function", "warning", name) for name in missed]
+    return found.model, tuple(findings), (_functions(section.response, found),)
 
 
 def _functions(response: str, found: Orthogonal) -> Chapter:
-    """Every orthogonal function in the order in which they were made."""
+    """Every orthogonal function in the order of their construction."""
     rows = tuple((one.term, 100.0 * one.gain, one.pse, "kept" if one.kept else "") for one in found.functions)
-    table = Table(("made of", "share of the variance (%)", "PSE with it and all before", ""), rows)
-    said = "Each is a term without what those before it tell; kept are those up to the least predicted square error."
-    return Chapter(f"Orthogonal functions of {response}", (said,), (table,))
+    table = Table(("term", "share of the variance (%)", "PSE", ""), rows)
+    note = (
+        "Each function is a term without its part along those before it; kept up to the least predicted square error."
+    )
+    return Chapter(f"Orthogonal functions of {response}", (note,), (table,))
 
 
-def _chosen(
-    asked: Regression, names: tuple[str, ...], fitted: tuple[Experiment, ...], settings: Settings
+def _selected(
+    section: Regression, names: tuple[str, ...], fitted: tuple[Experiment, ...], settings: Settings
 ) -> tuple[tuple[str, ...], tuple[Step, ...]]:
-    """The regressors to fit, and the steps by which they were chosen, in the time domain."""
-    if asked.selection == "all":
+    """The regressors to fit, and the steps of their selection, in the time domain."""
+    if section.selection == "all":
         return names, ()
-    always = tuple(product_of(name) for name in asked.always)
+    always = tuple(product_of(name) for name in section.always)
     found = stepwise_regression(
-        fitted, asked.response, names, Rules(always=always), settings._replace(frequencies=None)
+        fitted, section.response, names, Rules(always=always), settings._replace(frequencies=None)
     )
     if found.failure and not found.terms:
-        raise InputError(f"stepwise regression of {asked.response} chose nothing: {found.failure}")
+        raise InputError(f"stepwise regression of {section.response} chose nothing: {found.failure}")
     return found.terms, found.steps
 
 
@@ -187,43 +239,41 @@ def product_of(name: str) -> str:
     return re.sub(r"(?<=[\w.)])\s+(?=[A-Za-z_(])", "*", name.strip())
 
 
-def _frequencies(asked: Regression, experiments: tuple[Experiment, ...]) -> Array | None:
-    """Of the band, where there is one."""
-    if asked.band is None:
+def _frequencies(section: Regression, experiments: tuple[Experiment, ...]) -> Array | None:
+    """Frequencies of the band; None without one."""
+    if section.band is None:
         return None
-    key = f"aero.regressions of {asked.response}"
-    if asked.domain != "frequency":
+    key = f"aero.regressions of {section.response}"
+    if section.domain != "frequency":
         raise InputError(f'{key}: band is for domain = "frequency"')
-    return band_frequencies(asked.band, experiments, key)
+    return band_frequencies(section.band, experiments, key)
 
 
-def _told(
-    asked: Regression,
-    result: CoefficientRegression,
-    fitted: tuple[Experiment, ...],
-    held: tuple[Experiment, ...],
+def _result(
+    section: Regression,
+    model: CoefficientRegression,
+    parts: tuple[tuple[Experiment, ...], tuple[Experiment, ...]],
     settings: Settings,
-) -> TableFit:
+) -> EstimationResult:
     series: list[FitSeries] = []
-    if not result.failure:
-        for one, residual in zip(fitted, result.residuals, strict=True):
-            measured = as_regressed(parse(asked.response), one, settings.constants, settings.averaging)
-            series.append(_series(one, result, measured, measured - residual, held_out=False))
-        for one in held:
-            measured = as_regressed(parse(asked.response), one, settings.constants, settings.averaging)
-            series.append(_series(one, result, measured, predict(result, one, settings), held_out=True))
-    equation = " + ".join(name if name == INTERCEPT else f"[{name}] {name}" for name in result.names)
-    correlation = correlation_among(result.estimates, result.names, result.covariance)
-    fitted_numbers = Fitted(
-        f"regression of {asked.response}, {asked.domain} domain", (f"{asked.response} = {equation}", NAMED),
-        result.estimates, result.unidentified, correlation, tuple(series), result.notes,
+    response = parse(section.response)
+    if not model.failure:
+        for one, residual in zip(parts[0], model.residuals, strict=True):
+            values = as_regressed(response, one, settings.constants, settings.averaging)
+            series.append(FitSeries(one.name, section.response, model.unit, one.time, values, values - residual))
+        for one in parts[1]:
+            values = as_regressed(response, one, settings.constants, settings.averaging)
+            predicted = predict(model, one, settings)
+            series.append(FitSeries(one.name, section.response, model.unit, one.time, values, predicted, True))
+    equation = " + ".join(name if name == INTERCEPT else f"[{name}] {name}" for name in model.names)
+    places = [model.names.index(one.name) for one in model.estimates]
+    way = "orthogonal functions" if section.method == "orthogonal" else f"{section.domain} domain"
+    failed = (Finding("not_estimated", "withheld", details={"reason": model.failure}),) if model.failure else ()
+    lost = tuple(withheld_finding(one) for one in model.unidentified)
+    return EstimationResult(
+        "equation_error", "aero", "", (f"{section.response} = {equation}", NAMED),
+        "not identifiable" if model.failure else "converged", model.estimates,
+        model.covariance[places][:, places] if places else None, series=tuple(series), samples=model.samples,
+        findings=(*failed, *lost, *map(note_finding, model.notes)), title=f"regression of {section.response}, {way}",
+        response=section.response,
     )  # fmt: skip
-    return TableFit(
-        "aero", fitted_numbers, not result.failure, result.failure, {}, {}, output_fits(tuple(series)), result.samples
-    )
-
-
-def _series(
-    one: Experiment, result: CoefficientRegression, measured: Array, model: Array, held_out: bool
-) -> FitSeries:
-    return FitSeries(one.name, result.response, result.unit, one.time, measured, model, held_out)

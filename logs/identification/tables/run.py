@@ -1,4 +1,4 @@
-"""From tables and their map to everything that the map asks for."""
+"""From tables and their map to the results of everything that the map requests."""
 
 from __future__ import annotations
 
@@ -8,46 +8,39 @@ from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
-from logs.identification.diagnostics.consistency_checks import check_plausible
-from logs.identification.diagnostics.constant_channels import refuse_still, with_still, without_still
+from logs.identification.diagnostics.context import Context
+from logs.identification.diagnostics.signals import joined, measured, moves
+from logs.identification.diagnostics.table import diagnose
+from logs.identification.findings import Entry, Finding, register
 from logs.identification.models.modes import ModesResult
-from logs.identification.results import Unidentified
-from logs.identification.sources.table.columns import Columns, read_columns
-from logs.identification.sources.table.config import AeroSection, Map, ModesSection, OutputError, Regression, load_map
+from logs.identification.results import EstimationResult
+from logs.identification.sources.table.columns import read_columns
+from logs.identification.sources.table.config import AeroSection, Map, ModesSection, OutputError, load_map
 from logs.identification.sources.table.constants import read_constants
 from logs.identification.sources.table.discontinuities import apart
 from logs.identification.sources.table.maneuvers import Cut, cut, file_of
+from logs.identification.sources.table.prepare import stroke_averaged
 from logs.identification.sources.table.vane import at_centre
-from logs.identification.tables import load_cell_tests as stands
-from logs.identification.tables.fit_registry import ROOMS
-from logs.identification.tables.modes import modes_fit
-from logs.identification.tables.output_errors import output_error_fit
+from logs.identification.tables.fit_registry import SECTION_FITS
+from logs.identification.tables.load_cell_tests import tare_name
+from logs.identification.tables.modes import modes_fit, with_lateral_modes
+from logs.identification.tables.output_errors import model_fit
 from logs.identification.tables.regressions import check_names, regression_fit
-from logs.identification.tables.results import TableFit, TableIdentification
+from logs.identification.tables.results import TableIdentification
 from logs.identification.tables.subjects import AERO, ALL, MODES, PATH, SECTIONS, STAND, SUBJECTS
-from logs.identification.tables.systems import with_lateral_modes
 from wingbeat.errors import InputError
 
 T = TypeVar("T")
+register({"unusable": Entry("{reason}", "A section or fit of the map cannot be computed from these tables.")})
 
 
 def identify_tables(files: Sequence[Path], mapping: Path, what: str = ALL) -> TableIdentification:
     """Identify ``what`` (`SUBJECTS`) from tables by their map.
 
     Raises:
-        InputError: a file or map that cannot be used, or a map that does not ask for ``what``.
+        InputError: a file or map that cannot be used, or a map without a section for ``what``.
     """
     chosen = load_map(mapping)
-    _asked(chosen, mapping, what)
-    tables = [read_columns(path, chosen.table) for path in files]
-    return _of_map(mapping, lambda: _identified(chosen, _cut(tables, chosen), what))
-
-
-def _cut(tables: list[Columns], chosen: Map) -> Cut:
-    return cut(tables, chosen.signals, chosen.time, chosen.manoeuvres, chosen.prepare)
-
-
-def _asked(chosen: Map, mapping: Path, what: str) -> None:
     if what not in SUBJECTS:
         raise InputError(f"a table gives {', '.join(SUBJECTS)}; {what!r} needs a log")
     wanted = SECTIONS if what == ALL else (what,)
@@ -55,143 +48,149 @@ def _asked(chosen: Map, mapping: Path, what: str) -> None:
         *others, last = (f"[{name}]" for name in wanted)
         named = f"{', '.join(others)} or {last}" if others else last
         raise InputError(f"map {mapping}: it has no section {named} that says what to fit")
-
-
-def _of_map(mapping: Path, work: Callable[[], T]) -> T:
+    tables = [read_columns(path, chosen.table) for path in files]
     try:
-        return work()
+        maneuvers = cut(tables, chosen.signals, chosen.time, chosen.manoeuvres, chosen.prepare)
+        smoothed = {} if chosen.prepare is None else chosen.prepare.smooth
+        steady = chosen.experiment.kind == "steady"
+        fitted, held_out = (
+            tuple(one._replace(smoothed=smoothed, steady=steady) for one in part)
+            for part in (maneuvers.fitted, maneuvers.held_out)
+        )
+        maneuvers = maneuvers._replace(fitted=fitted, held_out=held_out)
+        return _identified(chosen, maneuvers, what)
     except InputError as error:
         raise InputError(f"{error} (map {mapping})") from None
 
 
-def _identified(chosen: Map, found: Cut, what: str) -> TableIdentification:
-    """Each fit for itself: what the one lacks the others may not need.
+def _identified(chosen: Map, raw: Cut, what: str) -> TableIdentification:
+    """Each fit on its own: one that cannot be computed does not prevent the others.
 
     Raises:
-        InputError: none of them can be had, or a regressor is misspelt.
+        InputError: none of them can be computed, or a regressor is misspelt.
     """
     constants = read_constants(chosen.constants)
-    _check_regressors(chosen, found, constants, what)
-    seen = found
-    if what in (MODES, AERO, ALL) and (chosen.modes or chosen.aero):
-        found = at_centre(apart(found), constants, _flow_angles(chosen, what))
+    modes_section = chosen.modes if what in (MODES, ALL) else None
+    aero = chosen.aero if what in (AERO, ALL) else None
+    _check(aero, raw, constants)
+    prepared = raw
+    if modes_section is not None or aero is not None:
+        separate = raw if chosen.experiment.kind == "steady" else apart(raw)
+        prepared = at_centre(separate, constants, _flow_angles(modes_section, aero))
+    findings: list[Finding] = []
     if what in (MODES, AERO, PATH, ALL) and chosen.stand is None:
-        check_plausible((*found.fitted, *found.held_out), constants, _in_radians(chosen))
-    missing: list[Unidentified] = []
-    fits: list[TableFit] = []
+        every = (*prepared.fitted, *prepared.held_out)
+        findings += diagnose("data", Context(every, constants, _inputs(modes_section, aero)))
+    missing: list[Finding] = []
+    fits: list[EstimationResult] = []
     modes: ModesResult | None = None
-    if chosen.modes is not None and what in (MODES, ALL):
-        asked = chosen.modes
-        told = _attempt("modes", lambda: _modes(asked, found, seen, constants, chosen.time.fill), missing)
-        fits, modes = told or ([], None)
-    if chosen.aero is not None and what in (AERO, ALL):
-        for name, work in _aero(chosen.aero, found, seen, constants, chosen.time.fill):
-            one = _attempt(name, work, missing)
-            fits += [] if one is None else [one]
-    fits += _of_rooms(chosen, seen, constants, what, missing)
+    fill = chosen.time.fill
+    if modes_section is not None:
+        section, averaged = modes_section, _averaged(modes_section, prepared, chosen, findings)
+        maneuvers = _attempt("modes", lambda: _modes(section, averaged, raw, constants, fill), missing)
+        fits, modes = maneuvers or ([], None)
+    for name, work in _aero_fits(aero, prepared, raw, constants, fill) if aero is not None else ():
+        one = _attempt(name, work, missing)
+        fits += [] if one is None else [one]
+    for name, section_fit in SECTION_FITS.items():
+        asked = getattr(chosen, name)
+        if asked is not None and what in (name, ALL):
+            fits += _attempt(name, partial(section_fit, asked, raw, constants, fill), missing) or []
     if not fits and modes is None:
-        raise InputError("; ".join(dict.fromkeys(one.reason for one in missing)))
-    tare = stands.tare_name(chosen.stand, found) if chosen.stand is not None and what == STAND else None
-    fitted, held = (tuple(one.name for one in part if one.name != tare) for part in (found.fitted, found.held_out))
-    every = (*found.fitted, *found.held_out)
-    files = tuple(dict.fromkeys(file_of(one) for one in every))
+        raise InputError("; ".join(dict.fromkeys(one.text for one in missing)))
+    inputs = _inputs(chosen.modes, chosen.aero)
+    findings += diagnose("comparison", Context(prepared.fitted, constants, inputs, results=tuple(fits)))
+    tare = tare_name(chosen.stand, prepared) if chosen.stand is not None and what == STAND else None
+    records = tuple(one for one in (*prepared.fitted, *prepared.held_out) if one.name != tare)
+    fitted, held = (tuple(o.name for o in part if o.name != tare) for part in (prepared.fitted, prepared.held_out))
     return TableIdentification(
-        files, fitted, held, tuple(fits), modes, tuple(dict.fromkeys(found.notes)), tuple(missing),
-        tuple(one for one in every if one.name != tare), _inputs(chosen), constants,
-        found.delays,
+        tuple(dict.fromkeys(map(file_of, records))), fitted, held, tuple(fits), modes,
+        (*prepared.findings, *findings), tuple(missing), records, inputs, constants, prepared.delays,
     )  # fmt: skip
 
 
-def _check_regressors(chosen: Map, found: Cut, constants: dict[str, float], what: str) -> None:
-    """Refuse words misspelt before anything is fitted.
+def _check(aero: AeroSection | None, maneuvers: Cut, constants: dict[str, float]) -> None:
+    """Reject misspelt regressors before anything is fitted.
 
     Raises:
-        InputError: a regressor that nothing tells.
+        InputError: a regressor that is neither a signal nor computed from one, or a section without a fit.
     """
-    if chosen.aero is not None and what in (AERO, ALL):
-        signals = {name: None for one in found.fitted for name in one.signals}
-        for regression in chosen.aero.regressions:
-            check_names(regression, signals, constants)
+    if aero is None:
+        return
+    if not aero.regressions and not aero.output_error:
+        raise InputError("[aero] asks for nothing: write [[aero.regressions]] or [[aero.output_error]]")
+    signals = {name: None for one in maneuvers.fitted for name in one.signals}
+    for regression in aero.regressions:
+        check_names(regression, signals, constants)
 
 
-def _of_rooms(
-    chosen: Map, found: Cut, constants: dict[str, float], what: str, missing: list[Unidentified]
-) -> list[TableFit]:
-    """The fits of the sections that have a room of their own."""
-    fits: list[TableFit] = []
-    for name, room in ROOMS.items():
-        asked = getattr(chosen, name)
-        if asked is not None and what in (name, ALL):
-            fits += _attempt(name, partial(room, asked, found, constants, chosen.time.fill), missing) or []
-    return fits
-
-
-def _flow_angles(chosen: Map, what: str) -> tuple[str, ...]:
-    """Those of alpha and beta that what is fitted names, or is made of."""
+def _flow_angles(modes: ModesSection | None, aero: AeroSection | None) -> tuple[str, ...]:
+    """Those of alpha and beta that the fits use, or compute a signal from."""
     words: list[str] = []
-    if chosen.modes is not None and what in (MODES, ALL):
-        words += (*chosen.modes.inputs, *chosen.modes.outputs)
-    if chosen.aero is not None and what in (AERO, ALL):
-        for model in chosen.aero.output_error:
-            words += (*model.inputs, *model.outputs)
-        for one in chosen.aero.regressions:
-            words += re.findall(r"\w+", " ".join((one.response, *one.regressors, *one.always)))
-    made = {"alpha": {"C_L", "C_D", "u", "w"}, "beta": {"v"}}
+    for section in (*((modes,) if modes else ()), *(aero.output_error if aero else ())):
+        words += (*section.inputs, *section.outputs)
+    for one in aero.regressions if aero else ():
+        words += re.findall(r"\w+", " ".join((one.response, *one.regressors, *one.always)))
+    used = {"alpha": {"C_L", "C_D", "u", "w"}, "beta": {"v"}}
     return tuple(
-        angle for angle, of in made.items() if any(w == angle or w.startswith(f"{angle}_") or w in of for w in words)
+        angle for angle, of in used.items() if any(w == angle or w.startswith(f"{angle}_") or w in of for w in words)
     )
 
 
-def _inputs(chosen: Map) -> tuple[str, ...]:
-    sections = (*((chosen.modes,) if chosen.modes else ()), *(chosen.aero.output_error if chosen.aero else ()))
+def _inputs(modes: ModesSection | None, aero: AeroSection | None) -> tuple[str, ...]:
+    sections = (*((modes,) if modes else ()), *(aero.output_error if aero else ()))
     return tuple(dict.fromkeys(name for section in sections for name in section.inputs))
 
 
-def _in_radians(chosen: Map) -> tuple[str, ...]:
-    """Inputs that the map calls radians."""
-    entries = {name: chosen.signals[name].entry for name in _inputs(chosen) if name in chosen.signals}
-    return tuple(name for name, entry in entries.items() if entry.unit == "rad")
-
-
-def _attempt(name: str, work: Callable[[], T], missing: list[Unidentified]) -> T | None:
+def _attempt(name: str, work: Callable[[], T], missing: list[Finding]) -> T | None:
     try:
         return work()
     except InputError as error:
-        missing.append(Unidentified(name, str(error)))
+        missing.append(Finding("unusable", "withheld", name, details={"reason": str(error)}))
         return None
 
 
+def _averaged(section: ModesSection, maneuvers: Cut, chosen: Map, findings: list[Finding]) -> Cut:
+    """The maneuvers averaged over the stroke if the map says so or a vibration dominates an output."""
+    setting = None if chosen.prepare is None else chosen.prepare.stroke_average
+    averaged, more = stroke_averaged(maneuvers, section.inputs, section.outputs, setting)
+    findings += more
+    return averaged
+
+
+def _check_outputs(names: Sequence[str], maneuvers: Cut) -> None:
+    """Reject constant outputs, on which no search converges.
+
+    Raises:
+        InputError: one of them is constant in all maneuvers.
+    """
+    for name in names:
+        values = joined(name, maneuvers.fitted)
+        if measured(values) and not moves(values):
+            files = ", ".join(dict.fromkeys(map(file_of, maneuvers.fitted)))
+            raise InputError(f"{name} is constant in {files}: leave it out, or is it the wrong column?")
+
+
 def _modes(
-    asked: ModesSection, found: Cut, seen: Cut, constants: dict[str, float], fill: float | None
-) -> tuple[list[TableFit], ModesResult]:
-    refuse_still(asked.outputs, seen.fitted)
-    fits, modes = modes_fit(asked, found, constants, fill)
-    return [with_still(one, (), asked.outputs, seen.fitted) for one in fits], modes
+    section: ModesSection, maneuvers: Cut, raw: Cut, constants: dict[str, float], fill: float | None
+) -> tuple[list[EstimationResult], ModesResult]:
+    _check_outputs(section.outputs, raw)
+    return modes_fit(section, maneuvers, constants, fill)
 
 
-def _aero(
-    section: AeroSection, found: Cut, seen: Cut, constants: dict[str, float], fill: float | None
-) -> list[tuple[str, Callable[[], TableFit]]]:
-    """What is asked for, by name, and the work; ``seen`` has the signals as they were measured."""
-    if not section.regressions and not section.output_error:
-        raise InputError("[aero] asks for nothing: write [[aero.regressions]] or [[aero.output_error]]")
-    work: list[tuple[str, Callable[[], TableFit]]] = [
-        (f"regression of {one.response}", partial(_regression, one, found, seen, constants))
+def _aero_fits(
+    section: AeroSection, maneuvers: Cut, raw: Cut, constants: dict[str, float], fill: float | None
+) -> list[tuple[str, Callable[[], EstimationResult]]]:
+    """Every fit of the section by name."""
+    work: list[tuple[str, Callable[[], EstimationResult]]] = [
+        (f"regression of {one.response}", partial(regression_fit, one, maneuvers, constants))
         for one in section.regressions
     ]
     for model in section.output_error:
-        work.append((f"output error, {model.model}", partial(_model_fit, model, found, seen, constants, fill)))
+
+        def fit(model: OutputError = model) -> EstimationResult:
+            _check_outputs(model.outputs, raw)
+            return with_lateral_modes(model_fit("aero", model, maneuvers, constants, fill))
+
+        work.append((f"output error, {model.model}", fit))
     return work
-
-
-def _regression(asked: Regression, found: Cut, seen: Cut, constants: dict[str, float]) -> TableFit:
-    moving, lost = without_still(asked, seen.fitted)
-    return with_still(regression_fit(moving, found, constants), lost, asked.regressors, seen.fitted)
-
-
-def _model_fit(
-    asked: OutputError, found: Cut, seen: Cut, constants: dict[str, float], fill: float | None
-) -> TableFit:
-    refuse_still(asked.outputs, seen.fitted)
-    fit = with_lateral_modes(*output_error_fit("aero", asked, found, constants, fill))
-    return with_still(fit, (), asked.outputs, seen.fitted)

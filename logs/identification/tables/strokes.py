@@ -7,8 +7,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from logs.identification.aerodynamics.stroke_fits import Flight, derivative_fit, stroke_chapter, stroke_fit
-from logs.identification.aerodynamics.strokes_measured import (
+from logs.identification.data.experiment import Experiment
+from logs.identification.estimators.stroke_coefficients import (
+    LEAST_STROKES,
+    Flight,
+    MeanCoefficients,
+    derivative_fit,
+    stroke_chapter,
+    stroke_fit,
+)
+from logs.identification.findings import Entry, Finding, register
+from logs.identification.models.stroke_averages import Attitude
+from logs.identification.models.wing_strokes import (
     Flapped,
     MeasuredStrokes,
     Planform,
@@ -17,18 +27,12 @@ from logs.identification.aerodynamics.strokes_measured import (
     strokes_by_angle,
     strokes_by_count,
 )
-from logs.identification.data.experiment import Experiment
-from logs.identification.diagnostics.strokes import AS_TOLD, Signs, doubts, without_impossible
-from logs.identification.models.stroke_coefficients import LEAST_STROKES, MeanCoefficients
-from logs.identification.results import Array, Estimate, Fitted, Information
+from logs.identification.results import Array, EstimationResult, Fitted, from_fitted
 from logs.identification.sources.table.constants import need
 from logs.identification.sources.table.derived import Source
 from logs.identification.sources.table.maneuvers import Cut
 from logs.identification.sources.table.signal_lookup import signal
-from logs.identification.statistics.output_fit import output_fits
-from logs.identification.tables.results import TableFit
 from logs.strokes import interval_mean
-from sim_bridge.aerodynamics.stroke_averages import Attitude
 from wingbeat.errors import InputError
 from wingbeat.text import pluralize
 
@@ -77,102 +81,115 @@ class StrokeSection(NamedTuple):
     moment: str | None = None
 
 
+LARGEST = 10.0
+"""-; mean coefficient beyond that of any wing: a plate normal to the stream has 2, a fly's wing 4"""
+
+register({
+    "strokes": Entry("{where}: {value:.0f} strokes{rate}{lost}", "Strokes of one record."),
+    "negative_drag": Entry(
+        "{subject} is negative: air at rest would drive the wings",
+        "A drag coefficient is below zero with its whole interval.",
+        "check the signs of flap, force_x and force_z, and that weight and inertia are subtracted",
+    ),
+    "large_coefficient": Entry(
+        "{subject} = {value:.3g} is larger than that of any wing ({limit:.0f})",
+        "A mean coefficient of a stroke is out of range.",
+        "check the units of forces, planform and V",
+    ),
+})  # fmt: skip
+
+
 def stroke_fits(
-    asked: StrokeSection, found: Cut, constants: Mapping[str, float], fill: float | None
-) -> list[TableFit]:
-    """The mean coefficients over all manoeuvres, and where asked for what they are functions of.
+    section: StrokeSection, maneuvers: Cut, constants: Mapping[str, float], fill: float | None
+) -> list[EstimationResult]:
+    """The mean coefficients over all maneuvers, and their derivatives if requested.
 
     Raises:
-        InputError: a signal or constant is not there, or fewer than three strokes were measured whole.
+        InputError: a signal or constant is not there, or fewer than three complete strokes.
     """
-    if asked.wings not in (1, 2):
+    if section.wings not in (1, 2):
         raise InputError("stroke.wings must be 1 or 2")
-    wing = planform_of(asked.planform)
-    notes: list[str] = []
-    flown, held = (
-        [_flight(asked, one, constants, wing, notes) for one in part] for part in (found.fitted, found.held_out)
+    wing = planform_of(section.planform)
+    findings: list[Finding] = []
+    fitted, held = (
+        [_flight(section, one, constants, wing, findings) for one in part]
+        for part in (maneuvers.fitted, maneuvers.held_out)
     )
-    count = sum(len(one.strokes.records) for one in flown)
+    count = sum(len(one.strokes.records) for one in fitted)
     if count < LEAST_STROKES:
-        raise InputError(f"stroke: {pluralize(count, 'whole stroke')} found; {LEAST_STROKES} are needed ({notes[0]})")
-    told, each = stroke_fit(flown, held)
-    told = without_impossible(told)
-
-    def turned(signs: Signs) -> tuple[Estimate, ...]:
-        return stroke_fit([_flight(asked, one, constants, wing, [], signs) for one in found.fitted])[0].estimates
-
-    fits = [_fit(told._replace(notes=(*doubts(told, turned), *notes, *told.notes)), count, each)]
-    if asked.derivatives and told.estimates:
-        fits.append(_fit(derivative_fit(flown, each.by_stroke), count, None))
+        raise InputError(
+            f"stroke: {pluralize(count, 'whole stroke')} maneuvers; {LEAST_STROKES} are needed ({findings[0].text})"
+        )
+    mean, each = stroke_fit(fitted, held)
+    for one in mean.estimates:
+        if one.low > LARGEST or one.high < -LARGEST:
+            findings.append(Finding("large_coefficient", "warning", one.name, one.value, LARGEST))
+        if one.name.startswith("C_D") and one.high < 0.0:
+            findings.append(Finding("negative_drag", "warning", one.name, one.value, 0.0))
+    first = _result(mean, count, each)
+    fits = [first._replace(findings=(*first.findings, *findings))]
+    if section.derivatives and mean.estimates:
+        fits.append(_result(derivative_fit(fitted, each.by_stroke), count, None))
     return fits
 
 
-def _fit(told: Fitted, count: int, each: MeanCoefficients | None) -> TableFit:
-    failure = "" if told.estimates else "; ".join(dict.fromkeys(one.reason for one in told.unidentified))
-    return TableFit(
-        "stroke", told, not failure, failure, {}, {}, output_fits(told.series), count,
-        chapters=() if each is None else (stroke_chapter(each),),
-    )  # fmt: skip
+def _result(fitted: Fitted, count: int, each: MeanCoefficients | None) -> EstimationResult:
+    failure = "" if fitted.estimates else "; ".join(dict.fromkeys(one.reason for one in fitted.unidentified))
+    chapters = () if each is None else (stroke_chapter(each),)
+    return from_fitted(fitted, "stroke", failure, subject="stroke", samples=count, chapters=chapters)
 
 
 def _flight(
-    asked: StrokeSection,
+    section: StrokeSection,
     one: Experiment,
     constants: Mapping[str, float],
     wing: Planform,
-    notes: list[str],
-    signs: Signs = AS_TOLD,
+    findings: list[Finding],
 ) -> Flight:
-    """The strokes of a manoeuvre and what their coefficients may depend on.
-
-    They are cut by the angle as told also with its sign turned: at its other passes one of few would be lost.
-    """
+    """The strokes of a maneuver and the variables of their coefficients."""
     source = Source(one, constants, "stroke")
     need(dict(constants), *(() if "rho" in one.signals else ("rho",)), what="stroke")
-    flap = signal(one, asked.flap, "rad", "stroke.flap")
-    forward, down = (signal(one, getattr(asked, key), "N", f"stroke.{key}") for key in ("force_x", "force_z"))
+    flap = signal(one, section.flap, "rad", "stroke.flap")
+    forward, down = (signal(one, getattr(section, key), "N", f"stroke.{key}") for key in ("force_x", "force_z"))
     alpha, speed = source.get("alpha"), source.get("V")
     density = float(np.nanmean(source.get("rho")))
     flown = Flapped(
         one.time,
-        signs.flap * flap,
+        flap,
         speed,
         alpha,
-        np.column_stack((signs.force_x * forward, -signs.force_z * down)),
+        np.column_stack((forward, -down)),
         density,
-        asked.wings,
+        section.wings,
     )
-    if asked.strokes is None:
+    if section.strokes is None:
         cuts = strokes_by_angle(one.time, flap)
     else:
-        cuts = strokes_by_count(one.time, signal(one, asked.strokes, "-", "stroke.strokes"))
+        cuts = strokes_by_count(one.time, signal(one, section.strokes, "-", "stroke.strokes"))
     strokes = measured_strokes(flown, wing, cuts)
-    notes.append(_told(one.name, strokes, len(cuts[0])))
-    return _with_attitude(asked, one, source, strokes)
-
-
-def _told(name: str, strokes: MeasuredStrokes, found: int) -> Information:
-    lost = found - len(strokes.records)
-    left = f", {lost} with missing samples left out" if lost else ""
+    lost = len(cuts[0]) - len(strokes.records)
     rate = f" at {1 / float(np.mean(strokes.end - strokes.begin)):.3g} Hz" if len(strokes.records) else ""
-    return Information(f"{name}: {pluralize(len(strokes.records), 'stroke')}{rate}{left}")
+    left_out = f", {lost} with missing samples left out" if lost else ""
+    details = {"where": one.name, "rate": rate, "lost": left_out}
+    findings.append(Finding("strokes", "info", "", float(len(strokes.records)), None, details))
+    return _with_attitude(section, one, source, strokes)
 
 
-def _with_attitude(asked: StrokeSection, one: Experiment, source: Source, strokes: MeasuredStrokes) -> Flight:
+def _with_attitude(section: StrokeSection, one: Experiment, source: Source, strokes: MeasuredStrokes) -> Flight:
     begin, end = strokes.begin, strokes.end
     alpha = _bridged(source.get("alpha"))
     rate = (np.interp(end, one.time, alpha) - np.interp(begin, one.time, alpha)) / np.maximum(end - begin, 1e-12)
     still = np.zeros(len(one.time))
-    elevator = still if asked.elevator is None else signal(one, asked.elevator, "rad", "stroke.elevator")
+    elevator = still if section.elevator is None else signal(one, section.elevator, "rad", "stroke.elevator")
     stiffness = (
         None
-        if asked.stiffness is None
-        else _mean(one, signal(one, asked.stiffness, None, "stroke.stiffness"), strokes)
+        if section.stiffness is None
+        else _mean(one, signal(one, section.stiffness, None, "stroke.stiffness"), strokes)
     )
     moment = None
-    if asked.moment is not None:
+    if section.moment is not None:
         arm = source.get("qbar") * source.constant("S") * source.constant("c")
-        torque = signal(one, asked.moment, "N m", "stroke.moment")
+        torque = signal(one, section.moment, "N m", "stroke.moment")
         moment = _mean(one, torque, strokes) / _mean(one, arm, strokes)
     attitude = Attitude(_mean(one, alpha, strokes), rate, _mean(one, elevator, strokes))
     return Flight(one.name, strokes, attitude, stiffness, moment)

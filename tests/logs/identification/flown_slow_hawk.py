@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from logs.identification.models.wing_air import MovedVehicle
-from logs.identification.motion_capture.kinematic_chain import skeleton
+from logs.identification.models.multibody import MovedVehicle
+from logs.identification.motion_capture.coordinates import kinematic_chain
 from sim_bridge import plant_kernel as k
 from sim_bridge.aerodynamics import regression
 from sim_bridge.aerodynamics.models import air_of
@@ -123,8 +123,8 @@ def marked() -> dict[str, tuple[int, Floats]]:
 def true_poses(flown: Flown, body: str) -> tuple[Floats, Floats]:
     """Position (N, 3) and r_ned_from_body (N, 3, 3) of a body."""
     y, index = flown.states, marked()[body][0]
-    bones, base = skeleton(mechanism().tree, y[:, 13:17]), dcms_from_quaternions(y[:, 3:7])
-    return y[:, :3] + np.einsum("nij,nj->ni", base, bones.place[index]), base @ bones.rotation[index]
+    chain, base = kinematic_chain(mechanism().tree, y[:, 13:17]), dcms_from_quaternions(y[:, 3:7])
+    return y[:, :3] + np.einsum("nij,nj->ni", base, chain.position[index]), base @ chain.rotation[index]
 
 
 def seen(flown: Flown, noise: float, seed: int) -> dict[str, Floats]:

@@ -9,7 +9,8 @@ from scipy.integrate import cumulative_simpson
 from scipy.signal import lfilter
 
 from logs.identification.data.experiment import Experiment
-from logs.identification.estimators.flight_path.sensors import UNITS, Places
+from logs.identification.models.rigid_body import UNITS
+from logs.identification.models.rigid_body import SensorPositions as Places
 from logs.identification.results import Array
 from wingbeat.constants import STANDARD_GRAVITY
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from logs.identification.aerodynamics.structure import AeroResult, identify_coefficients, named
 from logs.identification.estimators.equation_error import coefficient_regression
+from logs.identification.estimators.wing_coefficients import AeroResult, identify_coefficients, named
 from logs.identification.models.inverse_dynamics import (
     LOW_PASS,
     WingCoefficients,
@@ -15,7 +15,7 @@ from logs.identification.models.inverse_dynamics import (
     moved_by_speeds,
 )
 from logs.identification.motion_capture.coordinates import fit_coordinates
-from logs.identification.motion_capture.speeds import generalized_speeds
+from logs.identification.motion_capture.motion import generalized_speeds
 from tests.logs.identification import flown_slow_hawk as hawk
 from wingbeat.errors import InputError
 

@@ -14,10 +14,8 @@ from logs.identification.data.flight import Aircraft
 from logs.identification.estimators.gps_aided import AidedFit, AidedFlight, aided_fit, ned_from_frd
 from logs.identification.models.rigid_body import INPUTS
 from logs.identification.results import Array, estimate
-from logs.identification.sources.flight_path_log import identify_path
+from logs.identification.sources.flight_path import aided_flight, identify_path, imu_truths
 from logs.identification.sources.full_flight import whole_flight
-from logs.identification.sources.true_imu import imu_truths
-from logs.identification.sources.velocity_fixes import aided_flight
 from sim_bridge import topics as truth_topics
 from wingbeat.topic import Topic
 
@@ -113,7 +111,7 @@ def test_the_path_is_that_of_the_truth() -> None:
     _, _, attitude, velocity = moved(flight)
     at = made.flight.at
     assert np.sqrt(np.mean((found.motion[:, 3:5] - attitude[at, :2]) ** 2)) < 0.01
-    assert np.sqrt(np.mean((found.told - velocity[at]) ** 2)) < 0.06
+    assert np.sqrt(np.mean((found.predicted - velocity[at]) ** 2)) < 0.06
     assert np.mean(scores(found, made.errors) ** 2) < 3.0
     assert found.levels.fixes == pytest.approx(FIX_NOISE, rel=0.15)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from promised import SEEDS, covered, promise_kept
 
-from logs.identification.drive.frequency import (
+from logs.identification.estimators.flapping_frequency import (
     FrequencyModel,
     ThrottleData,
     frequency_truth,

@@ -9,8 +9,8 @@ import pytest
 from promised import SEEDS, covered, promise_kept
 
 from logs.identification.data.experiment import Experiment
-from logs.identification.drive.servo import ServoModel
-from logs.identification.drive.twist import (
+from logs.identification.estimators.servo import ServoModel
+from logs.identification.estimators.twist import (
     damping_from_overshoot,
     damping_from_peaks,
     identify_twist,

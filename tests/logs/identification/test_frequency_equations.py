@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import cont2discrete, dlsim
 
 from logs.identification.data.experiment import Experiment
-from logs.identification.estimators.frequency_equations import Asked, frequency_equation_error
+from logs.identification.estimators.frequency_equations import EquationSettings, frequency_equation_error
 
 STEP, TIME = 0.02, np.arange(0.0, 16.0, 0.02)
 UNITS = {"alpha": "rad", "q": "rad/s", "delta": "rad"}
@@ -31,7 +31,7 @@ def flown(seed: int, z_alpha: float = -1.2, m_q: float = -1.5, m_alpha: float = 
 
 def test_the_error_of_a_delay_that_was_found_is_in_the_intervals() -> None:
     """GIVEN a delay that another method found to 30 ms THEN M_q is as unsure as 30 ms move it, at the least."""
-    records, sure = (flown(1), flown(2)), Asked(("delta",), {"Z_q": 0.0})
+    records, sure = (flown(1), flown(2)), EquationSettings(("delta",), {"Z_q": 0.0})
     exact = frequency_equation_error(records, sure)
     unsure = frequency_equation_error(records, sure._replace(delay_error=0.03))
     later = frequency_equation_error(records, sure._replace(delay=0.03))
@@ -46,7 +46,7 @@ def test_equations_whose_own_motion_runs_away_give_nothing() -> None:
     short = flown(1, m_alpha=8.0)
     kept = TIME < 4.0
     signals = {name: values[kept] for name, values in short.signals.items()}
-    mode = frequency_equation_error((short._replace(time=TIME[kept], signals=signals),), Asked(("delta",)))
+    mode = frequency_equation_error((short._replace(time=TIME[kept], signals=signals),), EquationSettings(("delta",)))
     assert mode.frequency is None and "runs away" in mode.unidentified[0].reason
 
 
@@ -76,7 +76,7 @@ def test_few_samples_a_radian_leave_no_derivative_off(
 ) -> None:
     """GIVEN 4 samples a radian, or an input that is held at 8 THEN the means beside the slopes leave nothing off."""
     hold = ("delta",) if way == "zoh" else ()
-    asked = Asked(("delta",), {"Z_q": 0.0}, airspeed, hold=hold)
+    asked = EquationSettings(("delta",), {"Z_q": 0.0}, airspeed, zoh_inputs=hold)
     mode = frequency_equation_error((exact(truth, step, way, unit),), asked)
     for one in mode.derivatives:
         assert one.value == pytest.approx(truth[one.name], rel=1e-5), one.name
@@ -119,7 +119,7 @@ def test_an_input_late_by_a_part_of_a_sample_leaves_no_derivative_off(
 ) -> None:
     """GIVEN inputs that are held, or lines, and late THEN the equations are those of the motion between samples."""
     hold = ("delta",) if way == "zoh" else ()
-    asked = Asked(("delta",), {}, airspeed, arm, late / rate, hold=hold)
+    asked = EquationSettings(("delta",), {}, airspeed, arm, late / rate, zoh_inputs=hold)
     mode = frequency_equation_error((delayed(truth, rate, late, arm, way),), asked)
     assert len(mode.derivatives) == 6
     for one in mode.derivatives:
@@ -129,7 +129,7 @@ def test_an_input_late_by_a_part_of_a_sample_leaves_no_derivative_off(
 @pytest.mark.parametrize(("truth", "rate", "late"), [(JET, 10.0, 0.3), (MODEL, 50.0, 0.8)])
 def test_the_intervals_of_late_held_inputs_hold_the_truth(truth: dict[str, float], rate: float, late: float) -> None:
     """Forty records with noise of 2 %: each derivative in 85 % of the intervals or more."""
-    asked = Asked(("delta",), {"Z_q": truth["Z_q"]}, AIRSPEED, 0.5, late / rate, hold=("delta",))
+    asked = EquationSettings(("delta",), {"Z_q": truth["Z_q"]}, AIRSPEED, 0.5, late / rate, zoh_inputs=("delta",))
     hits: dict[str, list[bool]] = {}
     for seed in range(1, 41):
         for one in frequency_equation_error((delayed(truth, rate, late, 0.5, "zoh", seed),), asked).derivatives:

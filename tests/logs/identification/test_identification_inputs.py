@@ -10,8 +10,7 @@ from logs.identification.data.flight import FlightData
 from logs.identification.estimators.flight_modes import identify_modes
 from logs.identification.models.modes import short_period_of
 from logs.identification.results import Array
-from logs.identification.sources.flapping import flapping_frequency, strokes_in
-from logs.identification.sources.inputs import find_inputs
+from logs.identification.sources.detection import detect_inputs, flapping_frequency, strokes_in
 from wingbeat.errors import InputError
 
 STEP = 0.005
@@ -28,14 +27,14 @@ def bump(begin: float, length: float, size: float) -> Array:
 
 def found(elevator: Array, strokes: Array = STROKES) -> list[float]:
     """When each input that is found begins (s)."""
-    number = find_inputs(TIME, elevator, strokes)
+    number = detect_inputs(TIME, elevator, strokes)
     moved = np.where(np.abs(number.excitation) > 0.01, number.manoeuvre, 0.0)
     return [float(TIME[moved == one][0]) for one in np.unique(moved[moved > 0])]
 
 
 def test_the_doublets_that_were_flown_are_found() -> None:
     data = fly(Flight(doublets=5))
-    inputs = find_inputs(data.time, data.elevator, data.strokes)
+    inputs = detect_inputs(data.time, data.elevator, data.strokes)
     np.testing.assert_allclose(inputs.excitation, data.excitation, atol=1e-12)
     flown, taken = data.excitation != 0.0, inputs.active > 0.0
     assert taken[flown].all() and inputs.manoeuvre.max() == 5
@@ -50,13 +49,13 @@ def test_what_a_stabilisation_moves_is_none() -> None:
     """GIVEN a loop that answers to the motion, and a pulse among its answers THEN there is no input at rest."""
     answers = 0.05 * np.sin(2 * np.pi * 1.3 * TIME) + 0.02 * np.sin(2 * np.pi * 4.0 * TIME)
     with pytest.raises(InputError, match="nowhere moves quickly from rest to rest"):
-        find_inputs(TIME, answers + bump(10.0, 0.5, 0.1), STROKES)
+        detect_inputs(TIME, answers + bump(10.0, 0.5, 0.1), STROKES)
 
 
 @pytest.mark.parametrize("elevator", [0.1 + 0 * TIME, 0.02 * TIME, bump(5.0, 8.0, 0.3), bump(29.6, 0.3, 0.1)])
 def test_rest_trim_and_the_end_of_the_record_are_none(elevator: Array) -> None:
     with pytest.raises(InputError):
-        find_inputs(TIME, elevator, STROKES)
+        detect_inputs(TIME, elevator, STROKES)
 
 
 def test_an_input_in_a_glide_is_none() -> None:
@@ -97,7 +96,7 @@ def test_nothing_that_flaps_is_said(signal: Array) -> None:
 
 def without_topics(data: FlightData) -> FlightData:
     strokes = strokes_in(data.time, data.accel_z)
-    inputs = find_inputs(data.time, data.elevator, strokes)
+    inputs = detect_inputs(data.time, data.elevator, strokes)
     return data._replace(
         strokes=strokes, active=inputs.active, manoeuvre=inputs.manoeuvre, excitation=inputs.excitation
     )

@@ -12,8 +12,7 @@ from linear_ornithopter import AIRCRAFT, Flight, fly, model_of
 from wing_drives import K_TAU, K_TAU0, Drives, exact, measure, simulate
 
 from avionics import topics
-from avionics.sensing import inertial
-from logs.identification.data.flight import FlightData
+from logs.identification.data.flight import FlightData, ImuCalibration
 from logs.identification.models.modes import short_period_of
 from logs.identification.report import POWER_TRUTH, Identification, document, identify, rows
 from sim_bridge import topics as truth
@@ -163,7 +162,7 @@ def test_a_calibrated_imu_is_corrected_and_a_wrong_one_is_not() -> None:
     imu = dict(motion.tables[topics.IMU.name])
     imu["accel_x"], imu["accel_z"] = imu["accel_x"] / 1.1 + 0.4, imu["accel_z"] / 1.15 - 0.7
     wrong = RecordedTopics({**motion.tables, topics.IMU.name: imu})
-    calibration = inertial.Gains(accel_offset=(0.4, 0.0, -0.7), accel_scale=(1.1, 1.0, 1.15))
+    calibration = ImuCalibration(accel_offset=(0.4, 0.0, -0.7), accel_scale=(1.1, 1.0, 1.15))
     name = ("output error", "short_period_frequency")
     perfect, corrected, left = (
         numbers(identify(source, "modes", aircraft))[name][0]

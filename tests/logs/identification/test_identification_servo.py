@@ -8,10 +8,9 @@ from promised import SEEDS, promise_kept
 from wing_drives import CENTRE, K_TAU, K_TAU0, Drives, exact, law, measure, simulate
 
 from logs.identification.data.flight import DriveData, GaugeErrors
-from logs.identification.drive.gauges import with_gauge_errors
-from logs.identification.drive.power import identify_power, power_truth, power_with_gauge_errors
-from logs.identification.drive.servo import ServoModel
-from logs.identification.drive.torque import identify_torque
+from logs.identification.estimators.servo import ServoModel, with_gauge_errors
+from logs.identification.estimators.servo_power import identify_power, power_truth, power_with_gauge_errors
+from logs.identification.estimators.servo_torque import identify_torque
 from logs.identification.results import Estimate
 from wingbeat.errors import InputError
 

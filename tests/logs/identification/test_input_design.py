@@ -16,13 +16,18 @@ from avionics.guidance.mission import Channel, Excitation, Shape
 from avionics.missions.excitations import read_excitation
 from groundstation.command import design, gcs_excite
 from groundstation.command.gcs_session import VerbParser
-from logs.identification.input_design.limits import Limits, allowed, peaks
-from logs.identification.input_design.plan import Asked, plan
+from logs.identification.input_design.design import (
+    DesignSpec,
+    Limits,
+    amplitude_factor,
+    command_line,
+    design_input,
+    mission_item,
+    peaks,
+)
 from logs.identification.input_design.prediction import Gust, predict, predicted_covariance
 from logs.identification.input_design.prior import Prior, prior_of
-from logs.identification.input_design.response import respond
-from logs.identification.input_design.waveform import waveform
-from logs.identification.input_design.wording import command_line, mission_item
+from logs.identification.input_design.response import respond, waveform
 from logs.identification.models.stroke_averaged import LONGITUDINAL
 from logs.identification.results import Array
 from sim_bridge.tuning.model import load_model
@@ -133,45 +138,45 @@ def test_gusts_scatter_the_fit_as_predicted() -> None:
 
 @pytest.mark.parametrize("shape", list(Shape))
 def test_an_input_goes_to_a_limit_and_not_beyond(shape: Shape) -> None:
-    found = plan(PRIOR, Asked(shape, LIMITS))
+    found = design_input(PRIOR, DesignSpec(shape, LIMITS))
     reached, limit = (np.array(changes) for changes in (found.reached, LIMITS))
     assert np.all(reached <= limit * 1.0001)
     assert getattr(found.reached, found.bound_by) > 0.9 * getattr(LIMITS, found.bound_by)
 
 
 def test_the_time_unit_is_tuned_to_the_mode() -> None:
-    asked = Asked(Shape.MULTISTEP_3211, LIMITS)
-    best = plan(PRIOR, asked)
-    slow = plan(PRIOR._replace(values=PRIOR.values * np.where(np.arange(12) == 9, 0.3, 1.0)), asked)
+    asked = DesignSpec(Shape.MULTISTEP_3211, LIMITS)
+    best = design_input(PRIOR, asked)
+    slow = design_input(PRIOR._replace(values=PRIOR.values * np.where(np.arange(12) == 9, 0.3, 1.0)), asked)
     for width in (best.excitation.width / 2.5, best.excitation.width * 2.5):
-        other = plan(PRIOR, asked._replace(width=round(width, 2)))
+        other = design_input(PRIOR, asked._replace(width=round(width, 2)))
         assert other.predicted[0].standard_error > best.predicted[0].standard_error
     assert slow.excitation.width > best.excitation.width
 
 
 def test_repeats_reach_the_asked_error_and_no_more() -> None:
-    asked = Asked(Shape.DOUBLET, LIMITS, amplitude=0.05, width=0.2, frequency_error=2e-3)
-    found = plan(PRIOR, asked)
+    asked = DesignSpec(Shape.DOUBLET, LIMITS, amplitude=0.05, width=0.2, frequency_error=2e-3)
+    found = design_input(PRIOR, asked)
     frequency = found.predicted[0]
-    one_less = plan(PRIOR, asked._replace(repeats=found.excitation.repeats - 1)).predicted[0]
+    one_less = design_input(PRIOR, asked._replace(repeats=found.excitation.repeats - 1)).predicted[0]
     assert found.excitation.repeats > 1
     assert frequency.standard_error <= 2e-3 * frequency.value < one_less.standard_error
 
 
 def test_what_cannot_be_reached_is_refused() -> None:
     with pytest.raises(InputError, match="repeats, more than the 100"):
-        plan(PRIOR, Asked(Shape.DOUBLET, LIMITS, amplitude=0.01, frequency_error=1e-6))
+        design_input(PRIOR, DesignSpec(Shape.DOUBLET, LIMITS, amplitude=0.01, frequency_error=1e-6))
     with pytest.raises(InputError, match="outside"):
-        plan(PRIOR, Asked(Shape.DOUBLET, Limits(elevator=1e-4)))
+        design_input(PRIOR, DesignSpec(Shape.DOUBLET, Limits(elevator=1e-4)))
     with pytest.raises(InputError, match="above 0"):
         prior_of(load_model(MODEL), AIRCRAFT, (0.0, 0.1, 0.1))
     diverging = PRIOR._replace(values=PRIOR.values * np.where(np.arange(12) == 9, -1.0, 1.0))
     with pytest.raises(InputError, match=r"short period|grows by itself"):
-        plan(diverging, Asked(Shape.DOUBLET, LIMITS, gust=Gust(1.0)))
+        design_input(diverging, DesignSpec(Shape.DOUBLET, LIMITS, gust=Gust(1.0)))
 
 
 def test_limits_bound_by_the_tightest() -> None:
-    share, name = allowed(Limits(0.3, 0.4), Limits(0.1, 0.2, 1.0, 0.1, 0.5))
+    share, name = amplitude_factor(Limits(0.3, 0.4), Limits(0.1, 0.2, 1.0, 0.1, 0.5))
     assert (share, name) == (pytest.approx(2.0), "pitch")
     planned = waveform(DOUBLET, STEP, 1.0, 0.25)
     one = peaks(PRIOR, respond(PRIOR, planned), 0.15)
@@ -188,8 +193,8 @@ def test_a_prior_of_a_model_file_is_that_model() -> None:
 
 @pytest.mark.parametrize("shape", list(Shape))
 def test_what_is_printed_flies_the_planned_input(shape: Shape) -> None:
-    flown = plan(
-        PRIOR, Asked(shape, LIMITS, width=0.3 if shape <= Shape.MULTISTEP_3211 else 10.0, repeats=3)
+    flown = design_input(
+        PRIOR, DesignSpec(shape, LIMITS, width=0.3 if shape <= Shape.MULTISTEP_3211 else 10.0, repeats=3)
     ).excitation
     (item,) = tomllib.loads(mission_item(flown))["item"]
     read = read_excitation(item)
@@ -235,7 +240,7 @@ def test_the_command_says_what_a_model_lacks(tmp_path: Path) -> None:
 
 def test_a_planned_input_has_the_course_that_is_flown() -> None:
     planned = waveform(DOUBLET, STEP, 1.0, 0.25)
-    assert planned.end - planned.begin == pytest.approx(2.8)
+    assert planned.end - planned.start == pytest.approx(2.8)
     assert planned.command[planned.time < 1.44].max() == 0.0
     assert planned.command.max() == 0.15 and planned.command.min() == -0.15
     assert np.sum(planned.command) == pytest.approx(0.0, abs=0.31)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from logs.identification.models.inverse_dynamics import WingMotion, coefficients
-from logs.identification.models.wing_air import MovedVehicle, wing_air
+from logs.identification.models.multibody import MovedVehicle, wing_air
 from sim_bridge import plant_kernel as k
 from sim_bridge.plant import Plant
 from sim_bridge.vehicles import load_vehicle, with_model

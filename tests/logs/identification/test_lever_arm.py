@@ -1,10 +1,10 @@
-"""Sensors off the centre of mass: on a rigid body that turns, what they tell is taken back to the centre exactly."""
+"""Lever arms: specific force and flow of a rotating rigid body at the center of mass."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from logs.identification.data.lever_arm import acceleration_at_centre, air_data_of
+from logs.identification.models.rigid_body import acceleration_at_center, flow_of
 
 PLACE = (0.3, -0.1, 0.05)
 
@@ -17,7 +17,7 @@ def test_a_body_that_spins_about_its_centre_feels_nothing_there() -> None:
     omega, omega_dot = np.outer(rate, axis), np.outer(change, axis)
     across = np.asarray(PLACE) - axis * (axis @ PLACE)
     circle = np.outer(change, np.cross(axis, PLACE)) - np.outer(rate**2, across)
-    np.testing.assert_allclose(acceleration_at_centre(circle, omega, omega_dot, PLACE), 0, atol=1e-12)
+    np.testing.assert_allclose(acceleration_at_center(circle, omega, omega_dot, PLACE), 0, atol=1e-12)
 
 
 def test_the_acceleration_is_the_second_derivative_of_the_place() -> None:
@@ -32,7 +32,7 @@ def test_the_acceleration_is_the_second_derivative_of_the_place() -> None:
     )
     omega = np.column_stack((0 * time, 1.2 * np.cos(3 * time), 0 * time))
     omega_dot = np.column_stack((0 * time, -3.6 * np.sin(3 * time), 0 * time))
-    centre = acceleration_at_centre(body, omega, omega_dot, PLACE)
+    centre = acceleration_at_center(body, omega, omega_dot, PLACE)
     plunging = -5 * np.cos(5 * time)
     wanted = np.column_stack((-plunging * np.sin(angle), 0 * time, plunging * np.cos(angle)))
     np.testing.assert_allclose(centre[5:-5], wanted[5:-5], atol=2e-4)
@@ -40,7 +40,7 @@ def test_the_acceleration_is_the_second_derivative_of_the_place() -> None:
 
 def test_the_flow_of_a_velocity() -> None:
     velocity = np.array([[15.0, 2.0, 3.0], [10.0, -4.0, -1.0]])
-    air = air_data_of(velocity)
-    along = air.airspeed * np.cos(air.beta)
-    back = np.column_stack((along * np.cos(air.alpha), air.airspeed * np.sin(air.beta), along * np.sin(air.alpha)))
+    airspeed, alpha, beta = (flow_of(velocity, name) for name in ("airspeed", "alpha", "beta"))
+    ahead = airspeed * np.cos(beta)
+    back = np.column_stack((ahead * np.cos(alpha), airspeed * np.sin(beta), ahead * np.sin(alpha)))
     np.testing.assert_allclose(back, velocity, atol=1e-12)

@@ -14,10 +14,9 @@ from numpy.typing import NDArray
 
 from groundstation.command import identify
 from groundstation.command.main import main
-from logs.identification.motion_capture.kinematic_chain import skeleton
-from logs.identification.motion_capture.marker_motion import INEXACT
-from logs.identification.motion_capture.speeds import Speeds
-from logs.identification.motion_capture.swapped_markers import exchanged
+from logs.identification.motion_capture.coordinates import kinematic_chain
+from logs.identification.motion_capture.markers import find_swap
+from logs.identification.motion_capture.motion import POSITION_ERROR, Speeds
 from logs.identification.tables.markers import (
     EXAMPLE,
     clouds_of_tables,
@@ -87,7 +86,7 @@ def test_coordinates_of_a_table_are_those_flown_within_their_errors(tmp_path: Pa
     assert motion.noise.contains(NOISE) and motion.noise.value == pytest.approx(NOISE, rel=0.05)
     flown = hawk.fly(3.0, 1).cut(0, FRAMES)
     told = (motion.coordinates.angles - flown.states[:, 13:17]) / motion.errors[:, 6:]
-    assert motion.told.all()
+    assert motion.known.all()
     assert np.std(told, axis=0) == pytest.approx(1.0, abs=0.15)
     lost = motion.errors[100:130, 6].mean()
     # The rest of the wing's markers tell its angle half as well, beside the fuselage's roll, the larger of the two.
@@ -100,10 +99,10 @@ def test_coordinates_of_a_table_are_those_flown_within_their_errors(tmp_path: Pa
 def off(speeds: Speeds, body: str) -> tuple[float, float]:
     """Root mean square errors in m and rad per axis of a body by the smoothed coordinates, ends left out."""
     index, inside = hawk.marked()[body][0], slice(30, -30)
-    bones, base = skeleton(hawk.mechanism().tree, speeds.angles), dcms_from_quaternions(speeds.quaternion)
+    chain, base = kinematic_chain(hawk.mechanism().tree, speeds.angles), dcms_from_quaternions(speeds.quaternion)
     position, rotation = hawk.true_poses(hawk.fly(3.0, 1).cut(0, FRAMES), body)
-    away = speeds.position_ned + np.einsum("nij,nj->ni", base, bones.place[index]) - position
-    turn = np.einsum("nji,njk->nik", rotation, base @ bones.rotation[index])
+    away = speeds.position_ned + np.einsum("nij,nj->ni", base, chain.position[index]) - position
+    turn = np.einsum("nji,njk->nik", rotation, base @ chain.rotation[index])
     turns = 0.5 * np.stack([turn[:, i, j] - turn[:, j, i] for i, j in ((2, 1), (0, 2), (1, 0))], axis=1)
     at, about = (float(np.sqrt(np.mean(np.square(values[inside])))) for values in (away, turns))
     return at, about
@@ -173,7 +172,7 @@ def test_where_a_wing_is_not_seen_speeds_are_told_before_and_behind(
     path = table(tmp_path, tracks)
     assert identify.run([str(path), "markers", "--map", str(path.with_suffix(".toml"))]) == 0
     out = capsys.readouterr().out
-    assert "take.csv: 570 of 600 frames told, 500 Hz" in out
+    assert "take.csv: 570 of 600 frames determined, 500 Hz" in out
     assert "in 2 records without a gap, low-passed at 50 Hz" in out
     assert "markers left wing: -0." in out and "standard error" in out
 
@@ -222,13 +221,13 @@ def test_exchanged_names_are_told_and_right_ones_are_not_doubted() -> None:
     tracks = capture(100)
     congruent = {frozenset(("shoulder_right", "shoulder_left")), *map(frozenset, combinations(PLACES["rudder"], 2))}
     for one, other in list(combinations(NAMES, 2))[::7]:
-        found = exchanged(placed(0.001, 0), positions(tracks | {one: tracks[other], other: tracks[one]}))
+        found = find_swap(placed(0.001, 0), positions(tracks | {one: tracks[other], other: tracks[one]}))
         if frozenset((one, other)) in congruent:
             continue  # a triangle whose sides are as long within 3 mm
         assert found is not None and {found.one, found.other} == {one, other}
-    assert all(exchanged(placed(0.002, seed), positions(tracks)) is None for seed in range(3))
-    inexact = exchanged(placed(0.005, 5), positions(tracks))
-    assert inexact is not None and inexact.named < INEXACT, "a doubt that is said, and refuses nothing"
+    assert all(find_swap(placed(0.002, seed), positions(tracks)) is None for seed in range(3))
+    inexact = find_swap(placed(0.005, 5), positions(tracks))
+    assert inexact is not None and inexact.named < POSITION_ERROR, "a doubt that is said, and refuses nothing"
 
 
 def test_a_body_s_mirror_image_is_told_from_it() -> None:
@@ -237,11 +236,11 @@ def test_a_body_s_mirror_image_is_told_from_it() -> None:
     }
     rng = np.random.default_rng(0)
     seen = np.array(list(places["drone"].values()))[:, None] + 0.0008 * rng.normal(size=(4, 50, 3))
-    assert exchanged(places, {"drone": seen}) is None
-    found = exchanged(places, {"drone": seen[[0, 1, 3, 2]]})
-    assert found is not None and {found.one, found.other} == {"left", "right"} and found.exchanged < 0.0015
+    assert find_swap(places, {"drone": seen}) is None
+    found = find_swap(places, {"drone": seen[[0, 1, 3, 2]]})
+    assert found is not None and {found.one, found.other} == {"left", "right"} and found.swapped < 0.0015
     exact = np.repeat(np.array(list(places["drone"].values()))[:, None], 50, axis=1)
-    assert exchanged(places, {"drone": exact}) is None
+    assert find_swap(places, {"drone": exact}) is None
 
 
 @pytest.mark.parametrize(("one", "other"), [("tip_left", "spar_left"), ("tip_left", "tip_right")])
@@ -258,7 +257,7 @@ def test_a_small_exchange_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[
     path = table(tmp_path, tracks | {"nose": tracks["shoulder_right"], "shoulder_right": tracks["nose"]})
     assert identify.run([str(path), "markers", "--map", str(path.with_suffix(".toml"))]) == 0
     said = " ".join(capsys.readouterr().out.split())
-    assert "with the names of nose and shoulder_right exchanged" in said and "inexact places?" in said
+    assert "with the names of nose and shoulder_right exchanged" in said and "inexact positions?" in said
 
 
 def test_markers_without_a_map_or_in_a_log_without_them_are_refused(

@@ -7,7 +7,7 @@ import pytest
 
 from logs.identification.motion_capture.coordinates import fit_coordinates
 from logs.identification.motion_capture.markers import MarkedBody, body_poses
-from logs.identification.motion_capture.speeds import generalized_speeds, smoothed
+from logs.identification.motion_capture.motion import generalized_speeds, low_passed
 from tests.logs.identification import flown_slow_hawk as hawk
 from wingbeat.errors import InputError
 from wingbeat.rotation_arrays import dcms_from_quaternions
@@ -21,7 +21,7 @@ STROKES = 254
 def errors(body: str, seed: int) -> tuple[float, float]:
     """Root mean square errors in m and rad per axis of one body's poses, markers low-passed as in IV.C."""
     flown = hawk.fly(3.0, 1).cut(400, 400 + STROKES)
-    positions = np.stack([smoothed(track, hawk.STEP, 50.0) for track in hawk.seen(flown, NOISE, seed)[body]])
+    positions = np.stack([low_passed(track, hawk.STEP, 50.0) for track in hawk.seen(flown, NOISE, seed)[body]])
     poses = body_poses(MarkedBody(body, hawk.MARKERS[body]), positions)
     position, rotation = hawk.true_poses(flown, body)
     known = np.isfinite(poses.position[:, 0])

@@ -12,12 +12,12 @@ import pytest
 from linear_ornithopter import AIRCRAFT, Flight, fly
 from wing_drives import K_TAU, K_TAU0, Drives, measure, simulate
 
-from logs.identification.aerodynamics import stroke_fits
-from logs.identification.aerodynamics.structure import AeroResult, CoefficientModel
-from logs.identification.drive.frequency import FrequencyModel, Segment
-from logs.identification.drive.power import identify_power
-from logs.identification.drive.torque import identify_torque
+from logs.identification.estimators import stroke_coefficients as stroke_fits
+from logs.identification.estimators.flapping_frequency import FrequencyModel, Segment
 from logs.identification.estimators.flight_modes import identify_modes
+from logs.identification.estimators.servo_power import identify_power
+from logs.identification.estimators.servo_torque import identify_torque
+from logs.identification.estimators.wing_coefficients import AeroResult, CoefficientModel
 from logs.identification.report import Identification
 from logs.identification.report.document import (
     DASHED,

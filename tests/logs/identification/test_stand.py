@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from logs.identification.aerodynamics.load_cell import LoadCell, StandRun, stand_coefficients, stand_motion
-from logs.identification.models.wing_air import wing_air
+from logs.identification.models.load_cell import LoadCell, StandRun, stand_coefficients, stand_motion
+from logs.identification.models.multibody import wing_air
 from tests.logs.identification import flown_slow_hawk as hawk
 from wingbeat.errors import InputError
 

@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from logs.identification.models.stroke_coefficients import (
+from logs.identification.estimators.stroke_coefficients import (
     drag_polar,
     lift_derivatives,
     moment_derivatives,
     stroke_coefficients,
 )
-from logs.identification.results import Estimate
-from sim_bridge.aerodynamics.stroke_averages import (
+from logs.identification.models.stroke_averages import (
     Attitude,
     LiftDerivatives,
     MomentDerivatives,
@@ -23,6 +22,7 @@ from sim_bridge.aerodynamics.stroke_averages import (
     moment_coefficient,
     stroke_record,
 )
+from logs.identification.results import Estimate
 from wingbeat.errors import InputError
 
 Floats = NDArray[np.float64]

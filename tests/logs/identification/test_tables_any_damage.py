@@ -74,7 +74,7 @@ def attempt(folder: Path, table: bytes, mapping: str) -> str:
         json.dumps(table_document(found), allow_nan=False)
         for fit in found.fits:
             assert all(line.isprintable() for line in notes_of(fit))
-            assert all(np.isfinite([one.value, one.low, one.high]).all() for one in fit.fitted.estimates)
+            assert all(np.isfinite([one.value, one.low, one.high]).all() for one in fit.estimates)
 
     return refused(work)
 

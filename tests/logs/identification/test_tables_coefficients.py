@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.signal import lsim
-from test_tables_identified import identified
+from test_tables_identified import codes, identified
 
 G, SPEED, ALPHA = 9.80665, 60.0, 0.15
 TRUTH = {
@@ -63,24 +63,23 @@ def lateral_flight(seed: int = 0) -> dict[str, np.ndarray]:
 
 def test_the_trims_angles_are_those_measured_where_the_map_does_not_tell_them(tmp_path: Path) -> None:
     (fit,) = identified(tmp_path, lateral_flight(), LATERAL, "aero").fits
-    found = {one.name: one for one in fit.fitted.estimates}
+    found = {one.name: one for one in fit.estimates}
     assert found.keys() == TRUTH.keys()
     for name, true in TRUTH.items():
         assert abs(found[name].value - true) < 1.6 * (found[name].high - found[name].value), name
-    assert not any("taken to be 0" in note for note in fit.fitted.notes)
+    assert "trim_assumed" not in codes(fit)
 
 
 def test_a_trim_that_nothing_tells_is_said(tmp_path: Path) -> None:
     """GIVEN neither alpha nor theta THEN N_beta is far off at 0.15 rad, and the fit says why."""
     lines = [one for one in LATERAL.splitlines() if not one.startswith(("alpha =", "theta ="))]
     (fit,) = identified(tmp_path, lateral_flight(), "\n".join(lines), "aero").fits
-    (said,) = [note for note in fit.fitted.notes if "taken to be 0" in note]
-    assert said.startswith("constants.alpha, constants.theta are neither told nor measured")
-    assert not next(one for one in fit.fitted.estimates if one.name == "N_beta").contains(TRUTH["N_beta"])
+    assert [one.subject for one in fit.findings if one.code == "trim_assumed"] == ["alpha", "theta"]
+    assert not next(one for one in fit.estimates if one.name == "N_beta").contains(TRUTH["N_beta"])
     told = "\n".join(lines)
     told += f"\n[constants]\nalpha = {ALPHA}\ntheta = {ALPHA}\n"
     (fit,) = identified(tmp_path, lateral_flight(), told, "aero").fits
-    assert not any("taken to be 0" in note for note in fit.fitted.notes)
+    assert "trim_assumed" not in codes(fit)
 
 
 LIFT = """
@@ -118,10 +117,10 @@ def test_a_drag_with_the_thrust_in_it_is_said(tmp_path: Path, more: str) -> None
     """GIVEN no thrust in the map THEN C_D is told with what is in it, and with thrust told it is the truth."""
     weight = 'weight = { value = 2000, unit = "lb" }'
     (fit,) = identified(tmp_path, gliding(1000.0), LIFT % (weight, more), "aero").fits
-    assert any(note.startswith("thrust is neither told nor measured: C_D is of") for note in fit.fitted.notes)
-    assert not fit.fitted.estimates[0].contains(0.03)
+    assert "thrust_unknown" in codes(fit)
+    assert not fit.estimates[0].contains(0.03)
     (fit,) = identified(tmp_path, gliding(1000.0), LIFT % (f"{weight}\nthrust = 1000.0", more), "aero").fits
-    assert not any("thrust" in note for note in fit.fitted.notes)
-    found = {one.name: one for one in fit.fitted.estimates}
+    assert "thrust_unknown" not in codes(fit)
+    found = {one.name: one for one in fit.estimates}
     assert abs(found["intercept"].value - 0.03) < 1.6 * (found["intercept"].high - found["intercept"].value)
     assert abs(found["alpha"].value - 0.3) < 1.6 * (found["alpha"].high - found["alpha"].value)

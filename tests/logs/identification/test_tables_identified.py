@@ -16,10 +16,11 @@ from scipy.signal import lfilter
 from groundstation.command import identify
 from logs.identification.data.experiment import Experiment
 from logs.identification.report.result_formatting import notes_of, table_document
+from logs.identification.results import EstimationResult
 from logs.identification.sources.table.config import EXAMPLE, load_map
 from logs.identification.sources.table.derived import MADE as MADE_OF
 from logs.identification.sources.table.derived import Source
-from logs.identification.tables.results import TableFit, TableIdentification
+from logs.identification.tables.results import TableIdentification
 from logs.identification.tables.run import identify_tables
 from wingbeat.errors import InputError
 
@@ -42,9 +43,16 @@ outputs = ["alpha", "q", "a_z"]
 """
 
 
-def numbers(fit: TableFit) -> dict[str, Any]:
-    assert not fit.failure, fit.failure
-    return {one.name: one for one in fit.fitted.estimates}
+def codes(result: EstimationResult | TableIdentification) -> set[str]:
+    """Codes of the findings of a result, or of all of them."""
+    if isinstance(result, EstimationResult):
+        return {one.code for one in result.findings}
+    return {one.code for one in result.findings}.union(*map(codes, result.fits))
+
+
+def numbers(fit: EstimationResult) -> dict[str, Any]:
+    assert fit.failure is None, fit.failure
+    return {one.name: one for one in fit.estimates}
 
 
 @cache
@@ -109,10 +117,10 @@ def identified(
     return identify_tables([write(folder / "run.csv", columns)], folder / "map.toml", what)
 
 
-def assert_truth(fit: TableFit, scale: float = 1.0) -> None:
-    found = numbers(fit)
+def assert_truth(fit: EstimationResult, scale: float = 1.0) -> None:
+    result = numbers(fit)
     for name, true in slowed(scale).items():
-        one = found[name]
+        one = result[name]
         assert abs(one.value - true) <= 1.5 * (one.high - one.value), (name, one)
         assert one.value == pytest.approx(true, rel=0.08), name
 
@@ -128,9 +136,9 @@ def test_the_documented_short_period_has_its_truth(capsys: pytest.CaptureFixture
         assert one["low"] <= TRUTH[one["name"]] <= one["high"], one
     mass, area = 4400 * 0.45359237, 215 * 0.3048**2
     share = mass * 100.0 / (0.5 * 1.0 * 100.0**2 * area)
-    found = {one["name"]: one for one in regression["estimates"]}
-    assert found["alpha"]["low"] <= TRUTH["Z_alpha"] * share <= found["alpha"]["high"]
-    assert found["delta_e"]["low"] <= TRUTH["Z_delta"] * share <= found["delta_e"]["high"]
+    result = {one["name"]: one for one in regression["estimates"]}
+    assert result["alpha"]["low"] <= TRUTH["Z_alpha"] * share <= result["alpha"]["high"]
+    assert result["delta_e"]["low"] <= TRUTH["Z_delta"] * share <= result["delta_e"]["high"]
     (mode,) = [one for one in document["modes"]["methods"] if one["method"] == "output error"]
     frequency = np.sqrt(TRUTH["Z_alpha"] * TRUTH["M_q"] - TRUTH["M_alpha"])
     assert mode["frequency"]["low"] <= frequency <= mode["frequency"]["high"]
@@ -140,8 +148,8 @@ def test_the_documented_short_period_has_its_truth(capsys: pytest.CaptureFixture
 
 @pytest.mark.filterwarnings("error")
 def test_the_documented_transport_has_its_truth() -> None:
-    found = identify_tables([EXAMPLES / "transport.csv"], EXAMPLES / "transport.toml", "aero")
-    regression, fit = found.fits
+    result = identify_tables([EXAMPLES / "transport.csv"], EXAMPLES / "transport.toml", "aero")
+    regression, fit = result.fits
     truth = MADE["TRANSPORT"]
     assert set(numbers(fit)) == set(truth)
     for name, one in numbers(fit).items():
@@ -197,9 +205,9 @@ def test_from_a_tenth_of_a_hertz_to_six_hundred(tmp_path: Path, rate: float, sca
 @pytest.mark.filterwarnings("error")
 def test_thirty_samples(tmp_path: Path) -> None:
     columns = {name: values[::5][:30] for name, values in flight(25.0, noise=0.2).items()}
-    found = identified(tmp_path, columns)
-    fit = found.fits[0]
-    assert fit.failure or all(np.isfinite(one.value) and one.high > one.low for one in fit.fitted.estimates)
+    result = identified(tmp_path, columns)
+    fit = result.fits[0]
+    assert fit.failure is not None or all(np.isfinite(one.value) and one.high > one.low for one in fit.estimates)
     few = {name: values[:10] for name, values in columns.items()}
     with pytest.raises(InputError) as refused:
         identified(tmp_path, few)
@@ -212,9 +220,9 @@ def test_gaps_in_outputs_and_short_ones_in_the_input_do_no_harm(tmp_path: Path) 
     columns["alpha"][100:160] = np.nan
     columns["q"][::7] = np.nan
     columns["delta_e"][[36, 37, 200]] = np.nan
-    found = identified(tmp_path, columns)
-    assert_truth(found.fits[0])
-    said = " ".join(notes_of(found.fits[0]))
+    result = identified(tmp_path, columns)
+    assert_truth(result.fits[0])
+    said = " ".join(notes_of(result.fits[0]))
     assert "3 samples of delta_e interpolated" in said
     assert "60 of 375 samples of alpha not measured" in said and "54 of 375 samples of q not measured" in said
 
@@ -222,9 +230,9 @@ def test_gaps_in_outputs_and_short_ones_in_the_input_do_no_harm(tmp_path: Path) 
 def test_a_long_gap_in_the_input_cuts_the_manoeuvre(tmp_path: Path) -> None:
     columns = flight()
     columns["delta_e"][150:200] = np.nan
-    found = identified(tmp_path, columns)
-    assert "50 samples without delta_e left out" in " ".join(notes_of(found.fits[0]))
-    assert {one.experiment for one in found.fits[0].outputs} == {
+    result = identified(tmp_path, columns)
+    assert "50 samples without delta_e left out" in " ".join(notes_of(result.fits[0]))
+    assert {one.experiment for one in result.fits[0].series} == {
         "manoeuvre 1 of run.csv, part 1", "manoeuvre 1 of run.csv, part 2",
     }  # fmt: skip
 
@@ -250,9 +258,9 @@ def test_an_input_a_little_early_is_named_where_output_error_finds_another_mode(
     """GIVEN an elevator 0.2 s early: output error told 4.0 rad/s of 2.8 and no more than a vane far behind."""
     columns = flight(noise=0.2)
     columns["delta_e"] = np.interp(columns["t"] - 0.2, columns["t"], columns["delta_e"])
-    found = identified(tmp_path, columns, BASE)
-    assert found.modes is not None
-    assert "equivalent system finds that delta_e acts 0.2 s before it was recorded" in " ".join(found.modes.notes)
+    result = identified(tmp_path, columns, BASE)
+    assert result.modes is not None
+    assert {"time_skew", "input_delay"} & codes(result)
 
 
 @pytest.mark.parametrize("late", [-0.47, 0.13])
@@ -261,12 +269,12 @@ def test_a_free_delay_is_found_from_where_the_equations_fit_best(tmp_path: Path,
     number has its mode."""
     columns = flight(100.0, scale=0.25)
     columns["delta_e"] = np.interp(columns["t"] + late, columns["t"], columns["delta_e"])
-    found = identified(tmp_path, columns, BASE + 'delay = "free"\n')
-    told = {one.name: one for one in found.fits[0].fitted.estimates}
+    result = identified(tmp_path, columns, BASE + 'delay = "free"\n')
+    told = {one.name: one for one in result.fits[0].estimates}
     assert told["delay"].value == pytest.approx(late, abs=0.01)
-    assert_truth(found.fits[0], 0.25)
-    assert found.modes is not None
-    for mode in found.modes.modes:
+    assert_truth(result.fits[0], 0.25)
+    assert result.modes is not None
+    for mode in result.modes.modes:
         assert mode.frequency is None or mode.frequency.value == pytest.approx(4 * 2.7928, rel=0.03), mode.method
 
 
@@ -284,17 +292,17 @@ def test_rolling_moments_need_no_inertia_of_pitch_where_no_pitch_rate_was_measur
 
 @pytest.mark.parametrize("late", [-0.32, 0.32])
 def test_an_input_of_another_clock_is_named_and_its_delay_found(tmp_path: Path, late: float) -> None:
-    """GIVEN an input that was recorded a third of a second off THEN output error begins at the delay found without
+    """GIVEN an input that was recorded a third of a second off THEN output error begins at the delay result without
     it; without ``delay`` what it cannot follow is explained."""
     columns = flight(noise=0.2)
     columns["delta_e"] = np.interp(columns["t"] + late, columns["t"], columns["delta_e"])
     free = identified(tmp_path, columns, BASE + 'delay = "free"\n').fits[0]
-    found = {one.name: one.value for one in free.fitted.estimates}
-    assert found["delay"] == pytest.approx(late, abs=0.02)
-    assert found["M_alpha"] == pytest.approx(TRUTH["M_alpha"], rel=0.05)
+    result = {one.name: one.value for one in free.estimates}
+    assert result["delay"] == pytest.approx(late, abs=0.02)
+    assert result["M_alpha"] == pytest.approx(TRUTH["M_alpha"], rel=0.05)
     held = identified(tmp_path, columns, BASE)
     assert held.modes is not None
-    assert 'delay = "free"' in " ".join((*held.modes.notes, *notes_of(held.fits[0])))
+    assert {"time_skew", "input_delay"} & codes(held)
 
 
 @pytest.mark.filterwarnings("error")
@@ -310,9 +318,9 @@ def test_any_outputs(tmp_path: Path, outputs: list[str]) -> None:
         "[signals]",
         '[signals]\ntheta = { column = "theta", unit = "rad" }\nq_dot = { column = "q_dot", unit = "rad/s^2" }',
     )
-    found = numbers(identified(tmp_path, columns, mapping).fits[0])
-    assert found["M_alpha"].value == pytest.approx(TRUTH["M_alpha"], rel=0.1)
-    assert found["M_delta"].value == pytest.approx(TRUTH["M_delta"], rel=0.1)
+    result = numbers(identified(tmp_path, columns, mapping).fits[0])
+    assert result["M_alpha"].value == pytest.approx(TRUTH["M_alpha"], rel=0.1)
+    assert result["M_delta"].value == pytest.approx(TRUTH["M_delta"], rel=0.1)
 
 
 def test_a_channel_that_is_missing_is_told(tmp_path: Path) -> None:
@@ -334,9 +342,9 @@ def test_a_fixed_parameter_is_held_and_a_delay_found(tmp_path: Path) -> None:
     free = "".join(f'{name} = "free"\n' for name in ("Z_alpha", "M_alpha", "M_q", "M_delta_e"))
     mapping = f'{BASE}delay = "free"\n[modes.parameters]\n{free}Z_delta = -0.15\n'
     fit = identified(tmp_path, columns, mapping).fits[0]
-    found = numbers(fit)
-    assert found["delay"].value == pytest.approx(0.06, abs=0.01)
-    assert found["M_delta"].value == pytest.approx(-8.0, rel=0.03)
+    result = numbers(fit)
+    assert result["delay"].value == pytest.approx(0.06, abs=0.01)
+    assert result["M_delta"].value == pytest.approx(-8.0, rel=0.03)
     assert fit.fixed == {"Z_delta": -0.15}
 
 
@@ -356,9 +364,9 @@ def test_a_regressor_that_depends_on_another_is_named(tmp_path: Path) -> None:
     )
     mapping += '[[aero.regressions]]\nresponse = "a_z"\nregressors = ["alpha", "double", "delta_e"]\n'
     fit = identified(tmp_path, columns, mapping, "aero").fits[0]
-    assert {one.name for one in fit.fitted.unidentified} >= {"alpha", "double"}
+    assert {one.subject for one in fit.withheld} >= {"alpha", "double"}
     assert "depends linearly on" in " ".join(notes_of(fit))
-    assert "double" not in {one.name for one in fit.fitted.estimates}
+    assert "double" not in {one.name for one in fit.estimates}
 
 
 def test_a_free_response_needs_no_input(tmp_path: Path) -> None:
@@ -374,9 +382,9 @@ q = { column = "q", unit = "rad/s" }
 model = "none"
 outputs = ["q"]
 """
-    found = identified(tmp_path, columns, mapping)
-    assert found.modes is not None
-    (mode,) = [one for one in found.modes.modes if one.method == "free response"]
+    result = identified(tmp_path, columns, mapping)
+    assert result.modes is not None
+    (mode,) = [one for one in result.modes.modes if one.method == "free response"]
     assert mode.frequency is not None and mode.damping is not None
     assert mode.frequency.value == pytest.approx(np.hypot(3.0, 0.35), rel=0.01)
     assert mode.damping.value == pytest.approx(0.35 / np.hypot(3.0, 0.35), rel=0.05)
@@ -386,9 +394,9 @@ def test_several_files_are_one_fit(tmp_path: Path) -> None:
     columns = flight()
     (tmp_path / "map.toml").write_text(BASE)
     files = [write(tmp_path / name, columns) for name in ("a.csv", "b.csv")]
-    found = identify_tables(files, tmp_path / "map.toml", "modes")
-    assert found.experiments == ("manoeuvre 1 of a.csv", "manoeuvre 2 of b.csv")
-    json.dumps(table_document(found), allow_nan=False)
+    result = identify_tables(files, tmp_path / "map.toml", "modes")
+    assert result.experiments == ("manoeuvre 1 of a.csv", "manoeuvre 2 of b.csv")
+    json.dumps(table_document(result), allow_nan=False)
 
 
 @pytest.mark.parametrize(
@@ -415,7 +423,7 @@ def test_a_regressor_that_is_misspelt_is_told_before_anything_is_fitted(
         (["run.csv"], "tables need --map"),
         ([], "which log or table"),
         (["run.csv", "--map", "none.toml"], "cannot read map none.toml"),
-        (["run.csv", "servo", "--map", "map.toml"], "'servo' needs a log"),
+        (["run.csv", "servo", "--map", "map.toml"], "no section \\[servo\\] that says what to fit"),
         (["run.csv", "aero", "--map", "map.toml"], r"it has no section \[aero\]"),
         (["none.csv", "--map", "map.toml"], "cannot read none.csv"),
         (["run.csv", "--map", "map.toml", "--vehicle", "x"], "--vehicle is for logs"),
@@ -440,5 +448,5 @@ def test_a_nonlinear_model_needs_its_thrust_told_and_takes_a_constant(tmp_path: 
     with pytest.raises(InputError, match=r"needs signals\.thrust or constants\.thrust \(0 for a glide\) \(map"):
         identify_tables([table], tmp_path / "map.toml", "aero")
     (tmp_path / "map.toml").write_text(untold.replace("[constants]", "[constants]\nthrust = 9850"))
-    found = numbers(identify_tables([table], tmp_path / "map.toml", "aero").fits[0])
-    assert found["C_m_alpha"].contains(MADE["TRANSPORT"]["C_m_alpha"])
+    result = numbers(identify_tables([table], tmp_path / "map.toml", "aero").fits[0])
+    assert result["C_m_alpha"].contains(MADE["TRANSPORT"]["C_m_alpha"])

@@ -55,7 +55,7 @@ def test_an_angle_that_is_elsewhere_and_stays_there_is_cut() -> None:
     found = cut_of({"alpha": alpha})
     assert [len(one.time) for one in found.fitted] == [150, 150]
     assert found.fitted[1].time[0] == pytest.approx(6.0)
-    assert "alpha jump at 6 s" in found.notes[0]
+    assert "alpha jump at 6 s" in found.findings[0].text
 
 
 @pytest.mark.parametrize(
@@ -72,4 +72,4 @@ def test_an_angle_that_is_elsewhere_and_stays_there_is_cut() -> None:
 )
 def test_what_no_joint_is_is_left_whole(signals: dict[str, np.ndarray]) -> None:
     found = cut_of(signals)
-    assert len(found.fitted) == 1 and not found.notes
+    assert len(found.fitted) == 1 and not found.findings

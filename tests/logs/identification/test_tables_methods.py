@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.signal import cont2discrete
-from test_tables_identified import BASE, TRUTH, flight, identified, write
+from test_tables_identified import BASE, TRUTH, codes, flight, identified, write
 
 from groundstation.command import identify
-from logs.identification.diagnostics.intersample_behavior import jumps
+from logs.identification.diagnostics.sampling import jumps
 from wingbeat.errors import InputError
 
 
@@ -73,8 +73,7 @@ def test_ramps_of_few_samples_are_named(tmp_path: Path, rate: float, told: bool)
     levels = np.radians([0.0, 3.0, -3.0, 3.0, -3.0, 0.0])
     ramps = [b * np.clip((columns["t"] - e) / 0.2, 0, 1) for e, b in zip(edges, np.diff(levels), strict=True)]
     columns["delta_e"] = np.sum(ramps, axis=0)
-    notes = identified(tmp_path, columns, BASE).fits[0].fitted.notes
-    assert any("from one sample to the next" in note and "record it faster" in note for note in notes) is told
+    assert ("sampling" in codes(identified(tmp_path, columns, BASE).fits[0])) is told
 
 
 @pytest.mark.parametrize(("rate", "told"), [(2.5, False), (10.0, True)])
@@ -86,7 +85,7 @@ def test_a_mode_that_turns_far_between_samples_of_an_unseen_input_is_not_told(
     driven = [found[name] for name in ("output error", "equation error", "equivalent system")]
     assert [one["frequency"] is not None for one in driven] == [told] * 3
     if not told:
-        assert sum("record it faster" in one["unidentified"][0]["reason"] for one in driven) >= 2
+        assert sum("samples in a period" in one["unidentified"][0]["reason"] for one in driven) >= 2
 
 
 ORTHOGONAL = """
@@ -152,7 +151,7 @@ def test_a_term_that_is_worth_less_than_it_costs_but_no_chance_is_named(
     assert identify.run([table, "aero", "--map", str(tmp_path / "map.toml"), "--json"]) == 0
     (fit,) = json.loads(capsys.readouterr().out)["fits"]
     assert "d" not in [one["name"] for one in fit["estimates"]]
-    assert any(one.startswith("not kept, but more than chance: d;") for one in fit["notes"]) is told
+    assert (("omitted_function", "d") in [(o["code"], o["subject"]) for o in fit["findings"]]) is told
 
 
 def test_orthogonal_functions_take_no_other_choice_beside_them(tmp_path: Path) -> None:
@@ -183,12 +182,11 @@ def held_flight() -> dict[str, np.ndarray]:
 def test_an_input_that_was_held_is_told_with_the_word_that_mends_it(tmp_path: Path) -> None:
     """GIVEN samples 40 ms apart THEN a line between them puts M_q off by per cents; held, all is in its interval."""
     told = ("", 'hold = ["delta_e"]\n', 'hold = ["delta_e"]\ndelay = "free"\n')
-    plain, *right = (identified(tmp_path, held_flight(), BASE + more).fits[0].fitted for more in told)
-    (said,) = [note for note in plain.notes if "jumps" in note]
-    assert said.startswith("delta_e jumps from one sample to the next") and 'give hold = ["delta_e"]' in said
+    plain, *right = (identified(tmp_path, held_flight(), BASE + more).fits[0] for more in told)
+    assert [one.subject for one in plain.findings if one.code == "zoh_input"] == ["delta_e"]
     assert abs({e.name: e.value for e in plain.estimates}["M_q"] / TRUTH["M_q"] - 1.0) > 0.01
     for one in right:
-        assert not [note for note in one.notes if "jumps" in note]
+        assert "zoh_input" not in codes(one)
         for estimate in one.estimates:
             assert estimate.contains(TRUTH.get(estimate.name, 0.0)), estimate
 

@@ -20,14 +20,15 @@ from groundstation.views.table_identification import table_identification
 from logs.identification.data.flight import Aircraft
 from logs.identification.data.maneuvers import Reference
 from logs.identification.diagnostics.agreement import agreement
+from logs.identification.findings import Finding
 from logs.identification.models.modes import Mode, ModesResult, Oscillation, nothing
 from logs.identification.models.stroke_averaged import matrices
 from logs.identification.report import Identification
 from logs.identification.report.labels import number, rich, sentence, symbol
 from logs.identification.report.result_formatting import table_document
 from logs.identification.report.tables import Source, table_chapters, write_tables_report
-from logs.identification.results import Fitted, Unidentified, estimate
-from logs.identification.tables.results import TableFit, TableIdentification
+from logs.identification.results import EstimationResult, estimate
+from logs.identification.tables.results import TableIdentification
 from sim_bridge.tuning.model import load_model
 from wingbeat.errors import InputError
 
@@ -122,7 +123,7 @@ def test_a_tables_page_has_the_chapters_numbers_and_hashes_of_a_logs(
         for one in fit["estimates"]:
             assert f">{number(one['value'], one['standard_error'])}<" in text
     model, findings = (text.partition(f">{title}</h2>")[2].partition("<h2")[0] for title in ("Model", "Findings"))
-    assert "Held, not estimated: <i>Z</i><sub>q</sub> = 0." in model
+    assert "Fixed, not estimated: <i>Z</i><sub>q</sub> = 0." in model
     assert "<td><i>M</i><sub>q</sub></td>" in findings and "<td>intercept</td>" in findings
     assert "<i>a</i><sub>z</sub> = 100 <i>Z</i><sub>α</sub> <i>α</i> + 100 <i>Z</i><sub>q</sub> <i>q</i>" in model
     assert "by tail angle" not in text and "pitch acceleration by <i>δ</i><sub>e</sub>" in findings
@@ -139,7 +140,7 @@ def test_the_steps_of_a_stepwise_regression_are_on_the_page(tmp_path: Path) -> N
     text = (tmp_path / "page.html").read_text(encoding="utf-8")
     assert "Steps of the regressions" in text and "PRESS" in text and text.count(">enters<") == 3
     assert "No manoeuvre was held out" in text
-    (held,) = re.findall(r"Held, not estimated.*?</p>", re.sub(r"</?(?:i|sub)>", "", text))
+    (held,) = re.findall(r"Fixed, not estimated.*?</p>", re.sub(r"</?(?:i|sub)>", "", text))
     assert re.findall(r"C\w+(?= = 0[,.])", held) == [
         "CDV", "CDα2", "CDk", "CDq", "CDδ", "CLV", "CLα2", "CLq", "CLδ", "CmV", "Cmα2",
     ] and held.count("=") == 11  # fmt: skip
@@ -147,23 +148,25 @@ def test_the_steps_of_a_stepwise_regression_are_on_the_page(tmp_path: Path) -> N
 
 def test_what_a_fit_holds_is_told_fit_by_fit_and_what_it_could_not_find_is_not_held() -> None:
     equations = ("x' = X_u u + X_w w + X_q q",)
-    lost = (Unidentified("X_w", "it is not in the data"),)
-    numbers = Fitted("output error", equations, (estimate("X_u", "1/s", -0.4, 0.1),), lost)
+    lost = (Finding("no_effect", "withheld", "X_w"),)
     first, second = (
-        TableFit("aero", numbers, True, "", {}, {"X_q": value}, (), 100, "made", unnamed={"X_p": 0.0})
+        EstimationResult(
+            "output_error", "aero", "test", equations, estimates=(estimate("X_u", "1/s", -0.4, 0.1),), samples=100,
+            findings=lost, fixed={"X_q": value}, unnamed={"X_p": 0.0}, title="output error",
+        )
         for value in (0.1, 0.2)
-    )
+    )  # fmt: skip
 
-    def notes(*fits: TableFit) -> tuple[str, ...]:
-        chapters = table_chapters((), TableIdentification((), (), (), fits, None, ()))
+    def notes(*fits: EstimationResult) -> tuple[str, ...]:
+        chapters = table_chapters((), TableIdentification((), (), (), fits, None))
         (part,) = next(one for one in chapters if one.title == "Model").parts
         return part.notes
 
-    assert notes(first) == notes(first, first) == (*equations, "Held, not estimated: X_p = 0, X_q = 0.1.")
+    assert notes(first) == notes(first, first) == (*equations, "Fixed, not estimated: X_p = 0, X_q = 0.1.")
     assert notes(first, second) == (
         *equations,
-        "Held, not estimated, in fit 1 of these: X_p = 0, X_q = 0.1.",
-        "Held, not estimated, in fit 2 of these: X_p = 0, X_q = 0.2.",
+        "Fixed, not estimated, in fit 1 of these: X_p = 0, X_q = 0.1.",
+        "Fixed, not estimated, in fit 2 of these: X_p = 0, X_q = 0.2.",
     )
 
 
@@ -172,7 +175,7 @@ def test_what_a_fit_holds_is_told_fit_by_fit_and_what_it_could_not_find_is_not_h
 )
 def test_a_pages_title_tells_that_there_are_more_files(tmp_path: Path, names: tuple[str, ...], title: str) -> None:
     sources = tuple(Source(name, "0") for name in (*names, "map.toml"))
-    write_tables_report(tmp_path / "page.html", sources, TableIdentification(names, (), (), (), None, ()))
+    write_tables_report(tmp_path / "page.html", sources, TableIdentification(names, (), (), (), None))
     assert f"<title>{title}: identification</title>" in (tmp_path / "page.html").read_text(encoding="utf-8")
 
 
@@ -213,16 +216,19 @@ def test_a_reason_that_several_methods_have_is_told_once() -> None:
 
 def test_why_a_table_gives_no_modes_by_a_fit_stands_at_the_fit() -> None:
     why = "the search ran into a bound"
-    lost = tuple(Unidentified(name, "no input moves it") for name in ("Z_delta", "M_delta"))
-    fit = TableFit("modes", Fitted("output error, short period", (), (), lost), False, why, {}, {}, (), 100)
+    lost = tuple(Finding("no_effect", "withheld", name) for name in ("Z_delta", "M_delta"))
+    failed = Finding("no_numbers", "withheld", details={"reason": why})
+    fit = EstimationResult(
+        "output_error", "modes", status="not converged", findings=(failed, *lost), title="output error, short period"
+    )
     modes = (nothing("output error", why), nothing("spectrum", "no input"))
     result = ModesResult(modes, *agreement(modes), None, 1, None)
-    found = TableIdentification(("t.csv",), ("one",), (), (fit,), result, ())
+    found = TableIdentification(("t.csv",), ("one",), (), (fit,), result)
     assert printed(table_identification(found)) == [
         "fitted: one",
         "output error, short period: no numbers",
         why,
-        "Z_delta, M_delta not identified: no input moves it",
+        "Z_delta, M_delta not identified: it has no effect on the fitted outputs",
         "output error short period: not identified: as said above",
         "spectrum short period: not identified: no input",
         "modes agreement: no comparison: no method gives a number",
@@ -237,7 +243,7 @@ def test_the_model_of_a_table_is_the_truth_with_its_nose_up_elevator(
     assert run(files, "--model", str(tmp_path / "bird.toml")) == 0
     said = capsys.readouterr().out
     assert "delta_e pitches the nose down: the model's elevator is -delta_e" in said
-    assert "held, not found: X_q = 0, X_delta = 0, Z_q = 0" in said
+    assert "fixed, not estimated: X_q = 0, X_delta = 0, Z_q = 0" in said
     assert re.search(r"wingbeat tune \S*bird\.toml needs --vehicle V too", said)
     model = load_model(tmp_path / "bird.toml")
     truth = matrices(tuple(TRUTH), np.array(list(TRUTH.values())), about(), Aircraft())

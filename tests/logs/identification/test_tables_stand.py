@@ -11,11 +11,9 @@ import numpy as np
 import pytest
 
 from groundstation.command.main import main
-from logs.identification.aerodynamics.load_cell import StandRun, stand_motion
 from logs.identification.models.inverse_dynamics import states, wing_of
-from logs.identification.models.wing_air import wing_air
-from logs.identification.report.result_formatting import notes_of
-from logs.identification.tables.run import identify_tables
+from logs.identification.models.load_cell import StandRun, stand_motion
+from logs.identification.models.multibody import wing_air
 from sim_bridge.vehicles import SimulatedVehicle, load_vehicle
 
 PLACE, AXES = np.array((0.02, 0.0, 0.07)), np.array([(0.0, 1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, -1.0)])
@@ -91,23 +89,13 @@ def test_a_stand_tells_the_wings_coefficients(
         assert found[name]["value"] == pytest.approx(true, rel=0.1)
     said = fits[0]["notes"]
     assert said[0].endswith("manoeuvre 2 of tare.csv" if tared else "the vehicle's model") and "mean lift" in said[1]
-    assert said[0].startswith("the stream's load on the tail taken off by the vehicle's model")
+    assert said[0].startswith("tail load subtracted by the vehicle's model")
     lift, thrust, up, forward = (float(one) for one in re.findall(r"(-?[\d.]+) N", said[1]))
     assert lift == pytest.approx(up * np.cos(0.06) + forward * np.sin(0.06), rel=1e-3)
     assert thrust == pytest.approx(forward * np.cos(0.06) - up * np.sin(0.06), rel=1e-2)
-    assert up == pytest.approx(4.224, rel=0.01) and "to the stream, in body axes" in said[1]
+    assert up == pytest.approx(4.224, rel=0.01) and "along the stream, body axes" in said[1]
     assert fits[0]["steps"] and fits[0]["outputs"][0]["r_squared"] > 0.98
     assert ">Steps of the regressions</h" in (tmp_path / "page.html").read_text(encoding="utf-8")
-
-
-def test_what_was_taken_off_is_told_behind_what_doubts_the_numbers(tmp_path: Path) -> None:
-    (tmp_path / "map.toml").write_text(MAP)
-    fit = identify_tables([run(tmp_path / "run.csv", 9.2)], tmp_path / "map.toml", "stand").fits[0]
-    doubted = fit._replace(fitted=fit.fitted._replace(notes=(*fit.fitted.notes, "a doubt")))
-    said = notes_of(doubted)
-    told = fit.fitted.notes
-    assert len(told) == 2 and set(told) < set(said)
-    assert said.index("a doubt") < min(said.index(one) for one in told)
 
 
 @pytest.mark.parametrize(

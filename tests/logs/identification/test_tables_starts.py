@@ -32,7 +32,7 @@ def held(folder: Path, tables: list[dict[str, Array]], outputs: tuple[str, ...])
     found = []
     for each in tables:
         (fit,) = identify_tables([write(folder / "run.csv", each)], folder / "map.toml", "aero").fits
-        assert not fit.fitted.unidentified
+        assert {one.subject for one in fit.withheld} <= {"spiral"}
         found += [numbers(fit)[name].contains(true) for name, true in LATERAL_TRUTH.items()]
     return found
 
@@ -64,7 +64,7 @@ def test_a_sideslip_that_nobody_measured_is_made_of_the_rates(tmp_path: Path, ou
     found = []
     for each in tables:
         (fit,) = identify_tables([write(tmp_path / "run.csv", each)], tmp_path / "map.toml", "aero").fits
-        found += [one.contains(LATERAL_TRUTH[one.name]) for one in fit.fitted.estimates]
+        found += [one.contains(LATERAL_TRUTH[one.name]) for one in fit.estimates]
     assert len(found) >= 36 and np.mean(found) >= 0.85
 
 
@@ -76,10 +76,10 @@ def test_a_sideslip_that_is_flown_with_its_noise_is_named(tmp_path: Path, noise:
     )
     (tmp_path / "map.toml").write_text(mapping + FREE)
     (fit,) = identify_tables([write(tmp_path / "run.csv", columns(3, noise))], tmp_path / "map.toml", "aero").fits
-    said = [note for note in fit.fitted.notes if note.startswith("beta is flown as it was measured, ")]
+    said = [one for one in fit.findings if one.code == "noisy_input"]
     assert len(said) == told
     if told:
-        assert float(said[0].split()[7]) == pytest.approx(100 * noise**2 / (1 + noise**2), rel=0.35)
+        assert said[0].value == pytest.approx(noise**2 / (1 + noise**2), rel=0.35)
         assert abs(numbers(fit)["Y_beta"].value) < 0.97 * abs(LATERAL_TRUTH["Y_beta"])
 
 
@@ -92,5 +92,5 @@ def test_manoeuvres_at_airspeeds_far_apart_are_named(tmp_path: Path, second: flo
         for seed, speed in enumerate((20.0, second))
     ]
     (fit,) = identify_tables(tables, tmp_path / "map.toml", "aero").fits
-    said = [note for note in fit.fitted.notes if note.startswith(f"airspeeds from 20 to {second:.3g} m/s are one")]
+    said = [one for one in fit.findings if one.code == "operating_point"]
     assert len(said) == told

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from avionics import topics
-from avionics.sensing.inertial import NEUTRAL
+from logs.identification.data.flight import NEUTRAL
 from logs.identification.data.maneuver_detection import excited
 from logs.identification.results import Array
 from logs.identification.sources.full_flight import whole_flight

@@ -14,7 +14,7 @@ from avionics import topics
 from groundstation.command.identify import UNKNOWN, identified
 from logs.identification.models.modes import short_period_of
 from logs.identification.report import identify
-from logs.identification.sources.elevator import MadeElevator
+from logs.identification.sources.topic_table import ElevatorFromField
 from logs.importing.csv_table import parse_table
 from logs.importing.log_import import NOTES
 from logs.importing.mapping import EXAMPLE, TableSection, load_mapping
@@ -250,7 +250,7 @@ def test_the_elevator_can_be_made_of_a_pulse_width(tmp_path: Path) -> None:
         with pytest.raises(InputError, match="--elevator makes it"):
             identify(log, "modes", AIRCRAFT)
         right, wrong = (
-            identify(MadeElevator(log, "/csv/servos", "pulse", per_unit * factor), "modes", AIRCRAFT).modes
+            identify(ElevatorFromField(log, "/csv/servos", "pulse", per_unit * factor), "modes", AIRCRAFT).modes
             for factor in (1.0, 2.0)
         )
         noted = identified(log, "modes", "robo_raven_ii_d", ("/csv/servos.pulse", str(per_unit))).modes

@@ -10,18 +10,24 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
+from logs.identification.findings import Entry, Finding, register
 from logs.identification.results import Array
 from logs.identification.sources.table.clock import clock_column
 from logs.importing.csv_table import WHITESPACE, Table, decoded, number_of, parse_table, split_rows
 from logs.importing.mapping import TableSection
 from wingbeat.errors import InputError
-from wingbeat.text import pluralize
 
 LOOKED_AT = 200
 """lines from which the delimiter is found out"""
 COMMENT = "#%!"
 BLANK = ("", "nan", "na", "n/a", "null", "none", "-", "inf", "-inf")
 """what stands where nothing was measured, beside the numbers that a map tells"""
+
+
+register({
+    "strange_cells": Entry("{file}: {value:.0f} cells with something that is no number", "They count as missing."),
+    "short_rows": Entry("{file}: {value:.0f} rows with fewer cells than the others", "The cells count as missing."),
+})  # fmt: skip
 
 
 class Layout(NamedTuple):
@@ -52,12 +58,14 @@ class Columns(NamedTuple):
     twice: frozenset[str]
     rows: int
     """-; N"""
-    notes: tuple[str, ...]
-    """-; what was found strange in it, one clause each"""
+    findings: tuple[Finding, ...]
+    """on cells that are no numbers"""
     clocks: frozenset[str] = frozenset()
     """-; names of columns of clocks or dates, which are in s"""
     texts: Mapping[str, str] = MappingProxyType({})
     """-; first cell of every column without a number, by its name"""
+    unused_names: int = 0
+    """-; names in the line above the numbers if they are fewer than the columns"""
 
     def column(self, wanted: str | int, key: str) -> Array:
         """A column by its name, or by its number from 1.
@@ -69,6 +77,11 @@ class Columns(NamedTuple):
             if not 1 <= wanted <= len(self.order):
                 raise InputError(f"{key}: {self.file} has no column {wanted}; it has {len(self.order)}")
             wanted = self.order[wanted - 1]
+        if wanted not in self.by_name and self.unused_names:
+            raise InputError(
+                f"{key}: {self.file} has {self.unused_names} names over {len(self.order)} columns: name every column,"
+                " or give its number"
+            )
         if wanted not in self.by_name:
             raise InputError(f"{key}: {self.file} has no column {wanted!r}; it has: {_listed(self.order)}")
         if wanted in self.twice:
@@ -110,7 +123,11 @@ def _columns(file: str, data: bytes, layout: Layout) -> Columns:
         raise InputError("there is no line of names above its numbers (table.names, table.skip)")
     body = "\n".join(lines[first:])
     table = parse_table(body.encode(), TableSection(delimiter=form.delimiter, decimal=form.decimal, names=False))
-    return _with_clocks(_named(file, table, names, layout), lines[first:], form)
+    columns = _named(file, table, names, layout)
+    if names is None and layout.names is not False:
+        above = next((_cells(line, form) for line in reversed(lines[:first]) if line), [])
+        columns = columns._replace(unused_names=len(above) if len(above) > 1 else 0)
+    return _with_clocks(columns, lines[first:], form)
 
 
 def _with_clocks(columns: Columns, lines: list[str], form: _Form) -> Columns:
@@ -232,14 +249,11 @@ def _named(file: str, table: Table, names: list[str] | None, layout: Layout) -> 
     values = [_measured(column, layout.missing) for column in table.columns.values()]
     given = names or []
     order = [given[n] if n < len(given) and given[n] else str(n + 1) for n in range(len(values))]
-    told = {
-        f"{pluralize(table.strange, 'cell')} with something that is no number": table.strange,
-        f"{pluralize(table.short, 'row')} with fewer cells than the others": table.short,
-    }
+    codes = {"strange_cells": table.strange, "short_rows": table.short}
     return Columns(
         file, dict(zip(order, values, strict=True)), tuple(order),
         frozenset(name for name in order if order.count(name) > 1), table.rows,
-        tuple(f"{file}: {line}" for line, count in told.items() if count),
+        tuple(Finding(code, "warning", "", float(n), None, {"file": file}) for code, n in codes.items() if n),
     )  # fmt: skip
 
 

@@ -14,6 +14,7 @@ from logs.identification.sources.table.signals import SignalEntry, TimeSection
 from logs.identification.tables.benches import TorqueSpeedSection, TwistSection
 from logs.identification.tables.flight_paths import PathSection
 from logs.identification.tables.load_cell_tests import StandSection
+from logs.identification.tables.servos import PowerSection, ServoSection
 from logs.identification.tables.strokes import StrokeSection
 from wingbeat.errors import InputError
 from wingbeat.schema import check_known, read_document, read_number, read_record, read_value
@@ -84,16 +85,16 @@ class ModelFile(str):
 
 
 class Parameter(NamedTuple):
-    """A model's parameter: free, or held at a number."""
+    """A model's parameter: free or fixed."""
 
     fixed: float | None = None
-    """as the parameter; None where it is free"""
+    """as the parameter; None if it is free"""
     start: float | None = None
-    """as the parameter; where the search begins; found by regression when not given"""
+    """as the parameter; start value of the search; by equation error if not given"""
 
     @classmethod
     def from_entry(cls, entry: Any, key: str) -> Parameter:
-        """Of a map's entry: a number holds it, ``{}``, ``"free"`` and ``{ start = ... }`` leave it free.
+        """Of a map's entry: a number fixes it; ``{}``, ``"free"`` and ``{ start = ... }`` leave it free.
 
         Raises:
             InputError: it is none of these.
@@ -110,13 +111,26 @@ class Parameter(NamedTuple):
         return cls(**told)
 
 
+class ExperimentSection(NamedTuple):
+    """Section [experiment]."""
+
+    kind: Annotated[str, "dynamic", "steady"] = "dynamic"
+    """steady: rows are independent steady readings in any order, without time"""
+
+
 class ModesSection(NamedTuple):
     """Section [modes]."""
 
     outputs: tuple[str, ...]
     inputs: tuple[str, ...] = ()
     model: str | None = None
-    """one of `MODES_MODELS`, or a user's file; short period where it has all outputs when not given"""
+    """one of `MODES_MODELS`, or a user's file; "none": only methods without a model; if not given by `states` and the
+    outputs"""
+    states: Annotated[int, 2, 4] | None = None
+    """-; 2: angle of attack and pitch rate; 4: speed and pitch too; if not given 4 if u or a_x is an output or if the
+    likelihood ratio requires it, else 2"""
+    method: Annotated[str, "output_error", "filter_error"] | None = None
+    """all that apply if not given"""
     kinds: Annotated[tuple[str, ...], "short_period", "phugoid"] | None = None
     """which modes are in the records; by the outputs when not given"""
     parameters: dict[str, Parameter] = {}
@@ -159,7 +173,8 @@ class OutputError(NamedTuple):
     biases: tuple[str, ...] | None = None
     """as of [modes]; none of a model that is not linear when not given"""
     search: Annotated[str, "gauss-newton", "nelder-mead", "both"] = "gauss-newton"
-    """both: Gauss-Newton from where the simplex ended"""
+    """both: Gauss-Newton from the end of the simplex"""
+    method: Annotated[str, "output_error", "filter_error"] = "output_error"
 
 
 class AeroSection(NamedTuple):
@@ -173,7 +188,8 @@ class Map(NamedTuple):
     """A whole map."""
 
     signals: dict[str, SignalEntry]
-    time: TimeSection
+    time: TimeSection = TimeSection()
+    experiment: ExperimentSection = ExperimentSection()
     table: Layout = Layout()
     manoeuvres: Manoeuvres = Manoeuvres()
     prepare: PrepareSection | None = None
@@ -185,19 +201,25 @@ class Map(NamedTuple):
     stand: StandSection | None = None
     torque_speed: TorqueSpeedSection | None = None
     twist: TwistSection | None = None
+    servo: ServoSection | None = None
+    power: PowerSection | None = None
 
 
 def load_map(path: Path) -> Map:
-    """A map, every key of it checked.
+    """A map, every key of it checked; ``include`` names a TOML file with further sections, relative to the map.
 
     Raises:
         InputError: it cannot be read, is no TOML, or has a key or value that is not known; the text names the key.
     """
-    document = read_document(path, "map")
+    document = _with_include(read_document(path, "map"), path)
     if "markers" in document:
         raise InputError(f"map {path}: [markers] is read by wingbeat identify FILE --map MAP.toml markers")
     try:
         found: Map = read_record(Map, document, "")
+        if found.time == TimeSection():
+            if found.experiment.kind != "steady":
+                raise InputError("time is missing")
+            found = found._replace(time=TimeSection(rate=1.0))
         found.time.check()
         found = _with_models(found, path.parent)
     except InputError as error:
@@ -232,3 +254,17 @@ def _model(name: str, inputs: tuple[str, ...], models: tuple[str, ...], key: str
     if inputs and set(inputs) != set(names):
         raise InputError(f"{key}.inputs: the inputs of {name} are {', '.join(names) or 'none'}; leave the key out")
     return {"model": file, "inputs": names}
+
+
+def _with_include(document: dict[str, Any], path: Path) -> dict[str, Any]:
+    """The document with the keys of the included file, its own first."""
+    name = document.pop("include", None)
+    if name is None:
+        return document
+    if not isinstance(name, str):
+        raise InputError(f"map {path}: include must be the name of a file in quotes")
+    shared = read_document(path.parent / name, "include")
+    for key, value in shared.items():
+        own = document.get(key)
+        document[key] = {**value, **own} if isinstance(own, dict) and isinstance(value, dict) else own or value
+    return document

@@ -14,10 +14,10 @@ from scipy.signal import savgol_coeffs
 
 from logs.identification.data.contiguous_runs import runs
 from logs.identification.data.experiment import Experiment
-from logs.identification.data.lever_arm import acceleration_at_centre
-from logs.identification.data.local_quadratic import NEIGHBOURS, local_quadratic
-from logs.identification.diagnostics.intersample_behavior import jumps
+from logs.identification.data.smoothing import MIN_WIDTH, local_quadratic
+from logs.identification.diagnostics.sampling import jumps
 from logs.identification.estimators.regressors import LINE, Averaging, average_of_slope
+from logs.identification.models.rigid_body import acceleration_at_center
 from logs.identification.results import Array
 from wingbeat.errors import InputError
 
@@ -82,7 +82,7 @@ def slope(values: Array, step: float, width: int | None = None) -> Array:
 
 def slope_width(step: float, span: float = SLOPE_SPAN) -> int:
     """Samples, ``step`` s apart, over which a parabola is laid that spans ``span`` s."""
-    return max(NEIGHBOURS, 2 * int(span / step / 2) + 1)
+    return max(MIN_WIDTH, 2 * int(span / step / 2) + 1)
 
 
 def averaging_of(experiments: Sequence[Experiment], wanted: Collection[str]) -> Averaging | None:
@@ -135,7 +135,7 @@ def _at_centre(source: Source, axis: int) -> Array:
     )
     measured = np.zeros_like(omega)
     measured[:, axis] = own
-    return acceleration_at_centre(measured, omega, turning, (place[0], place[1], place[2]))[:, axis]
+    return acceleration_at_center(measured, omega, turning, (place[0], place[1], place[2]))[:, axis]
 
 
 def _lift(source: Source) -> Array:

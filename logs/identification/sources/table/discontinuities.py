@@ -14,6 +14,7 @@ import numpy as np
 
 from logs.identification.data.experiment import Experiment
 from logs.identification.data.resampling import cut
+from logs.identification.findings import Entry, Finding, register
 from logs.identification.results import Array
 from logs.identification.sources.table.maneuvers import Cut
 
@@ -32,6 +33,15 @@ WHOLE_TURN = 0.9 * 2.0 * np.pi
 """rad; from which on an angle went round and no further"""
 
 
+register({
+    "discontinuity": Entry(
+        "{where}: {subject} jump at {times} s as no motion does; the record is cut there",
+        "Maneuvers were written one after the other under one running time.",
+        "set their limits in [manoeuvres]",
+    ),
+})  # fmt: skip
+
+
 class _Joints(NamedTuple):
     """Where a record was put together."""
 
@@ -43,22 +53,22 @@ class _Joints(NamedTuple):
 
 def apart(found: Cut) -> Cut:
     """The manoeuvres, cut where the motion jumps, which is said."""
-    notes: list[str] = []
-    fitted, held = (tuple(x for one in part for x in _pieces(one, notes)) for part in (found.fitted, found.held_out))
-    return found._replace(fitted=fitted, held_out=held, notes=(*found.notes, *notes)) if notes else found
+    findings: list[Finding] = []
+    fitted, held = (
+        tuple(x for one in part for x in _pieces(one, findings)) for part in (found.fitted, found.held_out)
+    )
+    return found._replace(fitted=fitted, held_out=held, findings=(*found.findings, *findings)) if findings else found
 
 
-def _pieces(one: Experiment, notes: list[str]) -> tuple[Experiment, ...]:
+def _pieces(one: Experiment, findings: list[Finding]) -> tuple[Experiment, ...]:
     joints = _joints(one)
     if not joints.places:
         return (one,)
     edges = (0, *joints.places, len(one.time))
     number, _, file = one.name.partition(" of ")
     told = ", ".join(f"{one.time[place]:.6g}" for place in joints.places)
-    notes.append(
-        f"{one.name}: {', '.join(joints.names)} jump at {told} s as no motion does: manoeuvres one behind the other?"
-        " cut there; [manoeuvres] tells where they begin and end"
-    )
+    details = {"where": one.name, "times": told}
+    findings.append(Finding("discontinuity", "warning", ", ".join(joints.names), details=details))
     return tuple(
         cut(one, slice(start, stop))._replace(name=f"{number}, part {place} of {file}")
         for place, (start, stop) in enumerate(pairwise(edges), 1)

@@ -10,7 +10,8 @@ import numpy as np
 from logs.identification.data.experiment import Experiment
 from logs.identification.data.resampling import down_sampled
 from logs.identification.data.split import split
-from logs.identification.results import Array, Estimate
+from logs.identification.findings import Finding
+from logs.identification.results import Array, Estimate, Information, note_finding
 from logs.identification.sources.table.columns import Columns
 from logs.identification.sources.table.prepare import PrepareSection, prepared
 from logs.identification.sources.table.quantities import SIGNALS
@@ -81,7 +82,8 @@ class Cut(NamedTuple):
 
     fitted: tuple[Experiment, ...]
     held_out: tuple[Experiment, ...]
-    notes: tuple[str, ...]
+    findings: tuple[Finding, ...]
+    """on what was read, left out or changed"""
     delays: tuple[Estimate, ...] = ()
     """s; by which signals were measured to be late, by their names"""
 
@@ -105,27 +107,27 @@ def cut(
     """
     if sum(bool(told) for told in (section.windows, section.rows, section.column)) > 1:
         raise InputError("[manoeuvres] takes one of windows, rows and column")
-    records, notes = [], []
+    records, findings = [], []
     for columns in tables:
-        found, said = records_of(columns, entries, base, section.column)
+        found, more = records_of(columns, entries, base, section.column)
         records += found
-        notes += said
+        findings += more
     units = {name: SIGNALS.get(name, entry.unit) for name, entry in entries.items()}
     delays: tuple[Estimate, ...] = ()
     if prepare is not None:
         if prepare.resample is not None and base.resample is not None:
             raise InputError("time.resample and prepare.resample say the same: give one")
-        records, units, said, delays = prepared(records, units, prepare)
-        notes += said
+        records, units, more, delays = prepared(records, units, prepare)
+        findings += more
     pieces = _pieces(records, section)
     experiments = [
         (_experiment(str(number + 1), record, span, units, base.resample), held)
         for number, (record, span, held) in enumerate(pieces)
     ]
-    return _split(experiments, section, notes)._replace(delays=delays)
+    return _split(experiments, section, findings)._replace(delays=delays)
 
 
-def _split(experiments: list[tuple[Experiment, bool]], section: Manoeuvres, notes: list[str]) -> Cut:
+def _split(experiments: list[tuple[Experiment, bool]], section: Manoeuvres, findings: list[Finding]) -> Cut:
     """What is fitted, and what is held out by number, window, file or lot.
 
     Raises:
@@ -147,12 +149,12 @@ def _split(experiments: list[tuple[Experiment, bool]], section: Manoeuvres, note
         flights = {file: [one for (one, _), own in zip(experiments, files, strict=True) if own == file]
                    for file in files}  # fmt: skip
         drawn = split(flights, section.validate_share)
-        return Cut(drawn.training, drawn.validation, (*notes, drawn.note))
+        return Cut(drawn.training, drawn.validation, (*findings, note_finding(Information(drawn.note))))
     pairs = list(zip((one for one, _ in experiments), held, strict=True))
     fitted = tuple(one for one, out in pairs if not out)
     if not fitted:
         raise InputError("every manoeuvre is held out for validation: none is left to fit (manoeuvres.validate)")
-    return Cut(fitted, tuple(one for one, out in pairs if out), tuple(notes))
+    return Cut(fitted, tuple(one for one, out in pairs if out), tuple(findings))
 
 
 def _held_out(count: int, validate: tuple[int, ...]) -> set[int]:
@@ -172,11 +174,11 @@ def _pieces(records: list[Record], section: Manoeuvres) -> list[_Piece]:
     if not windows:
         return [(record, slice(0, len(record.time)), False) for record in records]
     found = [(window.key, _of_window(records, window, by_time=bool(section.windows))) for window in windows]
-    _apart([(key, record, part) for key, pieces in found for record, part, _ in pieces])
+    _check_overlap([(key, record, part) for key, pieces in found for record, part, _ in pieces])
     return [piece for _, pieces in found for piece in pieces]
 
 
-def _apart(parts: list[tuple[str, Record, slice]]) -> None:
+def _check_overlap(parts: list[tuple[str, Record, slice]]) -> None:
     """Refuse windows that hold the same samples: they would count twice, and intervals be too narrow.
 
     Raises:

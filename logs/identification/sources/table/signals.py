@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from logs.identification.findings import Entry, Finding, register
 from logs.identification.results import Array
 from logs.identification.sources.table.columns import Columns
 from logs.identification.sources.table.quantities import ANGLES, SIGNALS, WIDEST_ANGLE, converted, in_unit
@@ -22,7 +23,7 @@ LEAST_SAMPLES = 5
 MOST_SAMPLES = 5_000_000
 WIDEST_GAP = 1.5
 """-; steps between two rows; over it nothing is interpolated between them"""
-STANDS_FOR_NOTHING = (
+SENTINELS = (
     999.0, 9999.0, 99999.0, 999999.0, 9999999.0, 999.9, 9999.9, 999.99, 9999.99, 32767.0, 32768.0, 65535.0, 1e10,
     1e20, 1e30, 1e34, 1e35, 1e36, 2147483647.0, 2147483648.0, 4294967295.0,
 )  # fmt: skip
@@ -37,6 +38,40 @@ LONGEST_FILL = 5
 """-; samples missing on end that do not cut a record, and over which an input is interpolated"""
 FOLLOWING = 0.1
 """-; share of a stamp's surprise that the clock takes over"""
+
+
+register({
+    "sentinel": Entry(
+        "{file}: {value:g} in {subject} is far from all other numbers and taken as not measured",
+        "Loggers write numbers such as -9999 for missing samples.",
+        "name it in missing = [...]",
+    ),
+    "rows_without_time": Entry("{file}: {value:.0f} rows without a time left out", "The time column has no number."),
+    "short_piece": Entry(
+        "{file}: a piece of {value:.0f} rows is too short and left out", "A record needs five rows with a time."
+    ),
+    "time_reversal": Entry("{file}: the time goes back {value:.0f} times; each piece is a record", "A restart."),
+    "time_gap": Entry("{file}: the time has {value:.0f} gaps; each piece is a record", "Rows are missing."),
+    "missing_rows": Entry("{file}: {value:.0f} samples missing in the time, taken as not measured", "Dropped rows."),
+    "uneven_time": Entry(
+        "{file}: uneven time (by up to {value:.2g} s) interpolated to {rate:.4g} Hz", "The sampling has jitter."
+    ),
+    "duplicate_rows": Entry(
+        "{file}: {value:.0f} rows with the time of the row before left out", "They share a time stamp."
+    ),
+    "joined_rows": Entry(
+        "{file}: {value:.0f} rows with the time of the row before joined with it", "Each has other signals."
+    ),
+    "coarse_time": Entry(
+        "{file}: time stamps of {value:.3g} s that rows share; the rows taken as even, {rate:.4g} Hz",
+        "The time stamps are coarser than the sampling interval.",
+    ),
+})  # fmt: skip
+
+
+def _read(code: str, file: str, count: int, limit: float | None = None) -> Finding:
+    """What was done to make the time of a file even."""
+    return Finding(code, "info", "", float(count), limit, {"file": file})
 
 
 class Place(NamedTuple):
@@ -103,17 +138,17 @@ class SignalEntry(NamedTuple):
         Raises:
             InputError: the column is not there, or has angles that no aircraft has.
         """
-        told, entry = converted(self.entry.unit, None, self.key), self.entry
+        unit, entry = converted(self.entry.unit, None, self.key), self.entry
         if entry.column is None:
             raw = np.full(columns.rows, entry.value, dtype=np.float64)
         else:
             raw = columns.column(entry.column.column, self.key)
             self._check_number(columns)
-        raw = np.where(np.isin(raw, (*entry.missing, *self.stand_for_nothing(columns))), np.nan, raw)
+        raw = np.where(np.isin(raw, (*entry.missing, *self.sentinels(columns))), np.nan, raw)
         with np.errstate(over="ignore", invalid="ignore"):
-            values: Array = (raw * entry.scale + entry.offset) * told.factor + told.offset
+            values: Array = (raw * entry.scale + entry.offset) * unit.factor + unit.offset
         values[~(np.abs(values) < 1e15)] = np.nan
-        _check_angle(self.key, told.unit, values)
+        _check_angle(self.key, unit.unit, values)
         return values
 
     def _check_number(self, columns: Columns) -> None:
@@ -121,12 +156,12 @@ class SignalEntry(NamedTuple):
         if (columns.order[wanted - 1] if isinstance(wanted, int) else wanted) in columns.clocks:
             raise InputError(f"{self.key}: column {wanted!r} of {columns.file} holds clocks or dates, no numbers")
 
-    def stand_for_nothing(self, columns: Columns) -> tuple[float, ...]:
+    def sentinels(self, columns: Columns) -> tuple[float, ...]:
         """Numbers of its column, not told by the map, that loggers write for nothing and that are far from others."""
         if self.entry.column is None:
             return ()
         raw = columns.column(self.entry.column.column, self.key)
-        suspect = np.isin(np.abs(raw), STANDS_FOR_NOTHING) & ~np.isin(raw, self.entry.missing)
+        suspect = np.isin(np.abs(raw), SENTINELS) & ~np.isin(raw, self.entry.missing)
         others = raw[np.isfinite(raw) & ~suspect & ~np.isin(raw, self.entry.missing)]
         if 2 * suspect.sum() > len(raw) or not suspect.any() or not len(others) or not np.ptp(others):
             return ()  # the one of two levels is no gap in the other
@@ -189,34 +224,34 @@ class Record(NamedTuple):
 
 def records_of(
     columns: Columns, entries: dict[str, SignalEntry], base: TimeSection, marks: Place | None
-) -> tuple[list[Record], list[str]]:
+) -> tuple[list[Record], list[Finding]]:
     """Every record of a table, cut where its time goes back, and what was done to make its time even.
 
     Raises:
         InputError: a column that is not there, no time in it, or none of the rows can be used.
     """
     signals = {name: entry.read(columns) for name, entry in entries.items()}
-    silent = [
-        f"{columns.file}: {number:g} in {name} is far from all else, and taken as not measured"
+    sentinels = [
+        Finding("sentinel", "warning", name, number, None, {"file": columns.file})
         for name, entry in entries.items()
-        for number in entry.stand_for_nothing(columns)
+        for number in entry.sentinels(columns)
     ]
     marked = None if marks is None else columns.column(marks.column, "manoeuvres.column")
     times = _times(columns, base)
     rows = np.flatnonzero(np.isfinite(times))
     if not len(rows):
         raise InputError(f"{columns.file}: no row has a time (time.column){_said(columns, base)}")
-    notes = [*columns.notes, *silent]
-    bounds = [0, *_cuts(columns.file, times[rows], base, notes), len(rows)]
+    findings = [*columns.findings, *sentinels]
+    bounds = [0, *_cuts(columns.file, times[rows], base, findings), len(rows)]
     if len(rows) < len(times):
-        notes.append(f"{columns.file}: {pluralize(len(times) - len(rows), 'row')} without a time left out")
+        findings.append(_read("rows_without_time", columns.file, len(times) - len(rows)))
     found = []
     for first, last in pairwise(bounds):
         piece = rows[first:last]
         if len(np.unique(times[piece])) < LEAST_SAMPLES:
-            notes.append(f"{columns.file}: a piece of {pluralize(len(piece), 'row')} is too short and left out")
+            findings.append(_read("short_piece", columns.file, len(piece), LEAST_SAMPLES))
             continue
-        found.append(_even(columns.file, times[piece], piece, signals, marked, notes))
+        found.append(_even(columns.file, times[piece], piece, signals, marked, findings))
     if not found:
         back = int(np.count_nonzero(np.diff(times[rows]) < 0))
         if 2 * back > len(rows):
@@ -224,7 +259,7 @@ def records_of(
                 f"{columns.file}: its time goes back in {back} of {len(rows)} rows: it must be sorted by time"
             )
         raise InputError(f"{columns.file}: it has fewer than {LEAST_SAMPLES} rows with a time of their own")
-    return found, notes
+    return found, findings
 
 
 def _said(columns: Columns, base: TimeSection) -> str:
@@ -235,16 +270,16 @@ def _said(columns: Columns, base: TimeSection) -> str:
     return "" if told is None else f": {told!r} is neither a number nor a clock (16:04:05.25) or a date in ISO 8601"
 
 
-def _cuts(file: str, times: Array, base: TimeSection, notes: list[str]) -> list[int]:
+def _cuts(file: str, times: Array, base: TimeSection, findings: list[Finding]) -> list[int]:
     """First rows after the time went back, or after more than what is filled is missing."""
     steps = np.diff(times)
     forward = steps[steps > 0]
     usual = float(np.median(forward)) if len(forward) else 0.0
     back = steps < 0
     gap = steps > max(base.fill or 0.0, LONGEST_FILL * usual) + WIDEST_GAP * usual
-    for what, where in (("goes back", back), ("has a gap", gap)):
+    for code, where in (("time_reversal", back), ("time_gap", gap)):
         if where.any():
-            notes.append(f"{file}: the time {what} {pluralize(int(where.sum()), 'time')}; each piece is a record")
+            findings.append(_read(code, file, int(where.sum())))
     return (np.flatnonzero(back | gap) + 1).tolist()
 
 
@@ -262,10 +297,15 @@ def _times(columns: Columns, base: TimeSection) -> Array:
 
 
 def _even(
-    file: str, time: Array, rows: NDArray[np.int64], signals: dict[str, Array], marks: Array | None, notes: list[str]
+    file: str,
+    time: Array,
+    rows: NDArray[np.int64],
+    signals: dict[str, Array],
+    marks: Array | None,
+    findings: list[Finding],
 ) -> Record:
     """A record on the even base that its time stamps are nearest to."""
-    time, rows, read = _apart(file, time, rows, {name: values[rows] for name, values in signals.items()}, notes)
+    time, rows, read = _apart(file, time, rows, {name: values[rows] for name, values in signals.items()}, findings)
     step = _usual_step(time)
     if time[-1] - time[0] > step * min(MOST_SAMPLES, 1000 * len(time)):
         raise InputError(
@@ -279,15 +319,13 @@ def _even(
     off = float(np.max(np.abs(time - start - places * step)))
     if off <= max(_resolution(time), 1e-3 * step):
         if count > len(time):
-            notes.append(
-                f"{file}: {pluralize(count - len(time), 'sample')} missing in the time, taken as not measured"
-            )
+            findings.append(_read("missing_rows", file, count - len(time)))
         even: Array = np.asarray(start + step * np.arange(count), dtype=np.float64)
         taken = {name: _spread(values, places, count) for name, values in read.items()}
         before = np.searchsorted(places, np.arange(count), side="right") - 1
     else:
         even = time[0] + step * np.arange(int((time[-1] - time[0]) / step * (1 + 1e-9)) + 1)
-        notes.append(f"{file}: uneven time (by up to {off:.2g} s) interpolated to {1 / step:.4g} Hz")
+        findings.append(Finding("uneven_time", "info", "", off, None, {"file": file, "rate": 1 / step}))
         taken = {name: _interpolated(even, time, values, step) for name, values in read.items()}
         before = np.searchsorted(time, even, side="right") - 1
     before = np.clip(before, 0, None)
@@ -296,7 +334,7 @@ def _even(
 
 
 def _apart(
-    file: str, time: Array, rows: NDArray[np.int64], read: dict[str, Array], notes: list[str]
+    file: str, time: Array, rows: NDArray[np.int64], read: dict[str, Array], findings: list[Finding]
 ) -> tuple[Array, NDArray[np.int64], dict[str, Array]]:
     """Times, rows and signals of which none has another's time.
 
@@ -317,18 +355,18 @@ def _apart(
         doubtful |= np.fmax.reduceat(values, first) > lowest[name]
     others = int(np.sum((np.diff(np.append(first, len(time))) - 1)[doubtful]))
     if others > COARSE * len(time):
-        even = _between_stamps(file, time, first, notes)
+        even = _between_stamps(file, time, first, findings)
         if even is not None:
             return even, rows, read
     if others:
-        notes.append(f"{file}: {pluralize(others, 'row')} with the time of the row before left out")
+        findings.append(_read("duplicate_rows", file, others))
     if extra > others:
-        notes.append(f"{file}: {pluralize(extra - others, 'row')} with the time of the row before joined with it")
+        findings.append(_read("joined_rows", file, extra - others))
     joined = {name: np.asarray(np.where(doubtful, values[first], lowest[name])) for name, values in read.items()}
     return time[first], rows[first], joined
 
 
-def _between_stamps(file: str, time: Array, first: NDArray[np.int64], notes: list[str]) -> Array | None:
+def _between_stamps(file: str, time: Array, first: NDArray[np.int64], findings: list[Finding]) -> Array | None:
     """Even times of rows whose stamps ``time`` are rounded so coarsely that neighbours share them; None where no even
     rate has these stamps, which jitter and drop-outs make of rows that share few.
 
@@ -346,7 +384,7 @@ def _between_stamps(file: str, time: Array, first: NDArray[np.int64], notes: lis
             f"{file}: {pluralize(shared, 'row')} of {len(time)} have the time of the row before and other values: "
             "the time is too coarse; give [time] rate in its place, or a column that tells it finer"
         )
-    notes.append(f"{file}: time stamps of {coarse:.3g} s that rows share; the rows taken as even, {1 / step:.4g} Hz")
+    findings.append(Finding("coarse_time", "info", "", coarse, None, {"file": file, "rate": 1 / step}))
     return even
 
 

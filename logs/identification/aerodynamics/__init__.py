@@ -1,1 +1,0 @@
-"""Air loads of the wings and what their coefficients depend on."""

@@ -1,0 +1,213 @@
+"""Diagnostics of estimates: signs, disagreement of methods, noise and sampling of regressors."""
+
+from __future__ import annotations
+
+from itertools import combinations
+from math import hypot
+
+import numpy as np
+
+from logs.identification.data.experiment import Experiment
+from logs.identification.data.noise_level import noise_of_differences, third_differences
+from logs.identification.diagnostics.context import Context
+from logs.identification.diagnostics.sampling import coarse_inputs, sampling_finding
+from logs.identification.estimators.equation_error import CoefficientRegression, Settings, coefficient_regression
+from logs.identification.estimators.regressors import INTERCEPT, as_regressed
+from logs.identification.estimators.terms import evaluate, parse
+from logs.identification.findings import Entry, Finding, register
+from logs.identification.results import CONFIDENCE, Array, Estimate, EstimationResult
+from logs.identification.sources.table.quantities import SIGNALS
+
+SIGNS = {
+    "Z_alpha": -1, "M_q": -1, "X_u": -1, "Y_beta": -1, "L_p": -1, "N_r": -1, "C_D_0": 1, "C_L_alpha": 1,
+    "C_m_q": -1, "C_Z_alpha": -1, "C_Y_beta": -1, "C_l_p": -1, "C_n_r": -1,
+}  # fmt: skip
+"""expected sign by parameter (Etkin & Reid, Dynamics of Flight, 1996, ch. 5)"""
+AXES = {"alpha_dot": "Z", "q_dot": "M", "p_dot": "L", "r_dot": "N", "beta_dot": "Y"}
+"""derivative's axis by the response of a regression"""
+NOISE_SHIFT, NOISE_SHARE = 0.25, 1e-4
+"""-; bias by noise in the regressors over the standard error and over the coefficient, above which it is reported"""
+LARGEST_NOISE, MOSTLY_NOISE = 0.9, 0.5
+"""-; largest share of noise in a combination of regressors that is corrected for, and that is reported"""
+LEAST_SAMPLES = 32
+
+register({
+    "unusual_sign": Entry(
+        "{subject} = {value:.3g} has the opposite sign of a conventional aircraft",
+        "Damping, lift slope or drag have the other sign with their whole interval.",
+        "check sign, unit and position of the sensors",
+    ),
+    "disagreement": Entry(
+        "{subject}: {first} gives {one:.4g}, {second} {other:.4g}, more than"
+        " the interval of their difference ({limit:.2g})",
+        "Two methods differ by more than their intervals allow: at least one of them has a wrong model.",
+        "compare their findings; with turbulence prefer filter error",
+    ),
+    "errors_in_variables": Entry(
+        "noise in the regressors biases {subject} by about {percent:+.2g} %; the interval includes it",
+        "White noise in a regressor biases least squares (Klein & Morelli 2006, sec. 5.1; Fuller 1987).",
+        "smooth it in [prepare], or use domain = \"frequency\" with a narrow band",
+    ),
+    "noisy_regressor": Entry(
+        "{subject} is mostly noise ({percent:.0f} %)",
+        "The motion that a regressor has independent of the others is less than its noise.",
+        "smooth it in [prepare], or excite it more",
+    ),
+})  # fmt: skip
+
+
+def unusual_signs(context: Context) -> tuple[Finding, ...]:
+    """Estimates whose whole interval has the sign that no conventional aircraft has."""
+    if context.result is None:
+        return ()
+    return tuple(
+        Finding("unusual_sign", "warning", one.name, one.value)
+        for name, one in derivatives_of(context.result)
+        if (sign := SIGNS.get(name)) and max(sign * one.low, sign * one.high) < 0.0
+    )
+
+
+def derivatives_of(result: EstimationResult) -> list[tuple[str, Estimate]]:
+    """The estimates by the name of the derivative; those of a regression are named by regressor."""
+    response = result.response
+    if not response:
+        return [(one.name, one) for one in result.estimates]
+    axis = AXES.get(response, response if response.startswith("C_") else "")
+    if not axis:
+        return []
+    found = []
+    for one in result.estimates:
+        suffix = "0" if one.name == INTERCEPT else one.name.partition("*")[0]
+        plain = one.name in (INTERCEPT, suffix) or one.name.endswith(("*c/2V", "*b/2V"))
+        if plain and not (axis == "Z" and suffix == "q"):
+            found.append((f"{axis}_{suffix}", one))
+    return found
+
+
+def disagreements(context: Context) -> tuple[Finding, ...]:
+    """Parameters that two methods of the map give outside the interval of their difference (Bonferroni)."""
+    from scipy.special import ndtri
+
+    single = context.inputs[0] if len(context.inputs) == 1 else ""
+    values: dict[tuple[str, str], list[tuple[str, Estimate]]] = {}
+    for result in context.results:
+        for name, one in derivatives_of(result):
+            common = f"{name.removesuffix(single)}delta" if single and name.endswith(f"_{single}") else name
+            values.setdefault((common, _dimension(one.unit)), []).append((result.title or result.method, one))
+    pairs = [(name, *pair) for (name, _), found in values.items() for pair in combinations(found, 2)]
+    tail = (1.0 - CONFIDENCE) / 2.0
+    wider = float(ndtri(tail / max(len(pairs), 1)) / ndtri(tail)) if pairs else 1.0
+    found = []
+    for name, (first, one), (second, other) in pairs:
+        allowed = wider * hypot(one.high - one.low, other.high - other.low) / 2.0
+        if abs(one.value - other.value) > allowed:
+            details = {"first": first, "second": second, "one": one.value, "other": other.value}
+            found.append(Finding("disagreement", "warning", name, abs(one.value - other.value), allowed, details))
+    return tuple(found)
+
+
+def _dimension(unit: str) -> str:
+    """A unit without radians, which are dimensionless."""
+    return unit.replace("rad/s", "1/s").replace("rad", "1").replace("(", "").replace(")", "").replace("1/1", "1")
+
+
+def regression_findings(
+    result: CoefficientRegression, experiments: tuple[Experiment, ...], settings: Settings
+) -> tuple[CoefficientRegression, tuple[Finding, ...]]:
+    """A regression whose intervals include noise in the regressors and the course of inputs between samples."""
+    if result.failure:
+        return result, ()
+    result, noisy = with_regressor_noise(result, experiments, settings)
+    result, coarse = _with_sampling(result, experiments, settings)
+    return result, (*noisy, *coarse)
+
+
+def with_regressor_noise(
+    result: CoefficientRegression, experiments: tuple[Experiment, ...], settings: Settings
+) -> tuple[CoefficientRegression, tuple[Finding, ...]]:
+    """The bias by white noise in the regressors, added to each standard error.
+
+    Least squares gives ``theta - Q^-1 C theta`` with ``Q`` the moments of the regressors and ``C`` the covariance of
+    their noise (errors in variables: Klein & Morelli 2006, sec. 5.1). The noise is what differs between neighboring
+    samples, and at most what the residuals allow.
+    """
+    names = tuple(n for n in result.names if n != INTERCEPT and not n.startswith("t^") and " of " not in n)
+    if not names:
+        return result, ()
+    columns = [
+        np.column_stack([as_regressed(parse(n), one, settings.constants, settings.averaging) for n in names])
+        for one in experiments
+    ]
+    rows = np.vstack([part[np.all(np.isfinite(part), axis=1)] for part in columns])
+    if len(rows) < LEAST_SAMPLES or len(result.frequencies):
+        return result, ()
+    centered = rows - rows.mean(axis=0)
+    moments = centered.T @ centered / len(rows)
+    values = result.values[[result.names.index(name) for name in names]]
+    noise = np.diag(_noise(names, values, result, experiments, settings) ** 2)
+    own = np.diag(noise) * np.diag(np.linalg.pinv(moments))
+    inverse = np.linalg.pinv(moments - min(1.0, LARGEST_NOISE / max(own.max(), 1e-300)) * noise)
+    bias = inverse @ noise @ values
+    off = dict(zip(names, bias.tolist(), strict=True)) | {INTERCEPT: -float(rows.mean(axis=0) @ bias)}
+    found = []
+    for name, share in zip(names, own, strict=True):
+        if share > MOSTLY_NOISE:
+            details = {"percent": 100.0 * min(share, 1.0)}
+            found.append(Finding("noisy_regressor", "warning", name, float(share), MOSTLY_NOISE, details))
+    for one in result.estimates:
+        shift = off.get(one.name, 0.0)
+        significant = abs(shift) > max(NOISE_SHIFT * one.standard_error, NOISE_SHARE * abs(one.value))
+        if one.name != INTERCEPT and significant:
+            percent = -100.0 * shift / one.value if one.value else 0.0
+            found.append(Finding("errors_in_variables", "warning", one.name, -shift, None, {"percent": percent}))
+    kept = tuple(_with_shift(one, off.get(one.name, 0.0)) for one in result.estimates)
+    return result._replace(estimates=kept), tuple(found)
+
+
+def _noise(
+    names: tuple[str, ...],
+    values: Array,
+    result: CoefficientRegression,
+    experiments: tuple[Experiment, ...],
+    settings: Settings,
+) -> Array:
+    """Standard deviation (p,) of white noise in each regressor after the averaging."""
+    terms = [parse(name) for name in names]
+    tables = [np.column_stack([evaluate(term, one, settings.constants) for term in terms]) for one in experiments]
+    found = np.array([noise_of_differences(column) for column in np.vstack(list(map(third_differences, tables))).T])
+    weights = np.ones(1) if settings.averaging is None else settings.averaging.weights
+    found = found * float(np.sqrt(np.sum(weights**2)))
+    residuals = np.concatenate([one[np.isfinite(one)] for one in result.residuals])
+    most = float(np.std(residuals)) / np.maximum(np.abs(values), 1e-300)
+    return np.asarray(np.minimum(found, most))
+
+
+def _with_shift(one: Estimate, shift: float) -> Estimate:
+    if not shift or not one.standard_error > 0.0:
+        return one
+    error = hypot(one.standard_error, shift)
+    half = (one.high - one.low) / 2.0 * error / one.standard_error
+    return one._replace(standard_error=error, low=one.value - half, high=one.value + half)
+
+
+def _with_sampling(
+    result: CoefficientRegression, experiments: tuple[Experiment, ...], settings: Settings
+) -> tuple[CoefficientRegression, tuple[Finding, ...]]:
+    """The change of each coefficient with another course between samples in the averages, in its interval."""
+    others = None if settings.averaging is None else settings.averaging.others
+    if settings.averaging is None or others is None or result.failure:
+        return result, ()
+    names = tuple(n for n in result.names if n != INTERCEPT and not n.startswith("t^") and " of " not in n)
+    symbols = dict.fromkeys(s for n in names for s in parse(n).powers if s not in SIGNALS)
+    controls = [s for s in symbols if all(s in one.signals for one in experiments)]
+    coarse = coarse_inputs(controls, experiments)
+    other = coefficient_regression(
+        experiments, result.response, names, result.domain,
+        settings._replace(averaging=settings.averaging._replace(weights=others)),
+    )  # fmt: skip
+    values = {} if other.failure else {one.name: one.value for one in other.estimates}
+    change = {one.name: one.value - values.get(one.name, one.value) for one in result.estimates}
+    kept = tuple(_with_shift(one, (2.0 if coarse else 1.0) * change[one.name]) for one in result.estimates)
+    significant = any(abs(change[one.name]) > NOISE_SHIFT * one.standard_error for one in result.estimates)
+    findings = tuple(sampling_finding(name, experiments) for name in coarse) if significant else ()
+    return result._replace(estimates=kept), findings

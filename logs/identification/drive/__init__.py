@@ -1,1 +1,0 @@
-"""The wing drives: torque, power and speed of their servos."""

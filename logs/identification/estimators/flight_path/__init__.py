@@ -1,1 +1,0 @@
-"""Flight-path reconstruction (data compatibility check)."""

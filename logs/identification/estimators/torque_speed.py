@@ -1,0 +1,241 @@
+"""Torque against speed: the line that bounds a servo (Gerdes Fig. 9), and the wing's load on it (Table 5).
+
+A motor at full drive gives ``tau = (tau_s V - tau_s / omega_0 V_n omega) / V_n``: linear in voltage and rate, its
+stall torque and no-load speed both in proportion to the voltage. A wing asks for ``tau = c omega`` at a steady rate
+(the torque constant of Table 5, N m s/rad); while it flaps, its inertia takes part.
+"""
+
+from __future__ import annotations
+
+from itertools import starmap
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from logs.identification.data.flight import DriveData, GaugeErrors
+from logs.identification.data.resampling import GAP_STEPS, Channel, even
+from logs.identification.estimators.least_squares import Fit, regress
+from logs.identification.estimators.servo import ServoModel, with_gauge_errors
+from logs.identification.results import Array, Estimate, Unidentified, estimate, student_factor
+from logs.identification.statistics.delta_method import propagate
+from logs.strokes import stroke_cuts
+from wingbeat.errors import InputError
+
+LEAST_SAMPLES = 20
+LEAST_STROKES = 10
+"""-; of wings whose load is to be told: held in a hand, or thrown with still drives, they tell nothing of it"""
+LEAST_SPREAD = 0.05
+"""-; of the greatest rate or voltage: what varies less tells no slope of its own"""
+LARGEST, CLEAR = 0.9, 0.2
+"""-; quantile of the sizes that counts as the largest, and the share of it that is no noise"""
+PER_STROKE = 5.0
+"""-; samples of a stroke that torque and motion are brought to, which leaves what moves at one and a half times its
+frequency or less: a servo's corrections fold among what the readings have of the harmonics"""
+HIGHEST_INFLATION = 10.0
+"""-; of the acceleration by the angle (variance inflation), above which nothing tells inertia from stiffness"""
+ALIKE = "the wings beat at one frequency, at which inertia and stiffness look alike"
+CONSTANTS = {"stall_torque": "N m", "no_load_speed": "rad/s", "torque_speed_slope": "N m s/rad"}
+EXACT = GaugeErrors()
+LOAD = ("wing_torque_constant", "wing_inertia")
+
+
+def identify_torque_speed(torque: Array, rate: Array, voltage: Array, nominal: float | None = None) -> ServoModel:
+    """Stall torque, no-load speed and slope of a servo at full drive, at ``nominal`` volts (the mean without).
+
+    Args:
+        torque: N m; (N,), of one servo driven as hard as it can be, on a bench or in those parts of a flight.
+        rate: rad/s; (N,).
+        voltage: V; (N,).
+        nominal: V.
+
+    Samples that are not finite are left out. Where the voltage does not vary, the line through it is found.
+
+    Raises:
+        InputError: lengths that differ, too few samples.
+    """
+    columns = [np.asarray(values, dtype=float) for values in (torque, rate, voltage)]
+    if len({values.shape for values in columns}) != 1:
+        raise InputError("torque, rate and voltage must have the same number of samples")
+    good = np.all(np.isfinite(columns), axis=0)
+    if good.sum() < LEAST_SAMPLES:
+        raise InputError(
+            f"torque, speed and voltage have {int(good.sum())} samples together; a line needs {LEAST_SAMPLES}"
+        )
+    torque, rate, voltage = (np.where(good, values, 0.0) for values in columns)
+    about = float(np.mean(voltage[good])) if nominal is None else nominal
+    if about <= 0.0 or np.ptp(np.abs(rate[good])) < LEAST_SPREAD * np.max(np.abs(rate[good])):
+        return _refused("the rate does not vary", torque[good])
+    if _opposed(torque[good], rate[good]):
+        return _refused("torque and speed have opposite signs: one of them is to be turned round", torque[good])
+    way = turning(torque, rate)
+    design = np.column_stack((voltage / about, -rate * way))
+    try:
+        fit = regress(design, torque * way, good.astype(float))
+    except np.linalg.LinAlgError:
+        return _refused("voltage and rate do not vary apart", torque[good])
+    return _constants(fit, int(good.sum()))
+
+
+def turning(torque: Array, rate: Array) -> Array:
+    """-; (N,), 1 or -1: which way a servo at full drive is driven, by ``torque`` in N m and ``rate`` in rad/s.
+
+    By the sum of both, each in shares of its largest: at a stall the speed is only noise, and its sign made a torque
+    of 2.2 N m one of -2.2; at no load the torque is.
+    """
+    shares = torque / max(_largest(torque), 1e-300) + rate / max(_largest(rate), 1e-300)
+    return np.asarray(np.where(shares < 0.0, -1.0, 1.0), dtype=np.float64)
+
+
+def _largest(values: Array) -> float:
+    """The size that a tenth of the measured ``values`` (N,) exceeds: one reading gone wrong does not set it."""
+    sizes = np.abs(values[np.isfinite(values)])
+    return float(np.quantile(sizes, LARGEST)) if len(sizes) else 0.0
+
+
+def _opposed(torque: Array, rate: Array) -> bool:
+    """Whether torque and speed mostly have opposite signs where neither is within its noise: no servo drives so."""
+    clear = (np.abs(torque) > CLEAR * _largest(torque)) & (np.abs(rate) > CLEAR * _largest(rate))
+    return bool(np.sum(torque[clear] * rate[clear] < 0.0) > 0.5 * np.sum(clear))
+
+
+def _constants(fit: Fit, samples: int) -> ServoModel:
+    stall, slope = fit.values
+    errors = np.sqrt(np.diag(fit.covariance))
+    spread = float(np.std(fit.residuals))
+    if not (slope > student_factor(fit.degrees) * errors[1] and stall > 0.0):
+        return _refused("the torque does not fall with the rate: the servo was not at its bound", fit.residuals)
+    speed, speed_error = propagate(lambda v: np.array([v[0] / v[1]]), fit.values, fit.covariance)
+    values = (float(stall), float(speed[0]), float(slope))
+    deviations = (float(errors[0]), float(speed_error[0]), float(errors[1]))
+    found = tuple(
+        estimate(name, unit, value, error, fit.degrees)
+        for (name, unit), value, error in zip(CONSTANTS.items(), values, deviations, strict=True)
+    )
+    return ServoModel(found, (), 0.0, 0.0, spread, samples)
+
+
+def _refused(why: str, torque: Array) -> ServoModel:
+    lost = tuple(Unidentified(name, why) for name in CONSTANTS)
+    return ServoModel((), lost, 0.0, 0.0, float(np.std(torque)), len(torque))
+
+
+def identify_load(data: DriveData, gauges: GaugeErrors = EXACT) -> ServoModel:
+    """The torque constant of Gerdes Table 5 and the wing's inertia, from both wings' torques and motion.
+
+    ``tau = c omega + J omega' + k (angle) + tau_0``: the angle is the rate's integral without its drift. Inertia is
+    with the air's apparent mass, and both with what the membrane's twist makes of them at the flapping frequency.
+    Only what lies between the first stroke and the last counts. The intervals hold what the ``gauges`` of the torque
+    have wrong.
+
+    Raises:
+        InputError: no motion of the wings, too few strokes or samples.
+    """
+    flapping, pace = _while_flapping(data)
+    rows = _sides(data, flapping, pace)
+    samples = int(min(row.used.sum() for row in rows))
+    if samples < LEAST_SAMPLES:
+        raise InputError(f"torque and motion of the wings are known together for {samples} samples while they flap")
+    if min(float(np.ptp(row.regressors[:, 0])) for row in rows) < 1.0:
+        lost = tuple(Unidentified(name, "the wings do not move") for name in LOAD)
+        return ServoModel((), lost, 0.0, 0.0, 0.0, samples)
+    torques = GaugeErrors(torque_zero=gauges.torque_zero, torque_scale=gauges.torque_scale)
+    model = with_gauge_errors(lambda changed: _load(_sides(changed, flapping, pace)), data, torques)
+    alike = max(_inflation(row) for row in rows) > HIGHEST_INFLATION
+    reasons = {
+        one.name: ALIKE if alike and one.name == LOAD[1] else "its 95 % interval spans zero"
+        for one in model.estimates
+        if one.contains(0.0) or (alike and one.name == LOAD[1])
+    }
+    kept = tuple(one for one in model.estimates if one.name not in reasons)
+    return model._replace(estimates=kept, unidentified=tuple(starmap(Unidentified, reasons.items())))
+
+
+def _while_flapping(data: DriveData) -> tuple[NDArray[np.bool_], float]:
+    """At which of the torque's times the wings flap, their motion known; and how many samples a second are of use."""
+    if not len(data.wing_time):
+        raise InputError("the log has no motion of the wings (/main/wing), which the wing's load needs")
+    cuts = stroke_cuts(data.wing_time, data.strokes) if np.ptp(data.strokes) > 1 else np.zeros(0)
+    if len(cuts) <= LEAST_STROKES:
+        raise InputError(f"the wings made {max(len(cuts) - 1, 0)} strokes; their load needs {LEAST_STROKES}")
+    flapping = (data.torque_time >= cuts[0]) & (data.torque_time <= cuts[-1])
+    if flapping.sum() < LEAST_SAMPLES:
+        raise InputError(f"the log has {int(flapping.sum())} torque readings while the wings flap")
+    return flapping, PER_STROKE / float(np.median(np.diff(cuts)))
+
+
+class _Side(NamedTuple):
+    """One wing, every signal through the same low pass."""
+
+    torque: Array
+    """N m; (N,)"""
+    regressors: Array
+    """(N, 4); rate rad/s, acceleration rad/s^2, angle rad, one"""
+    used: Array
+    """-; (N,), 1.0 where all are known, 0.0 elsewhere, where they are zero"""
+
+
+def _load(rows: list[_Side]) -> ServoModel:
+    """Both numbers, whatever they are worth."""
+    samples = int(min(row.used.sum() for row in rows))
+    return _mean_load([regress(row.regressors, row.torque, row.used) for row in rows], samples)
+
+
+def _inflation(side: _Side) -> float:
+    """Variance inflation of the acceleration's coefficient."""
+    known = side.regressors[side.used > 0.0, :-1]
+    left = known - known.mean(axis=0)
+    others = left[:, [0, 2]]
+    rest = left[:, 1] - others @ np.linalg.lstsq(others, left[:, 1])[0]
+    return float(np.sum(left[:, 1] ** 2) / max(float(np.sum(rest**2)), 1e-300))
+
+
+def _sides(data: DriveData, flapping: NDArray[np.bool_], pace: float) -> list[_Side]:
+    """The left wing and the right."""
+    sides = ((data.torque_left, data.rate_left), (data.torque_right, data.rate_right))
+    return [_side(data, torque, rate, flapping, pace) for torque, rate in sides]
+
+
+def _side(data: DriveData, torque: Array, rate: Array, flapping: NDArray[np.bool_], pace: float) -> _Side:
+    """Torque and motion while the wings are ``flapping`` (N,), at about ``pace`` Hz.
+
+    A torque that the servo's corrections shake and an acceleration that is smoothed by being a slope are of different
+    frequencies: regressed on each other as they are, the inertia was up to a half too small.
+    """
+    time, now = data.wing_time, data.torque_time[flapping]
+    smooth = CubicSpline(time, rate)
+    turned = smooth.antiderivative()(now)
+    angle = turned - np.polyval(np.polyfit(now - now[0], turned, 1), now - now[0])
+    at = now[:: max(1, round(1.0 / (pace * float(np.median(np.diff(now))))))]
+    signals = {"torque": torque[flapping], "rate": smooth(now), "acceleration": smooth(now, 1), "angle": angle}
+    after = np.clip(np.searchsorted(time, now), 1, len(time) - 1)
+    unknown = time[after] - time[after - 1] > GAP_STEPS * float(np.median(np.diff(time)))
+    columns = [
+        even(Channel(name, "", now, np.where(unknown, np.nan, values)), at, 0.0) for name, values in signals.items()
+    ]
+    used = np.all(np.isfinite(columns), axis=0)
+    known = np.where(used, columns, 0.0)
+    return _Side(known[0], np.column_stack((*known[1:], used)), used.astype(float))
+
+
+def _mean_load(fits: list[Fit], samples: int) -> ServoModel:
+    """Mean of the two wings; their difference is part of the error."""
+    found: list[Estimate] = []
+    for index, (name, unit) in enumerate(zip(LOAD, ("N m s/rad", "kg m^2"), strict=True)):
+        values = np.array([fit.values[index] for fit in fits])
+        own = float(np.mean([fit.covariance[index, index] for fit in fits])) / 2.0
+        error = np.sqrt(own + float(np.var(values, ddof=1)) / 2.0)
+        found.append(estimate(name, unit, float(values.mean()), float(error), min(fit.degrees for fit in fits)))
+    spread = float(np.sqrt(np.mean([np.var(fit.residuals) for fit in fits])))
+    return ServoModel(tuple(found), (), 0.0, 0.0, spread, samples)
+
+
+def load_truth(data: DriveData, measured: ServoModel) -> dict[str, float]:
+    """What ``measured`` tells of the wings' load, by the same regression on true drive ``data``: name to value.
+
+    Raises:
+        InputError: as `identify_load`.
+    """
+    told = {found.name for found in measured.estimates}
+    return {found.name: found.value for found in identify_load(data).estimates if found.name in told}
