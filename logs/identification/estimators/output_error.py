@@ -38,9 +38,9 @@ class Search(NamedTuple):
     """How the optimum is looked for."""
 
     method: Method = "gauss-newton"
-    """-; "both": Gauss-Newton from where the simplex of Nelder and Mead ended"""
+    """-; "nelder-mead" and "both": Gauss-Newton from the end of a simplex"""
     fallback: bool = True
-    """-; "both" where "gauss-newton" does not converge"""
+    """-; a simplex if Gauss-Newton does not converge from the start"""
     starts: int = 1
     """-; the first from the problem's start values, the others at random about them; the likeliest end is taken"""
     spread: float = 0.5
@@ -83,13 +83,10 @@ def starts_of(flight: Flight, search: Search) -> list[Unknowns]:
 
 def _found(problem: Problem, flight: Flight, start: Unknowns, search: Search) -> Found:
     if search.method == "gauss-newton":
-        found = gauss_newton(problem, flight, start, search.steps)
-        if found.status != "not converged" or not search.fallback:
-            return found
-    simplex = nelder_mead(problem, flight, start)
-    if search.method == "nelder-mead" or not np.isfinite(simplex.cost):
-        return simplex
-    return gauss_newton(problem, flight, simplex.unknowns, search.steps)
+        end = gauss_newton(problem, flight, start, search.steps)
+        if end.status != "not converged" or not search.fallback:
+            return end
+    return gauss_newton(problem, flight, nelder_mead(flight, start), search.steps)
 
 
 def flight_of(problem: Problem) -> Flight:
