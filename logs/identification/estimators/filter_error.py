@@ -355,9 +355,16 @@ def _about_mean(problem: Problem) -> list[Array]:
 
 
 def estimate_by_filter_error(request: Request) -> EstimationResult:
-    """Filter error of a request; option ``noisy``: states with process noise."""
-    found = filter_error_search(problem_of(request), request.options.get("noisy"))
-    return result_of("filter_error", request, found.problem, found.fit)
+    """Filter error of a request; option ``noisy``: states with process noise. Their strengths are `derived`."""
+    end = filter_error_search(problem_of(request), request.options.get("noisy"))
+    result = result_of("filter_error", request, end.problem, end.fit)
+    kept = [place for place, one in enumerate(result.estimates) if not one.name.startswith(PREFIX)]
+    return result._replace(
+        estimates=tuple(result.estimates[place] for place in kept),
+        covariance=None if result.covariance is None else result.covariance[np.ix_(kept, kept)],
+        derived=tuple(one for one in result.estimates if one.name.startswith(PREFIX)),
+        findings=tuple(one for one in result.findings if not one.subject.startswith(PREFIX)),
+    )
 
 
 ESTIMATORS["filter_error"] = Estimator(
