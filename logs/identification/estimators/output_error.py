@@ -26,6 +26,7 @@ from logs.identification.estimators.engine.weights import about_mean, noise_of, 
 from logs.identification.estimators.registry import ESTIMATORS, Estimator, Request
 from logs.identification.findings import Finding, of_severity
 from logs.identification.results import Array, EstimationResult, FitSeries, Unidentified, estimate
+from wingbeat.errors import InputError
 
 MOST_STEPS = 60
 SURE = 0.99
@@ -195,7 +196,14 @@ def problem_of(request: Request) -> Problem:
     ``parameters`` are `engine.problem.Parameter` or start values; without any all parameters of the model are free
     from its values. Options: ``nuisances``, ``initial``, ``weighting`` and ``deviations`` of `Problem`. All outputs
     have a bias unless ``nuisances`` is given.
+
+    Raises:
+        InputError: an output is constant in all experiments.
     """
+    for output in request.outputs:
+        measured = [np.asarray(one.signals[output]) for one in request.experiments if output in one.signals]
+        if measured and not any(np.nanmax(one, initial=-np.inf) > np.nanmin(one, initial=np.inf) for one in measured):
+            raise InputError(f"the output {output} is constant")
     given = request.parameters or {name: one.value for name, one in request.model.parameters.items()}
     parameters = {n: one if isinstance(one, Parameter) else Parameter(float(one)) for n, one in given.items()}
     options = {name: request.options[name] for name in Problem._fields if name in request.options}
