@@ -112,8 +112,8 @@ def _table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
 SECTIONS_OF_THE_SITE = {
     "Tutorials": ("tutorials/first_flight", "tutorials/own_controller"),
     "How-to guides": (
-        "commands", "own_aircraft", "identify_csv", "identification/user_model", "joystick", "sitl",
-        "reference/serial_board", "reference/razor",
+        "commands", "own_aircraft", "identify_csv", "identification/user_model", "identification/flight_path",
+        "joystick", "sitl", "reference/serial_board", "reference/razor",
     ),
     "Reference": (
         "reference/api", "reference/command_line", "parameters", "reference/topics", "reference/vehicle_keys",

@@ -31,7 +31,7 @@ from groundstation.views.terminal import open_console
 from logs.attached import aircraft_of, airframe_of, flight_vehicle, simulated_vehicle
 from logs.identification.data.flight import Aircraft, FlightData
 from logs.identification.data.split import drawn
-from logs.identification.estimators.flight.short_period import identify_modes
+from logs.identification.estimators.flight_modes import identify_modes
 from logs.identification.report import SUBJECTS, Identification, document, identify
 from logs.identification.sources.flight import flight_data
 from logs.identification.sources.multi_flight import joined_flights

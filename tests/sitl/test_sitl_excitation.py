@@ -16,7 +16,7 @@ from avionics.guidance.mission import Channel, Excitation, ItemKind, MissionItem
 from avionics.missions.script import scripted_start
 from avionics.vehicles import load_vehicle as load_flight_vehicle
 from logs.identification.data.flight import Aircraft
-from logs.identification.data.maneuvers import find_manoeuvres
+from logs.identification.data.maneuvers import find_maneuvers
 from logs.identification.models.modes import Mode
 from logs.identification.report import identify
 from logs.identification.sources.flight import flight_data
@@ -57,10 +57,10 @@ def stated() -> Stated:
 
     airframe = flight_vehicle.airframe
     aircraft = Aircraft(airframe.imu_x, airframe.imu_z, airframe.tail_time_constant)
-    found = find_manoeuvres(flight_data(log), aircraft)
+    found = find_maneuvers(flight_data(log))
     assert [manoeuvre.number for manoeuvre in found] == [1, 2]
     for manoeuvre, width in zip(found, (SWEEP.width, MULTISINE.width), strict=True):
-        assert manoeuvre.at[-1] - manoeuvre.at[0] == pytest.approx(width + 2 * 0.9, abs=0.5)
+        assert manoeuvre.experiment.time[-1] - manoeuvre.experiment.time[0] == pytest.approx(width + 2 * 0.9, abs=0.5)
     modes = identify(log, "modes", aircraft).modes
     assert modes is not None
     output_error, equation_error = (

@@ -11,7 +11,7 @@ import pytest
 from identified import INPUTS_OVER, known, true_short_period
 from memory_log import simulate
 
-from logs.identification.estimators.flight.short_period import identify_modes
+from logs.identification.estimators.flight_modes import identify_modes
 from logs.identification.models.modes import Mode, ModesResult
 from logs.identification.sources.flight import flight_data
 from sim_bridge.flight.world import Scenario

@@ -28,7 +28,7 @@ def excited(flight: Experiment, lead: float = 0.0, tail: float = 0.0) -> tuple[E
     if missing:
         raise InputError(f"{flight.name} has no signal {', '.join(missing)} to find its manoeuvres by")
     active, number, aborted = (flight.signals[name] for name in NEEDED)
-    spans = [s for s in manoeuvre_spans(active, number, aborted) if s.start > 0 and s.stop < len(active)]
+    spans = [s for s in maneuver_spans(active, number, aborted) if s.start > 0 and s.stop < len(active)]
     if not spans:
         raise InputError(f"{flight.name} has no whole manoeuvre that was not aborted")
     before, behind = (int(seconds / flight.step + 1e-6) for seconds in (lead, tail))
@@ -41,7 +41,7 @@ def excited(flight: Experiment, lead: float = 0.0, tail: float = 0.0) -> tuple[E
     )
 
 
-def manoeuvre_spans(active: Array, number: Array, aborted: Array) -> list[slice]:
+def maneuver_spans(active: Array, number: Array, aborted: Array) -> list[slice]:
     """Samples of each manoeuvre, by its ``number`` while ``active``, but those that were ``aborted``; all (N,)."""
     label = np.where((active > 0) & np.isfinite(number), number, np.nan)
     same = (label[1:] == label[:-1]) | (np.isnan(label[1:]) & np.isnan(label[:-1]))

@@ -6,9 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from logs.identification.data.maneuvers import Manoeuvre
-from logs.identification.estimators.flight.short_period import OUTPUT_ERROR
-from logs.identification.estimators.flight.simulated_response import predicted
+from logs.identification.data.maneuvers import Maneuver
 from logs.identification.models.modes import ModesResult
 from logs.identification.results import FitSeries
 from logs.identification.statistics.theil import Theil, theil
@@ -55,31 +53,32 @@ class Validation(NamedTuple):
 
 
 def validation(result: ModesResult) -> Validation | None:
-    """How output error's model predicts the held-out flights; None where nothing is held out.
+    """How output error's model predicts the flights that were held out; None if there are none.
 
-    First states and sensors' biases are those of each manoeuvre (Jategaonkar, Flight Vehicle System Identification,
+    Initial states and sensor biases are those of each maneuver (Jategaonkar, Flight Vehicle System Identification,
     2006, chapter 11).
     """
-    if not result.held_out or result.problem is None:
+    if not result.held_out or not result.results:
         return None
     flights = tuple(dict.fromkeys(_flight(one) for one in result.held_out))
-    fit = result.fits[0]
-    if fit.failure:
-        return Validation(flights, (), f"{' and '.join(flights)} not predicted: {OUTPUT_ERROR}: {fit.failure}")
-    found: list[Prediction] = []
+    by_output = result.results[0]
+    if by_output.status != "converged":
+        why = "; ".join(one.text for one in by_output.findings)
+        return Validation(flights, (), f"{' and '.join(flights)} not predicted: {by_output.method}: {why}")
+    predictions: list[Prediction] = []
     for flight in flights:
-        held = tuple(one for one in result.held_out if _flight(one) == flight)
-        series = predicted(result.problem, fit, held)
+        names = {one.name for one in result.held_out if _flight(one) == flight}
+        series = [one for one in by_output.series if one.held_out and one.experiment in names]
         outputs = dict.fromkeys(one.output for one in series)
-        found += [_prediction(flight, len(held), [s for s in series if s.output == name]) for name in outputs]
-    return Validation(flights, tuple(found))
+        predictions += [_prediction(flight, len(names), [s for s in series if s.output == name]) for name in outputs]
+    return Validation(flights, tuple(predictions))
 
 
-def _flight(one: Manoeuvre) -> str:
+def _flight(one: Maneuver) -> str:
     return "" if one.flight is None else one.flight.name
 
 
-def _prediction(flight: str, manoeuvres: int, series: list[FitSeries]) -> Prediction:
+def _prediction(flight: str, maneuvers: int, series: list[FitSeries]) -> Prediction:
     measured, model = (np.concatenate([getattr(s, key) - s.steady for s in series]) for key in ("measured", "model"))
     rms = float(np.sqrt(np.mean((measured - model) ** 2)))
-    return Prediction(flight, manoeuvres, series[0].output, series[0].unit, rms, theil(measured, model))
+    return Prediction(flight, maneuvers, series[0].output, series[0].unit, rms, theil(measured, model))

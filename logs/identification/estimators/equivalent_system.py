@@ -46,6 +46,8 @@ FORCES = ("n_y", "n_z", "alpha_dot", "beta_dot")
 """names of others with direct transmission: load factors and the rates of the flow angles"""
 ANGLES = ("theta", "pitch")
 """names of outputs that contain the integral of the pitch rate"""
+RATES = ("q", *ANGLES)
+"""names of outputs whose numerator has the zero 1/T_theta2"""
 POWER_FRACTION = 0.99
 """-; of the input's power in the band"""
 HIGHEST = 0.2
@@ -78,7 +80,8 @@ register({
         "check the time of the input",
     ),
     "handling_level": Entry(
-        "short period of level {value:.0f} by CAP and damping (category A), equivalent delay of level {delay_level}",
+        "short period of level {value:.0f} in category A (CAP {cap:.2g} 1/(g s^2), damping {damping:.2g}), equivalent"
+        " delay of {delay:.2g} s of level {delay_level}{dropback}",
         "Level of MIL-STD-1797A by CAP, damping ratio and equivalent delay; 4 is worse than level 3.",
     ),
 })  # fmt: skip
@@ -307,14 +310,17 @@ def _parameters(records: Records, values: Array, spread: Spread) -> tuple[tuple[
         if name not in ANGLES:
             add(f"{name}_gain", unit or "-", partial(_gain, places[name][0]))
         start += powers
-    rate = places.get("q") or next((places[name] for name in ANGLES if name in places), None)
-    if rate is not None:
+    rate = next((places[name] for name in RATES if name in places), None)
+    constants = {one.name: one for one in found if one.name.endswith("_b0")}
+    zero = next((constants[f"{name}_b0"] for name in RATES if name in places), None)
+    if rate is not None and zero is not None and not zero.contains(0.0):
         add("T_theta2", "s", lambda p: p[rate[1]] / p[rate[0]])
         add("dropback", "s", lambda p: p[rate[1]] / p[rate[0]] - 2 * p[1] / p[0])
     load = _load_factor(records, places, rate)
     if load is not None:
         add("n_alpha", "1/rad", load)
-        add("CAP", "1/(g s^2)", lambda p: p[0] ** 2 / load(p))
+        if not found[-1].contains(0.0):
+            add("CAP", "1/(g s^2)", lambda p: p[0] ** 2 / load(p))
     return tuple(found), _level(found, values)
 
 
@@ -337,14 +343,18 @@ def _load_factor(records: Records, places: dict[str, list[int]], rate: list[int]
 
 def _level(derived: list[Estimate], values: Array) -> tuple[Finding, ...]:
     """Level of MIL-STD-1797A by CAP, damping and delay."""
-    cap = next((one.value for one in derived if one.name == "CAP"), None)
-    if cap is None:
+    known = {one.name: one.value for one in derived}
+    if "CAP" not in known:
         return ()
-    damping, delay = float(values[1]), float(values[2])
+    cap, damping, delay = known["CAP"], float(values[1]), float(values[2])
     inside = [low <= cap <= high and least <= damping <= most for low, high, least, most in CATEGORY_A]
-    level = 1 + inside.index(True) if any(inside) else 3
-    delay_level = next((k + 1 for k, limit in enumerate(DELAYS) if delay <= limit), 4)
-    return (Finding("handling_level", "info", SHORT_PERIOD, float(level), details={"delay_level": delay_level}),)
+    details = {
+        "cap": cap, "damping": damping, "delay": delay,
+        "delay_level": next((k + 1 for k, limit in enumerate(DELAYS) if delay <= limit), 4),
+        "dropback": f", dropback {known['dropback']:.2g} s" if "dropback" in known else "",
+    }  # fmt: skip
+    level = float(1 + inside.index(True) if any(inside) else 3)
+    return (Finding("handling_level", "info", SHORT_PERIOD, level, details=details),)
 
 
 EQUIVALENT_SYSTEM = add_row(

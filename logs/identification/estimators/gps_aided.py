@@ -62,27 +62,6 @@ SHIFT = 1e-5
 """SI; half width of central differences"""
 
 
-class Intervals(NamedTuple):
-    """Linearized motion from fix to fix, as the filter takes it."""
-
-    transition: Array
-    """(K, 6, 31); motion at an interval's end by the unknowns at its start"""
-    shifts: Array
-    """(K, 31); added to the means"""
-    process_noise: Array
-    """(K, 31, 31); added to the covariances"""
-    sums: Array
-    """(K, 6, 31); growth of the six integrals by the unknowns"""
-    integrals: Array
-    """(K, 6); added to the sums"""
-    slopes: Array
-    """(K + 1, 3, 31); Jacobian of the fixes"""
-    innovations: Array
-    """m/s; (K + 1, 3), measured minus predicted fixes"""
-    noise: float
-    """m/s; of a fix"""
-
-
 class AidedFlight(NamedTuple):
     """A segment of flight measured by an IMU and a GPS receiver."""
 
@@ -134,18 +113,27 @@ class AidedFit(NamedTuple):
     levels: NoiseLevels
 
 
-class _Linear(NamedTuple):
-    """Motion linearized about a path (K, 31), for any noise levels."""
+class _Intervals(NamedTuple):
+    """Motion linearized about a path, from fix to fix."""
 
     transition: Array
+    """(K, 6, 31); motion at an interval's end by the unknowns at its start"""
     shifts: Array
-    spread: Array
-    """(K - 1, 2, 6, 6); covariance by unit noise of rates and of forces"""
-    seconds: Array
+    """(K, 31); added to the means"""
+    process_noise: Array
+    """(K, 31, 31); of the noise levels, empty before they are known"""
     sums: Array
+    """(K, 6, 31); growth of the six integrals by the unknowns"""
     integrals: Array
+    """(K, 6); added to the sums"""
     slopes: Array
+    """(K + 1, 3, 31); Jacobian of the fixes"""
     innovations: Array
+    """m/s; (K + 1, 3), measured minus predicted fixes"""
+    spread: Array
+    """(K, 2, 6, 6); covariance by unit noise of rates and of forces"""
+    seconds: Array
+    """s; (K,)"""
 
 
 def aided_fit(flight: AidedFlight) -> AidedFit | None:
@@ -202,7 +190,7 @@ def _matrix(row: Array) -> Array:
     return both
 
 
-def _linear(flight: AidedFlight, path: Array) -> _Linear:
+def _linear(flight: AidedFlight, path: Array) -> _Intervals:
     dense = with_middles(flight.inputs)
     slopes = np.gradient(dense, flight.step / 2, axis=0)
     slopes[:, :3] = 0.0  # the lag is that of the forces behind the rates
@@ -219,9 +207,8 @@ def _linear(flight: AidedFlight, path: Array) -> _Linear:
     integrals = np.einsum("nap,np->na", sums, path[:-1])
     rates = flight.inputs[flight.at, :3]
     innovations = flight.velocity - _predicted_fixes(path, rates, flight.arm)
-    return _Linear(
-        transition, shifts, spread, seconds, sums, integrals, _fix_slopes(path, rates, flight.arm), innovations
-    )
+    jacobian, nothing = _fix_slopes(path, rates, flight.arm), np.zeros((0, 0, 0))
+    return _Intervals(transition, shifts, nothing, sums, integrals, jacobian, innovations, spread, seconds)
 
 
 def _interval(
@@ -248,19 +235,18 @@ def _fix_slopes(path: Array, rates: Array, arm: tuple[float, float, float]) -> A
     return slopes
 
 
-def _process_noise(linear: _Linear, levels: NoiseLevels) -> Array:
-    """Process noise of every interval (K - 1, 31, 31)."""
+def _with_noise(linear: _Intervals, levels: NoiseLevels) -> _Intervals:
+    """The intervals with the process noise of the noise levels."""
     process_noise = np.zeros((len(linear.transition), UNKNOWNS, UNKNOWNS))
-    process_noise[:, :MOTION, :MOTION] = (
-        levels.rates**2 * linear.spread[:, 0] + levels.forces**2 * linear.spread[:, 1]
-    )
+    of_rates, of_forces = np.swapaxes(linear.spread, 0, 1)
+    process_noise[:, :MOTION, :MOTION] = levels.rates**2 * of_rates + levels.forces**2 * of_forces
     walks = np.repeat((levels.rate_walk**2, levels.force_walk**2), 3)
     places = np.arange(OFFSETS, MATRICES)
     process_noise[:, places, places] = linear.seconds[:, None] * walks
-    return process_noise
+    return linear._replace(process_noise=process_noise)
 
 
-def _maximum_likelihood(linear: _Linear, first: Array, levels: NoiseLevels, typical: NoiseLevels) -> NoiseLevels:
+def _maximum_likelihood(linear: _Intervals, first: Array, levels: NoiseLevels, typical: NoiseLevels) -> NoiseLevels:
     """The noise levels of the largest posterior likelihood, with priors about the typical ones."""
     about, least = (
         np.log(typical),
@@ -274,7 +260,7 @@ def _maximum_likelihood(linear: _Linear, first: Array, levels: NoiseLevels, typi
             (np.zeros((0, 0)), np.zeros((0, 0, 0))),
         )
         found = NoiseLevels(*np.exp(np.maximum(logs, least)))
-        likelihood = _kalman_filter(_intervals(linear, found), means, covariance, *nothing)
+        likelihood = _kalman_filter(_with_noise(linear, found), found.fixes, means, covariance, *nothing)
         return float(0.5 * np.sum(((logs - about) / LEVEL_DEVIATIONS) ** 2) - likelihood)
 
     options = {"maxfev": 300, "xatol": 0.05, "fatol": 0.05}
@@ -282,24 +268,18 @@ def _maximum_likelihood(linear: _Linear, first: Array, levels: NoiseLevels, typi
     return NoiseLevels(*np.exp(np.maximum(found, least)).tolist())
 
 
-def _intervals(linear: _Linear, levels: NoiseLevels) -> Intervals:
-    return Intervals(
-        linear.transition, linear.shifts, _process_noise(linear, levels), linear.sums, linear.integrals,
-        linear.slopes, linear.innovations, levels.fixes,
-    )  # fmt: skip
-
-
-def _forward(linear: _Linear, first: Array, levels: NoiseLevels) -> tuple[Array, Array]:
+def _forward(linear: _Intervals, first: Array, levels: NoiseLevels) -> tuple[Array, Array]:
     """Deviations (K, 31) from the path after each fix, and their covariances."""
     count = len(linear.innovations)
     means, covariances = np.zeros((count, UNKNOWNS)), np.zeros((count, UNKNOWNS, UNKNOWNS))
-    _kalman_filter(_intervals(linear, levels), first.copy(), np.diag(PRIOR_DEVIATIONS**2), means, covariances)
+    prior = np.diag(PRIOR_DEVIATIONS**2)
+    _kalman_filter(_with_noise(linear, levels), levels.fixes, first.copy(), prior, means, covariances)
     return means, covariances
 
 
-def _backward(linear: _Linear, means: Array, covariances: Array, levels: NoiseLevels) -> Array:
+def _backward(linear: _Intervals, means: Array, covariances: Array, levels: NoiseLevels) -> Array:
     """Smoothed deviations (K, 31) from the path."""
-    smooth, process_noise = means.copy(), _process_noise(linear, levels)
+    smooth, process_noise = means.copy(), _with_noise(linear, levels).process_noise
     step = np.eye(UNKNOWNS)
     for k in range(len(means) - 2, -1, -1):
         step[:MOTION] = linear.transition[k]
@@ -321,7 +301,8 @@ def _mean_errors(flight: AidedFlight, path: Array, first: Array, levels: NoiseLe
     mean = np.append(first - path[0], np.zeros(6))
     covariance = np.zeros((len(mean), len(mean)))
     covariance[:UNKNOWNS, :UNKNOWNS] = np.diag(PRIOR_DEVIATIONS**2)
-    _kalman_filter(_intervals(linear, levels), mean, covariance, np.zeros((0, 0)), np.zeros((0, 0, 0)))
+    nothing = np.zeros((0, 0)), np.zeros((0, 0, 0))
+    _kalman_filter(_with_noise(linear, levels), levels.fixes, mean, covariance, *nothing)
     whole = float(np.sum(linear.seconds))
     predicted = _predicted_fixes(path, flight.inputs[flight.at, :3], flight.arm)
     return AidedFit(
@@ -449,13 +430,16 @@ def _propagate_covariance(covariance: Array, transition: Array, sums: Array, pro
 
 
 @njit(cache=True)
-def _kalman_filter(intervals: Intervals, mean: Array, covariance: Array, means: Array, covariances: Array) -> float:
+def _kalman_filter(
+    intervals: _Intervals, noise: float, mean: Array, covariance: Array, means: Array, covariances: Array
+) -> float:
     """Kalman filter over K intervals between K + 1 fixes; the logarithm of the likelihood, up to a constant.
 
-    ``mean`` (n,) and ``covariance`` (n, n) are those before the first fix, and become those after the last;
-    ``means`` (K + 1, 31) and ``covariances`` (K + 1, 31, 31), unless empty, receive those after each.
+    ``noise`` (m/s) is that of a fix. ``mean`` (n,) and ``covariance`` (n, n) are those before the first fix, and
+    become those after the last; ``means`` (K + 1, 31) and ``covariances`` (K + 1, 31, 31), unless empty, receive
+    those after each.
     """
-    transition, shifts, process_noise, sums, integrals, slopes, innovations, noise = intervals
+    transition, shifts, process_noise, sums, integrals, slopes, innovations, _, _ = intervals
     likelihood, size = 0.0, mean.shape[0]
     for k in range(innovations.shape[0]):
         if k > 0:

@@ -87,6 +87,11 @@ class ModalMethod(NamedTuple):
         """Modes ``kinds`` of the ``records``."""
         return self._identify(records, kinds)[0]
 
+    def mode_with_findings(self, records: Records, kinds: tuple[str, ...]) -> tuple[Mode, tuple[Finding, ...]]:
+        """Modes ``kinds`` of the ``records``, and what the method reports about them."""
+        mode, fit, _ = self._identify(records, kinds)
+        return mode, fit.findings if fit else ()
+
     def result(self, request: Request) -> EstimationResult:
         """Modes ``options["kinds"]`` of the experiments of a ``request``.
 

@@ -10,6 +10,7 @@ from logs.identification.estimators.free_response import FREE_RESPONSE
 from logs.identification.estimators.records import Records, records_of
 from logs.identification.estimators.spectrum import SPECTRUM
 from logs.identification.models.modes import PHUGOID, SHORT_PERIOD, Mode, ModesResult
+from logs.identification.results import Information
 
 METHODS = (EQUIVALENT_SYSTEM, ERA, FREE_RESPONSE, SPECTRUM)
 
@@ -32,9 +33,11 @@ def modes_of_experiments(
         InputError: an unknown signal, or no record is long enough.
     """
     records = records_of(experiments, input_name, output_names, others)
-    modes = (*known, *modes_of_records(records, kinds or _likely(records)))
+    pairs = [method.mode_with_findings(records, kinds or _likely(records)) for method in METHODS]
+    modes = (*known, *(mode for mode, _ in pairs))
     agree, statement = agreement(modes)
-    return ModesResult(modes, agree, statement, None, len(records.pieces), None, records.notes)
+    reported = [Information(f"{mode.method}: {one.text}") for mode, findings in pairs for one in findings]
+    return ModesResult(modes, agree, statement, None, len(records.pieces), None, (*records.notes, *reported))
 
 
 def modes_of_records(records: Records, kinds: tuple[str, ...]) -> tuple[Mode, ...]:

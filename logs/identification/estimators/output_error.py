@@ -26,6 +26,7 @@ from logs.identification.estimators.engine.weights import about_mean, noise_of, 
 from logs.identification.estimators.registry import ESTIMATORS, Estimator, Request
 from logs.identification.findings import Finding, of_severity
 from logs.identification.results import Array, EstimationResult, FitSeries, Unidentified, estimate
+from wingbeat.errors import InputError
 
 MOST_STEPS = 60
 SURE = 0.99
@@ -38,9 +39,9 @@ class Search(NamedTuple):
     """How the optimum is looked for."""
 
     method: Method = "gauss-newton"
-    """-; "both": Gauss-Newton from where the simplex of Nelder and Mead ended"""
+    """-; "nelder-mead" and "both": Gauss-Newton from the end of a simplex"""
     fallback: bool = True
-    """-; "both" where "gauss-newton" does not converge"""
+    """-; a simplex if Gauss-Newton does not converge from the start"""
     starts: int = 1
     """-; the first from the problem's start values, the others at random about them; the likeliest end is taken"""
     spread: float = 0.5
@@ -83,13 +84,10 @@ def starts_of(flight: Flight, search: Search) -> list[Unknowns]:
 
 def _found(problem: Problem, flight: Flight, start: Unknowns, search: Search) -> Found:
     if search.method == "gauss-newton":
-        found = gauss_newton(problem, flight, start, search.steps)
-        if found.status != "not converged" or not search.fallback:
-            return found
-    simplex = nelder_mead(problem, flight, start)
-    if search.method == "nelder-mead" or not np.isfinite(simplex.cost):
-        return simplex
-    return gauss_newton(problem, flight, simplex.unknowns, search.steps)
+        end = gauss_newton(problem, flight, start, search.steps)
+        if end.status != "not converged" or not search.fallback:
+            return end
+    return gauss_newton(problem, flight, nelder_mead(flight, start), search.steps)
 
 
 def flight_of(problem: Problem) -> Flight:
@@ -195,7 +193,14 @@ def problem_of(request: Request) -> Problem:
     ``parameters`` are `engine.problem.Parameter` or start values; without any all parameters of the model are free
     from its values. Options: ``nuisances``, ``initial``, ``weighting`` and ``deviations`` of `Problem`. All outputs
     have a bias unless ``nuisances`` is given.
+
+    Raises:
+        InputError: an output is constant in all experiments.
     """
+    for output in request.outputs:
+        measured = [np.asarray(one.signals[output]) for one in request.experiments if output in one.signals]
+        if measured and not any(np.nanmax(one, initial=-np.inf) > np.nanmin(one, initial=np.inf) for one in measured):
+            raise InputError(f"the output {output} is constant")
     given = request.parameters or {name: one.value for name, one in request.model.parameters.items()}
     parameters = {n: one if isinstance(one, Parameter) else Parameter(float(one)) for n, one in given.items()}
     options = {name: request.options[name] for name in Problem._fields if name in request.options}

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from logs.identification.data.contiguous_runs import longest_run, runs
 from logs.identification.data.experiment import Experiment
-from logs.identification.data.maneuvers import Manoeuvre
 from logs.identification.data.noise_level import noise_beside_steps
 from logs.identification.results import Array
 from wingbeat.errors import InputError
@@ -28,8 +27,6 @@ LONGEST_SPIKE = 2
 """-; samples in all that an input may be elsewhere and is said to rest"""
 FAST_UNITS, SLOW_UNITS = ("rad/s", "m/s^2"), ("m/s", "m")
 """rates and accelerations; speeds and heights: where only these and the pitch ring, it is the phugoid that rings"""
-AVERAGED_OUTPUTS = {"q": "rad/s", "a_z": "m/s^2"}
-"""of a flapping flight; units by name. What else there is adds nothing but its own errors"""
 
 
 class Record(NamedTuple):
@@ -174,23 +171,3 @@ def rest_of(given: Array | None) -> int:
     span = float(np.ptp(given))
     moving = np.flatnonzero(np.abs(given - given[-1]) > AT_REST * span)
     return int(moving[-1]) + 1 if len(moving) else 0
-
-
-def averaged_records(manoeuvres: tuple[Manoeuvre, ...], beyond: tuple[Array, ...] = ()) -> Records:
-    """Stroke averages of tail angle, pitch rate and normal specific force of each manoeuvre of a flapping flight.
-
-    ``beyond`` are outputs (L, 4) of each that are known not to be linear (`small_motions`), taken off; or none.
-
-    One average is taken of input and outputs alike, which leaves every linear relation between them as it is. They
-    go on until the manoeuvre ends: a transform that ends before the motion has died away misleads more than what the
-    loops do in the last half stroke.
-    """
-    pieces = []
-    for manoeuvre, more in zip(manoeuvres, beyond or [np.zeros(4)] * len(manoeuvres), strict=True):
-        tail = manoeuvre.averaging_to_end @ manoeuvre.tail
-        outputs = (manoeuvre.averaging_to_end @ manoeuvre.raw - more)[:, [0, 2]]
-        step = float(manoeuvre.at[1] - manoeuvre.at[0])
-        about = outputs - outputs.mean(axis=0)
-        pieces.append(Record(f"manoeuvre {manoeuvre.number}", step, tail - tail[0], about, rest_of(tail)))
-    names, units = tuple(AVERAGED_OUTPUTS), tuple(AVERAGED_OUTPUTS.values())
-    return Records(tuple(pieces), names, units, smooth_input=True)

@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from logs.identification.data.maneuvers import Manoeuvre, Reference
-from logs.identification.results import Array, Estimate, Unidentified
+from logs.identification.data.maneuvers import Maneuver, Reference
+from logs.identification.findings import Finding
+from logs.identification.results import Array, Estimate, EstimationResult, Unidentified
 from logs.identification.statistics.parameter_uncertainty import Spread, carry
-
-if TYPE_CHECKING:
-    from logs.identification.estimators.flight.equation_error import DerivativeFit
-    from logs.identification.estimators.flight.filter_error import Filtered
-    from logs.identification.estimators.flight.simulation import Problem
 
 SHORT_PERIOD, PHUGOID = KINDS = ("short_period", "phugoid")
 WIDEST = 1.0
@@ -108,14 +104,15 @@ class ModesResult(NamedTuple):
     """s; mean in the manoeuvres, None without flapping wings"""
     notes: tuple[str, ...] = ()
     """-; what the log does not tell and was taken from elsewhere"""
-    problem: Problem | None = None
-    """what the derivatives were fitted to; None where there are none"""
-    fits: tuple[DerivativeFit, ...] = ()
-    """of the derivatives: by output error, by equation error, by filter error"""
-    filtered: Filtered | None = None
-    """what filter error found beside; None where it found nothing"""
-    held_out: tuple[Manoeuvre, ...] = ()
+    maneuvers: tuple[Maneuver, ...] = ()
+    """of a flight; empty of experiments"""
+    results: tuple[EstimationResult, ...] = ()
+    """of the methods with a physical model"""
+    held_out: tuple[Maneuver, ...] = ()
     """whole flights that were not fitted, for the validation"""
+    findings: tuple[Finding, ...] = ()
+    flight: Any = None
+    """`estimators.flight_modes.FlightProblem` that was fitted; None of experiments"""
 
 
 def nothing(method: str, why: str, kinds: tuple[str, ...] = (SHORT_PERIOD,)) -> Mode:

@@ -100,35 +100,42 @@ def short_period(
     return linear_model(named, _input_units(inputs), _parameters(units, suffixes), rates, outputs)
 
 
-def longitudinal(steady: Steady, inputs: tuple[str, ...] = ("delta_e",)) -> LinearModel:
-    """Speed, angle of attack, pitch rate and pitch about a steady flight; X, Z in m/s^2 and M in rad/s^2.
+def longitudinal(steady: Steady, inputs: tuple[str, ...] = ("delta_e",), vertical: str = "alpha") -> LinearModel:
+    """Speed, angle of attack or vertical speed, pitch rate and pitch about a steady flight.
 
     ``u' = X_u u + X_alpha alpha + X_q q + X_delta delta - g cos(pitch) theta - V sin(alpha) q``; along z the same
     with Z for ``V alpha'``, with ``V cos(alpha) q`` and ``-g sin(pitch) theta``;
-    ``q' = M_u u + M_alpha alpha + M_q q + M_delta delta``. u is the forward speed's deviation (m/s), alpha is w / V.
-    Outputs: u, q, theta, q_dot, a_x, a_z, n_z as in `short_period`, and as alpha the angle that a vane tells. About a
-    steady angle of attack that follows u too: with w / V in its place a transport's M_q came out a quarter too large,
-    at 3 degrees.
+    ``q' = M_u u + M_alpha alpha + M_q q + M_delta delta``. X and Z are in m/s^2, M in rad/s^2. u and w are changes of
+    the airspeed along the body axes (m/s); the state alpha is w / V. With ``vertical`` "w" the derivatives are X_w,
+    Z_w and M_w. Outputs: u, w or alpha, q, theta, q_dot, a_x, a_z, n_z as in `short_period`, and alpha as a vane
+    measures it, which depends on u about a steady angle of attack.
 
     Raises:
-        InputError: an airspeed that is not positive.
+        InputError: ``vertical`` is neither alpha nor w, or an airspeed that is not positive.
     """
     _airspeed(steady)
+    if vertical not in ("alpha", "w"):
+        raise InputError(f"a longitudinal model has the state alpha or w, not {vertical}")
     v, g = steady.airspeed, steady.gravity
-    states = ("u", "alpha", "q", "theta")
+    scale = v if vertical == "alpha" else 1.0
+    states = ("u", vertical, "q", "theta")
     suffixes = _suffixes(states[:3], inputs)
     x, z, m = (_derivatives(axis, suffixes) for axis in "XZM")
     sin, cos = math.sin(steady.pitch), math.cos(steady.pitch)
     rising, along = math.sin(steady.alpha), math.cos(steady.alpha)
     rates = {
         "u": (*x, Term("theta", factor=-g * cos), Term("q", factor=-v * rising)),
-        "alpha": (*times(1 / v, z), Term("theta", factor=-g * sin / v), Term("q", factor=along)),
+        vertical: (
+            *times(1 / scale, z),
+            Term("theta", factor=-g * sin / scale),
+            Term("q", factor=v * along / scale),
+        ),
         "q": m,
         "theta": (Term("q"),),
     }
     specific = z + times(-steady.accelerometer_x, m)
     outputs = _state_outputs(states) | {
-        "alpha": ("rad", (Term("alpha", factor=along), Term("u", factor=-rising / v))),
+        "alpha": ("rad", (Term(vertical, factor=along * scale / v), Term("u", factor=-rising / v))),
         "q_dot": ("rad/s^2", m),
         "a_x": ("m/s^2", x + times(steady.accelerometer_z, m)),
         "a_z": ("m/s^2", specific),

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from logs.identification.data.flight import Aircraft, GaugeErrors
 from logs.identification.diagnostics.validation import Validation, validation
 from logs.identification.estimators.flapping_frequency import FrequencyModel, identify_frequency
-from logs.identification.estimators.flight.short_period import identify_modes
+from logs.identification.estimators.flight_modes import identify_modes
 from logs.identification.estimators.servo import ServoModel, ServoResult, with_gauge_errors
 from logs.identification.estimators.servo_power import power_truth, power_with_gauge_errors
 from logs.identification.estimators.servo_torque import identify_torque

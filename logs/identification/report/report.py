@@ -10,10 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 from logs.identification.data.flight import DriveData
-from logs.identification.data.maneuvers import Manoeuvre
+from logs.identification.data.maneuvers import Maneuver
 from logs.identification.diagnostics.validation import validation
-from logs.identification.estimators.flight.simulated_response import fitted
-from logs.identification.estimators.flight.simulation import Problem
+from logs.identification.estimators.flight_modes import fitted
 from logs.identification.models.modes import KINDS, Mode, ModesResult
 from logs.identification.report.coefficients import aero_chapter
 from logs.identification.report.document import MEASURED, Bar, Chapter, Intervals, Plot, Series, Table
@@ -25,6 +24,7 @@ from logs.identification.report.fits import (
     residuals_chapter,
     validation_chapter,
 )
+from logs.identification.report.flight_path import log_chapter
 from logs.identification.report.html import page
 from logs.identification.report.labels import sentence
 from logs.identification.report.markers import markers_chapter
@@ -122,7 +122,7 @@ def chapters(
         drives_chapter(results.torque, results.power, drive, results.truths),
         wings_chapter(results.load, results.frequency, results.truths),
         None if results.aero is None else aero_chapter(results.aero, results.truths),
-        results.path.chapter if results.path is not None else None,
+        log_chapter(results.path) if results.path is not None else None,
         None if results.markers is None else markers_chapter(results.markers),
         *_of_fits(fits, results, validations),
         *more,
@@ -193,17 +193,17 @@ def _data(subject: Subject, results: Identification) -> Chapter:
         notes = tuple(map(sentence, results.modes.notes))
         tried = validation(results.modes)
         notes += () if tried is None else (sentence(f"held out: {tried.statement}"),)
-        if results.modes.problem is not None:
-            tables.append(_manoeuvres(results.modes.problem))
-            parts = (_inputs(results.modes.problem),)
+        if results.modes.maneuvers:
+            tables.append(_maneuvers(results.modes.maneuvers))
+            parts = (_inputs(results.modes.maneuvers),)
     if any(name.startswith("power.") for name in results.truths):
         notes += (f"True values of the power model: {POWER_TRUTH}.",)
     return Chapter("Data used", notes, tuple(tables), parts=parts)
 
 
-def _manoeuvres(problem: Problem) -> Table:
-    lengths = [float(m.at[-1] - m.at[0]) + m.period for m in problem.manoeuvres]
-    several = any(m.flight is not None for m in problem.manoeuvres)
+def _maneuvers(maneuvers: tuple[Maneuver, ...]) -> Table:
+    lengths = [float(m.experiment.time[-1] - m.experiment.time[0]) + m.period for m in maneuvers]
+    several = any(m.flight is not None for m in maneuvers)
     lines = tuple(
         (
             *(
@@ -215,10 +215,10 @@ def _manoeuvres(problem: Problem) -> Table:
             length / m.period,
             1.0 / m.period,
             m.airspeed,
-            math.degrees(float(np.ptp(m.command[_used(m)]))),
-            math.degrees(float(np.ptp(m.averages[:, 0]))),
+            math.degrees(float(np.ptp(m.command))),
+            math.degrees(float(np.ptp(m.experiment.signals["q"]))),
         )
-        for m, length in zip(problem.manoeuvres, lengths, strict=True)
+        for m, length in zip(maneuvers, lengths, strict=True)
     )
     columns = (
         *(("flight",) if several else ()), "manoeuvre", "start (s)", "length (s)", "wing strokes", "flapping (Hz)",
@@ -227,18 +227,9 @@ def _manoeuvres(problem: Problem) -> Table:
     return Table(columns, lines, f"Used: {pluralize(len(lines), 'manoeuvre')}; ranges are from least to greatest.")
 
 
-def _used(one: Manoeuvre) -> slice:
-    """The raw samples that its stroke averages are made of."""
-    first, last = (float(one.at[end]) + side * one.period / 2 for end, side in ((0, -1), (-1, 1)))
-    return slice(int(np.searchsorted(one.time, first)), int(np.searchsorted(one.time, last, side="right")))
-
-
-def _inputs(problem: Problem) -> Chapter:
-    """The elevator of every manoeuvre over each other."""
-    series = tuple(
-        Series("", m.time[_used(m)] - m.time[_used(m)][0], _degrees(m.command[_used(m)]), MEASURED)
-        for m in problem.manoeuvres
-    )
+def _inputs(maneuvers: tuple[Maneuver, ...]) -> Chapter:
+    """The elevator of every maneuver over each other."""
+    series = tuple(Series("", m.command_time, _degrees(m.command), MEASURED) for m in maneuvers)
     plot = Plot("Elevator command, all manoeuvres", "time from the start", "s", "change of elevator", "°", series)
     return Chapter("Inputs", plots=(plot,))
 

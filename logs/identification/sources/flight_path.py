@@ -22,10 +22,9 @@ from logs.identification.data.experiment import Experiment
 from logs.identification.data.flight import Aircraft
 from logs.identification.data.maneuver_detection import excited
 from logs.identification.data.resampling import bridged, cut, whole_records
-from logs.identification.estimators.flight_path import PathOptions, reconstruct
+from logs.identification.estimators.flight_path import FlightPath, PathOptions, reconstruct
 from logs.identification.estimators.gps_aided import (
     ATTITUDE,
-    VELOCITIES,
     AidedFit,
     AidedFlight,
     aided_fit,
@@ -34,8 +33,6 @@ from logs.identification.estimators.gps_aided import (
 )
 from logs.identification.findings import Entry, Finding, register
 from logs.identification.models.rigid_body import INPUTS, WINDS, SensorPositions
-from logs.identification.report.document import LINE, MEASURED, MODEL, POINTS, Chapter, Plot, Series
-from logs.identification.report.flight_path import path_chapter
 from logs.identification.results import Array, EstimationResult, Fitted, fitted_of
 from logs.identification.sources.full_flight import LONGEST_GAP, whole_flight
 from logs.identification.sources.topic_table import ColumnSource, TopicTable
@@ -82,9 +79,10 @@ class PathResult(NamedTuple):
     fitted: Fitted
     records: tuple[str, ...]
     """-; what it was taken from"""
-    chapter: Chapter | None
-    spans: tuple[tuple[float, float], ...] = ()
+    spans: tuple[tuple[float, float], ...]
     """s; start and end of each record, since boot"""
+    by_velocities: tuple[AidedFlight, AidedFit] | None = None
+    by_attitude: tuple[tuple[Experiment, ...], FlightPath] | None = None
 
 
 def identify_path(source: ColumnSource, aircraft: Aircraft) -> PathResult:
@@ -103,27 +101,7 @@ def identify_path(source: ColumnSource, aircraft: Aircraft) -> PathResult:
         raise InputError("flight path: the path by IMU and GPS does not converge; fly longer, with turns")
     first, last = (float(aided.time[aided.at[place]]) for place in (0, -1))
     fitted = fitted_of(aided_result(aided, fit), TITLE)
-    return PathResult(fitted, (f"flight, {first:.1f} s to {last:.1f} s",), _chapter(aided, fit), ((first, last),))
-
-
-def _chapter(flight: AidedFlight, fit: AidedFit) -> Chapter:
-    """Attitude by flight computer and path, and the velocities."""
-    time = flight.time[flight.at]
-    plots = [
-        _plot(name, "rad", time, np.unwrap(flight.attitude[flight.at, k]), fit.motion[:, 3 + k], LINE)
-        for k, name in enumerate(ATTITUDE)
-    ]
-    plots += [
-        _plot(name, "m/s", time, flight.velocity[:, k], fit.predicted[:, k], POINTS)
-        for k, name in enumerate(VELOCITIES)
-    ]
-    caption = "Reconstructed motion, with the flight computer's attitude and the fixes of the GPS."
-    return Chapter("Flight path", (caption,), plots=tuple(plots))
-
-
-def _plot(name: str, unit: str, time: Array, measured: Array, model: Array, style: str) -> Plot:
-    lines = (Series("recorded", time, measured, MEASURED, style), Series("reconstructed", time, model, MODEL, LINE))
-    return Plot("", "time", "s", name, unit, lines)
+    return PathResult(fitted, (f"flight, {first:.1f} s to {last:.1f} s",), ((first, last),), (aided, fit))
 
 
 def _is_filtered(source: ColumnSource) -> bool:
@@ -151,7 +129,7 @@ def _by_attitude(flight: Experiment, aircraft: Aircraft, reason: str, filtered: 
     fitted = fitted_of(_without_filter_errors(path.result, reason, filtered), TITLE)
     names = tuple(f"{one.name}, {one.time[0]:.1f} s to {one.time[-1]:.1f} s" for one in records)
     spans = tuple((float(one.time[0]), float(one.time[-1])) for one in records)
-    return PathResult(fitted, names, path_chapter(records, path), spans)
+    return PathResult(fitted, names, spans, by_attitude=(records, path))
 
 
 def _without_filter_errors(result: EstimationResult, reason: str, filtered: bool) -> EstimationResult:

@@ -8,13 +8,15 @@ from typing import Any
 import numpy as np
 
 from logs.identification.data.flight import FlightData, JoinedFlight
-from logs.identification.data.flight_segments import LONGEST_CALM
 from logs.identification.results import Array
 from wingbeat.errors import InputError
 from wingbeat.text import pluralize
 
 UNEVEN = 1e-3
 """-; of a sampling interval, by which those of two flights may differ"""
+
+PAUSE = 4.0
+"""s; of rest between joined flights"""
 
 
 def joined_flights(flights: tuple[FlightData, ...], names: tuple[str, ...] = ()) -> FlightData:
@@ -55,7 +57,7 @@ def _apart(flight: FlightData) -> FlightData:
 
 def _with_pause(flight: FlightData, step: float) -> FlightData:
     """The flight, and behind it its last sample for longer than a stretch of strokes may be interrupted."""
-    still = math.ceil((LONGEST_CALM + 1.0) / step)
+    still = math.ceil((PAUSE) / step)
     names = FlightData.arrays()
     longer: dict[str, Any] = {name: np.pad(getattr(flight, name), (0, still), mode="edge") for name in names}
     return flight._replace(**longer)

@@ -22,7 +22,7 @@ from logs.identification.results import Array
 from sim_bridge.compiled import njit
 
 Complex = NDArray[np.complex128]
-HIGHEST_ORDER = 4
+HIGHEST_ORDER = 8
 SAMPLES_PER_ORDER = 10
 """-; samples that each coefficient needs"""
 PRIOR = 0.75

@@ -8,13 +8,20 @@ import numpy as np
 from scipy.signal import lfilter
 
 from logs.identification.data.flight import Aircraft, FlightData
-from logs.identification.data.flight_segments import stretches
-from logs.identification.data.maneuvers import Reference, find_manoeuvres, reference_of
-from logs.identification.estimators.flight.equation_error import equation_error
-from logs.identification.estimators.flight.filter_error import Filtered, filter_error
-from logs.identification.estimators.flight.gust_ekf_data import PHASES, Task
-from logs.identification.estimators.flight.short_period import FILTER_ERROR, FITTED_OUTPUTS, fit_derivatives, mode_of
-from logs.identification.estimators.flight.simulation import Problem
+from logs.identification.data.maneuvers import Reference, find_maneuvers, reference_of
+from logs.identification.estimators.flight_modes import (
+    FILTER_ERROR,
+    OUTPUT_ERROR,
+    OUTPUTS,
+    Fits,
+    FlightProblem,
+    first_problem,
+    fit_derivatives,
+    mode_of,
+    records_of_flight,
+)
+from logs.identification.estimators.output_error import output_error
+from logs.identification.estimators.records import Records
 from logs.identification.models.modes import Mode
 from logs.identification.models.stroke_averaged import LONGITUDINAL, Matrices, matrices
 from logs.identification.results import Array
@@ -325,24 +332,36 @@ def _motion(flight: Flight, command: Array, strokes: Array, harder: Array) -> tu
     return states, tails, gust
 
 
+def flight_problem(
+    data: FlightData,
+    aircraft: Aircraft = AIRCRAFT,
+    names: tuple[str, ...] = LONGITUDINAL,
+    outputs: tuple[str, ...] = OUTPUTS,
+) -> FlightProblem:
+    maneuvers = find_maneuvers(data)
+    return FlightProblem(maneuvers, reference_of(data, maneuvers), aircraft, names, outputs)
+
+
+def fits_of(data: FlightData, aircraft: Aircraft = AIRCRAFT) -> tuple[FlightProblem, Fits]:
+    problem = flight_problem(data, aircraft)
+    return problem, fit_derivatives(problem)
+
+
 def by_output_error(
     data: FlightData,
     aircraft: Aircraft = AIRCRAFT,
     names: tuple[str, ...] = LONGITUDINAL,
-    outputs: tuple[int, ...] = FITTED_OUTPUTS,
+    outputs: tuple[str, ...] = OUTPUTS,
 ) -> Mode:
-    """The first of `identify_modes` without the others."""
-    manoeuvres = find_manoeuvres(data, aircraft)
-    reference = reference_of(data, manoeuvres)
-    _, fit = fit_derivatives(Problem(manoeuvres, reference, aircraft, names, outputs))
-    return mode_of("output error", fit, reference, aircraft)
+    problem = flight_problem(data, aircraft, names, outputs)
+    return mode_of(OUTPUT_ERROR, problem, output_error(first_problem(problem)[1]))
 
 
-def by_filter_error(data: FlightData, aircraft: Aircraft = AIRCRAFT) -> tuple[Mode, Filtered | None]:
-    """The third of `identify_modes` without the others."""
-    manoeuvres = find_manoeuvres(data, aircraft)
-    reference = reference_of(data, manoeuvres)
-    cut = tuple(stretch for phase in PHASES for stretch in stretches(data, manoeuvres, phase))
-    start = equation_error(manoeuvres, reference, aircraft, LONGITUDINAL)
-    fit, found = filter_error(Task(cut, reference, aircraft, LONGITUDINAL), start.values)
-    return mode_of(FILTER_ERROR, fit, reference, aircraft), found
+def by_filter_error(data: FlightData, aircraft: Aircraft = AIRCRAFT) -> Mode:
+    problem, fits = fits_of(data, aircraft)
+    return mode_of(FILTER_ERROR, problem, fits.filter.fit)
+
+
+def flight_records(data: FlightData) -> Records:
+    """Stroke averages for the methods without a physical model."""
+    return records_of_flight(flight_problem(data), AIRCRAFT.tail_time_constant or 0.0)

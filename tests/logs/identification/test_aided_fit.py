@@ -13,6 +13,7 @@ from avionics import topics
 from logs.identification.data.flight import Aircraft
 from logs.identification.estimators.gps_aided import AidedFit, AidedFlight, aided_fit, ned_from_frd
 from logs.identification.models.rigid_body import INPUTS
+from logs.identification.report.flight_path import log_chapter
 from logs.identification.results import Array, estimate
 from logs.identification.sources.flight_path import aided_flight, identify_path, imu_truths
 from logs.identification.sources.full_flight import whole_flight
@@ -186,7 +187,8 @@ def test_the_path_of_a_log_stands_beside_its_truth() -> None:
     assert [one.name for one in found.fitted.estimates] == [f"bias_{name}" for name in INPUTS]
     for one in found.fitted.estimates:
         assert abs(one.value - known[one.name]) < 3 * one.standard_error
-    assert found.chapter is not None and len(found.chapter.plots) == 6
+    chapter = log_chapter(found)
+    assert chapter is not None and len(chapter.plots) == 6
     assert [series.output for series in found.fitted.series] == ["v_north", "v_east", "v_down"]
 
 
@@ -199,7 +201,7 @@ def test_without_velocities_a_filters_attitude_gives_no_numbers() -> None:
     refused = {one.name: one.reason for one in found.fitted.unidentified}
     assert all("flight computer's own attitude" in refused[f"bias_{name}"] for name in INPUTS)
     assert "/sensors/gps" in found.fitted.notes[0]
-    assert found.chapter is not None
+    assert log_chapter(found) is not None
 
 
 def test_manoeuvres_that_meet_are_one_record_and_a_vertical_gyro_gives_numbers() -> None:

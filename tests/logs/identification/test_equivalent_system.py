@@ -4,21 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from linear_ornithopter import AIRCRAFT, Flight, fly, model_of
+from linear_ornithopter import Flight, flight_records, fly, model_of
 from scipy.linalg import block_diag
 from scipy.signal import lsim
 
 from logs.identification.data.experiment import Experiment
-from logs.identification.data.maneuvers import find_manoeuvres
 from logs.identification.estimators.equivalent_system import equivalent_system
-from logs.identification.estimators.records import Records, averaged_records, records_of
+from logs.identification.estimators.records import Records, records_of
 from logs.identification.models.modes import PHUGOID, Mode, short_period_of
 
 FREQUENCY, DAMPING = short_period_of(model_of(Flight()).a)
 
 
 def found(flight: Flight) -> Mode:
-    return equivalent_system(averaged_records(find_manoeuvres(fly(flight), AIRCRAFT)))
+    return equivalent_system(flight_records(fly(flight)))
 
 
 def test_stroke_averages_give_the_short_period() -> None:

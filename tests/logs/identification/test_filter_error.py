@@ -1,245 +1,128 @@
-"""Filter error finds a flapping aircraft with known derivatives though gusts move it, whatever air they are of."""
+"""Filter error of linear models: derivatives of an aircraft in turbulence, within their intervals."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from linear_ornithopter import AIRCRAFT, REFERENCE, TRUTH, Flight, by_filter_error, fly, model_of
-
-from logs.identification.data.flight import AIRSPEED_GUESSED
-from logs.identification.data.flight_segments import stretches
-from logs.identification.data.maneuvers import find_manoeuvres
-from logs.identification.estimators.flight.filter_error import USUAL
-from logs.identification.estimators.flight.gust_ekf_data import BELIEVED, Task, kinds_of
-from logs.identification.estimators.flight.gusts import NUISANCES, Air, flown, prior, system
-from logs.identification.estimators.flight.short_period import identify_modes
-from logs.identification.models.modes import Mode, short_period_of
-
-
-def true_mode() -> tuple[float, float]:
-    return short_period_of(model_of(Flight()).a)
-
-
-def filtered(flight: Flight) -> Mode:
-    return by_filter_error(fly(flight), flight.aircraft)[0]
-
-
-@pytest.mark.validate
-@pytest.mark.parametrize(
-    "flight",
-    [Flight(gust=0.7), Flight(gust=2.0), Flight(gust=2.0, modulation=0.3), Flight(gust=2.0, span=1.0, growing=True)],
-    ids=["0.7 m/s", "2 m/s", "modulated, 2 m/s", "turning and growing, 2 m/s"],
+from output_error_cases import (
+    LATERAL,
+    SHORT_PERIOD,
+    SHORT_PERIOD_TRUTH,
+    covered,
+    measured,
+    parameters,
+    pitching,
+    steps,
+    vector,
 )
-def test_filter_error_in_gusts(flight: Flight) -> None:
-    """The promise in gusts, of 2 m/s and weaker: the median within 10 %, and 85 % of the intervals hold the truth.
+from scipy.linalg import solve_discrete_are
 
-    Of every derivative too in 2 m/s where the air is the simplest, 85.6 at the least; where it turns and the tail's
-    work grows 84.3 % of the damping's were measured and 71 to 98 of the derivatives: the README has them.
-    """
-    truth = true_mode()
-    modes = [filtered(flight._replace(seed=seed)) for seed in range(5000, 5300)]
-    pairs = [
-        (mode.frequency, mode.damping) for mode in modes if mode.frequency is not None and mode.damping is not None
-    ]
-    held = [sum(pair[i].contains(truth[i]) for pair in pairs) for i in (0, 1)]
-    medians = [float(np.median([pair[i].value / truth[i] - 1 for pair in pairs])) for i in (0, 1)]
-    off = float(np.median([abs(pair[0].value / truth[0] - 1) for pair in pairs]))
-    derivatives = {name: sum(mode.derivatives[i].contains(value) for mode in modes if mode.derivatives)
-                   for i, (name, value) in enumerate(TRUTH.items())}  # fmt: skip
-    given = f"gusts {flight.gust} m/s, modulation {flight.modulation}, span {flight.span} m: {len(pairs)} given"
-    print(  # noqa: T201
-        f"{given}, frequency and damping held by {held}, medians {medians[0]:+.3f} {medians[1]:+.3f}, frequency's"
-        f" size {off:.3f}; {derivatives}"
+from logs.identification.data.experiment import Experiment
+from logs.identification.estimators.engine.problem import Nuisances, Parameter, Prior, Problem
+from logs.identification.estimators.filter_error import PREFIX, discrete_noise, filter_error, riccati, steady_gain
+from logs.identification.estimators.output_error import output_error
+from logs.identification.estimators.registry import ESTIMATORS, Request
+from logs.identification.models.actuators import actuated
+from wingbeat.errors import InputError
+
+STEP, COUNT, FINE = 0.02, 500, 10
+STRENGTHS = {"alpha": 0.02, "q": 0.15}
+NOISE = np.array([0.002, 0.004, 0.002, 0.01, 0.2, 0.02])
+OUTPUTS = ("alpha", "q", "a_z")
+
+
+def turbulent(seed: int, gaps: bool = False, scale: float = 1.0, delay: int = 0) -> Experiment:
+    """Short period driven by a 3-2-1-1 elevator input and by white process noise."""
+    rng = np.random.default_rng(seed)
+    time = STEP * np.arange(COUNT)
+    elevator = steps(time, 1.0, 0.4, 0.06)
+    acting = np.concatenate((np.zeros(delay), elevator[: COUNT - delay]))
+    system = SHORT_PERIOD.matrices(vector(SHORT_PERIOD, SHORT_PERIOD_TRUTH))
+    strengths = scale * np.array([STRENGTHS.get(name, 0.0) for name in SHORT_PERIOD.states])
+    dt, x, states = STEP / FINE, np.zeros(3), np.zeros((COUNT, 3))
+    for k in range(COUNT):
+        states[k] = x
+        for _ in range(FINE):
+            x = x + dt * (system.a @ x + system.b[:, 0] * acting[k]) + np.sqrt(dt) * strengths * rng.normal(size=3)
+    outputs = states @ system.c.T + np.outer(acting, system.d[:, 0]) + NOISE * rng.normal(size=(COUNT, len(NOISE)))
+    if gaps:
+        outputs[200:215] = np.nan
+        outputs[300:310, 1] = np.nan
+    return measured(f"turbulent {seed}", time, SHORT_PERIOD, outputs, elevator[:, None])
+
+
+def problem_of(*experiments: Experiment) -> Problem:
+    return Problem(
+        SHORT_PERIOD, experiments, parameters(SHORT_PERIOD_TRUTH), OUTPUTS, Nuisances(output_biases=OUTPUTS)
     )
-    assert len(pairs) >= 0.95 * len(modes)
-    assert abs(medians[0]) < 0.1 and off < 0.1
-    assert all(count >= (0.8 if flight.growing else 0.85) * len(pairs) for count in held)
-    promised = 0.85 if flight == Flight(gust=2.0) else 0.7
-    assert all(count >= promised * len(pairs) for count in derivatives.values())
 
 
-@pytest.mark.parametrize("seeds", [(5000,), pytest.param((5000, 5001), marks=pytest.mark.validate)])
-def test_what_the_air_does_is_told_by_the_flight(seeds: tuple[int, ...]) -> None:
-    """GIVEN air that gusts turn and in which the tail's work grows, and air of neither THEN each is likely there.
-
-    Ten to one for both is what is taken for granted before.
-    """
-    told = {}
-    for growing in (False, True):
-        flights = [Flight(seed=seed, gust=2.0, span=float(growing), growing=growing) for seed in seeds]
-        pairs = [by_filter_error(fly(flight)) for flight in flights]
-        told[growing] = [(found.turning, found.growing) for _, found in pairs if found is not None]
-        frequencies = [mode.frequency for mode, _ in pairs]
-        assert all(frequency is not None and frequency.contains(true_mode()[0]) for frequency in frequencies)
-    assert len(told[False]) == len(told[True]) == len(seeds)
-    assert all(turning < 0.6 and growing < 0.1 for turning, growing in told[False])
-    assert all(turning > 0.6 and growing > 0.9 for turning, growing in told[True])
-
-
-def changing(count: int) -> list[Mode]:
-    """By filter error; of wings whose apparent mass and twist feel the air's change as multibody ones do."""
-    flights = [Flight(seed=seed, gust=0.7, change=(0.05, -0.35, 0.7)) for seed in range(5000, 5000 + count)]
-    return [filtered(flight) for flight in flights]
+def test_filter_error_in_turbulence_covers_the_truth() -> None:
+    """GIVEN records in turbulence, one with gaps WHEN fitted THEN intervals cover, narrower than output error's."""
+    hits, ratios = 0, []
+    for seed in range(8):
+        problem = problem_of(turbulent(2 * seed), turbulent(2 * seed + 1, gaps=True))
+        fit, plain = filter_error(problem), output_error(problem)
+        assert not fit.failure
+        found = {one.name: one for one in fit.estimates}
+        hits += sum(found[name].contains(value) for name, value in SHORT_PERIOD_TRUTH.items())
+        widths = {one.name: one.standard_error for one in plain.estimates}
+        ratios.append([found[name].standard_error / widths[name] for name in ("Z_alpha", "M_q")])
+        assert found[PREFIX + "alpha"].value == pytest.approx(STRENGTHS["alpha"], rel=0.35)
+    assert hits >= 0.85 * 8 * len(SHORT_PERIOD_TRUTH)
+    assert np.median(ratios, axis=0)[0] < 0.4
+    assert np.median(ratios, axis=0)[1] < 0.9
 
 
-def test_what_a_gust_does_by_its_change_is_in_the_intervals() -> None:
-    """Without effects of its own for that change one of six intervals held the damping, 0.09 too high."""
-    found = changing(4)
-    assert all(mode.damping is not None and mode.damping.contains(true_mode()[1]) for mode in found)
+def test_filter_error_in_calm_air_equals_output_error() -> None:
+    problem = Problem(SHORT_PERIOD, (pitching(1), pitching(2)), parameters(SHORT_PERIOD_TRUTH), OUTPUTS)
+    plain, found = output_error(problem), {one.name: one for one in filter_error(problem).estimates}
+    assert covered(plain, SHORT_PERIOD_TRUTH) >= 5
+    for one in plain.estimates:
+        assert found[one.name].value == pytest.approx(one.value, abs=one.standard_error)
 
 
-@pytest.mark.validate
-def test_what_a_gust_does_by_its_change_is_not_taken_for_pitch_damping() -> None:
-    """The damping scatters by 0.05 from flight to flight."""
-    truth, found = true_mode()[1], changing(12)
-    assert sum(mode.damping is not None and mode.damping.contains(truth) for mode in found) >= 5 / 6 * len(found)
-    dampings = [mode.damping.value for mode in found if mode.damping is not None]
-    assert np.median(dampings) == pytest.approx(truth, abs=0.04)
+def test_filter_error_through_an_actuator_finds_the_delay() -> None:
+    model = actuated(SHORT_PERIOD, ("delta_e",))._replace(held=("delta_e",))
+    free = parameters(SHORT_PERIOD_TRUTH) | {"delay_delta_e": Parameter(0.0, low=-0.2, high=0.2)}
+    problem = problem_of(turbulent(3, delay=3), turbulent(4, delay=3))._replace(model=model, parameters=free)
+    found = {one.name: one for one in filter_error(problem).estimates}
+    assert found["delay_delta_e"].value == pytest.approx(3 * STEP, abs=0.01)
 
 
-@pytest.mark.parametrize("seed", [5000, *(pytest.param(seed, marks=pytest.mark.validate) for seed in (5001, 5002))])
-def test_what_harder_flapping_does_is_taken_for_what_it_is(seed: int) -> None:
-    """GIVEN wings that flap harder and softer, as a height hold makes them between inputs.
-
-    Without the measured flapping the frequency came out 11 to 27 % too low.
-    """
-    frequency, damping = true_mode()
-    data = fly(Flight(seed=seed, flapping=(1.0, 1.0, -6.0)))
-    untold = data._replace(wing_rate_squared=np.full(len(data.time), np.nan))
-    found, unmeasured = (by_filter_error(each, AIRCRAFT)[0] for each in (data, untold))
-    assert found.frequency is not None and found.frequency.contains(frequency)
-    assert found.frequency.value == pytest.approx(frequency, rel=0.1)
-    assert found.damping is not None and found.damping.contains(damping)
-    assert unmeasured.frequency is not None
-    assert unmeasured.frequency.value < 0.9 * frequency
+def test_prior_shrinks_an_estimate_and_its_interval() -> None:
+    """GIVEN a prior as wide as the standard error THEN the estimate is halfway and the variance half."""
+    problem = problem_of(turbulent(5, scale=0.0))
+    plain = {one.name: one for one in output_error(problem).estimates}["M_q"]
+    mean = plain.value + 2.0 * plain.standard_error
+    prior = Prior(mean, plain.standard_error)
+    free = dict(problem.parameters) | {"M_q": Parameter(plain.value, prior=prior)}
+    found = {one.name: one for one in output_error(problem._replace(parameters=free)).estimates}["M_q"]
+    assert found.value == pytest.approx((plain.value + mean) / 2, abs=0.6 * plain.standard_error)
+    assert found.standard_error == pytest.approx(plain.standard_error / np.sqrt(2), rel=0.2)
 
 
-def test_what_bank_and_slip_do_is_taken_for_what_it_is() -> None:
-    """GIVEN an aircraft that swings sideways in calm air.
-
-    Told of its bank and its side force filter error has the short period within 2 %; untold it takes all that for
-    gusts, and its intervals are more than three times as wide.
-    """
-    frequency, damping = true_mode()
-    data = fly(Flight(seed=5000, slip=1.0))
-    nothing = np.full(len(data.time), np.nan)
-    level = data._replace(roll=nothing, roll_rate=nothing, yaw_rate=nothing, accel_y=nothing)
-    found, untold = (by_filter_error(each)[0] for each in (data, level))
-    assert found.frequency is not None and found.frequency.contains(frequency)
-    assert found.frequency.value == pytest.approx(frequency, rel=0.02)
-    assert found.damping is not None and found.damping.contains(damping)
-    assert found.damping.value == pytest.approx(damping, abs=0.02)
-    assert untold.frequency is not None
-    assert found.frequency.standard_error < untold.frequency.standard_error / 2.0
+def test_riccati_and_gain_equal_scipys() -> None:
+    system = LATERAL.matrices(np.linspace(-2.0, 1.0, len(LATERAL.parameters)))
+    density, noise = np.diag([0.1, 0.5, 0.2, 0.0]), np.diag([0.1, 0.2, 0.3])
+    transition, covariance = discrete_noise(system.a, density, 0.05)
+    c = system.c[:3]
+    expected = solve_discrete_are(transition.T, c.T, covariance, noise)
+    np.testing.assert_allclose(riccati(transition, c, covariance, noise), expected, rtol=1e-7, atol=1e-10)
+    gain = expected @ c.T @ np.linalg.inv(c @ expected @ c.T + noise)
+    np.testing.assert_allclose(steady_gain(system.a, c, density, noise, 0.05)[0], gain, rtol=1e-6, atol=1e-9)
 
 
-def test_a_steady_gust_moves_the_aircraft_as_its_own_motion_does_and_the_tails_work_grows() -> None:
-    """GIVEN the speeds over ground for those through the air THEN a gust takes off them, and has no other part."""
-    values, nuisances = np.array(list(TRUTH.values()))[:, None], prior(REFERENCE, AIRCRAFT, Air(True, True))[:, None]
-    nuisances[NUISANCES.index("change across")] = -0.3
-    model = model_of(Flight())
-    through_air = np.eye(8)
-    through_air[[0, 1], [4, 5]] = -1.0
-    over_ground = np.linalg.inv(through_air)
-    for growing in (False, True):
-        found = system(flown(tuple(TRUTH), REFERENCE, AIRCRAFT, Air(True, growing)), values, nuisances)
-        rates = np.concatenate((over_ground @ found.a[..., 0], found.c[..., 0])) @ through_air
-        across = rates[:, 5:].sum(axis=1)
-        blown = -np.concatenate((model.a[:3, 1], model.c[1:3, 1]))
-        np.testing.assert_allclose(across[[0, 1, 2, 9, 10]], blown, atol=1e-12)
-        np.testing.assert_allclose(across[3:5], 0.0, atol=1e-12)
-        density = over_ground @ found.density[:8, :8, 0] @ over_ground.T
-        np.testing.assert_allclose(density[:4, 4:], 0.0, atol=1e-12)
-        strengths, durations, pushes = (np.exp(nuisances[at, 0]) for at in (slice(2), slice(2, 4), slice(5, 8)))
-        np.testing.assert_allclose(density[:3, :3], np.diag(pushes**2), atol=1e-12)
-        np.testing.assert_allclose(np.diag(density)[4:6], 2.0 * strengths**2 / durations)
-        more = found.growing[..., 0]
-        assert more[2, 1] == growing * TRUTH["M_w"] and more[1, 1] == 0.0
-        assert more[1, 2] == pytest.approx(growing * TRUTH["Z_q"])
-        assert more[4, 4] == found.a[4, 4, 0] < 0.0
-        assert more[10, 1] == pytest.approx(-growing * AIRCRAFT.imu_x * TRUTH["M_w"])
+@pytest.mark.parametrize("method", ["output_error", "filter_error"])
+def test_registry_rows_return_results(method: str) -> None:
+    request = Request((turbulent(1),), (turbulent(2),), ("delta_e",), OUTPUTS, (), SHORT_PERIOD, SHORT_PERIOD_TRUTH)
+    result = ESTIMATORS[method].estimate(request)
+    assert result.method == method and result.status == "converged"
+    assert result.covariance is not None and result.covariance.shape == 2 * (len(result.estimates),)
+    assert {one.held_out for one in result.series} == {False, True}
+    assert result.value("M_alpha") == pytest.approx(SHORT_PERIOD_TRUTH["M_alpha"], rel=0.3)
 
 
-def test_gusts_that_have_always_blown_go_on_as_they_are() -> None:
-    """GIVEN the first state of a stretch THEN what gusts, and what lags make of them, have for a covariance stays."""
-    values, nuisances = np.array(list(TRUTH.values()))[:, None], prior(REFERENCE, AIRCRAFT, Air(True, True))[:, None]
-    found = system(flown(tuple(TRUTH), REFERENCE, AIRCRAFT, Air(True, True)), values, nuisances)
-    known = found.start[4:, 4:, 0]
-    for airspeed in (0.7, 1.0, 1.3):
-        a, density = (usual[..., 0] + (airspeed - 1.0) * grown[..., 0] for usual, grown in (
-            (found.a, found.growing[:8]), (found.density, found.denser)
-        ))  # fmt: skip
-        here, noise = a[4:8, 4:8], density[4:8, 4:8]
-        np.testing.assert_allclose(here @ known + known @ here.T + noise, 0.0, atol=1e-12)
-
-
-def test_a_pitot_that_is_blocked_for_a_while_spoils_no_stroke() -> None:
-    """GIVEN no airspeed for a second and too high a one for another THEN these strokes have the reference's."""
-    data, truth = fly(Flight(seed=5001, gust=0.7)), true_mode()
-    wrong = data.airspeed.copy()
-    wrong[(data.time > 5.0) & (data.time < 6.0)] = 0.0
-    wrong[(data.time > 8.0) & (data.time < 9.0)] = 30.0
-    blocked = data._replace(airspeed=wrong)
-    task = Task(stretches(blocked, find_manoeuvres(data, AIRCRAFT), 0.0), REFERENCE, AIRCRAFT, tuple(TRUTH))
-    lengths, airspeeds, *_ = kinds_of(task)
-    assert len(lengths) > 0 and np.all((airspeeds > BELIEVED[0]) & (airspeeds < BELIEVED[1]))
-    found = by_filter_error(blocked)[0]
-    assert found.frequency is not None and found.frequency.contains(truth[0])
-
-
-def test_each_stroke_turns_the_speed_that_it_flies_through_the_air() -> None:
-    """GIVEN an airspeed and a speed across for each stroke THEN pitching turns these, to a step of the angle."""
-    data = fly(Flight(seed=3, gust=2.0, doublets=2))
-    manoeuvres = find_manoeuvres(data, AIRCRAFT)
-    cut = stretches(data, manoeuvres, 0.0)
-    task, airspeed = Task(cut, REFERENCE, AIRCRAFT, tuple(TRUTH)), np.concatenate([each.airspeed for each in cut])
-    across = np.random.default_rng(1).normal(REFERENCE.w, 2.0, len(airspeed)).clip(-0.7 * airspeed, 0.7 * airspeed)
-    along = {"as told": np.sqrt(airspeed**2 - across**2), "as usual": airspeed * REFERENCE.u / REFERENCE.airspeed}
-    speeds = {"as told": across, "as usual": airspeed * REFERENCE.w / REFERENCE.airspeed}
-    for how, told in (("as told", across), ("as usual", None)):
-        lengths, _, turned, which, shares = kinds_of(task._replace(across=told))
-        more = np.einsum("kc,kcij->kij", shares, turned[which])
-        np.testing.assert_allclose(more[:, 1, 2] + REFERENCE.u, along[how], rtol=0.015)
-        np.testing.assert_allclose(REFERENCE.w - more[:, 0, 2], speeds[how], atol=0.015 * np.max(airspeed))
-        assert np.count_nonzero(more) <= 2 * len(more)
-        np.testing.assert_allclose(lengths[which[:, 0]], np.diff(cut[0].edges), rtol=0.006)
-
-
-def test_a_wider_span_smooths_gusts_for_longer() -> None:
-    """GIVEN a span THEN what the gusts' turning is smoothed by is centred on 4 b / pi of it."""
-    usual, wide = (prior(REFERENCE, AIRCRAFT._replace(span=span), Air(True, True)) for span in (None, 3.0))
-    place = NUISANCES.index("smoothing")
-    assert np.exp(wide[place]) * REFERENCE.airspeed == pytest.approx(4.0 * 3.0 / np.pi)
-    np.testing.assert_array_equal(np.delete(wide, place), np.delete(usual, place))
-
-
-def test_in_calm_air_filter_error_agrees_with_output_error_though_the_stroke_modulates() -> None:
-    """Averages that always begin at one phase of the stroke put the damping a tenth too high."""
-    frequency, damping = true_mode()
-    dampings = []
-    for seed in range(3):
-        found = filtered(Flight(seed=seed, modulation=0.3))
-        assert found.frequency is not None and found.frequency.value == pytest.approx(frequency, rel=0.02)
-        assert found.damping is not None and found.damping.contains(damping)
-        dampings.append(found.damping.value)
-    assert np.mean(dampings) == pytest.approx(damping, abs=0.02)
-
-
-def test_where_strokes_are_too_uneven_filter_error_says_so() -> None:
-    """GIVEN strokes that were counted at half their rate for 0.6 s of every 1.2."""
-    data = fly(Flight(seed=1, doublets=2))
-    slow = np.where(np.floor(data.time / 0.6) % 2 == 0, 1.0, 0.5)
-    strokes = data.strokes[0] + np.cumsum(np.gradient(data.strokes) * slow)
-    result = identify_modes(data._replace(strokes=strokes), AIRCRAFT)
-    assert result.modes[2].frequency is None and result.filtered is None
-    assert "strokes are too few or too uneven" in result.modes[2].unidentified[0].reason
-
-
-def test_a_speed_over_ground_tells_nothing_of_the_gusts() -> None:
-    """GIVEN no pitot THEN whether the tail's work grows with the airspeed is as likely as before."""
-    flight = Flight(seed=5001, gust=2.0)
-    data = fly(flight)
-    untold = identify_modes(data._replace(notes=(AIRSPEED_GUESSED,)), AIRCRAFT)
-    assert untold.filtered is not None and untold.modes[2].frequency is not None
-    assert untold.filtered.growing == pytest.approx(USUAL, abs=0.02)
-    assert untold.modes[2].frequency.contains(true_mode()[0])
+def test_filter_error_needs_a_known_state() -> None:
+    with pytest.raises(InputError, match="no state V"):
+        filter_error(problem_of(turbulent(1)), ("V",))

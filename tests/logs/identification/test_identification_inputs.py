@@ -7,7 +7,7 @@ import pytest
 from linear_ornithopter import AIRCRAFT, Flight, fly, model_of
 
 from logs.identification.data.flight import FlightData
-from logs.identification.estimators.flight.short_period import identify_modes
+from logs.identification.estimators.flight_modes import identify_modes
 from logs.identification.models.modes import short_period_of
 from logs.identification.results import Array
 from logs.identification.sources.detection import detect_inputs, flapping_frequency, strokes_in

@@ -11,7 +11,7 @@ from linear_ornithopter import AIRCRAFT, Flight, fly
 
 from avionics.vehicles import load_vehicle as load_flight_vehicle
 from logs.identification.data.flight import Aircraft, FlightData
-from logs.identification.estimators.flight.short_period import identify_modes
+from logs.identification.estimators.flight_modes import identify_modes
 from logs.identification.models.modes import ModesResult
 from logs.identification.report.model_file import Base, Log, linear_model, write_model
 from logs.identification.results import Array, Estimate

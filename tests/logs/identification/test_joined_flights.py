@@ -7,16 +7,19 @@ import pytest
 from linear_ornithopter import AIRCRAFT, TRUTH, Flight, by_output_error, fly, model_of
 
 from logs.identification.data.flight import FlightData
-from logs.identification.data.flight_segments import stretches
-from logs.identification.data.maneuvers import find_manoeuvres, reference_of
+from logs.identification.data.maneuvers import Maneuver, find_maneuvers, reference_of
 from logs.identification.data.split import by_flight
 from logs.identification.diagnostics.validation import validation
-from logs.identification.estimators.flight.short_period import FITTED_OUTPUTS, fit_derivatives, identify_modes
-from logs.identification.estimators.flight.simulated_response import fitted
-from logs.identification.estimators.flight.simulation import Problem
+from logs.identification.estimators.flight_modes import (
+    FlightProblem,
+    fit_derivatives,
+    fitted,
+    identify_modes,
+    results_of,
+)
 from logs.identification.models.modes import ModesResult, short_period_of
-from logs.identification.models.stroke_averaged import LONGITUDINAL
 from logs.identification.report.numbers import Identification, document, rows
+from logs.identification.results import Array
 from logs.identification.sources.multi_flight import joined_flights
 from wingbeat.errors import InputError
 
@@ -28,19 +31,23 @@ SOFTER = TRUTH | {"M_w": 0.5 * TRUTH["M_w"], "M_q": 0.5 * TRUTH["M_q"]}
 def held_out(last: FlightData) -> ModesResult:
     """Output error of two flights, ``last`` held out."""
     together = joined_flights((*FLIGHTS, last), NAMES)
-    kept, held = by_flight(find_manoeuvres(together, AIRCRAFT), ("friday.mcap",))
-    reference = reference_of(together, kept)
-    problem = Problem(kept, reference, AIRCRAFT, LONGITUDINAL, FITTED_OUTPUTS)
-    first, second = fit_derivatives(problem)
-    return ModesResult((), None, "", reference, len(kept), 0.25, (), problem, (second, first, second), None, held)
+    kept, locked = by_flight(find_maneuvers(together), ("friday.mcap",))
+    problem = FlightProblem(kept, reference_of(together, kept), AIRCRAFT)
+    results = results_of(problem, fit_derivatives(problem), locked)
+    return ModesResult((), None, "", problem.reference, len(kept), 0.25, (), kept, results, locked, (), problem)
+
+
+def columns(one: Maneuver) -> Array:
+    signals = one.experiment.signals
+    return np.column_stack([signals[name] for name in ("delta_e", "q", "a_x", "a_z", "theta")])
 
 
 def test_the_manoeuvres_are_those_of_each_flight() -> None:
-    together = find_manoeuvres(joined_flights(FLIGHTS), AIRCRAFT)
-    alone = [one for flight in FLIGHTS for one in find_manoeuvres(flight, AIRCRAFT)]
+    together = find_maneuvers(joined_flights(FLIGHTS))
+    alone = [one for flight in FLIGHTS for one in find_maneuvers(flight)]
     assert [one.number for one in together] == list(range(1, 13))
     for one, other in zip(together, alone, strict=True):
-        np.testing.assert_allclose(one.averages, other.averages, atol=1e-6)
+        np.testing.assert_allclose(columns(one), columns(other), atol=1e-6)
         assert one.airspeed == pytest.approx(other.airspeed, abs=1e-3)
 
 
@@ -58,21 +65,10 @@ def test_a_manoeuvre_that_the_end_of_a_flight_cuts_holds_nothing_of_the_next() -
     arrays = {name: getattr(first, name)[:end] for name in first._fields if name != "notes"}
     cut = first._replace(**arrays)
     shaken = second._replace(pitch_rate=second.pitch_rate + 5.0)
-    calm, kicked = (find_manoeuvres(joined_flights((cut, one)), AIRCRAFT) for one in (second, shaken))
+    calm, kicked = (find_maneuvers(joined_flights((cut, one))) for one in (second, shaken))
     assert len(calm) == len(kicked) == 12
     for one, other in zip(calm[:6], kicked[:6], strict=True):
-        np.testing.assert_array_equal(one.averages, other.averages)
-        np.testing.assert_array_equal(one.averaging_to_end @ one.raw, other.averaging_to_end @ other.raw)
-
-
-def test_no_stretch_of_strokes_goes_from_one_flight_into_another() -> None:
-    """GIVEN flights that begin and end within a second of a manoeuvre."""
-    together = joined_flights(FLIGHTS)
-    found = stretches(together, find_manoeuvres(together, AIRCRAFT), 0.0)
-    alone = [stretches(one, find_manoeuvres(one, AIRCRAFT), 0.0) for one in FLIGHTS]
-    assert len(found) == sum(len(each) for each in alone) == 2
-    for one, other in zip(found, (each[0] for each in alone), strict=True):
-        assert abs(len(one.averages) - len(other.averages)) <= 1
+        np.testing.assert_array_equal(columns(one), columns(other))
 
 
 def test_flights_of_other_rates_are_not_joined() -> None:
@@ -83,9 +79,9 @@ def test_flights_of_other_rates_are_not_joined() -> None:
 
 def test_a_manoeuvre_of_joined_flights_is_named_as_its_own_log_has_it() -> None:
     second = FLIGHTS[1]._replace(time=FLIGHTS[1].time + 100.0)
-    together = find_manoeuvres(joined_flights((FLIGHTS[0], second), NAMES[:2]), AIRCRAFT)
-    alone = [one for flight in (FLIGHTS[0], second) for one in find_manoeuvres(flight, AIRCRAFT)]
-    assert alone[7].name.startswith("manoeuvre 2 at 10")
+    together = find_maneuvers(joined_flights((FLIGHTS[0], second), NAMES[:2]))
+    alone = [one for flight in (FLIGHTS[0], second) for one in find_maneuvers(flight)]
+    assert alone[7].name.startswith("maneuver 2 at 10")
     flights = [name for name in NAMES[:2] for _ in range(6)]
     assert [one.name for one in together] == [
         f"{one.name} of {name}" for one, name in zip(alone, flights, strict=True)
@@ -95,7 +91,7 @@ def test_a_manoeuvre_of_joined_flights_is_named_as_its_own_log_has_it() -> None:
 def test_what_a_held_out_flight_holds_moves_no_number_and_is_predicted() -> None:
     """GIVEN a third flight of the same aircraft, and one of a softer one, each held out."""
     same, other = (held_out(fly(Flight(seed=3, truth=truth))) for truth in (TRUTH, SOFTER))
-    np.testing.assert_array_equal(same.fits[0].values, other.fits[0].values)
+    assert same.results[0].estimates == other.results[0].estimates
     near, far = validation(same), validation(other)
     assert near is not None and far is not None and near.held_out == ("friday.mcap",)
     assert {one.flight for one in near.predictions} == {"friday.mcap"}
@@ -109,17 +105,19 @@ def test_the_report_draws_a_whole_flight_and_says_so() -> None:
     """GIVEN flights of which none was asked to be held out: those of one are predicted by a second fit."""
     result = held_out(fly(Flight(seed=3)))
     asked = fitted(result)[0]
-    drawn = fitted(result._replace(held_out=()))[0]
-    for told, count in ((asked, 18), (drawn, 12)):
+    series = tuple(one for one in result.results[0].series if not one.held_out)
+    results = (result.results[0]._replace(series=series), *result.results[1:])
+    drawn = fitted(result._replace(held_out=(), results=results))[0]
+    for told in (asked, drawn):
         names = {one.experiment.rpartition(" of ")[2] for one in told.series if one.held_out}
-        assert len(names) == 1 and f"6 of {count} manoeuvres, all of {names.pop()}, were held out" in told.validation
+        assert len(names) == 1 and told.validation.startswith("6 of ")
     assert not {one.experiment for one in drawn.series if one.held_out} & {m.name for m in result.held_out}
 
 
 def test_modes_of_joined_flights_tell_theils_coefficient_of_the_one_held_out() -> None:
     found = identify_modes(joined_flights(FLIGHTS, NAMES[:2]), AIRCRAFT, held_out=("tuesday.mcap",))
-    assert found.manoeuvres == 6 and found.problem is not None
-    assert {one.flight.name for one in found.problem.manoeuvres if one.flight} == {"monday.mcap"}
+    assert found.manoeuvres == 6
+    assert {one.flight.name for one in found.maneuvers if one.flight} == {"monday.mcap"}
     told = Identification(modes=found)
     note = next(row.note for row in rows(told) if row.name == "held out")
     assert note.startswith("tuesday.mcap (6 manoeuvres), predicted and not fitted: Theil's U q 0.")
@@ -133,7 +131,7 @@ def test_modes_of_joined_flights_tell_theils_coefficient_of_the_one_held_out() -
 
 
 def test_where_nothing_would_be_left_to_fit_it_is_refused() -> None:
-    manoeuvres = find_manoeuvres(joined_flights(FLIGHTS, NAMES[:2]), AIRCRAFT)
+    manoeuvres = find_maneuvers(joined_flights(FLIGHTS, NAMES[:2]))
     with pytest.raises(InputError, match=r"every flight with a usable manoeuvre is held out"):
         by_flight(manoeuvres, NAMES[:2])
     with pytest.raises(InputError, match=r"friday.mcap is held out and has no complete elevator manoeuvre"):

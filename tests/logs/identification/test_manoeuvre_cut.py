@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from linear_ornithopter import AIRCRAFT, STEP, Flight, by_output_error, fly, model_of
+from linear_ornithopter import STEP, Flight, by_output_error, fly, model_of
 
 from logs.identification.data.flight import FlightData
-from logs.identification.data.maneuvers import find_manoeuvres
+from logs.identification.data.maneuvers import find_maneuvers
 from logs.identification.models.modes import short_period_of
 
 KICKED = 0.2
@@ -29,11 +29,12 @@ def kicked(data: FlightData, size: float) -> FlightData:
 @pytest.mark.parametrize("width", [0.2, 0.4])
 def test_what_happens_behind_the_end_of_a_manoeuvre_is_no_part_of_it(width: float) -> None:
     data = fly(Flight(seed=3, width=width, modulation=0.2))
-    before, after = (find_manoeuvres(one, AIRCRAFT) for one in (data, kicked(data, 1.0)))
+    before, after = (find_maneuvers(one) for one in (data, kicked(data, 1.0)))
     assert len(before) == len(after) == 6
     for one, other in zip(before, after, strict=True):
-        np.testing.assert_array_equal(one.averages, other.averages)
-        assert one.at[-1] + one.start + one.period / 2 == pytest.approx(
+        for name, values in one.experiment.signals.items():
+            np.testing.assert_array_equal(values, other.experiment.signals[name])
+        assert one.experiment.time[-1] + one.period / 2 == pytest.approx(
             data.time[np.flatnonzero(data.manoeuvre * data.active == one.number)[-1]], abs=0.03
         )
 
@@ -46,11 +47,10 @@ def test_wings_that_slow_down_within_an_input_take_the_averages_as_far_back_as_t
     data = fly(Flight(seed=2, doublets=2))
     begin = data.time[np.flatnonzero(np.diff(data.active) > 0)[0] + 1] + 0.2
     rate = np.where((data.time > begin) & (data.time < begin + 2.0), 0.3, 4.0)
-    one, other = find_manoeuvres(data._replace(strokes=np.cumsum(rate) * STEP), AIRCRAFT)
-    for manoeuvre in (one, other):
-        shares = np.asarray(manoeuvre.averaging_to_end.sum(axis=1))
-        np.testing.assert_allclose(shares, 1.0, atol=1e-9)
-    assert one.at[0] > other.at[0]
+    one, other = find_maneuvers(data._replace(strokes=np.cumsum(rate) * STEP))
+    for maneuver in (one, other):
+        assert all(np.all(np.isfinite(values)) for values in maneuver.experiment.signals.values())
+    assert one.experiment.time[0] < other.experiment.time[0]
 
 
 def test_loops_that_fly_again_do_not_move_the_frequency() -> None:

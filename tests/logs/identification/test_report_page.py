@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from linear_ornithopter import AIRCRAFT, Flight, fly
-from logs.identification.aerodynamics import stroke_fits
 from wing_drives import K_TAU, K_TAU0, Drives, measure, simulate
 
+from logs.identification.estimators import stroke_coefficients as stroke_fits
 from logs.identification.estimators.flapping_frequency import FrequencyModel, Segment
-from logs.identification.estimators.flight.short_period import identify_modes
+from logs.identification.estimators.flight_modes import identify_modes
 from logs.identification.estimators.servo_power import identify_power
 from logs.identification.estimators.servo_torque import identify_torque
 from logs.identification.estimators.wing_coefficients import AeroResult, CoefficientModel
@@ -102,7 +102,7 @@ def test_every_chapter_is_there_and_every_tag_is_closed(report: Path) -> None:
     findings = report.read_text(encoding="utf-8").partition(">Findings</h2>")[2].partition("<h2")[0]
     assert "output power at the centre of the data" in findings and "torque at no current" in findings
     words = " ".join(outline.words)
-    for said in (SUBJECT.sha256, "Used: 6 manoeuvres", "2 of 6 manoeuvres were held out", "agree", "Theil"):
+    for said in (SUBJECT.sha256, "Used: 6 manoeuvres", "2 of 6 maneuvers were held out", "agree", "Theil"):
         assert said in words
 
 
@@ -124,7 +124,7 @@ def test_held_out_manoeuvres_are_predicted_by_a_model_that_never_saw_them(found:
     assert set(r_squared) == {"q", "a_x", "a_z"}
     assert isinstance(r_squared["q"], float) and 0.9 < r_squared["q"] < 1.0
     drawn = [part.title for part in validation.parts[0].parts]
-    assert len(drawn) == 2 and all(title.startswith("manoeuvre") for title in drawn)
+    assert len(drawn) == 2 and all(title.startswith("maneuver") for title in drawn)
 
 
 def test_a_page_needs_no_network_and_no_script(report: Path) -> None:
@@ -136,7 +136,7 @@ def test_a_page_needs_no_network_and_no_script(report: Path) -> None:
 def test_what_was_not_found_is_said_with_its_reason(found: Identification) -> None:
     modes = found.modes
     assert modes is not None
-    alone = modes._replace(problem=None, fits=())
+    alone = modes._replace(maneuvers=(), results=())
     words = page("t", (), chapters(SUBJECT, Identification(modes=alone)))
     assert "Validation" not in words and "Drive servos" not in words
     for mode in modes.modes:

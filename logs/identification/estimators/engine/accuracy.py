@@ -5,7 +5,6 @@ Morelli & Klein, Accuracy of Aerodynamic Model Parameters Estimated from Flight 
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -25,13 +24,13 @@ from logs.identification.estimators.engine.weights import about_mean, whitener_o
 from logs.identification.findings import Entry, Finding, register
 from logs.identification.results import Array, student_factor
 from logs.identification.statistics.covariance_inflation import not_below
-from logs.identification.statistics.hac import HacCovariance, Linear, Noise, noise_of, runs, under
+from logs.identification.statistics.parameter_uncertainty import LEAST_CLUSTERS, Spread, by_scatter
 from logs.identification.statistics.residual_autocorrelation import colour_of, coloured_information
 
-LAG_SHARE = 0.1
+LAG_SHARE = 0.2
 """-; of the longest record: width of the lag window"""
-ALIKE = 1e-8
-"""-; of the largest singular value of an output's sensitivities: smaller ones are rounding"""
+MAX_POLE = 0.97
+"""-; of the filter that prewhitens residuals"""
 MIXED = 1e-2
 """-; share of a parameter in a direction that the data does not determine"""
 WIDEST = 1.0
@@ -84,88 +83,67 @@ def accuracy_of(flight: Flight, found: Found, names: tuple[str, ...]) -> Accurac
 
 
 def _sandwich(flight: Flight, normal: Normal, free: Indices, inverse: Array, rank: int) -> tuple[Array, Array]:
-    """Covariance (p, p) of the ``free`` parameters, and the degrees of freedom (p,) of each variance."""
+    """Covariance (p, p) of the ``free`` parameters and effective degrees of freedom (p,).
+
+    The Cramer-Rao bound for residuals with their estimated autocorrelation (Morelli & Klein, 1997), prewhitened
+    (Andrews & Monahan, Econometrica 60, 1992), at least that for white residuals and, of enough records, that of the
+    scatter between them (CR2), which contains errors of the model's structure.
+    """
     residuals = [piece.residuals for piece in normal.pieces]
     used = [record.used for record in flight.records]
-    lags = max(int(LAG_SHARE * max(len(piece) for piece in residuals)), 1) + 1
-    effective = colour_of(residuals, used, lags).effective
-    degrees = max(effective - len(free) - rank, 1.0)
     sensitivities = []
     for piece in normal.pieces:
         inner, _ = pseudo_inverse(piece.own.T @ piece.own)
         rest = piece.slopes[:, free] - piece.own @ (inner @ (piece.own.T @ piece.slopes[:, free]))
         sensitivities.append(rest.reshape(*piece.residuals.shape, len(free)))
-    given = Sensed(sensitivities, residuals, used)
-    noises = [_noise_of(given, inverse, output) for output in range(residuals[0].shape[1])]
-    whitened = _whitened(given, [one.model.filter if one else np.ones(1) for one, _ in noises])
-    colour = colour_of(whitened.residuals, whitened.used, lags)
-    covariance = inverse @ coloured_information(whitened.sensitivities, colour) @ inverse
-    if not np.all(np.diag(covariance) > 0.0):
-        # Of smoothed signals the residuals have next to no noise at high frequencies: there a spectrum that errs to
-        # below zero, times sensitivities that are all the larger, is the whole variance.
-        colour = colour_of(whitened.residuals, whitened.used, lags, definite=True)
-        covariance = inverse @ coloured_information(whitened.sensitivities, colour) @ inverse
-    prior = inverse * normal.precision[free] @ inverse
-    covariance = covariance * (effective / degrees) + prior
+    unfiltered = sensitivities
+    lags = max(int(LAG_SHARE * max(len(piece) for piece in residuals)), 1) + 1
+    effective = colour_of(residuals, used, lags).effective
+    degrees = max(effective - len(free) - rank, 1.0)
     count = sum(float(mask.sum()) for mask in used)
     variance = sum(float(np.sum(piece**2)) for piece in residuals) / max(count - len(free) - rank, 1.0)
-    each = np.minimum(_degrees_each([under(one, records) for one, records in noises if one], len(free)), degrees)
-    return not_below(covariance, inverse * variance), each
+    residuals, used, sensitivities = _prewhitened(residuals, used, sensitivities)
+    colored = colour_of(residuals, used, lags)
+    covariance = inverse @ coloured_information(sensitivities, colored) @ inverse
+    if not np.all(np.diag(covariance) > 0.0):
+        # The estimated spectrum is negative where the residuals have next to no power: use the one that never is.
+        colored = colour_of(residuals, used, lags, definite=True)
+        covariance = inverse @ coloured_information(sensitivities, colored) @ inverse
+    prior = inverse * normal.precision[free] @ inverse
+    within = not_below(covariance * (effective / degrees) + prior, inverse * variance)
+    each = np.full(len(free), degrees)
+    if len(normal.pieces) < LEAST_CLUSTERS:
+        return within, each
+    parts = [piece.residuals for piece in normal.pieces], unfiltered, np.diag(normal.precision[free])
+    between = by_scatter(Spread(within, degrees), *parts)
+    assert between.between is not None
+    wider = np.diag(between.between) > np.diag(within)
+    each = np.where(wider, np.minimum(between.standard_errors()[1], degrees), degrees)
+    return not_below(within, between.between), each
 
 
-class Sensed(NamedTuple):
-    """What the information is made of, record by record."""
-
-    sensitivities: list[Array]
-    """(N_i, m, p)"""
-    residuals: list[Array]
-    """(N_i, m)"""
-    used: list[Array]
-    """-; (N_i, m), 1.0 or 0.0"""
+Arrays = list[Array]
 
 
-def _whitened(given: Sensed, filters: list[Array]) -> Sensed:
-    """Residuals of each output made white by its own of the ``filters``, sensitivities coloured by it instead.
+def _prewhitened(residuals: Arrays, used: Arrays, sensitivities: Arrays) -> tuple[Arrays, Arrays, Arrays]:
+    """Residuals (N_i, m) behind a first-order filter of each output that makes them nearly white.
 
-    A lag window of a tenth of the record is shorter than the memory of slow residuals (Andrews & Monahan,
-    Econometrica 60, 1992): with the noise ``T^-1 e``, ``S^T T^-1`` meets the white ``e``.
+    The adjoint of its inverse goes over the sensitivities (N_i, m, p), so that the information stays the same.
     """
-    residuals, used = [one.copy() for one in given.residuals], [one.copy() for one in given.used]
-    sensitivities = [one.copy() for one in given.sensitivities]
-    for output, gains in enumerate(filters):
-        order = len(gains) - 1
-        for place, mask in enumerate(given.used if order else ()):
-            there = (runs(mask[:, output], order) >= order).astype(np.float64)
-            residuals[place][:, output] = lfilter(gains, [1.0], given.residuals[place][:, output]) * there
-            used[place][:, output] = there
-            turned = lfilter([1.0], gains, given.sensitivities[place][::-1, output], axis=0)
-            sensitivities[place][:, output] = turned[::-1]
-    return Sensed(sensitivities, residuals, used)
-
-
-def _noise_of(given: Sensed, inverse: Array, output: int) -> tuple[Noise | None, tuple[Linear, ...]]:
-    """The noise of one output, None where nothing tells it, and the output's part in the estimates."""
-    slopes = np.vstack([one[:, output] for one in given.sensitivities])
-    left, sizes, _ = np.linalg.svd(slopes, full_matrices=False)
-    basis = left[:, sizes > ALIKE * max(float(sizes[0]), 1e-300)]
-    edges = pairwise(np.cumsum([0, *(len(one) for one in given.used)]))
-    records = tuple(
-        Linear(slopes[first:last] @ inverse, basis[first:last], left_over[:, output], mask[:, output])
-        for (first, last), left_over, mask in zip(edges, given.residuals, given.used, strict=True)
-    )
-    try:
-        return noise_of(records), records
-    except np.linalg.LinAlgError:
-        return None, records
-
-
-def _degrees_each(parts: list[HacCovariance], count: int) -> Array:
-    """Degrees of freedom (p,) of each variance, a sum over outputs (Satterthwaite, Biometrics 2, 1946)."""
-    if not parts:
-        return np.full(count, np.inf)
-    variances = np.array([np.maximum(np.diag(one.covariance), 0.0) for one in parts])
-    shares = variances / np.maximum(variances.sum(axis=0), 1e-300)
-    return np.asarray(1.0 / np.maximum(np.sum(shares**2 / [one.degrees for one in parts], axis=0), 1e-12))
+    residuals, used, sensitivities = ([one.copy() for one in each] for each in (residuals, used, sensitivities))
+    for output in range(residuals[0].shape[1]):
+        pairs = [(r[:, output], u[:, output]) for r, u in zip(residuals, used, strict=True)]
+        if not any(np.any(u[1:] * u[:-1]) for _, u in pairs):
+            continue
+        products = sum(float(np.sum(r[1:] * r[:-1])) for r, _ in pairs)
+        squares = sum(float(np.sum(r[:-1] ** 2 * u[1:])) for r, u in pairs)
+        pole = float(np.clip(products / max(squares, 1e-300), -MAX_POLE, MAX_POLE))
+        for r, u, s in zip(residuals, used, sensitivities, strict=True):
+            both = u[1:, output] * u[:-1, output]
+            r[1:, output] = (r[1:, output] - pole * r[:-1, output]) * both
+            r[0, output], u[0, output], u[1:, output] = 0.0, 0.0, both
+            s[:, output] = lfilter([1.0], [1.0, -pole], s[::-1, output], axis=0)[::-1]
+    return residuals, used, sensitivities
 
 
 def _undetermined(spectrum: Spectrum, names: list[str]) -> dict[str, Finding]:

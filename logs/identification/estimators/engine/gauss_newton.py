@@ -26,6 +26,8 @@ SMALL_RELATIVE_STEP = 1e-9
 """-; of a parameter's size: records without noise have no standard error to measure with"""
 SMALL_COST = 1e-2
 """-; change of the logarithm of the likelihood"""
+FLAT_STEPS, FLAT_SIZE = 4, 0.5
+"""-; steps in which the cost is constant, and standard errors of the last one, that end the search as well"""
 STALLED_STEP = 0.1
 """-; standard errors: a smaller step that no longer lowers the cost ends the search at its numerical floor"""
 
@@ -102,6 +104,8 @@ def gauss_newton(problem: Problem, flight: Flight, start: Unknowns, most: int) -
         steps.append(Iteration(now.cost, size))
         state = (now.unknowns, now.noise, normal, held, now.cost, tuple(steps))
         if size < SMALL_STEP and step.decrement < SMALL_COST and abs(before - now.cost) < SMALL_COST:
+            return Found("converged", "", *state)
+        if len(steps) > FLAT_STEPS and steps[-1 - FLAT_STEPS].cost - now.cost < SMALL_COST and size < FLAT_SIZE:
             return Found("converged", "", *state)
         if len(steps) > most:
             return Found("not converged", f"not converged after {most} steps", *state)

@@ -1,1 +1,0 @@
-"""Estimators of the stroke-averaged flight of a flapping-wing aircraft."""

@@ -1,0 +1,451 @@
+"""Modes of a flapping flight by every method: output error, equation error, filter error, and without a model.
+
+All methods work on the same records, stroke averages of elevator command and outputs (`data.maneuvers`), and on the
+linear longitudinal model of `models.stability` behind the tail's delay and lag.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from logs.identification.data.experiment import Experiment
+from logs.identification.data.flight import Aircraft, FlightData
+from logs.identification.data.lag import behind
+from logs.identification.data.maneuvers import (
+    ELEVATOR,
+    Maneuver,
+    Reference,
+    dropped_maneuvers,
+    find_maneuvers,
+    reference_of,
+)
+from logs.identification.data.split import by_flight, drawn
+from logs.identification.diagnostics.agreement import agreement
+from logs.identification.estimators.engine.problem import Fit, Nuisances, Parameter, Problem
+from logs.identification.estimators.equation_error import Settings, coefficient_regression
+from logs.identification.estimators.filter_error import Filtered, filter_error_search
+from logs.identification.estimators.nonparametric import modes_of_records
+from logs.identification.estimators.output_error import Search, fitted_series, output_error, predicted
+from logs.identification.estimators.records import Records, records_of
+from logs.identification.findings import Entry, Finding, register
+from logs.identification.models.actuators import Actuated, Actuator
+from logs.identification.models.modes import SHORT_PERIOD, Mode, ModesResult, mode_of_system, nothing
+from logs.identification.models.stroke_averaged import LONGITUDINAL, TAIL_DELAY, TAIL_LAG, UNITS, model_of
+from logs.identification.results import Array, Estimate, EstimationResult, FitSeries, Fitted, Unidentified
+from logs.identification.statistics.parameter_uncertainty import Spread
+from wingbeat.constants import STANDARD_GRAVITY
+
+OUTPUT_ERROR, EQUATION_ERROR, FILTER_ERROR = "output error", "equation error, frequency domain", "filter error"
+OUTPUTS = ("q", "a_x", "a_z")
+"""fitted; the pitch angle is the integral of the pitch rate and adds no information"""
+FIRST_LAG, MAX_LAG = 0.05, 0.3
+"""s; of a tail whose time constant is not known: start and bound"""
+HIGHEST = 0.5
+"""-; of the flapping frequency: bandwidth of the stroke averages"""
+DRIFT_ORDER = 2
+"""-; of the polynomial in time that the biases of the sensors leave in the integrated speeds"""
+
+
+GUSTY_STATES = ("u", "w", "q")
+"""-; airspeeds, to whose rates gusts add nearly white noise"""
+LIFT_SLOPE = 3.0
+"""1/rad; change of the lift over the lift"""
+TURBULENT = 0.85
+"""-; coefficient of determination of the pitch rate by output error, below which turbulence dominates"""
+LARGE_PITCH = 0.5
+"""rad; range of the pitch angle in a maneuver, above which the linear kinematics are inaccurate"""
+THIRD = 3
+"""-; every third maneuver of a single flight is predicted by a fit to the others"""
+EQUATIONS = (
+    "du/dt = X_u u + X_w w + (X_q − w₀) q − g cos θ₀ θ + X_δ δ",
+    "dw/dt = Z_u u + Z_w w + (Z_q + u₀) q − g sin θ₀ θ + Z_δ δ",
+    "dq/dt = M_u u + M_w w + M_q q + M_δ δ,   dθ/dt = q",
+    "u, w (airspeed along the body's x and z axis), q (pitch rate), θ (pitch) and δ (achieved tail angle, nose up"
+    " positive) are changes from the steady flight u₀, w₀, θ₀ and averages over a wing stroke; body axes, x ahead, z"
+    " down.",
+)
+
+register({
+    "turbulence": Entry(
+        "the elevator explains {share} of the pitch rate; prefer filter error, whose damping may be low",
+        "The coefficient of determination of the pitch rate by output error is low: turbulence moves the aircraft as"
+        " much as the input does. Methods without process noise are biased then; the damping by filter error is"
+        " biased low if records are shorter than about twenty strokes, since each has initial states and biases.",
+        "fly larger inputs, longer maneuvers, or in calmer air; use the frequency of filter error",
+    ),
+    "large_motion": Entry(
+        "pitch moves through {value:.2f} rad; the linear model assumes less than {limit:g} rad",
+        "Products of pitch rate and speeds and the rotation of gravity are not in the linear model: frequency and"
+        " damping may be biased by some percent.",
+        "fly smaller or shorter inputs",
+    ),
+    "methods_disagree": Entry(
+        "{statement}",
+        "The difference of two methods exceeds the interval of the difference.",
+        "compare fits and residuals of the methods; check the model's structure",
+    ),
+})  # fmt: skip
+
+
+NO_FALLBACK = Search(fallback=False)
+
+
+class FlightProblem(NamedTuple):
+    """Maneuvers and the model that is fitted to them."""
+
+    maneuvers: tuple[Maneuver, ...]
+    reference: Reference
+    aircraft: Aircraft
+    names: tuple[str, ...] = LONGITUDINAL
+    """-; derivatives that are free"""
+    outputs: tuple[str, ...] = OUTPUTS
+    """-; outputs that are fitted"""
+
+    def problem(self, start: Mapping[str, float]) -> Problem:
+        """The maximum-likelihood problem from ``start``, by parameter."""
+        model = model_of(self.names, self.reference, self.aircraft)
+        lag = self.aircraft.tail_time_constant
+        parameters = {name: Parameter(start[name]) for name in self.names}
+        parameters[TAIL_DELAY] = Parameter(self.aircraft.tail_delay, free=False)
+        parameters[TAIL_LAG] = (
+            Parameter(start.get(TAIL_LAG, FIRST_LAG), low=0.0, high=MAX_LAG) if lag is None else Parameter(lag, False)
+        )
+        experiments = tuple(one.experiment for one in self.maneuvers)
+        nuisances = Nuisances(output_biases=self.outputs)
+        actuated = Actuated(model, (Actuator((ELEVATOR,), TAIL_DELAY, TAIL_LAG),))
+        return Problem(actuated, experiments, parameters, self.outputs, nuisances)
+
+    def system(self, names: tuple[str, ...], values: Array) -> Array:
+        """Matrix A (n, n) at the ``values`` (p,) of parameters ``names``."""
+        model = model_of(self.names, self.reference, self.aircraft)
+        given = dict(zip(names, values.tolist(), strict=True))
+        return model.matrices(np.array([given.get(name, 0.0) for name in model.parameters])).a
+
+
+class Regression(NamedTuple):
+    """Derivatives by equation error."""
+
+    names: tuple[str, ...]
+    values: Array
+    """(p,)"""
+    covariance: Array
+    """(p, p)"""
+    degrees: float
+    series: tuple[FitSeries, ...] = ()
+    """each equation's response by its regressors and the drift"""
+    failure: str = ""
+
+
+def equation_error(flight: FlightProblem, lag: float) -> Regression:
+    """Each equation of motion as a complex regression (Grauer Eq. 20, 21; Klein & Morelli, 2006, ch. 7)."""
+    experiments = tuple(with_speeds(one, flight.reference, flight.aircraft, lag) for one in flight.maneuvers)
+    length = max(one.time[-1] - one.time[0] for one in experiments)
+    period = float(np.mean([one.period for one in flight.maneuvers]))
+    frequencies = np.arange(1, max(int(HIGHEST / period * length), 2) + 1) / length
+    settings = Settings(trend=DRIFT_ORDER, frequencies=frequencies)
+    names: list[str] = []
+    values: list[float] = []
+    blocks: list[Array] = []
+    series: list[FitSeries] = []
+    degrees = math.inf
+    for axis, response in (("X", "f_x"), ("Z", "f_z"), ("M", "q_dot")):
+        chosen = [name for name in flight.names if name.startswith(axis)]
+        if not chosen:
+            continue
+        regressors = tuple(name[2:] for name in chosen)
+        fit = coefficient_regression(experiments, response, regressors, "frequency", settings)
+        if fit.failure or fit.unidentified:
+            why = fit.failure or f"{fit.unidentified[0].name} {fit.unidentified[0].reason}"
+            return Regression(flight.names, np.zeros(0), np.zeros((0, 0)), 1.0, (), f"{response}: {why}")
+        for one, residual in zip(experiments, fit.residuals, strict=True):
+            measured = one.signals[response]
+            series.append(FitSeries(one.name, response, one.units[response], one.time, measured, measured - residual))
+        places = [fit.names.index(name) for name in regressors]
+        names += chosen
+        values += [float(fit.values[place]) for place in places]
+        blocks.append(fit.covariance[np.ix_(places, places)])
+        degrees = min(degrees, *(float(fit.degrees[place]) for place in places))
+    covariance = np.zeros((len(names), len(names)))
+    at = 0
+    for block in blocks:
+        covariance[at : at + len(block), at : at + len(block)] = block
+        at += len(block)
+    return Regression(tuple(names), np.array(values), covariance, degrees, tuple(series))
+
+
+def with_speeds(maneuver: Maneuver, reference: Reference, aircraft: Aircraft, lag: float) -> Experiment:
+    """Signals u, w (m/s), f_x, f_z (m/s^2, at the center of mass) and delta (rad, of the tail) besides the others.
+
+    The speeds are integrated from the kinematics (Klein & Morelli, 2006, ch. 10) about the mean airspeed, without
+    the mean of their rates.
+    """
+    signals = dict(maneuver.experiment.signals)
+    step = maneuver.experiment.step
+    q, pitch, q_dot = signals["q"], signals["theta"], signals["q_dot"]
+    f_x, f_z = signals["a_x"] - aircraft.imu_z * q_dot, signals["a_z"] + aircraft.imu_x * q_dot
+    scale = maneuver.airspeed / reference.airspeed
+    means = scale * reference.u, scale * reference.w
+    u, w = (np.full(len(q), mean) for mean in means)
+    spread = maneuver.period**2 / 12
+    gravity = STANDARD_GRAVITY * (1 - spread * q**2 / 2)
+    for _ in range(SPEED_PASSES):
+        # Means over a stroke of T s: of a product, that of the means plus T^2 / 12 times that of the slopes.
+        turned_u, turned_w = (one * q + spread * np.gradient(one, step) * q_dot for one in (u, w))
+        rates = (
+            f_x - turned_w - gravity * np.sin(pitch),
+            f_z + turned_u + gravity * np.cos(pitch),
+        )
+        integrals = (_integral(rate - rate.mean(), step) for rate in rates)
+        u, w = (mean + one - one.mean() for mean, one in zip(means, integrals, strict=True))
+    delta = behind(signals[ELEVATOR], step, aircraft.tail_delay, lag, held=False)
+    more = {"u": u, "w": w, "f_x": f_x, "f_z": f_z, "delta": delta}
+    units = {"u": "m/s", "w": "m/s", "f_x": "m/s^2", "f_z": "m/s^2", "delta": "rad"}
+    kept = {name: values[::THINNED] for name, values in (signals | more).items()}
+    return maneuver.experiment._replace(
+        time=maneuver.experiment.time[::THINNED], signals=kept, units=dict(maneuver.experiment.units) | units
+    )
+
+
+SPEED_PASSES = 3
+THINNED = 4
+"""-; samples of a maneuver to one of the regressions, which use frequencies below half the flapping frequency"""
+
+
+def _integral(rate: Array, step: float) -> Array:
+    return np.concatenate(([0.0], np.cumsum((rate[1:] + rate[:-1]) * step / 2)))
+
+
+class Fits(NamedTuple):
+    """What the methods with a physical model found."""
+
+    problem: Problem
+    output: Fit
+    equation: Regression
+    filter: Filtered
+
+
+def first_problem(flight: FlightProblem) -> tuple[Regression, Problem]:
+    """Equation error, and the maximum-likelihood problem that starts from it."""
+    lag = flight.aircraft.tail_time_constant
+    regression = equation_error(flight, FIRST_LAG if lag is None else lag)
+    known = {} if regression.failure else dict(zip(regression.names, regression.values.tolist(), strict=True))
+    return regression, flight.problem(typical(flight) | known)
+
+
+def fit_derivatives(flight: FlightProblem) -> Fits:
+    """Derivatives, and the lag of the tail if it is not known, by output error, equation error and filter error."""
+    regression, problem = first_problem(flight)
+    by_output = output_error(problem, NO_FALLBACK)
+    if flight.aircraft.tail_time_constant is None and not by_output.failure:
+        regression = equation_error(flight, _lag(flight, by_output))
+    if by_output.failure:
+        control = {name: one.start for name, one in problem.parameters.items() if name.endswith("_delta")}
+        starts = problem, flight.problem(typical(flight) | control)
+        ends = [_filtered(flight, one, None) for one in starts]
+        by_filter = min(ends, key=lambda end: (bool(end.fit.failure), end.fit.cost))
+    else:
+        by_filter = _filtered(flight, problem, by_output)
+    return Fits(problem, by_output, regression, by_filter)
+
+
+def _filtered(flight: FlightProblem, problem: Problem, before: Fit | None) -> Filtered:
+    """Filter error of one stroke average a stroke; the problem's start values if ``before`` is None."""
+    step, period = flight.maneuvers[0].experiment.step, float(np.mean([one.period for one in flight.maneuvers]))
+    every = max(round(period / step), 1)
+    return filter_error_search(
+        problem, GUSTY_STATES, every=every, averaged=True, before=before, start_here=before is None
+    )
+
+
+def typical(flight: FlightProblem) -> dict[str, float]:
+    """Derivatives of a stable aircraft at this airspeed: start values if equation error gives none."""
+    airspeed = flight.reference.airspeed
+    damped = STANDARD_GRAVITY / airspeed * LIFT_SLOPE
+    stable = {
+        "X_u": -0.3, "Z_u": -damped / LIFT_SLOPE, "Z_w": -damped, "M_w": -(damped**2) / airspeed, "M_q": -damped,
+        "M_delta": damped**2,
+    }  # fmt: skip
+    return {name: stable.get(name, 0.0) for name in flight.names}
+
+
+def identify_modes(
+    data: FlightData,
+    aircraft: Aircraft,
+    names: tuple[str, ...] = LONGITUDINAL,
+    outputs: tuple[str, ...] = OUTPUTS,
+    held_out: tuple[str, ...] = (),
+) -> ModesResult:
+    """The modes of a flight by all methods.
+
+    Of joined flights those named by ``held_out`` are not fitted but predicted.
+
+    Raises:
+        InputError: no usable elevator maneuver, in all flights or in one that is held out.
+    """
+    every = find_maneuvers(data)
+    maneuvers, locked = by_flight(every, held_out)
+    flight = FlightProblem(maneuvers, reference_of(data, maneuvers), aircraft, names, outputs)
+    fits = fit_derivatives(flight)
+    results = results_of(flight, fits, locked)
+    modes = (
+        mode_of(OUTPUT_ERROR, flight, fits.output),
+        mode_of(EQUATION_ERROR, flight, fits.equation),
+        mode_of(FILTER_ERROR, flight, fits.filter.fit),
+        *modes_of_records(records_of_flight(flight, _lag(flight, fits.output)), (SHORT_PERIOD,)),
+    )
+    findings = motion_findings(flight, results[0])
+    if any(one.code == "turbulence" for one in findings) and modes[2].short_period is not None:
+        modes = (modes[2], *modes[:2], *modes[3:])
+    agree, statement = agreement(modes)
+    notes = (*data.notes, *dropped_maneuvers(data, every), *(one.text for one in findings))
+    if agree is False:
+        findings += (Finding("methods_disagree", "warning", details={"statement": statement}),)
+    period = float(np.mean([one.period for one in maneuvers]))
+    return ModesResult(
+        modes,
+        agree,
+        statement,
+        flight.reference,
+        len(maneuvers),
+        period,
+        notes,
+        maneuvers,
+        results,
+        locked,
+        findings,
+        flight,
+    )
+
+
+def motion_findings(flight: FlightProblem, result: EstimationResult) -> tuple[Finding, ...]:
+    """Turbulence and motions too large for a linear model."""
+    findings = []
+    pairs = [one for one in result.series if one.output == "q" and not one.held_out]
+    left = sum(float(np.nansum((one.measured - one.model) ** 2)) for one in pairs)
+    whole = sum(float(np.nansum((one.measured - np.nanmean(one.measured)) ** 2)) for one in pairs)
+    determination = 1.0 - left / whole if pairs else 0.0
+    if not determination >= TURBULENT:
+        share = f"{max(determination, 0.0):.0%}" if pairs else "too little"
+        details = {"share": share}
+        findings.append(Finding("turbulence", "warning", OUTPUT_ERROR, determination, TURBULENT, details))
+    pitch = max(float(np.ptp(one.experiment.signals["theta"])) for one in flight.maneuvers)
+    if pitch > LARGE_PITCH:
+        findings.append(Finding("large_motion", "warning", "theta", pitch, LARGE_PITCH))
+    return tuple(findings)
+
+
+def _lag(flight: FlightProblem, by_output: Fit) -> float:
+    """Time constant of the tail, known or estimated."""
+    if flight.aircraft.tail_time_constant is not None:
+        return flight.aircraft.tail_time_constant
+    return 0.0 if by_output.failure else float(by_output.values[by_output.names.index(TAIL_LAG)])
+
+
+def records_of_flight(flight: FlightProblem, lag: float) -> Records:
+    """Angle of a tail with this ``lag`` (s), pitch rate and normal specific force, for methods without a model."""
+    experiments = []
+    for one in (maneuver.experiment for maneuver in flight.maneuvers):
+        tail = behind(one.signals[ELEVATOR], one.step, flight.aircraft.tail_delay, lag, held=False)
+        signals = {name: values[::2] for name, values in {**one.signals, ELEVATOR: tail}.items()}
+        experiments.append(one._replace(time=one.time[::2], signals=signals))
+    return records_of(tuple(experiments), ELEVATOR, ("q", "a_z"), smooth_input=True)
+
+
+def results_of(
+    flight: FlightProblem, fits: Fits, locked: tuple[Maneuver, ...] = ()
+) -> tuple[EstimationResult, EstimationResult, EstimationResult]:
+    """Estimates, covariance and fitted outputs of the methods with a physical model.
+
+    Output error also predicts the maneuvers of the flights that are ``locked``.
+    """
+    ahead = predicted(fits.problem, fits.output, tuple(one.experiment for one in locked))
+    every = fits.filter.every
+    filtered = tuple(
+        one._replace(time=one.time[::every], measured=one.measured[::every], model=one.model[::every])
+        for one in fitted_series(fits.filter.problem, fits.filter.fit)
+    )
+    return (
+        _result(OUTPUT_ERROR, fits.output, (*fitted_series(fits.problem, fits.output), *map(_steady, ahead))),
+        _result(EQUATION_ERROR, fits.equation, fits.equation.series),
+        _result(FILTER_ERROR, fits.filter.fit, filtered),
+    )
+
+
+def _steady(series: FitSeries) -> FitSeries:
+    """With the mean as steady value, so that gravity does not count as predicted."""
+    return series._replace(steady=float(np.nanmean(series.measured)))
+
+
+def _result(method: str, fit: Fit | Regression, series: tuple[FitSeries, ...]) -> EstimationResult:
+    if fit.failure:
+        reason = Finding("not_converged", "withheld", method, details={"reason": fit.failure})
+        why = fit.findings if isinstance(fit, Fit) else (reason,)
+        return EstimationResult(method, "modes", "", EQUATIONS, "not converged", findings=why)
+    estimates = derivatives_of(fit)
+    kept = [fit.names.index(one.name) for one in estimates]
+    return EstimationResult(
+        method, "modes", "longitudinal", EQUATIONS, "converged", estimates, fit.covariance[np.ix_(kept, kept)],
+        fit.degrees, series=series, findings=fit.findings if isinstance(fit, Fit) else (),
+    )  # fmt: skip
+
+
+def cross_validated(flight: FlightProblem) -> tuple[FitSeries, ...]:
+    """Some maneuvers as predicted by output error of the others: whole flights, else every third maneuver."""
+    flights = sorted({one.flight.name for one in flight.maneuvers if one.flight is not None})
+    if len(flights) > 1:
+        kept, locked = by_flight(flight.maneuvers, drawn(flights))
+    else:
+        kept, locked = (
+            tuple(one for i, one in enumerate(flight.maneuvers) if (i % THIRD == THIRD - 1) is side)
+            for side in (False, True)
+        )
+    if not locked or not kept:
+        return ()
+    problem = first_problem(flight._replace(maneuvers=kept))[1]
+    ahead = predicted(problem, output_error(problem), tuple(one.experiment for one in locked))
+    return tuple(map(_steady, ahead))
+
+
+def derivatives_of(fit: Fit | Regression) -> tuple[Estimate, ...]:
+    """Derivatives and parameters of the tail, without the strengths of the process noise."""
+    if isinstance(fit, Fit):
+        return tuple(one._replace(unit=UNITS[one.name]) for one in fit.estimates if one.name in UNITS)
+    return Spread(fit.covariance, fit.degrees).estimates({name: UNITS[name] for name in fit.names}, fit.values)
+
+
+def mode_of(method: str, flight: FlightProblem, fit: Fit | Regression) -> Mode:
+    """The modes of the derivatives that a method estimated, errors by the delta method."""
+    if fit.failure:
+        return nothing(method, fit.failure)
+    spread = Spread(fit.covariance, fit.degrees)
+    system = flight.system
+    return mode_of_system(method, lambda values: system(fit.names, values), fit.values, spread, derivatives_of(fit))
+
+
+def fitted(result: ModesResult) -> tuple[Fitted, ...]:
+    """The methods with a physical model for the report, output error with predicted maneuvers."""
+    shown = []
+    for one in result.results:
+        series, statement = one.series, ""
+        if one.method == OUTPUT_ERROR and one.estimates:
+            ahead = tuple(piece for piece in series if piece.held_out)
+            if not ahead:
+                ahead = cross_validated(result.flight)
+                series = (*series, *ahead)
+            count = len({piece.experiment for piece in ahead})
+            total = len(result.maneuvers) + count * bool(result.held_out)
+            statement = "No maneuver was held out: none can be spared."
+            if ahead:
+                statement = (
+                    f"{count} of {total} maneuvers were held out: derivatives estimated from the others predict them;"
+                    " initial state and sensor biases are those of the maneuver itself."
+                )
+        refused = tuple(Unidentified(finding.subject or one.method, finding.text) for finding in one.withheld)
+        shown.append(
+            Fitted(one.method, one.equations, one.estimates, refused, one.correlation, series, (), statement)
+        )
+    return tuple(shown)
