@@ -184,12 +184,12 @@ def test_the_path_of_a_log_stands_beside_its_truth() -> None:
     log = recorded(AT_CENTRE._replace(seed=4))
     found = identify_path(log, Aircraft())
     known = imu_truths(log, Aircraft(), found.spans)
-    assert [one.name for one in found.fitted.estimates] == [f"bias_{name}" for name in INPUTS]
-    for one in found.fitted.estimates:
+    assert [one.name for one in found.result.estimates] == [f"bias_{name}" for name in INPUTS]
+    for one in found.result.estimates:
         assert abs(one.value - known[one.name]) < 3 * one.standard_error
     chapter = log_chapter(found)
     assert chapter is not None and len(chapter.plots) == 6
-    assert [series.output for series in found.fitted.series] == ["v_north", "v_east", "v_down"]
+    assert [series.output for series in found.result.series] == ["v_north", "v_east", "v_down"]
 
 
 def test_without_velocities_a_filters_attitude_gives_no_numbers() -> None:
@@ -197,10 +197,11 @@ def test_without_velocities_a_filters_attitude_gives_no_numbers() -> None:
     log = recorded(AT_CENTRE)
     del log.tables[topics.GPS.name]
     found = identify_path(log, Aircraft())
-    assert not found.fitted.estimates
-    refused = {one.name: one.reason for one in found.fitted.unidentified}
-    assert all("flight computer's own attitude" in refused[f"bias_{name}"] for name in INPUTS)
-    assert "/sensors/gps" in found.fitted.notes[0]
+    assert not found.result.estimates
+    withheld = {one.subject: one.code for one in found.result.withheld}
+    assert all(withheld[f"bias_{name}"] == "attitude_filter" for name in INPUTS)
+    (by_attitude,) = (one for one in found.result.findings if one.code == "by_attitude")
+    assert "/sensors/gps" in by_attitude.text
     assert log_chapter(found) is not None
 
 
@@ -217,7 +218,7 @@ def test_manoeuvres_that_meet_are_one_record_and_a_vertical_gyro_gives_numbers()
     found = identify_path(log, Aircraft())
     assert len(found.spans) == 1 and "manoeuvre 1 to 2" in found.records[0]
     assert found.spans[0] == pytest.approx((7.0, 23.0), abs=0.05)
-    assert {"bias_p", "bias_q", "bias_r"} <= {one.name for one in found.fitted.estimates}
+    assert {"bias_p", "bias_q", "bias_r"} <= {one.name for one in found.result.estimates}
 
 
 @pytest.mark.parametrize("gps", [True, False])
