@@ -10,14 +10,24 @@ from prescribed_flight import ERRORS, INPUT_NOISE, Flight, motion, truth
 from promised import SEEDS, promise_kept
 
 from avionics import topics
+from logs.identification.data.experiment import Experiment
 from logs.identification.data.flight import Aircraft
-from logs.identification.estimators.gps_aided import AidedFit, AidedFlight, aided_fit, ned_from_frd
+from logs.identification.estimators.gps_aided import (
+    ATTITUDE,
+    VELOCITIES,
+    AidedFit,
+    AidedFlight,
+    aided_fit,
+    ned_from_frd,
+)
+from logs.identification.estimators.registry import ESTIMATORS, Request
 from logs.identification.models.rigid_body import INPUTS
 from logs.identification.report.flight_path import log_chapter
 from logs.identification.results import Array, estimate
 from logs.identification.sources.flight_path import aided_flight, identify_path, imu_truths
 from logs.identification.sources.full_flight import whole_flight
 from sim_bridge import topics as truth_topics
+from wingbeat.errors import InputError
 from wingbeat.topic import Topic
 
 OFFSETS = np.array([ERRORS[f"bias_{name}"] for name in INPUTS])
@@ -124,6 +134,26 @@ def test_straight_flight_hardly_tells_the_yaw_gyro() -> None:
     assert turning is not None and straight is not None
     assert straight.covariance[2, 2] > 4 * turning.covariance[2, 2]
     assert abs(scores(straight, still.errors)[2]) < 3
+
+
+def test_the_registry_row_is_the_fit_with_findings() -> None:
+    made = told(STANDARD._replace(seed=3))
+    flight = made.flight
+    velocity = np.full((len(flight.time), 3), np.nan)
+    velocity[flight.at] = flight.velocity
+    columns = zip(
+        (*INPUTS, *ATTITUDE, *VELOCITIES), np.hstack((flight.inputs, flight.attitude, velocity)).T, strict=True
+    )
+    one = Experiment("flight", flight.time, dict(columns), {})
+    result = ESTIMATORS["gps_aided"].estimate(Request((one,), options={"arm": flight.arm}))
+    found = aided_fit(flight)
+    assert found is not None
+    np.testing.assert_allclose([each.value for each in result.estimates], found.errors)
+    assert [series.output for series in result.series] == list(VELOCITIES)
+    assert [each.code for each in result.findings] == ["measured_by_gps", "mean_bias"]
+    without = one._replace(signals={name: values for name, values in one.signals.items() if name != "v_down"})
+    with pytest.raises(InputError, match="v_down not measured"):
+        ESTIMATORS["gps_aided"].estimate(Request((without,)))
 
 
 # --- from a log ---------------------------------------------------------------------------------------
