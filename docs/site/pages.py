@@ -118,11 +118,11 @@ SECTIONS_OF_THE_SITE = {
     "Reference": (
         "reference/api", "reference/command_line", "parameters", "reference/topics", "reference/vehicle_keys",
         "reference/mavlink", "reference/avionics", "reference/estimation", "reference/logs", "reference/importing",
-        "reference/campaigns", "reference/groundstation",
+        "reference/campaigns", "reference/groundstation", "reference/findings",
     ),
     "Validation": (
-        "validation/aerodynamics", "validation/estimation", "validation/gusts", "validation/faults",
-        "validation/benchmarks",
+        "validation/aerodynamics", "validation/estimation", "validation/identification", "validation/gusts",
+        "validation/faults", "validation/benchmarks",
     ),
 }  # fmt: skip
 """pages by section, in the order of the navigation"""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -213,3 +214,20 @@ def test_the_equivalent_system_reports_handling_qualities() -> None:
     (level,) = [one for one in result.findings if one.code == "handling_level"]
     assert 0.28 <= truth["CAP"] <= 3.6 and 0.25 <= MODE["short_period_damping"] < 0.35
     assert level.value == 2.0 and level.details["delay_level"] == 1
+
+
+def test_readme_example_is_an_estimator() -> None:
+    """GIVEN the estimator in the README WHEN it runs on a ring-down THEN its interval holds the damping."""
+    page = (Path(__file__).parents[3] / "logs" / "identification" / "README.md").read_text(encoding="utf-8")
+    code = page.split("```python\n")[1].split("```")[0]
+    exec(compile(code, "README.md", "exec"), {})
+    row = ESTIMATORS.pop("decrement")
+    time = np.arange(0.0, 10.0, 0.01)
+    noise = 0.002 * np.random.default_rng(1).normal(size=len(time))
+    ringing = np.exp(-0.1 * 6.0 * time) * np.cos(6.0 * np.sqrt(0.99) * time) + noise
+    smooth = np.convolve(ringing, np.ones(21) / 21.0, mode="same")
+    record = Experiment("ring-down", time, {"q": smooth}, {"q": "rad/s"})
+    (found,) = row.estimate(Request((record,), outputs=("q",))).estimates
+    assert found.contains(0.1), found
+    with pytest.raises(InputError, match="peaks"):
+        row.estimate(Request((record._replace(signals={"q": np.ones(len(time))}),), outputs=("q",)))
