@@ -16,7 +16,6 @@ from logs.identification.statistics.parameter_uncertainty import Spread, carry
 SHORT_PERIOD, PHUGOID = KINDS = ("short_period", "phugoid")
 WIDEST = 1.0
 """-; of the value: a frequency with a wider half interval is not identified"""
-TOO_FAST = "the mode found is faster than anything that the input excites"
 HEAVY = "it falls to half within a quarter of a cycle: decay and drift are not told apart"
 UNSURE = "the interval of its frequency reaches zero: fly more or larger inputs"
 FORCED = "it is not seen to decay: a forced motion, such as flapping, is no mode"

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from logs.identification.results import Array, Estimate
+from logs.identification.results import Array
 
 STRONG = 0.9
 """-; size from which on a pair is named (Klein & Morelli, Aircraft System Identification, 2006, ch. 5)"""
@@ -40,14 +40,6 @@ def correlation_of(names: tuple[str, ...], covariance: Array) -> Correlation:
     matrix = np.clip(covariance / np.outer(safe, safe), -1.0, 1.0)
     matrix[~known, :] = matrix[:, ~known] = np.nan
     return Correlation(names, matrix, strong_pairs(names, matrix))
-
-
-def correlation_among(estimates: tuple[Estimate, ...], names: tuple[str, ...], covariance: Array) -> Array | None:
-    """Correlation matrix (n, n) of ``estimates``, some of the parameters ``names`` with ``covariance`` (p, p)."""
-    if not estimates:
-        return None
-    places = [names.index(one.name) for one in estimates]
-    return correlation_of(tuple(one.name for one in estimates), covariance[np.ix_(places, places)]).matrix
 
 
 def strong_pairs(names: tuple[str, ...], matrix: Array) -> tuple[Pair, ...]:
