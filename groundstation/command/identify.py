@@ -17,7 +17,14 @@ from groundstation.command import identify_table, options
 from groundstation.command.compiling import announced
 from groundstation.command.damage import damage_notices
 from groundstation.command.identify_markers import MARKERS, identified_by_markers
-from groundstation.command.identify_out import add_outputs, check_outputs, names_of, show_written, write_outputs
+from groundstation.command.identify_out import (
+    add_outputs,
+    check_outputs,
+    names_of,
+    show_next_steps,
+    show_written,
+    write_outputs,
+)
 from groundstation.views.identification import identification_table
 from groundstation.views.json_document import print_document
 from groundstation.views.terminal import open_console
@@ -55,10 +62,7 @@ EXAMPLES = (
     "wingbeat identify --map-example stroke > map.toml    # the same for coefficients of up- and down-stroke",
     "wingbeat identify flight.csv --map map.toml          # docs/identify_csv.md has every key and two examples",
 )
-UNKNOWN = (
-    "aircraft: not told; the IMU counts as at the centre of mass, the span as 1 m (--vehicle tells both and the"
-    " tail's lag)"
-)
+UNKNOWN = "aircraft unknown: IMU assumed at the center of mass, span 1 m; --vehicle gives both and the tail's lag"
 """text for a log without a vehicle file"""
 JSON_KEYS = {
     "torque, power": "estimates: list of {name, unit, value, standard_error, low, high, truth}; unidentified; truth"
@@ -69,7 +73,7 @@ JSON_KEYS = {
     "modes": "methods: list of {method, frequency, damping, period, time_to_half, cycles, time_constants, phugoid,"
     " eigenvalues, divergence: times of two real eigenvalues of which one grows, derivatives, unidentified};"
     " agree, statement, manoeuvres, wing_period s,"
-    " reference, notes: what the log does not tell and was taken from elsewhere; held_out: null, or {flights,"
+    " reference, notes: assumptions on what the log does not contain; held_out: null, or {flights,"
     " predictions: list of {flight, manoeuvres, output, unit, rms, theil: {coefficient, bias, variance, covariance}},"
     " failure}",
     "aero": "models: list of {name, terms, estimates, unidentified, steps, r_squared, samples} of C_L, C_T, C_m;"
@@ -78,13 +82,15 @@ JSON_KEYS = {
     "markers": "vehicle, records: list of {name, noise m, frames, told, left_out share, never_seen, low_pass Hz,"
     " time s, quaternion w first, coordinates: list of {name, unit, values, standard_errors}, speeds: list of"
     " {names, time, values, rates}}, notes; aero beside it where the map asks for it",
-    "missing": "list of {name, reason}: what the log does not give",
+    "missing": "list of {name, reason}: subjects without a result",
     "with --map": "files; manoeuvres: {fitted, held_out}; fits: list of {subject, method, equations, converged,"
     " failure, estimates: list of {name, unit, value, standard_error, low, high, start}, modes of a lateral model:"
     " {estimates, unidentified}, unidentified: list of {name,"
-    " reason}, fixed, correlated: list of {first, second, correlation}, outputs: list of {experiment, output, unit,"
+    " reason}, findings: list of {code, severity, subject, value, limit, text},"
+    " fixed, correlated: list of {first, second, correlation}, outputs: list of {experiment, output, unit,"
     " held_out, samples, r_squared, rms, theil, white}, samples, steps, notes}; modes: as above or null; missing:"
-    " list of {name, reason}; delays: list of {name, unit, value, standard_error, low, high} of [prepare]; notes",
+    " list of {name, reason}; delays: list of {name, unit, value, standard_error, low, high} of [prepare]; findings:"
+    " as of a fit; notes: their texts",
 }
 
 
@@ -95,16 +101,15 @@ TABLE_USAGE = (
     f"wingbeat identify TABLE [TABLE ...] --map MAP.toml [{'|'.join(TABLE_SUBJECTS)}]"
     " [--report OUT.html] [--model OUT.toml] [--json]"
 )
-FILES = "an MCAP log, or several of one aircraft for their modes; with --map one table or several"
+FILES = "MCAP log, or several logs of one aircraft for their modes; with --map one or several tables"
 TABLE_SUFFIXES = (".csv", ".txt", ".dat", ".asc", ".tsv")
 
 
 def build_parser() -> options.Parser:
     """Build the parser of the subcommand."""
     summary = (
-        "Identify the servo torque and power models, the short-period mode, the wings' coefficients or the sensors'"
-        " errors from a log; modes, aerodynamic coefficients, sensors' errors, runs of stands and benches from tables"
-        " of numbers that a map explains."
+        "Identify servo torque and power, the short-period mode, wing coefficients or sensor errors from a log;"
+        " modes, aerodynamic coefficients, sensor errors, load-cell and bench runs from tables described by a map."
     )
     parser = options.build_parser("identify", summary, EXAMPLES, JSON_KEYS)
     parser.usage = (
@@ -117,20 +122,18 @@ def build_parser() -> options.Parser:
         metavar="FILE",
         help=FILES,
     )
-    parser.add_argument(
-        "--map", type=Path, metavar="MAP.toml", help="what the columns of the tables are, and what to fit"
-    )
-    parser.add_argument("--map-example", action="store_true", help=f"print a map to begin with, of {', '.join(MAPS)}")
+    parser.add_argument("--map", type=Path, metavar="MAP.toml", help="columns of the tables, and what to fit")
+    parser.add_argument("--map-example", action="store_true", help=f"print an example map of {', '.join(MAPS)}")
     parser.add_argument(
         "--vehicle",
         metavar="V|PATH",
-        help="name or file of the vehicle, for a log of another program, which carries none",
+        help="name or file of the vehicle, for a log of another program without vehicle files",
     )
     parser.add_argument(
         "--elevator",
         nargs=2,
         metavar=("TOPIC.FIELD", "RAD"),
-        help="what the elevator was told, where no angle was recorded, and rad per unit of it",
+        help="elevator command to use if no deflection was recorded, and its scale in rad per unit",
     )
     parser.add_argument(
         "--validate",
@@ -138,13 +141,13 @@ def build_parser() -> options.Parser:
         type=Path,
         default=[],
         metavar="LOG",
-        help="a flight of modes that is held out: predicted, not fitted, told by Theil's inequality; repeatable",
+        help="log reserved for validation of the modes, scored by Theil's inequality coefficient (repeatable)",
     )
     parser.add_argument(
         "--validate-share",
         type=float,
         metavar="SHARE",
-        help="of the logs, drawn to be held out, always the same ones",
+        help="fraction of the logs reserved for validation; the draw is always the same",
     )
     add_outputs(parser)
     options.add_json(parser)
@@ -195,6 +198,7 @@ def _show(chosen: argparse.Namespace, estimates: Identification, write: Callable
         open_console().print(identification_table(estimates))
     sys.stdout.flush()
     show_written(write(), chosen.json)
+    show_next_steps(chosen, estimates.modes is not None)
 
 
 def _run_together(files: Sequence[Path], what: str, chosen: argparse.Namespace) -> int:

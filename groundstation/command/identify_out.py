@@ -32,13 +32,13 @@ BLOCK = 1 << 20
 def add_outputs(parser: argparse.ArgumentParser) -> None:
     """Add ``--report`` and ``--model``."""
     parser.add_argument(
-        "--report", type=Path, metavar="OUT.html", help="a new page: data, model, intervals, fits, residuals, modes"
+        "--report", type=Path, metavar="OUT.html", help="write a page: data, model, intervals, fits, residuals, modes"
     )
     parser.add_argument(
         "--model",
         type=Path,
         metavar="OUT.toml",
-        help="a new linear model for wingbeat tune, and beside it the folder OUT/ for wingbeat fly --vehicle OUT",
+        help="write a linear model for wingbeat tune, and the folder OUT/ for wingbeat fly --vehicle OUT",
     )
 
 
@@ -80,6 +80,20 @@ def show_written(lines: Sequence[str], as_json: bool) -> None:
     if not as_json:
         for line in lines:
             open_console().print(line, soft_wrap=True)
+
+
+def show_next_steps(chosen: argparse.Namespace, has_modes: bool) -> None:
+    """Print what can be done with the result, but not with a JSON document."""
+    if chosen.json:
+        return
+    steps = [] if chosen.report is not None else ["--report OUT.html writes plots of fits and residuals"]
+    if has_modes and chosen.model is None:
+        steps.append("--model OUT.toml writes a model for wingbeat tune OUT.toml")
+    steps.append("wingbeat design plans inputs that narrow the intervals")
+    console = open_console()
+    console.print()
+    for number, step in enumerate(steps):
+        console.print(f"{'next: ' if number == 0 else '      '}{step}", style="dim", soft_wrap=True)
 
 
 def sha256(path: Path) -> str:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from groundstation.command.compiling import announced
-from groundstation.command.identify_out import base_of, check_outputs, sha256, show_written
+from groundstation.command.identify_out import base_of, check_outputs, sha256, show_next_steps, show_written
 from groundstation.views.json_document import print_document
 from groundstation.views.progress import ProgressBar
 from groundstation.views.table_identification import table_identification
@@ -38,6 +38,7 @@ def run(files: Sequence[Path], what: str, chosen: argparse.Namespace) -> int:
         open_console().print(table_identification(estimates))
     sys.stdout.flush()
     show_written(_written(files, what, chosen, estimates), chosen.json)
+    show_next_steps(chosen, any(fit.model == "longitudinal" for fit in estimates.fits))
     return 0
 
 

@@ -238,16 +238,3 @@ def from_fitted(fitted: Fitted, method: str, failure: str = "", **more: Any) -> 
         estimates=fitted.estimates, covariance=covariance, series=fitted.series,
         findings=(*failed, *lost, *map(note_finding, fitted.notes)), title=fitted.method, **more,
     )  # fmt: skip
-
-
-def fitted_of(result: EstimationResult, method: str) -> Fitted:
-    """A result as the report takes it, findings as text; ``method`` is its title."""
-    notes: list[str] = []
-    for one in result.findings:
-        if one.severity != "withheld":
-            text = one.text if not one.subject or one.subject in one.text else f"{one.subject}: {one.text}"
-            notes.append(Information(text) if one.severity == "info" else text)
-    withheld = tuple(Unidentified(one.subject, one.text) for one in result.withheld)
-    return Fitted(
-        method, result.equations, result.estimates, withheld, result.correlation, result.series, tuple(notes)
-    )

@@ -42,7 +42,7 @@ def of_flight(vehicle: str, level: str, seed: int) -> list[Row]:
     aircraft = known(vehicle)
     path = identify_path(log, aircraft)
     true = imu_truths(log, aircraft, path.spans)
-    return [Row(one, true[one.name]) for one in path.fitted.estimates]
+    return [Row(one, true[one.name]) for one in path.result.estimates]
 
 
 @pytest.mark.validate

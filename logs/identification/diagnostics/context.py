@@ -25,5 +25,7 @@ class Context(NamedTuple):
     result: EstimationResult | None = None
     linear: bool = False
     """-; the model is linear about one operating point"""
+    averaged: bool = False
+    """-; the signals are stroke averages, whose noise is not white"""
     results: tuple[EstimationResult, ...] = ()
     """all results of the map, to be compared"""

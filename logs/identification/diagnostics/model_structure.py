@@ -17,7 +17,7 @@ import numpy as np
 from logs.identification.data.experiment import Experiment
 from logs.identification.data.noise_level import noise_beside_steps
 from logs.identification.diagnostics.context import Context
-from logs.identification.diagnostics.sampling import coarse_inputs, sampling_finding
+from logs.identification.diagnostics.sampling import coarse_inputs, largest_change, sampling_finding
 from logs.identification.estimators.engine.problem import Fit, Own, Problem
 from logs.identification.findings import Entry, Finding, register
 from logs.identification.results import Array, Estimate, FitSeries
@@ -33,6 +33,8 @@ SIGNIFICANT_SHIFT = 0.3
 """-; standard errors that the course between samples changes an estimate by, above which it is reported"""
 COARSE = 0.1
 """-; change of an input between samples over its range, from which its course is examined"""
+UNKNOWN_COURSE = 0.5
+"""-; the same, from which the input may have changed at any time between two samples"""
 FINE = 4
 """-; steps in a sampling interval for the course between samples"""
 VANES = {"alpha": ("q", -1.0), "beta": ("r", 1.0)}
@@ -271,15 +273,24 @@ def _candidates(
 
 
 def _between_samples(problem: Problem, name: str) -> _Candidate:
-    """A cubic between the samples of an input in place of a line."""
+    """A cubic between the samples of an input in place of a line; for steps the standard deviation of their time.
+
+    A step at any time between two samples lies between a hold and its mirror image about the line: a uniform
+    distribution has 1 / sqrt(3) of its half width as standard deviation.
+    """
     column = list(problem.model.inputs).index(name)
+    stepwise = largest_change(name, problem.experiments) > UNKNOWN_COURSE
 
     def response(record: Own, inputs: Array, outputs: Array, step: float) -> Array:
         places = np.arange(FINE * (len(inputs) - 1) + 1) / FINE
         lines = np.column_stack([np.interp(places, np.arange(len(inputs)), one) for one in inputs.T])
-        cubic = lines.copy()
-        cubic[:, column] = _cubic(inputs[:, column], places)
-        fine = [simulated(problem, record, one, step / FINE)[::FINE] for one in (cubic, lines)]
+        other = lines.copy()
+        if stepwise:
+            held = inputs[np.floor(places).astype(int), column]
+            other[:, column] += (held - lines[:, column]) / np.sqrt(3.0)
+        else:
+            other[:, column] = _cubic(inputs[:, column], places)
+        fine = [simulated(problem, record, one, step / FINE)[::FINE] for one in (other, lines)]
         return np.asarray(fine[0] - fine[1])
 
     return _Candidate("sampling", name, response)
@@ -362,7 +373,7 @@ def airspeeds(experiments: tuple[Experiment, ...], constants: Mapping[str, float
 def lack_of_fit(context: Context) -> tuple[Finding, ...]:
     """Outputs whose residuals are far above the noise, the worst maneuver of each."""
     worst: dict[str, tuple[float, float]] = {}
-    for one in context.result.series if context.result else ():
+    for one in context.result.series if context.result and not context.averaged else ():
         ratio = None if one.held_out else _residual_ratio(one)
         if ratio is not None and ratio > worst.get(one.output, (0.0, 0.0)):
             worst[one.output] = ratio

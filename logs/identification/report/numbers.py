@@ -20,7 +20,7 @@ from logs.identification.estimators.wing_coefficients import AeroResult
 from logs.identification.models.modes import KINDS, Mode, ModesResult, Oscillation
 from logs.identification.report.background import begun
 from logs.identification.report.markers import marker_document, marker_lines
-from logs.identification.results import Estimate, Unidentified
+from logs.identification.results import Estimate, EstimationResult, Unidentified
 from logs.identification.sources.flight import drive_data, flight_data, throttle_data, true_drive_data
 from logs.identification.sources.flight_path import PathResult, identify_path, imu_truths
 from logs.identification.sources.topic_table import CachedSource, ColumnSource
@@ -247,10 +247,10 @@ def rows(result: Identification) -> tuple[Row, ...]:
     if result.aero:
         table += [Row("wing coefficients", "taken", "", None, None, note) for note in result.aero.notes]
     if result.path:
-        path = result.path.fitted
-        table += _estimate_rows(path.method, path.estimates, result.truths, "")
-        table += _refusals(path.method, path.unidentified)
-        table += [Row(path.method, "taken", "", None, None, note) for note in path.notes]
+        path = result.path.result
+        table += _estimate_rows(path.title, path.estimates, result.truths, "")
+        table += _refusals(path.title, (Unidentified(one.subject, one.text) for one in path.withheld))
+        table += [Row(path.title, "taken", "", None, None, note) for note in _notes(path)]
     for mode in result.modes.modes if result.modes else ():
         for pair in (mode.of_kind(kind) for kind in KINDS):
             sure, wide = determined(() if pair is None else pair.estimates)
@@ -310,11 +310,16 @@ def document(result: Identification) -> dict[str, Any]:
 
 def _path(result: PathResult, truths: Mapping[str, float]) -> dict[str, Any]:
     return {
-        "estimates": [_estimate(found, truths) for found in result.fitted.estimates],
-        "unidentified": [entry._asdict() for entry in result.fitted.unidentified],
+        "estimates": [_estimate(found, truths) for found in result.result.estimates],
+        "unidentified": [{"name": one.subject, "reason": one.text} for one in result.result.withheld],
         "records": list(result.records),
-        "notes": list(result.fitted.notes),
+        "notes": _notes(result.result),
+        "findings": [one.document() for one in result.result.findings],
     }
+
+
+def _notes(result: EstimationResult) -> list[str]:
+    return [one.text for one in result.findings if one.severity != "withheld"]
 
 
 def _aero(result: AeroResult, truths: Mapping[str, float]) -> dict[str, Any]:

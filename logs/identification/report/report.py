@@ -110,11 +110,10 @@ def chapters(
     subject: Subject, results: Identification, drive: DriveData | None = None, more: tuple[Chapter, ...] = ()
 ) -> tuple[Chapter, ...]:
     """The report: findings first, then what they rest on."""
-    older = (
-        *(fitted(results.modes) if results.modes else ()),
-        *((results.path.fitted,) if results.path else ()),
-    )
-    fits, validations = tuple(from_fitted(one, one.method) for one in older), tuple(one.validation for one in older)
+    older = fitted(results.modes) if results.modes else ()
+    paths = (results.path.result,) if results.path else ()
+    fits = (*(from_fitted(one, one.method) for one in older), *paths)
+    validations = (*(one.validation for one in older), *("" for _ in paths))
     told = [
         _findings(results),
         _data(subject, results),
@@ -160,7 +159,7 @@ def _findings(results: Identification) -> Chapter:
     ):
         bars += [Bar(e.name, e, results.truths.get(prefix + e.name)) for e in (drive.estimates if drive else ())]
     bars += [
-        Bar(e.name, e, results.truths.get(e.name)) for e in (results.path.fitted.estimates if results.path else ())
+        Bar(e.name, e, results.truths.get(e.name)) for e in (results.path.result.estimates if results.path else ())
     ]
     for model in results.aero.models if results.aero else ():
         bars += [Bar(e.name, e, results.truths.get(e.name)) for e in model.estimates]

@@ -33,7 +33,7 @@ from logs.identification.estimators.gps_aided import (
 )
 from logs.identification.findings import Entry, Finding, register
 from logs.identification.models.rigid_body import INPUTS, WINDS, SensorPositions
-from logs.identification.results import Array, EstimationResult, Fitted, fitted_of
+from logs.identification.results import Array, EstimationResult
 from logs.identification.sources.full_flight import LONGEST_GAP, whole_flight
 from logs.identification.sources.topic_table import ColumnSource, TopicTable
 from sim_bridge import topics as truth
@@ -76,7 +76,7 @@ register({
 class PathResult(NamedTuple):
     """Flight path of a log."""
 
-    fitted: Fitted
+    result: EstimationResult
     records: tuple[str, ...]
     """-; what it was taken from"""
     spans: tuple[tuple[float, float], ...]
@@ -100,8 +100,8 @@ def identify_path(source: ColumnSource, aircraft: Aircraft) -> PathResult:
     if fit is None:
         raise InputError("flight path: the path by IMU and GPS does not converge; fly longer, with turns")
     first, last = (float(aided.time[aided.at[place]]) for place in (0, -1))
-    fitted = fitted_of(aided_result(aided, fit), TITLE)
-    return PathResult(fitted, (f"flight, {first:.1f} s to {last:.1f} s",), ((first, last),), (aided, fit))
+    result = aided_result(aided, fit)._replace(title=TITLE)
+    return PathResult(result, (f"flight, {first:.1f} s to {last:.1f} s",), ((first, last),), (aided, fit))
 
 
 def _is_filtered(source: ColumnSource) -> bool:
@@ -126,10 +126,10 @@ def _by_attitude(flight: Experiment, aircraft: Aircraft, reason: str, filtered: 
     path = reconstruct(records, PathOptions(positions=positions))
     if path.result.status != "converged":
         raise InputError(f"flight path: {path.result.withheld[-1].text}; by the attitude, as {reason}")
-    fitted = fitted_of(_without_filter_errors(path.result, reason, filtered), TITLE)
+    result = _without_filter_errors(path.result, reason, filtered)._replace(title=TITLE)
     names = tuple(f"{one.name}, {one.time[0]:.1f} s to {one.time[-1]:.1f} s" for one in records)
     spans = tuple((float(one.time[0]), float(one.time[-1])) for one in records)
-    return PathResult(fitted, names, spans, by_attitude=(records, path))
+    return PathResult(result, names, spans, by_attitude=(records, path))
 
 
 def _without_filter_errors(result: EstimationResult, reason: str, filtered: bool) -> EstimationResult:

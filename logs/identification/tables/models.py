@@ -122,17 +122,21 @@ class Chosen(NamedTuple):
             InputError: the model has no modes.
         """
         inner = self.model.model if isinstance(self.model, Actuated) else self.model
-        if not isinstance(inner, LinearModel) and not (isinstance(inner, CompiledModel) and self.operating_point):
-            raise InputError("the model has no modes of its own")
         base = {name: one.value for name, one in inner.parameters.items()} | self.fixed
 
+        def parameters(values: Array) -> Array:
+            merged = base | dict(zip(fit.names, values.tolist(), strict=True))
+            return np.array([merged[name] for name in inner.parameters])
+
+        if isinstance(inner, CompiledModel) and self.operating_point is not None:
+            model, point = inner, self.operating_point
+            return lambda values: model.state_matrix(parameters(values), *point)
+        if not isinstance(inner, LinearModel):
+            raise InputError("a nonlinear model has no modes of its own")
+        linear = inner
+
         def system(values: Array) -> Array:
-            all_values = base | dict(zip(fit.names, values.tolist(), strict=True))
-            parameters = np.array([all_values[name] for name in inner.parameters])
-            if not isinstance(inner, LinearModel):
-                assert isinstance(inner, CompiledModel) and self.operating_point is not None
-                return inner.state_matrix(parameters, *self.operating_point)
-            whole = inner.matrices(parameters).a
+            whole = linear.matrices(parameters(values)).a
             states = [n for n in range(len(whole)) if np.any(whole[:, n]) or len(whole) == 1]
             return np.asarray(whole[np.ix_(states, states)])
 
@@ -178,8 +182,8 @@ def _operating_point(built: Built, experiments: tuple[Experiment, ...]) -> tuple
     signals = {own: name for name, own in built.aliases.items()}
     means = {name: _mean(signals.get(name, name), experiments) for name in (*built.model.states, *built.model.inputs)}
     states = [one.value if (mean := means[name]) is None else mean for name, one in built.model.states.items()]
-    fixed = built.constant_inputs
-    inputs = [fixed.get(name, 0.0) if (mean := means[name]) is None else mean for name in built.model.inputs]
+    constant = built.constant_inputs
+    inputs = [constant.get(name, 0.0) if (mean := means[name]) is None else mean for name in built.model.inputs]
     return np.array(states), np.array(inputs)
 
 

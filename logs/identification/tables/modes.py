@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping
 
 import numpy as np
@@ -25,6 +26,7 @@ from logs.identification.estimators.records import away
 from logs.identification.findings import Entry, Finding, register
 from logs.identification.models.lateral_modes import DUTCH_ROLL, LateralModes, lateral_modes
 from logs.identification.models.modes import KINDS, Mode, ModesResult, mode_of_system, nothing
+from logs.identification.models.user import is_user_model
 from logs.identification.report.document import Bar, Chapter, Intervals
 from logs.identification.results import SURE, EstimationResult, Unidentified, withheld_finding
 from logs.identification.sources.table.config import DELAY, ModesSection, OutputError, Parameter
@@ -43,10 +45,9 @@ LONGITUDINAL_OUTPUTS = SHORT_PERIOD_OUTPUTS | {"u", "a_x"}
 ANGLES = {"alpha", "beta", "gamma", "phi", "theta", "psi"}
 
 register({
-    "four_states": Entry(
-        "the model with speed and pitch (4 states) replaces the short period: likelihood ratio {value:.0f}"
-        " (limit {limit:.0f})",
-        "The two-state model leaves more than noise, and the four-state model is significantly more likely.",
+    "model_selection": Entry(
+        "{subject} replaces output error of the short period: likelihood ratio {value:.0f}",
+        "Speed and pitch as states, or process noise (turbulence), explain the residuals significantly better.",
     ),
 })  # fmt: skip
 
@@ -60,10 +61,12 @@ def modes_fit(
         InputError: a signal that is not there, or no record is long enough.
     """
     _check(section, cut)
-    fits = _model_fits(section, cut, constants, fill)
-    results, known = [one.result for one in fits], tuple(_mode(one) for one in fits)
+    fits, rejected = _model_fits(section, cut, constants, fill)
+    results, known = [one.result for one in fits], (*(_mode(one) for one in fits), *rejected)
     if (not fits or fits[0].result.model == SHORT_PERIOD or section.model is None) and has_equations(section):
-        known = (*known, by_equations(section, cut.fitted, constants, results))
+        # Parameters of a user's model are not derivatives of the two equations.
+        equations = section._replace(parameters={}) if is_user_model(section.model or "") else section
+        known = (*known, by_equations(equations, cut.fitted, constants, results))
     delay = section.delay.fixed
     if delay is None:
         found = (fit.estimate(DELAY) for fit in results)
@@ -77,37 +80,52 @@ def modes_fit(
 
 def _model_fits(
     section: ModesSection, cut: Cut, constants: Mapping[str, float], fill: float | None
-) -> list[ModelFit]:
-    """The fit of the requested model; by every method of `METHODS` if the map names none."""
+) -> tuple[list[ModelFit], tuple[Mode, ...]]:
+    """The fit of the requested model and method, and withheld modes of the method that the selection rejected.
+
+    If the map leaves them open, four states are tried beside two, and process noise (filter error) if output error
+    has a lack of fit; the likelihood-ratio test selects (Ljung, System Identification, 1999, ch. 16).
+    """
     model = section.model or _by_outputs(section)
     if model == "none":
-        return []
-    methods = tuple(METHODS) if section.method is None else (section.method,)
+        return [], ()
     request = OutputError(
-        model,
-        section.outputs,
-        section.inputs,
-        section.parameters,
-        section.delay,
-        section.hold,
-        section.biases,
-        method=methods[0],
-    )
+        model, section.outputs, section.inputs, section.parameters, section.delay, section.hold, section.biases,
+        method=section.method or "output_error",
+    )  # fmt: skip
     first = model_fit("modes", request, cut, constants, fill)
-    automatic = section.model is None and section.states is None and not section.parameters and model == SHORT_PERIOD
-    if automatic and "V" in with_speed(constants, cut.fitted) and has_lack_of_fit(first.result.series):
-        request = _four_states(request, first, with_speed(constants, cut.fitted))
-        first = _more_likely(first, model_fit("modes", request, cut, constants, fill))
-        request = request._replace(model=first.result.model) if first.result.model == LONGITUDINAL else request
-        if first.result.model != LONGITUDINAL:
-            request = request._replace(model=model, parameters={})
-    fits = [first]
-    for method in methods[1:]:
-        try:
-            fits.append(model_fit("modes", request._replace(method=method), cut, constants, fill))
-        except InputError:
-            continue
-    return fits
+    delayed = ("input_delay", ", ".join(section.inputs)), ("time_skew", ", ".join(section.inputs))
+    if any((one.code, one.subject) in delayed for one in first.result.findings):
+        return [first], ()  # more states or process noise would hide a delay of the inputs
+    fits, requests, known = [first], [request], with_speed(constants, cut.fitted)
+    automatic = section.model is None and section.states is None and not section.parameters and "V" in known
+    if automatic and model == SHORT_PERIOD and "theta" not in section.outputs:
+        requests.append(_four_states(request, first, known))
+        fits.append(model_fit("modes", requests[-1], cut, constants, fill))
+    best = min(fits, key=lambda one: _criterion(one, first))
+    lacking = best.fit.failure or (has_lack_of_fit(best.result.series) and not cut.averaged)
+    if section.method is None and model in (SHORT_PERIOD, LONGITUDINAL) and lacking:
+        for other in requests:
+            with contextlib.suppress(InputError):
+                fits.append(model_fit("modes", other._replace(method="filter_error"), cut, constants, fill))
+        best = min(fits, key=lambda one: _criterion(one, first))
+    if best is first or best.fit.failure:
+        return [first], ()
+    finding = Finding("model_selection", "info", best.result.title, 2.0 * (first.fit.cost - best.fit.cost))
+    best = best._replace(result=best.result._replace(findings=(finding, *best.result.findings)))
+    if best.result.method == request.method:
+        return [best], ()
+    return [best], (nothing(METHODS[request.method][0], "process noise is significant: see filter error"),)
+
+
+def _criterion(one: ModelFit, simplest: ModelFit) -> float:
+    """Twice the negative log-likelihood and the 99 % point of what more parameters gain by chance (chi-squared)."""
+    from scipy.special import chdtri
+
+    if one.fit.failure:
+        return np.inf
+    more = len(one.fit.names) - len(simplest.fit.names)
+    return float(2.0 * one.fit.cost + (chdtri(more, 1.0 - SURE) if more > 0 else 0.0))
 
 
 def _by_outputs(section: ModesSection) -> str:
@@ -134,20 +152,6 @@ def _four_states(request: OutputError, first: ModelFit, constants: Mapping[str, 
     names += ["X_u", "X_alpha", "Z_u", "M_q"]
     parameters = {name: Parameter(start=starts[name]) if name in starts else Parameter() for name in names}
     return request._replace(model=LONGITUDINAL, parameters=parameters)
-
-
-def _more_likely(two: ModelFit, four: ModelFit) -> ModelFit:
-    """The four-state fit if its likelihood is significantly greater (chi-squared test of the likelihood ratio)."""
-    from scipy.special import chdtri
-
-    if four.fit.failure:
-        return two
-    more = max(len(four.fit.names) - len(two.fit.names), 1)
-    ratio, limit = 2.0 * (two.fit.cost - four.fit.cost), float(chdtri(more, 1.0 - SURE))
-    if not two.fit.failure and ratio <= limit:
-        return two
-    finding = Finding("four_states", "info", "", ratio, limit)
-    return four._replace(result=four.result._replace(findings=(finding, *four.result.findings)))
 
 
 def _check(section: ModesSection, cut: Cut) -> None:

@@ -21,11 +21,12 @@ from logs.identification.diagnostics.sampling import FASTEST_TURN, LEAST_RUN, al
 from logs.identification.diagnostics.table import diagnose
 from logs.identification.estimators.engine.problem import Fit, Nuisances, Problem
 from logs.identification.estimators.engine.problem import Parameter as FitParameter
+from logs.identification.estimators.filter_error import filter_error_search
 from logs.identification.estimators.initial_values import SPANS, best_delay, start_values
-from logs.identification.estimators.output_error import Method, Search, output_error, predicted
+from logs.identification.estimators.output_error import Method, Search, fitted_series, output_error, predicted
 from logs.identification.estimators.terms import quotient
 from logs.identification.findings import Entry, Finding, register
-from logs.identification.results import Estimate, EstimationResult, FitSeries, withheld_finding
+from logs.identification.results import Estimate, EstimationResult, FitSeries
 from logs.identification.sources.table.config import DELAY, OutputError
 from logs.identification.sources.table.maneuvers import Cut
 from logs.identification.sources.table.signal_lookup import check_apart
@@ -34,12 +35,25 @@ from logs.identification.tables.models import LONGEST_DELAY, Chosen, chosen_mode
 from wingbeat.errors import InputError
 from wingbeat.text import pluralize
 
-RANDOM_STARTS = Search(starts=4)
+RANDOM_STARTS = Search(starts=4, fallback=False)
 """if Gauss-Newton does not converge from any other start"""
 SEARCHES: dict[str, Method] = {"gauss-newton": "gauss-newton", "nelder-mead": "nelder-mead", "both": "both"}
-Estimator = Callable[[Problem, Search], Fit]
-METHODS: dict[str, tuple[str, Estimator]] = {"output_error": ("output error", output_error)}
-"""by the word in the map: title and estimator"""
+Estimator = Callable[[Problem, Search], tuple[Problem, Fit]]
+
+
+def _filter_error(problem: Problem, search: Search) -> tuple[Problem, Fit]:
+    try:
+        found = filter_error_search(problem, None, search)
+    except np.linalg.LinAlgError:
+        raise InputError("filter error: the covariance of the innovations is singular") from None
+    return found.problem, found.fit
+
+
+METHODS: dict[str, tuple[str, Estimator]] = {
+    "output_error": ("output error", lambda problem, search: (problem, output_error(problem, search))),
+    "filter_error": ("filter error", _filter_error),
+}
+"""by the word in the map: title, and (problem, search) -> the problem as solved and its fit"""
 DELAY_SHARE, LEAST_DELAY_STEPS = 0.5, 2.0
 """-; squares of the equations' errors that a delay leaves, and its sampling intervals, from which it is reported"""
 
@@ -89,9 +103,10 @@ def model_fit(
     starts, problem, fit = _likeliest(section, chosen, fitted.experiments, constants, estimator)
     aliased = _aliased(fit, section, chosen, cut.fitted)
     lines = {name: chosen.aliases.get(name, name) for name in section.inputs if name not in section.hold}
-    effects = () if aliased else omitted_effects(problem, fit, constants, lines, chosen.unnamed)
+    simulated = not aliased and section.method == "output_error"
+    effects = () if not simulated else omitted_effects(problem, fit, constants, lines, chosen.unnamed)
     fit = widened(fit, effects)
-    conditional = () if aliased else conditional_estimates(problem, fit)
+    conditional = conditional_estimates(problem, fit) if simulated else ()
     dependent = {one.subject for one in conditional}
     fit = fit._replace(estimates=tuple(one for one in fit.estimates if one.name not in dependent))
     series = (*fitted_series(problem, fit), *(predicted(problem, fit, held.experiments) if held.experiments else ()))
@@ -103,9 +118,12 @@ def model_fit(
     )  # fmt: skip
     if aliased:
         result = result._replace(status="not converged", estimates=(), covariance=None, series=())
-    context = Context(cut.fitted, constants, section.inputs, section.outputs, section.hold, result, chosen.linear)
+    context = Context(
+        cut.fitted, constants, section.inputs, section.outputs, section.hold, result, chosen.linear, cut.averaged
+    )
     findings = (
-        *_failure(fit, aliased), *conditional, *(one.finding for one in effects), *diagnose("model", context),
+        *_failure(fit, aliased), *chosen.findings, *conditional, *(one.finding for one in effects),
+        *diagnose("model", context),
         *_input_delay(section, chosen, fitted.experiments, constants, series, fit),
         *chosen.findings, *fitted.findings, *held.findings,
     )  # fmt: skip
@@ -124,7 +142,7 @@ def _failure(fit: Fit, aliased: Finding | None) -> tuple[Finding, ...]:
     if aliased is not None:
         return (aliased,)
     failed = (Finding("no_numbers", "withheld", details={"reason": fit.failure}),) if fit.failure else ()
-    return (*failed, *map(withheld_finding, fit.unidentified))
+    return (*failed, *(one for one in fit.findings if one.subject or one.severity != "withheld"))
 
 
 def _aliased(fit: Fit, section: OutputError, chosen: Chosen, experiments: tuple[Experiment, ...]) -> Finding | None:
@@ -224,8 +242,7 @@ def _likeliest(
             continue
         if search is not RANDOM_STARTS and any(starts == before for before, *_ in ends):
             continue
-        problem = _problem(section, chosen, experiments, starts)
-        fit = estimator(problem, search)
+        problem, fit = estimator(_problem(section, chosen, experiments, starts), search)
         ends.append((starts, problem, fit))
         if not fit.failure and not has_lack_of_fit(fitted_series(problem, fit)):
             return ends[-1]
@@ -238,11 +255,13 @@ def _starts(
 ) -> Iterator[tuple[dict[str, float], Search]]:
     """Start values of the map, by equation error, by equation error over longer spans, and at random about them."""
     unaided = {name: one._replace(start=None) for name, one in chosen.parameters.items()}
-    first = Search(SEARCHES[section.search])
+    first = Search(SEARCHES[section.search], fallback=False)
     if unaided != chosen.parameters:
         yield start_values(chosen.model, chosen.parameters, experiments, constants, chosen.linear), first
     plain = start_values(chosen.model, unaided, experiments, constants, chosen.linear)
     yield plain, first
+    if section.method == "filter_error":  # it starts from the optimum of output error
+        return
     for span in SPANS:
         yield start_values(chosen.model, unaided, experiments, constants, chosen.linear, span), first
     yield plain, RANDOM_STARTS
@@ -252,13 +271,3 @@ def shortened(one: Estimate) -> Estimate:
     """The estimate with its unit shortened: ``(rad/s)/(rad)`` is 1/s."""
     parts = re.fullmatch(r"\((.*)\)/\((.*)\)", one.unit)
     return one._replace(unit=quotient(parts[1], parts[2])) if parts else one
-
-
-def fitted_series(problem: Problem, fit: Fit) -> tuple[FitSeries, ...]:
-    """Measured and fitted outputs of every maneuver."""
-    units = problem.model.outputs
-    return tuple(
-        FitSeries(one.name, output, units[output], one.time, one.measured[:, n], one.model[:, n])
-        for one in fit.histories
-        for n, output in enumerate(fit.outputs)
-    )

@@ -14,20 +14,16 @@ from logs.identification.estimators.equation_error import (
     CoefficientRegression,
     Settings,
     coefficient_regression,
-    predict,
+    regression_result,
 )
 from logs.identification.estimators.orthogonal import Orthogonal, orthogonal_regression
-from logs.identification.estimators.regressors import (
-    INTERCEPT,
-    LOCAL_POLYNOMIAL,
-    as_regressed,
-    filtered_like_derivative,
-)
+from logs.identification.estimators.registry import Request
+from logs.identification.estimators.regressors import LOCAL_POLYNOMIAL, filtered_like_derivative
 from logs.identification.estimators.stepwise import Rules, Step, stepwise_regression
 from logs.identification.estimators.terms import parse
 from logs.identification.findings import Entry, Finding, register
 from logs.identification.report.document import Chapter, Table
-from logs.identification.results import Array, EstimationResult, FitSeries, note_finding, withheld_finding
+from logs.identification.results import Array, EstimationResult
 from logs.identification.sources.table.config import Regression
 from logs.identification.sources.table.constants import UNITS
 from logs.identification.sources.table.derived import MADE, averaging_of, with_made
@@ -103,10 +99,18 @@ def regression_fit(section: Regression, cut: Cut, constants: Mapping[str, float]
             parts[0], section.response, selected, "time" if section.domain == "time" else "frequency", settings
         )
     model, noisy = (model, ()) if steady else regression_findings(model, parts[0], settings)
-    method = "orthogonal" if section.method == "orthogonal" else "stepwise" if steps else "equation_error"
-    result = _result(section, model, (parts[0], parts[1]), settings)._replace(
-        method=method, steps=steps, chapters=chapters
-    )
+    method = "orthogonal" if section.method == "orthogonal" else f"equation_error_{section.domain}"
+    way = "orthogonal functions" if section.method == "orthogonal" else f"{section.domain} domain"
+    options = settings._asdict() | {"units": UNITS}
+    request = Request(parts[0], parts[1], outputs=(section.response,), constants=constants, options=options)
+    result = regression_result(
+        "stepwise" if steps else method, request, model, subject="aero", response=section.response, steps=steps,
+        chapters=chapters, title=f"regression of {section.response}, {way}",
+    )  # fmt: skip
+    if model.failure:
+        failed = Finding("not_estimated", "withheld", details={"reason": model.failure})
+        result = result._replace(findings=(failed, *result.findings))
+    result = result._replace(equations=(*result.equations, NAMED))
     symbols = tuple(dict.fromkeys(s for n in names for s in _symbols(n, cut.fitted) if s not in SCALES))
     checks = diagnose("regression", Context(cut.fitted, constants, signals=symbols, result=result))
     thrust = _thrust_unknown(section, cut.fitted, constants)
@@ -247,33 +251,3 @@ def _frequencies(section: Regression, experiments: tuple[Experiment, ...]) -> Ar
     if section.domain != "frequency":
         raise InputError(f'{key}: band is for domain = "frequency"')
     return band_frequencies(section.band, experiments, key)
-
-
-def _result(
-    section: Regression,
-    model: CoefficientRegression,
-    parts: tuple[tuple[Experiment, ...], tuple[Experiment, ...]],
-    settings: Settings,
-) -> EstimationResult:
-    series: list[FitSeries] = []
-    response = parse(section.response)
-    if not model.failure:
-        for one, residual in zip(parts[0], model.residuals, strict=True):
-            values = as_regressed(response, one, settings.constants, settings.averaging)
-            series.append(FitSeries(one.name, section.response, model.unit, one.time, values, values - residual))
-        for one in parts[1]:
-            values = as_regressed(response, one, settings.constants, settings.averaging)
-            predicted = predict(model, one, settings)
-            series.append(FitSeries(one.name, section.response, model.unit, one.time, values, predicted, True))
-    equation = " + ".join(name if name == INTERCEPT else f"[{name}] {name}" for name in model.names)
-    places = [model.names.index(one.name) for one in model.estimates]
-    way = "orthogonal functions" if section.method == "orthogonal" else f"{section.domain} domain"
-    failed = (Finding("not_estimated", "withheld", details={"reason": model.failure}),) if model.failure else ()
-    lost = tuple(withheld_finding(one) for one in model.unidentified)
-    return EstimationResult(
-        "equation_error", "aero", "", (f"{section.response} = {equation}", NAMED),
-        "not identifiable" if model.failure else "converged", model.estimates,
-        model.covariance[places][:, places] if places else None, series=tuple(series), samples=model.samples,
-        findings=(*failed, *lost, *map(note_finding, model.notes)), title=f"regression of {section.response}, {way}",
-        response=section.response,
-    )  # fmt: skip

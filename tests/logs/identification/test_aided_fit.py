@@ -10,14 +10,24 @@ from prescribed_flight import ERRORS, INPUT_NOISE, Flight, motion, truth
 from promised import SEEDS, promise_kept
 
 from avionics import topics
+from logs.identification.data.experiment import Experiment
 from logs.identification.data.flight import Aircraft
-from logs.identification.estimators.gps_aided import AidedFit, AidedFlight, aided_fit, ned_from_frd
+from logs.identification.estimators.gps_aided import (
+    ATTITUDE,
+    VELOCITIES,
+    AidedFit,
+    AidedFlight,
+    aided_fit,
+    ned_from_frd,
+)
+from logs.identification.estimators.registry import ESTIMATORS, Request
 from logs.identification.models.rigid_body import INPUTS
 from logs.identification.report.flight_path import log_chapter
 from logs.identification.results import Array, estimate
 from logs.identification.sources.flight_path import aided_flight, identify_path, imu_truths
 from logs.identification.sources.full_flight import whole_flight
 from sim_bridge import topics as truth_topics
+from wingbeat.errors import InputError
 from wingbeat.topic import Topic
 
 OFFSETS = np.array([ERRORS[f"bias_{name}"] for name in INPUTS])
@@ -126,6 +136,26 @@ def test_straight_flight_hardly_tells_the_yaw_gyro() -> None:
     assert abs(scores(straight, still.errors)[2]) < 3
 
 
+def test_the_registry_row_is_the_fit_with_findings() -> None:
+    made = told(STANDARD._replace(seed=3))
+    flight = made.flight
+    velocity = np.full((len(flight.time), 3), np.nan)
+    velocity[flight.at] = flight.velocity
+    columns = zip(
+        (*INPUTS, *ATTITUDE, *VELOCITIES), np.hstack((flight.inputs, flight.attitude, velocity)).T, strict=True
+    )
+    one = Experiment("flight", flight.time, dict(columns), {})
+    result = ESTIMATORS["gps_aided"].estimate(Request((one,), options={"arm": flight.arm}))
+    found = aided_fit(flight)
+    assert found is not None
+    np.testing.assert_allclose([each.value for each in result.estimates], found.errors)
+    assert [series.output for series in result.series] == list(VELOCITIES)
+    assert [each.code for each in result.findings] == ["measured_by_gps", "mean_bias"]
+    without = one._replace(signals={name: values for name, values in one.signals.items() if name != "v_down"})
+    with pytest.raises(InputError, match="v_down not measured"):
+        ESTIMATORS["gps_aided"].estimate(Request((without,)))
+
+
 # --- from a log ---------------------------------------------------------------------------------------
 
 
@@ -184,12 +214,12 @@ def test_the_path_of_a_log_stands_beside_its_truth() -> None:
     log = recorded(AT_CENTRE._replace(seed=4))
     found = identify_path(log, Aircraft())
     known = imu_truths(log, Aircraft(), found.spans)
-    assert [one.name for one in found.fitted.estimates] == [f"bias_{name}" for name in INPUTS]
-    for one in found.fitted.estimates:
+    assert [one.name for one in found.result.estimates] == [f"bias_{name}" for name in INPUTS]
+    for one in found.result.estimates:
         assert abs(one.value - known[one.name]) < 3 * one.standard_error
     chapter = log_chapter(found)
     assert chapter is not None and len(chapter.plots) == 6
-    assert [series.output for series in found.fitted.series] == ["v_north", "v_east", "v_down"]
+    assert [series.output for series in found.result.series] == ["v_north", "v_east", "v_down"]
 
 
 def test_without_velocities_a_filters_attitude_gives_no_numbers() -> None:
@@ -197,10 +227,11 @@ def test_without_velocities_a_filters_attitude_gives_no_numbers() -> None:
     log = recorded(AT_CENTRE)
     del log.tables[topics.GPS.name]
     found = identify_path(log, Aircraft())
-    assert not found.fitted.estimates
-    refused = {one.name: one.reason for one in found.fitted.unidentified}
-    assert all("flight computer's own attitude" in refused[f"bias_{name}"] for name in INPUTS)
-    assert "/sensors/gps" in found.fitted.notes[0]
+    assert not found.result.estimates
+    withheld = {one.subject: one.code for one in found.result.withheld}
+    assert all(withheld[f"bias_{name}"] == "attitude_filter" for name in INPUTS)
+    (by_attitude,) = (one for one in found.result.findings if one.code == "by_attitude")
+    assert "/sensors/gps" in by_attitude.text
     assert log_chapter(found) is not None
 
 
@@ -217,7 +248,7 @@ def test_manoeuvres_that_meet_are_one_record_and_a_vertical_gyro_gives_numbers()
     found = identify_path(log, Aircraft())
     assert len(found.spans) == 1 and "manoeuvre 1 to 2" in found.records[0]
     assert found.spans[0] == pytest.approx((7.0, 23.0), abs=0.05)
-    assert {"bias_p", "bias_q", "bias_r"} <= {one.name for one in found.fitted.estimates}
+    assert {"bias_p", "bias_q", "bias_r"} <= {one.name for one in found.result.estimates}
 
 
 @pytest.mark.parametrize("gps", [True, False])

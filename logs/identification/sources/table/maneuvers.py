@@ -85,7 +85,9 @@ class Cut(NamedTuple):
     findings: tuple[Finding, ...]
     """on what was read, left out or changed"""
     delays: tuple[Estimate, ...] = ()
-    """s; by which signals were measured to be late, by their names"""
+    """s; measured delays of signals, by name"""
+    averaged: bool = False
+    """-; over the stroke: the noise of neighboring samples is correlated"""
 
 
 def file_of(one: Experiment) -> str:

@@ -240,7 +240,9 @@ def stroke_averaged(
     if not frequency or 1.0 / frequency < 2.0 * max(steps):
         return cut, ()
     fitted, held = (tuple(_averaged(one, 1.0 / frequency) for one in part) for part in (cut.fitted, cut.held_out))
-    return cut._replace(fitted=fitted, held_out=held), (Finding("stroke_average", "info", "", frequency),)
+    return cut._replace(fitted=fitted, held_out=held, averaged=True), (
+        Finding("stroke_average", "info", "", frequency),
+    )
 
 
 def vibration_frequency(experiments: Sequence[Experiment], inputs: Sequence[str], outputs: Sequence[str]) -> float:
