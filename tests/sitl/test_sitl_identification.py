@@ -11,7 +11,7 @@ import pytest
 from identified import INPUTS_OVER, known, true_short_period
 from memory_log import simulate
 
-from logs.identification.estimators.flight_modes import identify_modes
+from logs.identification.estimators.flight_modes import FILTER_ERROR, identify_modes
 from logs.identification.models.modes import Mode, ModesResult
 from logs.identification.sources.flight import flight_data
 from sim_bridge.flight.world import Scenario
@@ -107,7 +107,8 @@ def in_gusts(vehicle: str, level: str, seed: int) -> InGusts | None:
     try:
         log = simulate(vehicle, Scenario(seed=seed, turbulence=level))
         modes = identify_modes(flight_data(log), known(vehicle)).modes
-        return InGusts(true_short_period(vehicle, log), modes[WITH_A_MODEL - 1])
+        by_filter = next(mode for mode in modes if mode.method == FILTER_ERROR)
+        return InGusts(true_short_period(vehicle, log), by_filter)
     except InputError:
         return None
 

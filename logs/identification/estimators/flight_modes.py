@@ -56,7 +56,7 @@ LIFT_SLOPE = 3.0
 """1/rad; change of the lift over the lift"""
 TURBULENT = 0.85
 """-; coefficient of determination of the pitch rate by output error, below which turbulence dominates"""
-LARGE_PITCH = 0.5
+LARGE_PITCH = 0.25
 """rad; range of the pitch angle in a maneuver, above which the linear kinematics are inaccurate"""
 THIRD = 3
 """-; every third maneuver of a single flight is predicted by a fit to the others"""
@@ -80,7 +80,7 @@ register({
     "large_motion": Entry(
         "pitch moves through {value:.2f} rad; the linear model assumes less than {limit:g} rad",
         "Products of pitch rate and speeds and the rotation of gravity are not in the linear model: frequency and"
-        " damping may be biased by some percent.",
+        " damping may be biased by one or two percent.",
         "fly smaller or shorter inputs",
     ),
     "methods_disagree": Entry(

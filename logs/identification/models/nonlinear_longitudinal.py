@@ -57,11 +57,11 @@ class Airframe(NamedTuple):
     thrust_arm: float = 0.0
     """m; l, pitching moment (nose up) per thrust"""
     accelerometer_x: float = 0.0
-    """m; forward of the centre of mass"""
+    """m; forward of the center of mass"""
     accelerometer_z: float = 0.0
-    """m; below the centre of mass"""
+    """m; below the center of mass"""
     vane_x: float = 0.0
-    """m; of the flow-angle sensor, forward of the centre of mass: it feels ``-q x / V``"""
+    """m; of the flow-angle sensor, forward of the center of mass: it feels ``-q x / V``"""
     gravity: float = STANDARD_GRAVITY
     """m/s^2"""
     rate_by_airspeed: bool = False

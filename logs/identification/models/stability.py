@@ -2,7 +2,7 @@
 
 Dimensional derivatives (Etkin & Reid, Dynamics of Flight, 1996, ch. 4; Klein & Morelli, Aircraft System
 Identification, 2006, ch. 3): forces per mass and moments per inertia. Angles, rates and inputs are deviations
-from the steady flight, or whole where a constant (``Z_0``, ``M_0``, ...) or a bias of each manoeuvre takes up the
+from the steady flight, or whole where a constant (``Z_0``, ``M_0``, ...) or a bias of each maneuver takes up the
 rest. Every derivative is a parameter ``<axis>_<signal>``, zero and fixed unless the problem names it; a regressor
 that is no state (a measured sideslip, say) is an input.
 """
@@ -34,9 +34,9 @@ class Steady(NamedTuple):
     alpha: float = 0.0
     """rad; angle of attack"""
     accelerometer_x: float = 0.0
-    """m; forward of the centre of mass"""
+    """m; forward of the center of mass"""
     accelerometer_z: float = 0.0
-    """m; below the centre of mass"""
+    """m; below the center of mass"""
     gravity: float = STANDARD_GRAVITY
     """m/s^2"""
 

@@ -36,11 +36,7 @@ class Spread(NamedTuple):
     """(K, p, p); of `between`, what each record brings where all have the same noise; None: as much as any other"""
 
     def standard_errors(self) -> tuple[Array, Array]:
-        """Standard errors (p,) and degrees of freedom (p,), of each parameter by the kind that counts.
-
-        The sum of both kinds held the truth in all of sixty flights where 95 % is promised, and so did the degrees
-        of freedom of the few records where the noise within them decides.
-        """
+        """Standard errors (p,) and degrees of freedom (p,), of each parameter by the kind that counts."""
         within = np.maximum(np.diag(self.covariance), 0.0)
         if self.between is None:
             return np.sqrt(within), np.full(len(within), self.degrees)
@@ -69,11 +65,6 @@ class Spread(NamedTuple):
     def part(self, chosen: slice) -> Spread:
         """Of the ``chosen`` parameters alone."""
         return self.carried(np.eye(len(self.covariance))[chosen])
-
-    def plus(self, covariance: Array) -> Spread:
-        """With a ``covariance`` (p, p) that is in neither kind."""
-        between = None if self.between is None else self.between + covariance
-        return self._replace(covariance=self.covariance + covariance, between=between)
 
     def estimates(self, names: dict[str, str], values: Array) -> tuple[Estimate, ...]:
         """One `Estimate` per entry of ``names`` (name to unit), from ``values`` (p,)."""

@@ -206,7 +206,7 @@ def test_calm_flight_has_no_finding_and_all_methods_agree() -> None:
 
 
 def test_large_motion_is_a_finding() -> None:
-    result = identify(Flight(seed=1, width=0.4, amplitude=0.25))
+    result = identify(Flight(seed=1, width=0.4))
     assert [one.code for one in result.findings][:1] == ["large_motion"]
 
 

@@ -31,6 +31,7 @@ LAG_SHARE = 0.2
 """-; of the longest record: width of the lag window"""
 MAX_POLE = 0.97
 """-; of the filter that prewhitens residuals"""
+Arrays = list[Array]
 MIXED = 1e-2
 """-; share of a parameter in a direction that the data does not determine"""
 WIDEST = 1.0
@@ -62,7 +63,7 @@ class Accuracy(NamedTuple):
 
 
 def accuracy_of(flight: Flight, found: Found, names: tuple[str, ...]) -> Accuracy:
-    """Errors of the parameters that are not held at a bound, nuisances and colour of the residuals included."""
+    """Errors of the parameters that are not at a bound, for colored residuals and with nuisance parameters."""
     assert found.normal is not None
     free, p = np.flatnonzero(~found.held), len(names)
     equations = reduced(found.normal).only(free)
@@ -120,9 +121,6 @@ def _sandwich(flight: Flight, normal: Normal, free: Indices, inverse: Array, ran
     wider = np.diag(between.between) > np.diag(within)
     each = np.where(wider, np.minimum(between.standard_errors()[1], degrees), degrees)
     return not_below(within, between.between), each
-
-
-Arrays = list[Array]
 
 
 def _prewhitened(residuals: Arrays, used: Arrays, sensitivities: Arrays) -> tuple[Arrays, Arrays, Arrays]:

@@ -112,7 +112,7 @@ class Parameter(NamedTuple):
 
 
 class Nuisances(NamedTuple):
-    """What every manoeuvre has of its own beside the parameters; fitted with them, and their errors count."""
+    """Nuisance parameters of every maneuver: fitted with the parameters, whose errors contain theirs."""
 
     initial_states: tuple[str, ...] | None = None
     """-; states whose initial values are free; None: all"""
@@ -194,7 +194,7 @@ class Fit(NamedTuple):
     values: Array
     """(p,); NaN after a failure. Where a parameter is unidentified, the number that the search ended at"""
     covariance: Array
-    """(p, p); corrected for coloured residuals, zero in the rows of unidentified parameters"""
+    """(p, p); corrected for colored residuals, zero in the rows of unidentified parameters"""
     degrees: float
     """-; effective degrees of freedom, the least of the identified parameters'"""
     noise: Array
