@@ -60,9 +60,11 @@ def notes_of(result: EstimationResult) -> tuple[str, ...]:
 
 
 def finding_line(finding: Finding) -> str:
-    """The text of a finding and its remedy."""
+    """The subject, text and remedy of a finding; the subject of a withheld one stands elsewhere."""
     remedy = CATALOG[finding.code].remedy
-    return f"{finding.text}; {remedy}" if remedy and finding.severity != "info" else finding.text
+    text = f"{finding.text}; {remedy}" if remedy and finding.severity != "info" else finding.text
+    named = not finding.subject or finding.subject in text or finding.severity == "withheld"
+    return text if named else f"{finding.subject}: {text}"
 
 
 def withheld_lines(withheld: Sequence[Finding]) -> list[str]:

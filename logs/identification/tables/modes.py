@@ -42,6 +42,7 @@ from wingbeat.errors import InputError
 SHORT_PERIOD, LONGITUDINAL, LATERAL = "short period", "longitudinal", "lateral"
 SHORT_PERIOD_OUTPUTS = {"alpha", "q", "theta", "a_z", "n_z", "q_dot"}
 LONGITUDINAL_OUTPUTS = SHORT_PERIOD_OUTPUTS | {"u", "a_x"}
+EFFECTS = ("input_delay", "time_skew", "sensor_position")
 ANGLES = {"alpha", "beta", "gamma", "phi", "theta", "psi"}
 
 register({
@@ -94,17 +95,18 @@ def _model_fits(
         method=section.method or "output_error",
     )  # fmt: skip
     first = model_fit("modes", request, cut, constants, fill)
-    delayed = ("input_delay", ", ".join(section.inputs)), ("time_skew", ", ".join(section.inputs))
-    if any((one.code, one.subject) in delayed for one in first.result.findings):
-        return [first], ()  # more states or process noise would hide a delay of the inputs
+    inputs = ", ".join(section.inputs)
+    if any(one.code in EFFECTS and one.subject == inputs for one in first.result.findings):
+        return [first], ()  # more states would hide a delay of the inputs
     fits, requests, known = [first], [request], with_speed(constants, cut.fitted)
     automatic = section.model is None and section.states is None and not section.parameters and "V" in known
     if automatic and model == SHORT_PERIOD and "theta" not in section.outputs:
         requests.append(_four_states(request, first, known))
         fits.append(model_fit("modes", requests[-1], cut, constants, fill))
     best = min(fits, key=lambda one: _criterion(one, first))
+    skewed = any(one.code in EFFECTS for one in best.result.findings)  # process noise would hide it
     lacking = best.fit.failure or (has_lack_of_fit(best.result.series) and not cut.averaged)
-    if section.method is None and model in (SHORT_PERIOD, LONGITUDINAL) and lacking:
+    if section.method is None and model in (SHORT_PERIOD, LONGITUDINAL) and lacking and not skewed:
         for other in requests:
             with contextlib.suppress(InputError):
                 fits.append(model_fit("modes", other._replace(method="filter_error"), cut, constants, fill))
