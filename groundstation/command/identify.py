@@ -101,7 +101,7 @@ TABLE_USAGE = (
     f"wingbeat identify TABLE [TABLE ...] --map MAP.toml [{'|'.join(TABLE_SUBJECTS)}]"
     " [--report OUT.html] [--model OUT.toml] [--json]"
 )
-FILES = "MCAP log, or several logs of one aircraft for their modes; with --map one or several tables"
+FILES = "MCAP log (latest: the newest of recordings/), several logs for their modes; with --map one or several tables"
 TABLE_SUFFIXES = (".csv", ".txt", ".dat", ".asc", ".tsv")
 
 
@@ -306,7 +306,7 @@ def _split(words: Sequence[str]) -> tuple[list[Path], str]:
         InputError: there is no file.
     """
     what = words[-1] if words and words[-1] in KNOWN else "all"
-    files = [Path(word) for word in words if word not in KNOWN]
+    files = [options.recording_path(word) for word in words if word not in KNOWN]
     if not files:
         raise InputError("which log or table? (see wingbeat identify --help)")
     return files, what
