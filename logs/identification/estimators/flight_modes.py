@@ -50,6 +50,7 @@ DRIFT_ORDER = 2
 """-; of the polynomial in time that the biases of the sensors leave in the integrated speeds"""
 
 
+IN_TURBULENCE = "not compared: only filter error models the turbulence, the other methods are biased by it"
 GUSTY_STATES = ("u", "w", "q")
 """-; airspeeds, to whose rates gusts add nearly white noise"""
 LIFT_SLOPE = 3.0
@@ -298,9 +299,12 @@ def identify_modes(
         *modes_of_records(records_of_flight(flight, _lag(flight, fits.output)), (SHORT_PERIOD,)),
     )
     findings = motion_findings(flight, results[0])
-    if any(one.code == "turbulence" for one in findings) and modes[2].short_period is not None:
-        modes = (modes[2], *modes[:2], *modes[3:])
     agree, statement = agreement(modes)
+    if any(one.code == "turbulence" for one in findings):
+        # Only filter error models the turbulence: agreement of the others would be that of equal biases.
+        agree, statement = None, IN_TURBULENCE
+        if modes[2].short_period is not None:
+            modes = (modes[2], *modes[:2], *modes[3:])
     notes = (*data.notes, *dropped_maneuvers(data, every), *(one.text for one in findings))
     if agree is False:
         findings += (Finding("methods_disagree", "warning", details={"statement": statement}),)
