@@ -255,7 +255,7 @@ def test_what_installs_a_package_is_the_pip_of_the_python_that_runs(
 def test_without_the_library_a_frame_is_one_line(log: Log, library: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, library, None)
     with pytest.raises(
-        InputError, match=rf"a data frame needs {library}, which is not installed: \S+ -m pip install {library}$"
+        InputError, match=rf"a data frame needs {library}, which is not installed: \S+ -m pip install '?{library}\S*$"
     ):
         log.frame(topics.WING, library)
 

@@ -19,7 +19,7 @@ from logs.identification.report.fits import (
     validation_chapter,
 )
 from logs.identification.report.html import page
-from logs.identification.results import FitSeries, Fitted, estimate
+from logs.identification.results import EstimationResult, FitSeries, Fitted, estimate, from_fitted
 
 PROGRAM = find_browser()
 pytestmark = pytest.mark.skipif(PROGRAM is None, reason="no Chromium on the PATH, and WINGBEAT_CHROMIUM names none")
@@ -27,7 +27,7 @@ EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
 NAMES = ("X_u", "Z_delta", "M_q", "tail_time_constant", "short_period_frequency")
 
 
-def fit() -> Fitted:
+def fit() -> EstimationResult:
     """A method's result with numbers of every size."""
     rng = np.random.default_rng(1)
     series = []
@@ -43,7 +43,8 @@ def fit() -> Fitted:
     spread = factor @ factor.T
     scale = np.sqrt(np.diag(spread))
     correlation = spread / np.outer(scale, scale)
-    return Fitted("output error", ("du/dt = X_u u",), found, (), correlation, tuple(series), ("Held.",))
+    fitted = Fitted("output error", ("du/dt = X_u u",), found, (), correlation, tuple(series), ("Held.",))
+    return from_fitted(fitted, "output_error")
 
 
 @pytest.fixture(scope="module")
