@@ -15,7 +15,7 @@ from groundstation.views.table_identification import table_identification
 from groundstation.views.terminal import open_console
 from logs.identification.report.model_file import write_linear
 from logs.identification.report.result_formatting import table_document
-from logs.identification.report.table_model import check_model, table_model
+from logs.identification.report.table_model import check_model, has_model, table_model
 from logs.identification.report.tables import Source, write_tables_report
 from logs.identification.sources.table.config import load_map
 from logs.identification.tables.results import TableIdentification
@@ -38,7 +38,7 @@ def run(files: Sequence[Path], what: str, chosen: argparse.Namespace) -> int:
         open_console().print(table_identification(estimates))
     sys.stdout.flush()
     show_written(_written(files, what, chosen, estimates), chosen.json)
-    show_next_steps(chosen, any(fit.model == "longitudinal" for fit in estimates.fits))
+    show_next_steps(chosen, has_model(chosen.map, what))
     return 0
 
 

@@ -57,6 +57,8 @@ class FitSeries(NamedTuple):
     """-; a prediction: not among the data that the model was fitted to"""
     steady: float = 0.0
     """as `unit`; of the steady flight, the reference of Theil's coefficient: gravity alone is no prediction"""
+    independent: bool = False
+    """-; the samples are steady readings without an order, which have no autocorrelation"""
 
 
 class OutputFit(NamedTuple):

@@ -379,11 +379,25 @@ def regression_result(method: str, request: Request, result: CoefficientRegressi
     series = []
     for one, residual in zip(request.experiments, result.residuals, strict=False):
         measured = as_regressed(response, one, settings.constants, settings.averaging)
-        series.append(FitSeries(one.name, result.response, result.unit, one.time, measured, measured - residual))
+        series.append(
+            FitSeries(
+                one.name,
+                result.response,
+                result.unit,
+                one.time,
+                measured,
+                measured - residual,
+                independent=one.steady,
+            )
+        )
     for one in request.held_out if result.estimates else ():
         measured = as_regressed(response, one, settings.constants, settings.averaging)
         predicted = predict(result, one, settings)
-        series.append(FitSeries(one.name, result.response, result.unit, one.time, measured, predicted, True))
+        series.append(
+            FitSeries(
+                one.name, result.response, result.unit, one.time, measured, predicted, True, independent=one.steady
+            )
+        )
     places = [result.names.index(one.name) for one in result.estimates]
     terms = " + ".join(name if name == INTERCEPT else f"[{name}] {name}" for name in result.names)
     return EstimationResult(

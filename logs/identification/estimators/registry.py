@@ -1,4 +1,4 @@
-"""The estimators by name: the command, the map file, the documentation and the contract test read this table."""
+"""The estimators by name, for the documentation, the contract test and programs."""
 
 from __future__ import annotations
 

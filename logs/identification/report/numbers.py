@@ -387,6 +387,7 @@ def _modes(result: ModesResult, truths: Mapping[str, float]) -> dict[str, Any]:
         "statement": result.statement,
         "manoeuvres": result.manoeuvres,
         "notes": list(result.notes),
+        "findings": [one.document() for one in result.findings],
         "wing_period": result.wing_period,
         "reference": None if result.reference is None else _floats(result.reference._asdict()),
         "held_out": _held_out(validation(result)),

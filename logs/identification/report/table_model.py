@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +13,7 @@ from logs.identification.data.maneuvers import Reference
 from logs.identification.models.stroke_averaged import matrices
 from logs.identification.report.model_file import identified_values
 from logs.identification.results import Estimate, EstimationResult
-from logs.identification.sources.table.config import Map, ModesSection, OutputError
+from logs.identification.sources.table.config import Map, ModesSection, OutputError, load_map
 from logs.identification.tables.models import DROPPED, FIRST_SAMPLES, with_speed
 from logs.identification.tables.results import TableIdentification
 from logs.identification.tables.subjects import AERO, ALL, MODES
@@ -59,6 +60,15 @@ def check_model(chosen: Map, what: str) -> None:
         absent.insert(0, "constants.V or signals.V")
     if absent:
         raise InputError(f"--model: the trim is not known: the map lacks {', '.join(absent)}")
+
+
+def has_model(mapping: Path, what: str) -> bool:
+    """Whether ``--model`` would write a model from this map."""
+    try:
+        check_model(load_map(mapping), what)
+    except InputError:
+        return False
+    return True
 
 
 def _asked(chosen: Map, what: str) -> _Asked:

@@ -14,8 +14,9 @@ def output_fits(series: tuple[FitSeries, ...]) -> tuple[OutputFit, ...]:
 
 
 def _fit(one: FitSeries) -> OutputFit:
-    good, colour = goodness(one.measured, one.model), whiteness_of(one.measured - one.model)
+    good, whiteness = goodness(one.measured, one.model), whiteness_of(one.measured - one.model)
+    untested = one.independent or whiteness.failure
     return OutputFit(
         one.experiment, one.output, one.unit, one.held_out, good.samples, good.r_squared, good.rms,
-        theil(one.measured, one.model).coefficient, None if colour.failure else colour.white,
+        theil(one.measured, one.model).coefficient, None if untested else whiteness.white,
     )  # fmt: skip

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Iterator, Mapping
 from typing import NamedTuple
@@ -211,15 +212,19 @@ def driven(experiments: tuple[Experiment, ...], chosen: Chosen, fill: float | No
     return Driven(tuple(map(chosen.from_trim, pieces)), tuple(findings))
 
 
+def _bounds(chosen: Chosen, name: str) -> tuple[float, float]:
+    one = chosen.parameters.get(name)
+    return (-math.inf, math.inf) if one is None else (one.low, one.high)
+
+
 def _problem(
     section: OutputError, chosen: Chosen, experiments: tuple[Experiment, ...], values: Mapping[str, float]
 ) -> Problem:
-    parameters = {
-        name: FitParameter(value, name not in chosen.fixed, -LONGEST_DELAY, LONGEST_DELAY)
-        if name == DELAY
-        else FitParameter(value, name not in chosen.fixed)
-        for name, value in {**values, **chosen.fixed}.items()
-    }
+    parameters = {}
+    for name, value in {**values, **chosen.fixed}.items():
+        low, high = (-LONGEST_DELAY, LONGEST_DELAY) if name == DELAY else _bounds(chosen, name)
+        free = name not in chosen.fixed
+        parameters[name] = FitParameter(min(max(value, low), high) if free else value, free, low, high)
     biases = section.biases if section.biases is not None else (section.outputs if chosen.linear else ())
     return Problem(
         chosen.model, experiments, parameters, section.outputs,

@@ -27,10 +27,12 @@ from logs.identification.tables.modes import modes_fit, with_lateral_modes
 from logs.identification.tables.output_errors import model_fit
 from logs.identification.tables.regressions import check_names, regression_fit
 from logs.identification.tables.results import TableIdentification
-from logs.identification.tables.subjects import AERO, ALL, MODES, PATH, SECTIONS, STAND, SUBJECTS
+from logs.identification.tables.subjects import AERO, ALL, MODES, PATH, SECTIONS, STAND, STROKE, SUBJECTS, TWIST
 from wingbeat.errors import InputError
 
 T = TypeVar("T")
+DYNAMIC = (MODES, PATH, STROKE, STAND, TWIST)
+"""sections that need samples in their order"""
 register({"unusable": Entry("{reason}", "A section or fit of the map cannot be computed from these tables.")})
 
 
@@ -49,6 +51,10 @@ def identify_tables(files: Sequence[Path], mapping: Path, what: str = ALL) -> Ta
         named = f"{', '.join(others)} or {last}" if others else last
         raise InputError(f"map {mapping}: it has no section {named} that says what to fit")
     tables = [read_columns(path, chosen.table) for path in files]
+    if chosen.experiment.kind == "steady":
+        dynamic = [name for name in DYNAMIC if getattr(chosen, name) is not None and what in (name, ALL)]
+        if dynamic:
+            raise InputError(f"map {mapping}: [{dynamic[0]}] needs a motion, not steady readings ([experiment] kind)")
     try:
         maneuvers = cut(tables, chosen.signals, chosen.time, chosen.manoeuvres, chosen.prepare)
         smoothed = {} if chosen.prepare is None else chosen.prepare.smooth

@@ -113,7 +113,8 @@ def power_fit(
         return total
 
     series = _series(data, columns, fit, model, "power", "W") if _has(fit, "P_0") else ()
-    return [_table_fit("power", "power", "W", POWER, fit, series)]
+    result = _table_fit("power", "power", "W", POWER, fit, series)
+    return [result._replace(fixed={"C_D": fit.centre_current, "C_E": fit.centre_voltage})]
 
 
 def _all(
@@ -141,7 +142,16 @@ def _series(
         return ()
     pairs = [(one, False) for one in data.fitted] + [(one, True) for one in data.held_out]
     return tuple(
-        FitSeries(one.name, name, unit, one.time, columns(one)[0], model(values, *columns(one)[1:]), held_out)
+        FitSeries(
+            one.name,
+            name,
+            unit,
+            one.time,
+            columns(one)[0],
+            model(values, *columns(one)[1:]),
+            held_out,
+            independent=one.steady,
+        )
         for one, held_out in pairs
     )
 

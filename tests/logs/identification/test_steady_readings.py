@@ -12,6 +12,7 @@ from groundstation.command.main import main
 from logs.identification.data.experiment import Experiment
 from logs.identification.estimators.equation_error import Settings, coefficient_regression
 from logs.identification.estimators.stepwise import stepwise_regression
+from logs.identification.statistics.output_fit import output_fits
 from logs.identification.tables.run import identify_tables
 from wingbeat.errors import InputError
 
@@ -130,3 +131,15 @@ def test_the_example_maps_are_read(tmp_path: Path, subject: str, capsys: pytest.
     path = write(tmp_path / "bench.csv", bench(1))
     assert main(["identify", str(path), "--map", str(tmp_path / "map.toml"), subject, "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["fits"][0]["subject"] == subject
+
+
+def test_motion_is_refused_for_steady_readings(tmp_path: Path) -> None:
+    (tmp_path / "map.toml").write_text(MAP.replace("RESPONSE", "P") + '\n[modes]\ninputs = ["I"]\noutputs = ["U"]\n')
+    with pytest.raises(InputError, match=r"\[modes\] needs a motion"):
+        identify_tables([write(tmp_path / "bench.csv", readings(1))], tmp_path / "map.toml", "modes")
+
+
+def test_steady_residuals_have_no_whiteness(tmp_path: Path) -> None:
+    (tmp_path / "map.toml").write_text(MAP.replace("RESPONSE", "P"))
+    (fit,) = identify_tables([write(tmp_path / "bench.csv", readings(1))], tmp_path / "map.toml", "aero").fits
+    assert [one.white for one in output_fits(fit.series)] == [None]

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
 from output_error_cases import LATERAL, LATERAL_TRUTH, flown, steps
 from test_lateral_modes import MAP as LATERAL_MAP
-from test_tables_identified import numbers, write
+from test_tables_identified import BASE, flight, identified, numbers, write
 
 from logs.identification.results import Array
+from logs.identification.sources.table.config import Parameter
 from logs.identification.tables.run import identify_tables
+from wingbeat.errors import InputError
 
 MAP = LATERAL_MAP.replace("[constants]", 'a_y = { column = "a_y", unit = "m/s^2" }\n[constants]').replace(
     "INPUTS", '"delta_a", "delta_r"'
@@ -94,3 +97,20 @@ def test_manoeuvres_at_airspeeds_far_apart_are_named(tmp_path: Path, second: flo
     (fit,) = identify_tables(tables, tmp_path / "map.toml", "aero").fits
     said = [one for one in fit.findings if one.code == "operating_point"]
     assert len(said) == told
+
+
+@pytest.mark.parametrize(
+    ("entry", "message"),
+    [("{ low = 1.0, high = 0.0 }", "low must be below high"), ("{ start = 2.0, high = 1.0 }", "start between them")],
+)
+def test_bounds_that_cannot_hold_are_one_line(entry: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        Parameter.from_entry(tomllib.loads(f"a = {entry}")["a"], "modes.parameters.M_q")
+
+
+def test_bounds_of_a_map_hold(tmp_path: Path) -> None:
+    """GIVEN a lower bound above the truth WHEN fitted THEN the parameter stays there and has the finding."""
+    free = "".join(f"{name} = {{}}\n" for name in ("Z_alpha", "Z_delta", "M_alpha", "M_delta"))
+    mapping = f'{BASE}method = "output_error"\nstates = 2\n[modes.parameters]\n{free}M_q = {{ low = -0.5 }}\n'
+    (fit,) = identified(tmp_path, flight(), mapping, "modes").fits
+    assert ("at_bound", "M_q") in [(one.code, one.subject) for one in fit.findings]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -91,10 +92,14 @@ class Parameter(NamedTuple):
     """as the parameter; None if it is free"""
     start: float | None = None
     """as the parameter; start value of the search; by equation error if not given"""
+    low: float = -math.inf
+    """as the parameter; lower bound"""
+    high: float = math.inf
+    """as the parameter; upper bound"""
 
     @classmethod
     def from_entry(cls, entry: Any, key: str) -> Parameter:
-        """Of a map's entry: a number fixes it; ``{}``, ``"free"`` and ``{ start = ... }`` leave it free.
+        """Of a map's entry: a number fixes it; ``{}``, ``"free"`` and ``{ start, low, high }`` leave it free.
 
         Raises:
             InputError: it is none of these.
@@ -104,11 +109,14 @@ class Parameter(NamedTuple):
         if not isinstance(entry, dict):
             return cls(fixed=read_number(entry, key))
         for name in entry:
-            check_known(name, ("fixed", "start"), f"{key}.{name}")
+            check_known(name, ("fixed", "start", "low", "high"), f"{key}.{name}")
         told = {name: read_number(value, f"{key}.{name}") for name, value in entry.items()}
-        if len(told) > 1:
-            raise InputError(f"{key} is either fixed or has a start")
-        return cls(**told)
+        if "fixed" in told and len(told) > 1:
+            raise InputError(f"{key} is either fixed, or has a start and bounds")
+        made = cls(**told)
+        if not made.low < made.high or not made.low <= (made.low if made.start is None else made.start) <= made.high:
+            raise InputError(f"{key}: low must be below high, and start between them")
+        return made
 
 
 class ExperimentSection(NamedTuple):
