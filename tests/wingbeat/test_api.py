@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import wingbeat
+from avionics.messages import ActuatorCommand
 from sim_bridge import topics as truth
 from wingbeat.errors import InputError
 
@@ -80,12 +81,12 @@ def test_simulation_is_the_flight(flight: wingbeat.Flight) -> None:
 
 
 def test_own_command_moves_the_aircraft() -> None:
-    def nose_up(sim: wingbeat.Simulation) -> object:
+    def nose_up(sim: wingbeat.Simulation) -> ActuatorCommand | None:
         return sim.command._replace(elevator=sim.command.elevator + 0.1) if sim.time > 12.0 else None
 
     plain, changed = wingbeat.Simulation(duration=13.0), wingbeat.Simulation(duration=13.0)
     plain.run()
-    changed.run(controller=nose_up)  # type: ignore[arg-type]
+    changed.run(controller=nose_up)
     pitch_rate = changed[truth.STATE.name]["pitch_rate"] - plain[truth.STATE.name]["pitch_rate"]
     late = plain[truth.STATE.name].time > 12.0
     assert np.all(pitch_rate[~late] == 0.0)

@@ -110,6 +110,34 @@ def fly(
     Raises:
         InputError: an argument that is not valid, or a log that exists or cannot be written.
     """
+    prepared = prepared_flight(
+        vehicle, mission, wind=wind, wind_from_deg=wind_from_deg, turbulence=turbulence, seed=seed, duration=duration,
+        aerodynamics=aerodynamics, faults=faults, gains=gains, changes=changes,
+    )  # fmt: skip
+    with _log_path(log, str(vehicle)) as path:
+        _fly_to(path, prepared)
+        return Flight(open_log(path))
+
+
+def prepared_flight(
+    vehicle: str | Path,
+    mission: str | Path,
+    *,
+    wind: float = 0.0,
+    wind_from_deg: float = 0.0,
+    turbulence: str = "none",
+    seed: int = 1,
+    duration: float = 300.0,
+    aerodynamics: str | None = None,
+    faults: Sequence[str] = (),
+    gains: Mapping[str, float] | None = None,
+    changes: Mapping[str, Any] | None = None,
+) -> Prepared:
+    """Return the vehicle, flight computer, mission and scenario of a flight; arguments as `fly`.
+
+    Raises:
+        InputError: an argument that is not valid.
+    """
     values: dict[str, Any] = {
         "vehicle": str(vehicle), "mission": str(mission), "seed": seed, "duration": duration,
         "turbulence": turbulence, "faults": " ".join(faults), "wind.speed": wind,
@@ -119,10 +147,7 @@ def fly(
         values["aerodynamics"] = aerodynamics
     values |= {f"gains.{key}": value for key, value in (gains or {}).items()}
     values |= {f"vehicle.{key}": value for key, value in (changes or {}).items()}
-    prepared = prepare(load_stock(Path.cwd(), [str(vehicle)], [str(mission)], []), values)
-    with _log_path(log, str(vehicle)) as path:
-        _fly_to(path, prepared)
-        return Flight(open_log(path))
+    return prepare(load_stock(Path.cwd(), [str(vehicle)], [str(mission)], []), values)
 
 
 @contextmanager

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -13,14 +13,12 @@ import numpy as np
 from avionics.autopilot import Autopilot
 from avionics.link.codec import quantized_command
 from avionics.messages import ActuatorCommand, Input, SensorFrame
-from logs.campaigns.prepared import prepare
-from logs.campaigns.stock import load_stock
 from logs.columns import Columns
 from sim_bridge.bridge.world import NEUTRAL
 from sim_bridge.flight.faults import fault_commands
 from sim_bridge.flight.world import SimulatedWorld
 from sim_bridge.messages import TruthState, TruthWing
-from wingbeat.api.flights import DEFAULT_MISSION, DEFAULT_VEHICLE
+from wingbeat.api.flights import DEFAULT_MISSION, DEFAULT_VEHICLE, prepared_flight
 from wingbeat.docstrings import field_texts, split_unit
 from wingbeat.errors import InputError
 from wingbeat.topic import Topic
@@ -49,35 +47,14 @@ class Simulation:
     """
 
     def __init__(
-        self,
-        vehicle: str | Path = DEFAULT_VEHICLE,
-        mission: str | Path = DEFAULT_MISSION,
-        *,
-        wind: float = 0.0,
-        wind_from_deg: float = 0.0,
-        turbulence: str = "none",
-        seed: int = 1,
-        duration: float = 300.0,
-        aerodynamics: str | None = None,
-        faults: Sequence[str] = (),
-        gains: dict[str, float] | None = None,
-        changes: dict[str, Any] | None = None,
+        self, vehicle: str | Path = DEFAULT_VEHICLE, mission: str | Path = DEFAULT_MISSION, **conditions: Any
     ) -> None:
-        """Place the vehicle in the launcher; arguments as `wingbeat.fly`.
+        """Place the vehicle in the launcher; arguments as `wingbeat.fly`, without ``log``.
 
         Raises:
             InputError: an argument that is not valid.
         """
-        values: dict[str, Any] = {
-            "vehicle": str(vehicle), "mission": str(mission), "seed": seed, "duration": duration,
-            "turbulence": turbulence, "faults": " ".join(faults), "wind.speed": wind,
-            "wind.from": math.radians(wind_from_deg),
-        }  # fmt: skip
-        if aerodynamics is not None:
-            values["aerodynamics"] = aerodynamics
-        values |= {f"gains.{key}": value for key, value in (gains or {}).items()}
-        values |= {f"vehicle.{key}": value for key, value in (changes or {}).items()}
-        flight = prepare(load_stock(Path.cwd(), [str(vehicle)], [str(mission)], []), values)
+        flight = prepared_flight(vehicle, mission, **conditions)
         self._messages: dict[str, tuple[Topic[Any], list[Any]]] = {}
         self.world = SimulatedWorld(flight.vehicle, flight.scenario, self._keep)
         self.autopilot = Autopilot(flight.computer, flight.plan.mission, self._keep)

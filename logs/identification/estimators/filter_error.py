@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from logs.identification.data.experiment import Experiment
-from logs.identification.estimators.engine.problem import Feedback, Fit, Held, Named, Parameter, Problem
+from logs.identification.estimators.engine.problem import Feedback, Fit, Held, Model, Named, Parameter, Problem
 from logs.identification.estimators.output_error import (
     DEFAULT_SEARCH,
     Search,
@@ -52,6 +52,20 @@ DOUBLINGS = 40
 EPSILON = 1e-12
 
 
+NOT_LINEAR = "filter error needs a linear model"
+
+
+def _linear(model: Model) -> LinearModel | Actuated:
+    """Check the type of a model.
+
+    Raises:
+        InputError: neither linear nor behind actuators.
+    """
+    if not isinstance(model, LinearModel | Actuated):
+        raise InputError(NOT_LINEAR)
+    return model
+
+
 class FilterModel(NamedTuple):
     """A linear model with process noise, as a `problem.Predictor`."""
 
@@ -72,7 +86,7 @@ class FilterModel(NamedTuple):
         """The model without its actuators."""
         inner = self.model.model if isinstance(self.model, Actuated) else self.model
         if not isinstance(inner, LinearModel):
-            raise InputError("filter error needs a linear model")
+            raise InputError(NOT_LINEAR)
         return inner
 
     @property
@@ -276,7 +290,7 @@ def filter_error_search(
     search, best = search._replace(starts=1, steps=FILTER_STEPS, fallback=False), None
     step = min(one.step for one in problem.experiments)
     for _ in range(RELAXATIONS):
-        model = FilterModel(problem.model, noisy, problem.outputs, noise, every, averaged)  # type: ignore[arg-type]
+        model = FilterModel(_linear(problem.model), noisy, problem.outputs, noise, every, averaged)
         filtered = thin._replace(model=model, parameters=start)
         fit = output_error(filtered, search)
         if best is not None and (fit.failure or fit.cost >= best.fit.cost):
@@ -336,7 +350,7 @@ def _start(
     differences = np.vstack([np.diff(one[::every], 2, axis=0) for one in residuals])
     variances = np.nanmean(np.vstack(residuals) ** 2, axis=0)
     noise = np.clip(np.nanmean(differences**2, axis=0) / SECOND_DIFFERENCE, LEAST_NOISE * variances, variances)
-    first = FilterModel(problem.model, noisy, problem.outputs, np.diag(noise))  # type: ignore[arg-type]
+    first = FilterModel(_linear(problem.model), noisy, problem.outputs, np.diag(noise))
     table = [parameters[n].start if n in parameters else p.value for n, p in problem.model.parameters.items()]
     matrices = first.linear.matrices(np.array(table)[: len(first.linear.parameters)])
     rows = np.abs(matrices.c[[list(first.outputs).index(name) for name in problem.outputs]])

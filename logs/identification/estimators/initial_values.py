@@ -74,12 +74,14 @@ def start_values(
     if delay == Parameter():
         delay = Parameter(start=best_delay(model, parameters, experiments, constants, steady)[0])
         parameters = {**parameters, DELAY: delay}
-    names, values, wanted = _known_values(model, parameters)
+    names, values, requested = _known_values(model, parameters)
     acting = tuple(acting_at(one, model.inputs, delay.fixed or delay.start or 0.0) for one in experiments)
     rows = _rows_of(model, acting, constants, span)
-    found = values if not wanted else _equation_error(model, rows, values, [names.index(n) for n in wanted], steady)
+    found = (
+        values if not requested else _equation_error(model, rows, values, [names.index(n) for n in requested], steady)
+    )
     if found is None:
-        found = _typical(model, experiments, values, names, wanted)
+        found = _typical(model, experiments, values, names, requested)
     return {name: float(found[names.index(name)]) for name, one in parameters.items() if one.fixed is None}
 
 
@@ -92,8 +94,8 @@ def best_delay(
 ) -> tuple[float, float]:
     """Delay of the inputs (s) with which the equations fit best, and its share of the squares without delay."""
     free = {name: one._replace(start=None) if one.fixed is None else one for name, one in parameters.items()}
-    names, values, wanted = _known_values(model, {name: one for name, one in free.items() if name != DELAY})
-    places = [names.index(name) for name in wanted]
+    names, values, requested = _known_values(model, {name: one for name, one in free.items() if name != DELAY})
+    places = [names.index(name) for name in requested]
 
     def squares(delay: float) -> float:
         acting = tuple(acting_at(one, model.inputs, delay) for one in experiments)
@@ -126,8 +128,10 @@ def _known_values(model: Model, parameters: Mapping[str, Parameter]) -> tuple[li
         value = one.fixed if one.fixed is not None else one.start
         if value is not None:
             values[names.index(name)] = value
-    wanted = [name for name, one in parameters.items() if one.fixed is None and one.start is None and name != DELAY]
-    return names, values, wanted
+    requested = [
+        name for name, one in parameters.items() if one.fixed is None and one.start is None and name != DELAY
+    ]
+    return names, values, requested
 
 
 def _equation_error(model: Model, rows: list[_Rows], values: Array, places: list[int], steady: bool) -> Array | None:
@@ -257,7 +261,7 @@ def _integrated(rate: Array, step: float) -> Array:
 
 
 def _typical(
-    model: Model, experiments: tuple[Experiment, ...], values: Array, names: list[str], wanted: list[str]
+    model: Model, experiments: tuple[Experiment, ...], values: Array, names: list[str], requested: list[str]
 ) -> Array:
     """An aircraft with the frequency of the strongest peak in the first output."""
     rate, swing = 1.0, 1.0
@@ -271,7 +275,7 @@ def _typical(
             rate, swing = 2 * np.pi * (1 + int(np.argmax(power[1:]))) / (len(known) * one.step), float(np.ptp(known))
             break
     found = values.copy()
-    for name in wanted:
+    for name in requested:
         if name in TYPICAL:
             found[names.index(name)] = TYPICAL[name][0] * rate ** TYPICAL[name][1]
         elif name.startswith("M_"):

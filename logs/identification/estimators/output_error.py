@@ -66,9 +66,9 @@ def output_error(problem: Problem, search: Search = DEFAULT_SEARCH) -> Fit:
     """
     flight = flight_of(problem)
     starts = starts_of(flight, search)
-    ends = [_found(problem, flight, start, search) for start in starts]
-    usable = [found for found in ends if not found.reason]
-    return fit_of(problem, flight, min(usable or ends[:1], key=lambda found: found.cost))
+    ends = [_searched(problem, flight, start, search) for start in starts]
+    usable = [optimum for optimum in ends if not optimum.reason]
+    return fit_of(problem, flight, min(usable or ends[:1], key=lambda optimum: optimum.cost))
 
 
 def starts_of(flight: Flight, search: Search) -> list[Unknowns]:
@@ -82,7 +82,7 @@ def starts_of(flight: Flight, search: Search) -> list[Unknowns]:
     return [first, *(first._replace(values=np.clip(values, low, high)) for values in around)]
 
 
-def _found(problem: Problem, flight: Flight, start: Unknowns, search: Search) -> Found:
+def _searched(problem: Problem, flight: Flight, start: Unknowns, search: Search) -> Found:
     if search.method == "gauss-newton":
         end = gauss_newton(problem, flight, start, search.steps)
         if end.status != "not converged" or not search.fallback:
@@ -128,7 +128,7 @@ def fit_of(problem: Problem, flight: Flight, end: Found) -> Fit:
         noise=noise_of(problem._replace(weighting="full"), flight.records, flight.residuals(end.unknowns)),
         cost=end.cost,
         iterations=end.iterations,
-        own=tuple(_own(problem, flight, end, i) for i in range(len(flight.records))),
+        own=tuple(_per_record(problem, flight, end, i) for i in range(len(flight.records))),
         histories=tuple(_history(flight, end, i) for i in range(len(flight.records))),
         outputs=problem.outputs,
         findings=accuracy.findings,
@@ -169,9 +169,9 @@ def _explains_nothing(flight: Flight, end: Found) -> bool:
     return bool(total - left <= fdtri(unknown, rest, SURE) * unknown * left / rest)
 
 
-def _own(problem: Problem, flight: Flight, found: Found, index: int) -> Own:
+def _per_record(problem: Problem, flight: Flight, optimum: Found, index: int) -> Own:
     record, model = flight.records[index], problem.model
-    split = flight.split(record, found.unknowns.values, found.unknowns.own[index])
+    split = flight.split(record, optimum.unknowns.values, optimum.unknowns.own[index])
     return Own(
         record.name,
         dict(zip(model.parameters, split.parameters.tolist(), strict=True)),
@@ -181,9 +181,9 @@ def _own(problem: Problem, flight: Flight, found: Found, index: int) -> Own:
     )
 
 
-def _history(flight: Flight, found: Found, index: int) -> History:
+def _history(flight: Flight, optimum: Found, index: int) -> History:
     record = flight.records[index]
-    model = flight.outputs(record, found.unknowns.values, found.unknowns.own[index])
+    model = flight.outputs(record, optimum.unknowns.values, optimum.unknowns.own[index])
     return History(record.name, record.time, np.where(record.used > 0, record.measured, np.nan), model)
 
 
@@ -260,8 +260,8 @@ def predicted(
     for record, own in zip(flight.records, flight.first().own, strict=True):
         there = np.where(record.used > 0, record.measured, np.nan)
         scale = np.nanstd(there, axis=0)
-        found = _record_values(flight, record, fit.values, own, np.where(scale > 0, scale, 1.0))
-        model = flight.outputs(record, fit.values, found)
+        optimum = _record_values(flight, record, fit.values, own, np.where(scale > 0, scale, 1.0))
+        model = flight.outputs(record, fit.values, optimum)
         series += [
             FitSeries(record.name, output, problem.model.outputs[output], record.time, there[:, n], model[:, n], True)
             for n, output in enumerate(problem.outputs)

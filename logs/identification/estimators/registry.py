@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from importlib import import_module
 from typing import Any, NamedTuple, Protocol
 
 from logs.identification.data.experiment import Experiment
@@ -56,4 +57,16 @@ class Estimator(NamedTuple):
 
 
 ESTIMATORS: dict[str, Estimator] = {}
-"""by name"""
+"""by name, of the modules imported so far; `estimators` has all"""
+MODULES = (
+    "equation_error", "stepwise", "orthogonal", "recursive", "output_error", "filter_error", "nonparametric",
+    "flight_path", "gps_aided",
+)  # fmt: skip
+"""modules of this package with rows"""
+
+
+def estimators() -> Mapping[str, Estimator]:
+    """Import all modules with rows and return the registry."""
+    for name in MODULES:
+        import_module(f"logs.identification.estimators.{name}")
+    return ESTIMATORS

@@ -12,14 +12,13 @@ import pytest
 from scipy.signal import lsim
 
 from logs.identification.data.experiment import Experiment
-from logs.identification.estimators import filter_error, nonparametric, recursive, stepwise  # noqa: F401  they enter their rows
-from logs.identification.estimators.orthogonal import orthogonal_regression  # noqa: F401  it enters its row
-from logs.identification.estimators.registry import ESTIMATORS, Request
+from logs.identification.estimators import recursive
+from logs.identification.estimators.registry import ESTIMATORS, Request, estimators
 from logs.identification.models import stability as models
 from logs.identification.models.modes import short_period_of
 from logs.identification.results import EstimationResult
 from tests.logs.identification.coloured_noise import TRUTH, flown
-from tests.logs.identification.test_filter_error_linear import (
+from tests.logs.identification.test_filter_error import (
     OUTPUTS,
     SHORT_PERIOD,
     SHORT_PERIOD_TRUTH,
@@ -104,13 +103,13 @@ def constant(request: Request) -> Request:
 
 
 def test_every_row_has_a_case() -> None:
-    assert set(ESTIMATORS) - PENDING == set(CASES)
+    assert set(estimators()) - PENDING == set(CASES)
 
 
 @pytest.mark.parametrize("name", CASES)
 def test_the_truth_is_inside_the_interval(name: str) -> None:
     case = CASES[name]
-    result = ESTIMATORS[name].estimate(case.request)
+    result = estimators()[name].estimate(case.request)
     assert result.method == name and result.status == "converged" and result.samples > 0
     found = {one.name: one for one in result.estimates}
     assert set(found) >= set(case.truth)
@@ -122,7 +121,7 @@ def test_the_truth_is_inside_the_interval(name: str) -> None:
 @pytest.mark.parametrize("name", CASES)
 def test_a_constant_record_gives_no_number(name: str) -> None:
     try:
-        result = ESTIMATORS[name].estimate(constant(CASES[name].request))
+        result = estimators()[name].estimate(constant(CASES[name].request))
     except InputError:
         return
     assert not result.estimates and result.status != "converged"
@@ -131,7 +130,7 @@ def test_a_constant_record_gives_no_number(name: str) -> None:
 
 @pytest.mark.parametrize("name", CASES)
 def test_held_out_data_are_predicted_or_the_method_has_no_prediction(name: str) -> None:
-    result = ESTIMATORS[name].estimate(CASES[name].request)
+    result = estimators()[name].estimate(CASES[name].request)
     predicted = [one for one in result.series if one.held_out]
     if any(one.code == "no_prediction" for one in result.findings):
         assert not predicted
@@ -144,7 +143,7 @@ def test_held_out_data_are_predicted_or_the_method_has_no_prediction(name: str) 
 
 @pytest.mark.parametrize("name", CASES)
 def test_a_result_survives_json(name: str) -> None:
-    result = ESTIMATORS[name].estimate(CASES[name].request)
+    result = estimators()[name].estimate(CASES[name].request)
     document = json.loads(json.dumps(
         {
             "estimates": [one._asdict() for one in result.estimates],
@@ -164,8 +163,8 @@ def by_name(result: EstimationResult) -> dict[str, float]:
 def test_recursive_least_squares_ends_at_ordinary_least_squares() -> None:
     """GIVEN no forgetting THEN values and standard errors after the last sample are those of the batch."""
     request = REGRESSION.request._replace(options={"covariance": "white"})
-    batch = ESTIMATORS["equation_error_time"].estimate(request)
-    last = ESTIMATORS["recursive_least_squares"].estimate(request)
+    batch = estimators()["equation_error_time"].estimate(request)
+    last = estimators()["recursive_least_squares"].estimate(request)
     for one, other in zip(last.estimates, batch.estimates, strict=True):
         assert (one.name, one.unit) == (other.name, other.unit)
         assert one.value == pytest.approx(other.value, rel=1e-9)
@@ -199,7 +198,7 @@ def test_the_standard_error_with_forgetting_is_the_dispersion_of_the_estimates()
 def test_the_equivalent_system_reports_handling_qualities() -> None:
     """GIVEN pitch rate and airspeed THEN T_theta2, CAP and dropback are those of the model, and the level follows."""
     request = DRIVEN.request
-    result = ESTIMATORS["equivalent_system"].estimate(request)
+    result = estimators()["equivalent_system"].estimate(request)
     found = {one.name: one for one in result.derived}
     zero = (A[0, 0] * B[1] - A[1, 0] * B[0]) / -B[1]
     load = AIRSPEED / 9.80665 * zero

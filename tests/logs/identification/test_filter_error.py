@@ -110,7 +110,9 @@ def test_riccati_and_gain_equal_scipys() -> None:
     expected = solve_discrete_are(transition.T, c.T, covariance, noise)
     np.testing.assert_allclose(riccati(transition, c, covariance, noise), expected, rtol=1e-7, atol=1e-10)
     gain = expected @ c.T @ np.linalg.inv(c @ expected @ c.T + noise)
-    np.testing.assert_allclose(steady_gain(system.a, c, density, noise, 0.05)[0], gain, rtol=1e-6, atol=1e-9)
+    found, innovations = steady_gain(system.a, c, density, noise, 0.05)
+    np.testing.assert_allclose(found, gain, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(innovations, c @ expected @ c.T + noise, rtol=1e-6, atol=1e-9)
 
 
 @pytest.mark.parametrize("method", ["output_error", "filter_error"])

@@ -62,24 +62,26 @@ class Accuracy(NamedTuple):
     """withheld: the parameters without an estimate; warnings: those with a wide interval"""
 
 
-def accuracy_of(flight: Flight, found: Found, names: tuple[str, ...]) -> Accuracy:
+def accuracy_of(flight: Flight, optimum: Found, names: tuple[str, ...]) -> Accuracy:
     """Errors of the parameters that are not at a bound, for colored residuals and with nuisance parameters."""
-    assert found.normal is not None
-    free, p = np.flatnonzero(~found.held), len(names)
-    equations = reduced(found.normal).only(free)
-    spectrum = spectrum_of(equations, found.normal.sizes[free])
-    inner, each = _sandwich(flight, found.normal, free, spectrum.inverse(), equations.rank)
+    assert optimum.normal is not None
+    free, p = np.flatnonzero(~optimum.held), len(names)
+    equations = reduced(optimum.normal).only(free)
+    spectrum = spectrum_of(equations, optimum.normal.sizes[free])
+    inner, each = _sandwich(flight, optimum.normal, free, spectrum.inverse(), equations.rank)
     covariance = np.zeros((p, p))
     covariance[np.ix_(free, free)] = inner
     degrees = np.ones(p)
     degrees[free] = each
-    values = found.unknowns.values
-    lost = {names[i]: Finding("at_bound", "withheld", names[i], float(values[i])) for i in np.flatnonzero(found.held)}
+    values = optimum.unknowns.values
+    lost = {
+        names[i]: Finding("at_bound", "withheld", names[i], float(values[i])) for i in np.flatnonzero(optimum.held)
+    }
     lost |= _undetermined(spectrum, [names[i] for i in free])
     for index in (names.index(name) for name in lost):
         covariance[index], covariance[:, index] = 0.0, 0.0
     halves = np.sqrt(np.diag(covariance)) * [student_factor(float(one)) for one in degrees]
-    wide = [one for one in _wide(flight, found, halves, names) if one.subject not in lost]
+    wide = [one for one in _wide(flight, optimum, halves, names) if one.subject not in lost]
     return Accuracy(covariance, degrees, (*(lost[name] for name in names if name in lost), *wide))
 
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 
-from logs.identification.estimators.engine.problem import Model
+from logs.identification.estimators.engine.problem import Model, Predictor
 from logs.identification.estimators.engine.records import Layout, Record
 from logs.identification.results import Array
 
@@ -85,8 +85,8 @@ class Flight(NamedTuple):
         inputs = record.inputs + split.input_biases if self.layout.biased_inputs else record.inputs
         if self.predicts:
             measured = np.where(record.used > 0, record.measured - split.output_biases, np.nan)
-            predict = self.model.predict  # type: ignore[attr-defined]
-            predicted: Array = predict(split.parameters, split.start, inputs, measured, record.step)
+            predictor = cast(Predictor, self.model)
+            predicted: Array = predictor.predict(split.parameters, split.start, inputs, measured, record.step)
             return predicted + split.output_biases
         flown = self.model.simulate(split.parameters, split.start, inputs, record.step)
         chosen: Array = flown[:, self.layout.outputs] + split.output_biases
