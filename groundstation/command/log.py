@@ -55,7 +55,8 @@ JSON_KEYS = {
     "live": "file: the recording, when it is over",
     "export": "files: what was written; left_out: topics and messages that cannot be decoded, and why",
     "import": "file (the new log), source, format, sha256, importer, vehicle, messages, topics: list of {topic,"
-    " source, messages}, events, parameters, damage, dropped: list of {topic, reason, rows}",
+    " source, messages}, events, parameters, damage, dropped: list of {topic, reason, rows},"
+    " later_boots: the same for later boots in the file",
     "vibration": "file, start, end, rate, strokes, stroke_frequency, ringing, clipped, bands, frequency,"
     " axes: {axis: unit, harmonics, bands, broadband, quiet, by_phase, density}, quiet_start,"
     " advice: list of {code, severity, value, text}, fit: {vibration, modes} or null, files",
