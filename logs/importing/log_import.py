@@ -136,10 +136,10 @@ def import_log(choice: Choice, progress: Progress = lambda done, total: None) ->
             then.
     """
     check_new(choice.target, made=True)
-    data = _bytes(choice.source)
+    data = read_bytes(choice.source)
     try:
         with np.errstate(all="ignore"):  # garbage overflows; what comes of it is looked at
-            sources = _read(choice, data)
+            sources = read_source(choice, data)
             parts = [(one, _checked(one)) for one in sources]
         full = [(one, checked) for one, checked in parts if checked.imported or checked.series]
         if not full:
@@ -175,15 +175,24 @@ def _convert(choice: Choice, data: bytes, source: Source, checked: Checked, prog
     return _with_added(report, write_log(choice.target, streams, extras, progress))
 
 
-def _bytes(path: Path) -> bytes:
+def read_bytes(path: Path) -> bytes:
+    """Read a file.
+
+    Raises:
+        InputError: it cannot be read.
+    """
     try:
         return path.read_bytes()
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror or error}") from None
 
 
-def _read(choice: Choice, data: bytes) -> list[Source]:
-    """Read the source by its first bytes, or by its name if they are not specific."""
+def read_source(choice: Choice, data: bytes) -> list[Source]:
+    """Read the source by its first bytes, or by its name if they are not specific; one for each boot.
+
+    Raises:
+        InputError: it is empty, or no log of a known format.
+    """
     if not data:
         raise InputError("it is empty")
     suffix = choice.source.suffix.lower()
