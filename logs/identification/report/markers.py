@@ -8,10 +8,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from logs.identification.motion_capture.motion import BASE, MarkerMotion, findings_of
-from logs.identification.report.document import MEASURED, Band, Chapter, Plot, Series, Table
-from logs.identification.report.labels import sentence
 from logs.identification.results import Array, student_factor
 from logs.identification.tables.markers import MarkersResult
+from logs.pages.document import MEASURED, Band, Chapter, Plot, Series, Table
+from logs.pages.labels import sentence
 from wingbeat.rotation_arrays import euler_from_quaternions
 
 UNITS = ("m",) * 3 + ("rad",) * 3

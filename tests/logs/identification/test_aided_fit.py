@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from logs.identification.report.flight_path import log_chapter
 from prescribed_flight import ERRORS, INPUT_NOISE, Flight, motion, truth
 from promised import SEEDS, promise_kept
 
@@ -22,7 +23,6 @@ from logs.identification.estimators.gps_aided import (
 )
 from logs.identification.estimators.registry import ESTIMATORS, Request
 from logs.identification.models.rigid_body import INPUTS
-from logs.identification.report.flight_path import log_chapter
 from logs.identification.results import Array, estimate
 from logs.identification.sources.flight_path import aided_flight, identify_path, imu_truths
 from logs.identification.sources.full_flight import whole_flight

@@ -92,7 +92,7 @@ def test_a_table_tells_its_sensors_errors_and_predicts_the_flight_held_out(
     assert {one["output"] for one in held} == {"airspeed", "alpha", "theta", "altitude"}
     assert all(one["theil"] < 0.1 for one in held)
     page = (tmp_path / "page.html").read_text(encoding="utf-8")
-    for title in ("Flight path", "Parameters", "Fits", "Residuals", "Validation on held-out manoeuvres"):
+    for title in ("Flight path", "Measured and modeled outputs", "Residuals", "Validation on held-out maneuvers"):
         assert f">{title}</h" in page
 
 
