@@ -290,7 +290,7 @@ def test_a_vehicle_file_of_another_version_does_not_keep_a_flight_from_being_see
 
 
 def test_what_an_event_says_cannot_leave_its_place(tmp_path: Path) -> None:
-    text = '</script><script>alert("x")</script> @@NUMBERS@@'
+    text = '</script><script>alert("x")</script> {{ numbers }}'
     with open_log(simulate(tmp_path / "a.mcap", messages(1.0), ((0.5, text),))) as log:
         page = write_page(log, tmp_path / "a.html")
     assert described(page.path)["events"][0]["text"] == text
