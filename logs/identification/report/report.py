@@ -63,7 +63,7 @@ def write_report(path: Path, subject: Subject, results: Identification, drive: D
 
 def chapters(subject: Subject, results: Identification, drive: DriveData | None = None) -> tuple[Chapter, ...]:
     """Return the report: the summary, the data, and a chapter for each subject and method."""
-    fits, note = _method_results(results)
+    fits, note = method_results(results)
     every = [
         _summary(results),
         _data(subject, results),
@@ -79,7 +79,7 @@ def chapters(subject: Subject, results: Identification, drive: DriveData | None 
     return tuple(chapter for chapter in every if chapter is not None)
 
 
-def _method_results(results: Identification) -> tuple[tuple[EstimationResult, ...], str]:
+def method_results(results: Identification) -> tuple[tuple[EstimationResult, ...], str]:
     """Return the results of the methods with a model, output error with predicted maneuvers, and a note on these."""
     fits, note = list[EstimationResult](), ""
     for one in results.modes.results if results.modes is not None else ():
