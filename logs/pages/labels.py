@@ -40,7 +40,7 @@ MEANINGS = {
     "theta": "pitch",
     "f_x": "specific force at the center of mass, forward",
     "f_z": "specific force at the center of mass, down",
-    "dq/dt": "pitch acceleration",
+    "dq/dt": "pitch acceleration", "q_dot": "pitch acceleration",
     "tail_time_constant": "first-order lag of the tail servo",
     "tail_delay": "dead time of the tail servo",
     "divergence_time_to_double": "time to double of the divergence",

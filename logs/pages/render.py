@@ -22,6 +22,9 @@ from logs.pages.plots import plot_data
 from wingbeat.errors import InputError
 
 TEMPLATES = Path(__file__).parent / "templates"
+UPLOT, UPLOT_STYLE = TEMPLATES / "uPlot.iife.min.js", TEMPLATES / "uPlot.min.css"
+AXES = TEMPLATES / "axes.js"
+"""colors, numbers and axes of all plots"""
 NUMERIC = re.compile(r"(in )?\(?[-+−]?\d+(\.\d+)?(e[-+−]?\d+)?\)?( ?[%°*]| of \d+( \*)?| \(.* to .*\))?|")
 """number as text: 12, (−0.31), 0.58 (0.44 to 0.71), in 15 of 26"""
 SAME_SIZE = 20.0
@@ -64,8 +67,8 @@ def page(title: str, facts: Iterable[str], chapters: tuple[Chapter, ...], signed
     """Return a page of ``chapters`` below ``title`` and ``facts``, ``signed`` with a line for a signature."""
     plots: list[dict[str, Any]] = []
     body = [_chapter(chapter, f"c{place}", plots) for place, chapter in enumerate(chapters, 1)]
-    styles = (TEMPLATES / "uPlot.min.css", TEMPLATES / "chapters.css")
-    scripts = (TEMPLATES / "plots.js", TEMPLATES / "uPlot.iife.min.js") if plots else ()
+    styles = (UPLOT_STYLE, TEMPLATES / "chapters.css")
+    scripts = (AXES, TEMPLATES / "plots.js", UPLOT) if plots else ()
     return render(
         "chapters.html",
         styles,

@@ -1,4 +1,3 @@
-"use strict";
 // From the page's text back to columns; packing.py is the way here.
 
 async function unpack(text) {

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -147,6 +149,28 @@ def test_a_hostile_log_runs_no_script_of_its_own(browser: Browser, tmp_path: Pat
         path.write_text(content, encoding="utf-8")
         browser.open(path)
         assert browser.value("plots.length") == 1 and browser.value("typeof attacked") == "undefined"
+
+
+def test_the_first_chapter_fits_800_pixels(browser: Browser, table_page: Path) -> None:
+    browser.send_request(
+        "Emulation.setDeviceMetricsOverride", width=800, height=900, deviceScaleFactor=1, mobile=False
+    )
+    browser.open(table_page)
+    tables = "[...document.querySelectorAll('section:first-child .scroll')]"
+    assert browser.value(f"{tables}.length") > 0
+    assert browser.value(f"{tables}.filter(one => one.scrollWidth > one.clientWidth).length") == 0
+
+
+def test_it_prints_on_few_pages_with_the_plots(browser: Browser, table_page: Path) -> None:
+    """GIVEN the report of a table WHEN it is printed on A4 THEN it has fewer than 12 pages and plots of its width."""
+    browser.open(table_page)
+    browser.value("addEventListener('beforeprint', () => { window.widths = plots.map(one => one.width); })")
+    printed = browser.send_request("Page.printToPDF", printBackground=True, preferCSSPageSize=True)["data"]
+    content = base64.b64decode(printed)
+    pages = max(int(one) for one in re.findall(rb"/Count (\d+)", content))
+    assert 1 < pages < 12
+    assert set(browser.value("widths")) <= {703, 229} and browser.value("widths.length === plots.length")
+    assert browser.value("document.documentElement.className") == ""
 
 
 def test_it_prints_black_on_white(browser: Browser, report: Path) -> None:

@@ -1,4 +1,3 @@
-"use strict";
 // Draws the plots of a page with uPlot from its JSON data; see `logs.pages.plots.plot_data`.
 
 // At least twice the pixels of a screen, for paper. uPlot, which follows, reads the ratio when it loads.
@@ -10,38 +9,8 @@
 document.addEventListener("DOMContentLoaded", () => {
   const PRINT = { wide: [703, 140], narrow: [229, 130] };
   const SCREEN = { wide: 230, narrow: 195 };
-  const color = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
-  const FONT = '11px system-ui, -apple-system, "Segoe UI", Roboto, "Liberation Sans", sans-serif';
-
-  // Numbers with the digits that the distance of the ticks needs.
-  function tickText(values, step) {
-    let digits = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
-    // A step of 2.5 needs one more.
-    if (Math.abs(step * 10 ** digits - Math.round(step * 10 ** digits)) > 1e-6) digits += 1;
-    const largest = Math.max(...values.map(Math.abs));
-    const exponent = digits > 4 || largest >= 1e6;
-    return values.map((value) => {
-      if (Math.abs(value) < 1e-9 * step) return "0";
-      if (exponent) return value.toExponential(Math.max(0, Math.floor(Math.log10(Math.abs(value))) + digits)).replace("e+", "e").replaceAll("-", "−");
-      return value.toFixed(digits).replace("-", "−");
-    });
-  }
-
-  const digits = (value) => (value == null ? "–" : String(Number(value.toPrecision(4))).replace("-", "−"));
-
-  const axis = (side) => ({
-    stroke: () => color("dim"),
-    font: FONT,
-    grid: { stroke: () => color("grid"), width: 1 },
-    ticks: { stroke: () => color("grid"), width: 1, size: 4 },
-    gap: 3,
-    space: side === "x" ? 60 : 30,
-    size: side === "x" ? 24 : (u, values) => 12 + 6.3 * Math.max(...(values || ["0"]).map((text) => text.length)),
-    values: (u, splits, place, space, step) => tickText(splits, step),
-  });
-
   function line({ label, role, style }) {
-    const known = { label, value: (u, value) => digits(value) };
+    const known = { label, value: (u, value) => shortNumber(value) };
     const stroke = () => color(role), fill = () => `${color(role)}59`;
     if (style === "points") {
       const dots = { show: true, size: 4, stroke: () => `${color(role)}90`, fill: () => `${color(role)}70` };
@@ -87,13 +56,13 @@ document.addEventListener("DOMContentLoaded", () => {
     const first = 1 + data.series.length;
     const bands = data.bands.map((_, n) => ({ series: [first + 2 * n, first + 2 * n + 1], fill: () => color("shade") }));
     const edges = data.bands.flatMap(({ label }) => [label, ""]).map((label) => ({
-      label, value: (u, value) => digits(value), points: { show: false },
+      label, value: (u, value) => shortNumber(value), points: { show: false },
     }));
     const below = document.createElement("div");
     below.className = "x";
     const place = (u) => {
       const { idx } = u.cursor;
-      below.textContent = idx == null ? data.x : `${data.x}: ${digits(u.data[0][idx])}`;
+      below.textContent = idx == null ? data.x : `${data.x}: ${shortNumber(u.data[0][idx])}`;
     };
     const named = data.series.some(({ label }) => label) || data.bands.some(({ label }) => label);
     const plot = new uPlot({
@@ -124,10 +93,11 @@ document.addEventListener("DOMContentLoaded", () => {
     for (const [element, plot] of made) plot.setSize({ width: element.clientWidth || 340, height: height(element) });
   };
   let waiting = 0;
-  window.addEventListener("resize", () => {
+  // A scroll bar changes the width without a resize of the window.
+  new ResizeObserver(() => {
     cancelAnimationFrame(waiting);
-    waiting = requestAnimationFrame(fit);
-  });
+    if (!document.documentElement.classList.contains("print")) waiting = requestAnimationFrame(fit);
+  }).observe(document.querySelector("main"));
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", fit);
   window.addEventListener("beforeprint", () => {
     document.documentElement.classList.add("print");
