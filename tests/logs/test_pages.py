@@ -176,7 +176,7 @@ def test_numbers_are_right_aligned_and_words_left() -> None:
     text = page("t", (), (Chapter("c", (), (Table(("name", "m", "p", "n", "w"), rows, "caption"),)),))
     heads = re.findall(r"<th( class=\"number\")?>(\w)", text)
     assert {name for right, name in heads if right} == {"m", "p", "n"}
-    assert "<caption>caption</caption>" in text
+    assert '<p class="caption">caption</p>' in text
 
 
 def test_a_line_for_the_signature_is_on_request() -> None:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 
 from logs.identification.findings import CATALOG, Finding
 from logs.identification.report.result_formatting import finding_line
-from logs.identification.results import Array, EstimationResult, FitSeries, Unidentified
+from logs.identification.results import Array, Estimate, EstimationResult, FitSeries, Unidentified
 from logs.identification.statistics.correlation import STRONG, strong_pairs
 from logs.identification.statistics.theil import theil
 from logs.identification.statistics.whiteness import BAND, autocorrelation
@@ -67,12 +68,19 @@ def missing_remarks(missing: Iterable[Unidentified]) -> tuple[Remark, ...]:
     )
 
 
+def intervals(
+    estimates: Iterable[Estimate], truths: Truths = MappingProxyType({}), controls: Sequence[str] = ()
+) -> tuple[Intervals, ...]:
+    """Return the table of ``estimates``; empty without any. ``controls`` are the inputs of the model."""
+    bars = tuple(Bar(one.name, one, truths.get(one.name), meaning(one.name, controls)) for one in estimates)
+    return (Intervals("", bars),) if bars else ()
+
+
 def method_chapter(fit: EstimationResult, truths: Truths, controls: Sequence[str] = (), note: str = "") -> Chapter:
     """Return everything about one result; ``controls`` are its inputs, ``note`` describes the validation."""
-    bars = tuple(Bar(e.name, e, truths.get(e.name), meaning(e.name, controls)) for e in fit.estimates)
     parts = (_correlation(fit), _comparison(fit, held_out=False), _residuals(fit), _comparison(fit, True, note))
     return Chapter(
-        capitalized(fit.title), plots=(Intervals("", bars),) if bars else (), findings=remarks(fit.findings),
+        capitalized(fit.title), plots=intervals(fit.estimates, truths, controls), findings=remarks(fit.findings),
         parts=tuple(part for part in parts if part is not None),
     )  # fmt: skip
 

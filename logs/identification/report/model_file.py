@@ -82,7 +82,7 @@ def linear_model(modes: ModesResult, log: Log, vehicle: str = "") -> LinearModel
     kept = (*mode.derivatives, *(e for pair in pairs if pair is not None for e in pair.estimates))
     angle = math.atan2(about.w, about.u)
     found = Identified(log.name, log.sha256, mode.method, about.elevator, angle, log.density, identified_values(kept))
-    origin = f"{log.name}, {mode.method}, {modes.manoeuvres} manoeuvres"
+    origin = f"{log.name}, {mode.method}, {modes.manoeuvres} maneuvers"
     return LinearModel(
         vehicle, origin, about.airspeed, about.pitch, 1.0 / period, system.a, system.b, None, None, found
     )

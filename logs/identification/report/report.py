@@ -126,7 +126,7 @@ def _summary(results: Identification) -> Chapter:
         notes.append(f"{f'Modes by {first.method}' if first is not None else 'No modes'}; {results.modes.statement}.")
     if any(bar.truth is not None for bar in bars):
         notes.append("Simulated flight: true values are red if outside the interval.")
-    return Chapter(SUMMARY, tuple(notes), plots=intervals(bars), findings=_findings(results))
+    return Chapter(SUMMARY, tuple(notes), plots=_compared(bars), findings=_findings(results))
 
 
 def _findings(results: Identification) -> tuple[Remark, ...]:
@@ -136,8 +136,7 @@ def _findings(results: Identification) -> tuple[Remark, ...]:
     return (*missing_remarks(results.missing), *remarks((*modes, *path)))
 
 
-def intervals(bars: Iterable[Bar]) -> tuple[Intervals, ...]:
-    """Return the table of ``bars``; empty without any."""
+def _compared(bars: Iterable[Bar]) -> tuple[Intervals, ...]:
     every = tuple(bars)
     return (Intervals("", every),) if every else ()
 
@@ -219,10 +218,10 @@ def modes_chapter(result: ModesResult, truths: Mapping[str, float]) -> Chapter:
             if e.name == name
         ]
         if bars:
-            parts.append(Chapter(kind.replace("_", " ").capitalize(), plots=intervals(bars)))
+            parts.append(Chapter(kind.replace("_", " ").capitalize(), plots=_compared(bars)))
     bars = [Bar(mode.method, e, truths.get(e.name)) for mode in result.modes for e in mode.divergence]
     if bars:
-        parts.append(Chapter("Divergence", plots=intervals(bars)))
+        parts.append(Chapter("Divergence", plots=_compared(bars)))
     lost = (one._replace(name=f"{mode.method}, {one.name}") for mode in result.modes for one in mode.unidentified)
     findings = (*missing_remarks(lost), *withheld)
     return Chapter("Modes", (sentence(result.statement),), parts=tuple(parts), findings=findings)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -15,8 +15,8 @@ from logs.identification.estimators.servo import ServoModel
 from logs.identification.estimators.stepwise import Step
 from logs.identification.estimators.wing_coefficients import AeroResult, CoefficientModel
 from logs.identification.models.rigid_body import UNITS
-from logs.identification.report.methods import missing_remarks
-from logs.identification.results import Array, Estimate
+from logs.identification.report.methods import intervals, missing_remarks
+from logs.identification.results import Array
 from logs.identification.sources.flight_path import PathResult
 from logs.pages.document import (
     DASHED,
@@ -24,9 +24,7 @@ from logs.pages.document import (
     MEASURED,
     MODEL,
     POINTS,
-    Bar,
     Chapter,
-    Intervals,
     Plot,
     Series,
     Table,
@@ -90,15 +88,9 @@ def _frequency(model: FrequencyModel, truths: Mapping[str, float]) -> Chapter:
     )
     return Chapter(
         "Flapping frequency by throttle", (THROTTLE_MODEL, text),
-        plots=(*estimate_bars(model.estimates, truths), _frequency_plot(model)),
+        plots=(*intervals(model.estimates, truths), _frequency_plot(model)),
         findings=missing_remarks(model.unidentified),
     )  # fmt: skip
-
-
-def estimate_bars(estimates: Iterable[Estimate], truths: Mapping[str, float]) -> tuple[Intervals, ...]:
-    """Return the table of estimates; empty without any."""
-    bars = tuple(Bar(one.name, one, truths.get(one.name)) for one in estimates)
-    return (Intervals("", bars),) if bars else ()
 
 
 def _frequency_plot(model: FrequencyModel) -> Plot:
@@ -128,7 +120,7 @@ def _part(
     )
     text = f"{model.samples} samples, residual standard deviation {model.residual:.3g} {unit}.{center}"
     return Chapter(
-        title, (equation, text), plots=(*estimate_bars(model.estimates, truths), *plots),
+        title, (equation, text), plots=(*intervals(model.estimates, truths), *plots),
         findings=missing_remarks(model.unidentified),
     )  # fmt: skip
 
@@ -218,7 +210,7 @@ def _coefficient(model: CoefficientModel, truths: Mapping[str, float]) -> Chapte
     text = f"R² = {model.r_squared:.4f}, {model.samples} samples."
     tables = (step_table(model.steps),) if model.steps else ()
     return Chapter(
-        model.name, (text,), tables, estimate_bars(model.estimates, truths),
+        model.name, (text,), tables, intervals(model.estimates, truths),
         findings=missing_remarks(model.unidentified),
     )  # fmt: skip
 

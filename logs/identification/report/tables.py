@@ -10,16 +10,16 @@ from typing import NamedTuple
 import numpy as np
 
 from logs.identification.models.modes import KINDS
-from logs.identification.report.methods import method_chapter, remarks
+from logs.identification.report.methods import intervals, method_chapter, remarks
 from logs.identification.report.numbers import determined
-from logs.identification.report.report import SUMMARY, intervals, model_chapter, modes_chapter
+from logs.identification.report.report import SUMMARY, model_chapter, modes_chapter
 from logs.identification.report.result_formatting import heading
 from logs.identification.report.subjects import step_table
 from logs.identification.results import EstimationResult
 from logs.identification.sources.table.constants import UNITS
 from logs.identification.tables.results import TableIdentification
-from logs.pages.document import MEASURED, Bar, Chapter, Plot, Series, Table
-from logs.pages.labels import capitalized, meaning, number, sentence, unit
+from logs.pages.document import MEASURED, Chapter, Plot, Series, Table
+from logs.pages.labels import capitalized, number, sentence, unit
 from logs.pages.render import write_page
 from wingbeat.text import pluralize
 
@@ -103,12 +103,12 @@ def _summary(results: TableIdentification) -> Chapter:
         first = pairs[0][0] if pairs else ""
         estimates = [e for method, pair in pairs if method == first for e in determined(pair.estimates)[0]]
         if estimates:
-            parts.append(Chapter(f"Modes by {first}", plots=intervals(Bar(e.name, e) for e in estimates)))
+            parts.append(Chapter(f"Modes by {first}", plots=intervals(estimates)))
         notes.append(sentence(results.modes.statement))
     for fit in results.fits:
         notes.append(sentence(f"{heading(fit)}: {fit.failure.text if fit.failure else _extent(fit)}"))
-        bars = [Bar(e.name, e, meaning=meaning(e.name, results.inputs)) for e in fit.estimates]
-        parts += [Chapter(capitalized(fit.title), plots=intervals(bars))] if bars else []
+        plots = intervals(fit.estimates, controls=results.inputs)
+        parts += [Chapter(capitalized(fit.title), plots=plots)] if plots else []
     warnings = (one for fit in results.fits for one in fit.warnings)
     findings = remarks((*results.missing, *results.findings, *warnings))
     return Chapter(SUMMARY, tuple(notes), parts=tuple(parts), findings=findings)
