@@ -10,9 +10,8 @@ from collections.abc import Iterable, Iterator
 from functools import cache
 from itertools import groupby
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 
 from logs.new_files import claim, draft, settle
@@ -20,6 +19,9 @@ from logs.pages.document import Bar, Cell, Chapter, Interval, Intervals, Plot, T
 from logs.pages.labels import meaning, number, rich, symbol, unit
 from logs.pages.plots import plot_data
 from wingbeat.errors import InputError
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
 
 TEMPLATES = Path(__file__).parent / "templates"
 UPLOT, UPLOT_STYLE = TEMPLATES / "uPlot.iife.min.js", TEMPLATES / "uPlot.min.css"
@@ -34,6 +36,8 @@ SAME_SIZE = 20.0
 @cache
 def environment(*folders: Path) -> Environment:
     """Return the templates of this package and of ``folders``, with escaping of all text."""
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined  # takes 0.1 s, which a flight need not wait for
+
     paths = [*folders, TEMPLATES]
     made = Environment(
         loader=FileSystemLoader(paths),

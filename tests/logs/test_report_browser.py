@@ -12,8 +12,9 @@ import pytest
 from browser import Browser, find_browser, opened
 
 from groundstation.command import identify
+from logs.identification.findings import Finding
 from logs.identification.report.methods import method_chapter
-from logs.identification.results import EstimationResult, FitSeries, Fitted, estimate, from_fitted
+from logs.identification.results import EstimationResult, FitSeries, estimate
 from logs.pages.document import MEASURED, POINTS, Chapter, Plot, Series, Table
 from logs.pages.render import page
 
@@ -39,8 +40,11 @@ def fit() -> EstimationResult:
     spread = factor @ factor.T
     scale = np.sqrt(np.diag(spread))
     correlation = spread / np.outer(scale, scale)
-    fitted = Fitted("output error", ("du/dt = X_u u",), found, (), correlation, tuple(series), ("Held.",))
-    return from_fitted(fitted, "output_error")
+    errors = np.array([one.standard_error for one in found])
+    return EstimationResult(
+        "output_error", equations=("du/dt = X_u u",), estimates=found, series=tuple(series), title="output error",
+        covariance=correlation * np.outer(errors, errors), findings=(Finding("note", "info", details={"note": "n"}),),
+    )  # fmt: skip
 
 
 @pytest.fixture(scope="module")
