@@ -77,6 +77,7 @@ SYMBOLS = {
 """textbook symbols of names that are words"""
 WORDS = re.compile(rf"\b(?:{'|'.join(name for name in MEANINGS if re.fullmatch('[a-z]{3,}_[a-z_]+', name))})\b")
 """names that are words in a sentence"""
+PROCESS_NOISE = "process_noise_"
 COEFFICIENT = re.compile(r"(C_[A-Za-z])_(.+)")
 """aerodynamic coefficient and the term of its slope"""
 
@@ -114,6 +115,8 @@ def symbol(name: str) -> str:
         return SYMBOLS[name]
     if head in ("bias", "scale") and rest:
         return f"{head} of {symbol(rest)}"
+    if name.startswith(PROCESS_NOISE):
+        return f"<i>σ</i><sub>{html.escape(_below(name.removeprefix(PROCESS_NOISE)))}</sub>"
     if rest == "dot":
         return f"<i>{html.escape(GREEK.get(head, head))}{DOT}</i>"
     if rest and (len(head) <= 2 or head in GREEK) and re.fullmatch(BELOW, rest):
@@ -152,7 +155,11 @@ def rich(text: str) -> str:
 
 def spaced(name: str) -> str:
     """Name for a sentence: words are separated by spaces, symbols such as ``C_H`` unchanged."""
-    head = name.partition("_")[0]
+    head, _, rest = name.partition("_")
+    if head in ("bias", "scale") and rest:
+        return f"{head} of {rest}"
+    if name.startswith(PROCESS_NOISE):
+        return f"process noise of {name.removeprefix(PROCESS_NOISE)}"
     return name if len(head) <= 2 or head in GREEK else name.replace("_", " ")
 
 
@@ -165,6 +172,8 @@ def meaning(name: str, controls: Sequence[str] = ()) -> str:
     """Meaning of a parameter; empty if unknown. ``controls`` are names of inputs that replace the tail angle."""
     if name in MEANINGS:
         return MEANINGS[name]
+    if name.startswith(PROCESS_NOISE):
+        return spaced(name)
     axis, _, variable = name.partition("_")
     control = controls[0] if variable == "delta" and len(controls) == 1 else variable
     if axis in AXES and control in controls and control not in VARIABLES:
@@ -178,4 +187,7 @@ def meaning(name: str, controls: Sequence[str] = ()) -> str:
 
 def unit(text: str) -> str:
     """Unit with superscript powers, escaped; empty for a dimensionless number."""
-    return "" if text in ("-", "") else html.escape(text).replace("^2", "²").replace("^3", "³")
+    if text in ("-", ""):
+        return ""
+    root = re.sub(r"\((.*)\)/s\^0\.5", r"\1/√s", text)
+    return html.escape(root).replace("^2", "²").replace("^3", "³")

@@ -90,7 +90,7 @@ def _correlation(fit: EstimationResult) -> Chapter | None:
     if fit.correlation is None or len(fit.estimates) < 2:
         return None
     pairs = strong_pairs(tuple(e.name for e in fit.estimates), fit.correlation)
-    rows = tuple((one, other, value) for one, other, value in pairs[:LARGEST_PAIRS])
+    rows = tuple((spaced(one), spaced(other), value) for one, other, value in pairs[:LARGEST_PAIRS])
     caption = f"The {len(rows)} largest of {len(pairs)} correlations beyond ±{STRONG:g}. The intervals include them."
     table = Table(("parameter", "and", "correlation"), rows, caption)
     return Chapter("Correlation of the estimates", tables=(table,)) if rows else None

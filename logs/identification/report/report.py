@@ -13,12 +13,12 @@ from logs.identification.data.flight import DriveData
 from logs.identification.data.maneuvers import Maneuver
 from logs.identification.diagnostics.validation import validation
 from logs.identification.estimators.flight_modes import OUTPUT_ERROR, cross_validated
-from logs.identification.models.modes import KINDS, Mode, ModesResult
+from logs.identification.models.modes import KINDS, ModesResult
 from logs.identification.report.markers import markers_chapter
 from logs.identification.report.methods import method_chapter, missing_remarks, remarks
 from logs.identification.report.numbers import FOLLOWS, POWER_TRUTH, Identification, determined
 from logs.identification.report.subjects import aero_chapter, drives_chapter, log_path_chapter, wings_chapter
-from logs.identification.results import Array, EstimationResult
+from logs.identification.results import Array, Estimate, EstimationResult
 from logs.pages.document import MEASURED, Bar, Chapter, Intervals, Plot, Remark, Series, Table
 from logs.pages.labels import capitalized, sentence
 from logs.pages.render import write_page
@@ -105,25 +105,22 @@ def _validation_note(fit: EstimationResult, modes: ModesResult) -> str:
 
 def _summary(results: Identification) -> Chapter:
     """Return the estimates of each subject and the findings on them."""
-    first = _first_mode(results.modes)
-    pairs = [first.of_kind(kind) for kind in KINDS] if first is not None else []
-    modal = (e for pair in pairs if pair is not None for e in determined(pair.estimates)[0])
-    listed = [(e, "") for e in modal if not FOLLOWS.search(e.name)]
-    for drive, prefix in (
+    method, modal = modal_summary(results.modes)
+    listed = [(one, "") for one in modal]
+    for part, prefix in (
         (results.torque, ""),
         (results.power, "power."),
         (results.load, ""),
         (results.frequency, ""),
     ):
-        listed += [(e, prefix) for e in (drive.estimates if drive is not None else ())]
-    listed += [(e, "") for e in (results.path.result.estimates if results.path is not None else ())]
-    listed += [
-        (e, "") for model in (results.aero.models if results.aero is not None else ()) for e in model.estimates
-    ]
+        listed += [(one, prefix) for one in (part.estimates if part is not None else ())]
+    listed += [(one, "") for one in (results.path.result.estimates if results.path is not None else ())]
+    models = results.aero.models if results.aero is not None else ()
+    listed += [(one, "") for model in models for one in model.estimates]
     bars = [Bar(e.name, e, results.truths.get(prefix + e.name)) for e, prefix in listed]
     notes = []
     if results.modes is not None:
-        notes.append(f"{f'Modes by {first.method}' if first is not None else 'No modes'}; {results.modes.statement}.")
+        notes.append(f"{f'Modes by {method}' if method else 'No modes'}; {results.modes.statement}.")
     if any(bar.truth is not None for bar in bars):
         notes.append("Simulated flight: true values are red if outside the interval.")
     return Chapter(SUMMARY, tuple(notes), plots=_compared(bars), findings=_findings(results))
@@ -141,10 +138,14 @@ def _compared(bars: Iterable[Bar]) -> tuple[Intervals, ...]:
     return (Intervals("", every),) if every else ()
 
 
-def _first_mode(modes: ModesResult | None) -> Mode | None:
-    """Return the first method with a short period or phugoid."""
-    given = (mode for mode in modes.modes if any(mode.of_kind(kind) for kind in KINDS)) if modes is not None else ()
-    return next(iter(given), None)
+def modal_summary(modes: ModesResult | None) -> tuple[str, list[Estimate]]:
+    """Return the first method with a short period or phugoid, and their frequencies and dampings; empty if none."""
+    for mode in modes.modes if modes is not None else ():
+        pairs = [pair for kind in KINDS if (pair := mode.of_kind(kind)) is not None]
+        if pairs:
+            every = (one for pair in pairs for one in determined(pair.estimates)[0])
+            return mode.method, [one for one in every if not FOLLOWS.search(one.name)]
+    return "", []
 
 
 def _data(subject: Subject, results: Identification) -> Chapter:

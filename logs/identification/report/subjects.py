@@ -235,8 +235,8 @@ def path_chapter(records: Sequence[Experiment], path: FlightPath) -> Chapter | N
     pairs = list(zip(records, path.motions, strict=True)) if path.motions else []
     parts = tuple(Chapter(one.name, plots=_path_plots(one, motion)) for one, motion in pairs[:PLOTTED_RECORDS])
     rest = f" The first {PLOTTED_RECORDS} of {len(pairs)} records." if len(pairs) > PLOTTED_RECORDS else ""
-    note = f"Reconstructed motion; flow angles and airspeed at the center of mass.{rest}"
-    return Chapter("Flight path", (note,), parts=parts) if parts else None
+    note = f"Flow angles and airspeed at the center of mass.{rest}"
+    return Chapter("Reconstructed motion", (note,), parts=parts) if parts else None
 
 
 def _path_plots(record: Experiment, motion: Experiment) -> tuple[Plot, ...]:
@@ -270,5 +270,5 @@ def log_path_chapter(result: PathResult) -> Chapter | None:
     for name, unit, measured, model, style in columns:
         recorded = Series("recorded", time, measured, MEASURED, style)
         plots.append(Plot("", "time", "s", name, unit, (recorded, Series("reconstructed", time, model, MODEL, LINE))))
-    note = "Reconstructed motion, attitude of the flight computer and GPS velocity."
-    return Chapter("Flight path", (note,), plots=tuple(plots))
+    note = "Reconstruction, attitude of the flight computer and GPS velocity."
+    return Chapter("Reconstructed motion", (note,), plots=tuple(plots))

@@ -9,10 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from logs.identification.models.modes import KINDS
 from logs.identification.report.methods import intervals, method_chapter, remarks
-from logs.identification.report.numbers import determined
-from logs.identification.report.report import SUMMARY, model_chapter, modes_chapter
+from logs.identification.report.report import SUMMARY, modal_summary, model_chapter, modes_chapter
 from logs.identification.report.result_formatting import heading
 from logs.identification.report.subjects import step_table
 from logs.identification.results import EstimationResult
@@ -99,11 +97,9 @@ def _summary(results: TableIdentification) -> Chapter:
     """Return the estimates of the modes by the first method that has them and of every fit, and all findings."""
     notes, parts = [], list[Chapter]()
     if results.modes is not None:
-        pairs = [(mode.method, pair) for mode in results.modes.modes for k in KINDS if (pair := mode.of_kind(k))]
-        first = pairs[0][0] if pairs else ""
-        estimates = [e for method, pair in pairs if method == first for e in determined(pair.estimates)[0]]
+        method, estimates = modal_summary(results.modes)
         if estimates:
-            parts.append(Chapter(f"Modes by {first}", plots=intervals(estimates)))
+            parts.append(Chapter(f"Modes by {method}", plots=intervals(estimates)))
         notes.append(sentence(results.modes.statement))
     for fit in results.fits:
         notes.append(sentence(f"{heading(fit)}: {fit.failure.text if fit.failure else _extent(fit)}"))
@@ -141,7 +137,7 @@ def _absent(results: TableIdentification) -> list[str]:
 def _maneuvers(results: TableIdentification) -> Table:
     rows = tuple(
         (
-            one.name, "held out" if one.name in results.held_out else "fitted", float(one.time[0]),
+            one.name, "held out" if one.name in results.held_out else "fitted", round(float(one.time[0]), 6),
             float(one.time[-1] - one.time[0]), float(len(one.time)), 1.0 / one.step,
         )
         for one in results.records

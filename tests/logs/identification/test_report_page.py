@@ -30,7 +30,7 @@ from logs.pages.document import (
     Chapter,
     Intervals,
 )
-from logs.pages.labels import meaning, number, rich, sentence, symbol
+from logs.pages.labels import meaning, number, rich, sentence, spaced, symbol, unit
 from logs.pages.render import page, refuse_existing
 from wingbeat.errors import InputError
 
@@ -200,6 +200,8 @@ def test_symbols_have_subscripts_and_file_names_have_none() -> None:
     assert symbol("X_delta") == "<i>X</i><sub>δ</sub>"
     assert symbol("K_tau0") == "<i>K</i><sub>τ0</sub>"
     assert symbol("short_period_damping") == "<i>ζ</i><sub>sp</sub>"
+    assert symbol("process_noise_alpha") == "<i>σ</i><sub>α</sub>" and unit("(rad)/s^0.5") == "rad/√s"
+    assert [spaced(name) for name in ("bias_a_x", "C_H", "dead_zone")] == ["bias of a_x", "C_H", "dead zone"]
     assert symbol("C_T_0") == "<i>C</i><sub>T0</sub>"
     slope = "<i>C</i><sub>L</sub> by <i>v</i><sub>z</sub> <i>θ\u0307</i><sub>11</sub><sup>2</sup>"
     assert symbol("C_L_v_z*theta_11_rate^2") == slope
