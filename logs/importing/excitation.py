@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Mapping
 
@@ -48,7 +49,7 @@ def _made(name: str, series: Series, values: Array) -> ImportedTopic:
     moving = np.flatnonzero(values)
     groups = np.split(moving, np.flatnonzero(np.diff(time[moving]) > PAUSE) + 1)
     spans = [(float(time[group[0]]), float(time[group[-1]])) for group in groups]
-    edges = [0.5 * (last + first) for (_, last), (first, _) in zip(spans, spans[1:], strict=False)]
+    edges = [0.5 * (last + first) for (_, last), (first, _) in itertools.pairwise(spans)]
     begins = [max(first - BEFORE, edge) for (first, _), edge in zip(spans, [-np.inf, *edges], strict=True)]
     ends = [min(last + AFTER, edge) for (_, last), edge in zip(spans, [*edges, np.inf], strict=True)]
     # A logger that writes only while the input runs does not record the motion beside it: times are added.
