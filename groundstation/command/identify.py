@@ -102,7 +102,10 @@ TABLE_USAGE = (
     f"wingbeat identify TABLE [TABLE ...] --map MAP.toml [{'|'.join(TABLE_SUBJECTS)}]"
     " [--report OUT.html] [--model OUT.toml] [--json]"
 )
-FILES = f"MCAP log (latest: the newest of recordings/) or {', '.join(SUFFIXES)}, several logs for their modes; with --map one or several tables"
+FILES = (
+    f"MCAP log (latest: the newest of recordings/) or {', '.join(SUFFIXES)}, several logs for their modes;"
+    " with --map one or several tables"
+)
 TABLE_SUFFIXES = (".csv", ".txt", ".dat", ".asc", ".tsv")
 
 
