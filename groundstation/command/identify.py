@@ -30,16 +30,14 @@ from groundstation.views.json_document import print_document
 from groundstation.views.terminal import open_console
 from logs.attached import aircraft_of, airframe_of, flight_vehicle, simulated_vehicle
 from logs.identification.data.flight import Aircraft, FlightData
-from logs.identification.data.split import drawn
+from logs.identification.data.maneuvers import holdout_sample
 from logs.identification.estimators.flight_modes import identify_modes
 from logs.identification.report import SUBJECTS, Identification, document, identify
 from logs.identification.sources.flight import flight_data
-from logs.identification.sources.multi_flight import joined_flights
+from logs.identification.sources.full_flight import joined_flights
+from logs.identification.sources.table.config import ALL, FORMER_SUBJECTS, example_map
+from logs.identification.sources.table.config import SUBJECTS as TABLE_SUBJECTS
 from logs.identification.sources.topic_table import ElevatorFromField
-from logs.identification.tables import fit_registry as rooms
-from logs.identification.tables import markers
-from logs.identification.tables.subjects import ALL
-from logs.identification.tables.subjects import SUBJECTS as TABLE_SUBJECTS
 from logs.reader import Log, open_log
 from logs.truth import known_truths, throttle_truths
 from sim_bridge.vehicles import SimulatedVehicle
@@ -94,8 +92,8 @@ JSON_KEYS = {
 }
 
 
-MAPS = {**rooms.EXAMPLES, MARKERS: markers.EXAMPLE}
-"""by subject; output of `--map-example SUBJECT`"""
+MAPS = (*TABLE_SUBJECTS, MARKERS)
+"""subjects of `--map-example`"""
 KNOWN = tuple(dict.fromkeys((*SUBJECTS, *TABLE_SUBJECTS, MARKERS)))
 TABLE_USAGE = (
     f"wingbeat identify TABLE [TABLE ...] --map MAP.toml [{'|'.join(TABLE_SUBJECTS)}]"
@@ -162,6 +160,7 @@ def run(arguments: Sequence[str]) -> int:
             addition to the log's own.
     """
     chosen = build_parser().parse_intermixed_args(arguments)
+    chosen.file = [FORMER_SUBJECTS.get(word, word) for word in chosen.file]
     if chosen.map_example:
         sys.stdout.write(_example(chosen.file))
         return 0
@@ -243,7 +242,7 @@ def _held_out(files: Sequence[Path], validate: Sequence[Path], share: float | No
         raise InputError("--validate-share draws what is held out: name none beside it with --validate")
     if not 0 < share < 1 or len(fitted) < 2:
         raise InputError(f"--validate-share {share:g}: it is between 0 and 1, of two logs or more")
-    chosen = drawn(sorted(str(one) for one in fitted), share)
+    chosen = holdout_sample(sorted(str(one) for one in fitted), share)
     every = [*(one for one in fitted if str(one) not in chosen), *(one for one in fitted if str(one) in chosen)]
     return every, list(range(len(fitted) - len(chosen), len(fitted)))
 
@@ -296,7 +295,7 @@ def _example(words: Sequence[str]) -> str:
     if len(words) > 1 or subject not in MAPS:
         guess = did_you_mean(words[-1], MAPS)
         raise InputError(f"no example map of {' '.join(words)!r}{guess}; known: {', '.join(MAPS)}")
-    return MAPS[subject]
+    return example_map(subject)
 
 
 def _split(words: Sequence[str]) -> tuple[list[Path], str]:

@@ -1,4 +1,4 @@
-"""What the methods work on: plain arrays of one flight, wherever they came from."""
+"""Arrays of one flight and constants of the aircraft, independent of their source."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from typing import NamedTuple
 from logs.identification.results import Array
 
 STROKES_GUESSED = "strokes: by the specific force"
-"""the note of a flight whose strokes nobody counted at the wing: their rate is right, where each begins is not"""
+"""note if no sensor counts the strokes: their rate is right, their phase is arbitrary"""
 AIRSPEED_GUESSED = "airspeed: the speed over ground, as in still air"
-"""the note of a flight without a pitot: its mean is right where there is no wind, what gusts do to it is not told"""
+"""note of a flight without a pitot: the mean is right in still air; gusts are not included"""
 
 
 class JoinedFlight(NamedTuple):
@@ -34,10 +34,7 @@ class JoinedFlight(NamedTuple):
 
 
 class FlightData(NamedTuple):
-    """Longitudinal motion of one flight, every array (N,) on the equally spaced time base of the IMU.
-
-    What it does to the sides is here as far as it moves the longitudinal motion.
-    """
+    """Longitudinal motion of one flight, every array (N,) on the equally spaced time base of the IMU."""
 
     time: Array
     """s"""
@@ -65,16 +62,6 @@ class FlightData(NamedTuple):
     """rad; what the manoeuvre added to the elevator"""
     aborted: Array
     """-; 1 where an envelope limit ended the manoeuvre"""
-    wing_rate_squared: Array
-    """rad^2/s^2; mean of both wings; NaN where their motion was not measured"""
-    roll: Array
-    """rad; right wing down is positive; NaN where it was not measured, as the three that follow"""
-    roll_rate: Array
-    """rad/s; about FRD x"""
-    yaw_rate: Array
-    """rad/s; about FRD z"""
-    accel_y: Array
-    """m/s^2; specific force at the IMU along FRD y"""
     notes: tuple[str, ...] = ()
     """-; what the log does not tell and was taken from elsewhere, one clause each"""
     flights: tuple[JoinedFlight, ...] = ()

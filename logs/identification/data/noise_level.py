@@ -11,7 +11,7 @@ from math import comb, sqrt
 
 import numpy as np
 
-from logs.identification.data.smoothed import whole
+from logs.identification.data.smoothing import whole
 from logs.identification.results import Array
 
 HIGHEST = 8

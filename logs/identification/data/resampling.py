@@ -12,10 +12,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.signal import firwin, kaiserord, oaconvolve
+from scipy.signal import firwin, kaiserord, lfilter, oaconvolve
 
-from logs.identification.data.contiguous_runs import runs
-from logs.identification.data.experiment import Experiment
+from logs.identification.data.experiment import Experiment, runs
 from logs.identification.results import Array
 from wingbeat.errors import InputError
 
@@ -181,3 +180,26 @@ def cut(experiment: Experiment, span: slice) -> Experiment:
     """The samples ``span`` of the experiment."""
     signals = {name: values[span] for name, values in experiment.signals.items()}
     return experiment._replace(time=experiment.time[span], signals=signals)
+
+
+SHORTEST_LAG = 1e-3
+"""-; of a sampling interval: a shorter lag is zero"""
+
+
+def behind(values: Array, step: float, delay: float, lag: float, *, zoh: bool) -> Array:
+    """``values`` (N,), ``step`` s apart, after a ``delay`` (s) and a time constant ``lag`` (s).
+
+    With ``zoh`` (zero-order hold) they are constant from each sample to the next, as commands are, else linear
+    between samples; a delay of a fraction of a step is interpolated linearly. After a negative delay, a lead, the
+    last value remains.
+    """
+    if not len(values):
+        return values.copy()
+    places = np.arange(len(values), dtype=np.float64)
+    late: Array = np.interp(places - delay / step, places, values)
+    if lag <= SHORTEST_LAG * step:
+        return late
+    pole = np.exp(-step / lag)
+    old = 1.0 if zoh else (1.0 - pole) * lag / step
+    followed: Array = lfilter([1.0 - old, old - pole], [1.0, -pole], late, zi=[old * late[0]])[0]
+    return followed

@@ -9,10 +9,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse import csr_array
 
-from logs.identification.data.smoothed import Smoothed, whole
 from logs.identification.results import Array
 from logs.strokes import interval_mean, time_at
-from wingbeat.errors import InputError
 
 
 def wing_period(time: Array, strokes: Array, at: Array) -> Array:
@@ -46,28 +44,3 @@ def _under_hat(position: Array) -> Array:
     """Area of the triangle of base 2 and height 1 about 0, up to ``position``: linear interpolation's weight."""
     clipped = np.clip(position, -1, 1)
     return np.where(clipped < 0, (1 + clipped) ** 2 / 2, 1 - (1 - clipped) ** 2 / 2)
-
-
-def stroke_smoothed(time: Array, values: Array, strokes: Array) -> Smoothed:
-    """Moving average of ``values`` (N,) over one measured wing period around each sample, with its slope.
-
-    ``strokes`` (N,) are counted at the same equally spaced ``time`` (s; N,) and never decrease. Within half a stroke
-    of the record's ends all is NaN. ``noise`` is the standard deviation of what was averaged away: the shaking.
-
-    Raises:
-        InputError: the record holds no whole stroke, or samples are missing.
-    """
-    whole(values, 4)
-    whole(strokes, 4)
-    period = wing_period(time, strokes, time)
-    inside = np.isfinite(period)
-    if inside.sum() < 2:
-        raise InputError(f"no stroke average: the record holds {strokes[-1] - strokes[0]:.1f} strokes")
-    at, window = time[inside], period[inside]
-    smooth, rates = np.full(len(time), np.nan), np.full(len(time), np.nan)
-    smooth[inside] = stroke_average(time, values, window, at)
-    ends = [np.interp(at + side * window / 2, time, values) for side in (-1, 1)]
-    # Leibniz: both ends of the window move, and it widens.
-    widening = np.gradient(window, at) * ((ends[0] + ends[1]) / 2 - smooth[inside])
-    rates[inside] = (ends[1] - ends[0] + widening) / window
-    return Smoothed(smooth, rates, float(np.std((values - smooth)[inside])))

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from logs.identification.data.contiguous_runs import longest_run, runs
-from logs.identification.data.experiment import Experiment
+from logs.identification.data.experiment import Experiment, longest_run, runs
 from logs.identification.data.noise_level import MEDIAN_TO_DEVIATION, noise_beside_steps
 from logs.identification.diagnostics.context import Context
 from logs.identification.findings import Entry, Finding, register

@@ -7,8 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from logs.identification.data.contiguous_runs import longest_run, runs
-from logs.identification.data.experiment import Experiment
+from logs.identification.data.experiment import Experiment, longest_run, runs
 from logs.identification.data.noise_level import noise_beside_steps
 from logs.identification.results import Array
 from wingbeat.errors import InputError

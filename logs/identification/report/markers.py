@@ -11,7 +11,7 @@ from logs.identification.motion_capture.motion import BASE, MarkerMotion, findin
 from logs.identification.report.document import MEASURED, Band, Chapter, Plot, Series, Table
 from logs.identification.report.labels import sentence
 from logs.identification.results import Array, student_factor
-from logs.identification.tables.markers import MarkersResult
+from logs.identification.sources.table.markers import MarkersResult
 from wingbeat.rotation_arrays import euler_from_quaternions
 
 UNITS = ("m",) * 3 + ("rad",) * 3

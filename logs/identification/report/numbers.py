@@ -23,9 +23,9 @@ from logs.identification.report.markers import marker_document, marker_lines
 from logs.identification.results import Estimate, EstimationResult, Unidentified
 from logs.identification.sources.flight import drive_data, flight_data, throttle_data, true_drive_data
 from logs.identification.sources.flight_path import PathResult, identify_path, imu_truths
+from logs.identification.sources.motion import identify_aero
+from logs.identification.sources.table.markers import MarkersResult
 from logs.identification.sources.topic_table import CachedSource, ColumnSource
-from logs.identification.sources.wing_coefficients import identify_aero
-from logs.identification.tables.markers import MarkersResult
 from sim_bridge.vehicles import SimulatedVehicle
 from wingbeat.errors import InputError
 

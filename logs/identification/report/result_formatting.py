@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -9,9 +10,9 @@ from logs.identification.findings import CATALOG, Finding, of_severity
 from logs.identification.models.lateral_modes import DUTCH_ROLL, LATERAL_PHUGOID, ROLL, SPIRAL
 from logs.identification.report.numbers import Identification, document, step_entries
 from logs.identification.results import Estimate, EstimationResult, OutputFit
+from logs.identification.sources.table.run import TableIdentification
 from logs.identification.statistics.correlation import Pair, strong_pairs
 from logs.identification.statistics.output_fit import output_fits
-from logs.identification.tables.results import TableIdentification, finite
 
 LATERAL_MODES = (DUTCH_ROLL, ROLL, SPIRAL, LATERAL_PHUGOID)
 """subjects that are modes, not parameters"""
@@ -24,6 +25,11 @@ class NumberRow(NamedTuple):
     estimate: Estimate
     start: float | None
     """as the estimate; start value of the search, None without a search"""
+
+
+def finite(value: float | None) -> float | None:
+    """The number for JSON: None if it is not finite."""
+    return float(value) if value is not None and math.isfinite(value) else None
 
 
 def number_rows(result: EstimationResult) -> tuple[NumberRow, ...]:

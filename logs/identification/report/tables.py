@@ -23,8 +23,8 @@ from logs.identification.report.report import model_chapter, modes_chapter, writ
 from logs.identification.report.result_formatting import finding_line, heading
 from logs.identification.report.steps import step_table
 from logs.identification.results import Estimate, EstimationResult
-from logs.identification.sources.table.constants import UNITS
-from logs.identification.tables.results import TableIdentification
+from logs.identification.sources.table.quantities import UNITS
+from logs.identification.sources.table.run import TableIdentification
 from wingbeat.text import pluralize
 
 FITS = "Measured and modelled outputs of every manoeuvre, in the table's time."

@@ -17,10 +17,9 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from avionics import topics
-from logs.identification.data.contiguous_runs import longest_run, runs
-from logs.identification.data.experiment import Experiment
+from logs.identification.data.experiment import Experiment, longest_run, runs
 from logs.identification.data.flight import Aircraft
-from logs.identification.data.maneuver_detection import excited
+from logs.identification.data.maneuvers import excited
 from logs.identification.data.resampling import bridged, cut, whole_records
 from logs.identification.estimators.flight_path import FlightPath, PathOptions, reconstruct
 from logs.identification.estimators.gps_aided import (

@@ -40,9 +40,9 @@ from logs.identification.report.numbers import determined
 from logs.identification.report.report import Subject, chapters, refuse_existing, write_report
 from logs.identification.report.svg import NARROW, axis, drawn, round_step, written
 from logs.identification.results import Estimate, Unidentified, estimate
+from logs.identification.sources.table import bench as benches
+from logs.identification.sources.table import stand as stands
 from logs.identification.statistics.whiteness import BAND, autocorrelation
-from logs.identification.tables import benches
-from logs.identification.tables import load_cell_tests as stands
 from wingbeat.errors import InputError
 
 SUBJECT = Subject("bird: identification", "flight.mcap", "ab" * 32, (("vehicle", "bird"), ("length", "20.0 s")))

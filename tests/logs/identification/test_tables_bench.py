@@ -19,7 +19,7 @@ rate = 1.0
 torque = { column = "torque", unit = "mN m" }
 speed = { column = "speed", unit = "deg/s" }
 voltage = { column = "supply", unit = "V" }
-[manoeuvres]
+[maneuvers]
 rows = [[1, 150], [151, 200]]
 validate = [2]
 [torque_speed]
@@ -31,7 +31,7 @@ TWIST_MAP = """
 column = "t"
 [signals]
 twist = { column = "twist", unit = "deg" }
-[manoeuvres]
+[maneuvers]
 windows = [[0.0, 0.6], [1.0, 1.6], [2.0, 2.6]]
 validate = [3]
 [twist]
@@ -118,7 +118,7 @@ def test_a_release_tells_frequency_and_damping_and_predicts_another(
             assert abs(found[name]["value"] - true) < 1.8 * (found[name]["high"] - found[name]["value"])
             assert found[name]["value"] == pytest.approx(true, rel=0.03)
     (held,) = [one for fit in fits for one in fit["outputs"] if one["held_out"]]
-    assert held["r_squared"] > 0.99 and held["experiment"].startswith("manoeuvre 3")
+    assert held["r_squared"] > 0.99 and held["experiment"].startswith("maneuver 3")
 
 
 @pytest.mark.parametrize(

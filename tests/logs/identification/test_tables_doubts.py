@@ -23,8 +23,8 @@ from logs.identification.estimators.records import records_of
 from logs.identification.report.result_formatting import notes_of as said_of
 from logs.identification.report.result_formatting import table_document
 from logs.identification.results import EstimationResult, FitSeries, estimate
+from logs.identification.sources.table.run import identify_tables
 from logs.identification.statistics.hac import autocovariance
-from logs.identification.tables.run import identify_tables
 from tests.logs.identification.test_frequency_equations import SLOW, exact
 from tests.logs.identification.test_tables_identified import codes, flight
 from tests.logs.identification.test_tables_strangers import identified
@@ -39,7 +39,7 @@ column = 1
 [signals]
 q = { column = 2, unit = "rad/s" }
 delta_e = { column = 3, unit = "rad" }
-[manoeuvres]
+[maneuvers]
 windows = [[%g, 25]]
 [modes]
 model = "none"
@@ -79,7 +79,7 @@ def test_free_response_of_a_record_in_which_the_control_moves_is_refused(tmp_pat
     table, mapping = tmp_path / "t.csv", tmp_path / "m.toml"
     np.savetxt(table, np.column_stack((TIME, q, one.signals["delta_e"])), delimiter=",")
     mapping.write_text(FREE_MAP % 0)
-    with pytest.raises(InputError, match=r"delta_e moves until 5\.96 s in manoeuvre 1 of t\.csv"):
+    with pytest.raises(InputError, match=r"delta_e moves until 5\.96 s in maneuver 1 of t\.csv"):
         identify_tables([table], mapping)
     mapping.write_text(FREE_MAP % 6.1)
     found = identify_tables([table], mapping).modes

@@ -17,11 +17,10 @@ from groundstation.command import identify
 from logs.identification.data.experiment import Experiment
 from logs.identification.report.result_formatting import notes_of, table_document
 from logs.identification.results import EstimationResult
-from logs.identification.sources.table.config import EXAMPLE, load_map
-from logs.identification.sources.table.derived import MADE as MADE_OF
+from logs.identification.sources.table.config import example_map, load_map
+from logs.identification.sources.table.derived import DERIVED as MADE_OF
 from logs.identification.sources.table.derived import Source
-from logs.identification.tables.results import TableIdentification
-from logs.identification.tables.run import identify_tables
+from logs.identification.sources.table.run import TableIdentification, identify_tables
 from wingbeat.errors import InputError
 
 EXAMPLES = Path(__file__).parents[3] / "docs" / "examples"
@@ -174,7 +173,7 @@ def test_what_the_page_shows_is_what_is_printed(capsys: pytest.CaptureFixture[st
 def test_the_example_map_is_one(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     identify.run(["--map-example"])
     printed = capsys.readouterr().out
-    assert printed == EXAMPLE
+    assert printed == example_map("modes")
     (tmp_path / "map.toml").write_text(printed)
     assert load_map(tmp_path / "map.toml").modes is not None
 
@@ -233,7 +232,7 @@ def test_a_long_gap_in_the_input_cuts_the_manoeuvre(tmp_path: Path) -> None:
     result = identified(tmp_path, columns)
     assert "50 samples without delta_e left out" in " ".join(notes_of(result.fits[0]))
     assert {one.experiment for one in result.fits[0].series} == {
-        "manoeuvre 1 of run.csv, part 1", "manoeuvre 1 of run.csv, part 2",
+        "maneuver 1 of run.csv, part 1", "maneuver 1 of run.csv, part 2",
     }  # fmt: skip
 
 
@@ -395,7 +394,7 @@ def test_several_files_are_one_fit(tmp_path: Path) -> None:
     (tmp_path / "map.toml").write_text(BASE)
     files = [write(tmp_path / name, columns) for name in ("a.csv", "b.csv")]
     result = identify_tables(files, tmp_path / "map.toml", "modes")
-    assert result.experiments == ("manoeuvre 1 of a.csv", "manoeuvre 2 of b.csv")
+    assert result.experiments == ("maneuver 1 of a.csv", "maneuver 2 of b.csv")
     json.dumps(table_document(result), allow_nan=False)
 
 

@@ -52,7 +52,7 @@ def test_equation_error_says_what_it_lacks_and_keeps_to_its_band(
     assert refused["reason"] == "it takes alpha measured"
     narrow = methods(tmp_path, BASE + "band = [0.05, 1.0]\n", capsys)["equation error"]
     assert narrow["frequency"]["value"] == pytest.approx(2.793, rel=0.03)
-    with pytest.raises(InputError, match=r"modes: band = \[2, 1\] Hz holds no frequency"):
+    with pytest.raises(InputError, match=r"modes: frequency_band = \[2, 1\] Hz contains no frequency"):
         methods(tmp_path, BASE + "band = [2.0, 1.0]\n", capsys)
 
 
@@ -95,7 +95,7 @@ column = "t"
 alpha = { column = "alpha", unit = "deg" }
 delta_e = { column = "delta_e", unit = "deg" }
 C_m = { column = "C_m", unit = "-" }
-[manoeuvres]
+[maneuvers]
 windows = [[0, 20], [20.02, 30]]
 validate = [2]
 [[aero.regressions]]
@@ -192,7 +192,7 @@ def test_an_input_that_was_held_is_told_with_the_word_that_mends_it(tmp_path: Pa
 
 
 def test_what_is_held_or_late_must_be_an_input_and_by_a_second_at_most(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"unknown key hold delta \(meant 'delta_e'\?\)"):
+    with pytest.raises(InputError, match=r"unknown key zoh_inputs delta \(meant 'delta_e'\?\)"):
         identified(tmp_path, held_flight(), BASE + 'hold = ["delta"]\n')
     with pytest.raises(InputError, match="delay = 5 s: an input acts at most 1 s late or early"):
         identified(tmp_path, held_flight(), BASE + "delay = 5\n")

@@ -16,8 +16,7 @@ from avionics import topics
 from groundstation.command import identify
 from groundstation.command.main import main
 from logs.identification.data.experiment import Experiment
-from logs.identification.sources.table.config import load_map
-from logs.identification.tables.fit_registry import EXAMPLES
+from logs.identification.sources.table.config import SUBJECTS, example_map, load_map
 from tests.logs.recorded import record
 
 LONGITUDINAL = ("q", "a_x", "a_z", "airspeed", "alpha", "theta", "altitude")
@@ -30,7 +29,7 @@ MAP = """
 column = "t"
 [signals]
 {signals}
-[manoeuvres]
+[maneuvers]
 validate = {validate}
 [path.places]
 imu = [0.3, 0.05, -0.1]
@@ -108,9 +107,9 @@ def test_a_manoeuvre_without_a_whole_piece_is_left_out_and_the_others_are_fitted
     (tmp_path / "run2.csv").write_text("\n".join(lines))
     assert main(["identify", *words]) == 0
     said = " ".join(capsys.readouterr().out.split())
-    assert "left out: manoeuvre 2 of run2.csv: q, a_x, a_z are nowhere measured together" in said
+    assert "left out: maneuver 2 of run2.csv: q, a_x, a_z are nowhere measured together" in said
     assert main(["identify", words[1], *words[2:]]) == 2
-    assert "left out: manoeuvre 1 of run2.csv" in capsys.readouterr().err
+    assert "left out: maneuver 1 of run2.csv" in capsys.readouterr().err
 
 
 def test_gaps_of_an_input_cut_the_record_and_the_rest_is_told(
@@ -192,7 +191,7 @@ def test_a_log_tells_its_sensors_errors(tmp_path: Path, capsys: pytest.CaptureFi
 def test_the_example_map_is_one_and_an_unknown_one_is_named(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for subject, example in EXAMPLES.items():
+    for subject, example in ((name, example_map(name)) for name in SUBJECTS):
         assert identify.run(["--map-example", subject]) == 0
         assert capsys.readouterr().out == example
         (tmp_path / "map.toml").write_text(example)

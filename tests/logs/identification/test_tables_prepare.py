@@ -88,11 +88,11 @@ def test_smoothing_and_resampling_leave_the_truth(tmp_path: Path, capsys: pytest
 
 def test_files_and_shares_are_held_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     files = [table(tmp_path, name, seed) for seed, name in enumerate(("a.csv", "b.csv", "c.csv"))]
-    named = told(tmp_path, capsys, files, '[manoeuvres]\nvalidate_files = ["b.csv"]\n')
-    assert named["manoeuvres"]["held_out"] == ["manoeuvre 2 of b.csv"]
-    drawn = told(tmp_path, capsys, files, "[manoeuvres]\nvalidate_share = 0.34\n")
+    named = told(tmp_path, capsys, files, '[maneuvers]\nvalidate_files = ["b.csv"]\n')
+    assert named["manoeuvres"]["held_out"] == ["maneuver 2 of b.csv"]
+    drawn = told(tmp_path, capsys, files, "[maneuvers]\nvalidation_fraction = 0.34\n")
     (held,) = drawn["manoeuvres"]["held_out"]
-    assert f"held back: 1 of 3 flights ({held.partition(' of ')[2]})" in drawn["notes"]
+    assert f"held out: 1 of 3 flights ({held.partition(' of ')[2]})" in drawn["notes"]
     thiels = [one["theil"] for one in drawn["fits"][0]["outputs"] if one["held_out"]]
     assert len(thiels) == 3 and max(thiels) < 0.1
 
@@ -101,15 +101,15 @@ def test_files_and_shares_are_held_out(tmp_path: Path, capsys: pytest.CaptureFix
     ("more", "said"),
     [
         ("[prepare.delay]\nalfa = 0.1\n", "prepare.delay.alfa (meant 'alpha'?)"),
-        ('[prepare.delay]\nalpha = { like = "Q" }\n', "prepare.delay.alpha.like Q"),
-        ('[prepare.delay]\nalpha = { lik = "q" }\n', "prepare.delay.alpha.lik (meant 'like'?)"),
+        ('[prepare.delay]\nalpha = { like = "Q" }\n', "prepare.delay.alpha.reference Q"),
+        ('[prepare.delay]\nalpha = { lik = "q" }\n', "prepare.delay.alpha.lik"),
         ('[prepare.delay]\nalpha = { like = "delta_e", longest = 20 }\n', "its skew behind delta_e is not told"),
         ('[prepare]\nsmooth = { alpha = "splin" }\n', "prepare.smooth.alpha = 'splin' is not known; known: local"),
         ("[prepare]\nresample = 500\n", "prepare.resample = 500 Hz is not above 0 and up to the 25 Hz"),
-        ('[manoeuvres]\nvalidate_files = ["rn.csv"]\n',
-         "manoeuvres.validate_files rn.csv (meant 'run.csv'?): no such file is among those given; there are: run"),
-        ("[manoeuvres]\nvalidate_share = 0.5\n", "a single manoeuvre cannot be split"),
-        ("[manoeuvres]\nvalidate_share = 0.5\nvalidate = [1]\n", "manoeuvres.validate_share draws what is held out"),
+        ('[maneuvers]\nvalidate_files = ["rn.csv"]\n',
+         "maneuvers.validate_files rn.csv (meant 'run.csv'?): no such file is among those given; there are: run"),
+        ("[maneuvers]\nvalidation_fraction = 0.5\n", "a single maneuver cannot be split"),
+        ("[maneuvers]\nvalidation_fraction = 0.5\nvalidate = [1]\n", "maneuvers.validation_fraction draws"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_is_refused_in_a_line(

@@ -28,7 +28,7 @@ from logs.identification.report.labels import number, rich, sentence, symbol
 from logs.identification.report.result_formatting import table_document
 from logs.identification.report.tables import Source, table_chapters, write_tables_report
 from logs.identification.results import EstimationResult, estimate
-from logs.identification.tables.results import TableIdentification
+from logs.identification.sources.table.run import TableIdentification
 from sim_bridge.tuning.model import load_model
 from wingbeat.errors import InputError
 

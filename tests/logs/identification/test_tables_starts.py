@@ -13,7 +13,7 @@ from test_tables_identified import BASE, flight, identified, numbers, write
 
 from logs.identification.results import Array
 from logs.identification.sources.table.config import Parameter
-from logs.identification.tables.run import identify_tables
+from logs.identification.sources.table.run import identify_tables
 from wingbeat.errors import InputError
 
 MAP = LATERAL_MAP.replace("[constants]", 'a_y = { column = "a_y", unit = "m/s^2" }\n[constants]').replace(

@@ -34,7 +34,7 @@ force_z = { column = "Fz", unit = "gf" }
 V = { column = "V", unit = "km/h" }
 alpha = { column = "alpha", unit = "deg" }
 elevator = { column = "elevator", unit = "deg" }
-[manoeuvres]
+[maneuvers]
 validate = VALIDATE
 [constants]
 rho = 1.2

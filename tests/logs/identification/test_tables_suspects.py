@@ -14,7 +14,7 @@ from test_tables_starts import MAP as LATERAL_MAP
 
 from logs.identification.findings import Finding
 from logs.identification.results import Array, EstimationResult
-from logs.identification.tables.run import identify_tables
+from logs.identification.sources.table.run import identify_tables
 
 Columns = dict[str, Array]
 

@@ -9,7 +9,7 @@ import pytest
 
 from avionics import topics
 from logs.identification.data.flight import NEUTRAL
-from logs.identification.data.maneuver_detection import excited
+from logs.identification.data.maneuvers import excited
 from logs.identification.results import Array
 from logs.identification.sources.full_flight import whole_flight
 from wingbeat.errors import InputError

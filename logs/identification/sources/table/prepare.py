@@ -1,4 +1,4 @@
-"""[prepare] of a map: signals that are late put in place, freed of noise and thinned, before manoeuvres are cut."""
+"""[prepare] of a map: signals that are late put in place, freed of noise and thinned, before maneuvers are cut."""
 
 from __future__ import annotations
 
@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 import numpy as np
 from scipy.signal import detrend
 
-from logs.identification.data.contiguous_runs import runs
-from logs.identification.data.experiment import Experiment
+from logs.identification.data.experiment import Experiment, runs
 from logs.identification.data.resampling import cut, down_sampled, whole_records
 from logs.identification.data.smoothing import RATE_SUFFIX, smoothed
 from logs.identification.data.time_skew import LEAST, shifted, skew_between
@@ -23,7 +22,7 @@ from wingbeat.schema import check_known, read_number, read_record
 from wingbeat.text import pluralize
 
 if TYPE_CHECKING:
-    from logs.identification.sources.table.maneuvers import Cut
+    from logs.identification.sources.table.maneuvers import DataSplit
 
 LONGEST = 0.5
 """s; skew that is looked for either way where nothing is told"""
@@ -40,7 +39,7 @@ over that of the output; largest share of the inputs' power in the line"""
 register({
     "delay_removed": Entry("{subject}: delay of {value:g} s removed as specified", "[prepare.delay] of the map."),
     "delay_measured": Entry(
-        "{slope}{subject} is {value:.4g} s late behind {like} ({low:.4g} to {high:.4g} s); removed",
+        "{slope}{subject} is {value:.4g} s late behind {reference} ({low:.4g} to {high:.4g} s); removed",
         "The cross-correlation of two signals gives the delay.",
     ),
     "smoothed": Entry(
@@ -54,33 +53,33 @@ register({
 })  # fmt: skip
 
 
-class _Like(NamedTuple):
-    like: str
+class _Reference(NamedTuple):
+    reference: str
     by: Annotated[str, "value", "slope"] = "value"
     longest: float = LONGEST
 
 
-class Late(NamedTuple):
-    """By how much a signal is late: told, or as its cross-correlation with another says."""
+class SignalDelay(NamedTuple):
+    """Delay of a signal: given, or by its cross-correlation with a reference."""
 
     seconds: float | None
-    like: str = ""
+    reference: str = ""
     slope: bool = False
-    """the other signal is like this one's slope"""
+    """-; the reference is compared with this signal's derivative"""
     longest: float = LONGEST
 
     @classmethod
-    def from_entry(cls, entry: Any, key: str) -> Late:
-        """Of a map's entry: seconds, or ``{ like = SIGNAL, by = "value"|"slope", longest = s }``.
+    def from_entry(cls, entry: Any, key: str) -> SignalDelay:
+        """Read a map's entry: seconds, or ``{ reference = SIGNAL, by = "value"|"slope", longest = s }``.
 
         Raises:
-            InputError: it is neither, or a time that cannot be.
+            InputError: neither, or a time out of range.
         """
         if isinstance(entry, dict):
-            told = read_record(_Like, entry, key)
-            if not 0 < told.longest <= LONGEST_GIVEN:
+            one = read_record(_Reference, entry, key)
+            if not 0 < one.longest <= LONGEST_GIVEN:
                 raise InputError(f"{key}.longest must be above 0 and at most {LONGEST_GIVEN:g} s")
-            return cls(None, told.like, told.by == "slope", told.longest)
+            return cls(None, one.reference, one.by == "slope", one.longest)
         seconds = read_number(entry, key)
         if abs(seconds) > LONGEST_GIVEN:
             raise InputError(f"{key} = {seconds:g} s is more than {LONGEST_GIVEN:g} s")
@@ -90,7 +89,7 @@ class Late(NamedTuple):
 class PrepareSection(NamedTuple):
     """Section [prepare], done in this order."""
 
-    delay: dict[str, Late] = {}
+    delay: dict[str, SignalDelay] = {}
     """s; by which a signal is late, by its name"""
     smooth: dict[str, Annotated[str, "local_quadratic", "fourier", "spline", "rts", "stroke"]] = {}
     """method by signal; its slope, called NAME_dot, comes with it where it is not measured"""
@@ -135,25 +134,25 @@ def prepared(records: list[Record], units: dict[str, str], asked: PrepareSection
 
 
 def _moved(
-    experiments: list[Experiment], name: str, late: Late, findings: list[Finding], measured: list[Estimate]
+    experiments: list[Experiment], name: str, late: SignalDelay, findings: list[Finding], measured: list[Estimate]
 ) -> list[Experiment]:
     if late.seconds is not None:
         findings.append(Finding("delay_removed", "info", name, late.seconds))
         return [shifted(one, (name,), late.seconds) for one in experiments]
-    check_known(late.like, experiments[0].signals, f"prepare.delay.{name}.like {late.like}")
+    check_known(late.reference, experiments[0].signals, f"prepare.delay.{name}.reference {late.reference}")
     found = _skew(experiments, name, late)
     measured.append(found)
     details = {
         "low": found.low,
         "high": found.high,
-        "like": late.like,
+        "reference": late.reference,
         "slope": "the slope of " if late.slope else "",
     }
     findings.append(Finding("delay_measured", "info", name, found.value, None, details))
     return [shifted(one, (name,), found.value) for one in experiments]
 
 
-def _skew(experiments: list[Experiment], name: str, late: Late) -> Estimate:
+def _skew(experiments: list[Experiment], name: str, late: SignalDelay) -> Estimate:
     """By how much the signal is late, over all records: their mean, weighted with their errors.
 
     Raises:
@@ -162,17 +161,17 @@ def _skew(experiments: list[Experiment], name: str, late: Late) -> Estimate:
     found: list[Estimate] = []
     reasons: list[str] = []
     for one in experiments:
-        for piece in _whole(one, (name, late.like), 2.0 * late.longest + (LEAST - 1) * one.step):
+        for piece in _whole(one, (name, late.reference), 2.0 * late.longest + (LEAST - 1) * one.step):
             own = piece.signals[name]
             own = slope(own, piece.step) if late.slope else own
-            told = skew_between(np.asarray(piece.signals[late.like]), own, piece.step, late.longest)
+            told = skew_between(np.asarray(piece.signals[late.reference]), own, piece.step, late.longest)
             if isinstance(told, Estimate):
                 found.append(told)
             else:
                 reasons.append(told.reason)
     if not found:
         why = reasons[0] if reasons else f"no record has both for {2 * late.longest:g} s on end"
-        raise InputError(f"prepare.delay.{name}: its skew behind {late.like} is not told: {why}")
+        raise InputError(f"prepare.delay.{name}: its skew behind {late.reference} is not told: {why}")
     weights = np.array([one.standard_error**-2 for one in found])
     values = np.array([one.value for one in found])
     mean = float(weights @ values / weights.sum())
@@ -228,21 +227,19 @@ def _record(old: Record, one: Experiment) -> Record:
 
 
 def stroke_averaged(
-    cut: Cut, inputs: Sequence[str], outputs: Sequence[str], frequency: float | None
-) -> tuple[Cut, tuple[Finding, ...]]:
-    """The maneuvers with every signal averaged over one period of ``frequency`` (Hz); as they are for 0.
+    data: DataSplit, inputs: Sequence[str], outputs: Sequence[str], frequency: float | None
+) -> DataSplit:
+    """The maneuvers with every signal averaged over one period of ``frequency`` (Hz); unchanged for 0.
 
     None takes the frequency of a vibration that dominates an output, if there is one.
     """
     if frequency is None:
-        frequency = vibration_frequency(cut.fitted, inputs, outputs)
-    steps = [one.step for one in (*cut.fitted, *cut.held_out)]
-    if not frequency or 1.0 / frequency < 2.0 * max(steps):
-        return cut, ()
-    fitted, held = (tuple(_averaged(one, 1.0 / frequency) for one in part) for part in (cut.fitted, cut.held_out))
-    return cut._replace(fitted=fitted, held_out=held, averaged=True), (
-        Finding("stroke_average", "info", "", frequency),
-    )
+        frequency = vibration_frequency(data.fitted, inputs, outputs)
+    if not frequency or 1.0 / frequency < 2.0 * max(one.step for one in data.all):
+        return data
+    averaged = data.map(lambda one: _averaged(one, 1.0 / frequency))
+    finding = Finding("stroke_average", "info", "", frequency)
+    return averaged._replace(averaged=True, findings=(*data.findings, finding))
 
 
 def vibration_frequency(experiments: Sequence[Experiment], inputs: Sequence[str], outputs: Sequence[str]) -> float:

@@ -25,10 +25,9 @@ from logs.identification.findings import Entry, Finding, register
 from logs.identification.report.document import Chapter, Table
 from logs.identification.results import Array, EstimationResult
 from logs.identification.sources.table.config import Regression
-from logs.identification.sources.table.constants import UNITS
-from logs.identification.sources.table.derived import MADE, averaging_of, with_made
-from logs.identification.sources.table.maneuvers import Cut, file_of
-from logs.identification.sources.table.signal_lookup import band_frequencies
+from logs.identification.sources.table.derived import DERIVED, averaging_of, band_frequencies, with_derived
+from logs.identification.sources.table.maneuvers import DataSplit, files_of
+from logs.identification.sources.table.quantities import UNITS
 from wingbeat.errors import InputError
 from wingbeat.text import did_you_mean
 
@@ -66,20 +65,23 @@ register({
 })  # fmt: skip
 
 
-def regression_fit(section: Regression, cut: Cut, constants: Mapping[str, float]) -> EstimationResult:
+def regression_fit(section: Regression, data: DataSplit) -> EstimationResult:
     """One regression over all maneuvers, and its prediction of the held-out ones.
 
     Raises:
         InputError: a name that is neither signal nor constant and cannot be computed, a constant response, or no term
             was selected.
     """
-    section, constant = _without_constant(section, cut.fitted)
+    constants = data.constants
+    section, constant = _without_constant(section, data.fitted)
     names = tuple(product_of(name) for name in section.regressors)
-    wanted = {symbol for name in (section.response, *names) for symbol in parse(name).powers}
-    alike = [tuple(filtered_like_derivative(one, wanted) for one in part) for part in (cut.fitted, cut.held_out)]
-    parts = [tuple(with_made(one, wanted, constants) for one in part) for part in alike]
-    steady = any(one.steady for one in cut.fitted)
-    averaging = averaging_of(alike[0], wanted)
+    names_used = {symbol for name in (section.response, *names) for symbol in parse(name).powers}
+    alike = [
+        tuple(filtered_like_derivative(one, names_used) for one in part) for part in (data.fitted, data.held_out)
+    ]
+    parts = [tuple(with_derived(one, names_used, constants) for one in part) for part in alike]
+    steady = any(one.steady for one in data.fitted)
+    averaging = averaging_of(alike[0], names_used)
     if steady and (averaging is not None or section.domain != "time"):
         raise InputError(
             f"aero.regressions of {section.response}: steady readings have no derivatives and no spectrum"
@@ -111,11 +113,11 @@ def regression_fit(section: Regression, cut: Cut, constants: Mapping[str, float]
         failed = Finding("not_estimated", "withheld", details={"reason": model.failure})
         result = result._replace(findings=(failed, *result.findings))
     result = result._replace(equations=(*result.equations, NAMED))
-    symbols = tuple(dict.fromkeys(s for n in names for s in _symbols(n, cut.fitted) if s not in SCALES))
-    checks = diagnose("regression", Context(cut.fitted, constants, signals=symbols, result=result))
-    thrust = _thrust_unknown(section, cut.fitted, constants)
+    symbols = tuple(dict.fromkeys(s for n in names for s in _symbols(n, data.fitted) if s not in SCALES))
+    checks = diagnose("regression", Context(data.fitted, constants, signals=symbols, result=result))
+    thrust = _thrust_unknown(section, data.fitted, constants)
     return result._replace(
-        findings=(*result.findings, *constant, *noisy, *checks, *thrust, *findings, *_smoothed(alike[0], wanted))
+        findings=(*result.findings, *constant, *noisy, *checks, *thrust, *findings, *_smoothed(alike[0], names_used))
     )
 
 
@@ -143,8 +145,8 @@ def check_names(section: Regression, signals: Collection[str], constants: Collec
     Raises:
         InputError: a regressor that is no product, or a name that is no signal, no constant and cannot be computed.
     """
-    known = [*signals, *constants, *(name for name in MADE if name not in signals)]
-    for name in (section.response, *section.regressors, *section.always):
+    known = [*signals, *constants, *(name for name in DERIVED if name not in signals)]
+    for name in (section.response, *section.regressors, *section.forced_terms):
         for symbol in () if name in signals else parse(product_of(name)).powers:
             if symbol not in known:
                 guess = did_you_mean(symbol, known)
@@ -168,7 +170,7 @@ def _without_constant(
     Raises:
         InputError: the response is constant, or no term is left.
     """
-    where = ", ".join(dict.fromkeys(file_of(one) for one in experiments))
+    where = files_of(experiments)
     signals = [name for name in experiments[0].signals if measured(joined(name, experiments))]
     constant = {name for name in signals if not moves(joined(name, experiments))}
     rate = MOMENT_RATES.get(section.response, "")
@@ -177,15 +179,15 @@ def _without_constant(
     if rate in constant and not {section.response, f"{rate}_dot"} & set(experiments[0].signals):
         raise InputError(f"{section.response} is computed from {rate}, which is constant in {where}")
     lost = {}
-    for name in dict.fromkeys((*section.regressors, *section.always)):
+    for name in dict.fromkeys((*section.regressors, *section.forced_terms)):
         symbols = [one for one in _symbols(name, experiments) if one not in SCALES]
         if symbols and set(symbols) <= constant:
             lost[name] = Finding("constant_signal", "withheld", name, details={"where": where})
     kept = tuple(name for name in section.regressors if name not in lost)
     if lost and not kept:
         raise InputError("; ".join(f"{name} is constant in {where}" for name in lost))
-    always = tuple(name for name in section.always if name not in lost)
-    return section._replace(regressors=kept, always=always), tuple(lost.values())
+    forced = tuple(name for name in section.forced_terms if name not in lost)
+    return section._replace(regressors=kept, forced_terms=forced), tuple(lost.values())
 
 
 def _orthogonal(
@@ -197,7 +199,7 @@ def _orthogonal(
         InputError: another selection, the frequency domain, or no function that lowers it.
     """
     key = f"aero.regressions of {section.response}"
-    if section.selection != "all" or section.always or section.domain != "time":
+    if section.selection != "all" or section.forced_terms or section.domain != "time":
         raise InputError(f'{key}: method = "orthogonal" chooses its terms itself, in the time domain')
     found = orthogonal_regression(fitted, section.response, names, len(names), settings)
     if not found.terms:
@@ -229,9 +231,9 @@ def _selected(
     """The regressors to fit, and the steps of their selection, in the time domain."""
     if section.selection == "all":
         return names, ()
-    always = tuple(product_of(name) for name in section.always)
+    forced = tuple(product_of(name) for name in section.forced_terms)
     found = stepwise_regression(
-        fitted, section.response, names, Rules(always=always), settings._replace(frequencies=None)
+        fitted, section.response, names, Rules(always=forced), settings._replace(frequencies=None)
     )
     if found.failure and not found.terms:
         raise InputError(f"stepwise regression of {section.response} chose nothing: {found.failure}")
@@ -245,9 +247,9 @@ def product_of(name: str) -> str:
 
 def _frequencies(section: Regression, experiments: tuple[Experiment, ...]) -> Array | None:
     """Frequencies of the band; None without one."""
-    if section.band is None:
+    if section.frequency_band is None:
         return None
     key = f"aero.regressions of {section.response}"
     if section.domain != "frequency":
-        raise InputError(f'{key}: band is for domain = "frequency"')
-    return band_frequencies(section.band, experiments, key)
+        raise InputError(f'{key}: frequency_band is for domain = "frequency"')
+    return band_frequencies(section.frequency_band, experiments, key)
