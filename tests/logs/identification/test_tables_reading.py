@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from logs.identification.sources.table.columns import Columns, Layout, read_columns
-from logs.identification.sources.table.config import Map, load_map
+from logs.identification.sources.table.config import Map, load_map, rename_keys
 from logs.identification.sources.table.maneuvers import DataSplit, data_split
 from wingbeat.errors import InputError
 from wingbeat.schema import read_record
