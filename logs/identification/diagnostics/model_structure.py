@@ -50,7 +50,7 @@ register({
     "lack_of_fit": Entry(
         "the residuals of {subject} are {value:.0f} times its noise, {percent} % of its power",
         "The model leaves more than noise: turbulence, an input or motion outside the model, or a delayed signal.",
-        "add states = 4, filter error, or the effect named by another finding",
+        "{options}see the effect of another finding",
     ),
     "model_structure": Entry(
         "{subject} = {value:+.2g} is fixed at zero but explains {percent:.0f} % of the residuals; the intervals"
@@ -377,8 +377,12 @@ def lack_of_fit(context: Context) -> tuple[Finding, ...]:
         ratio = None if one.held_out else _residual_ratio(one)
         if ratio is not None and ratio > worst.get(one.output, (0.0, 0.0)):
             worst[one.output] = ratio
+    result = context.result
+    options = "states = 4, " if result and result.model == "short period" else ""
+    options += 'method = "filter_error", ' if result and result.method == "output_error" and context.linear else ""
+    options += "or " if options else ""
     return tuple(
-        Finding("lack_of_fit", "warning", name, times, NOISE_RATIO, {"percent": _percent(share)})
+        Finding("lack_of_fit", "warning", name, times, NOISE_RATIO, {"percent": _percent(share), "options": options})
         for name, (times, share) in worst.items()
     )
 
