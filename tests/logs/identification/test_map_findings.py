@@ -30,7 +30,7 @@ current = { column = "current", unit = "A" }
 
 
 def test_oscillation_faster_than_a_phugoid_is_the_short_period() -> None:
-    """GIVEN two fast real eigenvalues beside a pair at 6 rad/s THEN the airspeed decides which is the short period."""
+    """GIVEN two fast real eigenvalues and a pair at 6 rad/s THEN the airspeed decides which is the short period."""
     system = np.zeros((4, 4))
     system[:2, :2], system[2:, 2:] = [[0.0, 1.0], [-36.0, -1.2]], np.diag([-9.0, -7.0])
     assert np.allclose(np.abs(split_pairs(system, 4.0)[0]), 6.0)
