@@ -64,8 +64,8 @@ UNKNOWN = "aircraft unknown: IMU assumed at the center of mass, span 1 m; --vehi
 """text for a log without a vehicle file"""
 JSON_KEYS = {
     "torque, power": "estimates: list of {name, unit, value, standard_error, low, high, truth}; unidentified;"
-    " findings: list of {code, severity, subject, value, limit, text}, as of load, frequency and each model of aero; truth"
-    " of power: the same regression on this flight's noise-free drive, which varies with the flight",
+    " findings: list of {code, severity, subject, value, limit, text}, as of load, frequency and each model of aero;"
+    " truth of power: the same regression on this flight's noise-free drive, which varies with the flight",
     "load": "estimates of the wings' torque constant and inertia; unidentified",
     "frequency": "estimates of flapping against throttle; unidentified, centre_throttle, centre_voltage V, residual"
     " Hz, segments: list of {begin, end s, throttle, frequency Hz, strokes, voltage V}",

@@ -24,11 +24,11 @@ class JoinedFlight(NamedTuple):
     before: int
     """-; manoeuvres counted in the flights before it"""
 
-    def own(self, number: int) -> int:
+    def local_number(self, number: int) -> int:
         """The number that a manoeuvre has in its own log."""
         return number - self.before
 
-    def own_time(self, time: float) -> float:
+    def local_time(self, time: float) -> float:
         """A time (s) on the flight's own clock."""
         return time - self.begin + self.clock
 

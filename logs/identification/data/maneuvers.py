@@ -100,7 +100,7 @@ def dropped_maneuvers(data: FlightData, maneuvers: tuple[Maneuver, ...]) -> tupl
             aborted = was_aborted(data.manoeuvre, data.aborted, number)
             why = "ended by an envelope limit" if aborted else "too short, or flown without flapping"
             flight = data.flight_at(float(data.time[np.argmax(data.manoeuvre == number)]))
-            which = f"{int(number)}" if flight is None else f"{flight.own(int(number))} of {flight.name}"
+            which = f"{int(number)}" if flight is None else f"{flight.local_number(int(number))} of {flight.name}"
             reasons.append(f"maneuver {which} left out: {why}")
     return tuple(reasons)
 
@@ -162,7 +162,7 @@ def _averaged(data: FlightData, window: slice) -> Maneuver | None:
     name = (
         f"maneuver {number} at {start:.1f} s"
         if flight is None
-        else f"maneuver {flight.own(number)} at {flight.own_time(start):.1f} s of {flight.name}"
+        else f"maneuver {flight.local_number(number)} at {flight.local_time(start):.1f} s of {flight.name}"
     )
     return Maneuver(
         number, Experiment(name, at, signals, UNITS), float(np.mean(period)), float(np.mean(data.airspeed[reach])),

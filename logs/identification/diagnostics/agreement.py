@@ -32,7 +32,7 @@ def agreement(modes: tuple[Mode, ...]) -> tuple[bool | None, str]:
     """
     kind = next((k for k in KINDS if sum(m.of_kind(k) is not None for m in modes) >= 2), None)
     if kind is None:
-        return None, f"no comparison: {_who_is_left(modes)}"
+        return None, f"no comparison: {_uncompared(modes)}"
     compared = [mode for mode in modes if mode.of_kind(kind) is not None]
     gaps = [gap for kind in KINDS for gap in _gaps(modes, kind)]
     if gaps:
@@ -45,7 +45,7 @@ def contradiction(one: Mode, other: Mode) -> str:
     return next((gap.clause for kind in KINDS for gap in _gaps((one, other), kind)), "")
 
 
-def _who_is_left(modes: tuple[Mode, ...]) -> str:
+def _uncompared(modes: tuple[Mode, ...]) -> str:
     """Why there is nothing to compare; the reasons of those that give no number stand at each of them."""
     giving = [mode.method for mode in modes if any(mode.of_kind(kind) is not None for kind in KINDS)]
     if not giving:

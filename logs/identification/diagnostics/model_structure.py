@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from logs.identification.data.experiment import Experiment
-from logs.identification.data.noise_level import noise_beside_steps
+from logs.identification.data.noise_level import noise_with_steps
 from logs.identification.diagnostics.context import Context
 from logs.identification.diagnostics.sampling import coarse_inputs, largest_change, sampling_finding
 from logs.identification.estimators.engine.problem import Fit, Own, Problem
@@ -402,7 +402,7 @@ def _residual_ratio(one: FitSeries) -> tuple[float, float] | None:
     """Residuals over noise, and their share of the output's power; None without a lack of fit."""
     residual = one.measured - one.model
     known = np.isfinite(residual)
-    noise = noise_beside_steps(residual)
+    noise = noise_with_steps(residual)
     if np.count_nonzero(known) < LEAST_SAMPLES or not noise > 0:
         return None
     size, power = float(np.std(residual[known])), float(np.var(one.measured[known]))

@@ -11,7 +11,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from logs.identification.data.experiment import Experiment, longest_run, runs
-from logs.identification.data.noise_level import MEDIAN_TO_DEVIATION, noise_beside_steps
+from logs.identification.data.noise_level import MEDIAN_TO_DEVIATION, noise_with_steps
 from logs.identification.diagnostics.context import Context
 from logs.identification.findings import Entry, Finding, register
 from logs.identification.results import Array
@@ -176,7 +176,7 @@ def noisy_inputs(context: Context) -> tuple[Finding, ...]:
         for one in context.experiments if name in context.inputs else ():
             values = np.asarray(one.signals.get(name, np.zeros(0)), dtype=np.float64)
             power = float(np.nanvar(values)) if measured(values) else 0.0
-            share = noise_beside_steps(values) ** 2 / power if power > 0.0 else 0.0
+            share = noise_with_steps(values) ** 2 / power if power > 0.0 else 0.0
             if share > NOISY_INPUT:
                 details = {"percent": 100.0 * share}
                 found.append(Finding("noisy_input", "warning", name, share, NOISY_INPUT, details))
@@ -373,7 +373,7 @@ def _integrated(
     rates = relation.terms(columns)
     terms = {name: integral(rate) for name, rate in rates.items()}
     length = run.stop - run.start
-    noise = sum((noise_beside_steps(rate) * one.step) ** 2 for rate in rates.values()) * length**2 / 15.0
+    noise = sum((noise_with_steps(rate) * one.step) ** 2 for rate in rates.values()) * length**2 / 15.0
     positions = np.column_stack([np.zeros((length, 0)), *(level(columns[n]) for n in relation.positions)])
     return level(np.unwrap(columns[relation.angle])), terms, positions, noise
 

@@ -44,9 +44,9 @@ class Validation(NamedTuple):
         """One clause a flight."""
         if self.failure:
             return self.failure
-        return "; ".join(self._told(flight) for flight in self.held_out)
+        return "; ".join(self._flight_statement(flight) for flight in self.held_out)
 
-    def _told(self, flight: str) -> str:
+    def _flight_statement(self, flight: str) -> str:
         own = [one for one in self.predictions if one.flight == flight]
         shares = ", ".join(f"{one.output} {one.theil.coefficient:.3f}" for one in own if not one.theil.failure)
         return f"{flight} ({pluralize(own[0].manoeuvres, 'manoeuvre')}), predicted and not fitted: Theil's U {shares}"

@@ -69,26 +69,26 @@ class Columns(NamedTuple):
     unused_names: int = 0
     """-; names in the line above the numbers if they are fewer than the columns"""
 
-    def column(self, wanted: str | int, key: str) -> Array:
+    def column(self, name: str | int, key: str) -> Array:
         """A column by its name, or by its number from 1.
 
         Raises:
             InputError: there is none, or several.
         """
-        if isinstance(wanted, int):
-            if not 1 <= wanted <= len(self.order):
-                raise InputError(f"{key}: {self.file} has no column {wanted}; it has {len(self.order)}")
-            wanted = self.order[wanted - 1]
-        if wanted not in self.by_name and self.unused_names:
+        if isinstance(name, int):
+            if not 1 <= name <= len(self.order):
+                raise InputError(f"{key}: {self.file} has no column {name}; it has {len(self.order)}")
+            name = self.order[name - 1]
+        if name not in self.by_name and self.unused_names:
             raise InputError(
                 f"{key}: {self.file} has {self.unused_names} names over {len(self.order)} columns: name every column,"
                 " or give its number"
             )
-        if wanted not in self.by_name:
-            raise InputError(f"{key}: {self.file} has no column {wanted!r}; it has: {_listed(self.order)}")
-        if wanted in self.twice:
-            raise InputError(f"{key}: {self.file} has several columns {wanted!r}: give its number")
-        return self.by_name[wanted]
+        if name not in self.by_name:
+            raise InputError(f"{key}: {self.file} has no column {name!r}; it has: {_listed(self.order)}")
+        if name in self.twice:
+            raise InputError(f"{key}: {self.file} has several columns {name!r}: give its number")
+        return self.by_name[name]
 
 
 def _listed(names: Sequence[str]) -> str:
@@ -220,12 +220,12 @@ def _first_row(lines: list[str], form: _Form) -> int:
     usual = sorted(width for _, width in numeric)[len(numeric) // 2]
     first = next(place for place, width in numeric if width >= usual)
     delimiters = len(_all_cells(lines[first], form))
-    while first and _lacks_some(lines[first - 1], form, delimiters):
+    while first and _has_gaps(lines[first - 1], form, delimiters):
         first -= 1
     return first
 
 
-def _lacks_some(line: str, form: _Form, width: int) -> bool:
+def _has_gaps(line: str, form: _Form, width: int) -> bool:
     """Whether a line is a row with as many delimiters as others and nothing but numbers between them, or nothing."""
     told = [cell for cell in _all_cells(line, form) if cell.lower() not in BLANK]
     numbers = bool(told) and all(np.isfinite(number_of(cell, form.decimal)) for cell in told)

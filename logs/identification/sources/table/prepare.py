@@ -110,24 +110,24 @@ class Prepared(NamedTuple):
     """s; those that were measured, by the signal's name"""
 
 
-def prepared(records: list[Record], units: dict[str, str], asked: PrepareSection) -> Prepared:
-    """The ``records`` with late signals moved, smoothed and resampled as ``asked``.
+def prepared(records: list[Record], units: dict[str, str], section: PrepareSection) -> Prepared:
+    """The ``records`` with late signals moved, smoothed and resampled as ``section``.
 
     Raises:
         InputError: a signal that is not there, a skew that cannot be told, or a rate above that of a record.
     """
-    for key, names in (("delay", asked.delay), ("smooth", asked.smooth)):
+    for key, names in (("delay", section.delay), ("smooth", section.smooth)):
         for name in names:
             check_known(name, units, f"prepare.{key}.{name}")
     experiments = [Experiment(record.file, record.time, record.signals, units) for record in records]
     findings: list[Finding] = []
     measured: list[Estimate] = []
-    for name, late in asked.delay.items():
+    for name, late in section.delay.items():
         experiments = _moved(experiments, name, late, findings, measured)
-    for name, method in asked.smooth.items():
+    for name, method in section.smooth.items():
         experiments = [_smoothed(one, name, method, findings) for one in experiments]
-    if asked.resample is not None:
-        experiments = [_resampled(one, asked.resample, findings) for one in experiments]
+    if section.resample is not None:
+        experiments = [_resampled(one, section.resample, findings) for one in experiments]
     pairs = zip(records, experiments, strict=True)
     whole = {name: unit for one in experiments for name, unit in one.units.items()}
     return Prepared([_record(old, one) for old, one in pairs], whole, findings, tuple(measured))

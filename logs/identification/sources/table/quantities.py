@@ -58,37 +58,37 @@ class Measure(NamedTuple):
         """
         value = self.value
         if self.unit is not None:
-            told = converted(self.unit, unit, self.key)
-            value = value * told.factor + told.offset
+            known = converted(self.unit, unit, self.key)
+            value = value * known.factor + known.offset
         if not low < value <= high:
             limit = f"above {low:g}" if value <= low else f"at most {high:g}"
             raise InputError(f"{self.key} = {value:g} {unit} must be {limit}")
         return value
 
 
-def converted(unit: Any, wanted: str | None, key: str) -> Conversion:
-    """How ``unit`` becomes the SI unit ``wanted``, any where that is None.
+def converted(unit: Any, si_unit: str | None, key: str) -> Conversion:
+    """How ``unit`` becomes the SI unit ``si_unit``, any where that is None.
 
     Raises:
         InputError: it is not known, or in another dimension.
     """
-    fitting = [name for name, one in CONVERSIONS.items() if name and wanted in (None, one.unit)]
+    fitting = [name for name, one in CONVERSIONS.items() if name and si_unit in (None, one.unit)]
     if not isinstance(unit, str) or unit not in CONVERSIONS:
         raise InputError(f"{key}: unit {reprlib.repr(unit)} is not known; known: {', '.join(fitting)}")
-    told = CONVERSIONS[unit]
-    if wanted not in (None, told.unit):
-        raise InputError(f"{key} is in {wanted}; {unit!r} cannot be that (known: {', '.join(fitting)})")
-    return told
+    known = CONVERSIONS[unit]
+    if si_unit not in (None, known.unit):
+        raise InputError(f"{key} is in {si_unit}; {unit!r} cannot be that (known: {', '.join(fitting)})")
+    return known
 
 
-def in_unit(value: float, unit: Any, wanted: str, key: str) -> float:
-    """``value`` in SI ``wanted``.
+def in_unit(value: float, unit: Any, si_unit: str, key: str) -> float:
+    """``value`` in SI ``si_unit``.
 
     Raises:
         InputError: as `converted`.
     """
-    told = converted(unit, wanted, key)
-    return value * told.factor + told.offset
+    known = converted(unit, si_unit, key)
+    return value * known.factor + known.offset
 
 
 class ConstantsSection(NamedTuple):
@@ -131,15 +131,15 @@ UNITS = {
 }  # fmt: skip
 POSITIVE = ("mass", "weight", "I_x", "I_y", "I_z", "S", "c", "b", "rho", "V", "qbar", "flapping")
 MASSES = ("lb", "kg", "slug")
-"""units in which a weight is told as a mass is"""
+"""units in which a weight is known as a mass is"""
 ALTITUDES = (-1000.0, 20000.0)
 
 
 def read_constants(section: ConstantsSection) -> dict[str, float]:
-    """What was told, by name in SI; the mass from the weight, the density from the altitude.
+    """What was known, by name in SI; the mass from the weight, the density from the altitude.
 
     Raises:
-        InputError: a unit of something else, a mass that is not positive, or one thing told twice.
+        InputError: a unit of something else, a mass that is not positive, or one thing known twice.
     """
     known = dict(section.others)
     for name in get_type_hints(ConstantsSection):
@@ -157,7 +157,7 @@ def read_constants(section: ConstantsSection) -> dict[str, float]:
         known["rho"] = density(known["altitude"])
     for name in ("alpha", "theta", "phi"):
         if not abs(known.get(name, 0.0)) < math.pi:
-            raise InputError(f"constants.{name} = {known[name]:g} rad is no angle of an aircraft: is its unit told?")
+            raise InputError(f"constants.{name} = {known[name]:g} rad is no angle of an aircraft: is its unit known?")
     return {"g": STANDARD_GRAVITY, **known}
 
 
@@ -174,7 +174,7 @@ def density(altitude: float) -> float:
 
 
 def need(constants: dict[str, float], *names: str, what: str) -> None:
-    """Refuse where one of ``names`` was not told.
+    """Refuse where one of ``names`` was not known.
 
     Raises:
         InputError: with the keys that are missing.

@@ -215,9 +215,9 @@ def _orthogonal(
     return found.model, tuple(findings), (_functions(section.response, found),)
 
 
-def _functions(response: str, found: Orthogonal) -> Chapter:
+def _functions(response: str, result: Orthogonal) -> Chapter:
     """Every orthogonal function in the order of their construction."""
-    rows = tuple((one.term, 100.0 * one.gain, one.pse, "kept" if one.kept else "") for one in found.functions)
+    rows = tuple((one.term, 100.0 * one.gain, one.pse, "kept" if one.kept else "") for one in result.functions)
     table = Table(("term", "share of the variance (%)", "PSE", ""), rows)
     note = (
         "Each function is a term without its part along those before it; kept up to the least predicted square error."

@@ -69,7 +69,7 @@ register({
 })  # fmt: skip
 
 
-def _read(code: str, file: str, count: int, limit: float | None = None) -> Finding:
+def _time_finding(code: str, file: str, count: int, limit: float | None = None) -> Finding:
     """What was done to make the time of a file even."""
     return Finding(code, "info", "", float(count), limit, {"file": file})
 
@@ -240,16 +240,16 @@ def records_of(
     times = _times(columns, base)
     rows = np.flatnonzero(np.isfinite(times))
     if not len(rows):
-        raise InputError(f"{columns.file}: no row has a time (time.column){_said(columns, base)}")
+        raise InputError(f"{columns.file}: no row has a time (time.column){_time_text(columns, base)}")
     findings = [*columns.findings, *sentinels]
     bounds = [0, *_cuts(columns.file, times[rows], base, findings), len(rows)]
     if len(rows) < len(times):
-        findings.append(_read("rows_without_time", columns.file, len(times) - len(rows)))
+        findings.append(_time_finding("rows_without_time", columns.file, len(times) - len(rows)))
     found = []
     for first, last in pairwise(bounds):
         piece = rows[first:last]
         if len(np.unique(times[piece])) < LEAST_SAMPLES:
-            findings.append(_read("short_piece", columns.file, len(piece), LEAST_SAMPLES))
+            findings.append(_time_finding("short_piece", columns.file, len(piece), LEAST_SAMPLES))
             continue
         found.append(_even(columns.file, times[piece], piece, signals, marked, findings))
     if not found:
@@ -262,7 +262,7 @@ def records_of(
     return found, findings
 
 
-def _said(columns: Columns, base: TimeSection) -> str:
+def _time_text(columns: Columns, base: TimeSection) -> str:
     """What stands in the time's column where it has no number."""
     wanted = None if base.column is None else base.column.column
     name = columns.order[wanted - 1] if isinstance(wanted, int) else wanted
@@ -279,7 +279,7 @@ def _cuts(file: str, times: Array, base: TimeSection, findings: list[Finding]) -
     gap = steps > max(base.fill or 0.0, LONGEST_FILL * usual) + WIDEST_GAP * usual
     for code, where in (("time_reversal", back), ("time_gap", gap)):
         if where.any():
-            findings.append(_read(code, file, int(where.sum())))
+            findings.append(_time_finding(code, file, int(where.sum())))
     return (np.flatnonzero(back | gap) + 1).tolist()
 
 
@@ -305,7 +305,9 @@ def _even(
     findings: list[Finding],
 ) -> Record:
     """A record on the even base that its time stamps are nearest to."""
-    time, rows, read = _apart(file, time, rows, {name: values[rows] for name, values in signals.items()}, findings)
+    time, rows, read = _distinct_times(
+        file, time, rows, {name: values[rows] for name, values in signals.items()}, findings
+    )
     step = _usual_step(time)
     if time[-1] - time[0] > step * min(MOST_SAMPLES, 1000 * len(time)):
         raise InputError(
@@ -319,7 +321,7 @@ def _even(
     off = float(np.max(np.abs(time - start - places * step)))
     if off <= max(_resolution(time), 1e-3 * step):
         if count > len(time):
-            findings.append(_read("missing_rows", file, count - len(time)))
+            findings.append(_time_finding("missing_rows", file, count - len(time)))
         even: Array = np.asarray(start + step * np.arange(count), dtype=np.float64)
         taken = {name: _spread(values, places, count) for name, values in read.items()}
         before = np.searchsorted(places, np.arange(count), side="right") - 1
@@ -333,7 +335,7 @@ def _even(
     return Record(file, even, numbers, taken, None if marks is None else marks[rows][before])
 
 
-def _apart(
+def _distinct_times(
     file: str, time: Array, rows: NDArray[np.int64], read: dict[str, Array], findings: list[Finding]
 ) -> tuple[Array, NDArray[np.int64], dict[str, Array]]:
     """Times, rows and signals of which none has another's time.
@@ -359,9 +361,9 @@ def _apart(
         if even is not None:
             return even, rows, read
     if others:
-        findings.append(_read("duplicate_rows", file, others))
+        findings.append(_time_finding("duplicate_rows", file, others))
     if extra > others:
-        findings.append(_read("joined_rows", file, extra - others))
+        findings.append(_time_finding("joined_rows", file, extra - others))
     joined = {name: np.asarray(np.where(doubtful, values[first], lowest[name])) for name, values in read.items()}
     return time[first], rows[first], joined
 
