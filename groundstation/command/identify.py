@@ -174,7 +174,7 @@ def run(arguments: Sequence[str]) -> int:
     if chosen.map is None and len(files) > 1 and not files[-1].suffix:
         raise InputError(f"cannot identify {files[-1].name!r}; known: {', '.join(KNOWN)}")
     if chosen.map is not None and asked:
-        raise InputError("--validate and --validate-share are for logs: [manoeuvres] of the map tells it of tables")
+        raise InputError("--validate and --validate-share are for logs: use [maneuvers] of the map for tables")
     if chosen.map is not None:
         return identify_table.run(files, what, chosen)
     if (len(files) > 1 or asked) and not tables:

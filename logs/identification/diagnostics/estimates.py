@@ -38,15 +38,14 @@ register({
         "check sign, unit and position of the sensors",
     ),
     "disagreement": Entry(
-        "{subject}: {first} gives {one:.4g}, {second} {other:.4g}, more than"
-        " the interval of their difference ({limit:.2g})",
+        "{subject}: {one:.4g} by {first}, {other:.4g} by {second} (limit {limit:.2g})",
         "Two methods differ by more than their intervals allow: at least one of them has a wrong model.",
         "compare their findings; with turbulence prefer filter error",
     ),
     "errors_in_variables": Entry(
-        "noise in the regressors biases {subject} by about {percent:+.2g} %; the interval includes it",
+        "noise in regressors biases {subject} by {percent:+.2g} %; intervals widened",
         "White noise in a regressor biases least squares (Klein & Morelli 2006, sec. 5.1; Fuller 1987).",
-        "smooth it in [prepare], or use domain = \"frequency\" with a narrow band",
+        'smooth in [prepare], or use domain = "frequency"',
     ),
     "noisy_regressor": Entry(
         "{subject} is mostly noise ({percent:.0f} %)",

@@ -48,24 +48,22 @@ SPEED_RATIO = 1.15
 
 register({
     "lack_of_fit": Entry(
-        "the residuals of {subject} are {value:.0f} times its noise, {percent} % of its power",
+        "residuals of {subject}: {value:.0f} times its noise, {percent} % of its power",
         "The model leaves more than noise: turbulence, an input or motion outside the model, or a delayed signal.",
         "{options}see the effect of another finding",
     ),
     "model_structure": Entry(
-        "{subject} = {value:+.2g} is fixed at zero but explains {percent:.0f} % of the residuals; the intervals"
-        " include it",
+        "{subject} = {value:+.2g} (fixed: 0) explains {percent:.0f} % of residuals; intervals widened",
         "A derivative outside the model explains the residuals.",
         "free it in the parameters",
     ),
     "time_skew": Entry(
-        "{subject} {amount:.2g} s {direction} explains {percent:.0f} % of the residuals; the intervals include it",
+        "{subject} {amount:.2g} s {direction} explains {percent:.0f} % of residuals; intervals widened",
         "A delay of the inputs or of one output explains the residuals.",
         "set delay = \"free\" for inputs, [prepare.delay] for an output",
     ),
     "sensor_position": Entry(
-        "a vane of {subject} {amount:.2g} m {direction} its position explains {percent:.0f} % of the residuals; the"
-        " intervals include it",
+        "vane of {subject} {amount:.2g} m {direction} explains {percent:.0f} % of residuals; intervals widened",
         "The position of a vane or accelerometer explains the residuals.",
         "set constants.vane_x or constants.imu_x",
     ),
@@ -80,7 +78,7 @@ register({
         "check signs and units, the model and its inputs",
     ),
     "operating_point": Entry(
-        "mean airspeeds from {value:.3g} to {limit:.3g} m/s are fitted by one linear model",
+        "one linear model for mean airspeeds from {value:.3g} to {limit:.3g} m/s",
         "Derivatives grow with the airspeed and its square; one linear model is an average.",
         "fit each airspeed separately, or use the nonlinear model",
     ),
@@ -210,7 +208,7 @@ def _most_likely(
         sure = value**2 * size * degrees > LEAST_ERRORS**2 * power
         if abs(value) < least or share < LEAST_SHARE or not sure or (best and share <= best[0]):
             continue
-        forward = {"time_skew": ("late", "early"), "sensor_position": ("ahead of", "behind")}
+        forward = {"time_skew": ("late", "early"), "sensor_position": ("ahead", "behind")}
         details = {
             "percent": 100.0 * share, "amount": abs(value),
             "direction": forward.get(candidate.code, ("", ""))[int(value < 0)],

@@ -57,8 +57,7 @@ register({
         "Samples of an output are missing; the fit skips them.",
     ),
     "outliers": Entry(
-        "{where}: {value:.0f} samples of {subject} from {start:.6g} s on are outliers (Hampel filter, {limit:.0f}"
-        " standard deviations) or frozen",
+        "{where}: {value:.0f} outliers of {subject} from {start:.6g} s on (Hampel filter)",
         "Single samples differ from their neighbors and from the model by far more than the noise, or repeat.",
         "mark them with missing = [...] in [signals]",
     ),
@@ -73,7 +72,7 @@ register({
         "set scale = -1.0 in [signals]",
     ),
     "noisy_input": Entry(
-        "{subject} is an input with {percent:.2g} % noise, which biases its derivatives toward zero",
+        "{subject} is an input with {percent:.2g} % noise",
         "A measured flow angle drives the model with the noise of its vane.",
         "make it an output, or smooth it in [prepare]",
     ),

@@ -60,12 +60,12 @@ TITLE = "flight path"
 
 register({
     "attitude_filter": Entry(
-        "it would rest on the flight computer's own attitude, whose slow error no interval contains",
+        "only the attitude filter of the same IMU determines it",
         "Without GPS velocities the only attitude is estimated from the same IMU.",
         "record the velocities of the GPS",
     ),
     "wind_not_estimated": Entry(
-        "not estimated: without a sideslip sensor it would rest on the attitude filter's bank",
+        "without a sideslip sensor the bank error would determine it",
         "The wind of a log is not estimated.",
     ),
     "by_attitude": Entry("motion by the recorded attitude, as {reason}", "The log has no velocities of the GPS."),

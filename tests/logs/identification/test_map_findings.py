@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +13,10 @@ from four_state_flapper import record
 from groundstation.command.main import main
 from logs.identification.diagnostics.context import Context
 from logs.identification.diagnostics.model_structure import lack_of_fit
+from logs.identification.findings import CATALOG
 from logs.identification.models.modes import split_pairs
 from logs.identification.report.result_formatting import correlation_lines, finding_line, notes_of
-from logs.identification.results import EstimationResult, FitSeries
+from logs.identification.results import EstimationResult, FitSeries, estimate
 from logs.identification.sources.table.run import TableIdentification, identify_tables
 from logs.identification.statistics.correlation import Pair
 from tests.logs.identification.test_tables_four_states import MAP
@@ -126,10 +129,36 @@ def test_a_map_with_former_keys_gives_the_same_result(tmp_path: Path, capsys: py
     assert printed[0] == printed[1]
 
 
+MODULES = ("logs.identification.sources", "logs.identification.diagnostics")
+MOST_WORDS = 12
+
+
+def test_findings_have_at_most_twelve_words() -> None:
+    """GIVEN the codes of sources and diagnostics THEN text and remedy are short; a placeholder is one word."""
+    codes_here = {
+        code
+        for name in MODULES
+        for file in Path(import_module(name).__path__[0]).rglob("*.py")
+        for code in re.findall(r'^    "(\w+)": Entry\(', file.read_text(), re.MULTILINE)
+    }
+    assert len(codes_here) > 40
+    for code in codes_here:
+        for text in (CATALOG[code].text, CATALOG[code].remedy):
+            assert len(re.sub(r"\{[^}]*\}", "x", text).split()) <= MOST_WORDS, code
+
+
+@pytest.mark.parametrize("name", ["short_period", "transport"])
+def test_cells_of_printed_tables_have_at_most_twelve_words(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """GIVEN the documented examples THEN no cell (two spaces or a line end part them) is a sentence."""
+    example = Path(__file__).parents[3] / "docs" / "examples" / name
+    assert main(["identify", f"{example}.csv", "--map", f"{example}.toml"]) == 0
+    rows = [re.split(r"\s{2,}", line.strip()) for line in capsys.readouterr().out.splitlines()]
+    cells = [cell for row in rows if len(row) > 2 for cell in row]
+    assert len(cells) > 60 and max(len(cell.split()) for cell in cells) <= MOST_WORDS
+
+
 def test_notes_of_a_result_do_not_list_all_correlations() -> None:
     names = [f"p{n}" for n in range(8)]
-    from logs.identification.results import estimate
-
     covariance = np.full((8, 8), 0.99) + 0.01 * np.eye(8)
     result = EstimationResult(
         "output_error", estimates=tuple(estimate(name, "-", 1.0, 1.0) for name in names), covariance=covariance

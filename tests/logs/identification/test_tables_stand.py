@@ -88,7 +88,7 @@ def test_a_stand_tells_the_wings_coefficients(
         assert abs(found[name]["value"] - true) < max(2 * half, 0.02 * abs(true)), found[name]
         assert found[name]["value"] == pytest.approx(true, rel=0.1)
     said = fits[0]["notes"]
-    assert said[0].endswith("maneuver 2 of tare.csv" if tared else "the vehicle's model") and "mean lift" in said[1]
+    assert said[0].endswith("maneuver 2 of tare.csv" if tared else "the vehicle's model") and "lift" in said[1]
     assert said[0].startswith("tail load subtracted by the vehicle's model")
     lift, thrust, up, forward = (float(one) for one in re.findall(r"(-?[\d.]+) N", said[1]))
     assert lift == pytest.approx(up * np.cos(0.06) + forward * np.sin(0.06), rel=1e-3)

@@ -50,7 +50,7 @@ def test_time_since_1970_gives_what_time_from_zero_gives(tmp_path: Path) -> None
 def test_stamps_that_rows_share_lie_evenly_between(tmp_path: Path, coarse: float) -> None:
     columns = flight(50.0)
     found = identified(tmp_path, columns | {"t": np.floor(columns["t"] / coarse + 1e-9) * coarse})
-    assert "that rows share; the rows taken as even" in said(found)
+    assert {"coarse_time"} <= codes(found)
     assert_truth(found.fits[0])
 
 
@@ -78,7 +78,7 @@ def test_rows_of_one_time_that_tell_different_signals_are_one_row(tmp_path: Path
     twice["alpha"][::2] = np.nan
     twice["q"][1::2] = np.nan
     found = identified(tmp_path, twice)
-    assert f"{len(columns['t'])} rows with the time of the row before joined with it" in said(found)
+    assert f"{len(columns['t'])} rows joined with the row of the same time" in said(found)
     assert numbers(found.fits[0]) == numbers(identified(tmp_path, columns).fits[0])
 
 
@@ -145,7 +145,7 @@ def test_a_number_that_stands_for_nothing_is_taken_for_it_where_it_is_far_from_a
     missing = identified(tmp_path, columns)
     columns["a_z"][100:110] = -9999
     found = identified(tmp_path, columns)
-    assert "-9999 in a_z is far from all other numbers and taken as not measured" in said(found)
+    assert "-9999 in a_z taken as not measured" in said(found)
     assert numbers(found.fits[0]) == numbers(missing.fits[0])
 
 
@@ -154,7 +154,7 @@ def test_spikes_are_told(tmp_path: Path) -> None:
     columns["q"] = columns["q"].copy()
     assert "outliers" not in codes(identified(tmp_path, columns))
     columns["q"][100:103] = 1.0
-    assert "3 samples of q from 4 s on are outliers" in said(identified(tmp_path, columns))
+    assert "3 outliers of q from 4 s on" in said(identified(tmp_path, columns))
 
 
 def test_units_of_inputs_that_their_size_contradicts(tmp_path: Path) -> None:

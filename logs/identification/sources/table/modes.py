@@ -72,7 +72,7 @@ register({
         "give alpha and theta in [constants]",
     ),
     "mode_kind": Entry(
-        "{kind} of {value:.3g} rad/s by {subject}: a phugoid has at most {limit:.2g} rad/s",
+        "{kind} of {value:.3g} rad/s by {subject}; phugoids are below {limit:.2g} rad/s",
         "Lanchester's phugoid has sqrt(2) g / V rad/s; the mode contradicts the kind that it is labeled with.",
         "correct kinds in [modes], or the airspeed",
     ),

@@ -57,10 +57,9 @@ register({
         "selection = \"stepwise\" selects by F",
     ),
     "smoothed_derivative": Entry(
-        "{subject} is the derivative of a signal smoothed by {method}, the regressors are not smoothed alike: their"
-        " coefficients are biased where the smoothing attenuates the motion",
+        "derivative {subject} of a smoothed signal ({method}) biases the coefficients",
         "A regression with a derivative whose smoothing depends on the data.",
-        "smooth by local_quadratic, which all signals then go through, or do not smooth",
+        "smooth by local_quadratic, which filters all signals alike",
     )
 })  # fmt: skip
 

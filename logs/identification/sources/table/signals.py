@@ -42,7 +42,7 @@ FOLLOWING = 0.1
 
 register({
     "sentinel": Entry(
-        "{file}: {value:g} in {subject} is far from all other numbers and taken as not measured",
+        "{file}: {value:g} in {subject} taken as not measured (far from others)",
         "Loggers write numbers such as -9999 for missing samples.",
         "name it in missing = [...]",
     ),
@@ -60,10 +60,10 @@ register({
         "{file}: {value:.0f} rows with the time of the row before left out", "They share a time stamp."
     ),
     "joined_rows": Entry(
-        "{file}: {value:.0f} rows with the time of the row before joined with it", "Each has other signals."
+        "{file}: {value:.0f} rows joined with the row of the same time", "Each has other signals."
     ),
     "coarse_time": Entry(
-        "{file}: time stamps of {value:.3g} s that rows share; the rows taken as even, {rate:.4g} Hz",
+        "{file}: rows share time stamps of {value:.3g} s; taken as {rate:.4g} Hz",
         "The time stamps are coarser than the sampling interval.",
     ),
 })  # fmt: skip

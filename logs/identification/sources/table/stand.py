@@ -43,8 +43,7 @@ register({
         "Source of the loads that are not those of the wings.",
     ),
     "mean_load": Entry(
-        "{where}: mean lift {lift:.4g} N and thrust {thrust:.4g} N along the stream, body axes {up:.4g} N up and"
-        " {forward:.4g} N forward; mean {coefficients}",
+        "{where}: lift {lift:.4g} N, thrust {thrust:.4g} N; mean {coefficients}",
         "Mean loads of a run on the load cell.",
     ),
 })  # fmt: skip
@@ -152,7 +151,7 @@ def _means(maneuvers: WingCoefficients) -> Finding:
     load, signals = maneuvers.load.mean(axis=0), maneuvers.experiment.signals
     pitch = math.atan2(float(np.mean(signals["v_z"])), float(np.mean(signals["v_x"])))
     details = {
-        "where": maneuvers.experiment.name, "up": -load[2], "forward": load[0],
+        "where": maneuvers.experiment.name,
         "lift": load[0] * math.sin(pitch) - load[2] * math.cos(pitch),
         "thrust": load[0] * math.cos(pitch) + load[2] * math.sin(pitch),
         "coefficients": ", ".join(f"{name} {float(np.mean(signals[name])):.4g}" for name in COEFFICIENTS),

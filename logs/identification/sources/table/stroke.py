@@ -61,7 +61,7 @@ register({
     "negative_drag": Entry(
         "{subject} is negative: air at rest would drive the wings",
         "A drag coefficient is below zero with its whole interval.",
-        "check the signs of flap, force_x and force_z, and that weight and inertia are subtracted",
+        "check signs of flap, force_x, force_z; subtract weight and inertia",
     ),
     "large_coefficient": Entry(
         "{subject} = {value:.3g} is larger than that of any wing ({limit:.0f})",
