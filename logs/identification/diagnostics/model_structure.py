@@ -63,7 +63,7 @@ register({
         "set delay = \"free\" for inputs, [prepare.delay] for an output",
     ),
     "sensor_position": Entry(
-        "vane of {subject} {amount:.2g} m {direction} explains {percent:.0f} % of residuals; intervals widened",
+        "vane {subject} {amount:.2g} m {direction} explains {percent:.0f} % of residuals; intervals widened",
         "The position of a vane or accelerometer explains the residuals.",
         "set constants.vane_x or constants.imu_x",
     ),
