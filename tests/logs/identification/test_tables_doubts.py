@@ -26,7 +26,7 @@ from logs.identification.results import EstimationResult, FitSeries, estimate
 from logs.identification.sources.table.run import identify_tables
 from logs.identification.statistics.hac import autocovariance
 from tests.logs.identification.test_frequency_equations import SLOW, exact
-from tests.logs.identification.test_tables_identified import codes, flight
+from tests.logs.identification.test_tables_identified import BASE, codes, flight
 from tests.logs.identification.test_tables_strangers import identified
 from wingbeat.errors import InputError
 
@@ -295,11 +295,12 @@ def test_warnings_stand_before_information(tmp_path: Path) -> None:
     columns["q"] = columns["q"].copy()
     columns["q"][20:25] = np.nan
     columns["q"][[100, 160]] += 1.0
-    (fit,) = identified(tmp_path, columns).fits[:1]
+    found = identified(tmp_path, columns, BASE + 'states = 2\nmethod = "output_error"\n')
+    fit = found.fits[0]
     lines = list(said_of(fit))
     places = [next(i for i, line in enumerate(lines) if word in line) for word in ("outliers", "not measured")]
     assert places == sorted(places)
-    told = table_document(identified(tmp_path, columns))["fits"][0]
+    told = table_document(found)["fits"][0]
     assert {"outliers", "missing_samples"} <= {one["code"] for one in told["findings"]}
     assert all(set(one) == {"code", "severity", "subject", "value", "limit", "text"} for one in told["findings"])
 

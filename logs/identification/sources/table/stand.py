@@ -43,8 +43,12 @@ register({
         "Source of the loads that are not those of the wings.",
     ),
     "mean_load": Entry(
-        "{where}: lift {lift:.4g} N, thrust {thrust:.4g} N; mean {coefficients}",
+        "{where}: lift {lift:.4g} N, thrust {thrust:.4g} N along the stream",
         "Mean loads of a run on the load cell.",
+    ),
+    "mean_body_load": Entry(
+        "{where}: body axes {up:.4g} N up, {forward:.4g} N forward; mean {coefficients}",
+        "Mean loads of a run in body axes, and mean coefficients.",
     ),
 })  # fmt: skip
 
@@ -99,7 +103,8 @@ def stand_fits(section: StandSection, data: DataSplit) -> list[EstimationResult]
     candidates = section.candidates or tuple(name for name in CANDIDATES if _varies(name, records))
     models = identify_coefficients(tuple(records), candidates).models
     source = "the vehicle's model" if tare is None else tare.name
-    notes = (Finding("tare", "info", details={"source": source}), *(_means(one) for one in (*fitted, *predicted)))
+    means = (finding for one in (*fitted, *predicted) for finding in _means(one))
+    notes = (Finding("tare", "info", details={"source": source}), *means)
     return [_result(model, records, validation, () if place else notes) for place, model in enumerate(models)]
 
 
@@ -143,7 +148,7 @@ def _varies(name: str, records: list[WingCoefficients]) -> bool:
     return float(np.ptp(values)) > STILL * float(np.max(np.abs(values)))
 
 
-def _means(maneuvers: WingCoefficients) -> Finding:
+def _means(maneuvers: WingCoefficients) -> tuple[Finding, Finding]:
     """Mean force and coefficients of a run.
 
     A body pitched nose up by alpha: lift = F_x sin(alpha) - F_z cos(alpha), thrust = F_x cos(alpha) + F_z sin(alpha).
@@ -151,12 +156,12 @@ def _means(maneuvers: WingCoefficients) -> Finding:
     load, signals = maneuvers.load.mean(axis=0), maneuvers.experiment.signals
     pitch = math.atan2(float(np.mean(signals["v_z"])), float(np.mean(signals["v_x"])))
     details = {
-        "where": maneuvers.experiment.name,
+        "where": maneuvers.experiment.name, "up": -load[2], "forward": load[0],
         "lift": load[0] * math.sin(pitch) - load[2] * math.cos(pitch),
         "thrust": load[0] * math.cos(pitch) + load[2] * math.sin(pitch),
         "coefficients": ", ".join(f"{name} {float(np.mean(signals[name])):.4g}" for name in COEFFICIENTS),
     }  # fmt: skip
-    return Finding("mean_load", "info", details=details)
+    return Finding("mean_load", "info", details=details), Finding("mean_body_load", "info", details=details)
 
 
 def _result(
