@@ -54,8 +54,8 @@ def check_model(chosen: Map, what: str) -> None:
     left_out = [name for name in WANTED if told and name not in own and name not in DROPPED]
     if left_out:
         raise InputError(f"--model: all derivatives are wanted; parameters lacks {', '.join(left_out)}")
-    absent = [f"constants.{name}" for name in TRIM if getattr(chosen.constants, name) is None]
-    if chosen.constants.V is None and "V" not in chosen.signals:
+    absent = [f"constants.{name}" for name in TRIM if name not in chosen.constants.quantities]
+    if "V" not in chosen.constants.quantities and "V" not in chosen.signals:
         absent.insert(0, "constants.V or signals.V")
     if absent:
         raise InputError(f"--model: the trim is not known: the map lacks {', '.join(absent)}")

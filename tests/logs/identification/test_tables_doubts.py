@@ -15,11 +15,12 @@ from logs.identification.data.experiment import Experiment
 from logs.identification.diagnostics.context import Context
 from logs.identification.diagnostics.estimates import disagreements, with_regressor_noise
 from logs.identification.diagnostics.model_structure import lack_of_fit, poor_fit
-from logs.identification.estimators.equation_error import Settings, coefficient_regression
+from logs.identification.estimators.equation_error import Settings
 from logs.identification.estimators.equivalent_system import equivalent_system
 from logs.identification.estimators.era import realization
 from logs.identification.estimators.nonparametric import modes_of_experiments, modes_of_records
 from logs.identification.estimators.records import records_of
+from logs.identification.estimators.registry import Request, estimators
 from logs.identification.report.result_formatting import notes_of as said_of
 from logs.identification.report.result_formatting import table_document
 from logs.identification.results import EstimationResult, FitSeries, estimate
@@ -135,13 +136,17 @@ def noisy_moment(seed: int, level: float) -> Experiment:
     return Experiment("one", TIME, {"q": measured, "delta": delta, "C": told}, units)
 
 
+def regressed(flights: tuple[Experiment, ...], names: tuple[str, ...]) -> EstimationResult:
+    return estimators()["equation_error_time"].estimate(Request(flights, outputs=("C",), regressors=names))
+
+
 @pytest.mark.parametrize(("level", "said"), [(0.15, True), (0.005, False)])
 def test_intervals_include_the_bias_by_noise_in_a_regressor(level: float, said: bool) -> None:
     """GIVEN q with noise THEN its coefficient, the other's and the intercept are off, and every interval holds it."""
     held, plain, names = [], [], ("q", "delta")
     for seed in range(30):
         flights = (noisy_moment(seed, level),)
-        bare = coefficient_regression(flights, "C", names)
+        bare = regressed(flights, names)
         found, findings = with_regressor_noise(bare, flights, Settings())
         assert [one.value for one in found.estimates] == [one.value for one in bare.estimates]
         truth = {"intercept": 0.0, "q": 3.0, "delta": -2.0}
@@ -154,7 +159,7 @@ def test_intervals_include_the_bias_by_noise_in_a_regressor(level: float, said: 
 
 def test_a_regressor_that_is_noise_has_a_warning() -> None:
     flights = (noisy_moment(1, 1.5),)
-    bare = coefficient_regression(flights, "C", ("q", "delta"))
+    bare = regressed(flights, ("q", "delta"))
     found, findings = with_regressor_noise(bare, flights, Settings())
     assert ("noisy_regressor", "q") in [(one.code, one.subject) for one in findings]
     assert found.estimates[1].high > 3.0, "the interval includes the bias"
@@ -169,7 +174,7 @@ def test_a_fast_motion_without_noise_is_not_called_noise(noise: float) -> None:
     response = 3.0 * q - 2.0 * delta + 1e-6 * rng.normal(size=300)
     signals = {"q": q + noise * rng.normal(size=300), "delta": delta, "C": response}
     flights = (Experiment("one", time, signals, {"q": "rad/s", "delta": "rad", "C": "-"}),)
-    bare = coefficient_regression(flights, "C", ("q", "delta"))
+    bare = regressed(flights, ("q", "delta"))
     found, findings = with_regressor_noise(bare, flights, Settings())
     if noise:
         assert all(one.contains(true) for one, true in zip(found.estimates[1:], (3.0, -2.0), strict=True))

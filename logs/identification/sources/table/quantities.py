@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 import reprlib
-from typing import Any, NamedTuple, get_type_hints
+from typing import Any, NamedTuple
 
 from logs.importing.units import CONVERSIONS, Conversion
 from wingbeat.atmosphere import isa
 from wingbeat.constants import STANDARD_GRAVITY
 from wingbeat.errors import InputError
-from wingbeat.schema import check_known, read_number
+from wingbeat.schema import check_keys, check_known, check_table, read_number
 
 SIGNALS = {
     "V": "m/s", "alpha": "rad", "beta": "rad", "p": "rad/s", "q": "rad/s", "r": "rad/s", "phi": "rad",
@@ -91,47 +91,41 @@ def in_unit(value: float, unit: Any, si_unit: str, key: str) -> float:
     return value * known.factor + known.offset
 
 
-class ConstantsSection(NamedTuple):
-    """As written; every entry a number in SI or with a unit."""
-
-    mass: Measure | None = None
-    weight: Measure | None = None
-    I_x: Measure | None = None
-    I_y: Measure | None = None
-    I_z: Measure | None = None
-    I_xz: Measure | None = None
-    S: Measure | None = None
-    c: Measure | None = None
-    b: Measure | None = None
-    rho: Measure | None = None
-    altitude: Measure | None = None
-    V: Measure | None = None
-    alpha: Measure | None = None
-    theta: Measure | None = None
-    phi: Measure | None = None
-    qbar: Measure | None = None
-    thrust: Measure | None = None
-    thrust_angle: Measure | None = None
-    thrust_x: Measure | None = None
-    thrust_z: Measure | None = None
-    imu_x: Measure | None = None
-    imu_y: Measure | None = None
-    imu_z: Measure | None = None
-    vane_x: Measure | None = None
-    flapping: Measure | None = None
-    others: dict[str, float] = {}
-    """as the regressors take them; any further numbers that those name"""
-
-
 UNITS = {
     "mass": "kg", "weight": "N", "I_x": "kg m^2", "I_y": "kg m^2", "I_z": "kg m^2", "I_xz": "kg m^2", "S": "m^2",
     "c": "m", "b": "m", "rho": "kg/m^3", "altitude": "m", "V": "m/s", "alpha": "rad", "theta": "rad", "phi": "rad",
     "qbar": "Pa", "thrust": "N", "thrust_angle": "rad", "thrust_x": "m", "thrust_z": "m",
     "imu_x": "m", "imu_y": "m", "imu_z": "m", "vane_x": "m", "flapping": "Hz",
 }  # fmt: skip
+"""SI unit of each constant"""
 POSITIVE = ("mass", "weight", "I_x", "I_y", "I_z", "S", "c", "b", "rho", "V", "qbar", "flapping")
 MASSES = ("lb", "kg", "slug")
-"""units in which a weight is known as a mass is"""
+"""units of a weight that is given as a mass"""
+
+
+class ConstantsSection(NamedTuple):
+    """Section [constants]: quantities by name (`UNITS`), and further numbers by any name."""
+
+    quantities: dict[str, Measure] = {}
+    others: dict[str, float] = {}
+    """as the regressors use them"""
+
+    @classmethod
+    def from_entry(cls, entry: Any, key: str) -> ConstantsSection:
+        """Read the section.
+
+        Raises:
+            InputError: an unknown name, or no number.
+        """
+        table = dict(check_table(entry, key))
+        others = check_table(table.pop("others", {}), f"{key}.others")
+        check_keys(table, (*UNITS, "others"), key)
+        return cls(
+            {name: Measure.from_entry(value, f"{key}.{name}") for name, value in table.items()},
+            {name: read_number(value, f"{key}.others.{name}") for name, value in others.items()},
+        )
+
+
 ALTITUDES = (-1000.0, 20000.0)
 
 
@@ -142,15 +136,14 @@ def read_constants(section: ConstantsSection) -> dict[str, float]:
         InputError: a unit of something else, a mass that is not positive, or one thing known twice.
     """
     known = dict(section.others)
-    for name in get_type_hints(ConstantsSection):
-        measure = getattr(section, name)
-        if name == "weight" and measure is not None and measure.unit in MASSES:
+    for name, measure in section.quantities.items():
+        if name == "weight" and measure.unit in MASSES:
             known["mass"] = measure.si(UNITS["mass"], 0.0)
-        elif name != "others" and measure is not None:
+        else:
             known[name] = measure.si(UNITS[name], 0.0 if name in POSITIVE else -math.inf)
     for name, other in (("mass", "weight"), ("rho", "altitude")):
-        if getattr(section, name) is not None and getattr(section, other) is not None:
-            raise InputError(f"constants.{name} and constants.{other} say the same: give one")
+        if {name, other} <= section.quantities.keys():
+            raise InputError(f"constants.{name} and constants.{other} are the same: give one")
     if "weight" in known:
         known["mass"] = known.pop("weight") / STANDARD_GRAVITY
     if "altitude" in known:

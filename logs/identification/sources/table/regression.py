@@ -4,22 +4,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Mapping, Sequence
+from typing import Any
 
 from logs.identification.data.experiment import Experiment
 from logs.identification.diagnostics.context import Context
-from logs.identification.diagnostics.estimates import regression_findings
+from logs.identification.diagnostics.estimates import with_input_sampling, with_regressor_noise
 from logs.identification.diagnostics.signals import joined, measured, moves
 from logs.identification.diagnostics.table import diagnose
-from logs.identification.estimators.equation_error import (
-    CoefficientRegression,
-    Settings,
-    coefficient_regression,
-    regression_result,
-)
-from logs.identification.estimators.orthogonal import Orthogonal, orthogonal_regression
-from logs.identification.estimators.registry import Request
-from logs.identification.estimators.regressors import LOCAL_POLYNOMIAL, filtered_like_derivative
-from logs.identification.estimators.stepwise import Rules, Step, stepwise_regression
+from logs.identification.estimators.equation_error import Settings
+from logs.identification.estimators.registry import Request, estimators
+from logs.identification.estimators.regressors import INTERCEPT, LOCAL_POLYNOMIAL, filtered_like_derivative
 from logs.identification.estimators.terms import parse
 from logs.identification.findings import Entry, Finding, register
 from logs.identification.report.document import Chapter, Table
@@ -74,50 +68,93 @@ def regression_fit(section: Regression, data: DataSplit) -> EstimationResult:
     constants = data.constants
     section, constant = _without_constant(section, data.fitted)
     names = tuple(product_of(name) for name in section.regressors)
-    names_used = {symbol for name in (section.response, *names) for symbol in parse(name).powers}
-    alike = [
-        tuple(filtered_like_derivative(one, names_used) for one in part) for part in (data.fitted, data.held_out)
-    ]
-    parts = [tuple(with_derived(one, names_used, constants) for one in part) for part in alike]
+    symbols = {symbol for name in (section.response, *names) for symbol in parse(name).powers}
+    filtered = data.map(lambda one: filtered_like_derivative(one, symbols))
+    complete = filtered.map(lambda one: with_derived(one, symbols, constants))
     steady = any(one.steady for one in data.fitted)
-    averaging = averaging_of(alike[0], names_used)
+    averaging = averaging_of(filtered.fitted, symbols)
     if steady and (averaging is not None or section.domain != "time"):
         raise InputError(
             f"aero.regressions of {section.response}: steady readings have no derivatives and no spectrum"
         )
-    settings = Settings(
-        constants=constants, units=UNITS, frequencies=_frequencies(section, parts[0]), averaging=averaging,
-        steady=steady,
-    )  # fmt: skip
-    steps: tuple[Step, ...] = ()
-    findings: tuple[Finding, ...] = ()
-    chapters: tuple[Chapter, ...] = ()
-    if section.method == "orthogonal":
-        model, findings, chapters = _orthogonal(section, names, parts[0], settings)
-    else:
-        selected, steps = _selected(section, names, parts[0], settings)
-        model = coefficient_regression(
-            parts[0], section.response, selected, "time" if section.domain == "time" else "frequency", settings
-        )
-    model, noisy = (model, ()) if steady else regression_findings(model, parts[0], settings)
-    method = "orthogonal" if section.method == "orthogonal" else f"equation_error_{section.domain}"
+    frequencies = _frequencies(section, complete.fitted)
+    settings = Settings(constants=constants, units=UNITS, frequencies=frequencies, averaging=averaging, steady=steady)
+    result = _estimated(section, names, complete, settings)
+    noise: tuple[Finding, ...] = ()
+    if not steady and section.domain == "time":
+        result, noise = with_regressor_noise(result, complete.fitted, settings)
+    if not steady:
+        result, sampling = with_input_sampling(result, complete.fitted, settings, section.domain)
+        noise = (*noise, *sampling)
     way = "orthogonal functions" if section.method == "orthogonal" else f"{section.domain} domain"
-    options = settings._asdict() | {"units": UNITS}
-    request = Request(parts[0], parts[1], outputs=(section.response,), constants=constants, options=options)
-    result = regression_result(
-        "stepwise" if steps else method, request, model, subject="aero", response=section.response, steps=steps,
-        chapters=chapters, title=f"regression of {section.response}, {way}",
+    result = result._replace(
+        subject="aero", response=section.response, title=f"regression of {section.response}, {way}",
+        equations=(*result.equations, NAMED),
     )  # fmt: skip
-    if model.failure:
-        failed = Finding("not_estimated", "withheld", details={"reason": model.failure})
-        result = result._replace(findings=(failed, *result.findings))
-    result = result._replace(equations=(*result.equations, NAMED))
-    symbols = tuple(dict.fromkeys(s for n in names for s in _symbols(n, data.fitted) if s not in SCALES))
-    checks = diagnose("regression", Context(data.fitted, constants, signals=symbols, result=result))
+    used = tuple(dict.fromkeys(s for n in names for s in _symbols(n, data.fitted) if s not in SCALES))
+    checks = diagnose("regression", Context(data.fitted, constants, signals=used, result=result))
     thrust = _thrust_unknown(section, data.fitted, constants)
-    return result._replace(
-        findings=(*result.findings, *constant, *noisy, *checks, *thrust, *findings, *_smoothed(alike[0], names_used))
-    )
+    smoothed = _smoothed(filtered.fitted, symbols)
+    return result._replace(findings=(*result.findings, *constant, *noise, *checks, *thrust, *smoothed))
+
+
+def _estimated(section: Regression, names: tuple[str, ...], data: DataSplit, settings: Settings) -> EstimationResult:
+    """The result of the row of the registry that the section requests.
+
+    Raises:
+        InputError: no term was selected, or orthogonal functions with another selection or domain.
+    """
+    key = f"aero.regressions of {section.response}"
+
+    def estimate(row: str, regressors: tuple[str, ...], **options: Any) -> EstimationResult:
+        every = settings._asdict() | options
+        request = Request(
+            data.fitted, data.held_out, (), (section.response,), regressors, None, {}, data.constants, every
+        )
+        return estimators()[row].estimate(request)
+
+    def selected(result: EstimationResult) -> tuple[str, ...]:
+        terms = tuple(one.name for one in result.estimates if one.name != INTERCEPT)
+        if not terms:
+            raise InputError(f"{key}: no term was selected: {_reason(result)}")
+        return terms
+
+    if section.method == "orthogonal":
+        if section.selection != "all" or section.forced_terms or section.domain != "time":
+            raise InputError(f'{key}: method = "orthogonal" chooses its terms itself, in the time domain')
+        result = estimate("orthogonal", names, most_terms=len(names))
+        selected(result)
+        functions, count = result.steps, len(names)
+        missed = [one.term for one in functions if not one.kept and one.chance < SIGNIFICANT / count]
+        findings = [
+            Finding("orthogonal_function", "info", one.term, 100 * one.gain, None,
+                    {"pse": one.pse, "action": "kept" if one.kept else "not kept"})
+            for one in functions
+        ]  # fmt: skip
+        findings += [Finding("omitted_function", "warning", name) for name in missed]
+        return result._replace(
+            findings=(*result.findings, *findings), steps=(), chapters=(_functions(section.response, functions),)
+        )
+    if section.selection == "stepwise":
+        forced = tuple(product_of(name) for name in section.forced_terms)
+        result = estimate("stepwise", names, always=forced, frequencies=None)
+        terms = selected(result)
+        if section.domain == "time":
+            return result
+        return estimate("equation_error_frequency", terms)._replace(method="stepwise", steps=result.steps)
+    result = estimate(f"equation_error_{section.domain}", names)
+    if not result.estimates:
+        failed = Finding("not_estimated", "withheld", details={"reason": _reason(result)})
+        result = result._replace(findings=(failed, *result.findings))
+    return result
+
+
+def _reason(result: EstimationResult) -> str:
+    """Why a regression has no coefficient: the texts of its withheld terms."""
+    texts = dict.fromkeys(one.text for one in result.withheld)
+    if len(texts) == 1:
+        return next(iter(texts))
+    return "; ".join(f"{one.subject}: {one.text}" for one in result.withheld) or "no term passes the test"
 
 
 def _smoothed(experiments: Sequence[Experiment], symbols: Collection[str]) -> tuple[Finding, ...]:
@@ -189,54 +226,14 @@ def _without_constant(
     return section._replace(regressors=kept, forced_terms=forced), tuple(lost.values())
 
 
-def _orthogonal(
-    section: Regression, names: tuple[str, ...], fitted: tuple[Experiment, ...], settings: Settings
-) -> tuple[CoefficientRegression, tuple[Finding, ...], tuple[Chapter, ...]]:
-    """The regression on the terms whose orthogonal functions lower the predicted square error.
-
-    Raises:
-        InputError: another selection, the frequency domain, or no function that lowers it.
-    """
-    key = f"aero.regressions of {section.response}"
-    if section.selection != "all" or section.forced_terms or section.domain != "time":
-        raise InputError(f'{key}: method = "orthogonal" chooses its terms itself, in the time domain')
-    found = orthogonal_regression(fitted, section.response, names, len(names), settings)
-    if not found.terms:
-        why = found.failure or "no orthogonal function lowers the predicted square error"
-        raise InputError(f"{key}: nothing was chosen: {why}")
-    findings = [
-        Finding("orthogonal_function", "info", one.term, 100 * one.gain, None,
-                {"pse": one.pse, "action": "kept" if one.kept else "not kept"})
-        for one in found.functions
-    ]  # fmt: skip
-    missed = [one.term for one in found.functions if not one.kept and one.chance < SIGNIFICANT / len(names)]
-    findings += [Finding("omitted_function", "warning", name) for name in missed]
-    return found.model, tuple(findings), (_functions(section.response, found),)
-
-
-def _functions(response: str, result: Orthogonal) -> Chapter:
+def _functions(response: str, functions: Sequence[Any]) -> Chapter:
     """Every orthogonal function in the order of their construction."""
-    rows = tuple((one.term, 100.0 * one.gain, one.pse, "kept" if one.kept else "") for one in result.functions)
+    rows = tuple((one.term, 100.0 * one.gain, one.pse, "kept" if one.kept else "") for one in functions)
     table = Table(("term", "share of the variance (%)", "PSE", ""), rows)
     note = (
         "Each function is a term without its part along those before it; kept up to the least predicted square error."
     )
     return Chapter(f"Orthogonal functions of {response}", (note,), (table,))
-
-
-def _selected(
-    section: Regression, names: tuple[str, ...], fitted: tuple[Experiment, ...], settings: Settings
-) -> tuple[tuple[str, ...], tuple[Step, ...]]:
-    """The regressors to fit, and the steps of their selection, in the time domain."""
-    if section.selection == "all":
-        return names, ()
-    forced = tuple(product_of(name) for name in section.forced_terms)
-    found = stepwise_regression(
-        fitted, section.response, names, Rules(always=forced), settings._replace(frequencies=None)
-    )
-    if found.failure and not found.terms:
-        raise InputError(f"stepwise regression of {section.response} chose nothing: {found.failure}")
-    return found.terms, found.steps
 
 
 def product_of(name: str) -> str:
