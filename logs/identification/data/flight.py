@@ -22,10 +22,10 @@ class JoinedFlight(NamedTuple):
     clock: float
     """s; the same on its own clock"""
     before: int
-    """-; manoeuvres counted in the flights before it"""
+    """-; maneuvers counted in the flights before it"""
 
     def local_number(self, number: int) -> int:
-        """The number that a manoeuvre has in its own log."""
+        """The number that a maneuver has in its own log."""
         return number - self.before
 
     def local_time(self, time: float) -> float:
@@ -55,15 +55,15 @@ class FlightData(NamedTuple):
     strokes: Array
     """-; wing strokes since the first sample, never decreasing"""
     active: Array
-    """-; 1 while a manoeuvre runs, its settling time included"""
+    """-; 1 while a maneuver runs, its settling time included"""
     manoeuvre: Array
-    """-; number of the manoeuvre"""
+    """-; number of the maneuver"""
     excitation: Array
-    """rad; what the manoeuvre added to the elevator"""
+    """rad; what the maneuver added to the elevator"""
     aborted: Array
-    """-; 1 where an envelope limit ended the manoeuvre"""
+    """-; 1 where an envelope limit ended the maneuver"""
     notes: tuple[str, ...] = ()
-    """-; what the log does not tell and was taken from elsewhere, one clause each"""
+    """-; substitutes for what the log does not contain, one clause each"""
     flights: tuple[JoinedFlight, ...] = ()
     """the flights that were joined, one behind the other; empty of a single one"""
 
@@ -136,24 +136,24 @@ NEUTRAL = ImuCalibration()
 
 
 class Aircraft(NamedTuple):
-    """What must be known of the aircraft beside its flight data."""
+    """Constants of the aircraft."""
 
     imu_x: float = 0.0
-    """m; IMU ahead of the centre of mass"""
+    """m; IMU ahead of the center of mass"""
     imu_z: float = 0.0
-    """m; IMU below the centre of mass"""
+    """m; IMU below the center of mass"""
     tail_time_constant: float | None = None
-    """s; first-order lag from the elevator command to the achieved tail angle, 0 for none; None where it is not
-    known: the lag and what delay remains beside it are then identified"""
+    """s; first-order lag from the elevator command to the achieved tail angle, 0 for none; None if it is not
+    known: the lag and the remaining delay are then identified"""
     tail_delay: float = 0.0
     """s; pure delay of the elevator command"""
     centre_current: float | None = None
-    """A; C_D of Gerdes Eq. 12 where given, else minus the mean current per servo"""
+    """A; C_D of Gerdes Eq. 12 if given, else minus the mean current per servo"""
     centre_voltage: float | None = None
-    """V; C_E of Gerdes Eq. 12 where given, else minus the mean voltage"""
+    """V; C_E of Gerdes Eq. 12 if given, else minus the mean voltage"""
     imu: ImuCalibration = NEUTRAL
-    """calibration of the IMU; a log holds its samples as they came"""
+    """calibration of the IMU; a log contains raw samples"""
     gauges: GaugeErrors = GaugeErrors()
-    """accuracy of torque cells and power sensors, none where it is not known"""
+    """accuracy of torque cells and power sensors, none if it is not known"""
     span: float | None = None
-    """m; from wing tip to wing tip, over which gusts are smoothed; None where it is not known"""
+    """m; from wing tip to wing tip, over which gusts are smoothed; None if it is not known"""

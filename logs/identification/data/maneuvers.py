@@ -171,36 +171,36 @@ def _averaged(data: FlightData, window: slice) -> Maneuver | None:
 
 
 NEEDED = ("active", "manoeuvre", "aborted")
-"""signals: 1 while a manoeuvre runs, its number, 1 where an envelope limit ended it"""
+"""signals: 1 while a maneuver runs, its number, 1 where an envelope limit ended it"""
 
 
 def excited(flight: Experiment, lead: float = 0.0, tail: float = 0.0) -> tuple[Experiment, ...]:
-    """One experiment for each whole manoeuvre, ``lead`` s longer before and ``tail`` s behind where none other runs.
+    """One experiment for each complete maneuver, ``lead`` s longer before and ``tail`` s behind if no other runs.
 
-    They are called FLIGHT, manoeuvre NUMBER. One that was aborted, or that the record's ends cut, is left out.
+    They are named FLIGHT, maneuver NUMBER. Those that were aborted or cut by the ends of the record are left out.
 
     Raises:
-        InputError: the flight tells no excitation, or has no whole manoeuvre.
+        InputError: the flight has no signals of the excitation, or no complete maneuver.
     """
     missing = [name for name in NEEDED if name not in flight.signals]
     if missing:
-        raise InputError(f"{flight.name} has no signal {', '.join(missing)} to find its manoeuvres by")
+        raise InputError(f"{flight.name} has no signal {', '.join(missing)} that gives its maneuvers")
     active, number, aborted = (flight.signals[name] for name in NEEDED)
     spans = [s for s in maneuver_spans(active, number, aborted) if s.start > 0 and s.stop < len(active)]
     if not spans:
-        raise InputError(f"{flight.name} has no whole manoeuvre that was not aborted")
+        raise InputError(f"{flight.name} has no complete maneuver")
     before, behind = (int(seconds / flight.step + 1e-6) for seconds in (lead, tail))
     free = ~((active > 0) & np.isfinite(number))
     return tuple(
         cut(flight, _widened(free, span, before, behind))._replace(
-            name=f"{flight.name}, manoeuvre {number[span.start]:.0f}"
+            name=f"{flight.name}, maneuver {number[span.start]:.0f}"
         )
         for span in spans
     )
 
 
 def maneuver_spans(active: Array, number: Array, aborted: Array) -> list[slice]:
-    """Samples of each manoeuvre, by its ``number`` while ``active``, but those that were ``aborted``; all (N,)."""
+    """Samples of each maneuver, by its ``number`` while ``active``, but those that were ``aborted``; all (N,)."""
     label = np.where((active > 0) & np.isfinite(number), number, np.nan)
     same = (label[1:] == label[:-1]) | (np.isnan(label[1:]) & np.isnan(label[:-1]))
     bounds = np.concatenate(([0], np.flatnonzero(~same) + 1, [len(label)]))
@@ -209,7 +209,7 @@ def maneuver_spans(active: Array, number: Array, aborted: Array) -> list[slice]:
 
 
 def was_aborted(number: Array, aborted: Array, one: float) -> bool:
-    """Whether an envelope limit ended manoeuvre ``one``."""
+    """Whether an envelope limit ended maneuver ``one``."""
     return bool(np.any(aborted[number == one] > 0))
 
 

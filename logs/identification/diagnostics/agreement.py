@@ -1,4 +1,4 @@
-"""Where several methods disagree on a mode: each pair by the interval of its difference, and who is the outlier."""
+"""Agreement of several methods on a mode: each pair by the interval of its difference, and the outlier."""
 
 from __future__ import annotations
 

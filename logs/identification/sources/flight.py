@@ -166,7 +166,9 @@ def _stroke_count(source: ColumnSource, time: Array, accel_z: Array) -> _Signal:
         try:
             strokes = strokes_in(time, accel_z)
         except InputError as reason:
-            raise InputError(f"{missing}, and its specific force tells no strokes: {reason}") from None
+            raise InputError(
+                f"{missing}, and its specific force has no periodic component of strokes: {reason}"
+            ) from None
     return _Signal(strokes, STROKES_GUESSED)
 
 

@@ -135,10 +135,10 @@ PAUSE = 4.0
 
 
 def joined_flights(flights: tuple[FlightData, ...], names: tuple[str, ...] = ()) -> FlightData:
-    """The flights one behind the other, manoeuvres and strokes counted on; ``names`` are those of their logs.
+    """The flights one after the other, numbered consecutively; ``names`` are those of their logs.
 
-    A manoeuvre that a flight's end cuts off ends a stroke before it, and one that its beginning cuts begins a stroke
-    later, and a pause in which nothing moves is between two, so that nothing of one flight is in another's.
+    A pause at rest separates two flights, and no maneuver is active in a flight's first and last stroke, so that no
+    average contains samples of two flights.
 
     Raises:
         InputError: their samples are not equally far apart.

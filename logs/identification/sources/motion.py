@@ -242,5 +242,5 @@ def identify_aero(
         raise InputError(
             "inverse dynamics needs the masses and hinges of the vehicle, and the log carries no file of it"
         )
-    flown = true_motion(source, vehicle) if by_truth else measured_motion(source, vehicle, calibration)
-    return identify_coefficients(tuple(coefficients(vehicle, one, LOW_PASS) for one in flown))
+    motions = true_motion(source, vehicle) if by_truth else measured_motion(source, vehicle, calibration)
+    return identify_coefficients(tuple(coefficients(vehicle, one, LOW_PASS) for one in motions))

@@ -119,7 +119,7 @@ def test_modes_of_joined_flights_tell_theils_coefficient_of_the_one_held_out() -
     assert {one.flight.name for one in found.maneuvers if one.flight} == {"monday.mcap"}
     told = Identification(modes=found)
     note = next(row.note for row in rows(told) if row.name == "held out")
-    assert note.startswith("tuesday.mcap (6 manoeuvres), predicted and not fitted: Theil's U q 0.")
+    assert note.startswith("tuesday.mcap (6 maneuvers), predicted and not fitted: Theil's U q 0.")
     entry = document(told)["modes"]["held_out"]
     assert entry["flights"] == ["tuesday.mcap"] and [one["output"] for one in entry["predictions"]] == [
         "q",

@@ -60,13 +60,13 @@ def flight(numbers: list[float], aborted: float = 0.0) -> Experiment:
 def test_manoeuvres_are_cut_by_the_logged_excitation() -> None:
     """GIVEN 1, a pause, 2 and at once 3, which the record's end cuts, THEN 1 and 2 are whole."""
     found = excited(flight([0, 1, 0, 2, 3]), lead=5.0, tail=30.0)
-    assert [e.name for e in found] == ["flight 7, manoeuvre 1", "flight 7, manoeuvre 2"]
+    assert [e.name for e in found] == ["flight 7, maneuver 1", "flight 7, maneuver 2"]
     assert [(e.time[0], e.time[-1]) for e in found] == [(15.0, 59.0), (55.0, 79.0)]
 
 
 def test_an_aborted_manoeuvre_is_left_out() -> None:
     assert [e.name[-1] for e in excited(flight([0, 1, 0, 2, 0], aborted=1.0))] == ["2"]
-    with pytest.raises(InputError, match="no whole manoeuvre"):
+    with pytest.raises(InputError, match="no complete maneuver"):
         excited(flight([0, 1, 0], aborted=1.0))
     with pytest.raises(InputError, match="has no signal active"):
         excited(Experiment("flight", np.arange(3.0), {}, {}))

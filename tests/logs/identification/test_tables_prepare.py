@@ -103,7 +103,7 @@ def test_files_and_shares_are_held_out(tmp_path: Path, capsys: pytest.CaptureFix
         ("[prepare.delay]\nalfa = 0.1\n", "prepare.delay.alfa (meant 'alpha'?)"),
         ('[prepare.delay]\nalpha = { like = "Q" }\n', "prepare.delay.alpha.reference Q"),
         ('[prepare.delay]\nalpha = { lik = "q" }\n', "prepare.delay.alpha.lik"),
-        ('[prepare.delay]\nalpha = { like = "delta_e", longest = 20 }\n', "its skew behind delta_e is not told"),
+        ('[prepare.delay]\nalpha = { like = "delta_e", longest = 20 }\n', "its skew behind delta_e is not determined"),
         ('[prepare]\nsmooth = { alpha = "splin" }\n', "prepare.smooth.alpha = 'splin' is not known; known: local"),
         ("[prepare]\nresample = 500\n", "prepare.resample = 500 Hz is not above 0 and up to the 25 Hz"),
         ('[maneuvers]\nvalidate_files = ["rn.csv"]\n',

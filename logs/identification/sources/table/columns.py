@@ -1,4 +1,4 @@
-"""Tables as strangers write them: delimiter, decimal sign, names and line of units are found out, or told."""
+"""Tables of numbers: delimiter, decimal sign, names and line of units are detected, or given by the map."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ LOOKED_AT = 200
 """lines from which the delimiter is found out"""
 COMMENT = "#%!"
 BLANK = ("", "nan", "na", "n/a", "null", "none", "-", "inf", "-inf")
-"""what stands where nothing was measured, beside the numbers that a map tells"""
+"""cells without a measurement, besides the numbers that a map gives"""
 
 
 register({
@@ -43,7 +43,7 @@ class Layout(NamedTuple):
     skip: int | None = None
     """-; lines before the one with the names, or before the first row where there are none"""
     encoding: str | None = None
-    """UTF-8 or, by its mark, UTF-16, else Windows' cp1252 where not told"""
+    """UTF-8 or, by its mark, UTF-16, else Windows' cp1252 if not given"""
     missing: tuple[float, ...] = ()
     """as the columns; numbers that stand for "not measured" in any column, such as -9999"""
 
@@ -141,13 +141,13 @@ def _with_clocks(columns: Columns, lines: list[str], form: _Form) -> Columns:
     by_name, clocks, texts = dict(columns.by_name), set(), {}
     for place in silent:
         cells = [row[place] if place < len(row) else "" for row in rows]
-        told = next((cell.strip() for cell in cells if cell.strip()), None)
-        seconds = None if told is None else clock_column(cells, form.decimal)
+        text = next((cell.strip() for cell in cells if cell.strip()), None)
+        seconds = None if text is None else clock_column(cells, form.decimal)
         if seconds is not None:
             by_name[columns.order[place]] = seconds
             clocks.add(columns.order[place])
-        elif told is not None:
-            texts[columns.order[place]] = told
+        elif text is not None:
+            texts[columns.order[place]] = text
     return columns._replace(by_name=by_name, clocks=frozenset(clocks), texts=texts)
 
 
@@ -159,7 +159,7 @@ def _text(data: bytes, encoding: str | None) -> str:
             return decoded(data, guess)
         except InputError:
             continue
-    raise InputError('it is no text in UTF-8 or cp1252: the map can say [table] encoding = "latin-1"')
+    raise InputError('it is no text in UTF-8 or cp1252: set [table] encoding, such as "latin-1"')
 
 
 def _uncommented(line: str) -> str:
@@ -178,10 +178,10 @@ def _form(lines: list[str], layout: Layout) -> _Form:
     filled = [line for line in lines if line]
     if not filled:
         raise InputError("it is empty")
-    told = [layout.delimiter] if layout.delimiter is not None else [",", ";", "\t", WHITESPACE]
+    delimiters = [layout.delimiter] if layout.delimiter is not None else [",", ";", "\t", WHITESPACE]
     signs = [layout.decimal] if layout.decimal is not None else [".", ","]
     sample = filled[len(filled) // 2 :][:LOOKED_AT]
-    return max((_Form(*one) for one in product(told, signs)), key=lambda form: _score(sample, form))
+    return max((_Form(*one) for one in product(delimiters, signs)), key=lambda form: _score(sample, form))
 
 
 def _score(sample: list[str], form: _Form) -> tuple[float, float, bool]:
@@ -206,9 +206,9 @@ def _cells(line: str, form: _Form) -> list[str]:
 
 
 def _is_row(cells: list[str], form: _Form) -> bool:
-    """At least half of the cells that say something are numbers."""
-    told = [cell for cell in cells if cell.lower() not in BLANK]
-    return bool(told) and 2 * sum(np.isfinite(number_of(cell, form.decimal)) for cell in told) >= len(told)
+    """Whether at least half of the cells that are not blank are numbers."""
+    filled = [cell for cell in cells if cell.lower() not in BLANK]
+    return bool(filled) and 2 * sum(np.isfinite(number_of(cell, form.decimal)) for cell in filled) >= len(filled)
 
 
 def _first_row(lines: list[str], form: _Form) -> int:
@@ -227,8 +227,8 @@ def _first_row(lines: list[str], form: _Form) -> int:
 
 def _has_gaps(line: str, form: _Form, width: int) -> bool:
     """Whether a line is a row with as many delimiters as others and nothing but numbers between them, or nothing."""
-    told = [cell for cell in _all_cells(line, form) if cell.lower() not in BLANK]
-    numbers = bool(told) and all(np.isfinite(number_of(cell, form.decimal)) for cell in told)
+    filled = [cell for cell in _all_cells(line, form) if cell.lower() not in BLANK]
+    numbers = bool(filled) and all(np.isfinite(number_of(cell, form.decimal)) for cell in filled)
     return numbers and len(_all_cells(line, form)) == width
 
 
@@ -275,7 +275,7 @@ _MOST = (math.inf, 24.0, 60.0, 61.0)
 
 def seconds_of(cell: str, decimal: str = ".") -> float:
     """Seconds of a clock (``minutes:seconds``, hours before them, the day of the year before those), since midnight
-    or the year's beginning, or of a date with a time since 1970 (UTC where no zone is told); NaN of anything else."""
+    or the year's beginning, or of a date with a time since 1970 (UTC without a zone); NaN of anything else."""
     text = cell.strip().replace(decimal, ".")
     clock = _CLOCK.fullmatch(text)
     if clock:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from logs.identification.sources.table.maneuvers import DataSplit
 
 LONGEST = 0.5
-"""s; skew that is looked for either way where nothing is told"""
+"""s; largest skew that is tried in both directions"""
 LEAST_SMOOTHED = 40
 """-; samples on end that are smoothed"""
 LONGEST_GIVEN = 60.0
@@ -114,7 +114,7 @@ def prepared(records: list[Record], units: dict[str, str], section: PrepareSecti
     """The ``records`` with late signals moved, smoothed and resampled as ``section``.
 
     Raises:
-        InputError: a signal that is not there, a skew that cannot be told, or a rate above that of a record.
+        InputError: a signal that is not there, a skew that is not determined, or a rate above that of a record.
     """
     for key, names in (("delay", section.delay), ("smooth", section.smooth)):
         for name in names:
@@ -156,7 +156,7 @@ def _skew(experiments: list[Experiment], name: str, late: SignalDelay) -> Estima
     """By how much the signal is late, over all records: their mean, weighted with their errors.
 
     Raises:
-        InputError: no record tells it.
+        InputError: no record determines it.
     """
     found: list[Estimate] = []
     reasons: list[str] = []
@@ -164,14 +164,14 @@ def _skew(experiments: list[Experiment], name: str, late: SignalDelay) -> Estima
         for piece in _whole(one, (name, late.reference), 2.0 * late.longest + (LEAST - 1) * one.step):
             own = piece.signals[name]
             own = slope(own, piece.step) if late.slope else own
-            told = skew_between(np.asarray(piece.signals[late.reference]), own, piece.step, late.longest)
-            if isinstance(told, Estimate):
-                found.append(told)
+            skew = skew_between(np.asarray(piece.signals[late.reference]), own, piece.step, late.longest)
+            if isinstance(skew, Estimate):
+                found.append(skew)
             else:
-                reasons.append(told.reason)
+                reasons.append(skew.reason)
     if not found:
         why = reasons[0] if reasons else f"no record has both for {2 * late.longest:g} s on end"
-        raise InputError(f"prepare.delay.{name}: its skew behind {late.reference} is not told: {why}")
+        raise InputError(f"prepare.delay.{name}: its skew behind {late.reference} is not determined: {why}")
     weights = np.array([one.standard_error**-2 for one in found])
     values = np.array([one.value for one in found])
     mean = float(weights @ values / weights.sum())
@@ -207,8 +207,8 @@ def _smoothed(one: Experiment, name: str, method: str, findings: list[Finding]) 
     details = {"where": one.name, "method": method, "unit": unit, "lost": lost_text}
     findings.append(Finding("smoothed", "info", name, max(taken), None, details))
     made = {} if slope_name in one.signals else {slope_name: rates}
-    told = {} if slope_name in one.signals else {slope_name: SIGNALS.get(slope_name, f"{unit}/s")}
-    return one._replace(signals={**one.signals, name: clean, **made}, units={**one.units, **told})
+    more = {} if slope_name in one.signals else {slope_name: SIGNALS.get(slope_name, f"{unit}/s")}
+    return one._replace(signals={**one.signals, name: clean, **made}, units={**one.units, **more})
 
 
 def _resampled(one: Experiment, rate: float, findings: list[Finding]) -> Experiment:
