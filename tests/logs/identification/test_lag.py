@@ -13,19 +13,19 @@ TIME = STEP * np.arange(300)
 INPUT = np.where(TIME > 0.995, 0.2, 0.05) + 0.1 * np.sin(2 * np.pi * np.maximum(TIME - 1.5, 0.0))
 
 
-def fine(lag: float, *, held: bool) -> np.ndarray:
+def fine(lag: float, *, zoh: bool) -> np.ndarray:
     """The same lag by scipy at a hundredth of the step."""
     dense = STEP / 100 * np.arange(100 * (len(TIME) - 1) + 1)
     places = np.floor((dense + 1e-9) / STEP).astype(int)
-    command = INPUT[places] if held else np.interp(dense, TIME, INPUT)
-    _, out, _ = lsim(([1.0], [lag, 1.0]), command - INPUT[0], dense, interp=not held)
+    command = INPUT[places] if zoh else np.interp(dense, TIME, INPUT)
+    _, out, _ = lsim(([1.0], [lag, 1.0]), command - INPUT[0], dense, interp=not zoh)
     return np.asarray(out)[::100] + INPUT[0]
 
 
-@pytest.mark.parametrize("held", [True, False])
+@pytest.mark.parametrize("zoh", [True, False])
 @pytest.mark.parametrize("lag", [0.004, 0.04, 0.5])
-def test_a_lag_is_the_exact_solution(lag: float, held: bool) -> None:
-    np.testing.assert_allclose(behind(INPUT, STEP, 0.0, lag, zoh=held), fine(lag, held=held), atol=1e-10)
+def test_a_lag_is_the_exact_solution(lag: float, zoh: bool) -> None:
+    np.testing.assert_allclose(behind(INPUT, STEP, 0.0, lag, zoh=zoh), fine(lag, zoh=zoh), atol=1e-10)
 
 
 def test_a_held_command_moves_nothing_before_its_time() -> None:

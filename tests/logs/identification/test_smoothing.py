@@ -34,7 +34,7 @@ SMOOTHERS: dict[str, Callable[[np.ndarray], Smoothed]] = {
 }
 
 
-def say(text: str) -> None:
+def print_result(text: str) -> None:
     sys.stdout.write(text + "\n")
 
 
@@ -75,21 +75,21 @@ def test_the_slope_of_a_sinusoid_without_noise(name: str) -> None:
     np.testing.assert_allclose(found.rates[25:-25], slope[25:-25], atol=0.01)
 
 
-def noise_found(seeds: range, noise: float) -> float:
+def estimated_noise(seeds: range, noise: float) -> float:
     return float(np.mean([fourier_smoothing(noisy(seed, noise), STEP).smoothed.noise for seed in seeds]))
 
 
 @pytest.mark.parametrize("noise", [0.002, 0.02, 0.1])
 def test_fourier_smoothing_tells_the_noise(noise: float) -> None:
-    assert noise_found(range(8), noise) == pytest.approx(noise, rel=0.05)
+    assert estimated_noise(range(8), noise) == pytest.approx(noise, rel=0.05)
 
 
 @pytest.mark.validate
 @pytest.mark.parametrize("noise", [0.002, 0.02, 0.1])
 def test_fourier_smoothing_tells_the_noise_of_each_of_many(noise: float) -> None:
-    found = np.array([noise_found(range(seed, seed + 1), noise) for seed in range(300)])
+    found = np.array([estimated_noise(range(seed, seed + 1), noise) for seed in range(300)])
     within = float(np.mean(np.abs(found / noise - 1) < 0.1))
-    say(
+    print_result(
         f"noise {noise}: mean {np.mean(found) / noise:.4f}, spread {np.std(found) / noise:.4f}, within 10 %: {within}"
     )
     assert np.mean(found) == pytest.approx(noise, rel=0.02)

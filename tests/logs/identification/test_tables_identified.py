@@ -241,8 +241,8 @@ def test_what_is_input_and_output_at_once_is_refused(tmp_path: Path, column: str
     """GIVEN an input that is read from an output's column, in another unit and by its number too."""
     columns = flight()
     assert list(columns)[2] == "q"
-    told = f'column = {json.dumps(column)}, unit = "deg"'
-    same = BASE.replace('column = "delta_e", unit = "rad"', told)
+    expected = f'column = {json.dumps(column)}, unit = "deg"'
+    same = BASE.replace('column = "delta_e", unit = "rad"', expected)
     with pytest.raises(InputError, match="modes: input delta_e and output q are one signal"):
         identified(tmp_path, columns, same)
     both = BASE.replace('outputs = ["alpha"', 'outputs = ["delta_e", "alpha"')
@@ -269,8 +269,8 @@ def test_a_free_delay_is_found_from_where_the_equations_fit_best(tmp_path: Path,
     columns = flight(100.0, scale=0.25)
     columns["delta_e"] = np.interp(columns["t"] + late, columns["t"], columns["delta_e"])
     result = identified(tmp_path, columns, BASE + 'delay = "free"\n')
-    told = {one.name: one for one in result.fits[0].estimates}
-    assert told["delay"].value == pytest.approx(late, abs=0.01)
+    expected = {one.name: one for one in result.fits[0].estimates}
+    assert expected["delay"].value == pytest.approx(late, abs=0.01)
     assert_truth(result.fits[0], 0.25)
     assert result.modes is not None
     for mode in result.modes.modes:
@@ -399,7 +399,7 @@ def test_several_files_are_one_fit(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("regressor", "told"),
+    ("regressor", "expected"),
     [
         ("alhpa", r"aero.regressions of a_z: 'alhpa' is neither in \[signals\] nor in \[constants\] \(meant 'alpha'"),
         ("q*cc/2V", "'cc' of 'q\\*cc/2V' is neither"),
@@ -407,17 +407,17 @@ def test_several_files_are_one_fit(tmp_path: Path) -> None:
     ],
 )
 def test_a_regressor_that_is_misspelt_is_told_before_anything_is_fitted(
-    tmp_path: Path, regressor: str, told: str
+    tmp_path: Path, regressor: str, expected: str
 ) -> None:
     """GIVEN a map whose other sections can be had THEN the mistake is the answer, not a line below theirs."""
     mapping = BASE + f'[[aero.regressions]]\nresponse = "a_z"\nregressors = ["{regressor}", "delta_e"]\n'
-    with pytest.raises(InputError, match=told):
+    with pytest.raises(InputError, match=expected):
         identified(tmp_path, flight(), mapping, "all")
     assert identified(tmp_path, flight(), mapping, "modes").fits, "what does not need it is had for itself"
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "expected"),
     [
         (["run.csv"], "tables need --map"),
         ([], "which log or table"),
@@ -429,12 +429,12 @@ def test_a_regressor_that_is_misspelt_is_told_before_anything_is_fitted(
     ],
 )
 def test_a_command_line_that_cannot_be(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: list[str], told: str
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: list[str], expected: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "map.toml").write_text(BASE)
     write(tmp_path / "run.csv", flight())
-    with pytest.raises(InputError, match=told):
+    with pytest.raises(InputError, match=expected):
         identify.run(words)
 
 

@@ -10,7 +10,7 @@ import pytest
 from logs.identification.data.experiment import Experiment
 from logs.identification.sources.table.maneuvers import DataSplit, split_at_discontinuities
 from tests.logs.identification.test_tables_identified import assert_truth, flight
-from tests.logs.identification.test_tables_strangers import THETA, identified, said
+from tests.logs.identification.test_tables_strangers import THETA, identified, texts_of
 
 STEP = 0.04
 TIME = np.arange(0.0, 12.0, STEP)
@@ -34,7 +34,7 @@ def test_two_manoeuvres_under_one_running_time_are_cut_where_the_motion_jumps(tm
     shifted = {"t": second["t"] + 5.0, "alpha": second["alpha"] - 0.01, "theta": second["theta"] - 0.05}
     joined = {name: np.concatenate((first[name][kept], (second | shifted)[name])) for name in first}
     found = identified(tmp_path, joined, THETA)
-    assert "jump at 5 s; cut there" in said(found)
+    assert "jump at 5 s; cut there" in texts_of(found)
     assert found.experiments == ("maneuver 1, part 1 of run.csv", "maneuver 1, part 2 of run.csv")
     assert found.files == ("run.csv",)
     assert_truth(found.fits[0])

@@ -71,25 +71,27 @@ def test_cells_that_are_no_numbers_and_short_rows_are_told(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "expected"),
     [
         ("", "empty"),
         ("only words\nand more\n", "no row of numbers"),
         (b"t,a\n\x81\xfe1,2\n", "no text in UTF-8"),
     ],
 )
-def test_what_is_no_table_is_refused(tmp_path: Path, text: str | bytes, told: str) -> None:
-    with pytest.raises(InputError, match=told):
+def test_what_is_no_table_is_refused(tmp_path: Path, text: str | bytes, expected: str) -> None:
+    with pytest.raises(InputError, match=expected):
         read(tmp_path, text)
 
 
 @pytest.mark.parametrize(
-    ("column", "told"),
+    ("column", "expected"),
     [("b", "no column 'b'; it has: t, a"), (3, "no column 3; it has 2"), ("x", "several columns 'x'")],
 )
-def test_a_column_that_is_not_there_is_told_with_those_that_are(tmp_path: Path, column: str | int, told: str) -> None:
+def test_a_column_that_is_not_there_is_told_with_those_that_are(
+    tmp_path: Path, column: str | int, expected: str
+) -> None:
     text = "x,x\n0,1\n1,2\n" if column == "x" else "t,a\n0,1\n1,2\n"
-    with pytest.raises(InputError, match=told):
+    with pytest.raises(InputError, match=expected):
         read(tmp_path, text).column(column, "signals.q.column")
 
 
@@ -128,9 +130,9 @@ def test_rows_that_are_missing_are_not_measured_and_a_long_gap_cuts(tmp_path: Pa
 def test_a_time_that_goes_back_begins_a_record_and_rows_tell_them_apart(tmp_path: Path) -> None:
     time = np.concatenate((np.arange(100), np.arange(80))) * 0.1
     assert [len(one.time) for one in cut_of(tmp_path, wave(time), TIMED).fitted] == [100, 80]
-    told = cut_of(tmp_path, wave(time), TIMED + "[maneuvers]\nrows = [[11, 60], [101, 180]]\nvalidate = [1]")
-    assert [len(one.time) for one in told.held_out] == [50]
-    assert [len(one.time) for one in told.fitted] == [80]
+    expected = cut_of(tmp_path, wave(time), TIMED + "[maneuvers]\nrows = [[11, 60], [101, 180]]\nvalidate = [1]")
+    assert [len(one.time) for one in expected.held_out] == [50]
+    assert [len(one.time) for one in expected.fitted] == [80]
     with pytest.raises(InputError, match=r"maneuvers.windows\[0\]: the time of run.csv goes back"):
         cut_of(tmp_path, wave(time), TIMED + "[maneuvers]\nwindows = [[1, 5]]")
 
@@ -173,7 +175,7 @@ def test_resampling_to_no_whole_share_of_the_rate_gives_the_rate_asked_for(tmp_p
 
 
 @pytest.mark.parametrize(
-    ("mapping", "told"),
+    ("mapping", "expected"),
     [
         ('[time]\ncolumn = "t"\n', "signals is missing"),
         (WAVE, r"\[time\] must have either a column or a rate"),
@@ -195,8 +197,8 @@ def test_resampling_to_no_whole_share_of_the_rate_gives_the_rate_asked_for(tmp_p
         (TIMED + "[constants]\nmass = { value = 3 }", "constants.mass must be a number in SI or"),
     ],
 )
-def test_a_map_that_cannot_be_is_refused_by_its_key(tmp_path: Path, mapping: str, told: str) -> None:
-    with pytest.raises(InputError, match=told) as refused:
+def test_a_map_that_cannot_be_is_refused_by_its_key(tmp_path: Path, mapping: str, expected: str) -> None:
+    with pytest.raises(InputError, match=expected) as refused:
         cut_of(tmp_path, wave(np.arange(100) * 0.1), mapping)
     assert str(refused.value).isprintable()
 

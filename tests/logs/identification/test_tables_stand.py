@@ -50,8 +50,8 @@ def run(path: Path, airspeed: float, seconds: float = 1.6) -> Path:
     """A run at 5 Hz; the air's load by `TRUTH`, none in still air."""
     time = np.arange(round(seconds / 0.002)) * 0.002
     flap = 0.14 + 0.5 * np.sin(2 * np.pi * 5.0 * time)
-    told = StandRun(path.name, time, np.zeros((len(time), 6)), flap, airspeed, 0.06, 1.225, 5.0 * time)
-    moved = stand_motion(vehicle(), told)
+    expected = StandRun(path.name, time, np.zeros((len(time), 6)), flap, airspeed, 0.06, 1.225, 5.0 * time)
+    moved = stand_motion(vehicle(), expected)
     air, motion = wing_air(vehicle(), moved, 1.225), states(vehicle(), moved)
     size = air.pressure * wing_of(vehicle()).area if airspeed else np.zeros(len(time))
     load = np.zeros((len(time), 6))
@@ -99,7 +99,7 @@ def test_a_stand_tells_the_wings_coefficients(
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "told"),
+    ("old", "new", "expected"),
     [
         ("slow_hawk", "slow_hauk", "unknown vehicle 'slow_hauk'"),
         ("[1, 0, 0]", "[1, 1, 0]", "the load cell's r_frd_from_cell is no rotation"),
@@ -112,11 +112,11 @@ def test_a_stand_tells_the_wings_coefficients(
     ],
 )
 def test_what_cannot_be_is_refused_in_a_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], old: str, new: str, told: str
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], old: str, new: str, expected: str
 ) -> None:
     assert old in MAP
     (tmp_path / "map.toml").write_text(MAP.replace(old, new))
     file = run(tmp_path / "run.csv", 9.2, 0.8)
     assert main(["identify", str(file), "--map", str(tmp_path / "map.toml"), "stand"]) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert told in line
+    assert expected in line
