@@ -40,11 +40,6 @@ def agreement(modes: tuple[Mode, ...]) -> tuple[bool | None, str]:
     return True, f"{_count(len(compared))} methods agree within the 95 % interval of their difference"
 
 
-def contradiction(one: Mode, other: Mode) -> str:
-    """By how much ``one`` differs from the ``other`` where that is more than `agreement` allows a pair, or ""."""
-    return next((gap.clause for kind in KINDS for gap in _gaps((one, other), kind)), "")
-
-
 def _uncompared(modes: tuple[Mode, ...]) -> str:
     """Why there is nothing to compare; the reasons of those that give no number stand at each of them."""
     giving = [mode.method for mode in modes if any(mode.of_kind(kind) is not None for kind in KINDS)]
