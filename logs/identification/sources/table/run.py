@@ -114,30 +114,33 @@ def identify_tables(files: Sequence[Path], mapping: Path, what: str = ALL) -> Ta
     try:
         data = data_split(tables, config.signals, config.time, config.maneuvers, config.prepare)
         data = data._replace(constants=read_constants(config.constants))
-        return _identified(config, requested, _with_kind(data, config, bool(dynamic)))
+        return _identified(config, requested, _with_kind(data, config, requested))
     except InputError as error:
         raise InputError(f"{error} (map {mapping})") from None
 
 
-def _with_kind(data: DataSplit, config: Map, dynamic: bool) -> DataSplit:
+def _with_kind(data: DataSplit, config: Map, requested: Sequence[str]) -> DataSplit:
     """The data marked as steady readings if the map says so, or if rows without a time are not correlated."""
     kind = config.experiment.kind
-    regressions = () if config.aero is None else config.aero.regressions
+    sections = [getattr(config, name) for name in requested]
+    used = _words(*(str(value) for section in sections for value in section))
     derivatives = any(
-        one.domain != "time" or SLOPES.keys() & _words(one.response, *one.regressors) for one in regressions
+        one.domain != "time" or SLOPES.keys() & _words(one.response, *one.regressors)
+        for section in sections
+        for one in getattr(section, "regressions", ())
     )
-    simulated = config.aero is not None and config.aero.output_error
-    if kind is None and config.time.column is None and not (dynamic or derivatives or simulated):
-        ratios = [
-            float(np.nanmean(np.diff(values / np.nanmax(np.abs(values))) ** 2))
-            / float(np.nanvar(values / np.nanmax(np.abs(values))))
+    simulated = any(getattr(section, "output_error", ()) for section in sections)
+    motion = derivatives or simulated or any(name in DYNAMIC for name in requested)
+    if kind is None and config.time.column is None and not motion:
+        parts = [
+            (values / float(np.nanmax(np.abs(values))))
             for one in data.fitted
-            for values in one.signals.values()
-            if moves(values)
+            for name, values in one.signals.items()
+            if name in used and moves(values)
         ]
-        if max(ratios, default=0.0) > UNCORRELATED:
-            kind, finding = "steady", Finding("steady_readings", "info")
-            data = data._replace(findings=(*data.findings, finding))
+        if any(np.nanmean(np.diff(part) ** 2) > UNCORRELATED * np.nanvar(part) for part in parts):
+            kind = "steady"
+            data = data._replace(findings=(*data.findings, Finding("steady_readings", "info")))
     return data.map(lambda one: one._replace(steady=True)) if kind == "steady" else data
 
 
