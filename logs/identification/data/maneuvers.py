@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from logs.identification.data.experiment import Experiment
 from logs.identification.data.flight import Aircraft, FlightData, JoinedFlight
-from logs.identification.data.resampling import behind, cut
-from logs.identification.data.stroke_average import averaging_matrix, wing_period
+from logs.identification.data.resampling import averaging_matrix, behind, cut, wing_period
 from logs.identification.results import Array
 from wingbeat.errors import InputError
 

@@ -25,7 +25,7 @@ from scipy.optimize import minimize_scalar
 from scipy.signal import savgol_coeffs, savgol_filter
 
 from logs.identification.data.experiment import Experiment, longest_run
-from logs.identification.data.stroke_average import stroke_average, wing_period
+from logs.identification.data.resampling import stroke_average, wing_period
 from logs.identification.results import Array
 from wingbeat.errors import InputError
 
