@@ -42,6 +42,7 @@ KEYS: dict[str, Key] = {
     "sticks": Key(str, "-", "table by which a transmitter is moved, instead of the scripted start"),
     "faults": Key(str, "-", "what fails: NAME@T or NAME@T-T2, several with spaces between, empty for nothing"),
     "turbulence": Key(str, "-", f"Dryden gusts: {LEVELS_TOLD}"),
+    "vibration": Key(float, "-", "factor of the vibration of the vehicle file; 0: none", 0.0),
     "seed": Key(int, "-", "of sensor noise and gusts", 0, 2**63 - 1),
     "duration": Key(float, "s", "the flight ends then at the latest", ABOVE_ZERO),
     "wind.speed": Key(float, "m/s", "steady wind", 0.0),
@@ -58,6 +59,24 @@ FAMILIES: dict[str, Family] = {
     "fault": Family("fault.NAME.at", "s; when a fault begins; fault.NAME.until or .lasting ends it"),
 }
 DEGREES = "_deg"
+LABELS = {
+    "turbulence": "turbulence", "seed": "random seed", "duration": "time limit", "wind.speed": "wind speed",
+    "wind.from": "wind direction (from)", "throw.speed": "launch speed factor", "throw.pitch": "launch pitch offset",
+    "throw.bank": "launch bank", "sensors.corner": "sensor errors in standard deviations",
+}  # fmt: skip
+"""labels of plain keys that are not words"""
+
+
+def label_of(key: str) -> str:
+    """Return the label of an input for plots and tables."""
+    name = plain_name(key)
+    if name is not None:
+        return LABELS.get(name, name)
+    family, _, place = key.partition(".")
+    words = place.replace(".", " ").replace("_", " ")
+    if family == "scale":
+        return f"factor on {label_of(place)}"
+    return {"vehicle": f"vehicle {words}", "gains": f"gain {words}", "fault": f"fault {words}"}.get(family, key)
 
 
 def check_key(key: str) -> None:

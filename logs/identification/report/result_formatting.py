@@ -10,7 +10,7 @@ from logs.identification.findings import Finding, of_severity
 from logs.identification.models.lateral_modes import DUTCH_ROLL, LATERAL_PHUGOID, ROLL, SPIRAL
 from logs.identification.report.numbers import Identification, document, step_entries
 from logs.identification.results import Estimate, EstimationResult, OutputFit
-from logs.identification.sources.table.run import TableIdentification
+from logs.identification.sources.table.results import TableIdentification
 from logs.identification.statistics.correlation import Pair, strong_pairs
 from logs.identification.statistics.output_fit import output_fits
 

@@ -17,7 +17,8 @@ from logs.identification.findings import CATALOG
 from logs.identification.models.modes import split_pairs
 from logs.identification.report.result_formatting import correlation_lines, finding_line, notes_of
 from logs.identification.results import EstimationResult, FitSeries, estimate
-from logs.identification.sources.table.run import TableIdentification, identify_tables
+from logs.identification.sources.table.results import TableIdentification
+from logs.identification.sources.table.run import identify_tables
 from logs.identification.statistics.correlation import Pair
 from tests.logs.identification.test_tables_four_states import MAP
 from tests.logs.identification.test_tables_identified import BASE, codes, flight, identified, write

@@ -20,7 +20,8 @@ from logs.identification.results import EstimationResult
 from logs.identification.sources.table.config import example_map, load_map
 from logs.identification.sources.table.derived import DERIVED as MADE_OF
 from logs.identification.sources.table.derived import Source
-from logs.identification.sources.table.run import TableIdentification, identify_tables
+from logs.identification.sources.table.results import TableIdentification
+from logs.identification.sources.table.run import identify_tables
 from wingbeat.errors import InputError
 
 EXAMPLES = Path(__file__).parents[3] / "docs" / "examples"

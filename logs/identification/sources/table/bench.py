@@ -15,11 +15,11 @@ from logs.identification.estimators.servo_torque import torque_of_readings
 from logs.identification.estimators.torque_speed import identify_torque_speed, turning
 from logs.identification.estimators.twist import DAMPING, NATURAL, identify_twist, swing_of
 from logs.identification.findings import Entry, Finding, register
-from logs.identification.report.document import MEASURED, MODEL, POINTS, Chapter, Plot, Series
 from logs.identification.results import Array, EstimationResult, FitSeries, withheld_finding
 from logs.identification.sources.table.derived import signal
 from logs.identification.sources.table.maneuvers import DataSplit, files_of
 from logs.identification.sources.table.quantities import Measure
+from logs.pages.document import MEASURED, MODEL, POINTS, Chapter, Plot, Series
 from wingbeat.errors import InputError
 
 TORQUE = ("torque = K_tau I + K_tau0 (Gerdes Eq. 11)",)

@@ -42,7 +42,6 @@ from logs.identification.models.modes import (
     nothing,
 )
 from logs.identification.models.user import is_user_model
-from logs.identification.report.document import Bar, Chapter, Intervals
 from logs.identification.results import SURE, EstimationResult, Unidentified, withheld_finding
 from logs.identification.sources.table.config import DELAY, ModesSection, OutputError, Parameter
 from logs.identification.sources.table.derived import band_frequencies, check_distinct
@@ -50,6 +49,7 @@ from logs.identification.sources.table.maneuvers import DataSplit
 from logs.identification.sources.table.model_fit import METHODS, ModelFit, model_fit, shortened
 from logs.identification.sources.table.models import DROPPED, with_trim
 from logs.identification.statistics.parameter_uncertainty import Spread
+from logs.pages.document import Bar, Chapter, Intervals
 from wingbeat.constants import STANDARD_GRAVITY
 from wingbeat.errors import InputError
 

@@ -16,12 +16,12 @@ from logs.identification.estimators.registry import Request, estimators
 from logs.identification.estimators.regressors import INTERCEPT, LOCAL_POLYNOMIAL, filtered_like_derivative
 from logs.identification.estimators.terms import parse
 from logs.identification.findings import Entry, Finding, register
-from logs.identification.report.document import Chapter, Table
 from logs.identification.results import Array, EstimationResult
 from logs.identification.sources.table.config import Regression
 from logs.identification.sources.table.derived import DERIVED, averaging_of, band_frequencies, with_derived
 from logs.identification.sources.table.maneuvers import DataSplit, files_of
 from logs.identification.sources.table.quantities import UNITS
+from logs.pages.document import Chapter, Table
 from wingbeat.errors import InputError
 from wingbeat.text import did_you_mean
 
