@@ -82,6 +82,11 @@ register({
         "Derivatives grow with the airspeed and its square; one linear model is an average.",
         "fit each airspeed separately, or use the nonlinear model",
     ),
+    "trim_from_vane": Entry(
+        "trim {subject} of {value:.3g} rad is the mean of a vane",
+        "The bias of the vane turns the axes of the linear model, and no pitch angle corrects it.",
+        "set alpha and theta in [constants]; 0.0 for stability axes",
+    ),
     "trim_assumed": Entry(
         "{subject} is neither a constant nor a signal: assumed 0 rad",
         "The axes of the linear model turn with the trim angles.",
@@ -434,5 +439,10 @@ def assumed_trim(context: Context) -> tuple[Finding, ...]:
     model = context.result.model if context.result else ""
     if model not in ("longitudinal", "lateral") or "beta" in context.inputs:
         return ()
-    known = {*context.constants, *context.experiments[0].signals}
-    return tuple(Finding("trim_assumed", "warning", n) for n in ("alpha", "theta") if n not in known)
+    signals = context.experiments[0].signals
+    known = {*context.constants, *signals}
+    found = [Finding("trim_assumed", "warning", n) for n in ("alpha", "theta") if n not in known]
+    if "theta" not in known and "alpha" in signals and "alpha" not in context.constants:
+        mean = float(np.nanmean(np.concatenate([one.signals["alpha"] for one in context.experiments])))
+        found.append(Finding("trim_from_vane", "warning", "alpha", mean))
+    return tuple(found)

@@ -68,6 +68,13 @@ def test_automatic_four_states_do_not_depend_on_the_vane_bias(tmp_path: Path) ->
         assert other is not None and other.value == pytest.approx(one.value, abs=0.1 * one.standard_error)
 
 
+@pytest.mark.parametrize(("constants", "expected"), [("", True), ("alpha = 0.0\ntheta = 0.0\n", False)])
+def test_a_trim_angle_from_a_vane_has_a_finding(tmp_path: Path, constants: str, expected: bool) -> None:
+    mapping = MAP.replace("V = 8.0\n", f"V = 8.0\n{constants}") + 'states = 4\nmethod = "output_error"\n'
+    found = identified(tmp_path, record(1, 30.0), mapping)
+    assert ("trim_from_vane" in codes(found.fits[0])) is expected
+
+
 def bench(folder: Path, current: np.ndarray, torque: np.ndarray, section: str) -> TableIdentification:
     (folder / "map.toml").write_text(BENCH + section)
     return identify_tables(
