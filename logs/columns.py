@@ -84,16 +84,19 @@ class Columns(Mapping[str, Array]):
     def to_pandas(self) -> pd.DataFrame:
         """Return a data frame with one row per message, indexed by the time in s since boot (needs pandas).
 
-        A packed array of n values becomes n columns, ``name[0]`` and so on.
+        A packed array of n values becomes n columns, ``name[0]`` and so on. An enumeration ``mode`` is followed by
+        ``mode_name``, a category.
         """
         import pandas as pd
 
-        table: dict[str, Array] = {}
+        table: dict[str, Any] = {}
         for name, values in self.fields.items():
             if values.ndim == 1:
                 table[name] = values
             else:
                 table |= {f"{name}[{i}]": values[:, i] for i in range(values.shape[1])}
+            if name in self.labels and f"{name}_name" not in self.fields:
+                table[f"{name}_name"] = pd.Categorical(names_of(values, self.labels[name]))
         return pd.DataFrame(table, index=pd.Index(self.time, name="time"))
 
     @property
@@ -102,6 +105,13 @@ class Columns(Mapping[str, Array]):
         if "time_us" in self.fields:
             return np.asarray(self.fields["time_us"] * 1e-6, np.float64)
         return np.asarray((self.log_time_ns - self.boot_ns) * 1e-9, np.float64)
+
+
+def names_of(values: Array, labels: Mapping[int, str]) -> Array:
+    """Return the names of an enumeration's values; a value without one as its number, NaN as the empty string."""
+    unique, inverse = np.unique(values, return_inverse=True)
+    names = ["" if math.isnan(value) else labels.get(int(value), str(int(value))) for value in unique.tolist()]
+    return np.array(names, dtype=np.str_)[inverse.reshape(values.shape)]
 
 
 class RowType(NamedTuple):

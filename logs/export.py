@@ -1,4 +1,4 @@
-"""Export of topics: CSV, npz, Parquet, MATLAB, Rerun."""
+"""Export of topics: CSV, npz, Parquet, MATLAB, rosbag2, Rerun."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import IO, Any, NamedTuple
 import numpy as np
 
 from logs.columns import Columns
-from logs.flat import distinct, split, split_units, texts, with_time
+from logs.flat import distinct, export_table, split, split_units, texts
 from logs.matlab import write_mat
 from logs.new_files import claim, draft, settle
 from logs.parquet import write_parquet
@@ -71,6 +71,8 @@ def export(
         InputError: unknown topic or form, a file exists (no file is written then), it cannot be written, a package is
             not installed, several tables would have to go to one file, or the form does not support parts.
     """
+    if form is None and target.suffix == ".mcap":
+        raise InputError(f"{target}: specify --format {BAG} for a file of ROS 2, or another suffix")
     if form is None and target.suffix and target.suffix[1:] not in FORMS and not target.is_dir():
         raise InputError(
             f"{target}: no export as {target.suffix}; there are {', '.join(FORMS)}, or a folder with a form"
@@ -80,8 +82,13 @@ def export(
         raise InputError(f"no export as {form}; there are {', '.join(FORMS)}")
     if form == FLIGHT:
         return Exported([_write_flight(log, target, part, show)], [])
+    if form == BAG:
+        _check_bag(target, part)
     part, left_out = _decodable(log, part)
-    tables = _tables(log, part, left_out)
+    raw = _tables(log, part, left_out)
+    if form == BAG:
+        return Exported(_write_bag(log, target, raw, show), (left_out or []) + undecodable_lines(log))
+    tables = _export_tables(raw)
     if form in TOGETHER:
         files = _write_together(tables, target, TOGETHER[form])
     elif target.suffix == f".{form}":
@@ -100,12 +107,12 @@ def undecodable_lines(log: Log) -> list[str]:
 
 def export_csv(log: Log, folder: Path, topics: Sequence[str] | None = None) -> list[Path]:
     """Write one CSV file per topic, ``main_wing.csv`` for ``/main/wing``; see `export`."""
-    return _write_each(_tables(log, Part(topics)), folder, "csv")
+    return _write_each(_export_tables(_tables(log, Part(topics))), folder, "csv")
 
 
 def export_npz(log: Log, path: Path, topics: Sequence[str] | None = None) -> Path:
     """Write topics to one npz file; see `export` and `write_npz`."""
-    return _write_together(_tables(log, Part(topics)), path, write_npz)[0]
+    return _write_together(_export_tables(_tables(log, Part(topics))), path, write_npz)[0]
 
 
 # --- what ------------------------------------------------------------------------------------------------
@@ -138,7 +145,11 @@ def _tables(log: Log, part: Part, left_out: list[str] | None = None) -> dict[str
             found = _readable_tables(log, topics, part, left_out)
     else:
         found = {"aligned": log.aligned(topics, part.rate, part.start, part.end)}
-    return {name: with_time(columns) for name, columns in found.items()}
+    return found
+
+
+def _export_tables(raw: Tables) -> dict[str, Columns]:
+    return {name: export_table(columns) for name, columns in raw.items()}
 
 
 def _readable_tables(log: Log, topics: Sequence[str], part: Part, left_out: list[str]) -> dict[str, Columns]:
@@ -209,7 +220,9 @@ TOGETHER: dict[str, Callable[[Tables, IO[bytes]], None]] = {"npz": write_npz, "m
 """forms with all tables in one file"""
 FLIGHT = "rrd"
 """form without tables: the vehicle along its track"""
-FORMS = (*EACH, *TOGETHER, FLIGHT)
+BAG = "rosbag2"
+"""form for ROS 2: a folder, or one file .mcap"""
+FORMS = (*EACH, *TOGETHER, BAG, FLIGHT)
 
 
 # --- where -----------------------------------------------------------------------------------------------
@@ -242,6 +255,21 @@ def _write_together(tables: Tables, path: Path, write: Callable[[Tables, IO[byte
     _make(path.parent)
     _write(path, partial(write, tables))
     return [path]
+
+
+def _check_bag(target: Path, part: Part) -> None:
+    """Reject a bag that cannot be written, before the log is read."""
+    if part.rate is not None:
+        raise InputError(f"{BAG} holds every message at its own time: it takes no rate")
+    if target.exists():
+        raise InputError(f"{target} exists: it is not overwritten")
+
+
+def _write_bag(log: Log, target: Path, tables: Tables, show: Show) -> list[Path]:
+    from logs.rosbag2 import write_rosbag2
+
+    _make(target.parent)
+    return write_rosbag2(log, target, tables, show)
 
 
 def _write_flight(log: Log, path: Path, part: Part, show: Show) -> Path:

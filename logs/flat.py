@@ -1,4 +1,4 @@
-"""Flat tables: one number or text per cell, and time in every table."""
+"""Flat tables: one number or text per cell, time first, enumerations with the names of their values."""
 
 from __future__ import annotations
 
@@ -8,15 +8,33 @@ from dataclasses import replace
 from itertools import count
 from typing import Any
 
-from logs.columns import Array, Columns
+from logs.columns import Array, Columns, names_of
+
+TIME = "time"
+"""s since boot: first column of every exported table, index of a pandas frame"""
+RENAMED = {TIME: f"message_{TIME}"}
+"""field of a message whose name is taken, and its column"""
 
 
-def with_time(columns: Columns) -> Columns:
-    """Return the table with its time (s since boot) as first column if the messages have no time field."""
-    if "time_us" in columns:
-        return columns
-    name = "log_time" if "time" in columns else "time"
-    return replace(columns, fields={name: columns.time, **columns.fields}, units={name: "s", **columns.units})
+def export_table(columns: Columns) -> Columns:
+    """Return the table of an export.
+
+    The first column is `TIME`. A field of that name becomes ``message_time``. An enumeration ``mode`` is followed by
+    ``mode_name`` with the names of its values (NumPy strings, empty if there is none).
+    """
+    taken = {RENAMED.get(name, name) for name in columns}
+    fields: dict[str, Array] = {TIME: columns.time}
+    units, labels, descriptions = {TIME: "s"}, {}, {TIME: "since boot"}
+    for source, values in columns.fields.items():
+        name = RENAMED.get(source, source)
+        fields[name], units[name] = values, columns.units[source]
+        descriptions[name] = columns.descriptions.get(source, "")
+        if source in columns.labels:
+            labels[name] = columns.labels[source]
+            (named,) = distinct([f"{name}_name"], taken)
+            fields[named], units[named] = names_of(values, labels[name]), "-"
+            taken.add(named)
+    return replace(columns, fields=fields, units=units, labels=labels, descriptions=descriptions)
 
 
 def split(columns: Columns) -> dict[str, Array]:

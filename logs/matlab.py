@@ -65,7 +65,7 @@ def _struct(columns: Columns) -> dict[str, Any]:
 
 
 def _values(values: Array) -> Array:
-    if values.dtype != object:
+    if values.dtype.kind not in "OU":
         return values
     cells = np.empty(len(values), object)
     cells[:] = [text or "" for text in texts(values)]

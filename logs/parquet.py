@@ -5,13 +5,15 @@ from __future__ import annotations
 import json
 from typing import IO, Any
 
+import numpy as np
+
 from logs.columns import Array, Columns
 from logs.extras import load_extra
 from logs.flat import texts
 
 
 def write_parquet(columns: Columns, file: IO[bytes]) -> None:
-    """Write a table; arrays become lists of fixed size.
+    """Write a table; arrays become lists, NumPy strings a dictionary (pandas and polars: categories).
 
     The metadata of each column are ``unit`` and, if known, ``description`` and ``labels`` (JSON); those of the table
     are ``wingbeat.topic`` and ``wingbeat.boot_ns``, the epoch time (ns) of the zero of the vehicle clock.
@@ -33,14 +35,13 @@ def write_parquet(columns: Columns, file: IO[bytes]) -> None:
 def _array(arrow: Any, values: Array) -> Any:
     if values.dtype == object:
         return arrow.array(texts(values), arrow.string())
+    if values.dtype.kind == "U":
+        return arrow.array([name or None for name in values.tolist()], arrow.string()).dictionary_encode()
     if values.ndim == 1:
         return arrow.array(values)
-    element = arrow.from_numpy_dtype(values.dtype)
-    # Parquet readers reject nonempty lists of fixed size 0 in a file, so these are lists of variable size.
-    if not values.size:
-        return arrow.array(values.tolist(), arrow.list_(element))
-    kind = arrow.list_(element, values.shape[1])
-    return arrow.FixedSizeListArray.from_arrays(arrow.array(values.ravel()), type=kind)
+    # Parquet has no lists of fixed size, and some readers reject those that Arrow stores as such.
+    offsets = np.arange(len(values) + 1, dtype=np.int32) * values.shape[1]
+    return arrow.ListArray.from_arrays(arrow.array(offsets), arrow.array(values.ravel()))
 
 
 def _about(columns: Columns, name: str) -> dict[str, str]:

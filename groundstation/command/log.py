@@ -19,7 +19,7 @@ from groundstation.views.json_document import print_document
 from groundstation.views.progress import ProgressBar
 from groundstation.views.terminal import open_console
 from logs.chunks import MAX_CHUNK_SIZE
-from logs.export import EACH, FORMS, Part, export, undecodable_lines
+from logs.export import BAG, EACH, FORMS, Part, export, undecodable_lines
 from logs.info import flight_summary, is_long, summary
 from logs.new_files import numbered
 from logs.reader import Log, open_log
@@ -39,6 +39,7 @@ EXAMPLES = (
     "wingbeat log export recordings/flight.mcap --to flight.npz --topic /attitude/ahrs",
     "wingbeat log export recordings/flight.mcap --to flight.mat --start 20 --end 40",
     "wingbeat log export recordings/flight.mcap --to folder --format parquet",
+    "wingbeat log export recordings/flight.mcap --to bag --format rosbag2    # ROS 2: ros2 bag play bag",
     "wingbeat log export recordings/flight.mcap --to flight.csv --rate 100 --topic /main/wing --topic /power/state",
     "wingbeat log export recordings/flight.mcap --to flight.rrd    # then: rerun flight.rrd",
     "wingbeat log import flight.bin --to recordings/flight.mcap",
@@ -121,7 +122,7 @@ def _add_export(parser: argparse.ArgumentParser) -> None:
         "--to",
         type=Path,
         metavar="PATH",
-        help="file whose extension sets the format, or folder for a CSV or Parquet file per topic",
+        help="file whose extension sets the format, or folder for rosbag2 or a CSV or Parquet file per topic",
     )
     parser.add_argument("--format", choices=FORMS, help="format if not set by the extension (default: csv)")
     parser.add_argument(
@@ -234,7 +235,9 @@ def _live(chosen: argparse.Namespace) -> None:
 
 
 def _export(chosen: argparse.Namespace) -> None:
-    target = chosen.to or chosen.file.with_suffix("" if chosen.format in EACH else f".{chosen.format or 'npz'}")
+    target = chosen.to or chosen.file.with_suffix(
+        "" if chosen.format in (*EACH, BAG) else f".{chosen.format or 'npz'}"
+    )
     part = Part(chosen.topic, chosen.start, chosen.end, chosen.rate)
     with _open(chosen) as log, ProgressBar("exporting", quiet=chosen.json) as bar:
         _check_window(log, chosen.start, chosen.end)

@@ -38,7 +38,7 @@ def foreign(path: Path) -> Log:
         one = writer.register_channel("/json", "json", 0)
         blob = writer.register_channel("/blob", "flatbuffer", 0)
         for n in range(20):
-            document = {"b": {"c": n + 0.5}, "time": n, "name": f"n{n}", "list": [1] * n, "end": [n, n]}
+            document = {"b": {"c": n + 0.5}, "time": n, "name": f"n{n}", "list": [1] * n, "end": [n, n], "none": []}
             writer.add_message(one, n * 10**8, json.dumps(document).encode(), n)
             writer.add_message(blob, n * 10**8, b"?", n)
         writer.finish()
@@ -122,10 +122,11 @@ def test_parquet_of_texts_and_of_no_message(tmp_path: Path) -> None:
     part = Part(["/json"])
     table = parquet.read_table(export(log, tmp_path / "a.parquet", part).files[0])
     assert table["name"].to_pylist()[4] == "n4" and table["list"].to_pylist()[2] == "[1, 1]"
-    assert table["log_time"].to_pylist() == pytest.approx([0.1 * n for n in range(20)])
+    assert table["time"].to_pylist() == pytest.approx([0.1 * n for n in range(20)])
+    assert table["message_time"].to_pylist() == list(range(20))
     empty = open_log(record(tmp_path / "b.mcap", flight(0.5, (topics.ADC,))))
     (path,) = export(empty, tmp_path / "none.parquet", Part(None, 5.0)).files
-    assert parquet.read_table(path).num_rows == 0 and len(parquet.read_table(path).schema) == 3
+    assert parquet.read_table(path).num_rows == 0 and len(parquet.read_table(path).schema) == 4
 
 
 def test_without_pyarrow_parquet_is_one_line(log: Log, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -133,6 +134,45 @@ def test_without_pyarrow_parquet_is_one_line(log: Log, tmp_path: Path, monkeypat
     with pytest.raises(InputError, match=r"needs pyarrow, which is not installed: \S+ -m pip install 'pyarrow[<>=]"):
         export(log, tmp_path / "a.parquet", Part(["/main/wing"]))
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("library", ["pandas", "polars"])
+def test_parquet_of_every_topic_is_read(tmp_path: Path, library: str) -> None:
+    """GIVEN topics of every layout and a foreign one with texts and empty lists
+    WHEN they are exported as Parquet, some without a message
+    THEN pandas and polars read every file, time first, enumerations as categories.
+    """
+    pytest.importorskip("pyarrow")
+    read = pytest.importorskip(library).read_parquet
+    log = open_log(record(tmp_path / "a.mcap", flight(0.5)))
+    files = export(log, tmp_path / "all", form="parquet").files
+    files += export(log, tmp_path / "late", Part(None, 0.499), "parquet").files
+    files += export(foreign(tmp_path / "b.mcap"), tmp_path / "foreign", form="parquet").files
+    tables = {file.stem: read(file) for file in files if file.parent.name != "late"}
+    assert all(next(iter(read(file).columns)) == "time" for file in files)
+    assert len(tables) == len(log.topics) + 1
+    assert "ategor" in str(tables["guidance_navigation"]["mode_name"].dtype)
+    assert np.array_equal(tables["json"]["time"], 0.1 * np.arange(20.0))
+
+
+def test_every_form_has_time_and_enumeration_names(tmp_path: Path) -> None:
+    """GIVEN modes 4 (AUTO) and 99 (no such mode) WHEN exported THEN every form has `time` and `mode_name`."""
+    message = topics.NAVIGATION.message
+    first = message(*([0] * len(message._fields)))._replace(time_us=1_500_000, mode=4)
+    messages = [(topics.NAVIGATION, first), (topics.NAVIGATION, first._replace(time_us=2_000_000, mode=99))]
+    log = open_log(record(tmp_path / "a.mcap", messages))
+    (row, other) = rows_of(export(log, tmp_path / "a.csv").files[0])
+    assert next(iter(row)) == "time [s]" and [row["time [s]"], other["time [s]"]] == ["1.5", "2.0"]
+    assert [row["mode_name"], other["mode_name"], row["mode"]] == ["AUTO", "99", "4"]
+    with np.load(export(log, tmp_path / "a.npz").files[0], allow_pickle=False) as arrays:
+        assert arrays["guidance_navigation/time"].tolist() == [1.5, 2.0]
+        assert arrays["guidance_navigation/mode_name"].tolist() == ["AUTO", "99"]
+    struct = loadmat(export(log, tmp_path / "a.mat").files[0])["guidance_navigation"][0, 0]
+    assert struct["time"][:, 0].tolist() == [1.5, 2.0] and struct["mode_name"][0, 0][0] == "AUTO"
+    pytest.importorskip("pandas")
+    for frame in (log.frame(topics.NAVIGATION), log.columns(topics.NAVIGATION).to_pandas()):
+        assert frame.index.name == "time" and frame.index.tolist() == [1.5, 2.0]
+        assert frame["mode_name"].tolist() == ["AUTO", "99"] and frame["mode_name"].dtype == "category"
 
 
 # --- parts of a log, one table --------------------------------------------------------------------------
@@ -203,7 +243,12 @@ def test_what_cannot_be_decoded_is_left_out_and_told(tmp_path: Path) -> None:
     assert [file.name for file in done.files] == ["json.csv"]
     assert len(done.left_out) == 1 and "/blob is encoded as flatbuffer" in done.left_out[0]
     rows = rows_of(done.files[0])
-    assert rows[2]["log_time [s]"] == "0.2" and rows[2]["b.c"] == "2.5" and rows[2]["list"] == "[1, 1]"
+    assert (
+        rows[2]["time [s]"] == "0.2"
+        and rows[2]["message_time"] == "2"
+        and rows[2]["b.c"] == "2.5"
+        and rows[2]["list"] == "[1, 1]"
+    )
     with pytest.raises(InputError, match="/blob is encoded as flatbuffer"):
         export(log, tmp_path / "b", Part(["/blob"]))
 
@@ -235,7 +280,7 @@ def test_a_frame_of_polars(log: Log, tmp_path: Path) -> None:
     assert np.array_equal(wing["strokes"].to_numpy(), columns["strokes"])
     assert log.frame(topics.EVENTS, "polars")["message"].to_list() == [event.text for event in log.events()]
     other = foreign(tmp_path / "a.mcap").frame("/json", "polars")
-    assert other["log_time"].to_list()[:2] == pytest.approx([0.0, 0.1]) and other["list"][2] == "[1, 1]"
+    assert other["time"].to_list()[:2] == pytest.approx([0.0, 0.1]) and other["list"][2] == "[1, 1]"
 
 
 def test_what_installs_a_package_is_the_pip_of_the_python_that_runs(
