@@ -155,6 +155,22 @@ def claim(source: Path, path: Path) -> None:
         source.unlink()
 
 
+def write_text(path: Path, text: str) -> None:
+    """Create a text file atomically; missing folders are created.
+
+    Raises:
+        InputError: it exists or cannot be written.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"cannot write {path}: {error.strerror or error}") from None
+    with draft(path) as (file, temporary):
+        file.write(text.encode())
+        settle(file)
+        claim(temporary, path)
+
+
 def _claim_by_name(source: Path, path: Path) -> None:
     """Move like `claim` on a file system without hard links, such as that of a memory card."""
     try:

@@ -15,7 +15,7 @@ from groundstation.command import options
 from groundstation.command.compiling import load_physics
 from groundstation.command.foreign import Foreign
 from groundstation.views.progress import ProgressBar
-from logs.new_files import check_new, claim, draft, settle
+from logs.new_files import check_new, write_text
 from sim_bridge.bridge.foreign import mixer
 from sim_bridge.bridge.foreign.launch import Launch, Push
 from sim_bridge.bridge.foreign.parameters import (
@@ -81,10 +81,7 @@ def write_parameters(chosen: argparse.Namespace, foreign: Foreign, world: Simula
     command = shlex.join(["wingbeat", *_options(chosen, "--write-parameters", path.name)])
     title = f"{autopilot} on {rig.vehicle.title}: {command}"
     text = (px4_file if foreign.of_px4 else ardupilot_file)(f"{title}. {EXPLANATION}", parameters)
-    with draft(path) as (file, temporary):
-        file.write(text.encode())
-        settle(file)
-        claim(temporary, path)
+    write_text(path, text)
     print(f"{len(parameters)} parameters of {autopilot} for {rig.vehicle.title} written to {path}")
     print("start next:")
     for line in (_px4_commands if foreign.of_px4 else _ardupilot_commands)(chosen, path):

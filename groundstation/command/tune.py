@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -16,6 +17,7 @@ from groundstation.views.json_document import print_document
 from groundstation.views.progress import ProgressBar
 from groundstation.views.terminal import open_console
 from groundstation.views.tuning import (
+    axes_table,
     comparison_line,
     design_heading,
     design_table,
@@ -24,7 +26,9 @@ from groundstation.views.tuning import (
     withheld_line,
     written_line,
 )
-from logs.new_files import check_new
+from logs.new_files import check_new, write_text
+from sim_bridge.bridge.foreign.parameters import Parameter
+from sim_bridge.flight.tuning.autopilots import FIRMWARE, AxisLoop, design_axes
 from sim_bridge.flight.tuning.cascade import Design, Loop, design
 from sim_bridge.flight.tuning.proof import SCENARIO, Comparison, FlightQuality, Proof, fly_quality
 from sim_bridge.flight.tuning.vehicle_file import Places, places, write
@@ -41,6 +45,8 @@ EXAMPLES = (
     "wingbeat tune robo_raven_ii_d",
     "wingbeat tune my_bird --airspeed 7 --out my_tuned_bird",
     "wingbeat tune my_model.toml --vehicle my_bird --no-fly --json",
+    "wingbeat tune my_model.toml --format ardupilot --out my_bird.param",
+    "wingbeat tune my_model.toml --format px4 --out my_bird.params",
 )
 FLOWN_KEYS = (
     "holds, airtime s, touched, altitude_rms m, heading_rms, pitch_rms, roll_rms rad, elevator_rate, rudder_rate"
@@ -56,6 +62,8 @@ JSON_KEYS = {
     "comparison": "null, or how the flight after compares: better, same, worse; files that fly worse need --force",
     "error_ratio": "null, or geometric mean of altitude, heading, pitch and roll errors after, over those before",
     "written": "names of the files",
+    "parameters": "with --format ardupilot or px4: {name: value}; loops are then those of the autopilot, {name,"
+    " before: null, after: as above, with the gains by parameter name}, and nothing is flown",
 }
 
 
@@ -90,7 +98,17 @@ def build_parser() -> options.Parser:
     )
     options.add_aerodynamics(parser)
     parser.add_argument(
-        "--out", type=Path, metavar="DIR", help="new folder for world.toml and avionics.toml, or new FILE.toml"
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="new folder for world.toml and avionics.toml, or new FILE.toml; with --format a new parameter file",
+    )
+    parser.add_argument(
+        "--format",
+        choices=("wingbeat", *FIRMWARE),
+        default="wingbeat",
+        help="gains of Wingbeat's loops, or of the attitude loops of ArduPlane or PX4 as their parameter file"
+        " (default: wingbeat)",
     )
     parser.add_argument("--force", action="store_true", help="write the files even if the flight after is worse")
     parser.add_argument("--no-fly", action="store_true", help="leave out the flights before and after")
@@ -113,6 +131,8 @@ def run(arguments: Sequence[str]) -> int:
             within the limits, or files that exist already or cannot be written.
     """
     chosen = build_parser().parse_args(arguments)
+    if chosen.format in FIRMWARE:
+        return _run_autopilot(chosen, arguments)
     where = None if chosen.out is None else _places(chosen.out)
     subject = _subject(chosen)
     for line in options.name_warnings(subject.vehicle.file, *([] if subject.world is None else [subject.world])):
@@ -140,6 +160,60 @@ def run(arguments: Sequence[str]) -> int:
     if chosen.json:
         print_document(_document(subject, designs, proof, written))
     return NOT_WRITTEN if where is not None and withheld else 0
+
+
+def _run_autopilot(chosen: argparse.Namespace, arguments: Sequence[str]) -> int:
+    """Design, show and write the parameters of another autopilot; nothing is flown."""
+    if chosen.out is not None:
+        check_new(chosen.out, made=True)
+    chosen.no_fly = True
+    subject, firmware = _subject(chosen), FIRMWARE[chosen.format]
+    with ProgressBar("designing") as bar:
+        designs = design(subject.model, subject.vehicle, bar.show)
+        loops = design_axes(firmware, subject.model, subject.vehicle)
+    parameters = firmware.parameters(subject.model, subject.vehicle.gains, designs, loops)
+    console = open_console(quiet=chosen.json)
+    console.print(design_heading(subject.vehicle, designs))
+    console.print(axes_table(firmware, loops))
+    written: list[Path] = []
+    if chosen.out is None:
+        console.print(unwritten_line(arguments, "FILE writes these parameters"), soft_wrap=True)
+    else:
+        command = shlex.join(["wingbeat", "tune", *arguments])
+        title = f"{firmware.title}, attitude loops for {subject.vehicle.title}: {command}. {MAPPING}"
+        write_text(chosen.out, firmware.file(title, parameters))
+        written = [chosen.out]
+        console.print(written_line(written))
+    if chosen.json:
+        print_document(_autopilot_document(subject, loops, parameters, written))
+    return 0
+
+
+MAPPING = (
+    "Full pitch output is the elevator travel of the flight vehicle file, full roll output its tail.rudder_share."
+    " section.key is of that file."
+)
+
+
+def _autopilot_document(
+    subject: _Chosen, loops: list[AxisLoop], parameters: list[Parameter], written: list[Path]
+) -> dict[str, Any]:
+    values = {one.name: one.value for one in parameters}
+    return _heading_document(subject) | {
+        "loops": [
+            {
+                "name": loop.name,
+                "before": None,
+                "after": _loop(Loop(loop.name, loop.gains, loop.margins, loop.bandwidth)),
+            }
+            for loop in loops
+        ],
+        "flights": None,
+        "comparison": None,
+        "error_ratio": None,
+        "written": written,
+        "parameters": values,
+    }
 
 
 def _places(out: Path) -> Places:
@@ -230,12 +304,7 @@ def _proof(subject: _Chosen, world: SimulatedVehicle, designs: Design, seed: int
 
 def _document(subject: _Chosen, designs: Design, proof: Proof | None, written: list[Path]) -> dict[str, Any]:
     """Build the document of `JSON_KEYS`."""
-    return {
-        "vehicle": subject.vehicle.name,
-        "model": designs.model.origin,
-        "airspeed": designs.model.airspeed,
-        "frequency": designs.model.frequency,
-        "limits": {"gain_margin": LIMITS.gain_margin_db, "phase_margin": LIMITS.phase_margin},
+    return _heading_document(subject) | {
         "loops": [
             {"name": before.name, "before": _loop(before), "after": _loop(after)}
             for before, after in zip(designs.before, designs.after, strict=True)
@@ -246,6 +315,16 @@ def _document(subject: _Chosen, designs: Design, proof: Proof | None, written: l
         "comparison": None if proof is None else proof.comparison.value,
         "error_ratio": None if proof is None else proof.error_ratio,
         "written": written,
+    }
+
+
+def _heading_document(subject: _Chosen) -> dict[str, Any]:
+    return {
+        "vehicle": subject.vehicle.name,
+        "model": subject.model.origin,
+        "airspeed": subject.model.airspeed,
+        "frequency": subject.model.frequency,
+        "limits": {"gain_margin": LIMITS.gain_margin_db, "phase_margin": LIMITS.phase_margin},
     }
 
 

@@ -12,6 +12,7 @@ from rich.text import Text
 
 from avionics.vehicles import FlightVehicle
 from groundstation.views import tables, wording
+from sim_bridge.flight.tuning.autopilots import AxisLoop, Firmware
 from sim_bridge.flight.tuning.cascade import PARTS, Design, Loop
 from sim_bridge.flight.tuning.proof import Comparison, FlightQuality, Proof
 from sim_bridge.tuning.margins import LIMITS
@@ -48,6 +49,29 @@ def _loop_cells(loop: Loop) -> tuple[str | Text, ...]:
     gain = _margin(f"{margins.gain_db:.1f} dB", margins.gain_db >= LIMITS.gain_margin_db, margins.gain_db)
     phase = _margin(wording.angle(margins.phase, ".0f"), margins.phase >= LIMITS.phase_margin, margins.phase)
     return gain, phase, f"{margins.crossover:.2f} rad/s", f"{loop.bandwidth:.2f} rad/s", gains
+
+
+def axes_table(firmware: Firmware, loops: Sequence[AxisLoop]) -> RenderableType:
+    """Show a row per axis of another autopilot: margins, bandwidth, gains, travel."""
+    numbers = (("gain margin", "right"), ("phase margin", "right"), ("crossover", "right"), ("bandwidth", "right"))
+    table = tables.plain_table(("", tables.GROUP), *numbers, ("gains", tables.SENTENCES))
+    for loop in loops:
+        margins = loop.margins
+        gains = "  ".join(f"{name} {value:.3g}" for name, value in loop.gains.items())
+        table.add_row(
+            Text(loop.name, style="bold"),
+            _margin(f"{margins.gain_db:.1f} dB", True, margins.gain_db),
+            _margin(wording.angle(margins.phase, ".0f"), True, margins.phase),
+            f"{margins.crossover:.2f} rad/s",
+            f"{loop.bandwidth:.2f} rad/s",
+            gains,
+        )
+    travels = ", ".join(f"{loop.name} {wording.angle(loop.travel, '.0f')}" for loop in loops)
+    notes = [
+        f"attitude loops of {firmware.title}, cut at the surface; not flown",
+        f"surface at full output: {travels}",
+    ]
+    return Group(Text(), table, *(Text(words, style="dim") for words in notes))
 
 
 def _margin(words: str, kept: bool, value: float) -> Text:
@@ -127,8 +151,6 @@ def written_line(written: Sequence[Path]) -> Text:
     return Text(f"\nwritten {' and '.join(str(path) for path in written)}")
 
 
-def unwritten_line(words: Sequence[str]) -> Text:
+def unwritten_line(words: Sequence[str], effect: str = "DIR writes a vehicle with these gains") -> Text:
     """Return the line that the gains were not stored, and the ``tune`` arguments ``words`` that store them."""
-    return Text(
-        f"\nnothing was written; wingbeat tune {shlex.join(words)} --out DIR writes a vehicle with these gains"
-    )
+    return Text(f"\nnothing was written; wingbeat tune {shlex.join(words)} --out {effect}")

@@ -207,3 +207,19 @@ def test_a_file_that_is_no_model_is_told_apart(capsys: Capture, tmp_path: Path) 
     path.write_text("[1, 2]")
     assert main(["tune", str(path)]) == 2
     assert "the model must be a section of keys, not [1, 2]" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("form", "gain"), [("ardupilot", "PTCH_RATE_P"), ("px4", "FW_PR_P")])
+def test_parameters_of_another_autopilot(capsys: Capture, tmp_path: Path, form: str, gain: str) -> None:
+    """GIVEN a model WHEN tuned for another autopilot THEN document and file agree, and the file is kept."""
+    out = tmp_path / "new" / "bird.param"
+    assert main(["tune", RAVEN, "--format", form, "--out", str(out), "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["written"] == [str(out)] and document["flights"] is None
+    assert [loop["name"] for loop in document["loops"]] == ["pitch", "roll"]
+    assert all(loop["after"]["keeps"] and loop["before"] is None for loop in document["loops"])
+    value = document["loops"][0]["after"]["gains"][gain]
+    assert document["parameters"][gain] == value
+    assert re.search(rf"(?m)^(1\t1\t)?{gain}\s+{value:g}\s", out.read_text())
+    assert main(["tune", RAVEN, "--format", form, "--out", str(out)]) == 2
+    assert "exists" in capsys.readouterr().err

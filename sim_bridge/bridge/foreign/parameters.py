@@ -1,7 +1,7 @@
 """Parameters with which ArduPlane and PX4 fly a vehicle of this world, and the files that they load.
 
-Names, units and meanings are those of their parameter references. Attitude and energy loops are left at the
-autopilot's defaults: the designed gains are of loops of another structure.
+Names, units and meanings are those of their parameter references. The gains of their attitude loops are those of
+`sim_bridge.flight.tuning.autopilots`.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import textwrap
 from collections.abc import Iterable
 from typing import NamedTuple
 
+from avionics.gains import FlightGains
 from avionics.vehicles.loader import FlightVehicle
 from sim_bridge.bridge.foreign.launch import Push
 from sim_bridge.bridge.foreign.outputs import Channels, Pulses
@@ -33,6 +34,8 @@ PX4_SURFACES = ((15, (1, 0, 0)), (3, (0, 1, 0)), (4, (0, 0, 1)))
 PX4_AIRFRAME_OUTPUTS = range(1, 10)
 """outputs assigned by airframe 1030"""
 DEGREE = "deg"
+PARAM_INT32, PARAM_REAL32 = 6, 9
+"""MAV_PARAM_TYPE"""
 AIRSPEED_SOURCE = "trim: fastest level flight; at most excitation.airspeed_max"
 CLIMB_SOURCE = "trim at the cruise; at most altitude.climb_max"
 
@@ -108,24 +111,46 @@ def ardupilot_parameters(subject: Subject) -> list[Parameter]:
     return [
         Parameter("SIM_RATE_HZ", 400, "Hz", "chosen: two steps per IMU sample"),
         *_ardupilot_outputs(subject.channels, subject.pulses),
-        Parameter("AIRSPEED_STALL", gains.excitation.airspeed_min, "m/s", "excitation.airspeed_min"),
-        Parameter("AIRSPEED_MIN", gains.altitude.airspeed_min, "m/s", "altitude.airspeed_min"),
+        *ardupilot_limits(gains),
         Parameter("AIRSPEED_CRUISE", performance.cruise_airspeed, "m/s", "cruise.airspeed of the world's file"),
         Parameter("AIRSPEED_MAX", performance.max_airspeed, "m/s", AIRSPEED_SOURCE),
         Parameter("TRIM_THROTTLE", round(100.0 * performance.throttle), "%", "trim: level at the cruise"),
-        Parameter("THR_MIN", _percent(gains.altitude.throttle_min), "%", "altitude.throttle_min"),
-        Parameter("THR_MAX", _percent(gains.altitude.throttle_max), "%", "altitude.throttle_max"),
         Parameter("TECS_CLMB_MAX", performance.climb_rate, "m/s", CLIMB_SOURCE),
-        Parameter("TECS_SINK_MAX", gains.altitude.sink_max, "m/s", "altitude.sink_max"),
-        Parameter("TECS_SINK_MIN", min(2.0, gains.altitude.sink_max), "m/s", "default; at most TECS_SINK_MAX"),
-        Parameter("ROLL_LIMIT_DEG", _degrees(gains.heading.roll_max), DEGREE, "heading.roll_max"),
-        Parameter("PTCH_LIM_MAX_DEG", _degrees(gains.altitude.pitch_max), DEGREE, "altitude.pitch_max"),
-        Parameter("PTCH_LIM_MIN_DEG", _degrees(gains.altitude.pitch_min), DEGREE, "altitude.pitch_min"),
         *_ardupilot_launch(subject.push),
         Parameter("ARMING_REQUIRE", 2, "-", "chosen: no throttle pulse while disarmed, so arming is visible"),
         Parameter("THR_FAILSAFE", 0, "-", "chosen: no radio; 1 with --sticks"),
         Parameter("FS_SHORT_ACTN", 3, "-", "chosen: disabled, no radio"),
         Parameter("FS_LONG_ACTN", 0, "-", "chosen: continue, no radio"),
+    ]
+
+
+def ardupilot_limits(gains: FlightGains) -> list[Parameter]:
+    """Return the limits of ArduPlane that the flight vehicle's gains determine."""
+    return [
+        Parameter("AIRSPEED_STALL", gains.excitation.airspeed_min, "m/s", "excitation.airspeed_min"),
+        Parameter("AIRSPEED_MIN", gains.altitude.airspeed_min, "m/s", "altitude.airspeed_min"),
+        Parameter("THR_MIN", _percent(gains.altitude.throttle_min), "%", "altitude.throttle_min"),
+        Parameter("THR_MAX", _percent(gains.altitude.throttle_max), "%", "altitude.throttle_max"),
+        Parameter("TECS_SINK_MAX", gains.altitude.sink_max, "m/s", "altitude.sink_max"),
+        Parameter("TECS_SINK_MIN", min(2.0, gains.altitude.sink_max), "m/s", "default; at most TECS_SINK_MAX"),
+        Parameter("ROLL_LIMIT_DEG", _degrees(gains.heading.roll_max), DEGREE, "heading.roll_max"),
+        Parameter("PTCH_LIM_MAX_DEG", _degrees(gains.altitude.pitch_max), DEGREE, "altitude.pitch_max"),
+        Parameter("PTCH_LIM_MIN_DEG", _degrees(gains.altitude.pitch_min), DEGREE, "altitude.pitch_min"),
+    ]
+
+
+def px4_limits(gains: FlightGains) -> list[Parameter]:
+    """Return the limits of PX4 that the flight vehicle's gains determine."""
+    return [
+        Parameter("FW_AIRSPD_STALL", gains.excitation.airspeed_min, "m/s", "excitation.airspeed_min"),
+        Parameter("FW_AIRSPD_MIN", gains.altitude.airspeed_min, "m/s", "altitude.airspeed_min"),
+        Parameter("FW_THR_MIN", gains.altitude.throttle_min, "-", "altitude.throttle_min"),
+        Parameter("FW_THR_MAX", gains.altitude.throttle_max, "-", "altitude.throttle_max"),
+        Parameter("FW_T_SINK_MAX", gains.altitude.sink_max, "m/s", "altitude.sink_max"),
+        Parameter("FW_T_SINK_MIN", min(2.0, gains.altitude.sink_max), "m/s", "default; at most FW_T_SINK_MAX"),
+        Parameter("FW_R_LIM", _degrees(gains.heading.roll_max), DEGREE, "heading.roll_max"),
+        Parameter("FW_P_LIM_MAX", _degrees(gains.altitude.pitch_max), DEGREE, "altitude.pitch_max"),
+        Parameter("FW_P_LIM_MIN", _degrees(gains.altitude.pitch_min), DEGREE, "altitude.pitch_min"),
     ]
 
 
@@ -135,19 +160,11 @@ def px4_parameters(subject: Subject) -> list[Parameter]:
     pitch = _degrees(performance.pitch)
     return [
         *_px4_outputs(subject.channels),
-        Parameter("FW_AIRSPD_STALL", gains.excitation.airspeed_min, "m/s", "excitation.airspeed_min"),
-        Parameter("FW_AIRSPD_MIN", gains.altitude.airspeed_min, "m/s", "altitude.airspeed_min"),
+        *px4_limits(gains),
         Parameter("FW_AIRSPD_TRIM", performance.cruise_airspeed, "m/s", "cruise.airspeed of the world's file"),
         Parameter("FW_AIRSPD_MAX", performance.max_airspeed, "m/s", AIRSPEED_SOURCE),
         Parameter("FW_THR_TRIM", performance.throttle, "-", "trim: level at the cruise"),
-        Parameter("FW_THR_MIN", gains.altitude.throttle_min, "-", "altitude.throttle_min"),
-        Parameter("FW_THR_MAX", gains.altitude.throttle_max, "-", "altitude.throttle_max"),
         Parameter("FW_T_CLMB_MAX", performance.climb_rate, "m/s", CLIMB_SOURCE),
-        Parameter("FW_T_SINK_MAX", gains.altitude.sink_max, "m/s", "altitude.sink_max"),
-        Parameter("FW_T_SINK_MIN", min(2.0, gains.altitude.sink_max), "m/s", "default; at most FW_T_SINK_MAX"),
-        Parameter("FW_R_LIM", _degrees(gains.heading.roll_max), DEGREE, "heading.roll_max"),
-        Parameter("FW_P_LIM_MAX", _degrees(gains.altitude.pitch_max), DEGREE, "altitude.pitch_max"),
-        Parameter("FW_P_LIM_MIN", _degrees(gains.altitude.pitch_min), DEGREE, "altitude.pitch_min"),
         Parameter("FW_PSP_OFF", pitch, DEGREE, "trim: level at the cruise"),
         Parameter("TRIM_PITCH", performance.elevator, "-", "trim: elevator output, level at the cruise"),
         *_px4_launch(subject.push),
@@ -164,6 +181,15 @@ def px4_file(title: str, parameters: Iterable[Parameter]) -> str:
     """Format a shell file that is sourced before PX4: its start script reads PX4_PARAM_NAME variables."""
     lines = (f"export PX4_PARAM_{one.name}={one.text}  # {one.unit}; {one.source}" for one in parameters)
     return _with_heading(title, lines)
+
+
+def qgroundcontrol_file(title: str, parameters: Iterable[Parameter]) -> str:
+    """Format QGroundControl's parameter file: vehicle, component, name, value and MAV_PARAM_TYPE, by tabs."""
+    lines = []
+    for one in parameters:
+        kind = PARAM_INT32 if isinstance(one.value, int) else PARAM_REAL32
+        lines += [f"# {one.name}: {one.unit}; {one.source}", f"1\t1\t{one.name}\t{one.text}\t{kind}"]
+    return _with_heading(title, ["# Vehicle-Id Component-Id Name Value Type", *lines])
 
 
 def _with_heading(title: str, lines: Iterable[str]) -> str:
