@@ -45,7 +45,7 @@ class _Flights(NamedTuple):
     """Where the results of logs come from."""
 
     logs: tuple[Path, ...]
-    found: Any
+    estimates: Any
     """`logs.identification.report.Identification`"""
 
 
@@ -55,7 +55,7 @@ class _Tables(NamedTuple):
     files: tuple[Path, ...]
     map: Path
     subject: str
-    found: TableIdentification
+    estimates: TableIdentification
 
 
 class Identification(Mapping[str, EstimationResult]):
@@ -83,8 +83,8 @@ class Identification(Mapping[str, EstimationResult]):
     @property
     def modes(self) -> ModesResult | None:
         """Modes of motion by every method; None if they were not identified."""
-        found: ModesResult | None = self._source.found.modes
-        return found
+        estimates: ModesResult | None = self._source.estimates.modes
+        return estimates
 
     @property
     def findings(self) -> dict[str, tuple[Finding, ...]]:
@@ -114,11 +114,11 @@ class Identification(Mapping[str, EstimationResult]):
         path, source = Path(path), self._source
         if isinstance(source, _Tables):
             named = tuple(Source(one.name, sha256(one)) for one in (*source.files, source.map))
-            write_tables_report(path, named, source.found)
+            write_tables_report(path, named, source.estimates)
             return path
         with ExitStack() as stack:
             logs = [stack.enter_context(open_log(one)) for one in source.logs]
-            write_outputs(argparse.Namespace(report=path, model=None), logs, source.found)
+            write_outputs(argparse.Namespace(report=path, model=None), logs, source.estimates)
         return path
 
     def to_control(self, name: str | None = None) -> StateSpace:
@@ -151,8 +151,8 @@ class Identification(Mapping[str, EstimationResult]):
             if name not in (None, title):
                 continue
             for section in _sections(load_map(source.map), result.model):
-                records = tuple(one for one in source.found.records if one.name in source.found.experiments)
-                chosen = chosen_model(section, source.found.constants, records)
+                records = tuple(one for one in source.estimates.records if one.name in source.estimates.experiments)
+                chosen = chosen_model(section, source.estimates.constants, records)
                 model = chosen.model.model if isinstance(chosen.model, Actuated) else chosen.model
                 if not isinstance(model, AffineModel) or chosen.equations != result.equations:
                     continue
@@ -160,10 +160,9 @@ class Identification(Mapping[str, EstimationResult]):
                 known |= {one.name: one.value for one in result.estimates}
                 matrices = model.matrices(np.array([known[key] for key in model.parameters]))
                 inputs = [own for own in chosen.aliases if chosen.aliases[own] in model.inputs] or list(model.inputs)
-                return control.ss(
-                    matrices.a, matrices.b[:, :-1], matrices.c, matrices.d[:, :-1], states=list(model.states),
-                    inputs=inputs, outputs=[f"{one}_measured" if one in model.states else one for one in model.outputs],
-                )  # fmt: skip
+                outputs = [f"{one}_measured" if one in model.states else one for one in model.outputs]
+                system = matrices.a, matrices.b[:, :-1], matrices.c, matrices.d[:, :-1]
+                return control.ss(*system, states=list(model.states), inputs=inputs, outputs=outputs)
         raise InputError(f"no linear model in {name or 'these results'}: {', '.join(self)}")
 
     def plot(self, name: str | None = None) -> Figure:
@@ -180,10 +179,10 @@ class Identification(Mapping[str, EstimationResult]):
         raise InputError(f"no modeled outputs in {name or 'these results'}: {', '.join(self)}")
 
     def __repr__(self) -> str:
-        lines = [
-            f"  {title}: {', '.join(f'{one.name} {one.value:.4g}' for one in (result.derived or result.estimates)[:4])}"
-            for title, result in self.items()
-        ]
+        lines = []
+        for title, result in self.items():
+            first = (result.derived or result.estimates)[:4]
+            lines.append(f"  {title}: {', '.join(f'{one.name} {one.value:.4g}' for one in first)}")
         return "\n".join(("Identification", *lines))
 
 
@@ -211,8 +210,8 @@ def identify(
     """
     if map is not None:
         tables = tuple(Path(one) for one in ([source] if isinstance(source, str | Path) else source))  # type: ignore[union-attr]
-        found = identify_tables(tables, Path(map), what)
-        return Identification(_of_tables(found), {}, _Tables(tables, Path(map), what, found))
+        estimates = identify_tables(tables, Path(map), what)
+        return Identification(_of_tables(estimates), {}, _Tables(tables, Path(map), what, estimates))
     named = None if vehicle is None else str(vehicle)
     words = None if elevator is None else (elevator[0], repr(elevator[1]))
     if isinstance(source, Flight | Log):
@@ -235,12 +234,12 @@ def _sections(chosen: Map, model: str) -> list[OutputError]:
     return [*own, OutputError(model, modes.outputs, modes.inputs, parameters=modes.parameters, hold=modes.hold)]
 
 
-def _of_tables(found: TableIdentification) -> dict[str, EstimationResult]:
+def _of_tables(estimates: TableIdentification) -> dict[str, EstimationResult]:
     results: dict[str, EstimationResult] = {}
-    for fit in found.fits:
+    for fit in estimates.fits:
         title = fit.title or fit.method
         results[title if title not in results else f"{title}, {len(results) + 1}"] = fit
-    for mode in found.modes.modes if found.modes is not None else ():
+    for mode in estimates.modes.modes if estimates.modes is not None else ():
         if mode.method in results:
             results[mode.method] = results[mode.method]._replace(derived=_derived(mode))
         elif _derived(mode):
@@ -248,24 +247,24 @@ def _of_tables(found: TableIdentification) -> dict[str, EstimationResult]:
     return results
 
 
-def _of_log(found: Any) -> dict[str, EstimationResult]:
+def _of_log(estimates: Any) -> dict[str, EstimationResult]:
     """Convert the results of a log that are not `EstimationResult` yet."""
     results: dict[str, EstimationResult] = {}
     for field, title in DRIVES.items():
-        model = getattr(found, field)
+        model = getattr(estimates, field)
         if model is not None:
             lost = tuple(withheld_finding(one) for one in model.unidentified)
             results[title] = EstimationResult(field, field, estimates=model.estimates, findings=lost, title=title)
-    for model in found.aero.models if found.aero is not None else ():
+    for model in estimates.aero.models if estimates.aero is not None else ():
         lost = tuple(withheld_finding(one) for one in model.unidentified)
         results[model.name] = EstimationResult(
             "stepwise", "aero", estimates=model.estimates, findings=lost, title=model.name
         )
-    if found.path is not None:
-        results[found.path.result.title] = found.path.result
-    if found.modes is not None:
-        fits = {one.method: from_fitted(one, one.method) for one in fitted(found.modes)}
-        for mode in found.modes.modes:
+    if estimates.path is not None:
+        results[estimates.path.result.title] = estimates.path.result
+    if estimates.modes is not None:
+        fits = {one.method: from_fitted(one, one.method) for one in fitted(estimates.modes)}
+        for mode in estimates.modes.modes:
             fit = fits.get(mode.method)
             results[mode.method] = _of_mode(mode) if fit is None else fit._replace(derived=_derived(mode))
     return results
