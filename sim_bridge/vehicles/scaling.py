@@ -29,6 +29,8 @@ WINGS = ("drive", "flapping", "wing_angle", "wing")
 """sections whose times are those of a stroke"""
 PATH = ("navigation", "altitude", "heading", "excitation", "airspeed_check", "modes", "throttle_descent", "launch")
 """sections about the flight path: gravity sets its lengths and times"""
+STRUCTURE = ("vibration", "modes")
+"""sections of the world file about structural vibration, scaled as a geometrically similar beam"""
 SMALLEST_BODY = 0.3
 """-; least mass of fuselage, drive and battery over the all-up mass"""
 MEMBRANE_SUCTION = 0.39
@@ -226,14 +228,14 @@ def law_of(unit: str, section: str, ratios: Ratios) -> tuple[float, str]:
     return factor, " x ".join(told)
 
 
-def scaled(document: Mapping[str, Any], ratios: Ratios, reference: str) -> Document:
-    """Return a vehicle document with each value scaled by its unit and its source rewritten."""
+def scaled(document: Mapping[str, Any], ratios: Ratios, reference: str, fixed: tuple[str, ...] = ()) -> Document:
+    """Return a vehicle document with each value scaled by its unit, but in ``fixed`` sections, and its source."""
 
     def of_section(table: Mapping[str, Any], section: str) -> Document:
         return {
             key: entry
             if not isinstance(entry, dict)
-            else _entry(entry, section, ratios, reference)
+            else _entry(entry, section in (*UNSCALED, *fixed), section, ratios, reference)
             if "value" in entry
             else of_section(entry, section)
             for key, entry in table.items()
@@ -245,11 +247,11 @@ def scaled(document: Mapping[str, Any], ratios: Ratios, reference: str) -> Docum
     }
 
 
-def _entry(entry: Mapping[str, Any], section: str, ratios: Ratios, reference: str) -> Document:
+def _entry(entry: Mapping[str, Any], fixed: bool, section: str, ratios: Ratios, reference: str) -> Document:
     value = entry["value"]
     unit = {key: entry[key] for key in ("unit",) if key in entry}
     number = isinstance(value, int | float) and not isinstance(value, bool)
-    factor, law = (1.0, "") if section in UNSCALED else law_of(str(entry.get("unit", "-")), section, ratios)
+    factor, law = (1.0, "") if fixed else law_of(str(entry.get("unit", "-")), section, ratios)
     if not law or not (number or isinstance(value, list)):
         return {"value": value, **unit, "source": f"{DEFAULT} {reference}"}
     new = rounded(value * factor) if number else [rounded(one * factor) for one in value]
@@ -283,7 +285,7 @@ def world_document(bird: NewBird, cruise: Cruise, reference: Reference, name: st
         InputError: the wings and the tail are as heavy as the vehicle.
     """
     ratios, known = ratios_of(bird, cruise, reference), reference.name
-    world = scaled(reference.world, ratios, known)
+    world = scaled(reference.world, ratios, known, STRUCTURE)
     world |= {"name": name, "title": f"{name}: {bird.mass:g} kg, span {bird.span:g} m, scaled from {known}"}
     put(world, "wing.semispan", rounded(bird.span / 2.0), GIVEN)
     put(world, "wing.root_chord", rounded(bird.root_chord), f"{GIVEN}: elliptic wings of {bird.area:g} m^2")
@@ -305,6 +307,7 @@ def world_document(bird: NewBird, cruise: Cruise, reference: Reference, name: st
     _put_bodies(world, bird, reference, ratios)
     _put_drive(world, bird, reference)
     _put_tail_panels(world, bird)
+    _put_structure(world, reference, ratios)
     return world
 
 
@@ -356,6 +359,19 @@ def _put_drive(world: Document, bird: NewBird, reference: Reference) -> None:
     limit = 0.95 * reference.value("power_sensor", "reference") / full
     divider = rounded(min(reference.value("power_sensor", "divider"), limit))
     put(world, "power_sensor.divider", divider, "chosen: a full battery stays below the ADC's reference")
+
+
+def _put_structure(world: Document, reference: Reference, ratios: Ratios) -> None:
+    """Scale the structural modes: frequency and rotation by displacement go with the inverse of the span."""
+    known = reference.name
+    if "vibration" in world:
+        rate = rounded(reference.value("vibration", "reference_rate") / ratios.period)
+        put(world, "vibration.reference_rate", rate, f"{SCALED} {known} by flapping rate")
+    for name, mode in reference.world.get("modes", {}).items():
+        source = f"{SCALED} {known} by 1 / span"
+        put(world, f"modes.{name}.frequency", rounded(mode["frequency"]["value"] / ratios.length), source)
+        rotation = [rounded(one / ratios.length) for one in mode["rotation"]["value"]]
+        put(world, f"modes.{name}.rotation", rotation, source)
 
 
 def _put_tail_panels(world: Document, bird: NewBird) -> None:
