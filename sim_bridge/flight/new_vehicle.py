@@ -59,6 +59,8 @@ SOFTEST = (0.2, 0.5, 1.0)
 """-; least membrane stiffness over the scaled one, in the order of the trials; softness costs dihedral effect"""
 SLOWEST = 0.8
 """-; greatest airspeed of the protection against stall, over the cruise"""
+SLIDING = 0.45
+"""-; greatest airspeed of a vehicle on the ground, over the cruise"""
 HOLDS = 2
 """-; of the proof flight"""
 SEARCH_START, SEARCH_STEP, SEARCH_STEPS = -0.7, 0.3, 16
@@ -298,6 +300,12 @@ def _computer_document(bird: NewBird, ratios: Ratios, world: SimulatedVehicle, c
     slow = source["altitude"]["airspeed_min"]["value"] * math.sqrt(ratios.mass / (ratios.length * ratios.chord))
     put(computer, "altitude.airspeed_min", rounded(min(slow, SLOWEST * cruise.means.airspeed)),
         f"{SCALED} {REFERENCE} by the root of wing loading")  # fmt: skip
+    put(
+        computer,
+        "modes.touchdown_airspeed",
+        rounded(SLIDING * cruise.means.airspeed),
+        "chosen: below the stall; beating wings push it over the ground at a third of its cruise",
+    )
     put(
         computer,
         "airspeed_check.cruise",
