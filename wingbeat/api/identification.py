@@ -12,14 +12,13 @@ import numpy as np
 
 from groundstation.command.identify import identified, identified_together
 from groundstation.command.identify_out import sha256, write_outputs
-from logs.identification.estimators.flight_modes import fitted
 from logs.identification.findings import Finding
 from logs.identification.models.actuators import Actuated
 from logs.identification.models.linear import LinearModel as AffineModel
 from logs.identification.models.modes import Mode, ModesResult
 from logs.identification.report import model_file
 from logs.identification.report.tables import Source, write_tables_report
-from logs.identification.results import Estimate, EstimationResult, from_fitted, withheld_finding
+from logs.identification.results import Estimate, EstimationResult, withheld_finding
 from logs.identification.sources.table.config import Map, OutputError, load_map
 from logs.identification.tables.models import MODELS, chosen_model
 from logs.identification.tables.results import TableIdentification
@@ -263,7 +262,7 @@ def _of_log(estimates: Any) -> dict[str, EstimationResult]:
     if estimates.path is not None:
         results[estimates.path.result.title] = estimates.path.result
     if estimates.modes is not None:
-        fits = {one.method: from_fitted(one, one.method) for one in fitted(estimates.modes)}
+        fits = {one.title or one.method: one for one in estimates.modes.results}
         for mode in estimates.modes.modes:
             fit = fits.get(mode.method)
             results[mode.method] = _of_mode(mode) if fit is None else fit._replace(derived=_derived(mode))
