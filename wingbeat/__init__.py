@@ -10,16 +10,21 @@ from typing import Any
 
 _HOME = {
     "Flight": "wingbeat.api.flights",
+    "Identification": "wingbeat.api.identification",
     "LinearMotion": "wingbeat.api.steady",
     "Simulation": "wingbeat.api.simulation",
     "SteadyFlight": "wingbeat.api.steady",
+    "Tuning": "wingbeat.api.tuning",
     "Vehicle": "wingbeat.api.vehicles",
     "campaign": "wingbeat.api.campaigns",
     "fly": "wingbeat.api.flights",
+    "identify": "wingbeat.api.identification",
     "linearize": "wingbeat.api.steady",
     "load_vehicle": "wingbeat.api.vehicles",
+    "new_bird": "wingbeat.api.tuning",
     "open_log": "wingbeat.api.flights",
     "trim": "wingbeat.api.steady",
+    "tune": "wingbeat.api.tuning",
     "vehicle_names": "wingbeat.api.vehicles",
 }
 """module by public name"""
