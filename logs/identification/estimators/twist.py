@@ -16,7 +16,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from logs.identification.data.experiment import Experiment
-from logs.identification.data.noise_level import noise_beside_steps
+from logs.identification.data.noise_level import noise_with_steps
 from logs.identification.estimators.servo import ServoModel
 from logs.identification.results import Array, Estimate, Unidentified, estimate, student_factor
 from logs.identification.statistics.hac import Linear, autocorrelated
@@ -164,13 +164,13 @@ def _from_release(time: Array, values: Array) -> tuple[Array, Array]:
     rest = float(np.median(values[finite[-max(len(finite) // 5, 1) :]]))
     away = np.abs(values[finite] - rest)
     top = int(np.argmax(away))
-    gone = away[top:] <= away[top] - HELD * noise_beside_steps(values[finite])
+    gone = away[top:] <= away[top] - HELD * noise_with_steps(values[finite])
     # Two in a row: one held sample that is far out began the swing while the wing was still held.
     free = np.flatnonzero(gone[:-1] & gone[1:])
     last = int(free[0]) if len(free) else 1
     later = finite[top:]
     first = int(later[max(last - 1, 0)])
-    if HELD * noise_beside_steps(values[finite]) > CLEARLY * away[top]:
+    if HELD * noise_with_steps(values[finite]) > CLEARLY * away[top]:
         first = int(later[_fits_from(time[later], values[later])])
     return time[first:] - time[first], values[first:]
 

@@ -15,7 +15,7 @@ from scipy.linalg import expm, solve_continuous_lyapunov
 from scipy.sparse import csr_array, eye_array
 
 from logs.identification.data.maneuvers import OUTPUT_STEP
-from logs.identification.data.stroke_average import averaging_matrix
+from logs.identification.data.resampling import averaging_matrix
 from logs.identification.input_design.prior import OUTPUTS, Prior
 from logs.identification.input_design.response import Response, Waveform
 from logs.identification.models.modes import short_period_of

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from logs.identification.data.lag import behind
+from logs.identification.data.resampling import behind
 from logs.identification.estimators.engine.problem import Feedback, Held, Model, Named
 from logs.identification.models.linear import LinearModel
 from logs.identification.results import Array
@@ -95,7 +95,7 @@ class Actuated(NamedTuple):
             delay, lag = (told[one.delay], told.get(one.lag, 0.0)) if one else (0.0, 0.0)
             lines[place] = float(name not in self.held or lag > 0.0)
             acting = _held_means if name in self.held else _on_lines
-            columns.append(behind(acting(values, step, delay, parts), step / parts, 0.0, lag, held=False))
+            columns.append(behind(acting(values, step, delay, parts), step / parts, 0.0, lag, zoh=False))
             seen.append(columns[-1] if lines[place] else _held_before(values, step, delay, parts))
         ways = step / parts, Held(lines, np.column_stack(seen)) if self.held else None
         arguments = parameters[:own], start, np.column_stack(columns), *ways
