@@ -229,7 +229,8 @@ def test_lateral_table_gives_its_model(tmp_path: Path) -> None:
     signals = "\n".join(f'{name} = {{ column = "{name}", unit = "{unit}" }}' for name, unit in units.items())
     (tmp_path / "map.toml").write_text(
         f'[time]\ncolumn = "t"\n[signals]\n{signals}\n[constants]\nV = 20.0\ntheta = 0.06\nalpha = 0.06\n'
-        '[[aero.output_error]]\nmodel = "lateral"\ninputs = ["delta_a", "delta_r"]\nhold = ["delta_a", "delta_r"]\n'
+        '[[aero.output_error]]\nmodel = "lateral"\ninputs = ["delta_a", "delta_r"]\n'
+        'zoh_inputs = ["delta_a", "delta_r"]\n'
         'outputs = ["beta", "p", "r", "phi"]\n'
     )
     found = wingbeat.identify(tmp_path / "run.csv", "aero", map=tmp_path / "map.toml")

@@ -20,9 +20,9 @@ from logs.identification.report import model_file
 from logs.identification.report.tables import Source, write_tables_report
 from logs.identification.results import Estimate, EstimationResult, withheld_finding
 from logs.identification.sources.table.config import Map, OutputError, load_map
-from logs.identification.tables.models import MODELS, chosen_model
-from logs.identification.tables.results import TableIdentification
-from logs.identification.tables.run import identify_tables
+from logs.identification.sources.table.models import MODELS, chosen_model
+from logs.identification.sources.table.results import TableIdentification
+from logs.identification.sources.table.run import identify_tables
 from logs.reader import Log, open_log
 from wingbeat.api.flights import Flight
 from wingbeat.api.steady import LONGITUDINAL, state_space
@@ -230,7 +230,10 @@ def _sections(chosen: Map, model: str) -> list[OutputError]:
     modes = chosen.modes
     if modes is None or model not in MODELS:
         return own
-    return [*own, OutputError(model, modes.outputs, modes.inputs, parameters=modes.parameters, hold=modes.hold)]
+    return [
+        *own,
+        OutputError(model, modes.outputs, modes.inputs, parameters=modes.parameters, zoh_inputs=modes.zoh_inputs),
+    ]
 
 
 def _of_tables(estimates: TableIdentification) -> dict[str, EstimationResult]:
