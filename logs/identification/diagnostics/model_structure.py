@@ -21,7 +21,7 @@ from logs.identification.diagnostics.sampling import coarse_inputs, largest_chan
 from logs.identification.estimators.engine.problem import Fit, Own, Problem
 from logs.identification.findings import Entry, Finding, register
 from logs.identification.results import Array, Estimate, FitSeries
-from logs.identification.statistics.output_fit import output_fits
+from logs.identification.statistics.fit_quality import output_fits
 
 DELAY = "delay"
 """name of the parameter: the time by which all inputs act later than they were recorded"""

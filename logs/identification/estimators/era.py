@@ -20,7 +20,7 @@ from logs.identification.estimators.records import Record, Records
 from logs.identification.findings import Entry, register
 from logs.identification.models.modes import eigenvalues_of
 from logs.identification.results import Array
-from logs.identification.statistics.parameter_uncertainty import Spread
+from logs.identification.statistics.uncertainty import ParameterUncertainty
 
 LONGEST_RECORD = 160
 """-; samples to which a free response is decimated"""
@@ -97,7 +97,7 @@ def fit(records: Records, kinds: tuple[str, ...]) -> ModalFit:
             raise NotIdentified("overdamped", float(np.max(pairs[1::2])), MAX_DAMPING)
     else:
         pairs, covariance, degrees = _of_free(records.pieces, len(kinds))
-    return ModalFit(pairs, Spread(covariance, degrees))
+    return ModalFit(pairs, ParameterUncertainty(covariance, degrees))
 
 
 def _spacing(records: Sequence[Record]) -> int:

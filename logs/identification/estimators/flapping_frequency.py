@@ -13,7 +13,7 @@ import numpy as np
 from scipy.stats import f as f_distribution
 
 from logs.identification.results import Array, Estimate, Unidentified, estimate
-from logs.identification.statistics.covariance_inflation import not_below, uneven
+from logs.identification.statistics.covariance import at_least, heteroscedastic_covariance
 from logs.strokes import stroke_cuts
 from wingbeat.errors import InputError
 
@@ -236,7 +236,7 @@ def _weighted(design: Array, frequency: Array, weight: Array) -> tuple[Array, Ar
     left = frequency - design @ values
     variance = float(shares @ left**2) / max(len(frequency) - design.shape[1], 1)
     # A fast beat wanders by more hertz than a slow one.
-    covariance = not_below(inverse * variance, uneven(inverse, design, left, shares))
+    covariance = at_least(inverse * variance, heteroscedastic_covariance(inverse, design, left, shares))
     return values, covariance, float(np.sqrt(variance))
 
 

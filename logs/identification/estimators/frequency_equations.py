@@ -23,7 +23,7 @@ from logs.identification.estimators.regressors import SMOOTH, Design, Record, co
 from logs.identification.models.intersample import Motion, acting_inputs, simulate
 from logs.identification.models.modes import Mode, mode_of_system, nothing
 from logs.identification.results import Array
-from logs.identification.statistics.parameter_uncertainty import Spread
+from logs.identification.statistics.uncertainty import ParameterUncertainty
 from wingbeat.errors import InputError
 
 METHOD = "equation error"
@@ -90,7 +90,7 @@ def frequency_equation_error(experiments: tuple[Experiment, ...], settings: Equa
     except np.linalg.LinAlgError:
         return nothing(METHOD, "the records do not excite alpha, q and inputs apart")
     names = tuple(name for one in first for name in one.names)
-    spread = Spread(covariance, min(one.degrees for one in first))
+    spread = ParameterUncertainty(covariance, min(one.degrees for one in first))
     units = {name: "1/s" if name.startswith("Z") or name == "M_q" else "1/s^2" for name in names}
     derivatives = spread.estimates(units, values)
     return mode_of_system(METHOD, lambda v: _system(names, v, settings)[0], values, spread, derivatives)
@@ -218,9 +218,9 @@ def _equation(
     if not design.names:
         return _Equation((), np.zeros(0), np.zeros((0, 0)), np.inf, 1.0)
     made = equations(design, "frequency", spectral)
-    pieces, count = made.pieces, len(made.names) - len(design.names)
+    pieces, count = made.blocks, len(made.names) - len(design.names)
     if motions[0] is not None:
-        clean = equations(_design(axis, records, settings, motions, instrument=True), "frequency", spectral).pieces
+        clean = equations(_design(axis, records, settings, motions, instrument=True), "frequency", spectral).blocks
         pieces = tuple(p._replace(instruments=c.instruments) for p, c in zip(pieces, clean, strict=True))
     fit = regress_records(pieces)
     left = np.split(fit.residuals, np.cumsum([len(piece.response) for piece in pieces])[:-1])
@@ -229,7 +229,7 @@ def _equation(
         for columns in (left, [piece.response for piece in pieces])
     ]
     explained = 1.0 - power[0] / max(power[1], 1e-300)
-    degrees = float(fit.degrees_each[count:].min())
+    degrees = float(fit.degrees)
     return _Equation(design.names, fit.values[count:], fit.covariance[count:, count:], degrees, explained)
 
 

@@ -11,7 +11,7 @@ from logs.identification.estimators.registry import ESTIMATORS, Estimator, Reque
 from logs.identification.findings import Entry, Finding, register
 from logs.identification.models.modes import KINDS, SHORT_PERIOD, Mode, nothing, paired_mode, without_heavy
 from logs.identification.results import Array, Estimate, EstimationResult
-from logs.identification.statistics.parameter_uncertainty import Spread
+from logs.identification.statistics.uncertainty import ParameterUncertainty
 from wingbeat.errors import InputError
 
 register({
@@ -61,7 +61,7 @@ class ModalFit(NamedTuple):
 
     pairs: Array
     """(2 k,); frequency (rad/s) and damping ratio of each mode"""
-    spread: Spread
+    spread: ParameterUncertainty
     """of parameters of which `pairs` are the first"""
     parameters: tuple[Estimate, ...] = ()
     """further numbers, such as delay and gains"""

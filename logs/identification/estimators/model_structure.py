@@ -11,16 +11,18 @@ from typing import NamedTuple
 import numpy as np
 
 from logs.identification.estimators.equation_error import Settings, equations
-from logs.identification.estimators.least_squares import ROUNDING, Piece, linear_of
+from logs.identification.estimators.least_squares import CovarianceKind, Noise, RecordBlock, regress_records
 from logs.identification.estimators.regressors import Design
 from logs.identification.results import Array
-from logs.identification.statistics.hac import Noise, noise_of, under, white
 
 RANK = 1e-5
 """-; smallest singular value of independent candidates of unit length"""
 SAMPLES_PER_TERM = 10
 MAX_TERMS = 24
 """-; of the largest model, from whose residuals the noise is estimated"""
+ROUNDING = 1e-24
+"""-; of the response's squares, below which residuals are rounding"""
+KINDS: tuple[CovarianceKind, CovarianceKind] = ("autocorrelated", "white")
 DEPENDENT = 1e-10
 """-; relative squared length of a column that the others do not explain, below which it depends on them"""
 
@@ -30,7 +32,7 @@ class Candidates(NamedTuple):
 
     names: tuple[str, ...]
     """-; (p,)"""
-    pieces: tuple[Piece, ...]
+    blocks: tuple[RecordBlock, ...]
     """nuisances (intercepts, trends) first, then the candidates; columns of unit length over all records"""
     nuisances: int
     """-; number of their columns"""
@@ -47,7 +49,7 @@ class Candidates(NamedTuple):
     charge: float
     """response squared; of the predicted square error for each parameter"""
     noise: Noise | None
-    """of the largest model, None if its residuals are rounding or white"""
+    """of the largest model; None if its residuals are rounding or white"""
     steady: bool = False
     """-; residuals are white"""
 
@@ -76,40 +78,41 @@ def candidates_of(design: Design, settings: Settings) -> Candidates:
     """
     wanted = equations(design, "time", settings)
     nuisances = len(wanted.names) - len(design.names)
-    size = np.linalg.norm(np.vstack([piece.regressors for piece in wanted.pieces]), axis=0)
+    size = np.linalg.norm(np.vstack([block.regressors for block in wanted.blocks]), axis=0)
     scale = np.where(size > 0, size, 1.0)
-    unit = [piece.regressors / scale for piece in wanted.pieces]
-    pieces = tuple(p._replace(regressors=u, instruments=u) for p, u in zip(wanted.pieces, unit, strict=True))
-    used = np.concatenate([piece.used for piece in pieces]) > 0
-    whole = np.vstack(unit)[used]
-    response = np.concatenate([piece.response for piece in pieces])[used]
-    basis = np.linalg.qr(whole[:, :nuisances])[0] if nuisances else np.zeros((len(whole), 0))
-    rest = whole[:, nuisances:] - basis @ (basis.T @ whole[:, nuisances:])
-    lost = np.sum(rest**2, axis=0) <= 1e-20 * np.sum(whole[:, nuisances:] ** 2, axis=0)
-    remaining, count = response - basis @ (basis.T @ response), len(whole)
+    unit = [block.regressors / scale for block in wanted.blocks]
+    blocks = tuple(b._replace(regressors=u, instruments=u) for b, u in zip(wanted.blocks, unit, strict=True))
+    used = np.concatenate([block.used for block in blocks]) > 0
+    table = np.vstack(unit)[used]
+    response = np.concatenate([block.response for block in blocks])[used]
+    basis = np.linalg.qr(table[:, :nuisances])[0] if nuisances else np.zeros((len(table), 0))
+    rest = table[:, nuisances:] - basis @ (basis.T @ table[:, nuisances:])
+    lost = np.sum(rest**2, axis=0) <= 1e-20 * np.sum(table[:, nuisances:] ** 2, axis=0)
+    remaining, count = response - basis @ (basis.T @ response), len(table)
     charge = float(remaining @ remaining) / max(count - nuisances, 1) / count
     plain = Candidates(
-        design.names, pieces, nuisances, np.where(lost, 0.0, rest), remaining, basis, scale[nuisances:],
+        design.names, blocks, nuisances, np.where(lost, 0.0, rest), remaining, basis, scale[nuisances:],
         float(count), charge, None, settings.steady,
     )  # fmt: skip
     largest = _largest_model(plain)
     left = statistics_of(plain, largest)
     if not largest or not left.r_squared < 1 - ROUNDING or settings.steady:
         return plain
-    _, records = linear_of(pieces_of(plain, largest))
-    noise = noise_of(records)
-    raised, even = (np.diag(c.covariance)[nuisances:] for c in (under(noise, records), white(records)))
-    effective = count / float(np.clip(np.median(raised / even), 1.0, count / 3))
+    fit, white = (regress_records(blocks_of(plain, largest), kind) for kind in KINDS)
+    edges = np.cumsum([len(block.used) for block in blocks])[:-1]
+    noise = Noise(tuple(np.split(fit.residuals, edges)), len(fit.values))
+    raised = (np.diag(fit.covariance) / np.diag(white.covariance))[nuisances:]
+    effective = count / float(np.clip(np.median(raised), 1.0, count / 3))
     # The published charge, sigma_max^2 / N with the response's own variance, exceeds the 2 sigma^2 / N of white noise
     # (Barron 1984); autocorrelated noise may need more.
     return plain._replace(effective=effective, charge=max(charge, 2 * left.variance / effective), noise=noise)
 
 
-def pieces_of(candidates: Candidates, chosen: tuple[int, ...]) -> tuple[Piece, ...]:
+def blocks_of(candidates: Candidates, chosen: tuple[int, ...]) -> tuple[RecordBlock, ...]:
     """The records with only the nuisances and the ``chosen`` candidates."""
     columns = [*range(candidates.nuisances), *(candidates.nuisances + column for column in chosen)]
-    parts = ((piece, piece.regressors[:, columns]) for piece in candidates.pieces)
-    return tuple(Piece(regressors, regressors, piece.response, piece.used) for piece, regressors in parts)
+    parts = ((block, block.regressors[:, columns]) for block in candidates.blocks)
+    return tuple(RecordBlock(regressors, regressors, block.response, block.used) for block, regressors in parts)
 
 
 def independent(candidates: Candidates, chosen: tuple[int, ...]) -> bool:

@@ -23,8 +23,7 @@ from logs.identification.estimators.equation_error import (
     settings_of,
     solve,
 )
-from logs.identification.estimators.least_squares import ROUNDING
-from logs.identification.estimators.model_structure import DEPENDENT, Candidates, candidates_of
+from logs.identification.estimators.model_structure import DEPENDENT, ROUNDING, Candidates, candidates_of
 from logs.identification.estimators.registry import ESTIMATORS, Estimator, Request
 from logs.identification.results import Array, EstimationResult
 

@@ -14,7 +14,7 @@ from logs.identification.data.flight import DriveData, GaugeErrors
 from logs.identification.estimators.least_squares import CovarianceKind, Fit, regress
 from logs.identification.estimators.servo import ServoModel, with_gauge_errors
 from logs.identification.results import Array, Estimate, Unidentified, estimate, student_factor
-from logs.identification.statistics.covariance_inflation import not_below, uneven
+from logs.identification.statistics.covariance import at_least, heteroscedastic_covariance
 from logs.strokes import interval_mean, stroke_cuts, stroke_means
 from wingbeat.errors import InputError
 
@@ -195,8 +195,8 @@ def _fit(
     fit = regress(design, power, np.ones_like(power), covariance=covariance)
     # Strong strokes scatter more than weak ones: their noise is the gauges' times the rate.
     inner = np.asarray(np.linalg.inv(design.T @ design), dtype=np.float64)
-    scatter = uneven(inner, design, fit.residuals, np.ones_like(power))
-    fit = fit._replace(covariance=not_below(fit.covariance, scatter))
+    scatter = heteroscedastic_covariance(inner, design, fit.residuals, np.ones_like(power))
+    fit = fit._replace(covariance=at_least(fit.covariance, scatter))
     inverse = np.diag([1 / scale[term] for term in terms])
     return fit._replace(values=inverse @ fit.values, covariance=inverse @ fit.covariance @ inverse)
 

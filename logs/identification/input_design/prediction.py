@@ -21,8 +21,8 @@ from logs.identification.input_design.response import Response, Waveform
 from logs.identification.models.modes import short_period_of
 from logs.identification.models.stroke_averaged import LONGITUDINAL, UNITS, matrices
 from logs.identification.results import Array
-from logs.identification.statistics.delta_method import propagate
-from logs.identification.statistics.residual_autocorrelation import Colour, coloured_information
+from logs.identification.statistics.covariance import Autocovariance, colored_information
+from logs.identification.statistics.uncertainty import ParameterUncertainty, propagate
 from wingbeat.errors import InputError
 
 WORST_CONDITION = 1e12
@@ -63,7 +63,7 @@ def predicted_covariance(prior: Prior, planned: Waveform, response: Response, gu
     colour = _gust_colour(prior, gust, len(planned.time)) if gust is not None and windy else None
     noise = np.array(prior.noise) * np.sqrt(float(np.mean(averaging.power(2).sum(axis=1))))
     if colour is not None:
-        noise = np.sqrt(noise**2 + np.diag(colour.covariances[0]))
+        noise = np.sqrt(noise**2 + np.diag(colour.lags[0]))
     averaged = _averaged(averaging, response.sensitivities) / noise[:, None]
     free = _without(_nuisances(averaging, response.starts, noise), averaged)
     information = np.einsum("nip,niq->pq", free, free)
@@ -74,7 +74,7 @@ def predicted_covariance(prior: Prior, planned: Waveform, response: Response, gu
     weights = np.stack([averaging.T @ free[:, i] for i in range(len(OUTPUTS))], axis=1) / noise[:, None]
     core = np.einsum("nip,i,niq->pq", weights, np.square(prior.noise), weights)
     if colour is not None:
-        core = core + coloured_information([_coarser(weights, _stride(prior))], colour)
+        core = core + colored_information([_coarser(weights, _stride(prior))], colour)
     covariance: Array = inverse @ core @ inverse
     return covariance
 
@@ -91,11 +91,14 @@ def predict(prior: Prior, covariance: Array, repeats: int = 1) -> tuple[Predicte
         return np.array(short_period_of(matrices(LONGITUDINAL, values, prior.reference, prior.aircraft).a))
 
     try:
-        both, errors = propagate(mode, prior.values, covariance)
+        both, uncertainty = propagate(mode, prior.values, ParameterUncertainty(covariance, np.inf))
     except ValueError as error:
         raise InputError(f"the prior model has no short period: {error}") from None
     rows = zip(
-        (*MODE_UNITS, *LONGITUDINAL), (*both, *prior.values), (*errors, *np.sqrt(np.diag(covariance))), strict=True
+        (*MODE_UNITS, *LONGITUDINAL),
+        (*both, *prior.values),
+        (*uncertainty.standard_errors, *np.sqrt(np.diag(covariance))),
+        strict=True,
     )
     return tuple(Predicted(n, (UNITS | MODE_UNITS)[n], float(value), float(error)) for n, value, error in rows)
 
@@ -141,7 +144,7 @@ def _without(nuisances: Array, columns: Array) -> Array:
     return rest
 
 
-def _gust_colour(prior: Prior, gust: Gust, samples: int) -> Colour:
+def _gust_colour(prior: Prior, gust: Gust, samples: int) -> Autocovariance:
     """Autocovariance (L, 3, 3) of the outputs in gusts along x and z, by lag in strides of `_stride`."""
     model, pole = prior.model(), prior.reference.airspeed / gust.scale
     force = prior.values.reshape(3, 4)[:, :2]
@@ -159,4 +162,4 @@ def _gust_colour(prior: Prior, gust: Gust, samples: int) -> Colour:
         power = once @ power
         if np.max(np.abs(power)) < FORGOTTEN:
             break
-    return Colour(np.array(lags), 0.0)
+    return Autocovariance(np.array(lags), 0.0)

@@ -28,9 +28,8 @@ from logs.identification.report.document import (
 from logs.identification.report.labels import meaning, number, sentence
 from logs.identification.report.result_formatting import finding_line
 from logs.identification.results import Array, EstimationResult, FitSeries
-from logs.identification.statistics.correlation import STRONG, strong_pairs
-from logs.identification.statistics.theil import theil
-from logs.identification.statistics.whiteness import BAND, autocorrelation
+from logs.identification.statistics.collinearity import STRONG, strong_pairs
+from logs.identification.statistics.fit_quality import BAND, autocorrelation, theil
 
 MOST_FITS = 24
 """-; manoeuvres that are drawn: more would only make the page long; all are in the tables"""

@@ -9,8 +9,8 @@ from logs.identification.findings import CATALOG, Finding, of_severity
 from logs.identification.models.lateral_modes import DUTCH_ROLL, LATERAL_PHUGOID, ROLL, SPIRAL
 from logs.identification.report.numbers import Identification, document, step_entries
 from logs.identification.results import Estimate, EstimationResult, OutputFit
-from logs.identification.statistics.correlation import Pair, strong_pairs
-from logs.identification.statistics.output_fit import output_fits
+from logs.identification.statistics.collinearity import Pair, strong_pairs
+from logs.identification.statistics.fit_quality import output_fits
 from logs.identification.tables.results import TableIdentification, finite
 
 LATERAL_MODES = (DUTCH_ROLL, ROLL, SPIRAL, LATERAL_PHUGOID)

@@ -10,7 +10,7 @@ def step_table(steps: tuple[Step, ...]) -> Table:
     """A row a step: what entered or left, its statistics, and why."""
     rows = tuple(
         (
-            f"{number}", one.action, one.term.replace("*", " "), one.coloured_f, one.statistics.r_squared,
+            f"{number}", one.action, one.term.replace("*", " "), one.colored_f, one.statistics.r_squared,
             one.statistics.press, one.statistics.pse, one.why,
         )
         for number, one in enumerate(steps)

@@ -32,7 +32,7 @@ from logs.identification.results import SURE, EstimationResult, Unidentified, wi
 from logs.identification.sources.table.config import DELAY, ModesSection, OutputError, Parameter
 from logs.identification.sources.table.maneuvers import Cut
 from logs.identification.sources.table.signal_lookup import check_apart
-from logs.identification.statistics.parameter_uncertainty import Spread
+from logs.identification.statistics.uncertainty import ParameterUncertainty
 from logs.identification.tables.equation_errors import by_equations, has_equations
 from logs.identification.tables.models import with_speed
 from logs.identification.tables.output_errors import METHODS, ModelFit, model_fit, shortened
@@ -273,7 +273,7 @@ def _mode(one: ModelFit) -> Mode:
     why = _withheld_mode(one)
     if why:
         return nothing(title, why)
-    spread = Spread(one.fit.covariance, one.fit.degrees)
+    spread = ParameterUncertainty(one.fit.covariance, one.fit.degrees)
     estimates = tuple(map(shortened, one.fit.estimates))
     return mode_of_system(title, one.chosen.system_of(one.fit), one.fit.values, spread, estimates)
 
@@ -287,7 +287,7 @@ def with_lateral_modes(one: ModelFit) -> EstimationResult:
     if why:
         found = LateralModes((), (Unidentified(DUTCH_ROLL, why),))
     else:
-        spread = Spread(np.asarray(one.fit.covariance), one.fit.degrees)
+        spread = ParameterUncertainty(np.asarray(one.fit.covariance), one.fit.degrees)
         found = lateral_modes(one.chosen.system_of(one.fit), one.fit.values, spread)
     lost = tuple(map(withheld_finding, found.unidentified))
     notes = tuple(f"{lost.subject} not identified: {lost.text}" for lost in lost)

@@ -12,7 +12,7 @@ from output_error_cases import LATERAL, LATERAL_TRUTH, flown, steps, vector
 from groundstation.command import identify
 from logs.identification.models.lateral_modes import lateral_modes
 from logs.identification.results import Array
-from logs.identification.statistics.parameter_uncertainty import Spread
+from logs.identification.statistics.uncertainty import ParameterUncertainty
 
 STEP = 0.02
 MAP = """
@@ -100,7 +100,7 @@ def test_other_shapes_of_the_lateral_motion(matrix: Array, told: str, refused: t
     def system(at: Array) -> Array:
         return np.asarray(base + np.diag(at - values))
 
-    found = lateral_modes(system, values, Spread(np.diag(np.full(4, 1e-4)), 1000.0))
+    found = lateral_modes(system, values, ParameterUncertainty(np.diag(np.full(4, 1e-4)), 1000.0))
     assert tuple(one.name for one in found.unidentified) == refused
     assert not told or told in {one.name for one in found.estimates}
     for one in found.estimates:

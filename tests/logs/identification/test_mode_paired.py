@@ -18,11 +18,13 @@ from logs.identification.models.modes import (
     paired_mode,
     without_heavy,
 )
-from logs.identification.statistics.parameter_uncertainty import Spread
+from logs.identification.statistics.uncertainty import ParameterUncertainty
 
 
 def found(pairs: list[float], errors: list[float], kinds: tuple[str, ...] = KINDS) -> Mode:
-    return paired_mode("free response", kinds, np.array(pairs), Spread(np.diag(np.square(errors)), 100.0))
+    return paired_mode(
+        "free response", kinds, np.array(pairs), ParameterUncertainty(np.diag(np.square(errors)), 100.0)
+    )
 
 
 @pytest.mark.parametrize("damping", [0.005, -0.002, 0.0])
@@ -70,7 +72,10 @@ def unstable(parameters: np.ndarray) -> np.ndarray:
 
 def test_an_unstable_aircraft_tells_the_time_in_which_its_motion_doubles() -> None:
     """GIVEN real roots of both signs THEN they are told, with the errors that drawn matrices scatter by."""
-    values, spread = np.array([-1.4, 1.0, 12.0, -3.7]), Spread(np.diag(np.square([0.05, 0.0, 0.2, 0.1])), 1e6)
+    values, spread = (
+        np.array([-1.4, 1.0, 12.0, -3.7]),
+        ParameterUncertainty(np.diag(np.square([0.05, 0.0, 0.2, 0.1])), 1e6),
+    )
     mode = mode_of_system("output error", unstable, values, spread)
     assert mode.short_period is None and "a divergence" in mode.unidentified[0].reason
     double, decay = mode.divergence
@@ -84,11 +89,11 @@ def test_an_unstable_aircraft_tells_the_time_in_which_its_motion_doubles() -> No
 
 def test_what_may_not_grow_has_no_time_to_double() -> None:
     nearly = np.array([-1.0, 1.0, 1.51, -1.5])
-    sure = mode_of_system("output error", unstable, nearly, Spread(np.diag(np.full(4, 1e-8)), 1e6))
-    unsure = mode_of_system("output error", unstable, nearly, Spread(np.diag(np.full(4, 1e-2)), 1e6))
+    sure = mode_of_system("output error", unstable, nearly, ParameterUncertainty(np.diag(np.full(4, 1e-8)), 1e6))
+    unsure = mode_of_system("output error", unstable, nearly, ParameterUncertainty(np.diag(np.full(4, 1e-2)), 1e6))
     assert len(sure.divergence) == 2 and unsure.divergence == ()
     stable = mode_of_system(
-        "output error", unstable, np.array([-1.0, 1.0, -4.0, -1.5]), Spread(np.eye(4) * 1e-6, 1e6)
+        "output error", unstable, np.array([-1.0, 1.0, -4.0, -1.5]), ParameterUncertainty(np.eye(4) * 1e-6, 1e6)
     )
     assert stable.short_period is not None and stable.divergence == ()
 

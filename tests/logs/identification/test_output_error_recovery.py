@@ -77,9 +77,11 @@ def jets(seeds: range) -> float:
     return held / (len(seeds) * len(JET_TRUTH))
 
 
-def shares_of(problem: Callable[[int], Problem], truth: dict[str, float]) -> dict[str, float]:
+def shares_of(
+    problem: Callable[[int], Problem], truth: dict[str, float], seeds: range = range(100, 400)
+) -> dict[str, float]:
     """Of each parameter, over many seeds; every fit must be whole."""
-    fits = [output_error(problem(seed)) for seed in range(100, 400)]
+    fits = [output_error(problem(seed)) for seed in seeds]
     assert all(fit.status == "converged" and not fit.unidentified for fit in fits)
     return held_shares([fit.estimates for fit in fits], truth)
 
@@ -182,7 +184,9 @@ def test_coverage(pole: float) -> None:
 @pytest.mark.validate
 @pytest.mark.parametrize("pole", [0.0, 0.7, 0.9, 0.99])
 def test_coverage_of_many(pole: float) -> None:
-    promise_kept(f"output error, pole {pole}", shares_of(lambda seed: short_problem(seed, pole), SHORT_PERIOD_TRUTH))
+    """1,000 seeds: the fraction of 300 scatters by 1.7 %, more than its distance from the limit."""
+    shares = shares_of(lambda seed: short_problem(seed, pole), SHORT_PERIOD_TRUTH, range(1000))
+    promise_kept(f"output error, pole {pole}", shares)
 
 
 def gusty_problem(seed: int) -> Problem:

@@ -77,7 +77,7 @@ def test_every_step_tells_its_term_its_reason_and_its_statistics() -> None:
     assert middle[0].term == "alpha" and middle[0].action == "enters"
     assert last.terms == found.terms
     for step in middle:
-        assert np.all(np.isfinite([step.partial_f, step.coloured_f, step.probability, *step.statistics]))
+        assert np.all(np.isfinite([step.partial_f, step.colored_f, step.probability, *step.statistics]))
     rises = [step.statistics.r_squared for step in found.steps if step.action != "leaves"]
     assert rises == sorted(rises)
     final = middle[-1].statistics

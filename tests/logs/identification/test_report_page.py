@@ -40,7 +40,7 @@ from logs.identification.report.numbers import determined
 from logs.identification.report.report import Subject, chapters, refuse_existing, write_report
 from logs.identification.report.svg import NARROW, axis, drawn, round_step, written
 from logs.identification.results import Estimate, Unidentified, estimate
-from logs.identification.statistics.whiteness import BAND, autocorrelation
+from logs.identification.statistics.fit_quality import BAND, autocorrelation
 from logs.identification.tables import benches
 from logs.identification.tables import load_cell_tests as stands
 from wingbeat.errors import InputError

@@ -12,7 +12,7 @@ from groundstation.command.main import main
 from logs.identification.data.experiment import Experiment
 from logs.identification.estimators.equation_error import Settings, coefficient_regression
 from logs.identification.estimators.stepwise import stepwise_regression
-from logs.identification.statistics.output_fit import output_fits
+from logs.identification.statistics.fit_quality import output_fits
 from logs.identification.tables.run import identify_tables
 from wingbeat.errors import InputError
 

@@ -70,9 +70,9 @@ class Here(NamedTuple):
 
 def squares_of(residuals: list[Array], whiteners: tuple[Whitener, ...]) -> float:
     """Weighted squares; infinite where a simulation overflowed."""
-    if not all(np.all(np.isfinite(piece)) for piece in residuals):
+    if not all(np.all(np.isfinite(block)) for block in residuals):
         return float("inf")
-    return float(sum(np.sum(white(piece) ** 2) for piece, white in zip(residuals, whiteners, strict=True)))
+    return float(sum(np.sum(white(block) ** 2) for block, white in zip(residuals, whiteners, strict=True)))
 
 
 def here(problem: Problem, flight: Flight, unknowns: Unknowns, residuals: list[Array]) -> Here:
@@ -87,7 +87,7 @@ def gauss_newton(problem: Problem, flight: Flight, start: Unknowns, most: int) -
     """Search from ``start`` in at most ``most`` steps."""
     held = np.zeros(len(start.values), dtype=bool)
     residuals = flight.residuals(start)
-    if not all(np.all(np.isfinite(piece)) for piece in residuals):
+    if not all(np.all(np.isfinite(block)) for block in residuals):
         reason = f"with the start values {overflow(flight, residuals)}"
         return Found("diverged", reason, start, np.eye(len(problem.outputs)), None, held, float("inf"), ())
     now = here(problem, flight, start, residuals)
@@ -120,8 +120,8 @@ def gauss_newton(problem: Problem, flight: Flight, start: Unknowns, most: int) -
 
 def overflow(flight: Flight, residuals: list[Array]) -> str:
     """Which simulation overflows, and when."""
-    for record, piece in zip(flight.records, residuals, strict=True):
-        bad = np.flatnonzero(~np.all(np.isfinite(piece), axis=1))
+    for record, block in zip(flight.records, residuals, strict=True):
+        bad = np.flatnonzero(~np.all(np.isfinite(block), axis=1))
         if len(bad):
             return f"the model diverges {record.time[bad[0]] - record.time[0]:.3g} s into {record.name}"
     return "the model diverges"

@@ -18,7 +18,7 @@ NO_EFFECT = 1e-6
 SMALLEST_SIZE = 1e-2
 
 
-class Piece(NamedTuple):
+class RecordBlock(NamedTuple):
     """One record's share."""
 
     residuals: Array
@@ -32,7 +32,7 @@ class Piece(NamedTuple):
 class Normal(NamedTuple):
     """All records about the present unknowns."""
 
-    pieces: tuple[Piece, ...]
+    blocks: tuple[RecordBlock, ...]
     sizes: Array
     """(p,); of the parameters, to tell one that has no effect"""
     precision: Array
@@ -61,18 +61,18 @@ class Step(NamedTuple):
 
 def normal_of(flight: Flight, unknowns: Unknowns, residuals: list[Array], whiteners: tuple[Whitener, ...]) -> Normal:
     """Residuals and slopes of all records, in standard deviations."""
-    pieces, p = [], len(unknowns.values)
+    blocks, p = [], len(unknowns.values)
     for record, own, raw, white in zip(flight.records, unknowns.own, residuals, whiteners, strict=True):
         slopes = white(flight.slopes(record, unknowns.values, own)).reshape(raw.size, -1)
-        pieces.append(Piece(white(raw), slopes[:, :p], slopes[:, p:]))
+        blocks.append(RecordBlock(white(raw), slopes[:, :p], slopes[:, p:]))
     sizes = np.maximum(np.maximum(np.abs(unknowns.values), np.abs(flight.first().values)), SMALLEST_SIZE)
     precision = flight.layout.precision
-    return Normal(tuple(pieces), sizes, precision, precision * (flight.layout.prior_mean - unknowns.values))
+    return Normal(tuple(blocks), sizes, precision, precision * (flight.layout.prior_mean - unknowns.values))
 
 
 def finite(normal: Normal) -> bool:
     """Whether every slope is a number: a perturbed simulation may overflow where the central one does not."""
-    return all(bool(np.all(np.isfinite(p.slopes)) and np.all(np.isfinite(p.own))) for p in normal.pieces)
+    return all(bool(np.all(np.isfinite(p.slopes)) and np.all(np.isfinite(p.own))) for p in normal.blocks)
 
 
 def pseudo_inverse(matrix: Array) -> tuple[Array, int]:
@@ -109,12 +109,12 @@ def reduced(normal: Normal, damping: float = 0.0) -> Reduced:
     """Schur complement of the nuisances; ``damping`` is Levenberg and Marquardt's, in shares of the diagonal."""
     information, gradient = np.diag(normal.precision), normal.prior_gradient.copy()
     alone, rank = normal.precision.copy(), 0
-    for piece in normal.pieces:
-        whole = piece.slopes.T @ piece.slopes
-        inverse, kept = pseudo_inverse(_damped(piece.own.T @ piece.own, damping))
-        cross, r = piece.slopes.T @ piece.own, piece.residuals.ravel()
+    for block in normal.blocks:
+        whole = block.slopes.T @ block.slopes
+        inverse, kept = pseudo_inverse(_damped(block.own.T @ block.own, damping))
+        cross, r = block.slopes.T @ block.own, block.residuals.ravel()
         information += whole - cross @ inverse @ cross.T
-        gradient += piece.slopes.T @ r - cross @ (inverse @ (piece.own.T @ r))
+        gradient += block.slopes.T @ r - cross @ (inverse @ (block.own.T @ r))
         alone += np.diag(whole)
         rank += kept
     return Reduced(information + damping * np.diag(alone), gradient, alone, rank)
@@ -164,9 +164,9 @@ def step_of(normal: Normal, held: Flags, damping: float = 0.0) -> Step:
     variances = np.diag(inverse)
     errors[free] = np.where(variances > 0, np.sqrt(np.maximum(variances, 0.0)), np.inf)
     own, decrement = [], float(values[free] @ part.gradient)
-    for piece in normal.pieces:
-        inner, _ = pseudo_inverse(_damped(piece.own.T @ piece.own, damping))
-        share = piece.own.T @ piece.residuals.ravel()
-        own.append(inner @ (share - piece.own.T @ (piece.slopes @ values)))
+    for block in normal.blocks:
+        inner, _ = pseudo_inverse(_damped(block.own.T @ block.own, damping))
+        share = block.own.T @ block.residuals.ravel()
+        own.append(inner @ (share - block.own.T @ (block.slopes @ values)))
         decrement += float(share @ inner @ share)
     return Step(values, tuple(own), errors, decrement)
