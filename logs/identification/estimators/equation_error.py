@@ -408,10 +408,16 @@ def _row(domain: Domain, request: Request) -> EstimationResult:
     return regression_result(f"equation_error_{domain}", request, result)
 
 
+OPTIONS = {
+    "intercept": "common, each (maneuver) or none", "trend": "order of each maneuver's polynomial in time",
+    "frequencies": "Hz, of the transform", "covariance": "of the residuals: autocorrelated or white",
+    "units": "SI unit by the constant's name",
+}  # fmt: skip
 ESTIMATORS["equation_error_time"] = Estimator(
-    "equation_error_time", "Equation error, time domain", "Klein & Morelli 2006, ch. 5", partial(_row, "time")
-)
+    "equation_error_time", "Equation error, time domain", "Klein & Morelli 2006, ch. 5; Grauer Eq. 17 to 19",
+    partial(_row, "time"), '[[aero.regression]] domain = "time"', OPTIONS,
+)  # fmt: skip
 ESTIMATORS["equation_error_frequency"] = Estimator(
-    "equation_error_frequency", "Equation error, frequency domain", "Klein & Morelli 2006, ch. 7",
-    partial(_row, "frequency"),
+    "equation_error_frequency", "Equation error, frequency domain", "Klein & Morelli 2006, ch. 7; Grauer Eq. 20, 21",
+    partial(_row, "frequency"), '[[aero.regression]] domain = "frequency"; modes', OPTIONS,
 )  # fmt: skip

@@ -18,6 +18,7 @@ from logs.identification.data.experiment import Experiment
 from logs.identification.estimators.engine.problem import Feedback, Fit, Held, Model, Named, Parameter, Problem
 from logs.identification.estimators.output_error import (
     DEFAULT_SEARCH,
+    OPTIONS,
     Search,
     output_error,
     problem_of,
@@ -386,4 +387,6 @@ ESTIMATORS["filter_error"] = Estimator(
     "Filter error (maximum likelihood with process noise)",
     "Jategaonkar, Flight Vehicle System Identification, 2006, ch. 5; Klein & Morelli, 2006, ch. 6",
     estimate_by_filter_error,
+    'modes; [modes], [[aero.output_error]] method = "filter_error"',
+    OPTIONS | {"noisy": "states with process noise"},
 )

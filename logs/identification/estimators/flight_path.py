@@ -193,7 +193,12 @@ def estimate_flight_path(request: Request) -> EstimationResult:
 
 ESTIMATORS[METHOD] = Estimator(
     METHOD, "Flight-path reconstruction (data compatibility check)", "Klein & Morelli 2006, ch. 10",
-    estimate_flight_path,
+    estimate_flight_path, "[path]; path of a flight without velocities of the GPS",
+    {
+        "longitudinal": "u, w, theta and altitude alone", "also": "further errors: scale_q, bias_theta, ...",
+        "known": "errors that are zero", "positions": "of the sensors, FRD, m: `SensorPositions`",
+        "input_noise": "standard deviation by input",
+    },
 )  # fmt: skip
 
 

@@ -337,7 +337,7 @@ def estimate_gps_aided(request: Request) -> EstimationResult:
 
 ESTIMATORS[METHOD] = Estimator(
     METHOD, "IMU errors by GPS velocities (iterated Kalman smoother)", "Groves 2013, ch. 14; Bell 1994",
-    estimate_gps_aided,
+    estimate_gps_aided, "path of a flight", {"arm": "from the antenna to the IMU, FRD, m"},
 )  # fmt: skip
 
 

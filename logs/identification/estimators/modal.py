@@ -136,5 +136,8 @@ class ModalMethod(NamedTuple):
 
 def add_row(method: ModalMethod) -> ModalMethod:
     """Enter a method into the registry."""
-    ESTIMATORS[method.name] = Estimator(method.name, method.title.capitalize(), method.reference, method.result)
+    ESTIMATORS[method.name] = Estimator(
+        method.name, method.title.capitalize(), method.reference, method.result,
+        "modes; [modes]", {"kinds": "short_period, phugoid"},
+    )  # fmt: skip
     return method

@@ -142,5 +142,6 @@ def _row(request: Request) -> EstimationResult:
 
 
 ESTIMATORS["orthogonal"] = Estimator(
-    "orthogonal", "Multivariate orthogonal functions", "Morelli, J. Aircraft 32(2), 1995", _row
-)
+    "orthogonal", "Multivariate orthogonal functions", "Morelli, J. Aircraft 32(2), 1995", _row,
+    '[[aero.regression]] method = "orthogonal"', {"most_terms": "orthogonal functions at most"},
+)  # fmt: skip

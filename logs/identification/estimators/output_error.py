@@ -294,9 +294,15 @@ def estimate_by_output_error(request: Request) -> EstimationResult:
     return result_of("output_error", request, problem, fit)
 
 
+OPTIONS = {
+    "nuisances": "initial states and biases of each maneuver: `Nuisances`", "initial": "initial states by maneuver",
+    "weighting": "of the outputs: diagonal, full or given", "deviations": "of the outputs' noise if given",
+}  # fmt: skip
 ESTIMATORS["output_error"] = Estimator(
     "output_error",
     "Output error (maximum likelihood)",
     "Klein & Morelli, Aircraft System Identification, 2006, ch. 6; Jategaonkar, 2006, ch. 4",
     estimate_by_output_error,
+    'modes; [modes], [[aero.output_error]] method = "output_error"',
+    OPTIONS | {"search": "start values, simplex, number of starts: `Search`"},
 )

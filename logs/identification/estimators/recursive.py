@@ -149,5 +149,6 @@ def _row(request: Request) -> EstimationResult:
 
 
 ESTIMATORS["recursive_least_squares"] = Estimator(
-    "recursive_least_squares", "Recursive least squares", "Klein & Morelli 2006, ch. 8", _row
-)
+    "recursive_least_squares", "Recursive least squares", "Klein & Morelli 2006, ch. 8", _row,
+    options={"forgetting": "factor of a sample's weight per later sample, above 0 and at most 1"},
+)  # fmt: skip

@@ -54,6 +54,10 @@ class Estimator(NamedTuple):
     reference: str
     """-; textbook or paper, with chapter or equation"""
     estimate: Estimate
+    selection: str = ""
+    """-; subject of the command, or keys of a map, that select it; empty: programs only"""
+    options: Mapping[str, str] = {}
+    """-; meaning of each of `Request.options` by name"""
 
 
 ESTIMATORS: dict[str, Estimator] = {}

@@ -267,4 +267,12 @@ def _row(request: Request) -> EstimationResult:
     return regression_result("stepwise", request, found.model, steps=found.steps)
 
 
-ESTIMATORS["stepwise"] = Estimator("stepwise", "Stepwise regression", "Klein & Morelli 2006, ch. 5.4", _row)
+ESTIMATORS["stepwise"] = Estimator(
+    "stepwise", "Stepwise regression", "Klein & Morelli 2006, ch. 5.4; Grauer V.C", _row,
+    "[aero.regression.stepwise]; aero of a flight",
+    {
+        "stop": "rule: F, PSE or PRESS", "significance": "largest p-value of a term",
+        "least_gain": "of R^2 by a term",
+        "most_terms": "in the model", "always": "terms that are forced into the model",
+    },
+)  # fmt: skip

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import runpy
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import NamedTuple
@@ -104,6 +105,12 @@ def constant(request: Request) -> Request:
 
 def test_every_row_has_a_case() -> None:
     assert set(estimators()) - PENDING == set(CASES)
+
+
+def test_reference_of_estimators_is_current() -> None:
+    docs = Path(__file__).parents[3] / "docs"
+    page = runpy.run_path(str(docs / "write_estimators.py"))["reference"]()
+    assert (docs / "reference" / "estimators.md").read_text(encoding="utf-8") == page
 
 
 @pytest.mark.parametrize("name", CASES)
