@@ -85,7 +85,7 @@ def steady_segments(data: ThrottleData) -> tuple[Segment, ...]:
     time, throttle = data.throttle_time[good], data.throttle[good]
     cuts = stroke_cuts(data.wing_time, data.strokes) if np.ptp(data.strokes) > 1 else np.zeros(0)
     found = []
-    for first, last in _still(throttle, time):
+    for first, last in _constant_spans(throttle, time):
         begin, end = float(time[first]) + SETTLE, float(time[last])
         if end - begin < SETTLE:
             continue
@@ -95,7 +95,7 @@ def steady_segments(data: ThrottleData) -> tuple[Segment, ...]:
     return tuple(found)
 
 
-def _still(throttle: Array, time: Array) -> list[tuple[int, int]]:
+def _constant_spans(throttle: Array, time: Array) -> list[tuple[int, int]]:
     """First and last sample of stretches within `BAND`, each as long as it goes, none over a gap."""
     spans, first, step = [], 0, float(np.median(np.diff(time))) if len(time) > 1 else 0.0
     low = high = throttle[0] if len(throttle) else 0.0

@@ -122,13 +122,13 @@ class ModalMethod(NamedTuple):
 
     def _identify(self, records: Records, kinds: tuple[str, ...]) -> tuple[Mode, ModalFit | None, Finding | None]:
         try:
-            if self.inputs and records.beside:
+            if self.inputs and records.other_inputs:
                 raise NotIdentified("one_input_only")
             fit = self.fit(records, kinds)
         except NotIdentified as refused:
             finding = refused.finding
             if finding.code == "one_input_only":
-                finding = finding._replace(subject=", ".join(records.beside))
+                finding = finding._replace(subject=", ".join(records.other_inputs))
             return nothing(self.title, finding.text, kinds), None, finding
         mode = paired_mode(self.title, kinds, fit.pairs, fit.spread, fit.parameters)
         return (mode if math.isinf(self.max_damping) else without_heavy(mode, self.max_damping)), fit, None

@@ -58,7 +58,7 @@ class Records(NamedTuple):
     """m/s; mean of the signal V, None if it was not measured"""
     notes: tuple[str, ...] = ()
     """-; what was bridged or left out, one clause each"""
-    beside: tuple[str, ...] = ()
+    other_inputs: tuple[str, ...] = ()
     """-; inputs beside the one in the pieces, that move as well"""
 
     @property
@@ -104,8 +104,10 @@ def records_of(
     if not pieces:
         raise InputError(f"no record of {', '.join(output_names)} has {LEAST_SAMPLES} samples in a row")
     units = tuple(experiments[0].units.get(name, "") for name in output_names)
-    beside = tuple(name for name in others if name in moving)
-    return Records(tuple(pieces), output_names, units, smooth_input, _airspeed(experiments), tuple(notes), beside)
+    other_inputs = tuple(name for name in others if name in moving)
+    return Records(
+        tuple(pieces), output_names, units, smooth_input, _airspeed(experiments), tuple(notes), other_inputs
+    )
 
 
 def _airspeed(experiments: tuple[Experiment, ...]) -> float | None:

@@ -1,6 +1,6 @@
 """Result of a servo fit, and the effect of the sensors' calibration errors on its intervals.
 
-A scale or a zero that is wrong throughout leaves no trace in the residuals. Its effect is found by fitting again with
+A scale or a zero that is wrong throughout leaves no trace in the residuals. Its effect is one by fitting again with
 each sensor changed by one standard deviation (GUM, JCGM 100:2008, 5.1.3 with finite differences); the squares are
 added to those of the random errors.
 """
@@ -50,16 +50,16 @@ def with_gauge_errors(fit: Fit, data: DriveData, gauges: GaugeErrors) -> ServoMo
     model = fit(data)
     shifts = [_shift(model, fit(changed)) for changed in _changed(data, gauges)]
     widened = tuple(
-        _widened(found, math.sqrt(sum(shift[index] ** 2 for shift in shifts)))
-        for index, found in enumerate(model.estimates)
+        _widened(one, math.sqrt(sum(shift[index] ** 2 for shift in shifts)))
+        for index, one in enumerate(model.estimates)
     )
     return model._replace(estimates=widened)
 
 
 def _shift(model: ServoModel, other: ServoModel) -> list[float]:
     """By how much each estimate moved; an estimate that was lost counts as not moved."""
-    moved = {found.name: found.value for found in other.estimates}
-    return [moved.get(found.name, found.value) - found.value for found in model.estimates]
+    moved = {one.name: one.value for one in other.estimates}
+    return [moved.get(one.name, one.value) - one.value for one in model.estimates]
 
 
 def _changed(data: DriveData, gauges: GaugeErrors) -> list[DriveData]:
@@ -77,7 +77,7 @@ def _changed(data: DriveData, gauges: GaugeErrors) -> list[DriveData]:
     return [changed for error, changed in every if error]
 
 
-def _widened(found: Estimate, systematic: float) -> Estimate:
-    half = math.hypot(found.high - found.value, student_factor(math.inf) * systematic)
-    error = math.hypot(found.standard_error, systematic)
-    return found._replace(standard_error=error, low=found.value - half, high=found.value + half)
+def _widened(one: Estimate, systematic: float) -> Estimate:
+    half = math.hypot(one.high - one.value, student_factor(math.inf) * systematic)
+    error = math.hypot(one.standard_error, systematic)
+    return one._replace(standard_error=error, low=one.value - half, high=one.value + half)

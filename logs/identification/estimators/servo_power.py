@@ -157,18 +157,18 @@ def power_with_gauge_errors(
     while True:
         fit = partial(identify_power, centre_current=centre[0], centre_voltage=centre[1], terms=terms)
         widened = with_gauge_errors(fit, data, gauges)
-        vague = [found for found in widened.estimates if found.name in terms[1:] and found.contains(0.0)]
+        vague = [one for one in widened.estimates if one.name in terms[1:] and one.contains(0.0)]
         if not vague:
             refused = tuple(one for one in dropped if one.name not in CONSTANTS)
             return _without_vague(widened._replace(unidentified=refused))
-        worst = min(vague, key=lambda found: abs(found.value) / found.standard_error).name
+        worst = min(vague, key=lambda one: abs(one.value) / one.standard_error).name
         dropped.append(Unidentified(worst, GAUGES_VAGUE))
         terms = tuple(term for term in terms if term != worst)
 
 
 def _terms(model: ServoModel) -> tuple[str, ...]:
     """What was fitted, of `TERMS`: the constant always is, told or not."""
-    return ("C_A", *(found.name for found in model.estimates if found.name in TERMS and found.name != "C_A"))
+    return ("C_A", *(one.name for one in model.estimates if one.name in TERMS and one.name != "C_A"))
 
 
 def _without_vague(model: ServoModel) -> ServoModel:
@@ -178,7 +178,7 @@ def _without_vague(model: ServoModel) -> ServoModel:
     if "C_B" not in _terms(model):
         refused = [*(one for one in refused if one.name != "C_A"), Unidentified("C_A", NO_SLOPE)]
     lost = {one.name for one in refused}
-    kept = tuple(found for found in model.estimates if found.name not in lost)
+    kept = tuple(one for one in model.estimates if one.name not in lost)
     return model._replace(estimates=kept, unidentified=(*model.unidentified, *refused))
 
 
@@ -269,11 +269,11 @@ def _coefficients(fit: Fit, terms: tuple[str, ...], c_d: float, c_e: float) -> t
             gradient[0, index] = c_d if term == "C_B" else c_e
     values = gradient @ fit.values
     errors = np.sqrt(np.diag(gradient @ fit.covariance @ gradient.T))
-    found = [
+    one = [
         estimate(t, TERMS[t], float(v), float(e), fit.degrees) for t, v, e in zip(terms, values, errors, strict=True)
     ]
     centred = estimate("P_0", "W", float(fit.values[0]), float(np.sqrt(fit.covariance[0, 0])), fit.degrees)
-    return (centred, *found)
+    return (centred, *one)
 
 
 def power_truth(data: DriveData, measured: ServoModel) -> dict[str, float]:

@@ -50,12 +50,12 @@ def lateral_modes(system: System, values: Array, spread: ParameterUncertainty) -
     found = [_oscillation(DUTCH_ROLL, 0, system, values, spread)]
     if pairs == 2:
         found.append(_oscillation(LATERAL_PHUGOID, 1, system, values, spread))
-        return _told(found, [])
+        return _collected(found, [])
     rates = [computed(partial(_decay, system, place), values, spread) for place in (0, 1)]
-    return _told(found, [_constant(ROLL, rates[0]), _halving(SPIRAL, rates[1])])
+    return _collected(found, [_constant(ROLL, rates[0]), _halving(SPIRAL, rates[1])])
 
 
-def _told(pairs: list[Oscillation | Unidentified], single: list[Estimate | Unidentified]) -> LateralModes:
+def _collected(pairs: list[Oscillation | Unidentified], single: list[Estimate | Unidentified]) -> LateralModes:
     """All of it, sorted into what is known and what is not."""
     estimates: list[Estimate] = []
     for pair in pairs:

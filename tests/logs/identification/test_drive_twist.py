@@ -24,17 +24,17 @@ def release(seed: int = 0, damping: float = 0.31, noise: float = 0.005, hole: bo
     free = time >= 0.3
     twist[free] = 0.05 + free_twist(time[free] - 0.3, 0.4, 0.0, NATURAL, damping)
     twist = twist + noise * rng.normal(size=len(time))
-    held = time >= 0.3
+    locked = time >= 0.3
     if hole:
         twist[200:220] = np.nan
-    return Experiment("release", time[held], {"twist": twist[held]}, {"twist": "rad"})
+    return Experiment("release", time[locked], {"twist": twist[locked]}, {"twist": "rad"})
 
 
 def by_name(model: ServoModel) -> dict[str, Estimate]:
     return {found.name: found for found in model.estimates}
 
 
-def held(seed: int, amplitude: float, damping: float = 0.02, astray: float = 0.0) -> Experiment:
+def locked(seed: int, amplitude: float, damping: float = 0.02, astray: float = 0.0) -> Experiment:
     """A wing that is held for 0.1 s; one sample of that time is ``astray`` rad."""
     rng = np.random.default_rng(seed)
     time = np.arange(0, 0.86, 0.002)
@@ -51,7 +51,7 @@ def held(seed: int, amplitude: float, damping: float = 0.02, astray: float = 0.0
 def test_a_sample_astray_does_not_let_a_held_wing_go(astray: float) -> None:
     held_in = 0
     for seed in range(6):
-        found = by_name(identify_twist(held(seed, 0.2, astray=astray)))
+        found = by_name(identify_twist(locked(seed, 0.2, astray=astray)))
         assert found["twist_natural_frequency"].value == pytest.approx(NATURAL, rel=1e-3), seed
         held_in += found["twist_natural_frequency"].contains(NATURAL) + found["twist_damping"].contains(0.02)
     assert held_in >= 10
@@ -61,7 +61,7 @@ def test_no_swing_is_found_in_noise() -> None:
     looked_at = 0
     for seed in range(10):
         try:
-            model = identify_twist(held(seed, 0.0))
+            model = identify_twist(locked(seed, 0.0))
         except InputError as error:
             assert "after its release" in str(error)  # the greatest excursion of noise may be its last sample
             continue

@@ -7,7 +7,7 @@ import pytest
 from promised import SEEDS
 
 from logs.identification.estimators.equation_error import Settings, coefficient_regression
-from tests.logs.identification.coloured_noise import KINDS, TRUTH, flown
+from tests.logs.identification.colored_noise import KINDS, TRUTH, simulated
 
 COUNTS = (100, 250, 1000)
 FINE = np.arange(0.1, 3.0, 0.04)
@@ -18,7 +18,9 @@ def covered(kind: str, count: int, seeds: range, domain: str, settings: Settings
     """How many of the intervals of each parameter hold its truth."""
     hits = dict.fromkeys(TRUTH, 0)
     for seed in seeds:
-        found = coefficient_regression((flown(kind, count, seed),), "C", ("alpha", "q", "delta"), domain, settings)
+        found = coefficient_regression(
+            (simulated(kind, count, seed),), "C", ("alpha", "q", "delta"), domain, settings
+        )
         assert not found.failure and not found.unidentified
         for one in found.estimates:
             hits[one.name] += one.contains(TRUTH[one.name])

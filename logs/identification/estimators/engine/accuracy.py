@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from logs.identification.estimators.engine.gauss_newton import Found
 from logs.identification.estimators.engine.normal_equations import (
     Normal,
     Spectrum,
@@ -15,6 +14,7 @@ from logs.identification.estimators.engine.normal_equations import (
     spectrum_of,
 )
 from logs.identification.estimators.engine.records import Indices
+from logs.identification.estimators.engine.search import OptimizerResult
 from logs.identification.estimators.engine.simulation import Flight
 from logs.identification.estimators.engine.weights import about_mean, whitener_of
 from logs.identification.findings import Entry, Finding, register
@@ -51,10 +51,10 @@ class Accuracy(NamedTuple):
     """withheld: the parameters without an estimate; warnings: those with a wide interval"""
 
 
-def accuracy_of(flight: Flight, optimum: Found, names: tuple[str, ...]) -> Accuracy:
+def accuracy_of(flight: Flight, optimum: OptimizerResult, names: tuple[str, ...]) -> Accuracy:
     """Errors of the parameters that are not at a bound, for colored residuals and with nuisance parameters."""
     assert optimum.normal is not None
-    free, p = np.flatnonzero(~optimum.held), len(names)
+    free, p = np.flatnonzero(~optimum.at_bound), len(names)
     equations = reduced(optimum.normal).only(free)
     spectrum = spectrum_of(equations, optimum.normal.sizes[free])
     inner, each = _covariance(flight, optimum.normal, free, spectrum.inverse(), equations.rank)
@@ -64,7 +64,8 @@ def accuracy_of(flight: Flight, optimum: Found, names: tuple[str, ...]) -> Accur
     degrees[free] = each
     values = optimum.unknowns.values
     lost = {
-        names[i]: Finding("at_bound", "withheld", names[i], float(values[i])) for i in np.flatnonzero(optimum.held)
+        names[i]: Finding("at_bound", "withheld", names[i], float(values[i]))
+        for i in np.flatnonzero(optimum.at_bound)
     }
     lost |= _undetermined(spectrum, [names[i] for i in free])
     for index in (names.index(name) for name in lost):
@@ -78,8 +79,8 @@ def _covariance(flight: Flight, normal: Normal, free: Indices, inverse: Array, r
     """Covariance (p, p) of the ``free`` parameters and effective degrees of freedom (p,)."""
     sensitivities = []
     for block in normal.blocks:
-        inner, _ = pseudo_inverse(block.own.T @ block.own)
-        rest = block.slopes[:, free] - block.own @ (inner @ (block.own.T @ block.slopes[:, free]))
+        inner, _ = pseudo_inverse(block.nuisances.T @ block.nuisances)
+        rest = block.slopes[:, free] - block.nuisances @ (inner @ (block.nuisances.T @ block.slopes[:, free]))
         sensitivities.append(rest.reshape(*block.residuals.shape, len(free)))
     residuals, used = [block.residuals for block in normal.blocks], [record.used for record in flight.records]
     prior = np.diag(normal.precision[free])
@@ -89,7 +90,7 @@ def _covariance(flight: Flight, normal: Normal, free: Indices, inverse: Array, r
 def _undetermined(spectrum: Spectrum, names: list[str]) -> dict[str, Finding]:
     """Parameters in directions without information, by name, with those that they are correlated with."""
     lost: dict[str, Finding] = {}
-    null = spectrum.vectors[:, ~spectrum.kept]
+    null = spectrum.vectors[:, ~spectrum.determined]
     share = np.sqrt(np.sum(null**2, axis=1))
     for index, name in enumerate(names):
         if not np.isfinite(spectrum.scale[index]):
@@ -102,7 +103,7 @@ def _undetermined(spectrum: Spectrum, names: list[str]) -> dict[str, Finding]:
     return lost
 
 
-def _wide(flight: Flight, end: Found, halves: Array, names: tuple[str, ...]) -> list[Finding]:
+def _wide(flight: Flight, end: OptimizerResult, halves: Array, names: tuple[str, ...]) -> list[Finding]:
     """Parameters whose half interval exceeds them and would move the outputs more than they moved."""
     assert end.normal is not None
     motion, effects = _motion(flight, end.weights), np.sqrt(reduced(end.normal).alone)

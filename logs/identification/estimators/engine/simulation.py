@@ -21,12 +21,12 @@ class Unknowns(NamedTuple):
 
     values: Array
     """(p,); parameters, the same for all records"""
-    own: tuple[Array, ...]
+    local: tuple[Array, ...]
     """(l,) of each record: local parameters, initial states, output biases, input biases"""
 
 
 class Split(NamedTuple):
-    """One record's own numbers by kind."""
+    """One record's local numbers by kind."""
 
     parameters: Array
     """(P,); all of the model's"""
@@ -56,15 +56,15 @@ class Flight(NamedTuple):
 
     def first(self) -> Unknowns:
         """Where the search begins."""
-        own = tuple(self._first_own(record) for record in self.records)
-        return Unknowns(self.layout.base[list(self.layout.free)], own)
+        local = tuple(self._first_local(record) for record in self.records)
+        return Unknowns(self.layout.base[list(self.layout.free)], local)
 
-    def _first_own(self, record: Record) -> Array:
+    def _first_local(self, record: Record) -> Array:
         layout = self.layout
         zeros = np.zeros(len(layout.biased_outputs) + len(layout.biased_inputs))
         return np.concatenate((layout.base[list(layout.local)], record.start[list(layout.states)], zeros))
 
-    def split(self, record: Record, values: Array, own: Array) -> Split:
+    def split(self, record: Record, values: Array, local: Array) -> Split:
         """The numbers of one record, each where it belongs."""
         layout = self.layout
         parameters, start = layout.base.copy(), record.start.copy()
@@ -73,15 +73,15 @@ class Flight(NamedTuple):
         states = len(layout.local)
         outs = states + len(layout.states)
         into = outs + len(layout.biased_outputs)
-        parameters[list(layout.local)] = own[:states]
-        start[list(layout.states)] = own[states:outs]
-        outputs[list(layout.biased_outputs)] = own[outs:into]
-        inputs[list(layout.biased_inputs)] = own[into:]
+        parameters[list(layout.local)] = local[:states]
+        start[list(layout.states)] = local[states:outs]
+        outputs[list(layout.biased_outputs)] = local[outs:into]
+        inputs[list(layout.biased_inputs)] = local[into:]
         return Split(parameters, start, outputs, inputs)
 
-    def outputs(self, record: Record, values: Array, own: Array) -> Array:
+    def outputs(self, record: Record, values: Array, local: Array) -> Array:
         """Fitted outputs (N, m) of the model, biases included; not finite where it overflows."""
-        split = self.split(record, values, own)
+        split = self.split(record, values, local)
         inputs = record.inputs + split.input_biases if self.layout.biased_inputs else record.inputs
         if self.predicts:
             measured = np.where(record.used > 0, record.measured - split.output_biases, np.nan)
@@ -94,24 +94,24 @@ class Flight(NamedTuple):
 
     def residuals(self, unknowns: Unknowns) -> list[Array]:
         """Measured minus model (N_i, m) of each record, 0 where not measured; not finite where it overflows."""
-        pairs = zip(self.records, unknowns.own, strict=True)
-        return [self.residual(record, unknowns.values, own) for record, own in pairs]
+        pairs = zip(self.records, unknowns.local, strict=True)
+        return [self.residual(record, unknowns.values, local) for record, local in pairs]
 
-    def residual(self, record: Record, values: Array, own: Array) -> Array:
+    def residual(self, record: Record, values: Array, local: Array) -> Array:
         """Measured minus model (N, m) of one record, as `residuals`."""
-        rest = record.measured - self.outputs(record, values, own)
+        rest = record.measured - self.outputs(record, values, local)
         rest[record.used == 0] = 0.0
         return rest
 
-    def slopes(self, record: Record, values: Array, own: Array, first: int = 0) -> Array:
+    def slopes(self, record: Record, values: Array, local: Array, first: int = 0) -> Array:
         """Sensitivities (N, m, p + l - first) of the outputs, 0 where not measured.
 
-        They are those to the parameters, then to the record's own numbers; the ``first`` of them are left out.
+        They are those to the parameters, then to the record's local numbers; the ``first`` of them are left out.
         """
-        table = np.empty((*record.measured.shape, len(values) + len(own) - first))
-        here = self.outputs(record, values, own)
+        table = np.empty((*record.measured.shape, len(values) + len(local) - first))
+        here = self.outputs(record, values, local)
         for index in range(table.shape[2]):
-            table[:, :, index] = self._slope(record, here, np.concatenate((values, own)), first + index)
+            table[:, :, index] = self._slope(record, here, np.concatenate((values, local)), first + index)
         table *= record.used[:, :, None]
         return table
 
