@@ -1,9 +1,6 @@
 """Planned inputs over time, and the response of a linear model with its sensitivities.
 
-The derivatives enter the state space linearly, so a state's sensitivity is a state too:
-``x_j' = A x_j + dA/dtheta_j x + dB/dtheta_j delta`` (Klein & Morelli, Aircraft System Identification, 2006, ch. 6.1).
-Model and sensitivities are one linear system with an exact step. Waveforms are those of
-`avionics.guidance.excitation`.
+Waveforms are those of `avionics.guidance.excitation`; sensitivities those of the maximum-likelihood engine.
 """
 
 from __future__ import annotations
@@ -11,17 +8,21 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import expm
 
 from avionics.guidance import excitation as shapes
 from avionics.guidance import multisine
 from avionics.guidance.mission import Excitation
-from logs.identification.data.maneuvers import tail_angle
+from logs.identification.data.experiment import Experiment
+from logs.identification.data.maneuvers import ELEVATOR, tail_angle
+from logs.identification.estimators.engine.problem import Parameter, Problem
+from logs.identification.estimators.output_error import flight_of
 from logs.identification.input_design.prior import OUTPUTS, Prior
-from logs.identification.models.stroke_averaged import LONGITUDINAL, Matrices, matrices
+from logs.identification.models.actuators import Actuated
+from logs.identification.models.stroke_averaged import LONGITUDINAL, model_of
 from logs.identification.results import Array
 
-STATES = 4
+STATES = ("u", "w", "q", "theta")
+SHOWN = (*OUTPUTS, "theta")
 
 
 class Waveform(NamedTuple):
@@ -74,55 +75,17 @@ class Response(NamedTuple):
 
 def respond(prior: Prior, planned: Waveform) -> Response:
     """The response to ``planned`` from the trim, and its sensitivities."""
-    model, slopes = prior.model(), _slopes(prior)
     tail = tail_angle(planned.time, planned.command, prior.aircraft)
-    rows = _integrated(model, slopes, tail, prior.step, zero_order_hold=not prior.aircraft.tail_time_constant)
-    states, sensitivity_states = rows[:, :STATES], rows[:, STATES:].reshape(len(rows), len(slopes), STATES)
-    outputs = states @ model.c.T + np.outer(tail, model.d)
-    sensitivities = np.stack(
-        [
-            sensitivity_states[:, j] @ model.c.T + states @ slope.c.T + np.outer(tail, slope.d)
-            for j, slope in enumerate(slopes)
-        ],
-        axis=2,
-    )
-    count = len(OUTPUTS)
-    return Response(states, outputs, sensitivities[:, :count], _free_motion(model, prior.step, len(tail))[:, :count])
-
-
-def _slopes(prior: Prior) -> list[Matrices]:
-    """Matrices by unit of each derivative, in which they are linear."""
-    none = matrices(LONGITUDINAL, np.zeros(len(LONGITUDINAL)), prior.reference, prior.aircraft)
-    units = (matrices(LONGITUDINAL, unit, prior.reference, prior.aircraft) for unit in np.eye(len(LONGITUDINAL)))
-    return [Matrices(*(one - zero for one, zero in zip(unit, none, strict=True))) for unit in units]
-
-
-def _integrated(model: Matrices, slopes: list[Matrices], tail: Array, step: float, zero_order_hold: bool) -> Array:
-    """States and their sensitivities (N, 4 (1 + p)) from rest, driven by ``tail`` (N,)."""
-    size = STATES * (1 + len(slopes))
-    block = np.zeros((size + 2, size + 2))
-    block[:size, :size] = np.kron(np.eye(1 + len(slopes)), model.a)
-    block[:STATES, size] = model.b
-    for j, slope in enumerate(slopes, start=1):
-        at = slice(STATES * j, STATES * (j + 1))
-        block[at, :STATES], block[at, size] = slope.a, slope.b
-    block *= step
-    block[size, size + 1] = 1.0
-    exact = expm(block)
-    f, constant, ramp = exact[:size, :size], exact[:size, size], exact[:size, size + 1]
-    first, second = (constant, np.zeros(size)) if zero_order_hold else (constant - ramp, ramp)
-    drive = np.outer(tail[:-1], first) + np.outer(tail[1:], second)
-    rows = np.zeros((len(tail), size))
-    for k in range(len(drive)):
-        rows[k + 1] = f @ rows[k] + drive[k]
-    return rows
-
-
-def _free_motion(model: Matrices, step: float, count: int) -> Array:
-    """Outputs (N, 4, 4) of the free motion from each unit state."""
-    once, powers = expm(model.a * step), np.zeros((count, STATES, STATES))
-    powers[0] = np.eye(STATES)
-    for k in range(1, count):
-        powers[k] = once @ powers[k - 1]
-    outputs: Array = np.einsum("ij,njk->nik", model.c, powers)
-    return outputs
+    zoh = () if prior.aircraft.tail_time_constant else (ELEVATOR,)
+    model = Actuated(model_of(LONGITUDINAL, prior.reference, prior.aircraft), (), zoh)
+    signals = {ELEVATOR: tail, **dict.fromkeys(OUTPUTS, np.zeros(len(tail)))}
+    parameters = dict(zip(LONGITUDINAL, map(Parameter, prior.values.tolist()), strict=True))
+    start = dict.fromkeys(STATES, 0.0)
+    problem = Problem(model, (Experiment("plan", planned.time, signals, {}),), parameters, OUTPUTS, initial=(start,))
+    flight = flight_of(problem)
+    (record,), first, count = flight.records, flight.first(), len(LONGITUDINAL)
+    slopes = flight.slopes(record, first.values, first.local[0])
+    table = model.simulate(flight.split(record, first.values, first.local[0]).parameters, record.start, record.inputs,
+                           record.step)  # fmt: skip
+    states, outputs = (table[:, [list(model.outputs).index(name) for name in names]] for names in (STATES, SHOWN))
+    return Response(states, outputs, slopes[:, :, :count], slopes[:, :, count:])

@@ -22,13 +22,13 @@ HEAVY = 0.5
 Truth = Mapping[str, float]
 
 
-def covered(estimates: Iterable[Sequence[Estimate]], truths: Truth | Sequence[Truth]) -> dict[str, float]:
-    """Share of the intervals that hold the truth, of each parameter of the ``truths`` that was ``found``.
+def covered(results: Iterable[Sequence[Estimate]], truths: Truth | Sequence[Truth]) -> dict[str, float]:
+    """Share of the intervals that hold the truth, of each parameter of the ``truths`` that was estimated.
 
-    They are one for all or one for each of ``found``, where a flight's own condition enters.
+    They are one for all or one for each of the ``results``, where a flight's own condition enters.
     """
     hits: dict[str, list[bool]] = {}
-    for estimates, truth in zip(estimates, repeat(truths) if isinstance(truths, Mapping) else truths, strict=False):
+    for estimates, truth in zip(results, repeat(truths) if isinstance(truths, Mapping) else truths, strict=False):
         for one in estimates:
             if one.name in truth:
                 hits.setdefault(one.name, []).append(one.contains(truth[one.name]))
