@@ -38,6 +38,7 @@ def note_scenario(recorder: Recorder, vehicle: SimulatedVehicle, scenario: Scena
         "wind_speed": repr(scenario.wind_speed),
         "wind_from": repr(scenario.wind_from),
         "turbulence": scenario.turbulence,
+        "vibration": repr(scenario.vibration),
         "duration": repr(scenario.duration),
         "faults": " ".join(map(exact_fault, scenario.faults)),
         "throw": " ".join(map(repr, scenario.throw)),

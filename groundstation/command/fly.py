@@ -53,6 +53,7 @@ from sim_bridge.plant import physics_compiled
 from sim_bridge.sensors.transmitter import load_script
 from sim_bridge.topics import STATE
 from sim_bridge.vehicles import vehicle_names
+from sim_bridge.vibration.flight import check_vibration
 from wingbeat.errors import InputError
 
 if TYPE_CHECKING:
@@ -80,6 +81,7 @@ JSON_KEYS = {
     "faults": "what failed, as NAME@T or NAME@T-T2: those of the command line, then those of the mission",
     "never_injected": "those of faults whose time lay after the flight's end",
     "turbulence": f"of the gusts: {LEVELS_TOLD}",
+    "vibration": "factor of the vibration of the vehicle file, 0: none",
     "wall_time": "s; how long the flight took, starting included, reporting not",
     "speed": "times real time",
     "incomplete": "list of {path, damage}; recordings of the world or the flight computer that ended early",
@@ -220,6 +222,7 @@ def check(chosen: argparse.Namespace) -> Plan:
     faults = (*chosen.fault, *mission_faults(chosen.mission))
     options.check_times(faults, chosen.duration)
     check_carried(faults, body.sections)
+    check_vibration(body, chosen.vibration)
     name = storage_name(vehicle)  # two vehicles of one name leave recordings that can be told apart
     return Plan(chosen.vehicle, name, vehicle.title, body.aerodynamics.model, notes, faults)
 
@@ -296,7 +299,7 @@ def _start(children: Children, plan: Plan, chosen: argparse.Namespace, observer:
     speed = "max" if math.isinf(chosen.speed) else repr(chosen.speed)
     world = ["--vehicle", simulated, *epoch, "--listen", bridge, "--speed", speed, "--seed", str(chosen.seed)]
     world += ["--duration", repr(chosen.duration), "--wind", repr(chosen.wind)]
-    world += ["--turbulence", chosen.turbulence]
+    world += ["--turbulence", chosen.turbulence, "--vibration", repr(chosen.vibration)]
     world += ["--wind-from", repr(math.degrees(chosen.wind_from)), "--log", str(plan.parts[0])]
     world += ["--aerodynamics", plan.aerodynamics]
     world += [] if chosen.sticks is None else ["--sticks", chosen.sticks]
@@ -472,6 +475,7 @@ def _entries(plan: Plan, chosen: argparse.Namespace) -> dict[str, object]:
         "sticks": chosen.sticks,
         "faults": options.fault_words(plan.faults)[1::2],
         "turbulence": chosen.turbulence,
+        "vibration": chosen.vibration,
     }
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from rich.text import Text
 
-from groundstation.command import log_import, options
+from groundstation.command import log_check, log_import, log_vibration, options
 from groundstation.command.live import add_address, follow
 from groundstation.views import tables, wording
 from groundstation.views.flight_report import flight_metrics_table
@@ -43,6 +43,9 @@ EXAMPLES = (
     "wingbeat log export recordings/flight.mcap --to flight.rrd    # then: rerun flight.rrd",
     "wingbeat log import flight.bin --to recordings/flight.mcap",
     "wingbeat log import stand.csv --map stand.toml",
+    "wingbeat log check flight.ulg",
+    "wingbeat log vibration latest",
+    "wingbeat log vibration flight.mcap --fit robo_raven_ii_d --out my_raven",
     "wingbeat log recover recordings/flight.mcap",
 )
 JSON_KEYS = {
@@ -53,7 +56,13 @@ JSON_KEYS = {
     "live": "file: the recording, when it is over",
     "export": "files: what was written; left_out: topics and messages that cannot be decoded, and why",
     "import": "file (the new log), source, format, sha256, importer, vehicle, messages, topics: list of {topic,"
-    " source, messages}, events, parameters, damage, dropped: list of {topic, reason, rows}",
+    " source, messages}, events, parameters, damage, dropped: list of {topic, reason, rows},"
+    " later_boots: the same for later boots in the file",
+    "check": "files, format, duration, findings: list of {code, severity: error, warning or info, topic, start and"
+    " end in s since the first message, value, text, remedy}",
+    "vibration": "file, start, end, rate, strokes, stroke_frequency, ringing, clipped, bands, frequency,"
+    " axes: {axis: unit, harmonics, bands, broadband, quiet, by_phase, density}, quiet_start,"
+    " advice: list of {code, severity, value, text}, fit: {vibration, modes} or null, files",
     "recover": "messages, damage, torn, torn_bytes, joined: recordings that were joined to the file",
 }
 TEXTS = {
@@ -73,7 +82,7 @@ def build_parser() -> options.Parser:
     verbs = parser.add_subparsers(
         dest="verb",
         required=True,
-        metavar="info|view|live|export|import|recover",
+        metavar="info|view|live|export|import|check|vibration|recover",
         parser_class=options.VerbParser,
     )
     for verb, text in TEXTS.items():
@@ -102,6 +111,8 @@ def build_parser() -> options.Parser:
         if verb == "export":
             _add_export(one)
     log_import.add_verb(verbs)
+    log_check.add_verb(verbs)
+    log_vibration.add_verb(verbs)
     return parser
 
 
@@ -266,5 +277,7 @@ VERBS: dict[str, Callable[[argparse.Namespace], None]] = {
     "live": _live,
     "export": _export,
     "import": log_import.run_verb,
+    "check": log_check.run_verb,
+    "vibration": log_vibration.run_verb,
     "recover": _recover,
 }

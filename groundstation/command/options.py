@@ -272,6 +272,13 @@ def add_world(parser: argparse.ArgumentParser, duration: float) -> None:
     )
     gusts = f"Dryden gusts: {LEVELS_TOLD} (default: none)"
     parser.add_argument("--turbulence", type=level, default="none", metavar="LEVEL", help=gusts)
+    parser.add_argument(
+        "--vibration",
+        type=vibration,
+        default=0.0,
+        metavar="none|vehicle|FACTOR",
+        help="vibration of the airframe: none, that of the vehicle file, or a multiple of it (default: none)",
+    )
 
 
 def add_faults(parser: argparse.ArgumentParser) -> None:
@@ -383,6 +390,12 @@ def level(text: str) -> str:
     if text not in LEVELS:
         raise argparse.ArgumentTypeError(f'turbulence "{text}" is unknown; it is {LEVELS_TOLD}')
     return text
+
+
+def vibration(text: str) -> float:
+    """Parse a vibration: ``none`` (0), ``vehicle`` (1), or a factor from 0, for argparse."""
+    named = {"none": 0.0, "vehicle": 1.0}
+    return named[text] if text in named else not_negative(text)
 
 
 def seed(text: str) -> int:

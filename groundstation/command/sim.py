@@ -143,7 +143,15 @@ def _scenario(chosen: argparse.Namespace) -> Scenario:
         raise InputError(
             f"fault {of_flight[0].name} affects the flight computer, not the simulator: use wingbeat fly"
         )
-    return Scenario(chosen.seed, chosen.wind, chosen.wind_from, chosen.turbulence, chosen.duration, faults=faults)
+    return Scenario(
+        chosen.seed,
+        chosen.wind,
+        chosen.wind_from,
+        chosen.turbulence,
+        chosen.duration,
+        faults=faults,
+        vibration=chosen.vibration,
+    )
 
 
 def _recorder(chosen: argparse.Namespace, vehicle: SimulatedVehicle) -> McapRecorder:

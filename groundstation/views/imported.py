@@ -34,3 +34,8 @@ def print_imported(report: ImportReport) -> None:
         told = f"dropped: {pluralize(lost.rows, 'row')} of {lost.topic}: {lost.reason}"
         console.print(told, style="yellow")
     console.print(report.file)
+    if report.later_boots:
+        boots = 1 + len(report.later_boots)
+        console.print(f"{boots} boots of the vehicle in this file, a log for each", style="yellow")
+    for later in report.later_boots:
+        print_imported(later)

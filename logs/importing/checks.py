@@ -29,10 +29,16 @@ MANY = 20
 """rows; threshold of the topics that determine the length of a log"""
 LATE_US = 10_000_000
 """us; allowed delay of a row after the last one of those topics"""
+REORDERED_US = 2_000_000
+"""us; how far a row may be out of order in the file: queues of loggers and radios"""
+REBOOT_US = 10_000_000
+"""us; least drop of the clock at a reboot"""
+REBOOT_ROWS = 5
+"""rows before and after a drop that confirm a reboot: a false time stamp stands alone"""
 
 
 def sound(series: Series, topic: str, trusted: bool = False) -> tuple[Series, list[Dropped]]:
-    """Return the valid rows of a series and the dropped ones as ``topic``.
+    """Return the valid rows of a series in order of time, and the dropped ones as ``topic``.
 
     The values of a ``trusted`` series are not checked, its times are.
     """
@@ -41,6 +47,8 @@ def sound(series: Series, topic: str, trusted: bool = False) -> tuple[Series, li
         series = series.taken(mask)
         if not mask.all():
             dropped.append(Dropped(topic, reason, int((~mask).sum())))
+    if np.any(np.diff(series.time_us) < 0):
+        series = series.taken(np.argsort(series.time_us, kind="stable"))
     return series, dropped
 
 
@@ -53,7 +61,7 @@ def _verdicts(series: Series, trusted: bool) -> Iterator[tuple[str, Mask]]:
         if not mask.all():
             yield f"{name} out of range", mask
             kept[kept] = mask
-    order = monotonic_rows(series.time_us[kept])
+    order = nearly_ordered(series.time_us[kept])
     yield BACKWARDS, order
     kept[kept] = order
     yield ELSEWHERE, together(series.time_us[kept])
@@ -109,13 +117,46 @@ def monotonic_rows(times: NDArray[np.int64]) -> Mask:
     return mask
 
 
+def nearly_ordered(times: NDArray[np.int64]) -> Mask:
+    """Select the rows whose times fit to those beside them in the file, in order or out of it.
+
+    The largest set of rows with nondecreasing times is the reference. Another row belongs to the log if its time is
+    at most `REORDERED_US` before the last and after the next row of that set.
+    """
+    ordered = monotonic_rows(times)
+    if ordered.all():
+        return ordered
+    row, count = np.arange(len(times)), len(times)
+    last = np.maximum.accumulate(np.where(ordered, row, -1))
+    following = np.minimum.accumulate(np.where(ordered, row, count)[::-1])[::-1]
+    low = times[np.where(last >= 0, last, following)] - REORDERED_US
+    high = times[np.where(following < count, following, last)] + REORDERED_US
+    return np.asarray(ordered | ((times >= low) & (times <= high)), bool)
+
+
+def boots(times: NDArray[np.int64]) -> list[int]:
+    """Return the rows at which a clock starts anew, the first row included.
+
+    Args:
+        times: (n,) us since boot, in the order of the file.
+    """
+    first = [0]
+    for row in (np.flatnonzero(np.diff(times) < -REBOOT_US) + 1).tolist():
+        before, after = times[max(first[-1], row - REBOOT_ROWS) : row], times[row : row + REBOOT_ROWS]
+        fresh = np.median(before) - after.max() > 0 and np.median(before) - np.median(after) > REBOOT_US
+        if fresh and len(before) >= REBOOT_ROWS <= len(after):
+            first.append(row)
+    return first
+
+
 def together(times: NDArray[np.int64]) -> Mask:
-    """Select the longest run of increasing times without a pause of more than an hour."""
-    edges = np.flatnonzero(np.diff(times) > LONGEST_PAUSE_US) + 1
+    """Select the most rows without a pause of more than an hour between their times."""
+    order = np.argsort(times, kind="stable")
+    edges = np.flatnonzero(np.diff(times[order]) > LONGEST_PAUSE_US) + 1
     bounds = [0, *edges.tolist(), len(times)]
     first = int(np.argmax(np.diff(bounds)))
     mask = np.zeros(len(times), bool)
-    mask[bounds[first] : bounds[first + 1]] = True
+    mask[order[bounds[first] : bounds[first + 1]]] = True
     return mask
 
 

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from avionics import topics as t
 from logs.importing.checks import Mask, within
 from logs.importing.source import Array, Dropped, ImportedTopic, Series
-from logs.importing.units import LIMITS, conversion
+from logs.importing.units import CONVERSIONS, LIMITS
 from logs.layout import Field, layout_of
 from wingbeat.atmosphere import SEA_LEVEL_DENSITY
+from wingbeat.errors import InputError
 from wingbeat.rotation_arrays import euler_from_quaternions, quaternions_from_euler
 from wingbeat.topic import Topic
 
@@ -96,7 +97,8 @@ def _numbers(series: Series, column: str) -> Array:
 
 def _in_si(series: Series, column: str) -> Array:
     values = _numbers(series, column)
-    known = conversion(series.units.get(column, ""))
+    # A unit that is unknown here, such as "satellites", is kept.
+    known = CONVERSIONS.get(series.units.get(column, ""), CONVERSIONS[""])
     if known.factor == 1.0 and known.offset == 0.0:
         return values
     return np.asarray(values * known.factor + known.offset, float)
@@ -112,21 +114,38 @@ class Counterpart(NamedTuple):
     """fields from columns; raises `KeyError` if the source lacks one"""
 
 
-def make_all(table: Sequence[Counterpart], series: Mapping[str, Series]) -> list[ImportedTopic]:
-    """Make the first available counterpart of each topic from the series."""
+def make_all(table: Sequence[Counterpart], series: Mapping[str, Series]) -> tuple[list[ImportedTopic], list[Dropped]]:
+    """Make the first available counterpart of each topic from the series.
+
+    Returns:
+        the topics, and those that could not be made although the log has a source for them, with the reason.
+    """
     made: dict[Topic[Any], ImportedTopic] = {}
+    failed: dict[Topic[Any], Dropped] = {}
     for counterpart in table:
-        if counterpart.topic in made or counterpart.source not in series:
+        topic, source = counterpart.topic, series.get(counterpart.source)
+        if topic in made or source is None:
             continue
         try:
             columns = counterpart.build(View(series, counterpart.source))
-            _check_shapes(counterpart.topic, columns)
-        except (KeyError, IndexError, ValueError):
-            continue  # another version of the source: no such column, another unit, an array for a number
-        imported = checked(counterpart.topic, series[counterpart.source], columns)
+            _check_shapes(topic, columns)
+        except (KeyError, IndexError, ValueError) as error:
+            # Another version of the source: no such column, another unit, an array for a number.
+            reason = f"not made of {counterpart.source}: {_reason(error)}"
+            failed.setdefault(topic, Dropped(topic.name, reason, len(source.time_us)))
+            continue
+        imported = checked(topic, source, columns)
         if len(imported.series.time_us):
-            made[counterpart.topic] = imported
-    return list(made.values())
+            made[topic] = imported
+        elif imported.dropped:
+            failed.setdefault(topic, imported.dropped[0])
+    return list(made.values()), [lost for topic, lost in failed.items() if topic not in made]
+
+
+def _reason(error: Exception) -> str:
+    if isinstance(error, KeyError):
+        return f"no numbers in column {error.args[0]}"
+    return str(error) if isinstance(error, InputError) else f"column {error} has another shape"
 
 
 def _check_shapes(topic: Topic[Any], columns: Columns) -> None:

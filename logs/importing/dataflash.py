@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import itertools
+from bisect import bisect_left
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from logs.importing.checks import boots
 from logs.importing.counterparts import Columns
 from logs.importing.dataflash_records import Kind, Records, columns_of, find_records
-from logs.importing.source import Series, Source
+from logs.importing.source import History, Series, Source
 from wingbeat.errors import InputError
 from wingbeat.message import Event, Severity
 
@@ -56,19 +59,28 @@ _LEAPS = ((1135, 14), (1356, 15), (1695, 16), (1851, 17), (1930, 18))
 """GPS week from which each number of leap seconds is valid."""
 
 
-def read_dataflash(data: bytes) -> Source:
+def read_dataflash(data: bytes) -> list[Source]:
     """Read a dataflash log; damaged parts are omitted and listed in ``damage``.
+
+    Returns:
+        one source for each boot, in the order of the file.
 
     Raises:
         InputError: no complete record with a time.
     """
     records = find_records(data)
-    tables = {
-        kind.name: columns_of(data, kind, records.places[number])
-        for number, kind in records.kinds.items()
-        if records.places.get(number)
-    }
+    tables = _tables(data, records)
     units = _units(tables, records.kinds)
+    parts = [_source(data, part, units) for part in _boots(records, tables)]
+    found = [one for one in parts if one is not None]
+    if not found:
+        raise InputError("there is no whole record with a time in it")
+    return found
+
+
+def _source(data: bytes, records: Records, units: Mapping[str, Told]) -> Source | None:
+    """Return the records of one boot; None without a time in them."""
+    tables = _tables(data, records)
     clock = _clock(records, tables)
     series: dict[str, Series] = {}
     for number, kind in records.kinds.items():
@@ -77,12 +89,43 @@ def read_dataflash(data: bytes) -> Source:
             times = clock.of(kind.name, columns, records.places[number])
             series |= _instances(_scaled(kind.name, times, columns, units.get(kind.name, {})))
     if not series:
-        raise InputError("there is no whole record with a time in it")
-    texts = _texts(records, tables, clock)
+        return None
+    texts, values = _texts(records, tables, clock), _parameters(tables)
     return Source(
         "dataflash", series, _vehicle(texts), _epoch_ns(series), (*texts, *_happened(series)),
-        _parameters(tables), damage=records.damage,
+        values.initial, tuple(values.changes), damage=records.damage,
     )  # fmt: skip
+
+
+def _tables(data: bytes, records: Records) -> dict[str, Columns]:
+    return {
+        kind.name: columns_of(data, kind, records.places[number])
+        for number, kind in records.kinds.items()
+        if records.places.get(number)
+    }
+
+
+def _boots(records: Records, tables: Mapping[str, Columns]) -> list[Records]:
+    """Return the records of each boot."""
+    places, stamps = [np.empty(0, np.int64)], [np.empty(0, np.int64)]
+    for number, kind in records.kinds.items():
+        times = _times(kind.name, tables[kind.name]) if kind.name in tables else None
+        if times is not None:
+            places.append(np.array(records.places[number], np.int64))
+            stamps.append(times)
+    every, times = np.concatenate(places), np.concatenate(stamps)
+    order = np.argsort(every, kind="stable")
+    first = boots(times[order]) if len(every) else [0]
+    edges = [0, *every[order][first[1:]].tolist(), 2**62]
+    return [
+        records._replace(
+            places={
+                number: list(some[bisect_left(some, begin) : bisect_left(some, end)])
+                for number, some in records.places.items()
+            }
+        )
+        for begin, end in itertools.pairwise(edges)
+    ]
 
 
 def _times(name: str, columns: Columns) -> NDArray[np.int64] | None:
@@ -116,7 +159,7 @@ def _clock(records: Records, tables: Mapping[str, Columns]) -> Clock | None:
     clocks = []
     for number, places in records.places.items():
         kind = records.kinds[number]
-        times = _times(kind.name, tables[kind.name])
+        times = _times(kind.name, tables.get(kind.name, {}))
         if kind.name not in _OWN_TABLES and times is not None:
             clocks.append(Clock(places, times))
     return max(clocks, key=lambda clock: len(clock.places), default=None)
@@ -223,11 +266,15 @@ def _happened(series: Mapping[str, Series]) -> Iterator[Event]:
                 yield Event(at, severity, "vehicle", text.format(*row))
 
 
-def _parameters(tables: Mapping[str, Columns]) -> dict[str, float]:
-    definitions = _rows(tables, "PARM", "Name", "Value")
-    return {
-        str(name): value for name, value in definitions if name and isinstance(value, float) and np.isfinite(value)
-    }
+def _parameters(tables: Mapping[str, Columns]) -> History:
+    """Return the first value of each parameter, and different ones later with their times."""
+    table, values = tables.get("PARM", {}), History()
+    times = _times("PARM", table)
+    stamps = itertools.repeat(0) if times is None else times.tolist()
+    for at, (name, value) in zip(stamps, _rows(tables, "PARM", "Name", "Value"), strict=False):
+        if name and isinstance(value, float) and np.isfinite(value):
+            values.add(at, str(name), value)
+    return values
 
 
 def _vehicle(texts: tuple[Event, ...]) -> str:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from avionics.topics import EVENTS
+from avionics.topics import CHANGES, EVENTS
 from logs.importing import (
     c3d,
     csv_table,
@@ -31,6 +31,7 @@ from logs.importing.counterparts import Counterpart, make_all
 from logs.importing.source import Dropped, ImportedTopic, Series, Source, shifted
 from logs.importing.writing import Extras, Progress, imported_stream, source_streams, topic_name, write_log
 from logs.names import PARAMETERS
+from logs.new_files import check_new
 from logs.reader import open_log
 from wingbeat.errors import InputError
 from wingbeat.message import Event
@@ -96,6 +97,8 @@ class ImportReport(NamedTuple):
     """damage of the source, one line each"""
     dropped: tuple[Dropped, ...]
     """dropped rows, by topic and reason"""
+    later_boots: tuple[ImportReport, ...] = ()
+    """reports of the logs of later boots in the same file"""
 
 
 class Checked(NamedTuple):
@@ -123,23 +126,42 @@ class Choice(NamedTuple):
 
 
 def import_log(choice: Choice, progress: Progress = lambda done, total: None) -> ImportReport:
-    """Convert a log of another program to a new log.
+    """Convert a log of another program to a new log, or to one for each boot of the vehicle in it.
+
+    Returns:
+        the report, with those of later boots. The log of the second boot is ``TARGET-boot2.mcap``.
 
     Raises:
-        InputError: it cannot be read, has an unknown format or no data, or the target exists; nothing is written
+        InputError: it cannot be read, has an unknown format or no data, or a target exists; nothing is written
             then.
     """
-    if choice.target.exists():
-        raise InputError(f"{choice.target} exists: it is not overwritten")
-    data = _bytes(choice.source)
+    check_new(choice.target, made=True)
+    data = read_bytes(choice.source)
     try:
         with np.errstate(all="ignore"):  # garbage overflows; what comes of it is looked at
-            source = _read(choice, data)
-            checked = _checked(source)
-        if not checked.imported and not checked.series:
-            raise InputError(f"no row of it can be true{_reasons(checked.dropped)}")
+            sources = read_source(choice, data)
+            parts = [(one, _checked(one)) for one in sources]
+        full = [(one, checked) for one, checked in parts if checked.imported or checked.series]
+        if not full:
+            raise InputError(f"no row of it can be true{_reasons(parts[0][1].dropped)}")
     except InputError as reason:
         raise InputError(f"{choice.source}: {_line(str(reason))}") from None
+    targets = [boot_path(choice.target, number) for number in range(1, len(full) + 1)]
+    for target in targets:
+        check_new(target, made=True)
+    first, *later = (
+        _convert(choice._replace(target=target), data, source, checked, progress)
+        for target, (source, checked) in zip(targets, full, strict=True)
+    )
+    return first._replace(later_boots=tuple(later))
+
+
+def boot_path(target: Path, number: int) -> Path:
+    """Return the new log of the ``number``-th boot in a file, from 1."""
+    return target if number == 1 else target.with_name(f"{target.stem}-boot{number}{target.suffix}")
+
+
+def _convert(choice: Choice, data: bytes, source: Source, checked: Checked, progress: Progress) -> ImportReport:
     if choice.onboard is not None:
         source, checked = _on_clock_of(choice.onboard, source, checked)
     report = _report(choice, data, source, checked)
@@ -149,37 +171,46 @@ def import_log(choice: Choice, progress: Progress = lambda done, total: None) ->
     ]
     epoch_ns = source.epoch_ns if 0 <= source.epoch_ns < LATEST_NS else 0
     documents = {REPORT: lambda added: _json(_with_added(report, added))}
-    extras = Extras(epoch_ns, checked.events, _notes(report, source), documents)
+    extras = Extras(epoch_ns, checked.events, source.changes, _notes(report, source), documents)
     return _with_added(report, write_log(choice.target, streams, extras, progress))
 
 
-def _bytes(path: Path) -> bytes:
+def read_bytes(path: Path) -> bytes:
+    """Read a file.
+
+    Raises:
+        InputError: it cannot be read.
+    """
     try:
         return path.read_bytes()
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror or error}") from None
 
 
-def _read(choice: Choice, data: bytes) -> Source:
-    """Read the source by its first bytes, or by its name if they are not specific."""
+def read_source(choice: Choice, data: bytes) -> list[Source]:
+    """Read the source by its first bytes, or by its name if they are not specific; one for each boot.
+
+    Raises:
+        InputError: it is empty, or no log of a known format.
+    """
     if not data:
         raise InputError("it is empty")
     suffix = choice.source.suffix.lower()
     if choice.mapping is not None and (suffix in (".bin", ".ulg", ".tlog") or ulog.is_ulog(data)):
         raise InputError("--map applies to tables only")
     if ulog.is_ulog(data):
-        return ulog.read_ulog(data)
+        return [ulog.read_ulog(data)]
     if dataflash_records.is_dataflash(data):
         return dataflash.read_dataflash(data)
     if suffix == ".c3d":
-        return c3d.read_c3d(data)
+        return [c3d.read_c3d(data)]
     if choice.mapping is None and suffix == ".csv" and motion_capture.is_motion_capture(data):
-        return motion_capture.read_motion_capture(data)
+        return [motion_capture.read_motion_capture(data)]
     if suffix not in (".tlog", ".csv") and choice.mapping is None and razor.is_razor(data):
-        return razor.read_razor(data)
-    named: dict[str, Callable[[], Source]] = {
+        return [razor.read_razor(data)]
+    named: dict[str, Callable[[], list[Source]]] = {
         ".tlog": lambda: tlog.read_tlog(data, choice.clock),
-        ".csv": lambda: csv_table.read_table(data, choice.mapping),
+        ".csv": lambda: [csv_table.read_table(data, choice.mapping)],
         ".bin": lambda: _refuse("an ArduPilot dataflash log"),
         ".ulg": lambda: _refuse("a PX4 ULog"),
     }
@@ -196,7 +227,7 @@ def _line(text: str) -> str:
     return "".join(one if one.isprintable() else "?" for one in " ".join(text.split()))
 
 
-def _refuse(name: str) -> Source:
+def _refuse(name: str) -> list[Source]:
     raise InputError(f"it does not begin as {name} does")
 
 
@@ -211,7 +242,9 @@ def _checked(source: Source) -> Checked:
             series[name] = whole
     end = _end(source, series)
     dropped += _drop_behind(series, known.topics, end)
-    imported = [*source.made, *make_all(known.counterparts, series)]
+    counterparts, failed = make_all(known.counterparts, series)
+    imported = [*source.made, *counterparts]
+    dropped += failed
     masks: dict[str, Mask] = {}
     for made in imported:
         dropped += made.dropped
@@ -282,6 +315,8 @@ def _report(choice: Choice, data: bytes, source: Source, checked: Checked) -> Im
     topics = [TopicCount(one.topic.name, one.source, len(one.series.time_us)) for one in checked.imported]
     kept = sorted(checked.series.items())
     topics += [TopicCount(topic_name(known.topics, name), "", len(one.time_us)) for name, one in kept]
+    if source.changes:
+        topics.append(TopicCount(CHANGES.name, "", len(source.changes)))
     return ImportReport(
         str(choice.target), choice.source.name, known.name, hashlib.sha256(data).hexdigest(), version("wingbeat"),
         source.vehicle, sum(topic.messages for topic in topics), tuple(topics), len(checked.events),
@@ -306,7 +341,11 @@ def _notes(report: ImportReport, source: Source) -> dict[str, dict[str, str]]:
         "dropped": str(sum(one.rows for one in report.dropped)),
     } | ({"vehicle": report.vehicle} if report.vehicle else {})
     notes = {IMPORT: facts, NOTES: dict(source.notes)}
-    notes[PARAMETERS] = {name: f"{value:.9g}" for name, value in source.parameters.items()}
+    notes[PARAMETERS] = {
+        # A number of single precision has nine digits; a whole number has all of its own.
+        name: str(value) if isinstance(value, int) else f"{value:.9g}"
+        for name, value in source.parameters.items()
+    }
     return {name: values for name, values in notes.items() if values}
 
 
@@ -314,5 +353,5 @@ def _json(report: ImportReport) -> bytes:
     """Return the report as JSON without the new log's name, so that it depends on the source only."""
     document = report._asdict() | {"topics": [topic._asdict() for topic in report.topics]}
     document["dropped"] = [one._asdict() for one in report.dropped]
-    del document["file"]
+    del document["file"], document["later_boots"]
     return json.dumps(document, indent=2).encode()

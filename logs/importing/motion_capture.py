@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import csv
 import io
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -80,7 +81,8 @@ def source_of(tracks: Sequence[Track], system: str, damage: tuple[str, ...] = ()
     Raises:
         InputError: there is none.
     """
-    tracks = [track for track in tracks if _tracked(track).any()]
+    names = unique_names([track.name for track in tracks])
+    tracks = [track._replace(name=name) for track, name in zip(tracks, names, strict=True) if _tracked(track).any()]
     if not tracks:
         raise InputError("no body and no marker was seen in it")
     notes = {"system": system}
@@ -211,6 +213,15 @@ def _scale(name: str, axis: str, unit_text: Sequence[str]) -> float:
 def plain_name(name: str) -> str:
     """Convert a body or marker name to a part of a topic name."""
     return name.strip().removeprefix("Global Angle ").replace(":", "_").replace(" ", "_")
+
+
+def unique_names(names: Sequence[str]) -> list[str]:
+    """Return the names, with ``_2``, ``_3`` at repeated ones."""
+    unique: list[str] = []
+    for name in names:
+        numbered = (f"{name}_{number}" for number in itertools.count(2))
+        unique.append(name if name not in unique else next(one for one in numbered if one not in unique))
+    return unique
 
 
 def _numbers(rows: Rows, width: int) -> Array:

@@ -39,6 +39,32 @@ def shifted(series: Series, by_us: int) -> Series:
     return series._replace(time_us=series.time_us + by_us)
 
 
+class ParameterChange(NamedTuple):
+    """Parameter that was set after boot."""
+
+    time_us: int
+    """us since boot"""
+    name: str
+    value: float
+
+
+class History:
+    """Parameters in the order of the file: the first value of each is that at boot, others are changes."""
+
+    def __init__(self) -> None:
+        self.initial: dict[str, float] = {}
+        self.changes: list[ParameterChange] = []
+        self._last: dict[str, float] = {}
+
+    def add(self, time_us: int, name: str, value: float) -> None:
+        """Add a value as it was logged."""
+        if name not in self.initial:
+            self.initial[name] = value
+        elif self._last[name] != value:
+            self.changes.append(ParameterChange(time_us, name, value))
+        self._last[name] = value
+
+
 class Dropped(NamedTuple):
     """Rows omitted from a topic."""
 
@@ -73,6 +99,9 @@ class Source(NamedTuple):
     """ns since 1970 at the zero of the source's clock; 0 if unknown"""
     events: tuple[Event, ...] = ()
     parameters: Mapping[str, float] = {}
+    """at boot; whole numbers are int"""
+    changes: tuple[ParameterChange, ...] = ()
+    """of parameters, in order of time"""
     notes: Mapping[str, str] = {}
     """other facts for the metadata"""
     damage: tuple[str, ...] = ()

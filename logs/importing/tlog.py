@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import itertools
 import struct
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -18,9 +19,9 @@ from numpy.typing import NDArray
 
 from avionics.link.dialect import mavlink
 from avionics.link.framing import MARKER_V1, MARKER_V2, SIGNED
-from logs.importing.checks import LATEST_US, monotonic_rows
+from logs.importing.checks import LATEST_US, boots, nearly_ordered
 from logs.importing.counterparts import Columns
-from logs.importing.source import Array, Series, Source
+from logs.importing.source import Array, History, Series, Source
 from wingbeat.errors import InputError
 from wingbeat.message import Event, Severity
 from wingbeat.text import pluralize
@@ -35,6 +36,8 @@ NO_AUTOPILOT = 8
 NOT_VEHICLES = frozenset((5, 6, 18, 26, 27, 30))
 """MAV_TYPE of antenna trackers, ground stations, onboard computers, gimbals, ADS-B receivers and cameras"""
 PX4 = 12
+WRAP_US = 2**32 * 1000
+"""us; range of time stamps of 32 bits in ms"""
 _DTYPES = {
     "uint8_t": "u1", "int8_t": "i1", "uint16_t": "u2", "int16_t": "i2", "uint32_t": "u4", "int32_t": "i4",
     "uint64_t": "u8", "int64_t": "i8", "float": "f4", "double": "f8", "char": "O",
@@ -52,8 +55,11 @@ class ReceivedMessage(NamedTuple):
     message: Any
 
 
-def read_tlog(data: bytes, clock: str = "vehicle") -> Source:
+def read_tlog(data: bytes, clock: str = "vehicle") -> list[Source]:
     """Read a telemetry log with the times of the ``vehicle`` or of the ``ground``.
+
+    Returns:
+        one source for each boot of the vehicle, in the order of the file; on the ground's clock one for all.
 
     Raises:
         InputError: no complete frame.
@@ -62,13 +68,26 @@ def read_tlog(data: bytes, clock: str = "vehicle") -> Source:
     if not received:
         raise InputError("no complete MAVLink frame after a time stamp found")
     vehicle = vehicle_of(received)
-    times = VehicleClock.of(received, vehicle) if clock == "vehicle" else VehicleClock.on_the_ground(received)
+    if clock == "ground":
+        return [_source(received, vehicle, VehicleClock.on_the_ground(received), damage)]
+    rows = _stamped_rows(received, vehicle)
+    first = boots(_stamps(received, rows)) if rows else [0]
+    edges = [0, *(rows[place] for place in first[1:]), len(received)]
+    parts = [received[begin:end] for begin, end in itertools.pairwise(edges)]
+    return [_source(part, vehicle, VehicleClock.of(part, vehicle), damage) for part in parts]
+
+
+def _source(
+    received: Sequence[ReceivedMessage], vehicle: Sender, clock: VehicleClock, damage: tuple[str, ...]
+) -> Source:
+    times = clock.at(received).tolist()
     series = _series(received, vehicle, times)
-    spoken = [one for one in received if one.sender == vehicle]
-    stamps = times.at(spoken)
+    spoken = [(one, at) for one, at in zip(received, times, strict=True) if one.sender == vehicle]
+    values = _parameters(spoken)
     return Source(
-        "tlog", series, _name(spoken), times.boot_us * 1000, tuple(_events(spoken, stamps)), _parameters(spoken),
-        {"system": str(vehicle[0]), "component": str(vehicle[1])}, damage, clock=times.description, checksummed=True,
+        "tlog", series, _name([one for one, _ in spoken]), clock.boot_us * 1000, tuple(_events(spoken)),
+        values.initial, tuple(values.changes), {"system": str(vehicle[0]), "component": str(vehicle[1])}, damage,
+        clock=clock.description, checksummed=True,
     )  # fmt: skip
 
 
@@ -165,10 +184,12 @@ def vehicle_of(received: Sequence[ReceivedMessage]) -> Sender:
 class VehicleClock(NamedTuple):
     """Vehicle clock, estimated from its time stamps."""
 
+    rows: NDArray[np.int64]
+    """places in the file of the messages with a time stamp"""
+    vehicle_us: NDArray[np.int64]
+    """us; nondecreasing, the latest stamp so far"""
     ground_us: NDArray[np.int64]
-    """us; on the ground clock, of the messages with a time stamp"""
-    offset_us: NDArray[np.int64]
-    """us; offset of the ground clock from the vehicle clock at each of them"""
+    """us since 1970; ground clock of these messages"""
     stamped: bool
     """whether messages are recorded at their own time stamps"""
     description: str
@@ -176,36 +197,49 @@ class VehicleClock(NamedTuple):
 
     @classmethod
     def of(cls, received: Sequence[ReceivedMessage], vehicle: Sender) -> VehicleClock:
-        """Build the clock from all increasing time stamps of the vehicle; without any, from the ground clock."""
-        pairs = [(one.ground_us, _boot_us(one.message)) for one in received if one.sender == vehicle]
-        stamped = np.array([pair for pair in pairs if pair[1]], np.int64).reshape(-1, 2)
-        stamped = stamped[monotonic_rows(stamped[:, 1])]
-        stamped = stamped[monotonic_rows(stamped[:, 0])]
-        if not len(stamped):
+        """Build the clock from all plausible time stamps of the vehicle; without any, from the ground clock."""
+        rows = _stamped_rows(received, vehicle)
+        stamps = _stamps(received, rows)
+        kept = nearly_ordered(stamps)
+        if not kept.any():
             return cls.on_the_ground(received)
-        return cls(stamped[:, 0], stamped[:, 0] - stamped[:, 1], True, "since the vehicle's boot, by its stamps")
+        places = np.array(rows, np.int64)[kept]
+        ground = np.array([received[row].ground_us for row in places.tolist()], np.int64)
+        latest = np.maximum.accumulate(stamps[kept])
+        return cls(places, latest, ground, True, "since the vehicle's boot, by its stamps")
 
     @classmethod
     def on_the_ground(cls, received: Sequence[ReceivedMessage]) -> VehicleClock:
         """Build the ground clock, from the first frame."""
-        first = min(one.ground_us for one in received)
-        return cls(np.array([first]), np.array([first]), False, "the ground computer's clock, since the first frame")
+        first = np.array([min(one.ground_us for one in received)], np.int64)
+        description = "the ground computer's clock, since the first frame"
+        return cls(np.array([0], np.int64), np.array([0], np.int64), first, False, description)
 
     @property
     def boot_us(self) -> int:
         """us since 1970; time of the zero of the vehicle clock."""
-        return max(int(np.median(self.offset_us)), 0)
+        return max(int(np.median(self.ground_us - self.vehicle_us)), 0)
 
     def at(self, received: Sequence[ReceivedMessage]) -> NDArray[np.int64]:
-        """Return us since boot of each message: its time stamp, or the ground time with the last known offset."""
+        """Return us since boot of each message in the order of the file.
+
+        A message has its own time stamp. Without one it lies as long after the last stamp as the ground's clock says,
+        and not after the next stamp: a step of the ground's clock moves no message beyond the stamps beside it.
+        """
         ground = np.array([one.ground_us for one in received], np.int64)
-        last = np.maximum(np.searchsorted(self.ground_us, ground, side="right") - 1, 0)
-        times: NDArray[np.int64] = np.maximum(ground - self.offset_us[last], 0)
         if not self.stamped:
-            return times
-        imported = np.array([_boot_us(one.message) for one in received], np.int64)
-        passed: NDArray[np.int64] = np.maximum.accumulate(times)
-        return np.where(imported > 0, imported, passed)
+            return np.asarray(np.maximum(ground - self.ground_us[0], 0), np.int64)
+        rows, count = np.arange(len(received)), len(self.rows)
+        following = np.searchsorted(self.rows, rows)
+        last = np.maximum(np.searchsorted(self.rows, rows, side="right") - 1, 0)
+        since = ground - self.ground_us[last]
+        since = np.where(rows >= self.rows[0], np.maximum(since, 0), np.minimum(since, 0))
+        times = self.vehicle_us[last] + since
+        # Behind the last stamp only the ground's clock remains.
+        ends = self.vehicle_us[np.minimum(following, count - 1)]
+        times = np.maximum(np.where(following < count, np.minimum(times, ends), times), 0)
+        stamps = _stamps(received, range(len(received)))
+        return np.asarray(np.where(stamps > 0, stamps, times), np.int64)
 
 
 def _boot_us(message: Any) -> int:
@@ -213,11 +247,32 @@ def _boot_us(message: Any) -> int:
     return 0 if message.get_type() == "SYSTEM_TIME" else 1000 * int(getattr(message, "time_boot_ms", 0))
 
 
-def _series(received: Sequence[ReceivedMessage], vehicle: Sender, clock: VehicleClock) -> dict[str, Series]:
-    groups: dict[str, list[ReceivedMessage]] = {}
-    for one in received:
-        groups.setdefault(_series_name(one, vehicle), []).append(one)
-    return {name: _one_series(name, members, clock) for name, members in groups.items()}
+def _stamped_rows(received: Sequence[ReceivedMessage], vehicle: Sender) -> list[int]:
+    """Return the places of the vehicle's messages with a time stamp."""
+    return [row for row, one in enumerate(received) if one.sender == vehicle and _boot_us(one.message)]
+
+
+def _stamps(received: Sequence[ReceivedMessage], rows: Sequence[int]) -> NDArray[np.int64]:
+    """Return the time stamps in us of the messages at ``rows``."""
+    return _unwrapped(np.array([_boot_us(received[row].message) for row in rows], np.int64))
+
+
+def _unwrapped(stamps: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return time stamps, 0 for none, on across the end of their 32 bits of ms (49.7 days)."""
+    known = stamps > 0
+    steps = np.diff(stamps[known])
+    turns = (steps < -WRAP_US // 2).astype(np.int64) - (steps > WRAP_US // 2)
+    result = stamps.copy()
+    if known.any():
+        result[known] += np.concatenate(([0], np.cumsum(turns))) * WRAP_US
+    return result
+
+
+def _series(received: Sequence[ReceivedMessage], vehicle: Sender, times: Sequence[int]) -> dict[str, Series]:
+    groups: dict[str, list[tuple[ReceivedMessage, int]]] = {}
+    for one, at in zip(received, times, strict=True):
+        groups.setdefault(_series_name(one, vehicle), []).append((one, at))
+    return {name: _one_series(name, members) for name, members in groups.items()}
 
 
 def _series_name(one: ReceivedMessage, vehicle: Sender) -> str:
@@ -228,16 +283,16 @@ def _series_name(one: ReceivedMessage, vehicle: Sender) -> str:
     return f"component_{component}/{kind}" if system == vehicle[0] else f"system_{system}/{kind}"
 
 
-def _one_series(name: str, members: list[ReceivedMessage], clock: VehicleClock) -> Series:
-    kind = type(members[0].message)
+def _one_series(name: str, members: list[tuple[ReceivedMessage, int]]) -> Series:
+    kind = type(members[0][0].message)
     columns: Columns = {}
     units: dict[str, str] = {}
     for field in kind.fieldnames:
         dtype = _DTYPES[kind.fieldtypes[kind.fieldnames.index(field)]]
-        values = [getattr(one.message, field) for one in members]
+        values = [getattr(one.message, field) for one, _ in members]
         columns[field] = _texts(values) if dtype == "O" else np.array(values, dtype)
         units[field] = kind.fieldunits_by_name.get(field, "")
-    return Series(name, clock.at(members), columns, units)
+    return Series(name, np.array([at for _, at in members], np.int64), columns, units)
 
 
 def _texts(values: list[Any]) -> Array:
@@ -259,10 +314,10 @@ def _name(spoken: Sequence[ReceivedMessage]) -> str:
     return f"{description} {spoken[0].sender[0]}"
 
 
-def _events(spoken: Sequence[ReceivedMessage], stamps: NDArray[np.int64]) -> Iterator[Event]:
+def _events(spoken: Sequence[tuple[ReceivedMessage, int]]) -> Iterator[Event]:
     """Texts, and changes of mode and arming."""
     before = ""
-    for one, at in zip(spoken, stamps.tolist(), strict=True):
+    for one, at in spoken:
         kind = one.message.get_type()
         if kind == "STATUSTEXT":
             severity = one.message.severity
@@ -282,18 +337,18 @@ def _mode(beat: Any) -> str:
     return f"mode {beat.custom_mode}, {'armed' if beat.base_mode & 128 else 'disarmed'}"
 
 
-def _parameters(spoken: Sequence[ReceivedMessage]) -> dict[str, float]:
-    """Return the first received value of each parameter."""
-    bytewise = any(one.message.get_type() == "HEARTBEAT" and one.message.autopilot == PX4 for one in spoken)
-    found: dict[str, float] = {}
-    for one in spoken:
+def _parameters(spoken: Sequence[tuple[ReceivedMessage, int]]) -> History:
+    """Return the first received value of each parameter, and different ones later."""
+    bytewise = any(one.message.get_type() == "HEARTBEAT" and one.message.autopilot == PX4 for one, _ in spoken)
+    values = History()
+    for one, at in spoken:
         if one.message.get_type() == "PARAM_VALUE":
-            found.setdefault(_text(one.message.param_id), _value(one.message, bytewise))
-    return found
+            values.add(at, _text(one.message.param_id), _value(one.message, bytewise))
+    return values
 
 
 def _value(message: Any, bytewise: bool) -> float:
     """Return a parameter's value; PX4 stores the bytes of an integer in the float."""
     if bytewise and message.param_type != 9:
-        return float(struct.unpack("<i", struct.pack("<f", message.param_value))[0])
+        return int(struct.unpack("<i", struct.pack("<f", message.param_value))[0])
     return float(message.param_value)

@@ -15,7 +15,7 @@ from pyulog import ULog
 
 from logs.importing.checks import LATEST_US, LONGEST_PAUSE_US
 from logs.importing.counterparts import Columns
-from logs.importing.source import OF_BOOT, Array, Series, Source
+from logs.importing.source import OF_BOOT, Array, ParameterChange, Series, Source
 from wingbeat.errors import InputError
 from wingbeat.message import Event, Severity
 from wingbeat.text import pluralize
@@ -58,10 +58,16 @@ def read_ulog(data: bytes) -> Source:
     if not series:
         raise InputError("there is no whole message of data in it")
     texts = {str(key): str(value) for key, value in log.msg_info_dict.items()}
-    parameters = {name: float(value) for name, value in log.initial_parameters.items() if _is_number(value)}
+    parameters = {str(name): value for name, value in log.initial_parameters.items() if _is_number(value)}
+    changes = tuple(
+        ParameterChange(int(at) - zero, str(name), value)
+        for at, name, value in log.changed_parameters
+        if _is_number(value)
+    )
     return Source(
         "ulog", series, _vehicle(texts), zero * 1000 or _epoch_ns(series), (*_events(log, zero), *_modes(series)),
-        parameters, texts, _damage(data, log), clock="since 1970, from the log's first time on" if zero else OF_BOOT,
+        parameters, changes, texts, _damage(data, log),
+        clock="since 1970, from the log's first time on" if zero else OF_BOOT,
     )  # fmt: skip
 
 
@@ -94,7 +100,7 @@ def _events(log: Any, zero: int) -> Iterator[Event]:
         yield Event(int(one.timestamp) - zero, _severity(one.log_level), "vehicle", one.message.strip())
     for at, name, value in log.changed_parameters:
         if _is_number(value):
-            yield Event(int(at) - zero, Severity.INFO, "parameters", f"{name} set to {value:g}")
+            yield Event(int(at) - zero, Severity.INFO, "parameters", f"{name} set to {value:.9g}")
     for lost in log.dropouts:
         yield Event(
             int(lost.timestamp) - zero, Severity.WARNING, "logger", f"{lost.duration} ms of the log were lost"

@@ -61,8 +61,7 @@ def _position(view: View) -> Columns:
         "wind_east": view.latest_value(wind, "windspeed_east"),
         "latitude": np.radians(view.latest_value("vehicle_global_position", "lat")),
         "longitude": np.radians(view.latest_value("vehicle_global_position", "lon")),
-        "valid": view["xy_valid"],
-    }
+    } | ({"valid": view["xy_valid"]} if "xy_valid" in view.here.columns else {})
 
 
 def _power(view: View) -> Columns:
@@ -92,8 +91,8 @@ def _gps(view: View) -> Columns:
         "v_north": view["vel_n_m_s"],
         "v_east": view["vel_e_m_s"],
         "v_down": view["vel_d_m_s"],
-        "horizontal_accuracy": view["eph"],
-        "vertical_accuracy": view["epv"],
+        "horizontal_accuracy": view.get("eph"),
+        "vertical_accuracy": view.get("epv"),
         "fix_type": view["fix_type"],
         "satellites": view["satellites_used"],
     }

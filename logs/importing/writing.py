@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import tempfile
 from collections import namedtuple
@@ -11,16 +12,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from avionics.topics import EVENTS
+from avionics.topics import CHANGES, EVENTS
 from logs.batches import batched
 from logs.codecs import Document
-from logs.importing.source import Array, ImportedTopic, Series
+from logs.importing.source import Array, ImportedTopic, ParameterChange, Series
 from logs.layout import Field, Layout
 from logs.new_files import claim, settle
 from logs.recorder import McapRecorder
 from logs.scene import PLAIN_BIRD, SceneRecorder
 from wingbeat.errors import InputError
-from wingbeat.message import Event
+from wingbeat.message import Event, Text
 from wingbeat.topic import Topic
 
 FIRST_CHANNEL = 4000
@@ -44,6 +45,8 @@ class Extras(NamedTuple):
     epoch_ns: int
     """ns since 1970 at the zero of the source's clock"""
     events: Sequence[Event]
+    changes: Sequence[ParameterChange]
+    """of parameters after boot"""
     notes: Mapping[str, Mapping[str, str]]
     """metadata by name"""
     attachments: Mapping[str, Callable[[Mapping[str, int]], bytes]]
@@ -140,6 +143,10 @@ def _write(path: Path, streams: Sequence[Stream], extras: Extras, progress: Prog
         if extras.events:
             said = sorted(extras.events, key=lambda event: event.time_us)
             feeds.append((EVENTS, np.array([event.time_us for event in said], np.int64), iter(said)))
+        if extras.changes:
+            changes = sorted(extras.changes, key=lambda change: change.time_us)
+            times_us = np.array([change.time_us for change in changes], np.int64)
+            feeds.append((CHANGES, times_us, map(_change, changes)))
         order = _order([times for _, times, _ in feeds])
         seen = SceneRecorder(recorder, PLAIN_BIRD, extras.epoch_ns, estimated=True)
         with batched(seen.record_all) as publish:
@@ -154,6 +161,11 @@ def _write(path: Path, streams: Sequence[Stream], extras: Extras, progress: Prog
     if trouble:
         raise InputError(trouble)
     return seen.added
+
+
+def _change(change: ParameterChange) -> Text:
+    document = {"parameter": change.name, "value": change.value, "source": "log"}
+    return Text(max(change.time_us, 0), json.dumps(document))
 
 
 def _order(times: Sequence[Array]) -> list[int]:

@@ -21,6 +21,7 @@ from sim_bridge.sensors.power_sensor import mean_square
 from sim_bridge.sensors.receiver import Pilot, standing_by
 from sim_bridge.sensors.suite import SensorSuite, SimulationDiverged, sensor_spec
 from sim_bridge.vehicles import SimulatedVehicle
+from sim_bridge.vibration.flight import field_per_ampere, make_unequal, vibration_of
 from wingbeat.atmosphere import Air, isa
 from wingbeat.errors import InputError
 from wingbeat.message import Event, Severity
@@ -85,6 +86,8 @@ class Scenario(NamedTuple):
     """whether the launcher waits for arming, and reports its actions"""
     launch_time: float = LAUNCH_TIME
     """s; earliest launch; infinite: not before `SimulatedWorld.release`"""
+    vibration: float = 0.0
+    """-; factor of the vehicle's vibration; 0: none, and its random numbers are not drawn"""
     rest_time: float = REST_TIME
     """s; the flight ends after the vehicle has been at rest on the ground for this time"""
 
@@ -161,6 +164,10 @@ class SimulatedWorld:
         self.scenario = scenario
         self.plant = _in_hand(vehicle, scenario)
         self.suite = _sensors(vehicle, scenario, rate)
+        self._vibration = vibration_of(vehicle, scenario.vibration, scenario.seed, 1.0 / rate)
+        if scenario.vibration > 0.0:
+            make_unequal(self.plant, vehicle, scenario.vibration)
+            self.suite.field_per_ampere = field_per_ampere(vehicle, scenario.vibration)
         self._edge = vehicle.sections["power_sensor"].edge
         self._push = scenario.throw.speed * vehicle.launch.speed / vehicle.launch.duration
         self._travel = vehicle.drive.travel, vehicle.tail_servo.travel
@@ -259,6 +266,10 @@ class SimulatedWorld:
 
     def sample(self, observation: Observation) -> SensorFrame:
         """Read the sensors, one sensor tick after the last time."""
+        if self._vibration is not None:
+            y, (left, right) = self.plant.y, self.plant.layout.flap
+            rate = self.plant.layout.rate
+            observation = self._vibration.shake(observation, 0.5 * (y.item(rate(left)) + y.item(rate(right))))
         frame = self.faults.sense(self.suite.sample(observation, self._tick), self._tick)
         self._tick += 1
         return frame

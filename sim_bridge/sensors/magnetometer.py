@@ -9,7 +9,7 @@ from sim_bridge.environment.magnetic import MagneticField, field_ned
 from sim_bridge.observation import Vector
 from sim_bridge.sensors.low_pass import low_pass
 from sim_bridge.sensors.noise import SensorSeed, split
-from sim_bridge.sensors.triad import Conversion, Triad, draw_errors
+from sim_bridge.sensors.triad import ZERO, Conversion, Triad, draw_errors
 from wingbeat.rotations import frd_from_ned
 from wingbeat.units import Quantity
 
@@ -49,6 +49,11 @@ class Magnetometer:
         self._triad = Triad(conversion, self.errors, low_pass(0.0, 1.0), flight)
         self._field_ned = field_ned(field)
 
-    def read(self, quaternion: tuple[float, float, float, float]) -> Vector:
-        """Return the measured field in gauss, body axes, for r_ned_from_frd as ``quaternion`` (w, x, y, z)."""
-        return self._triad.read(frd_from_ned(quaternion, self._field_ned))
+    def read(self, quaternion: tuple[float, float, float, float], vehicle_field: Vector = ZERO) -> Vector:
+        """Return the measured field in gauss, body axes.
+
+        Args:
+            quaternion: of r_ned_from_frd, (w, x, y, z).
+            vehicle_field: gauss, body axes; of the vehicle's own currents.
+        """
+        return self._triad.read(frd_from_ned(quaternion, self._field_ned), vehicle_field)

@@ -21,6 +21,7 @@ from sim_bridge.sensors.optional import OPTIONAL
 from sim_bridge.sensors.pitot import Pitot, PitotSpec
 from sim_bridge.sensors.power_sensor import PowerSensor, PowerSensorSpec
 from sim_bridge.sensors.receiver import Pilot, Receiver, ReceiverSpec
+from sim_bridge.sensors.triad import ZERO
 from wingbeat.errors import InputError
 from wingbeat.samples import AdcBurst, EncoderSample, GpsFix, ImuSample, PressureSample, SensorFrame
 
@@ -139,6 +140,8 @@ class SensorSuite:
         self.encoder = Encoder(spec.encoder)
         self._receiver = Receiver(ReceiverSpec(), sensor_seed(seed, 8), pilot)
         self._field_frd: Vector | None = None
+        self.field_per_ampere: Vector = ZERO
+        """gauss/A, body axes; of the drive current at the magnetometer"""
 
     @property
     def gyro_bias(self) -> Vector:
@@ -182,7 +185,9 @@ class SensorSuite:
 
     def _imu(self, observation: Observation, tick: int) -> ImuSample:
         if self._field_frd is None or tick % self._ticks.magnetometer == 0:
-            self._field_frd = self._magnetometer.read(observation.quaternion)
+            x, y, z = self.field_per_ampere
+            current = observation.current
+            self._field_frd = self._magnetometer.read(observation.quaternion, (x * current, y * current, z * current))
         force = self._accelerometer.read(observation.specific_force_frd)
         return imu_on_the_wire(
             observation.time_us, *force, *self._gyroscope.read(observation.omega_frd), *self._field_frd

@@ -23,6 +23,7 @@ from sim_bridge.vehicles.sections import (
     TailServo,
     Wing,
 )
+from sim_bridge.vehicles.vibration import ModeSpec, VibrationSpec
 from wingbeat.errors import InputError
 from wingbeat.text import did_you_mean
 from wingbeat.vehicle_file import Schema, Source, VehicleFile, read_vehicle_file
@@ -38,8 +39,13 @@ REQUIRED: dict[str, type[Any]] = {
     "launch": Launch,
     "cruise": Cruise,
 }
-REPEATED: dict[str, type[Any]] = {"bodies": BodyPart, "plates": Plate}
-OPTIONAL: dict[str, type[Any]] = {"linkage": FourBar, "motor": Motor, "as_measured": AsMeasured}
+REPEATED: dict[str, type[Any]] = {"bodies": BodyPart, "plates": Plate, "modes": ModeSpec}
+OPTIONAL: dict[str, type[Any]] = {
+    "linkage": FourBar,
+    "motor": Motor,
+    "as_measured": AsMeasured,
+    "vibration": VibrationSpec,
+}
 MODEL_SECTIONS = {model.name: model.settings for model in MODELS.values()}
 SCHEMA = Schema(REQUIRED, OPTIONAL | SENSORS | MODEL_SECTIONS, REPEATED)
 
@@ -55,6 +61,8 @@ class SimulatedVehicle(NamedTuple):
     fuselage: Fuselage
     wing: Wing
     plates: dict[str, Plate]
+    modes: dict[str, ModeSpec]
+    """structural modes"""
     aerodynamics: Aerodynamics
     tail_servo: TailServo
     drive: Drive

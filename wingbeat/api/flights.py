@@ -81,6 +81,7 @@ def fly(
     wind: float = 0.0,
     wind_from_deg: float = 0.0,
     turbulence: str = "none",
+    vibration: float = 0.0,
     seed: int = 1,
     duration: float = 300.0,
     aerodynamics: str | None = None,
@@ -99,6 +100,7 @@ def fly(
         wind: m/s, steady.
         wind_from_deg: direction the wind comes from, clockwise from north.
         turbulence: Dryden gusts: none, light, moderate, severe, small_uav_light, small_uav_moderate.
+        vibration: factor of the vibration of the vehicle file; 0: none.
         seed: of sensor noise and gusts; the same inputs give the same flight.
         duration: s, at most.
         aerodynamics: model of the wings (default: that of the vehicle file).
@@ -111,7 +113,8 @@ def fly(
         InputError: an argument that is not valid, or a log that exists or cannot be written.
     """
     prepared = prepared_flight(
-        vehicle, mission, wind=wind, wind_from_deg=wind_from_deg, turbulence=turbulence, seed=seed, duration=duration,
+        vehicle, mission, wind=wind, wind_from_deg=wind_from_deg, turbulence=turbulence, vibration=vibration,
+        seed=seed, duration=duration,
         aerodynamics=aerodynamics, faults=faults, gains=gains, changes=changes,
     )  # fmt: skip
     with _log_path(log, str(vehicle)) as path:
@@ -126,6 +129,7 @@ def prepared_flight(
     wind: float = 0.0,
     wind_from_deg: float = 0.0,
     turbulence: str = "none",
+    vibration: float = 0.0,
     seed: int = 1,
     duration: float = 300.0,
     aerodynamics: str | None = None,
@@ -140,7 +144,7 @@ def prepared_flight(
     """
     values: dict[str, Any] = {
         "vehicle": str(vehicle), "mission": str(mission), "seed": seed, "duration": duration,
-        "turbulence": turbulence, "faults": " ".join(faults), "wind.speed": wind,
+        "turbulence": turbulence, "vibration": vibration, "faults": " ".join(faults), "wind.speed": wind,
         "wind.from": math.radians(wind_from_deg),
     }  # fmt: skip
     if aerodynamics is not None:

@@ -45,6 +45,63 @@ def c3d(
     return head.ljust(512, b"\0") + section.ljust(512, b"\0") + data
 
 
+def numbers(group: int, name: str, kind: int, sizes: tuple[int, ...], body: bytes) -> bytes:
+    """A parameter of numbers, little endian."""
+    body = struct.pack("bB", kind, len(sizes)) + bytes(sizes) + body + b"\0"
+    return struct.pack("bb", len(name), group) + name.encode() + struct.pack("<H", 2 + len(body)) + body
+
+
+def long_c3d(frames: int, counted: int, *, trial: bool = False, analog: int = 0) -> bytes:
+    """Two markers of one label at 100 Hz; ``counted`` frames by the header; ``analog`` samples of two channels."""
+    head = bytes([2, 0x50])
+    head += struct.pack("<5HfHHf", 2, 2 * analog, 1, counted, 0, -1.0, 3, analog, 100.0)
+    section = b"\1\x50\1" + bytes([84])
+    for number, name in ((1, "POINT"), (2, "TRIAL"), (3, "ANALOG")):
+        section += struct.pack("bb", len(name), -number) + name.encode() + struct.pack("<H", 3) + b"\0"
+    section += parameter("<", 1, "LABELS", ("tip", "tip")) + parameter("<", 1, "UNITS", ("mm",))
+    if trial:
+        section += numbers(2, "ACTUAL_START_FIELD", 2, (2,), struct.pack("<2H", 1, 0))
+        section += numbers(2, "ACTUAL_END_FIELD", 2, (2,), struct.pack("<2H", frames & 0xFFFF, frames >> 16))
+    if analog:
+        section += numbers(3, "USED", 2, (), struct.pack("<h", 2))
+        section += numbers(3, "GEN_SCALE", 4, (), struct.pack("<f", 0.5))
+        section += numbers(3, "SCALE", 4, (2,), struct.pack("<2f", 2.0, 4.0))
+        section += numbers(3, "OFFSET", 2, (2,), struct.pack("<2h", 0, 10))
+        section += parameter("<", 3, "LABELS", ("Fx", "Fz")) + parameter("<", 3, "UNITS", ("N", "N"))
+    rows = np.zeros((frames, 8 + 2 * analog), "<f4")
+    rows[:, :8] = (1.0, 2.0, 3.0, 0.0, 4.0, 5.0, 6.0, 0.0)
+    rows[:, 0] = np.arange(frames) % 1000
+    rows[:, 8:] = 30.0
+    return head.ljust(512, b"\0") + (section + b"\0\0").ljust(512, b"\0") + rows.tobytes()
+
+
+@pytest.mark.parametrize(("counted", "trial"), [(65535, True), (65535, False), (70_000 - 65536, True)])
+def test_more_frames_than_the_header_can_count(tmp_path: Path, counted: int, trial: bool) -> None:
+    """GIVEN 70,000 frames and a header that saturates or wraps WHEN imported THEN all of them, of both markers."""
+    out, report = imported(written(tmp_path, long_c3d(70_000, counted, trial=trial)), tmp_path)
+    assert report.damage == ()
+    with open_log(out) as log:
+        assert len(log.columns("/mocap/tip").time) == len(log.columns("/mocap/tip_2").time) == 70_000
+
+
+def test_analog_channels_are_imported(tmp_path: Path) -> None:
+    """GIVEN two load cells with four samples a frame WHEN imported THEN scaled samples at 400 Hz."""
+    out, _ = imported(written(tmp_path, long_c3d(50, 50, analog=4)), tmp_path)
+    with open_log(out) as log:
+        force = log.columns("/mocap/analog")
+        assert len(force.time) == 200 and force.time[1] == pytest.approx(0.0025)
+        assert set(force["Fx"]) == {30.0} and set(force["Fz"]) == {40.0}
+        assert force.units["Fx"] == "N"
+
+
+def test_a_marker_at_zero_was_not_seen(tmp_path: Path) -> None:
+    """GIVEN a marker that is exactly zero in a frame WHEN imported THEN that frame is reported as not seen."""
+    data = bytearray(long_c3d(50, 50))
+    data[1024 + 20 * 32 : 1024 + 20 * 32 + 12] = bytes(12)
+    _, report = imported(written(tmp_path, bytes(data)), tmp_path)
+    assert [tuple(one) for one in report.dropped] == [("/mocap/tip", "not seen", 1)]
+
+
 def written(folder: Path, data: bytes) -> Path:
     path = folder / "take.c3d"
     path.write_bytes(data)

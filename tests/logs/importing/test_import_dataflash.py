@@ -58,7 +58,7 @@ def test_several_sensors_in_one_message_are_kept_apart(tmp_path: Path) -> None:
 def test_the_same_rows_as_pymavlink_reads(tmp_path: Path) -> None:
     path = tmp_path / "whole.bin"
     path.write_bytes(new_dataflash(1.0).data)
-    ours = read_dataflash(path.read_bytes()).series
+    ours = read_dataflash(path.read_bytes())[0].series
     reader = DFReader_binary(str(path))
     theirs: dict[str, list[dict[str, float]]] = {}
     while (message := reader.recv_msg()) is not None:
@@ -118,7 +118,7 @@ def test_a_format_that_comes_twice_is_the_first(tmp_path: Path) -> None:
     for kind, name in ((number, b"ATU"), (200, b"ATT")):
         log.data += b"\xa3\x95\x80" + struct.pack(packing, kind, 17, name, b"Qhhh", b"TimeUS,A,B,C")
     log.write("ATT", 2_000_000, 100, 200, 300)
-    whole = read_dataflash(log.data).series
+    whole = read_dataflash(log.data)[0].series
     assert "ATU" not in whole and whole["ATT"].columns["Pitch"][-1] == 2.0
 
 
@@ -126,7 +126,7 @@ def test_records_without_a_time_have_that_of_the_one_before_them(tmp_path: Path)
     log = new_dataflash(1.0)
     log.define("PM", "HH", "NLon,MaxT")
     log.write("PM", 3, 4)
-    series = read_dataflash(log.data).series["PM"]
+    series = read_dataflash(log.data)[0].series["PM"]
     assert series.time_us.tolist() == [1_980_000] and series.columns["MaxT"].tolist() == [4]
 
 
@@ -179,6 +179,40 @@ def test_a_row_with_a_time_beyond_all_clocks_is_dropped(tmp_path: Path) -> None:
     source.write_bytes(log.data)
     _, report = imported(source, tmp_path)
     assert [(one.topic, one.rows) for one in report.dropped] == [("/dataflash/ATT", 1)]
+
+
+def test_each_boot_becomes_a_log_and_a_parameter_has_a_history(tmp_path: Path) -> None:
+    """GIVEN two boots in one file, a parameter set in flight WHEN imported THEN two logs with their own values."""
+    log = new_dataflash(20.0)
+    log.write("PARM", 12_000_000, "Q_TILT_MAX", 60.0)
+    for _ in range(5):
+        log.write("PARM", 1_000, "Q_TILT_MAX", 30.0)
+    for at in range(50):
+        log.write("ATT", 2_000_000 + 100_000 * at, 0, 0, 0)
+    source = tmp_path / "twice.bin"
+    source.write_bytes(log.data)
+    out, report = imported(source, tmp_path)
+    (second,) = report.later_boots
+    with open_log(out) as first:
+        assert first.columns("/dataflash/ATT").time[-1] > 20.0
+        assert first.parameters.initial["Q_TILT_MAX"] == 45.0
+        assert [(change.time, change.value) for change in first.parameters.changes] == [(12.0, 60.0)]
+    with open_log(Path(second.file)) as later:
+        assert len(later.columns("/dataflash/ATT").time) == 50
+        assert later.parameters.initial["Q_TILT_MAX"] == 30.0 and not later.parameters.changes
+
+
+def test_a_topic_that_cannot_be_made_is_told_with_the_reason(tmp_path: Path) -> None:
+    """GIVEN a battery without its current WHEN imported THEN the report names the column that is missing."""
+    log = new_dataflash()
+    log.define("CURR", "Qf", "TimeUS,Volt")
+    for at in range(20):
+        log.write("CURR", 5_000_000 + 100_000 * at, 7.4)
+    data = log.data.replace(b"BAT\0", b"BAX\0")
+    source = tmp_path / "battery.bin"
+    source.write_bytes(data)
+    _, report = imported(source, tmp_path)
+    assert ("/power/state", "not made of CURR: no numbers in column Curr", 20) in report.dropped
 
 
 @needs_shared

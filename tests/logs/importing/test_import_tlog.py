@@ -12,7 +12,9 @@ from foreign_logs import imported, stamped, tlog
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from avionics import topics
+from logs.importing.checks import boots
 from logs.importing.log_import import IMPORT
+from logs.importing.tlog import _unwrapped
 from logs.reader import open_log
 from wingbeat.errors import InputError
 
@@ -117,14 +119,68 @@ def test_flipped_bits_cost_the_frames_that_they_hit(seed: int, tmp_path: Path) -
         assert attitude["roll"] == pytest.approx(expected, abs=1e-6)
 
 
-def test_a_vehicle_that_booted_anew_is_imported_once_and_the_rest_told(tmp_path: Path) -> None:
+def test_each_boot_becomes_a_log(tmp_path: Path) -> None:
+    """GIVEN a file with two boots WHEN imported THEN two logs, each whole and on its own clock."""
     source = tmp_path / "twice.tlog"
     source.write_bytes(tlog(20) + tlog(5, BOOT_US + 60_000_000))
     out, report = imported(source, tmp_path)
-    assert ("/tlog/ATTITUDE", "time runs backwards") in {(one.topic, one.reason) for one in report.dropped}
-    with open_log(out) as log:
-        assert (np.diff(log.columns(topics.ATTITUDE).time) >= 0.0).all()
-        assert len(log.columns(topics.ATTITUDE).time) >= 200
+    (second,) = report.later_boots
+    assert not report.dropped and not second.dropped
+    assert second.file == str(out.with_name(f"{out.stem}-boot2.mcap"))
+    for path, rows in ((out, 200), (Path(second.file), 50)):
+        with open_log(path) as log:
+            times = log.columns(topics.ATTITUDE).time
+            assert len(times) == rows and (np.diff(times) >= 0.0).all()
+            assert times[0] == pytest.approx(5.0)
+            assert log.parameters.initial == {"TRIM_ARSPD_CM": 1200.0}
+    assert {path.name for path in tmp_path.glob("*.mcap")} == {out.name, Path(second.file).name}
+
+
+def test_a_false_stamp_is_no_boot_and_a_wrap_of_the_clock_is_none() -> None:
+    """GIVEN one stamp of 0, or a clock that passes 49.7 days WHEN boots are sought THEN there is one."""
+    steady = np.arange(100_000_000, 200_000_000, 1_000_000, dtype=np.int64)
+    false = steady.copy()
+    false[50] = 1
+    assert boots(steady) == boots(false) == [0]
+    rebooted = np.concatenate((steady, steady - 95_000_000))
+    assert boots(rebooted) == [0, len(steady)]
+    wrapped = (2**32 - 25 + 10 * np.arange(6)) % 2**32 * 1000
+    assert (np.diff(_unwrapped(wrapped)) == 10_000).all()
+
+
+@pytest.mark.parametrize("step", [-30.0, -3.0, 40.0, 5e8])
+def test_a_step_of_the_grounds_clock_moves_no_message(step: float, tmp_path: Path) -> None:
+    """GIVEN a ground clock that is set in flight WHEN imported THEN every message and event keeps its time."""
+    data, moved, at = tlog(), bytearray(), 0
+    while at < len(data):
+        end = at + 8 + 12 + data[at + 9]
+        ground = struct.unpack_from(">Q", data, at)[0]
+        shift = step * 1e6 if ground > BOOT_US + 12_000_000 else 0.0
+        moved += struct.pack(">Q", int(ground + shift)) + data[at + 8 : end]
+        at = end
+    for name in ("right", "moved"):
+        (tmp_path / name).mkdir()
+    with (
+        open_log(imported_tlog(tmp_path / "right", data)) as right,
+        open_log(imported_tlog(tmp_path / "moved", bytes(moved))) as log,
+    ):
+        for topic in ("/tlog/HEARTBEAT", "/tlog/SYS_STATUS", "/tlog/ATTITUDE"):
+            assert log.columns(topic).time == pytest.approx(right.columns(topic).time, abs=0.2)
+        texts = [[(event.time_us, event.text) for event in one.events()] for one in (log, right)]
+        assert [text for _, text in texts[0]] == [text for _, text in texts[1]]
+        assert np.abs(np.subtract([at for at, _ in texts[0]], [at for at, _ in texts[1]])).max() < 200_000
+
+
+def test_a_parameter_that_changes_is_known_with_its_time(tmp_path: Path) -> None:
+    """GIVEN a second value of a parameter WHEN imported THEN it is a change at its time, the first one initial."""
+    vehicle = mavlink.MAVLink(None, 1, 1)
+    value = mavlink.MAVLink_param_value_message(b"TRIM_ARSPD_CM", 950.0, 9, 1, 0)
+    late = stamped(BOOT_US + 25_000_000, value, vehicle)
+    with open_log(imported_tlog(tmp_path, tlog() + late)) as log:
+        assert log.parameters.initial == {"TRIM_ARSPD_CM": 1200.0}
+        (change,) = log.parameters.changes
+        assert (change.name, change.value) == ("TRIM_ARSPD_CM", 950.0)
+        assert change.time == pytest.approx(25.0, abs=0.5)
 
 
 def test_what_is_no_telemetry_log_is_refused_in_one_line(tmp_path: Path) -> None:

@@ -1,0 +1,1 @@
+"""Checks of a log before anybody identifies from it: clocks, sensors, drive and content."""

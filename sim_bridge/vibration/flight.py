@@ -1,0 +1,62 @@
+"""The vibration section of a vehicle applied to the plant and the sensors of one flight."""
+
+from __future__ import annotations
+
+from sim_bridge.observation import Vector
+from sim_bridge.plant import Plant
+from sim_bridge.sensors.noise import sensor_seed
+from sim_bridge.vehicles import SimulatedVehicle
+from sim_bridge.vibration.airframe import AirframeVibration
+from wingbeat.constants import STANDARD_GRAVITY
+from wingbeat.errors import InputError
+
+STREAM = 10
+"""number of the random stream, beside those of the sensors"""
+GAUSS_PER_MICROTESLA = 0.01
+
+
+def check_vibration(vehicle: SimulatedVehicle, factor: float) -> None:
+    """Check that a vehicle has what a factor above 0 asks for.
+
+    Raises:
+        InputError: the vehicle file has no section [vibration].
+    """
+    if factor > 0.0 and "vibration" not in vehicle.sections:
+        raise InputError(f"{vehicle.path}: no section [vibration]: it flies with --vibration none only")
+
+
+def vibration_of(vehicle: SimulatedVehicle, factor: float, seed: int, period: float) -> AirframeVibration | None:
+    """Return the vibration of one flight, None for a factor of 0.
+
+    Args:
+        vehicle: with its section [vibration].
+        factor: of the vehicle file's levels.
+        seed: of the flight.
+        period: s; sensor tick.
+
+    Raises:
+        InputError: the vehicle has no section [vibration].
+    """
+    check_vibration(vehicle, factor)
+    if factor <= 0.0:
+        return None
+    clipping = vehicle.sections["accelerometer"].range_g * STANDARD_GRAVITY
+    spec = vehicle.sections["vibration"]
+    return AirframeVibration(spec, vehicle.modes, sensor_seed(seed, STREAM), period, clipping, factor)
+
+
+def make_unequal(plant: Plant, vehicle: SimulatedVehicle, factor: float) -> None:
+    """Give the two wings of a plant the differences of the vehicle file times a factor."""
+    spec, wings, joints = vehicle.sections["vibration"], plant.parameters.wings, plant.parameters.joints
+    for wing, side in enumerate(wings.side):
+        ratio = 1.0 + 0.5 * side * factor * spec.membrane_difference
+        wings.washout[wing] += 0.5 * side * factor * spec.washout_difference
+        wings.membrane[wings.first[wing] : wings.first[wing + 1]] *= ratio
+        if wings.twist[wing] >= 0:
+            joints.stiffness[wings.twist[wing]] *= ratio
+
+
+def field_per_ampere(vehicle: SimulatedVehicle, factor: float) -> Vector:
+    """Return the field of the drive current at the magnetometer in gauss/A, body axes."""
+    x, y, z = (factor * GAUSS_PER_MICROTESLA * value for value in vehicle.sections["vibration"].magnetic_field)
+    return x, y, z

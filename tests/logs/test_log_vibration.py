@@ -1,0 +1,128 @@
+"""`wingbeat log vibration`: spectrum of a known signal, and the round trip of a fit through a flight's sensors."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import wingbeat
+from groundstation.command.main import dispatch
+from logs.vibration.analysis import AXES, analyze
+from logs.vibration.fit import fit
+from sim_bridge.observation import Observation
+from sim_bridge.sensors.noise import sensor_seed
+from sim_bridge.vehicles import load_vehicle
+from sim_bridge.vehicles.vibration import ModeSpec, VibrationSpec
+from sim_bridge.vibration.airframe import AirframeVibration
+from wingbeat.errors import InputError
+
+STROKE, RATE = 3.8, 203.0
+ROOT = Path(__file__).parents[2]
+MEASURED = Path(os.environ.get("WINGBEAT_SHARED", ROOT.parent / "shared")) / "data" / "real_bird" / "imu_flight.csv"
+
+
+def flapping(
+    spec: VibrationSpec, modes: dict[str, ModeSpec], seconds: float = 20.0
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return time and IMU (n, 6) of an airframe whose vertical force has its upward peak in the mid-downstroke."""
+    vibration = AirframeVibration(spec, modes, sensor_seed(2, 10), 1.0 / RATE, 1e3)
+    time = np.arange(1, int(seconds * RATE) + 1) / RATE
+    rows = []
+    for t in time:
+        phase = 2.0 * math.pi * STROKE * t
+        force = (0.0, 0.0, -9.8 - 14.0 * math.sin(phase))
+        rest = Observation(
+            0, (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), force, *[(0.0, 0.0, 0.0)] * 3, *[0.0] * 12
+        )  # fmt: skip
+        seen = vibration.shake(rest, -math.sqrt(2.0) * 8.0 * math.sin(phase))
+        rows.append((*seen.omega_frd, *seen.specific_force_frd))
+    return time, np.array(rows)
+
+
+MODES = {
+    "low": ModeSpec(30.0, 0.06, (1.0, 0.2, 0.5), (5.0, 3.0, 0.5), buffet=1.0),
+    "high": ModeSpec(80.0, 0.05, (0.3, 1.0, 0.8), (1.0, 0.0, 2.0), buffet=2.0),
+    "impact": ModeSpec(62.0, 0.08, (0.2, 0.9, 1.0), (30.0, 2.0, 8.0), kick=0.03),
+}
+SPEC = VibrationSpec(reference_rate=8.0, kick_phases=(0.56,), kick_jitter=0.003)
+
+
+def test_spectrum_of_a_known_signal() -> None:
+    """GIVEN strokes of 3.8 Hz and impacts at 0.56 WHEN analyzed THEN all are found."""
+    found = analyze(*flapping(SPEC, MODES))
+    assert found.stroke_frequency == pytest.approx(STROKE, abs=0.005)
+    assert found.harmonics[0, 5] == pytest.approx(14.0, rel=0.02)
+    assert found.ringing == pytest.approx(62.0, abs=4.0)
+    loudest = int((found.by_phase[:, 0]).argmax())
+    assert loudest / 16.0 == pytest.approx((0.56 - 0.25), abs=0.1)
+    assert not found.clipped.any()
+
+
+def test_jitter_of_time_stamps_is_no_low_pass() -> None:
+    """GIVEN time stamps rounded to a millisecond WHEN analyzed THEN the broadband level is that of exact ones."""
+    time, imu = flapping(SPEC, MODES)
+    exact, rounded = analyze(time, imu), analyze(np.round(time, 3), imu)
+    assert rounded.broadband == pytest.approx(exact.broadband, rel=0.01)
+
+
+def test_fit_has_the_spectrum_of_the_flight() -> None:
+    """GIVEN a vibrating flight WHEN it is fitted and flown again THEN every band above 20 Hz agrees within 3 dB."""
+    measured = analyze(*flapping(SPEC, MODES))
+    fitted = fit(measured, 8.0)
+    assert fitted.spec.kick_phases[0] == pytest.approx(0.56, abs=0.07)
+    again = analyze(*flapping(fitted.spec, fitted.modes))
+    strong = measured.band_rms[2:] > 0.02 * measured.band_rms[2:].max(axis=0)
+    difference = 20.0 * np.log10(again.band_rms[2:] / measured.band_rms[2:])[strong]
+    assert np.abs(difference).max() < 3.0
+    assert np.median(np.abs(difference)) < 1.5
+
+
+def test_too_few_strokes_and_no_strokes_are_rejected() -> None:
+    """GIVEN one second of flapping, or an IMU at rest WHEN analyzed THEN one line says so."""
+    time, imu = flapping(SPEC, MODES, 1.0)
+    with pytest.raises(InputError, match="strokes are too few"):
+        analyze(time, imu)
+    with pytest.raises(InputError, match="no stroke"):
+        analyze(time, np.zeros_like(imu))
+
+
+def test_command_analyzes_and_fits(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """GIVEN a flight with vibration WHEN the command runs with --fit THEN JSON and a vehicle."""
+    flight = wingbeat.fly("robo_raven_ii_d", vibration=1.0, duration=25.0, log=tmp_path / "flight.mcap")
+    out = tmp_path / "my_raven"
+    command = ["log", "vibration", str(flight.path), "--fit", "robo_raven_ii_d", "--out", str(out), "--json"]
+    assert dispatch(command) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert set(document["axes"]) == set(AXES)
+    assert document["stroke_frequency"] == pytest.approx(4.0, abs=0.15)
+    flown, quiet = (document["axes"]["accel_y"][key] for key in ("broadband", "quiet"))
+    assert flown > 4.0 * quiet
+    vehicle = load_vehicle(str(out / "world.toml"))
+    assert vehicle.name == "my_raven"
+    assert vehicle.modes
+    own = load_vehicle("robo_raven_ii_d").sections["vibration"]
+    assert vehicle.sections["vibration"].washout_difference == own.washout_difference
+    assert (out / "avionics.toml").is_file()
+    with pytest.raises(InputError, match="exists"):
+        dispatch(command)
+
+
+@pytest.mark.skipif(not MEASURED.exists(), reason="needs the recordings of a real ornithopter (WINGBEAT_SHARED)")
+def test_measured_ornithopter() -> None:
+    """GIVEN a measured flight WHEN fitted and simulated THEN its bands above 20 Hz: 3 dB median, 8 dB worst."""
+    rows = np.loadtxt(MEASURED, delimiter=",", skiprows=1)
+    measured = analyze(rows[:, 0], rows[:, 1:7])
+    assert measured.stroke_frequency == pytest.approx(3.807, abs=0.02)
+    assert measured.broadband == pytest.approx([0.1418, 0.0251, 0.0408, 1.513, 1.7, 2.673], rel=0.01)
+    assert measured.ringing == pytest.approx(65.0, abs=3.0)
+    fitted = fit(measured, 8.0)
+    again = analyze(*flapping(fitted.spec, fitted.modes))
+    difference = np.abs(20.0 * np.log10(again.band_rms[2:] / measured.band_rms[2:]))
+    assert np.median(difference) < 3.0
+    assert difference.max() < 8.0
