@@ -8,9 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from logs.identification.data.experiment import Experiment
-from logs.identification.estimators.servo import ServoModel
+from logs.identification.estimators.servo import ServoModel, torque_of_readings
 from logs.identification.estimators.servo_power import power_of_readings
-from logs.identification.estimators.servo_torque import torque_of_readings
 from logs.identification.results import Array, EstimationResult, FitSeries, Fitted, Information, from_fitted
 from logs.identification.sources.table.maneuvers import Cut
 from logs.identification.sources.table.signal_lookup import signal

@@ -8,9 +8,8 @@ from promised import SEEDS, promise_kept
 from wing_drives import CENTRE, K_TAU, K_TAU0, Drives, exact, law, measure, simulate
 
 from logs.identification.data.flight import DriveData, GaugeErrors
-from logs.identification.estimators.servo import ServoModel, with_gauge_errors
+from logs.identification.estimators.servo import ServoModel, identify_torque, with_gauge_errors
 from logs.identification.estimators.servo_power import identify_power, power_truth, power_with_gauge_errors
-from logs.identification.estimators.servo_torque import identify_torque
 from logs.identification.results import Estimate
 from wingbeat.errors import InputError
 

@@ -14,12 +14,10 @@ from logs.identification.estimators.stroke_coefficients import (
 )
 from logs.identification.models.stroke_averages import (
     Attitude,
-    LiftDerivatives,
-    MomentDerivatives,
     StrokeCoefficients,
     StrokeRecord,
-    lift_coefficient,
-    moment_coefficient,
+    lift_regressors,
+    moment_regressors,
     stroke_record,
 )
 from logs.identification.results import Estimate
@@ -106,14 +104,14 @@ def attitudes(seed: int, count: int = 30) -> Attitude:
 def test_derivatives_of_lift_drag_and_moment_lie_in_their_intervals() -> None:
     random = np.random.default_rng(3)
     attitude, stiffness = attitudes(2), random.uniform(0.5, 2.0, 30)
-    lift = lift_coefficient(LiftDerivatives(2.4, 0.08, 0.3, 0.4), attitude, stiffness) + 0.01 * random.normal(size=30)
+    lift = lift_regressors(attitude, stiffness) @ (2.4, 0.08, 0.3, 0.4) + 0.01 * random.normal(size=30)
     result = {one.name: one for one in lift_derivatives("up", lift, attitude, stiffness).estimates}
     for name, truth in {"alpha": 2.4, "alpha_rate": 0.08, "elevator": 0.3, "stiffness": 0.4}.items():
         assert abs(result[f"C_L_up_{name}"].value - truth) < 3 * result[f"C_L_up_{name}"].standard_error
     polar = {one.name: one for one in drag_polar("up", lift, 0.05 + 0.2 * lift**2).estimates}
     assert polar["C_D_up_min"].value == pytest.approx(0.05)
     assert polar["K_up"].value == pytest.approx(0.2)
-    moment = moment_coefficient(MomentDerivatives(0.02, -0.6, -0.05, 0.9), attitude)
+    moment = moment_regressors(attitude) @ (0.02, -0.6, -0.05, 0.9)
     exact = values(moment_derivatives(moment, attitude).estimates)
     assert list(exact.values()) == pytest.approx([0.02, -0.6, -0.05, 0.9])
 
