@@ -37,7 +37,7 @@ from logs.identification.estimators.regressors import (
 )
 from logs.identification.estimators.terms import parse
 from logs.identification.findings import Entry, Finding, of_severity, register
-from logs.identification.results import Array, Estimate, EstimationResult, FitSeries, Unidentified, estimate
+from logs.identification.results import Array, Estimate, EstimationResult, FitSeries, estimate
 from logs.identification.statistics.collinearity import DEPENDENT, NOTABLE, Collinearity, collinearity
 from wingbeat.errors import InputError
 
@@ -147,9 +147,9 @@ class CoefficientRegression(NamedTuple):
     """texts of diagnostics that are no findings yet"""
 
     @property
-    def unidentified(self) -> tuple[Unidentified, ...]:
-        """Withheld coefficients."""
-        return tuple(Unidentified(one.subject, one.text) for one in of_severity(self.findings, "withheld"))
+    def withheld(self) -> tuple[Finding, ...]:
+        """Coefficients (subject) without an estimate."""
+        return of_severity(self.findings, "withheld")
 
     @property
     def failure(self) -> str:

@@ -159,8 +159,8 @@ def equation_error(flight: FlightProblem, lag: float) -> Regression:
             continue
         regressors = tuple(name[2:] for name in chosen)
         fit = coefficient_regression(experiments, response, regressors, "frequency", settings)
-        if fit.failure or fit.unidentified:
-            why = fit.failure or f"{fit.unidentified[0].name} {fit.unidentified[0].reason}"
+        if fit.failure or fit.withheld:
+            why = fit.failure or f"{fit.withheld[0].subject} {fit.withheld[0].text}"
             return Regression(flight.names, np.zeros(0), np.zeros((0, 0)), 1.0, (), f"{response}: {why}")
         for one, residual in zip(experiments, fit.residuals, strict=True):
             measured = one.signals[response]

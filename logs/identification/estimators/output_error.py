@@ -24,7 +24,7 @@ from logs.identification.estimators.engine.simulation import Flight, Unknowns
 from logs.identification.estimators.engine.weights import about_mean, noise_of, variation, whitener_of
 from logs.identification.estimators.registry import ESTIMATORS, Estimator, Request
 from logs.identification.findings import Finding, of_severity
-from logs.identification.results import Array, EstimationResult, FitSeries, Unidentified, estimate
+from logs.identification.results import Array, EstimationResult, FitSeries, estimate
 from wingbeat.errors import InputError
 
 MOST_STEPS = 60
@@ -119,7 +119,6 @@ def fit_of(problem: Problem, flight: Flight, end: OptimizerResult) -> Fit:
             for name, value, error, degrees in rows
             if name not in lost
         ),
-        unidentified=tuple(Unidentified(one.subject, one.text) for one in withheld),
         names=names,
         values=end.unknowns.values,
         covariance=accuracy.covariance,
@@ -149,7 +148,7 @@ def _failed(problem: Problem, end: OptimizerResult, names: tuple[str, ...], why:
     nothing = np.full((p, p), np.nan)
     status, reason = end.status if end.reason else "not identifiable", end.reason or why.text
     return Fit(
-        status, reason, (), (), names, np.full(p, np.nan), nothing, 1.0, np.full((m, m), np.nan), end.cost,
+        status, reason, (), names, np.full(p, np.nan), nothing, 1.0, np.full((m, m), np.nan), end.cost,
         end.iterations, (), (), problem.outputs, (why,),
     )  # fmt: skip
 

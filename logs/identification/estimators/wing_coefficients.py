@@ -82,7 +82,7 @@ def _model(
         name,
         outcome.terms,
         tuple(one._replace(name=named(name, one.name)) for one in model.estimates),
-        tuple(one._replace(name=named(name, one.name)) for one in model.unidentified),
+        tuple(Unidentified(named(name, one.subject), one.text) for one in model.withheld),
         outcome.steps,
         told,
         model.samples,

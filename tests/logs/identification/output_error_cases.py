@@ -100,6 +100,6 @@ def jet(seed: int) -> Experiment:
 def covered(fit: Fit, truth: dict[str, float]) -> int:
     """How many of the estimates hold the truth; the fit must be whole."""
     assert fit.status == "converged", fit.failure
-    assert not fit.unidentified
+    assert not fit.withheld
     assert {e.name for e in fit.estimates} == set(truth)
     return sum(e.contains(truth[e.name]) for e in fit.estimates)

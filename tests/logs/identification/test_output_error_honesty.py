@@ -26,7 +26,7 @@ PROBLEM = Problem(SHORT_PERIOD, (pitching(1),), parameters(SHORT_PERIOD_TRUTH), 
 
 
 def lost(fit: Fit) -> dict[str, str]:
-    return {u.name: u.reason for u in fit.unidentified}
+    return {one.subject: one.text for one in fit.withheld}
 
 
 def test_a_parameter_without_effect_is_named() -> None:

@@ -82,7 +82,7 @@ def shares_of(
 ) -> dict[str, float]:
     """Of each parameter, over many seeds; every fit must be whole."""
     fits = [output_error(problem(seed)) for seed in seeds]
-    assert all(fit.status == "converged" and not fit.unidentified for fit in fits)
+    assert all(fit.status == "converged" and not fit.withheld for fit in fits)
     return held_shares([fit.estimates for fit in fits], truth)
 
 

@@ -109,7 +109,7 @@ def test_dependent_regressors_are_named_and_the_others_keep_their_numbers(domain
     twin = 2 * flight.signals["alpha"] - 3 * flight.signals["delta"]
     still = np.full(300, 8.0)
     result = coefficient_regression((with_signals(flight, twin=twin, V=still),), "C", (*NAMES, "twin", "V"), domain)
-    reasons = {one.name: one.reason for one in result.unidentified}
+    reasons = {one.subject: one.text for one in result.withheld}
     assert set(reasons) == {"alpha", "delta", "twin", "V"}
     assert "depends linearly on alpha, delta" in reasons["twin"]
     assert "does not vary" in reasons["V"]
@@ -139,7 +139,7 @@ def test_too_few_samples_are_a_failure_not_a_number(domain: str) -> None:
     stuck = coefficient_regression((with_signals(flight, C=np.full(300, 0.2)),), "C", NAMES, domain)
     assert stuck.failure == "C is 0.2 throughout"
     one = coefficient_regression((flight,), "C", NAMES, "frequency", Settings(frequencies=np.array([0.5])))
-    assert {name.name for name in one.unidentified} == set(NAMES)
+    assert {each.subject for each in one.withheld} == set(NAMES)
 
 
 @pytest.mark.parametrize(

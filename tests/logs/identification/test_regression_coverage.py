@@ -21,7 +21,7 @@ def covered(kind: str, count: int, seeds: range, domain: str, settings: Settings
         found = coefficient_regression(
             (simulated(kind, count, seed),), "C", ("alpha", "q", "delta"), domain, settings
         )
-        assert not found.failure and not found.unidentified
+        assert not found.failure and not found.withheld
         for one in found.estimates:
             hits[one.name] += one.contains(TRUTH[one.name])
     return list(hits.values())

@@ -9,8 +9,8 @@ from typing import Literal, NamedTuple, Protocol
 import numpy as np
 
 from logs.identification.data.experiment import Experiment
-from logs.identification.findings import Finding
-from logs.identification.results import Array, Estimate, Unidentified
+from logs.identification.findings import Finding, of_severity
+from logs.identification.results import Array, Estimate
 from wingbeat.errors import InputError
 
 Status = Literal["converged", "not converged", "diverged", "not identifiable"]
@@ -186,15 +186,13 @@ class Iteration(NamedTuple):
 
 
 class Fit(NamedTuple):
-    """What output error found. Where `failure` is not empty there is no number that may be used."""
+    """Result of a search. If `failure` is not empty there is no number that may be used."""
 
     status: Status
     failure: str
     """-; one clause that says why nothing may be used, empty where it may"""
     estimates: tuple[Estimate, ...]
     """the free parameters that the data gives"""
-    unidentified: tuple[Unidentified, ...]
-    """the free parameters that it does not give, and why"""
     names: tuple[str, ...]
     """-; (p,) of the free parameters, in the order of `values`"""
     values: Array
@@ -216,6 +214,11 @@ class Fit(NamedTuple):
     """-; (m,)"""
     findings: tuple[Finding, ...] = ()
     """parameters without an estimate, and warnings; of a failure its reason"""
+
+    @property
+    def withheld(self) -> tuple[Finding, ...]:
+        """Free parameters (subject) without an estimate."""
+        return tuple(one for one in of_severity(self.findings, "withheld") if one.subject)
 
 
 def window(experiment: Experiment, start: float, end: float) -> Experiment:
