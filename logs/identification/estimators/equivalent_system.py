@@ -34,8 +34,14 @@ from logs.identification.estimators.separable import (
 from logs.identification.findings import Entry, Finding, register
 from logs.identification.models.modes import SHORT_PERIOD
 from logs.identification.results import Array, Estimate
-from logs.identification.statistics.covariance import at_least, cluster_covariance, information, is_determined
-from logs.identification.statistics.uncertainty import ParameterUncertainty, propagate
+from logs.identification.statistics.covariance import (
+    ParameterUncertainty,
+    at_least,
+    cluster_covariance,
+    information,
+    is_determined,
+    propagate,
+)
 from wingbeat.constants import STANDARD_GRAVITY
 
 Complex = NDArray[np.complex128]

@@ -20,7 +20,7 @@ from logs.identification.estimators.records import Record, Records
 from logs.identification.findings import Entry, register
 from logs.identification.models.modes import eigenvalues_of
 from logs.identification.results import Array
-from logs.identification.statistics.uncertainty import ParameterUncertainty
+from logs.identification.statistics.covariance import ParameterUncertainty
 
 LONGEST_RECORD = 160
 """-; samples to which a free response is decimated"""

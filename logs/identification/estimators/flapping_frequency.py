@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import f as f_distribution
+from scipy.special import fdtri
 
 from logs.identification.estimators.least_squares import Fit, regress
 from logs.identification.results import Array, Estimate, Unidentified, estimates
@@ -186,7 +186,7 @@ class _Regression(NamedTuple):
     """-; (N,), root of the weights"""
 
     def fit(self, terms: tuple[str, ...]) -> Fit:
-        """Least squares on ``terms``; a fast beat scatters by more hertz than a slow one, so the covariance is HC3."""
+        """Least squares on ``terms``; a fast beat scatters by more hertz than a slow one: HC3."""
         design = np.column_stack([self.columns[term] for term in terms]) * self.root[:, None]
         ones = np.ones(len(design))
         fit = regress(design, self.frequency * self.root, ones, covariance="white")
@@ -234,7 +234,7 @@ def _insignificant(regression: _Regression, terms: tuple[str, ...]) -> str:
     except np.linalg.LinAlgError:
         return "it cannot be told from the other terms"
     ratio = float(fit.values[-1] ** 2 / max(fit.covariance[-1, -1], 1e-300))
-    needed = float(f_distribution.ppf(1 - CHANCE, 1, fit.degrees))
+    needed = float(fdtri(1.0, fit.degrees, 1 - CHANCE))
     return "" if ratio > needed else f"its partial F of {ratio:.2g} is below {needed:.2g}"
 
 

@@ -21,8 +21,12 @@ from logs.identification.estimators.separable import (
     solve,
 )
 from logs.identification.results import Array
-from logs.identification.statistics.covariance import information, is_determined, record_covariance
-from logs.identification.statistics.uncertainty import ParameterUncertainty
+from logs.identification.statistics.covariance import (
+    ParameterUncertainty,
+    information,
+    is_determined,
+    record_covariance,
+)
 
 DRIFT_ORDER = 2
 """-; of the polynomial in time of each output and record"""

@@ -23,7 +23,7 @@ from logs.identification.estimators.least_squares import regress_records
 from logs.identification.estimators.regressors import SMOOTH, Design, Record, common_step
 from logs.identification.models.modes import Mode, mode_of_system, nothing
 from logs.identification.results import Array
-from logs.identification.statistics.uncertainty import ParameterUncertainty
+from logs.identification.statistics.covariance import ParameterUncertainty
 from sim_bridge.compiled import njit
 from wingbeat.errors import InputError
 

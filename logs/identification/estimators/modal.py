@@ -11,7 +11,7 @@ from logs.identification.estimators.registry import ESTIMATORS, Estimator, Reque
 from logs.identification.findings import Entry, Finding, register
 from logs.identification.models.modes import KINDS, SHORT_PERIOD, Mode, nothing, paired_mode, without_heavy
 from logs.identification.results import Array, Estimate, EstimationResult
-from logs.identification.statistics.uncertainty import ParameterUncertainty
+from logs.identification.statistics.covariance import ParameterUncertainty
 from wingbeat.errors import InputError
 
 register({

@@ -1,7 +1,13 @@
-"""Statistics for the choice of a regression's terms (Klein & Morelli, Aircraft System Identification, 2006, ch. 5).
+"""Choice of a regression's terms: statistics, and multivariate orthogonal functions.
 
-The published criteria count samples. With autocorrelated residuals they would accept nearly every term: here they
-count effective samples, and PRESS leaves out blocks of samples. With white residuals they are the published ones.
+Klein & Morelli, Aircraft System Identification, 2006, ch. 5. The published criteria count samples. With
+autocorrelated residuals they would accept nearly every term: here they count effective samples, and PRESS leaves out
+blocks of samples. With white residuals they are the published ones.
+
+Orthogonal functions (Morelli, Global Nonlinear Aerodynamic Modeling Using Multivariate Orthogonal Functions, J.
+Aircraft 32(2), 1995): candidates are made orthogonal (modified Gram-Schmidt, the one that explains most first), so
+that each reduces the squares independently of the others; those up to the least predicted square error are retained.
+Every orthogonal function is a sum of ordinary terms, from which coefficients and covariance follow exactly.
 """
 
 from __future__ import annotations
@@ -9,11 +15,22 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import fdtrc
 
-from logs.identification.estimators.equation_error import Settings, equations
+from logs.identification.data.experiment import Experiment
+from logs.identification.estimators.equation_error import (
+    CoefficientRegression,
+    Settings,
+    equations,
+    one_response,
+    regression_result,
+    settings_of,
+    solve,
+)
 from logs.identification.estimators.least_squares import CovarianceKind, Noise, RecordBlock, regress_records
+from logs.identification.estimators.registry import ESTIMATORS, Estimator, Request
 from logs.identification.estimators.regressors import Design
-from logs.identification.results import Array
+from logs.identification.results import Array, EstimationResult
 
 RANK = 1e-5
 """-; smallest singular value of independent candidates of unit length"""
@@ -193,3 +210,122 @@ def _largest_model(candidates: Candidates) -> tuple[int, ...]:
             break
         chosen = (*chosen, best)
     return chosen
+
+
+class Function(NamedTuple):
+    """One orthogonal function, in the order in which they were made."""
+
+    term: str
+    """-; the candidate that it was made of"""
+    gain: float
+    """-; fraction of the response's variance that it explains"""
+    pse: float
+    """response squared; predicted square error with it and all before it"""
+    kept: bool
+    chance: float
+    """-; p-value of its partial F, counted in effective samples"""
+
+
+class Orthogonal(NamedTuple):
+    """Result of modeling by orthogonal functions."""
+
+    functions: tuple[Function, ...]
+    terms: tuple[str, ...]
+    """-; ordinary terms of the retained functions"""
+    triangle: Array
+    """(k, k); upper: the retained terms, without mean and trend, are the orthonormal functions times this"""
+    amplitudes: Array
+    """(k,); of the retained orthonormal functions, as the response"""
+    model: CoefficientRegression
+    """the same model in ordinary terms: intercept, coefficients, covariance"""
+    failure: str = ""
+    """-; why there is no model, empty if there is"""
+
+
+def orthogonal_regression(
+    experiments: tuple[Experiment, ...],
+    response: str,
+    candidates: tuple[str, ...],
+    most_terms: int = 12,
+    settings: Settings | None = None,
+) -> Orthogonal:
+    """The model of ``response`` in the ``candidates`` (`terms.pool`) with the least predicted square error.
+
+    Raises:
+        InputError: unknown names, unequal sampling intervals.
+    """
+    settings = settings or Settings()
+    design = settings.design(experiments, response, candidates)
+    lengths = tuple(len(record.used) for record in design.records)
+    if design.samples < 3 * len(experiments) + 3:
+        failure = f"{design.samples} samples with {response} and all candidates"
+    else:
+        pool = candidates_of(design, settings)
+        order, basis, triangle = orthogonalized(pool.columns, pool.response, most_terms)
+        if order:
+            amplitudes = basis.T @ pool.response
+            functions = _functions([design.names[column] for column in order], amplitudes, pool)
+            count = sum(function.kept for function in functions)
+            terms = tuple(function.term for function in functions[:count])
+            model = solve(design.taking(terms), "time", settings, lengths)
+            scaled = triangle[:count, :count] * pool.lengths[order[:count]]
+            return Orthogonal(functions, terms, scaled, amplitudes[:count], model, model.failure)
+        failure = "no candidate varies on its own"
+    empty = solve(design.taking(()), "time", settings, lengths)
+    return Orthogonal((), (), np.zeros((0, 0)), np.zeros(0), empty, failure)
+
+
+def orthogonalized(columns: Array, response: Array, limit: int) -> tuple[list[int], Array, Array]:
+    """Order (k,) of the ``columns`` (N, p), orthonormal functions (N, k) and triangle (k, k): columns = functions R.
+
+    The next column is the one whose part orthogonal to those before it explains most of the ``response`` (N,).
+    """
+    rest, sizes = columns.copy(), np.sum(columns**2, axis=0)
+    order: list[int] = []
+    functions: list[Array] = []
+    while len(order) < min(limit, columns.shape[1]):
+        squares = np.sum(rest**2, axis=0)
+        varies = squares > DEPENDENT * sizes
+        varies[order] = False
+        if not np.any(varies):
+            break
+        gains = np.where(varies, (rest.T @ response) ** 2 / np.where(varies, squares, 1.0), -1.0)
+        best = int(np.argmax(gains))
+        column = rest[:, best]
+        for function in functions:  # a second pass removes the rounding of the first
+            column = column - function * (function @ column)
+        order.append(best)
+        functions.append(column / np.linalg.norm(column))
+        rest = rest - np.outer(functions[-1], functions[-1] @ rest)
+    basis = np.column_stack(functions) if functions else np.zeros((len(response), 0))
+    return order, basis, np.triu(basis.T @ columns[:, order])
+
+
+def _functions(names: list[str], amplitudes: Array, pool: Candidates) -> tuple[Function, ...]:
+    """The functions made of ``names`` (k,), retained up to the least predicted square error."""
+    count, total = len(pool.response), float(pool.response @ pool.response)
+    fitted = np.arange(1, len(names) + 1) + pool.nuisances
+    pse = (total - np.cumsum(amplitudes**2)) / count + pool.charge * fitted
+    empty = total / count + pool.charge * pool.nuisances
+    retained = int(np.argmin(pse)) + 1 if pse.min() < empty else 0
+    free = max(pool.effective - fitted[-1], 1.0)
+    left = max(total - float(np.sum(amplitudes**2)), ROUNDING * total) / free
+    chances = fdtrc(1.0, free, amplitudes**2 / left)
+    return tuple(
+        Function(name, float(a**2 / total), float(p), index < retained, float(chance))
+        for index, (name, a, p, chance) in enumerate(zip(names, amplitudes, pse, chances, strict=True))
+    )
+
+
+def _row(request: Request) -> EstimationResult:
+    most = int(request.options.get("most_terms", 12))
+    found = orthogonal_regression(
+        request.experiments, one_response(request), request.regressors, most, settings_of(request)
+    )
+    return regression_result("orthogonal", request, found.model, steps=found.functions)
+
+
+ESTIMATORS["orthogonal"] = Estimator(
+    "orthogonal", "Multivariate orthogonal functions", "Morelli, J. Aircraft 32(2), 1995", _row,
+    '[[aero.regression]] method = "orthogonal"', {"most_terms": "orthogonal functions at most"},
+)  # fmt: skip

@@ -20,8 +20,14 @@ from logs.identification.estimators.engine.problem import (
 )
 from logs.identification.estimators.engine.records import Record, layout_of, records_of
 from logs.identification.estimators.engine.search import OptimizerResult, gauss_newton, nelder_mead
-from logs.identification.estimators.engine.simulation import Flight, Unknowns
-from logs.identification.estimators.engine.weights import about_mean, noise_of, variation, whitener_of
+from logs.identification.estimators.engine.simulation import (
+    Flight,
+    Unknowns,
+    about_mean,
+    noise_of,
+    variation,
+    whitener_of,
+)
 from logs.identification.estimators.registry import ESTIMATORS, Estimator, Request
 from logs.identification.findings import Finding, of_severity
 from logs.identification.results import Array, EstimationResult, FitSeries, estimate

@@ -63,7 +63,7 @@ class Estimator(NamedTuple):
 ESTIMATORS: dict[str, Estimator] = {}
 """by name, of the modules imported so far; `estimators` has all"""
 MODULES = (
-    "equation_error", "stepwise", "orthogonal", "recursive", "output_error", "filter_error", "nonparametric",
+    "equation_error", "stepwise", "model_structure", "recursive", "output_error", "filter_error", "nonparametric",
     "flight_path", "gps_aided",
 )  # fmt: skip
 """modules of this package with rows"""

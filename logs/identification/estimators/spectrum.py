@@ -25,8 +25,7 @@ from logs.identification.estimators.separable import (
 )
 from logs.identification.findings import Entry, register
 from logs.identification.results import Array
-from logs.identification.statistics.covariance import information, is_determined
-from logs.identification.statistics.uncertainty import ParameterUncertainty
+from logs.identification.statistics.covariance import ParameterUncertainty, information, is_determined
 
 MAX_DAMPING = 0.35
 """-; above which half the power is not reached on both sides of the peak"""

@@ -19,7 +19,7 @@ from logs.identification.data.resampling import GAP_STEPS, Channel, even
 from logs.identification.estimators.least_squares import Fit, regress
 from logs.identification.estimators.servo import ServoModel, with_gauge_errors
 from logs.identification.results import Array, Estimate, Unidentified, estimate, student_factor
-from logs.identification.statistics.uncertainty import ParameterUncertainty, propagate
+from logs.identification.statistics.covariance import ParameterUncertainty, propagate
 from logs.strokes import stroke_cuts
 from wingbeat.errors import InputError
 

@@ -17,8 +17,7 @@ from logs.identification.data.noise_level import noise_beside_steps
 from logs.identification.estimators.separable import SeparableRecord, log_squares, orthonormal, solve
 from logs.identification.estimators.servo import ServoModel
 from logs.identification.results import Array, Unidentified
-from logs.identification.statistics.covariance import colored_covariance, information
-from logs.identification.statistics.uncertainty import ParameterUncertainty, propagate
+from logs.identification.statistics.covariance import ParameterUncertainty, colored_covariance, information, propagate
 from wingbeat.errors import InputError
 
 DAMPING, NATURAL = "twist_damping", "twist_natural_frequency"

@@ -16,13 +16,16 @@ from scipy.sparse import csr_array, eye_array
 
 from logs.identification.data.maneuvers import OUTPUT_STEP
 from logs.identification.data.stroke_average import averaging_matrix
-from logs.identification.input_design.prior import OUTPUTS, Prior
-from logs.identification.input_design.response import Response, Waveform
+from logs.identification.input_design.response import OUTPUTS, Prior, Response, Waveform
 from logs.identification.models.modes import short_period_of
 from logs.identification.models.stroke_averaged import LONGITUDINAL, UNITS, matrices
 from logs.identification.results import Array
-from logs.identification.statistics.covariance import Autocovariance, colored_information
-from logs.identification.statistics.uncertainty import ParameterUncertainty, propagate
+from logs.identification.statistics.covariance import (
+    Autocovariance,
+    ParameterUncertainty,
+    colored_information,
+    propagate,
+)
 from wingbeat.errors import InputError
 
 WORST_CONDITION = 1e12

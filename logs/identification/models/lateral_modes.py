@@ -16,7 +16,7 @@ import numpy as np
 
 from logs.identification.models.modes import Oscillation, computed, oscillation, over, pair_of
 from logs.identification.results import Array, Estimate, Unidentified
-from logs.identification.statistics.uncertainty import ParameterUncertainty, propagate
+from logs.identification.statistics.covariance import ParameterUncertainty, propagate
 
 DUTCH_ROLL, ROLL, SPIRAL, LATERAL_PHUGOID = "dutch_roll", "roll", "spiral", "lateral_phugoid"
 TURNING = 1e-9

@@ -11,7 +11,7 @@ import numpy as np
 from logs.identification.data.maneuvers import Maneuver, Reference
 from logs.identification.findings import Finding
 from logs.identification.results import Array, Estimate, EstimationResult, Unidentified
-from logs.identification.statistics.uncertainty import ParameterUncertainty, propagate
+from logs.identification.statistics.covariance import ParameterUncertainty, propagate
 
 SHORT_PERIOD, PHUGOID = KINDS = ("short_period", "phugoid")
 WIDEST = 1.0

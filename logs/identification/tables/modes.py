@@ -32,7 +32,7 @@ from logs.identification.results import SURE, EstimationResult, Unidentified, wi
 from logs.identification.sources.table.config import DELAY, ModesSection, OutputError, Parameter
 from logs.identification.sources.table.maneuvers import Cut
 from logs.identification.sources.table.signal_lookup import check_apart
-from logs.identification.statistics.uncertainty import ParameterUncertainty
+from logs.identification.statistics.covariance import ParameterUncertainty
 from logs.identification.tables.equation_errors import by_equations, has_equations
 from logs.identification.tables.models import with_speed
 from logs.identification.tables.output_errors import METHODS, ModelFit, model_fit, shortened

@@ -16,7 +16,7 @@ from logs.identification.estimators.equation_error import (
     coefficient_regression,
     regression_result,
 )
-from logs.identification.estimators.orthogonal import Orthogonal, orthogonal_regression
+from logs.identification.estimators.model_structure import Orthogonal, orthogonal_regression
 from logs.identification.estimators.registry import Request
 from logs.identification.estimators.regressors import LOCAL_POLYNOMIAL, filtered_like_derivative
 from logs.identification.estimators.stepwise import Rules, Step, stepwise_regression

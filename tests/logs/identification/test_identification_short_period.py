@@ -20,7 +20,7 @@ from logs.identification.estimators.flight_modes import (
 from logs.identification.models.modes import ModesResult, short_period_of
 from logs.identification.models.stroke_averaged import LONGITUDINAL, SHORT_PERIOD
 from logs.identification.results import Array
-from logs.identification.statistics.uncertainty import ParameterUncertainty, propagate
+from logs.identification.statistics.covariance import ParameterUncertainty, propagate
 from logs.strokes import interval_mean
 from wingbeat.constants import STANDARD_GRAVITY
 from wingbeat.errors import InputError

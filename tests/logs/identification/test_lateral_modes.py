@@ -12,7 +12,7 @@ from output_error_cases import LATERAL, LATERAL_TRUTH, simulated, steps, vector
 from groundstation.command import identify
 from logs.identification.models.lateral_modes import lateral_modes
 from logs.identification.results import Array
-from logs.identification.statistics.uncertainty import ParameterUncertainty
+from logs.identification.statistics.covariance import ParameterUncertainty
 
 STEP = 0.02
 MAP = """

@@ -7,7 +7,7 @@ import pytest
 
 from logs.identification.diagnostics.agreement import agreement
 from logs.identification.models.modes import Mode, Oscillation, nothing, oscillation, short_period_of, split_pairs
-from logs.identification.statistics.uncertainty import ParameterUncertainty
+from logs.identification.statistics.covariance import ParameterUncertainty
 
 
 def known(method: str, frequency: float, damping: float, error: float = 0.05) -> Mode:

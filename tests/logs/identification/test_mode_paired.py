@@ -18,7 +18,7 @@ from logs.identification.models.modes import (
     paired_mode,
     without_heavy,
 )
-from logs.identification.statistics.uncertainty import ParameterUncertainty
+from logs.identification.statistics.covariance import ParameterUncertainty
 
 
 def identified(pairs: list[float], errors: list[float], kinds: tuple[str, ...] = KINDS) -> Mode:

@@ -9,7 +9,7 @@ import pytest
 
 from logs.identification.data.experiment import Experiment
 from logs.identification.estimators.equation_error import coefficient_regression
-from logs.identification.estimators.orthogonal import orthogonal_regression, orthogonalized
+from logs.identification.estimators.model_structure import orthogonal_regression, orthogonalized
 from logs.identification.estimators.stepwise import Rules, stepwise_regression
 from logs.identification.estimators.terms import pool
 from logs.identification.report.document import Chapter

@@ -15,8 +15,7 @@ from logs.identification.estimators.engine.normal_equations import (
 )
 from logs.identification.estimators.engine.records import Indices
 from logs.identification.estimators.engine.search import OptimizerResult
-from logs.identification.estimators.engine.simulation import Flight
-from logs.identification.estimators.engine.weights import about_mean, whitener_of
+from logs.identification.estimators.engine.simulation import Flight, about_mean, whitener_of
 from logs.identification.findings import Entry, Finding, register
 from logs.identification.results import Array, student_factor
 from logs.identification.statistics.covariance import record_covariance

@@ -7,8 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from logs.identification.estimators.engine.records import Flags, Indices
-from logs.identification.estimators.engine.simulation import Flight, Unknowns
-from logs.identification.estimators.engine.weights import Whitener
+from logs.identification.estimators.engine.simulation import Flight, Unknowns, Whitener
 from logs.identification.results import Array
 
 DEPENDENT = 1e-10

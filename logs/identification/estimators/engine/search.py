@@ -25,8 +25,14 @@ from logs.identification.estimators.engine.normal_equations import (
 )
 from logs.identification.estimators.engine.problem import Iteration, Problem, Status
 from logs.identification.estimators.engine.records import Flags, Record
-from logs.identification.estimators.engine.simulation import Flight, Unknowns
-from logs.identification.estimators.engine.weights import Whitener, noise_of, variation, whitener_of
+from logs.identification.estimators.engine.simulation import (
+    Flight,
+    Unknowns,
+    Whitener,
+    noise_of,
+    variation,
+    whitener_of,
+)
 from logs.identification.results import Array
 
 SHARES = (1.0, 0.5, 0.25, 0.125)
