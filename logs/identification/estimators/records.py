@@ -1,4 +1,4 @@
-"""What the methods without a physical model work on: input and outputs of each manoeuvre, even and without gaps."""
+"""What the methods without a physical model work on: input and outputs of each maneuver, even and without gaps."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ FAST_UNITS, SLOW_UNITS = ("rad/s", "m/s^2"), ("m/s", "m")
 
 
 class Record(NamedTuple):
-    """One manoeuvre, or one free motion, without gaps."""
+    """One maneuver, or one free motion, without gaps."""
 
     name: str
     """-; what it is called in reports"""
@@ -156,7 +156,7 @@ def _record(experiment: Experiment, columns: Array, driven: bool) -> Record:
 def away(values: Array, place: float) -> NDArray[np.bool_]:
     """-; (N,), whether an input is away from a ``place`` where it may rest by more than its noise.
 
-    A channel that is told in steps has no noise between neighbours: less than `LEAST_MOVE` is such a step.
+    A channel that is told in steps has no noise between neighbors: less than `LEAST_MOVE` is such a step.
     """
     return np.asarray(np.abs(values - place) > max(MOVED * noise_beside_steps(values), LEAST_MOVE))
 

@@ -57,16 +57,16 @@ class Predicted(NamedTuple):
 
 
 def predicted_covariance(prior: Prior, planned: Waveform, response: Response, gust: Gust | None = None) -> Array:
-    """Covariance (12, 12) of the derivatives after one manoeuvre.
+    """Covariance (12, 12) of the derivatives after one maneuver.
 
     Raises:
-        InputError: the manoeuvre does not tell all derivatives apart, or gusts on an aircraft whose motion grows.
+        InputError: the maneuver does not tell all derivatives apart, or gusts on an aircraft whose motion grows.
     """
     averaging, windy = _averaging(prior, planned), gust is not None and gust.sigma > 0.0
-    colour = _gust_colour(prior, gust, len(planned.time)) if gust is not None and windy else None
+    gusts = _gust_autocovariance(prior, gust, len(planned.time)) if gust is not None and windy else None
     noise = np.array(prior.noise) * np.sqrt(float(np.mean(averaging.power(2).sum(axis=1))))
-    if colour is not None:
-        noise = np.sqrt(noise**2 + np.diag(colour.lags[0]))
+    if gusts is not None:
+        noise = np.sqrt(noise**2 + np.diag(gusts.lags[0]))
     averaged = _averaged(averaging, response.sensitivities) / noise[:, None]
     free = _without(_nuisances(averaging, response.starts, noise), averaged)
     information = np.einsum("nip,niq->pq", free, free)
@@ -76,14 +76,14 @@ def predicted_covariance(prior: Prior, planned: Waveform, response: Response, gu
     inverse = np.linalg.inv(information / np.outer(size, size)) / np.outer(size, size)
     weights = np.stack([averaging.T @ free[:, i] for i in range(len(OUTPUTS))], axis=1) / noise[:, None]
     core = np.einsum("nip,i,niq->pq", weights, np.square(prior.noise), weights)
-    if colour is not None:
-        core = core + colored_information([_coarser(weights, _stride(prior))], colour)
+    if gusts is not None:
+        core = core + colored_information([_coarser(weights, _stride(prior))], gusts)
     covariance: Array = inverse @ core @ inverse
     return covariance
 
 
 def predict(prior: Prior, covariance: Array, repeats: int = 1) -> tuple[Predicted, ...]:
-    """The mode's frequency and damping, then every derivative, after ``repeats`` of a manoeuvre.
+    """The mode's frequency and damping, then every derivative, after ``repeats`` of a maneuver.
 
     Raises:
         InputError: the prior has no short period.
@@ -147,7 +147,7 @@ def _without(nuisances: Array, columns: Array) -> Array:
     return rest
 
 
-def _gust_colour(prior: Prior, gust: Gust, samples: int) -> Autocovariance:
+def _gust_autocovariance(prior: Prior, gust: Gust, samples: int) -> Autocovariance:
     """Autocovariance (L, 3, 3) of the outputs in gusts along x and z, by lag in strides of `_stride`."""
     model, pole = prior.model(), prior.reference.airspeed / gust.scale
     force = prior.values.reshape(3, 4)[:, :2]

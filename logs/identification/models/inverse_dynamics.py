@@ -2,7 +2,7 @@
 
 Eq. 13 is in `wing_air`: what of force and moment neither the bodies' inertia and weight nor the tail explain, the
 wings made. Lift acts against the base's z axis, thrust along its x axis, the moment about the base's origin, and all
-three are divided by the dynamic pressure at the wings' mean aerodynamic centre. The fuselage's drag is among the
+three are divided by the dynamic pressure at the wings' mean aerodynamic center. The fuselage's drag is among the
 wings' loads, as in the paper.
 
 What differentiation makes of noise lies at high frequency, and so does what a filter leaves out of the motion.

@@ -100,7 +100,7 @@ class ModesResult(NamedTuple):
     manoeuvres: int
     """-; how many inputs or records were used"""
     wing_period: float | None
-    """s; mean in the manoeuvres, None without flapping wings"""
+    """s; mean in the maneuvers, None without flapping wings"""
     notes: tuple[str, ...] = ()
     """-; what the log does not tell and was taken from elsewhere"""
     maneuvers: tuple[Maneuver, ...] = ()

@@ -147,7 +147,7 @@ class WingMotion(NamedTuple):
 def wing_motion(flap: Array, step: float) -> WingMotion:
     """Angle and rate from ``flap`` (N,) in rad, ``step`` s apart: Fourier smoothing, run again on what it left.
 
-    Pressures go with the square of the rate, and between neighbours an angle's noise is a rate of any size: 0.6 deg
+    Pressures go with the square of the rate, and between neighbors an angle's noise is a rate of any size: 0.6 deg
     at 1000 Hz, 18 rad/s a sample. So the rate is that of the record's sine series up to where noise takes over
     (Morelli 1995). Its Wiener gain g takes a thousandth of the stroke with the noise; 1 - (1 - g)^2 of the second
     pass (Tukey's twicing, Exploratory Data Analysis, 1977, chapter 16) takes a millionth. Pieces between gaps share

@@ -158,7 +158,7 @@ def gap(name: str, count: int) -> np.ndarray:  # type: ignore[type-arg]
         (with_signal("delta_e", None), "the input delta_e is not among its signals"),
         (with_signal("q", None), "the output q is not among its signals"),
         (with_signal("q", gap("q", 500)), "output q has no sample"),
-        (PROBLEM._replace(experiments=()), "no manoeuvre"),
+        (PROBLEM._replace(experiments=()), "no maneuver"),
         (PROBLEM._replace(outputs=()), "no output"),
         (PROBLEM._replace(outputs=("alpha", "speed")), "no output speed"),
         (PROBLEM._replace(parameters={"M_w": Parameter(1.0)}), "no parameter M_w"),

@@ -165,14 +165,14 @@ def records_of(problem: Problem, layout: Layout) -> tuple[Record, ...]:
         InputError: a signal is missing, an input has gaps, an output has no sample, or time is not even.
     """
     if not problem.experiments:
-        raise InputError("output error has no manoeuvre to fit")
+        raise InputError("output error has no maneuver to fit")
     given = problem.initial or tuple({} for _ in problem.experiments)
     if len(given) != len(problem.experiments):
-        raise InputError(f"initial states for {len(given)} of {len(problem.experiments)} manoeuvres")
+        raise InputError(f"initial states for {len(given)} of {len(problem.experiments)} maneuvers")
     records = tuple(_record(problem, e, i) for e, i in zip(problem.experiments, given, strict=True))
     for index, name in enumerate(problem.outputs):
         if not any(np.any(record.used[:, index]) for record in records):
-            raise InputError(f"output {name} has no sample in any of the manoeuvres")
+            raise InputError(f"output {name} has no sample in any of the maneuvers")
     count = sum(float(record.used.sum()) for record in records)
     wanted = len(layout.free) + layout.nuisances * len(records)
     if count <= wanted:
