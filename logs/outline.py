@@ -5,9 +5,12 @@ from __future__ import annotations
 import math
 
 from logs.scene import Shape
-from sim_bridge.mechanism import place_of
+from sim_bridge.mechanism import chord_shape, place_of
 from sim_bridge.vehicles import SimulatedVehicle
 from sim_bridge.vehicles.sections import Plate
+
+STEPS = 8
+"""number of drawn strips of a wing"""
 
 
 def shape_of(vehicle: SimulatedVehicle) -> Shape:
@@ -25,6 +28,8 @@ def shape_of(vehicle: SimulatedVehicle) -> Shape:
         tail_span=side,
         tail_chord=side,
         fin_height=math.sqrt(upright.area / 2.0) if upright else 0.0,
+        body_radius=vehicle.fuselage.contact_below,
+        chords=tuple(chord_shape(wing.planform, place / STEPS) for place in range(STEPS + 1)),
     )
 
 

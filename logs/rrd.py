@@ -127,7 +127,10 @@ def _draw_track(stream: _Stream, entity: str, place: Array, color: Vector) -> No
 
 def _draw_parts(stream: _Stream, shape: Shape) -> None:
     length = shape.nose - shape.tail[0]
-    middle, half = (0.5 * (shape.nose + shape.tail[0]), 0.0, 0.0), (0.5 * length, 0.03 * length, 0.04 * length)
+    middle, half = (
+        (0.5 * (shape.nose + shape.tail[0]), 0.0, 0.0),
+        (0.5 * length, 0.8 * shape.body_radius, shape.body_radius),
+    )
     fuselage = stream.sdk.Boxes3D(centers=[middle], half_sizes=[half], colors=[(65, 65, 70)], fill_mode="solid")
     stream.log_static(f"{BIRD}/fuselage", fuselage)
     for name, plates in outlines(shape).items():

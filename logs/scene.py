@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import pairwise
 from types import TracebackType
 from typing import Any, NamedTuple
 
@@ -41,6 +42,12 @@ TRACK_POINTS = 300
 """Seconds of track in the scene."""
 
 
+RAVEN = (1.0, 1.0, 1.0, 1.0, 1.0, 0.9375, 0.75, 0.4375, 0.0)
+"""chords of Gerdes Eq. 1"""
+ELLIPSE = (1.0, 0.99216, 0.96825, 0.92702, 0.86603, 0.78062, 0.66144, 0.48412, 0.0)
+"""chords of an ellipse"""
+
+
 class Shape(NamedTuple):
     """Outline of a vehicle in body axes FLU (x forward, y left, z up) from its center of mass."""
 
@@ -60,13 +67,19 @@ class Shape(NamedTuple):
     """m"""
     fin_height: float
     """m; 0 for none"""
+    body_radius: float = 0.04
+    """m; largest radius of the fuselage"""
+    chords: tuple[float, ...] = RAVEN
+    """-; chord over the largest one at equal steps from the hinge to the tip"""
 
 
 PLAIN_BIRD = Shape(0.5, 0.3, (0.1, 0.02, 0.0), 0.25, (-0.35, 0.0, 0.0), 0.25, 0.25, 0.0)
 """Outline of an unknown vehicle."""
 FLOWN: Mapping[str, Shape] = {
-    "arizona_100cm": Shape(0.5, 0.2, (0.08, 0.02, 0.03), 0.15, (-0.3567, 0.0, 0.0), 0.1732, 0.1732, 0.0775),
-    "robo_raven_ii_d": Shape(0.762, 0.432, (0.15, 0.03, 0.04), 0.15, (-0.3588, 0.0, 0.0), 0.2449, 0.2449, 0.1),
+    "arizona_100cm": Shape(
+        0.5, 0.2, (0.08, 0.02, 0.03), 0.15, (-0.3567, 0.0, 0.0), 0.1732, 0.1732, 0.0775, 0.05, ELLIPSE
+    ),
+    "robo_raven_ii_d": Shape(0.762, 0.432, (0.15, 0.03, 0.04), 0.15, (-0.3588, 0.0, 0.0), 0.2449, 0.2449, 0.1, 0.05),
 }
 """Outlines, to 0.1 mm, of the vehicles that the flight computer has by name. `outline.shape_of` computes them from
 the vehicle files but loads the compiler of the physics, which the flight computer avoids.
@@ -145,26 +158,29 @@ def outlines(shape: Shape) -> dict[str, list[list[Vector]]]:
     tail = [(0.0, half, 0.0), (-x, half, 0.0), (-x, -half, 0.0), (0.0, -half, 0.0)]
     fin = [(0.0, 0.0, 0.0), (-x, 0.0, 0.0), (-x, 0.0, height), (-x / 2.0, 0.0, height)]
     return {
-        "left_wing": [_wing(shape, 1)],
-        "right_wing": [_wing(shape, -1)],
+        "left_wing": _wing(shape, 1),
+        "right_wing": _wing(shape, -1),
         "tail": [tail, fin] if height else [tail],
     }
 
 
-def _wing(shape: Shape, side: int) -> list[Vector]:
-    """Return the corners of a wing: a straight spar, full chord over the inner 60 % of the span."""
-    b, c = side * shape.semispan, shape.chord
-    return [(0.0, 0.0, 0.0), (-c, 0.0, 0.0), (-c, 0.6 * b, 0.0), (0.0, b, 0.0)]
+def _wing(shape: Shape, side: int) -> list[list[Vector]]:
+    """Return the strips of a wing behind its straight leading edge."""
+    count = len(shape.chords) - 1
+    edge = [(side * shape.semispan * place / count, -shape.chord * chord) for place, chord in enumerate(shape.chords)]
+    return [
+        [(0.0, inner, 0.0), (behind, inner, 0.0), (behind_outer, outer, 0.0), (0.0, outer, 0.0)]
+        for (inner, behind), (outer, behind_outer) in pairwise(edge)
+    ]
 
 
 def _fuselage(shape: Shape, prefix: str, alpha: float) -> SceneEntity:
     entity = SceneEntity(frame_id=f"{prefix}body", id=f"{prefix}fuselage", frame_locked=True)
-    length = shape.nose - shape.tail[0]
-    cube = entity.cubes.add()
-    cube.pose.position.x = 0.5 * (shape.nose + shape.tail[0])
-    cube.pose.orientation.w = 1.0
-    cube.size.x, cube.size.y, cube.size.z = length, 0.06 * length, 0.08 * length
-    _paint(cube.color, (0.25, 0.25, 0.28, alpha))
+    body = entity.spheres.add()
+    body.pose.position.x = 0.5 * (shape.nose + shape.tail[0])
+    body.pose.orientation.w = 1.0
+    body.size.x, body.size.y, body.size.z = shape.nose - shape.tail[0], 1.6 * shape.body_radius, 2 * shape.body_radius
+    _paint(body.color, (0.25, 0.25, 0.28, alpha))
     return entity
 
 

@@ -18,9 +18,10 @@ from groundstation.views.terminal import open_console
 from logs.attached import flight_vehicle, simulated_vehicle
 from logs.identification.data.flight import DriveData
 from logs.identification.report import Identification, model_file
-from logs.identification.report.report import Subject, refuse_existing, write_report
+from logs.identification.report.report import Subject, write_report
 from logs.identification.sources.flight import drive_data
 from logs.info import vehicle as vehicle_name
+from logs.pages.render import refuse_existing
 from logs.reader import Log
 from sim_bridge.vehicles import load_vehicle as load_world
 from wingbeat.errors import InputError

@@ -9,12 +9,16 @@ from textual.containers import Horizontal, Vertical
 from groundstation.link.station import Picture
 from groundstation.screen.panel import Panel
 from groundstation.views import panels
+from groundstation.views.flight_view import track_plot
+from groundstation.views.history import History, remember
 from groundstation.views.horizon import horizon
 from groundstation.views.tape import AIRSPEED, ALTITUDE, tape
 
 
 class FlightTab(Horizontal):
     """Tab with the flight instruments."""
+
+    history = History()
 
     def compose(self) -> ComposeResult:
         """Compose instruments on the left, panels on the right."""
@@ -29,10 +33,15 @@ class FlightTab(Horizontal):
             yield Panel(panels.flapping, "wings", id="flapping")
             yield Panel(panels.power, "power", id="power")
             yield Panel(panels.mission, "mission", id="mission")
+            yield Panel(self._track, "track", id="track")
             yield Panel(panels.link, "link", id="link")
+
+    def _track(self, picture: Picture, columns: int, rows: int) -> RenderableType:
+        return track_plot(self.history, columns, rows - 1) if rows > 3 else ""
 
     def show(self, picture: Picture) -> None:
         """Draw the present data."""
+        self.history = remember(self.history, picture.state)
         for panel in self.query(Panel):
             panel.show(picture)
 

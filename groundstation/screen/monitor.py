@@ -38,7 +38,7 @@ class Monitor(App[None]):
     CSS_PATH = "monitor.tcss"
     ENABLE_COMMAND_PALETTE = False
     HORIZONTAL_BREAKPOINTS = [(0, "-slim"), (66, "-narrow"), (110, "-wide")]
-    VERTICAL_BREAKPOINTS = [(0, "-low"), (30, "-high")]
+    VERTICAL_BREAKPOINTS = [(0, "-low"), (30, "-high"), (38, "-tall")]
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("1", "tab('flight')", "Flight", show=False),  # the tabs say it themselves
         Binding("2", "tab('messages')", "Inspect", show=False),

@@ -8,7 +8,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from rich.console import Console, ConsoleOptions, Group, RenderableType, RenderResult
-from rich.constrain import Constrain
 from rich.rule import Rule
 from rich.table import Table
 from rich.text import Text
@@ -20,7 +19,11 @@ from groundstation.views.history import History
 from wingbeat.message import Severity
 
 PLOT_ROWS = 7
+"""minimum of the plots"""
 EVENTS_SHOWN = 6
+"""minimum of the messages"""
+FIXED_ROWS = 10
+"""title, rule, numbers, time axis, blank lines, and the line of the cursor"""
 LABEL = "dim"
 QUIET = "dim"
 TRACE = "cyan"
@@ -40,7 +43,7 @@ class Header(NamedTuple):
 
 
 class FlightView(NamedTuple):
-    """Data of the view; a rich renderable that adapts to the terminal's width."""
+    """Data of the view; a rich renderable that fills the terminal."""
 
     header: Header
     state: VehicleState
@@ -48,17 +51,18 @@ class FlightView(NamedTuple):
     """None omits the plots"""
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
-        width = min(options.max_width, 100)
-        yield Constrain(render(self, width), width)
+        yield render(self, options.max_width, console.height)
 
 
-def render(view: FlightView, width: int) -> RenderableType:
-    """Render ``width`` characters; below 60 the plots are omitted."""
+def render(view: FlightView, width: int, height: int) -> RenderableType:
+    """Render ``width`` characters and at most ``height`` lines; below a width of 60 the plots are omitted."""
+    free = height - FIXED_ROWS
+    event_rows = max(EVENTS_SHOWN, free // 4)
     parts: list[RenderableType] = [_title(view, width), Rule(style=QUIET), _numbers(view.state, width)]
     if width >= 60 and view.history is not None:
-        parts += [Text(), _plots(view.history, width)]
+        parts += [Text(), _plots(view.history, width, max(free - event_rows, PLOT_ROWS))]
     if view.state.events:
-        parts += [Text(), *(_event(status_texts, width) for status_texts in view.state.events[-EVENTS_SHOWN:])]
+        parts += [Text(), *(_event(status_texts, width) for status_texts in view.state.events[-event_rows:])]
     return Group(*parts)
 
 
@@ -86,7 +90,7 @@ def _numbers(state: VehicleState, width: int) -> RenderableType:
     """Format three groups side by side, or stacked on a narrow terminal, with constant widths."""
     groups = (_position(state), _attitude(state), _drive(state))
     abreast = width >= 60
-    room = min((width if abreast else 3 * width) // 3 - 20, 16)
+    room = min((width if abreast else 3 * width) // 3 - 20, 40)
     table = Table.grid(padding=(0, 1))
     for _ in groups if abreast else groups[:1]:
         table.add_column(style=LABEL, width=8)
@@ -150,12 +154,10 @@ def bar(share: float | None, cells: int) -> str:
     return "━" * full + "╌" * (cells - full)
 
 
-def _plots(history: History, width: int) -> RenderableType:
-    track_columns = 2 * PLOT_ROWS
+def _plots(history: History, width: int, rows: int) -> RenderableType:
+    track_columns = min(2 * rows, width // 2 - 10)
     table = Table.grid(padding=(0, 2))
-    table.add_row(
-        _altitude_plot(history, width - track_columns - 14, PLOT_ROWS), _track_plot(history, track_columns, PLOT_ROWS)
-    )
+    table.add_row(_altitude_plot(history, width - track_columns - 14, rows), track_plot(history, track_columns, rows))
     return table
 
 
@@ -175,18 +177,21 @@ def _altitude_plot(history: History, columns: int, rows: int) -> Text:
     return text
 
 
-def _track_plot(history: History, columns: int, rows: int) -> Text:
-    """Draw the track from above, north up, with equal scales; a cross marks home."""
+def track_plot(history: History, columns: int, rows: int) -> Text:
+    """Draw the track from above, north up, with equal scales; a mark shows home."""
     track = history.track
     east = [0.0, *(point[0] for point in track)]
     north = [0.0, *(point[1] for point in track)]
-    half = 0.55 * max(max(east) - min(east), max(north) - min(north), 20.0)
+    # A cell is twice as high as wide.
+    aspect = columns / (2 * rows)
+    half = 0.55 * max((max(east) - min(east)) / aspect, max(north) - min(north), 20.0)
     middle = (0.5 * (max(east) + min(east)), 0.5 * (max(north) + min(north)))
-    window = braille.Window(middle[0] - half, middle[0] + half, middle[1] - half, middle[1] + half)
+    across = half * aspect
+    window = braille.Window(middle[0] - across, middle[0] + across, middle[1] - half, middle[1] + half)
     lines = [list(line) for line in braille.draw([track] if track else [], window, columns, rows)]
-    home_column = round((0.0 - window.left) / (2 * half) * (columns - 1))
+    home_column = round((0.0 - window.left) / (2 * across) * (columns - 1))
     home_row = round((window.top - 0.0) / (2 * half) * (rows - 1))
-    text = Text()
+    text = Text(no_wrap=True)
     for row, line in enumerate(lines):
         for column, cell in enumerate(line):
             home = (row, column) == (home_row, home_column)

@@ -1,32 +1,20 @@
-"""Pictures of vortex lattice validation: wake and lift of Yeo's wing."""
+"""Pictures of vortex lattice validation: wake (SVG) and lift (page) of Yeo's wing."""
 
 from __future__ import annotations
 
-import html
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
 from groundstation.views.wake_picture import wake_svg
-from logs.identification.report.document import DASHED, MEASURED, MODEL, OTHER, Plot, Series
-from logs.identification.report.svg import Size, drawn
+from logs.pages.document import DASHED, MEASURED, MODEL, OTHER, Chapter, Plot, Series
+from logs.pages.render import write_page
 from sim_bridge.validation.yeo import STEPS, measured_lift, modelled_lift, section
 from sim_bridge.validation.yeo_lattice import STROKES, lattice_stroke, wake_course, wing
 from wingbeat.errors import InputError
 
-WAKE, LIFT = "lattice_wake.svg", "lattice_lift.svg"
-SIZE, HEAD, EDGE = Size(820.0, 380.0), 54.0, 12.0
-"""px; plot width and height, height of title and legend, margin"""
-COLOURS = {MEASURED: "#4a525e", MODEL: "#d55e00", OTHER: "#0072b2"}
-"""Okabe and Ito: distinguishable with color vision deficiency"""
-STYLE = (
-    'text{font:11px system-ui,-apple-system,"Segoe UI",Roboto,"Liberation Sans",sans-serif;fill:#5b6572}'
-    ".name,.key{fill:#1c2128}.key{font-size:13px}.title{font-size:16px;font-weight:600;fill:#1c2128}"
-    "path{fill:none;stroke-width:1.8;stroke-linejoin:round}.grid{stroke:#e7eaee;stroke-width:1}"
-    ".zero{stroke:#5b6572;stroke-width:1}.dashed{stroke-dasharray:6 4}"
-    + "".join(f".{role}{{stroke:{colour}}}" for role, colour in COLOURS.items())
-)
+WAKE, LIFT = "lattice_wake.svg", "lattice_lift.html"
 
 
 def draw_lattice(folder: Path, progress: Callable[[float], None]) -> list[Path]:
@@ -44,9 +32,10 @@ def draw_lattice(folder: Path, progress: Callable[[float], None]) -> list[Path]:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         paths[0].write_text(wake_svg(wing(), course[-1], title), encoding="utf-8")
-        paths[1].write_text(_framed(lift_plot()), encoding="utf-8")
     except OSError as error:
         raise InputError(f"{folder}: {error.strerror or error}") from error
+    plot = lift_plot()
+    write_page(paths[1], plot.title, (), (Chapter("Lift", plots=(plot._replace(title=""),)),))
     return paths
 
 
@@ -66,25 +55,3 @@ def lift_plot() -> Plot:
             Series("vortex lattice with stall", phase, lattice.corrected, MODEL),
         ),
     )
-
-
-def _framed(plot: Plot) -> str:
-    """Return the plot as a complete file with title and legend."""
-    width, height = SIZE.width + 2.0 * EDGE, SIZE.height + HEAD + EDGE
-    inner = drawn(plot, SIZE).replace("<svg ", f'<svg x="{EDGE:g}" y="{HEAD:g}" width="{SIZE.width:g}" ', 1)
-    inner = inner.replace("<svg ", f'<svg height="{SIZE.height:g}" ', 1)
-    title = html.escape(plot.title)
-    return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:g} {height:g}" width="{width:g}"'
-        f' height="{height:g}"><style>{STYLE}</style><rect width="{width:g}" height="{height:g}" fill="#fff"/>'
-        f'<text class="title" x="{EDGE + 4:g}" y="24">{title}</text>{_key(plot)}{inner}</svg>\n'
-    )
-
-
-def _key(plot: Plot) -> str:
-    parts, x = [], EDGE + 4.0
-    for one in plot.series:
-        parts.append(f'<path class="{one.role} {one.style}" d="M{x:g} 43h24"/>')
-        parts.append(f'<text class="key" x="{x + 30:g}" y="47">{html.escape(one.label)}</text>')
-        x += 56.0 + 7.0 * len(one.label)
-    return "".join(parts)

@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from logs.identification.report.svg import round_step, written
 from sim_bridge.aerodynamics.vortex_lattice.geometry import Lattice, grid_of
 from sim_bridge.aerodynamics.vortex_lattice.unsteady import Snapshot
 from sim_bridge.vectors import Floats
@@ -30,6 +29,18 @@ STYLE = (
     'text{font:13px system-ui,-apple-system,"Segoe UI",Roboto,"Liberation Sans",sans-serif;fill:#1c2128}'
     ".title{font-size:16px;font-weight:600}path{fill:none;stroke:#8b939e;stroke-width:1}polygon{stroke-width:.4}"
 )
+
+
+def round_step(step: float) -> float:
+    """Return the smallest of 1, 2 and 5 times a power of ten that is at least ``step``."""
+    power = 10.0 ** math.floor(math.log10(step))
+    return next(factor * power for factor in (1.0, 2.0, 5.0, 10.0) if factor * power >= step * (1 - 1e-9))
+
+
+def written(value: float, step: float) -> str:
+    """Format a tick with the decimals of its step."""
+    text = f"{value:.{max(0, -math.floor(math.log10(step) + 1e-9))}f}".replace("-", "−")
+    return text if abs(value) > 1e-9 * step else "0"
 
 
 class Patch(NamedTuple):

@@ -59,6 +59,24 @@ FAMILIES: dict[str, Family] = {
     "fault": Family("fault.NAME.at", "s; when a fault begins; fault.NAME.until or .lasting ends it"),
 }
 DEGREES = "_deg"
+LABELS = {
+    "turbulence": "turbulence", "seed": "random seed", "duration": "time limit", "wind.speed": "wind speed",
+    "wind.from": "wind direction (from)", "throw.speed": "launch speed factor", "throw.pitch": "launch pitch offset",
+    "throw.bank": "launch bank", "sensors.corner": "sensor errors in standard deviations",
+}  # fmt: skip
+"""labels of plain keys that are not words"""
+
+
+def label_of(key: str) -> str:
+    """Return the label of an input for plots and tables."""
+    name = plain_name(key)
+    if name is not None:
+        return LABELS.get(name, name)
+    family, _, place = key.partition(".")
+    words = place.replace(".", " ").replace("_", " ")
+    if family == "scale":
+        return f"factor on {label_of(place)}"
+    return {"vehicle": f"vehicle {words}", "gains": f"gain {words}", "fault": f"fault {words}"}.get(family, key)
 
 
 def check_key(key: str) -> None:

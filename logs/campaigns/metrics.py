@@ -22,6 +22,7 @@ class Metric(NamedTuple):
 
     unit: str
     text: str
+    """label of plots and tables"""
     of: Callable[[FlightSummary, Tables], float | None]
     bad: int = 0
     """-; sign of the worse direction: 1 more, -1 less, 0 neither"""
@@ -58,27 +59,27 @@ def _bank_at_touchdown(summary: FlightSummary, tables: Tables) -> float | None:
 
 
 METRICS: dict[str, Metric] = {
-    "launch": Metric("s", "since boot, when the launcher let go", _member("launch")),
-    "airtime": Metric("s", "from the launch to the touchdown, or to the end", _member("airtime")),
-    "distance": Metric("m", "flown over ground", _member("distance")),
-    "highest": Metric("m", "above the altitude at boot", _member("highest")),
-    "away": Metric("m", "greatest distance from the launch place", _away),
-    "airspeed": Metric("m/s", "mean in the air", _member("airspeed")),
+    "launch": Metric("s", "time of launch since boot", _member("launch")),
+    "airtime": Metric("s", "flight time", _member("airtime")),
+    "distance": Metric("m", "distance over ground", _member("distance")),
+    "highest": Metric("m", "maximum altitude", _member("highest")),
+    "away": Metric("m", "maximum distance from the launch", _away),
+    "airspeed": Metric("m/s", "mean airspeed", _member("airspeed")),
     "frequency": Metric("Hz", "mean flapping frequency", _member("frequency")),
-    "power": Metric("W", "mean in the air", _member("power"), 1),
-    "energy": Metric("J", "drawn in the air", _member("energy")),
-    "bank": Metric("rad", "greatest in the air, either way", _bank, 1),
-    "hold_altitude_rms": Metric("m", "error of the altitude in the longest hold", _member("hold", "altitude_rms"), 1),
-    "hold_heading_rms": Metric("rad", "error of the heading in the longest hold", _member("hold", "heading_rms"), 1),
-    "hold_settling": Metric("s", "until the longest hold was captured", _member("hold", "settling"), 1),
-    "estimate_roll_rms": Metric("rad", "of the estimate against the truth", _member("estimate", "roll"), 1),
-    "estimate_pitch_rms": Metric("rad", "of the estimate against the truth", _member("estimate", "pitch"), 1),
-    "estimate_yaw_rms": Metric("rad", "of the estimate against the truth", _member("estimate", "yaw"), 1),
-    "estimate_altitude_rms": Metric("m", "of the estimate against the truth", _member("estimate", "altitude"), 1),
-    "estimate_airspeed_rms": Metric("m/s", "of the estimate against the truth", _member("estimate", "airspeed"), 1),
-    "touchdown_sink": Metric("m/s", "at the first contact, positive down", _member("touchdown", "sink"), 1),
-    "touchdown_bank": Metric("rad", "at the first contact, either way", _bank_at_touchdown, 1),
-    "touchdown_speed": Metric("m/s", "over ground at the first contact", _member("touchdown", "speed"), 1),
+    "power": Metric("W", "mean electrical power", _member("power"), 1),
+    "energy": Metric("J", "electrical energy", _member("energy")),
+    "bank": Metric("rad", "maximum bank", _bank, 1),
+    "hold_altitude_rms": Metric("m", "altitude error, RMS of the longest hold", _member("hold", "altitude_rms"), 1),
+    "hold_heading_rms": Metric("rad", "heading error, RMS of the longest hold", _member("hold", "heading_rms"), 1),
+    "hold_settling": Metric("s", "settling time of the longest hold", _member("hold", "settling"), 1),
+    "estimate_roll_rms": Metric("rad", "roll estimation error, RMS", _member("estimate", "roll"), 1),
+    "estimate_pitch_rms": Metric("rad", "pitch estimation error, RMS", _member("estimate", "pitch"), 1),
+    "estimate_yaw_rms": Metric("rad", "yaw estimation error, RMS", _member("estimate", "yaw"), 1),
+    "estimate_altitude_rms": Metric("m", "altitude estimation error, RMS", _member("estimate", "altitude"), 1),
+    "estimate_airspeed_rms": Metric("m/s", "airspeed estimation error, RMS", _member("estimate", "airspeed"), 1),
+    "touchdown_sink": Metric("m/s", "sink rate at touchdown", _member("touchdown", "sink"), 1),
+    "touchdown_bank": Metric("rad", "bank at touchdown", _bank_at_touchdown, 1),
+    "touchdown_speed": Metric("m/s", "ground speed at touchdown", _member("touchdown", "speed"), 1),
 }
 
 

@@ -10,7 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from logs.campaigns.comparison import Comparison, comparisons, conditions_text, pairs_text, quartile_texts
+from logs.campaigns.comparison import Comparison, comparisons, pairs_text, quartile_texts, written
+from logs.campaigns.keys import label_of
 from logs.campaigns.metrics import METRICS
 from logs.campaigns.statistics import (
     TAILS,
@@ -27,9 +28,9 @@ from logs.campaigns.statistics import (
     spreads,
 )
 from logs.campaigns.table import Table
-from logs.identification.report.document import MEASURED, MODEL, OTHER, POINTS, STEPS, Cell, Chapter, Plot, Series
-from logs.identification.report.document import Table as Rows
-from logs.identification.report.report import write_page
+from logs.pages.document import MEASURED, MODEL, OTHER, POINTS, STEPS, Cell, Chapter, Plot, Series
+from logs.pages.document import Table as Rows
+from logs.pages.render import write_page
 from wingbeat.text import pluralize
 
 MOST_PLOTS = 12
@@ -55,11 +56,24 @@ def write(path: Path, table: Table, worst: Sequence[Worst]) -> int:
     Raises:
         InputError: the file exists or cannot be written.
     """
-    whole = "" if table.planned is None else f"unfinished: of {pluralize(table.planned, 'flight')} these are flown"
+    whole = "" if table.planned is None else f"unfinished: {pluralize(table.planned, 'flight')} are planned"
     facts = (pluralize(table.size, "flight"), whole, f"from {table.about.file}", table.about.title)
     chapters = (_outcomes(table), _compared(table), _worst(table, worst), _distributions(table), _sensitivity(table))
-    told = tuple(chapter for chapter in chapters if chapter is not None)
-    return write_page(path, f"Campaign {table.about.name}", tuple(fact for fact in facts if fact), told)
+    every = tuple(chapter for chapter in chapters if chapter is not None)
+    return write_page(path, f"Campaign {table.about.name}", tuple(fact for fact in facts if fact), every)
+
+
+def label(name: str) -> str:
+    """Return the label of a metric or an input."""
+    if name == "failed":
+        return "failed"
+    return METRICS[name].text if name in METRICS else label_of(name)
+
+
+def labeled(name: str, unit: str) -> str:
+    """Return the label of a metric or an input with its unit."""
+    shown_unit = {"rad": "°", "deg": "°", "-": ""}.get(unit, unit)
+    return label(name) + (f" ({shown_unit})" if shown_unit else "")
 
 
 def shown(table: Table, name: str) -> Shown:
@@ -71,14 +85,14 @@ def shown(table: Table, name: str) -> Shown:
 def _outcomes(table: Table) -> Chapter:
     outcomes = Counter(table.columns["outcome"]).most_common()
     rows = tuple((outcome, float(count), 100.0 * count / table.size) for outcome, count in outcomes)
-    told: list[Rows] = [Rows(("outcome", "flights", "%"), rows)]
+    tables = [Rows(("outcome", "flights", "%"), rows)]
     pairs = zip(table.columns["failed"], table.columns["reason"], strict=True)
     reasons = Counter(reason for failed, reason in pairs if failed).most_common(REASONS)
     if reasons:
-        told.append(Rows(("why flights failed", "flights"), tuple((text, float(count)) for text, count in reasons)))
+        tables.append(Rows(("reason of failure", "flights"), tuple((text, float(count)) for text, count in reasons)))
     failed = sum(table.columns["failed"])
     notes = (f"{pluralize(failed, 'flight')} of {table.size} failed." if failed else "No flight failed.",)
-    return Chapter("Flights", notes, tuple(told))
+    return Chapter("Flights", notes, tuple(tables))
 
 
 def _worst(table: Table, worst: Sequence[Worst]) -> Chapter:
@@ -86,30 +100,31 @@ def _worst(table: Table, worst: Sequence[Worst]) -> Chapter:
     for one in worst:
         unit = METRICS[one.why].unit if one.value is not None else "-"
         value = one.value if one.value is None or unit != "rad" else math.degrees(one.value)
-        named = one.why if one.value is None else f"{one.why} ({'°' if unit == 'rad' else unit})"
-        rows.append((str(one.flight), named, value, conditions_text(table, one.values), one.command))
-    note = "Each command flies its flight again, bit for bit, and records it."
-    heads = ("flight", "why", "", "flown with", "flown again by")
+        named = one.why if one.value is None else labeled(one.why, unit)
+        conditions = ", ".join(f"{label(name)} {written(table, name, each)}" for name, each in one.values.items())
+        rows.append((str(one.flight), named, value, conditions, one.command))
+    note = "Each command repeats its flight bit for bit and records it."
+    heads = ("flight", "reason", "", "inputs", "command")
     return Chapter("Worst flights", (note,), (Rows(heads, tuple(rows)),))
 
 
 def _distributions(table: Table) -> Chapter:
     ranges = spreads(table)
     tails = any(math.isfinite(one.low) for one in ranges)
-    heads = ["metric", "unit", "flights", "mean", "sigma", "least", "5 %", "median", "95 %", "greatest", ""]
+    heads = ["metric", "unit", "flights", "mean", "sigma", "minimum", "5 %", "median", "95 %", "maximum"]
     rows = [_spread_row(one) for one in ranges]
     if not tails:
-        heads, rows = [head for head in heads if "%" not in head], [(*row[:6], row[7], *row[9:]) for row in rows]
-    notes = () if tails else (f"What 5 % and 95 % of the flights lie below is told from {TAILS} flights on.",)
+        heads, rows = [head for head in heads if "%" not in head], [(*row[:6], row[7], row[9]) for row in rows]
+    notes = () if tails else (f"The 5 % and 95 % quantiles need {TAILS} flights.",)
     plots = tuple(_histogram(table, name) for name in metrics_of(table))
     return Chapter("Distributions", notes, (Rows(tuple(heads), tuple(rows)),), plots)
 
 
 def _spread_row(one: Spread) -> tuple[Cell, ...]:
     in_degrees = one.unit == "rad"
-    told = [math.degrees(value) if in_degrees else value for value in one[3:]]
-    cells = (text or None for text in format_column(told))
-    return (one.name, "°" if in_degrees else one.unit, f"{one.flights}", *cells, METRICS[one.name].text)
+    values = [math.degrees(value) if in_degrees else value for value in one[3:]]
+    cells = (text or None for text in format_column(values))
+    return (label(one.name), "°" if in_degrees else one.unit, f"{one.flights}", *cells)
 
 
 def _histogram(table: Table, name: str) -> Plot:
@@ -122,7 +137,7 @@ def _histogram(table: Table, name: str) -> Plot:
         for role, label, chosen in groups
         if np.isfinite(column.values[chosen]).any()
     )
-    return Plot(name, METRICS[name].text, column.unit, "flights", "-", series)
+    return Plot("", label(name), column.unit, "flights", "-", series)
 
 
 def _edges(values: Array) -> Array:
@@ -142,24 +157,20 @@ def _sensitivity(table: Table) -> Chapter:
     correlations = sensitivities(table)
     if not correlations:
         note = "Too few flights, or no number was swept: no rank correlations."
-        return Chapter("What matters", (note,))
+        return Chapter("Sensitivity", (note,))
     strong = [one for one in correlations if one.beyond_chance and one.metric != "failed"]
-    notes = (
-        "Spearman's rank correlation of each swept number with each metric: 1 where more of one always goes with more"
-        " of the other, 0 where they have nothing to do with each other. In brackets what chance may make of so many"
-        " flights.",
-    )
+    notes = ("Spearman's rank correlation of each swept number with each metric; not significant in brackets.",)
     plots = [_scatter(table, one) for one in strong[:MOST_PLOTS]]
     if any(table.columns["failed"]):
         plots = [*(_failures(table, name) for name in inputs_of(table)), *plots]
-    return Chapter("What matters", notes, (_correlations(inputs_of(table), correlations),), tuple(plots))
+    return Chapter("Sensitivity", notes, (_correlations(inputs_of(table), correlations),), tuple(plots))
 
 
 def _correlations(inputs: Sequence[str], sensitivities: Sequence[Sensitivity]) -> Rows:
     metrics = [name for name in ("failed", *METRICS) if any(one.metric == name for one in sensitivities)]
     known = {(one.input, one.metric): one for one in sensitivities}
-    rows = tuple((metric, *(_correlation(known.get((name, metric))) for name in inputs)) for metric in metrics)
-    return Rows(("metric", *inputs), rows)
+    rows = tuple((label(metric), *(_correlation(known.get((name, metric))) for name in inputs)) for metric in metrics)
+    return Rows(("metric", *map(label, inputs)), rows)
 
 
 def _correlation(one: Sensitivity | None) -> Cell:
@@ -174,13 +185,10 @@ def _compared(table: Table) -> Chapter | None:
     compared = comparisons(table)
     if not compared:
         return None
-    notes = ["Medians, and in brackets the quartiles: half of the flights lie between them."]
+    notes = ["Medians, quartiles in brackets."]
     if any(one.pairs for each in compared for one in each.metrics):
-        notes.append(
-            "Flights are paired that are equal in all else, gusts and draws too; * marks what is better more often"
-            " than chance makes of so many pairs."
-        )
-    return Chapter("Compared", tuple(notes), tuple(_by_value(one) for one in compared))
+        notes.append("Pairs are flights with equal other inputs, gusts and draws; * marks a significant difference.")
+    return Chapter("Comparison", tuple(notes), tuple(_by_value(one) for one in compared))
 
 
 def _by_value(one: Comparison) -> Rows:
@@ -191,11 +199,10 @@ def _by_value(one: Comparison) -> Rows:
         ("failed (%)", *(f"{share:.1f}" for share in shares), *[None] * paired),
     ]
     for each in one.metrics:
-        named = {"rad": " (°)", "-": ""}.get(each.unit, f" ({each.unit})")
         pairs = [pairs_text(pair) for pair in each.pairs]
-        rows.append((each.metric + named, *quartile_texts(each), *pairs, *[None] * (paired - len(pairs))))
+        rows.append((labeled(each.metric, each.unit), *quartile_texts(each), *pairs, *[None] * (paired - len(pairs))))
     heads = (f"{value} better" for value in one.values[1 : 1 + paired])
-    return Rows((f"median by {one.input}", *one.values, *heads), tuple(rows))
+    return Rows((f"median by {label(one.input)}", *one.values, *heads), tuple(rows))
 
 
 def _scatter(table: Table, one: Sensitivity) -> Plot:
@@ -205,8 +212,8 @@ def _scatter(table: Table, one: Sensitivity) -> Plot:
     series = [Series("not failed" if failed.any() else "", x.values[~failed], y.values[~failed], OTHER, POINTS)]
     if failed.any():
         series.append(Series("failed", x.values[failed], y.values[failed], MODEL, POINTS))
-    title = f"{one.metric} by {one.input}, {_correlation(one)}"
-    return Plot(title, one.input, x.unit, one.metric, y.unit, tuple(series))
+    title = f"rank correlation {_correlation(one)}"
+    return Plot(title, label(one.input), x.unit, label(one.metric), y.unit, tuple(series))
 
 
 def _failures(table: Table, name: str) -> Plot:
@@ -221,4 +228,4 @@ def _failures(table: Table, name: str) -> Plot:
         parts = [part for part in np.array_split(order, SHARES) if len(part)]
     x = np.array([column.values[part].mean() for part in parts])
     share = np.array([100.0 * failed[part].mean() for part in parts])
-    return Plot(f"failed by {name}", name, column.unit, "failed", "%", (Series("", x, share, MEASURED),))
+    return Plot("", label(name), column.unit, "failed flights", "%", (Series("", x, share, MEASURED),))

@@ -142,7 +142,7 @@ class EstimationResult(NamedTuple):
     unnamed: Mapping[str, float] = {}
     """SI; parameters of the equations that the problem neither frees nor fixes, and the value of each"""
     chapters: tuple[Any, ...] = ()
-    """`report.document.Chapter`; parts of the report that only this result has"""
+    """`logs.pages.document.Chapter`; parts of the report that only this result has"""
 
     @property
     def failure(self) -> Finding | None:

@@ -27,7 +27,7 @@ function load(bytes, flight) {
 function readColors() {
   const style = getComputedStyle(document.documentElement), out = {};
   for (const name of ["ink", "dim", "line", "grid", "estimate", "setpoint", "truth", "left", "right", "cursor", "sky",
-    "ground", "shade", "flown", "ahead", "tail", "hull", "mark", "alarm"]) {
+    "ground", "shadow", "flown", "ahead", "tail", "hull", "mark", "alarm"]) {
     out[name] = style.getPropertyValue(`--${name}`).trim();
   }
   out.band = Number(style.getPropertyValue("--band"));

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import contextlib
-import html
-import json
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from logs.attached import simulated_vehicle
 from logs.info import vehicle
-from logs.new_files import claim, draft, settle
 from logs.outline import shape_of
+from logs.pages.render import AXES, UPLOT, UPLOT_STYLE, render, write_text
 from logs.reader import Log
 from logs.scene import PLAIN_BIRD, Shape, outlines
 from logs.view.motion import Motion, motion_of
@@ -55,10 +53,9 @@ def write_page(log: Log, path: Path, progress: Progress = lambda done, note: Non
     progress(READING, "drawing")
     document = flight_document(log, tables, packer)
     progress(READING + DRAWING, "writing")
-    text = filled(document, packer.text()).encode()
-    _write(path, text)
+    size = write_text(path, filled(document, packer.text()))
     titles = [panel["title"] for panel in document["panels"]]
-    return Page(path, len(text), titles, len(document["events"]), document["missing"])
+    return Page(path, size, titles, len(document["events"]), document["missing"])
 
 
 def flight_document(log: Log, tables: Tables, packer: Packer) -> dict[str, Any]:
@@ -97,18 +94,9 @@ def flight_document(log: Log, tables: Tables, packer: Packer) -> dict[str, Any]:
 
 def filled(document: dict[str, Any], numbers: str) -> str:
     """Return the HTML of the page."""
-    title = html.escape(f"{document['vehicle']} – {document['file']}")
-    # The content of a script element must not contain its end tag.
-    said = json.dumps(document, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
-    parts = {
-        "TITLE": title,
-        "STYLE": (FOLDER / "page.css").read_text(encoding="utf-8"),
-        "FLIGHT": said,
-        "NUMBERS": numbers,
-        "SCRIPT": "\n".join((FOLDER / name).read_text(encoding="utf-8") for name in SCRIPTS),
-    }
-    before, *pieces = (FOLDER / "page.html").read_text(encoding="utf-8").split("@@")
-    return before + "".join(parts.get(piece, piece) for piece in pieces)
+    title = f"{document['vehicle']} – {document['file']}"
+    scripts, styles = [AXES, UPLOT, *(FOLDER / name for name in SCRIPTS)], [UPLOT_STYLE, FOLDER / "page.css"]
+    return render("flight.html", styles, scripts, (FOLDER,), title=title, flight=document, numbers=numbers)
 
 
 def _panels(series: Series, motion: Motion, drawn: dict[str, Any]) -> list[dict[str, Any]]:
@@ -165,9 +153,10 @@ def shape_in(log: Log) -> tuple[Shape, bool]:
 
 
 def _drawn(shape: Shape) -> dict[str, Any]:
-    """Keys: ``semispan``, ``nose``, ``tail`` and ``hinge`` (m; left), and ``plates`` by frame."""
+    """Keys: ``semispan``, ``body`` (radius), ``nose``, ``tail``, ``hinge`` (m; left), and ``plates`` by frame."""
     return {
         "semispan": shape.semispan,
+        "body": shape.body_radius,
         "nose": shape.nose,
         "tail": shape.tail,
         "hinge": shape.hinge,
@@ -191,12 +180,3 @@ def _missing(tables: Tables, motion: Motion, panels: list[dict[str, Any]], modes
     out += [] if modes else ["modes"]
     out += [] if known or motion.body is None else ["the vehicle's shape (a generic vehicle is drawn)"]
     return list(dict.fromkeys(out))
-
-
-def _write(path: Path, text: bytes) -> None:
-    with draft(path) as (file, name):
-        left = memoryview(text)
-        while left:
-            left = left[file.write(left) :]
-        settle(file)
-        claim(name, path)

@@ -1,9 +1,9 @@
-// Everything over one axis of time: bands of modes, marks of events, panels of lines.
+// Everything over one axis of time: bands of modes, marks of events, panels of lines by uPlot.
 
 const BAND_COLORS = ["#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#b8a800"];
 const STYLES = { truth: [2.4, []], setpoint: [1.5, [5, 3]], estimate: [1.3, []], left: [2.6, []], right: [1.2, []] };
 const TALL = 0.15, DENSE = 0.15, MEAN_OVER = 0.5;
-const MARGIN = 6, LEAST_TALL = 38, MOST_TALL = 150, NARROW_TALL = 84;
+const LEAST_TALL = 38, MOST_TALL = 150, NARROW_TALL = 84, AXIS_TALL = 34;
 
 class Plots {
   constructor(flight, colors, go) {
@@ -11,18 +11,19 @@ class Plots {
     this.window = [flight.start, flight.end];
     this.right = document.getElementById("right");
     this.bands = document.getElementById("bands");
-    this.axis = document.getElementById("axis");
     this.tip = document.getElementById("tip");
     this.bandColors = new Map();
     for (const [, , label] of [...flight.modes, ...flight.stages]) {
       const color = BAND_COLORS[this.bandColors.size % BAND_COLORS.length];
       if (!this.bandColors.has(label)) this.bandColors.set(label, color);
     }
-    this.panels = flight.panels.map((panel) => this.build(panel));
+    this.panels = flight.panels.map((panel, n) => this.build(panel, n + 1 === flight.panels.length));
     this.cursor = this.overlay("cursor");
     this.chosen = this.overlay("chosen");
     this.chosen.hidden = true;
     this.listen();
+    // A scroll bar changes the width without a resize of the window.
+    new ResizeObserver(() => this.schedule()).observe(this.right);
   }
 
   overlay(id) {
@@ -32,18 +33,62 @@ class Plots {
     return element;
   }
 
-  build(panel) {
-    const box = document.createElement("div"), canvas = document.createElement("canvas");
-    const title = document.createElement("div");
+  build(panel, last) {
+    const box = document.createElement("div"), title = document.createElement("div");
     title.className = "title";
     const name = document.createElement("b");
     name.textContent = `${panel.title} [${panel.unit}]`;
     title.append(name);
     const readings = panel.lines.map((line) => this.reading(title, line));
-    canvas.setAttribute("aria-label", `${panel.title} in ${panel.unit}`);
-    box.append(title, canvas);
+    box.append(title);
+    box.setAttribute("aria-label", `${panel.title} in ${panel.unit}`);
     document.getElementById("panels").append(box);
-    return { ...panel, canvas, readings };
+    const made = { ...panel, readings, last, range: [0, 1] };
+    made.plot = new uPlot(this.options(made), this.columns(made, LEAST_TALL), box);
+    return made;
+  }
+
+  // Three series a line: the line, and the edges of its envelope.
+  options(panel) {
+    const curve = ({ style }) => {
+      const [width, dash] = STYLES[style], stroke = () => this.colors[style];
+      const hidden = { points: { show: false } };
+      return [{ ...hidden, stroke, width, dash, alpha: style === "truth" ? 0.75 : 1 }, hidden, hidden];
+    };
+    const shades = panel.lines.map(({ style }, n) => (
+      { series: [3 * n + 2, 3 * n + 3], fill: () => `${this.colors[style]}38` }));
+    return {
+      width: 300, height: LEAST_TALL, padding: [7, 8, 7, 0],
+      legend: { show: false }, select: { show: false }, cursor: { show: false },
+      scales: { x: { time: false, range: () => this.window }, y: { range: () => panel.range } },
+      axes: [this.timeAxis(panel.last), { ...axis("y"), space: 18, size: () => this.gutter, ...(panel.wraps && TURNS) }],
+      series: [{}, ...panel.lines.flatMap(curve)],
+      bands: shades,
+      hooks: { drawClear: [(plot) => this.drawModes(plot)] },
+    };
+  }
+
+  timeAxis(shown) {
+    const base = { ...axis("x"), incrs: TIME_STEPS, space: 75 };
+    if (!shown) return { ...base, size: 0, values: () => [], ticks: { show: false } };
+    const values = (plot, splits, place, space, step) => splits.map((t) => this.timeText(t, step));
+    return { ...base, size: AXIS_TALL - 14, values, label: "time since boot", labelSize: 14, labelFont: FONT };
+  }
+
+  timeText(t, step) {
+    const [from, to] = this.window;
+    return to - from < 120 ? `${t.toFixed(step < 0.1 ? 2 : step < 1 ? 1 : 0)} s` : minutes(t);
+  }
+
+  // The rows of a panel in the window, and the range of its axis; strokes too many to be told apart as an envelope.
+  columns(panel, tall) {
+    const width = Math.max(100, this.right.clientWidth - this.gutter);
+    const shown = panel.lines.map((line) => visible(line, this.window, width));
+    const [low, high] = panel.range = panel.wraps ? [-180, 180] : range(shown, panel.span);
+    const y = (value) => (high - value) / (high - low) * tall;
+    const dense = !panel.wraps && shown.some((rows) => tallShare(rows, { y }, TALL * tall) > DENSE);
+    const parts = shown.map((rows) => (dense ? envelope(rows) : polyline(rows, panel.wraps)));
+    return parts.length ? uPlot.join(parts, parts.map((part) => part.map(() => 2))) : [[], []];
   }
 
   reading(title, line) {
@@ -75,7 +120,7 @@ class Plots {
   listen() {
     const { right } = this;
     const inside = (event) => event.clientX - right.getBoundingClientRect().left;
-    const plotted = (event) => event.target.tagName === "CANVAS";
+    const plotted = (event) => event.target.closest("canvas, .u-over") !== null;
     let began = null;
     right.addEventListener("pointerdown", (event) => {
       if (!plotted(event) || event.button !== 0) return;
@@ -126,6 +171,10 @@ class Plots {
     const { start, end } = this.flight, span = Math.min(end - start, Math.max(0.05, to - from));
     const first = Math.min(Math.max(start, from), end - span);
     this.window = [first, first + span];
+    this.schedule();
+  }
+
+  schedule() {
     if (this.waiting) return;
     this.waiting = true;
     requestAnimationFrame(() => {
@@ -146,7 +195,7 @@ class Plots {
     const words = [near && `${clock(near.time)}  ${near.text}`];
     if (onStrip) words.push([at(this.flight.modes), at(this.flight.stages)].filter(Boolean).join(", "));
     const text = words.filter(Boolean).join("\n");
-    this.tip.hidden = !text || event.target.tagName !== "CANVAS";
+    this.tip.hidden = !text || !event.target.closest("canvas, .u-over");
     this.tip.textContent = text;
     this.tip.style.left = `${Math.min(event.clientX + 12, window.innerWidth - this.tip.offsetWidth - 8)}px`;
     this.tip.style.top = `${event.clientY + 14}px`;
@@ -168,22 +217,43 @@ class Plots {
     const tall = this.tall();
     this.drawBands();
     for (const panel of this.panels) {
-      panel.canvas.style.height = `${tall}px`;
-      this.drawPanel(panel);
+      panel.plot.setSize({ width: this.right.clientWidth - 2, height: tall + (panel.last ? AXIS_TALL : 0) });
+      panel.plot.setData(this.columns(panel, tall));
     }
-    this.drawAxis();
-    for (const element of [this.cursor, this.chosen]) {
-      element.style.height = `${this.axis.offsetTop + 4}px`;
-    }
+    // uPlot sets the heights in a microtask.
+    queueMicrotask(() => {
+      const { offsetTop, offsetHeight } = document.getElementById("panels");
+      for (const element of [this.cursor, this.chosen]) {
+        element.style.height = `${offsetTop + offsetHeight - AXIS_TALL - 4}px`;
+      }
+    });
     if (this.time !== undefined) this.show(this.time);
   }
 
   // Side by side with the bird all panels fit the window if they can; below it each has its height.
   tall() {
     if (window.innerWidth < 1000) return NARROW_TALL;
-    const rest = this.bands.offsetHeight + this.axis.offsetHeight + document.getElementById("hint").offsetHeight + 10;
+    const rest = this.bands.offsetHeight + AXIS_TALL + document.getElementById("hint").offsetHeight + 14;
     const share = Math.floor((this.right.clientHeight - rest) / this.panels.length) - 24;
     return Math.min(MOST_TALL, Math.max(LEAST_TALL, share));
+  }
+
+  // Modes as background, events as ticks at the top.
+  drawModes({ ctx, bbox }) {
+    const ratio = window.devicePixelRatio || 1, left = bbox.left, right = bbox.left + bbox.width;
+    const place = (t) => Math.min(right, Math.max(left, ratio * this.x(t)));
+    ctx.save();
+    ctx.globalAlpha = 0.28 * this.colors.band;
+    for (const [from, to, label] of this.flight.modes) {
+      ctx.fillStyle = this.bandColors.get(label);
+      ctx.fillRect(place(from), bbox.top, place(to) - place(from), bbox.height);
+    }
+    ctx.globalAlpha = 0.5;
+    for (const { time, severity } of this.flight.events) {
+      ctx.fillStyle = severity <= 4 ? this.colors.alarm : this.colors.mark;
+      if (time >= this.window[0] && time <= this.window[1]) ctx.fillRect(place(time), bbox.top, ratio, 5 * ratio);
+    }
+    ctx.restore();
   }
 
   clip(context, width, height) {
@@ -237,120 +307,30 @@ class Plots {
     context.lineTo(x - 4.5, 46);
     context.fill();
   }
+}
 
-  drawPanel(panel) {
-    const { context, width, height } = sized(panel.canvas);
-    const shown = panel.lines.map((line) => ({ ...line, rows: visible(line, this.window, width - this.gutter) }));
-    const scale = scaled(panel.wraps ? [-180, 180] : range(shown, panel.span), height, panel.wraps);
-    context.clearRect(0, 0, width, height);
-    this.clip(context, width, height);
-    for (const [from, to, label] of this.flight.modes) {
-      context.globalAlpha = 0.28 * this.colors.band;
-      context.fillStyle = this.bandColors.get(label);
-      context.fillRect(this.x(from), 0, this.x(to) - this.x(from), height);
-    }
-    context.globalAlpha = 1;
-    this.drawGrid(context, scale, width, height);
-    context.restore();
-    this.labels(context, spaced(scale).map((value) => [scale.text(value), scale.y(value), 1]));
-    this.clip(context, width, height);
-    const dense = !panel.wraps && shown.some(({ rows }) => tallShare(rows, scale, TALL * height) > DENSE);
-    for (const line of shown) (dense ? this.drawEnvelope : this.drawLine).call(this, context, line, scale, panel.wraps);
-    context.restore();
-  }
+// Time steps of an axis in s.
+const TIME_STEPS = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 21600];
+const TURNS = { incrs: [90, 180] };
 
-  drawGrid(context, scale, width, height) {
-    context.lineWidth = 1;
-    context.strokeStyle = this.colors.grid;
-    context.beginPath();
-    for (const value of scale.ticks) {
-      context.moveTo(this.gutter, Math.round(scale.y(value)) + 0.5);
-      context.lineTo(width, Math.round(scale.y(value)) + 0.5);
-    }
-    for (const { t } of timeTicks(this.window, width)) {
-      context.moveTo(Math.round(this.x(t)) + 0.5, 0);
-      context.lineTo(Math.round(this.x(t)) + 0.5, height);
-    }
-    context.stroke();
-    context.globalAlpha = 0.5;
-    for (const event of this.flight.events) {
-      context.strokeStyle = event.severity <= 4 ? this.colors.alarm : this.colors.mark;
-      context.beginPath();
-      context.moveTo(this.x(event.time), 0);
-      context.lineTo(this.x(event.time), 5);
-      context.stroke();
-    }
-    context.globalAlpha = 1;
+// A line through least and greatest of each row; a wrap interrupts it.
+function polyline({ time, low, high, from, to }, wraps) {
+  const x = [], y = [], none = [];
+  const add = (t, value) => { x.push(t); y.push(value); none.push(null); };
+  for (let n = from; n <= to; n++) {
+    const step = n < to ? time[n + 1] - time[n] : 0;
+    if (wraps && n > from && Math.abs(low[n] - low[n - 1]) > 180) add(0.5 * (time[n - 1] + time[n]), null);
+    add(time[n], Number.isNaN(low[n]) ? null : low[n]);
+    if (high[n] !== low[n] && step > 0 && !Number.isNaN(low[n])) add(time[n] + 0.4 * step, high[n]);
   }
+  return [x, y, none, none];
+}
 
-  drawLine(context, { rows, style }, scale, wraps) {
-    const [thick, dash] = STYLES[style], { time, low, high, from, to } = rows;
-    context.strokeStyle = this.colors[style];
-    context.globalAlpha = style === "truth" ? 0.75 : 1;
-    context.lineWidth = thick;
-    context.setLineDash(dash);
-    context.lineJoin = "round";
-    context.lineCap = dash.length ? "butt" : "round";
-    context.beginPath();
-    let pen = false;
-    for (let n = from; n <= to; n++) {
-      if (Number.isNaN(low[n])) { pen = false; continue; }
-      const x = this.x(time[n]), y = scale.y(low[n]);
-      if (pen && wraps && Math.abs(low[n] - low[n - 1]) > 180) pen = false;
-      if (!pen) context.moveTo(x, y);
-      context.lineTo(x, y);
-      if (high[n] !== low[n]) context.lineTo(x, scale.y(high[n]));
-      pen = true;
-    }
-    context.stroke();
-    context.setLineDash([]);
-    context.globalAlpha = 1;
-  }
-
-  // Strokes too many to be told apart: from least to greatest a shade, and on it the mean over some of them.
-  drawEnvelope(context, { rows, style }, scale) {
-    const { time, low, high, from, to } = rows, smooth = running(rows, MEAN_OVER);
-    context.fillStyle = context.strokeStyle = this.colors[style];
-    context.globalAlpha = 0.22;
-    for (let n = from; n <= to; n++) {
-      if (Number.isNaN(low[n])) continue;
-      const first = n;
-      while (n < to && !Number.isNaN(low[n + 1])) n++;
-      context.beginPath();
-      for (let m = first; m <= n; m++) context.lineTo(this.x(time[m]), scale.y(high[m]));
-      for (let m = n; m >= first; m--) context.lineTo(this.x(time[m]), scale.y(low[m]));
-      context.fill();
-    }
-    context.globalAlpha = 1;
-    context.lineWidth = STYLES[style][0];
-    context.setLineDash(STYLES[style][1]);
-    context.beginPath();
-    let pen = false;
-    for (let n = from; n <= to; n++) {
-      if (Number.isNaN(low[n])) { pen = false; continue; }
-      if (pen) context.lineTo(this.x(time[n]), scale.y(smooth[n - from]));
-      else context.moveTo(this.x(time[n]), scale.y(smooth[n - from]));
-      pen = true;
-    }
-    context.stroke();
-    context.setLineDash([]);
-  }
-
-  drawAxis() {
-    const { context, width } = sized(this.axis);
-    context.clearRect(0, 0, width, 40);
-    context.font = "11px system-ui, sans-serif";
-    context.textBaseline = "top";
-    context.fillStyle = context.strokeStyle = this.colors.dim;
-    context.textAlign = "center";
-    for (const { t, text } of timeTicks(this.window, width)) {
-      const x = this.x(t);
-      context.fillRect(x, 0, 1, 4);
-      context.fillText(text, Math.min(x, width - 0.5 * context.measureText(text).width - 1), 6);
-    }
-    const [from, to] = this.window, seconds = to - from < 120 ? "s" : to < 3600 ? "min:s" : "h:min:s";
-    context.fillText(`time since boot [${seconds}]`, 0.5 * (width + this.gutter), 20);
-  }
+// Mean over some strokes, and from least to greatest a shade.
+function envelope(rows) {
+  const { time, low, high, from, to } = rows, known = (value) => (Number.isNaN(value) ? null : value);
+  const part = (column) => Array.from(column.subarray(from, to + 1), known);
+  return [part(time), Array.from(running(rows, MEAN_OVER), known), part(high), part(low)];
 }
 
 // The level whose rows are about as many as the pixels, and which of its rows are inside.
@@ -394,7 +374,7 @@ function running({ time, mean, from, to }, seconds) {
 // From the least to the greatest value with a little room, and never less than the span.
 function range(lines, span) {
   let least = Infinity, greatest = -Infinity;
-  for (const { rows } of lines) {
+  for (const rows of lines) {
     for (let n = rows.from; n <= rows.to; n++) {
       if (rows.low[n] < least) least = rows.low[n];
       if (rows.high[n] > greatest) greatest = rows.high[n];
@@ -405,41 +385,9 @@ function range(lines, span) {
   return [least - room, greatest + room];
 }
 
-function scaled([least, greatest], height, wraps) {
-  const y = (value) => MARGIN + (greatest - value) / (greatest - least) * (height - 2 * MARGIN);
-  const step = wraps ? (height > 80 ? 90 : 180) : tickStep(least, greatest, height), ticks = [];
-  for (let k = Math.ceil(least / step - 1e-9); k * step <= greatest + 1e-9; k++) ticks.push(k * step);
-  const digits = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
-  return { y, ticks, text: (value) => signed(value.toFixed(digits)) };
-}
-
-// The ticks that have room for their label.
-function spaced({ ticks, y }) {
-  const every = ticks.length > 1 ? Math.ceil(11.5 / Math.abs(y(ticks[0]) - y(ticks[1]))) : 1;
-  return ticks.filter((_, n) => n % every === 0);
-}
-
-// As many ticks as there is room for, two at least.
-function tickStep(least, greatest, height) {
-  const step = tidy((greatest - least) / Math.max(2, height / 20));
-  const count = Math.floor(greatest / step) - Math.ceil(least / step) + 1;
-  return count >= 2 ? step : tidy(0.4 * step);
-}
-
 // A proper minus, and none before zero.
 function signed(text) {
   return text.replace(/^-(0(\.0*)?)$/, "$1").replace("-", "−");
-}
-
-const TIME_STEPS = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 21600];
-
-function timeTicks([from, to], width) {
-  const wanted = (to - from) / Math.max(2, width / 75), step = TIME_STEPS.find((s) => s >= wanted) || 43200, out = [];
-  const digits = step < 0.1 ? 2 : step < 1 ? 1 : 0;
-  for (let k = Math.ceil(from / step); k * step <= to; k++) {
-    out.push({ t: k * step, text: to - from < 120 ? (k * step).toFixed(digits) : minutes(k * step) });
-  }
-  return out;
 }
 
 function minutes(t) {

@@ -64,18 +64,18 @@ function faces(shape, pose) {
   return out;
 }
 
-// A spindle from the nose to the tail.
+// The fuselage: a body of its radius ahead, a boom to the tail.
 function hull(shape) {
-  const length = shape.nose - shape.tail[0], out = [];
-  const rings = [[0, 0.02], [0.15, 0.8], [0.4, 1], [0.75, 0.45], [1, 0.12]].map(([along, wide]) =>
-    Array.from({ length: 8 }, (_, k) => [
-      shape.nose - along * length,
-      0.035 * length * wide * Math.cos(k * Math.PI / 4),
-      0.045 * length * wide * Math.sin(k * Math.PI / 4),
-    ]));
+  const length = shape.nose - shape.tail[0], out = [], sides = 10;
+  const profile = [[0, 0.04], [0.04, 0.42], [0.12, 0.76], [0.24, 1], [0.4, 0.92], [0.55, 0.55], [0.7, 0.22], [1, 0.1]];
+  const rings = profile.map(([along, wide]) => Array.from({ length: sides }, (_, k) => [
+    shape.nose - along * length,
+    0.8 * shape.body * wide * Math.cos(2 * k * Math.PI / sides),
+    shape.body * wide * Math.sin(2 * k * Math.PI / sides),
+  ]));
   for (let r = 0; r + 1 < rings.length; r++) {
-    for (let k = 0; k < 8; k++) {
-      const next = (k + 1) % 8;
+    for (let k = 0; k < sides; k++) {
+      const next = (k + 1) % sides;
       out.push({ color: "hull", points: [rings[r][k], rings[r][next], rings[r + 1][next], rings[r + 1][k]] });
     }
   }
@@ -292,7 +292,7 @@ class Scene {
       color,
       points: points.map((p) => add(this.pose.place, turned(this.pose.quaternion, times(p, this.enlarged)))),
     }));
-    for (const { points } of drawn) this.fill(points.map(([x, y]) => [x, y, 0]), this.colors.shade, null);
+    for (const { points } of drawn) this.fill(points.map(([x, y]) => [x, y, 0]), this.colors.shadow, null);
     const eyes = drawn.map((face) => ({ ...face, depth: face.points.reduce((s, p) => s + this.seen(p)[2], 0) / 4 }));
     eyes.sort((a, b) => b.depth - a.depth);
     for (const { color, points } of eyes) this.fill(points, this.colors[color], shade(points), color !== "hull");

@@ -105,7 +105,7 @@ def test_an_interrupted_campaign_goes_on_and_its_table_is_that_of_one_run(
     assert not (folder / "parts.parquet").exists()
     assert main(["campaign", "report", "parts.parquet"]) == 0
     assert "unfinished: 3 flights of 4; resume with wingbeat campaign short.toml" in capsys.readouterr().out
-    assert "unfinished: of 4 flights these are flown" in (folder / "parts.html").read_text()
+    assert "unfinished: 4 flights are planned" in (folder / "parts.html").read_text()
     assert document(capsys, "campaign", "report", "parts.parquet", "--json")["planned"] == 4
     monkeypatch.setattr(campaign, "fly_campaign", fly_campaign)
     assert main(["campaign", "short.toml", "--out", "parts.parquet"]) == 0

@@ -26,8 +26,8 @@ FLYING = VehicleState(
 HISTORY = History(tuple((t * 0.2, 40 - t * 0.1) for t in range(300)), tuple((0.3 * t, 0.1 * t) for t in range(300)))
 
 
-def rendered(state: VehicleState, history: History | None, width: int, note: str = "") -> list[str]:
-    console = Console(width=width, record=True, file=open("/dev/null", "w"))  # noqa: SIM115, PTH123
+def rendered(state: VehicleState, history: History | None, width: int, note: str = "", height: int = 24) -> list[str]:
+    console = Console(width=width, height=height, record=True, file=open("/dev/null", "w"))  # noqa: SIM115, PTH123
     console.print(FlightView(Header("robo_raven_ii_d", "AUTO", note), state, history))
     return console.export_text().splitlines()
 
@@ -45,7 +45,18 @@ def test_everything_a_pilot_asks_for_is_there() -> None:
 @pytest.mark.parametrize("state", [VehicleState(), FLYING])
 def test_no_line_is_wider_than_the_terminal(width: int, state: VehicleState) -> None:
     lines = rendered(state, HISTORY, width)
-    assert max(len(line) for line in lines) <= min(width, 100)
+    assert max(len(line) for line in lines) <= width
+
+
+@pytest.mark.parametrize(("width", "height"), [(80, 24), (120, 40), (200, 60)])
+def test_the_view_fills_the_terminal(width: int, height: int) -> None:
+    """GIVEN many messages WHEN a terminal of any size shows the flight THEN every line but the cursor's is used."""
+    state = FLYING._replace(events=tuple(StatusLine(float(n), Severity.INFO, f"event {n}") for n in range(40)))
+    lines = rendered(state, HISTORY, width, height=height)
+    assert len(lines) == height - 1
+    assert max(len(line) for line in lines) == width
+    plots = [line for line in lines if "│" in line]
+    assert len(plots) >= 0.3 * height and min(len(line.rstrip()) for line in plots) > 0.4 * width
 
 
 def test_without_data_there_are_dashes_and_no_zeros() -> None:

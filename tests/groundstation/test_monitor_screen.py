@@ -72,6 +72,17 @@ async def draw(pilot: Pilot[None]) -> str:
     return shown(pilot)
 
 
+@pytest.mark.parametrize(("size", "visible"), [((80, 24), False), ((120, 40), True), ((200, 60), True)])
+def test_a_tall_window_shows_the_track_and_the_wings(size: tuple[int, int], visible: bool) -> None:
+    async def script(pilot: Pilot[None], station: Station, vehicle: LossyVehicle) -> None:
+        text = await draw(pilot)
+        assert ("north up" in text) is visible and ("no wing angles" in text) is visible
+        lines = text.splitlines()
+        assert len(lines) == size[1] and all(len(line.rstrip()) > 0.5 * size[0] for line in lines[2:-1])
+
+    on_screen(script, size)
+
+
 @pytest.mark.parametrize("size", [(80, 24), (132, 40), (60, 16)])
 def test_the_flight_is_shown_in_any_window(size: tuple[int, int]) -> None:
     async def script(pilot: Pilot[None], station: Station, vehicle: LossyVehicle) -> None:

@@ -102,7 +102,7 @@ def test_the_wings_flap_about_their_hinges_as_they_were_recorded(flight: Log, dr
         hinge = drawn.at(f"{BIRD}/{name}", "translation", wing.time[:1])
         assert hinge == pytest.approx((SHAPE.hinge[0], side * SHAPE.hinge[1], SHAPE.hinge[2]))
         corners = drawn.columns[f"{BIRD}/{name} vertex_positions"]
-        assert corners == pytest.approx(np.array(outlines(SHAPE)[name][0]))
+        assert corners == pytest.approx(np.concatenate(outlines(SHAPE)[name]))
 
 
 def test_plots_events_and_track_are_the_logs(flight: Log, drawn: Drawn) -> None:

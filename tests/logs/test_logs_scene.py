@@ -19,7 +19,7 @@ from avionics.vehicles import vehicle_names
 from logs.outline import shape_of
 from logs.poses import Pose, wing_in_body
 from logs.recorder import McapRecorder
-from logs.scene import FLOWN, TRACK_POINTS, Scene, SceneRecorder, Shape, entities, location
+from logs.scene import ELLIPSE, FLOWN, RAVEN, TRACK_POINTS, Scene, SceneRecorder, Shape, entities, location, outlines
 from sim_bridge import topics as truth_topics
 from sim_bridge.vehicles import load_vehicle
 
@@ -27,12 +27,22 @@ SHAPE = Shape(0.5, 0.3, (0.1, 0.02, 0.03), 0.2, (-0.4, 0.0, 0.0), 0.3, 0.2, 0.1)
 SHOWN = (truth_topics.STATE, truth_topics.WING, topics.ATTITUDE, topics.WING, topics.ALTITUDE)
 
 
+def test_a_wing_has_the_area_of_its_planform() -> None:
+    """A raven planform has 5/6 of its rectangle, an ellipse pi/4 (of the drawn strips, within 1 %)."""
+    for chords, area in ((RAVEN, 5 / 6), (ELLIPSE, math.pi / 4)):
+        strips = np.array(outlines(SHAPE._replace(chords=chords))["left_wing"])
+        x, y = strips[..., 0], strips[..., 1]
+        areas = 0.5 * np.abs(np.sum(x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1), axis=1))
+        assert np.sum(areas) == pytest.approx(area * SHAPE.semispan * SHAPE.chord, rel=0.02)
+
+
 def test_the_wings_of_the_scene_reach_from_the_hinge_to_the_tip() -> None:
     parts = {entity.id: entity for entity in entities(SHAPE, "", 1.0)}
     assert set(parts) == {"fuselage", "left_wing", "right_wing", "tail", "track"}
-    points = [(p.x, p.y) for p in parts["left_wing"].triangles[0].points]
+    points = [(p.x, p.y) for strip in parts["left_wing"].triangles for p in strip.points]
     assert max(y for _, y in points) == SHAPE.semispan and min(y for _, y in points) == 0.0
     assert (min(x for x, _ in points), max(x for x, _ in points)) == (-SHAPE.chord, 0.0)
+    assert parts["fuselage"].spheres[0].size.z == pytest.approx(2 * SHAPE.body_radius)
     assert all(entity.frame_locked for name, entity in parts.items() if name != "track")
     assert len(parts["tail"].triangles) == 2
     assert len(entities(SHAPE._replace(fin_height=0.0), "", 1.0)[3].triangles) == 1

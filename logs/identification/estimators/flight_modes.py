@@ -35,7 +35,7 @@ from logs.identification.findings import Entry, Finding, register
 from logs.identification.models.actuators import Actuated, Actuator
 from logs.identification.models.modes import SHORT_PERIOD, Mode, ModesResult, mode_of_system, nothing
 from logs.identification.models.stroke_averaged import LONGITUDINAL, TAIL_DELAY, TAIL_LAG, UNITS, model_of
-from logs.identification.results import Array, Estimate, EstimationResult, FitSeries, Fitted, Unidentified
+from logs.identification.results import Array, Estimate, EstimationResult, FitSeries
 from logs.identification.statistics.covariance import ParameterUncertainty
 from wingbeat.constants import STANDARD_GRAVITY
 
@@ -430,28 +430,3 @@ def mode_of(method: str, flight: FlightProblem, fit: Fit | Regression) -> Mode:
     spread = ParameterUncertainty(fit.covariance, fit.degrees)
     system = flight.system
     return mode_of_system(method, lambda values: system(fit.names, values), fit.values, spread, derivatives_of(fit))
-
-
-def fitted(result: ModesResult) -> tuple[Fitted, ...]:
-    """The methods with a physical model for the report, output error with predicted maneuvers."""
-    shown = []
-    for one in result.results:
-        series, statement = one.series, ""
-        if one.method == OUTPUT_ERROR and one.estimates:
-            ahead = tuple(piece for piece in series if piece.held_out)
-            if not ahead:
-                ahead = cross_validated(result.flight)
-                series = (*series, *ahead)
-            count = len({piece.experiment for piece in ahead})
-            total = len(result.maneuvers) + count * bool(result.held_out)
-            statement = "No maneuver was held out: none can be spared."
-            if ahead:
-                statement = (
-                    f"{count} of {total} maneuvers were held out: derivatives estimated from the others predict them;"
-                    " initial state and sensor biases are those of the maneuver itself."
-                )
-        refused = tuple(Unidentified(finding.subject or one.method, finding.text) for finding in one.withheld)
-        shown.append(
-            Fitted(one.method, one.equations, one.estimates, refused, one.correlation, series, (), statement)
-        )
-    return tuple(shown)

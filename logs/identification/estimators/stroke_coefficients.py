@@ -24,8 +24,8 @@ from logs.identification.models.stroke_averages import (
     moment_regressors,
 )
 from logs.identification.models.wing_strokes import MeasuredStrokes
-from logs.identification.report.document import DASHED, MODEL, POINTS, Chapter, Plot, Series
 from logs.identification.results import Array, Estimate, FitSeries, Fitted, Unidentified, estimate, estimates
+from logs.pages.document import DASHED, MODEL, POINTS, Chapter, Plot, Series
 from wingbeat.errors import InputError
 
 METHOD = "stroke-averaged coefficients"

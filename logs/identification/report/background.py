@@ -1,4 +1,4 @@
-"""Work that goes on beside other work."""
+"""Computation in a background thread."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from typing import TypeVar
 Result = TypeVar("Result")
 
 
-def begun(work: Callable[[], Result]) -> Callable[[], Result]:
-    """Begin with ``work`` in a thread; what is called for its result waits, and raises what it raised.
+def run_in_background(work: Callable[[], Result]) -> Callable[[], Result]:
+    """Start ``work`` in a daemon thread; the returned function waits for its result or raises its exception.
 
-    Who is interrupted meanwhile, or fails in another way, does not wait for it: it ends with the process.
+    The process does not wait for the thread at its end.
     """
     results, failures = list[Result](), list[BaseException]()
 
@@ -22,7 +22,7 @@ def begun(work: Callable[[], Result]) -> Callable[[], Result]:
         except BaseException as error:
             failures.append(error)
 
-    thread = threading.Thread(target=run, name="beside", daemon=True)
+    thread = threading.Thread(target=run, name="background", daemon=True)
     thread.start()
 
     def result() -> Result:

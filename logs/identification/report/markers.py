@@ -1,4 +1,4 @@
-"""What markers tell, as lines of the table, as a JSON document and as a chapter of the page."""
+"""Results of motion-capture markers as lines of a table, JSON document and chapter of a page."""
 
 from __future__ import annotations
 
@@ -8,19 +8,18 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from logs.identification.motion_capture.motion import BASE, MarkerMotion, findings_of
-from logs.identification.report.document import MEASURED, Band, Chapter, Plot, Series, Table
-from logs.identification.report.labels import sentence
 from logs.identification.results import Array, student_factor
 from logs.identification.tables.markers import MarkersResult
+from logs.pages.document import MEASURED, Band, Chapter, Plot, Series, Table
+from logs.pages.labels import sentence
 from wingbeat.rotation_arrays import euler_from_quaternions
 
 UNITS = ("m",) * 3 + ("rad",) * 3
 SPEEDS = ("v_x", "v_y", "v_z", "omega_x", "omega_y", "omega_z")
 SPEED_UNITS = ("m/s",) * 3 + ("rad/s",) * 3
 METHOD = (
-    "All markers together are fitted by position and attitude of the base and the joints' angles (Grauer Eq. 1 and"
-    " 8); standard errors are those of what the fit leaves. Speeds are the derivatives of the low-passed coordinates"
-    " (Eq. 2)."
+    "Position and attitude of the base and the joint angles are fitted to all markers (Grauer Eq. 1 and 8); standard"
+    " errors are from the residuals. Speeds are derivatives of the low-passed coordinates (Eq. 2)."
 )
 
 
@@ -41,7 +40,7 @@ class Track(NamedTuple):
 
     @property
     def line(self) -> str:
-        """Range and standard error, for people."""
+        """Range and standard error as text."""
         low, high = np.nanmin(self.values), np.nanmax(self.values)
         return f"{low:.3f} to {high:.3f} {self.unit}, standard error {self.typical:.2g} {self.unit}"
 
@@ -59,7 +58,7 @@ def coordinates(motion: MarkerMotion) -> tuple[Track, ...]:
 
 
 def speed_lines(motion: MarkerMotion) -> tuple[tuple[str, str, float, float], ...]:
-    """Name, unit, least and greatest of every generalized speed."""
+    """Return name, unit, minimum and maximum of every generalized speed."""
     if not motion.speeds:
         return ()
     table = np.concatenate([one.speeds for one in motion.speeds])
@@ -72,16 +71,20 @@ def speed_lines(motion: MarkerMotion) -> tuple[tuple[str, str, float, float], ..
 
 
 def marker_lines(motion: MarkerMotion) -> tuple[tuple[str, str], ...]:
-    """Name and text of what stands below the table."""
+    """Return name and text of the lines below the table."""
     rates = {name: (unit, low, high) for name, unit, low, high in speed_lines(motion)}
     lines = [(track.name, track.line) for track in coordinates(motion)]
     lines += [(name, f"{low:.2f} to {high:.2f} {unit}") for name, (unit, low, high) in rates.items()]
     return (*lines, *(("told", one.text) for one in findings_of(motion)))
 
 
-def marker_document(found: MarkersResult) -> dict[str, Any]:
-    """For the JSON document; a number that is not known is null."""
-    return {"vehicle": found.vehicle, "records": [_record(one) for one in found.motions], "notes": list(found.notes)}
+def marker_document(result: MarkersResult) -> dict[str, Any]:
+    """Return the JSON document; unknown numbers are null."""
+    return {
+        "vehicle": result.vehicle,
+        "records": [_record(one) for one in result.motions],
+        "notes": list(result.notes),
+    }
 
 
 def _record(motion: MarkerMotion) -> dict[str, Any]:
@@ -118,10 +121,10 @@ def _list(values: Array) -> list[float | None]:
     return [float(value) if math.isfinite(value) else None for value in values]
 
 
-def markers_chapter(found: MarkersResult) -> Chapter:
-    """Each record's coordinates with their bands, and its speeds."""
-    parts = tuple(_part(motion) for motion in found.motions)
-    return Chapter("Motion by markers", (METHOD, *map(sentence, found.notes)), parts=parts)
+def markers_chapter(result: MarkersResult) -> Chapter:
+    """Return coordinates with their 95 % bands and speeds of each record."""
+    parts = tuple(_part(motion) for motion in result.motions)
+    return Chapter("Motion by markers", (METHOD, *map(sentence, result.notes)), parts=parts)
 
 
 def _part(motion: MarkerMotion) -> Chapter:
@@ -133,14 +136,14 @@ def _part(motion: MarkerMotion) -> Chapter:
     noise = motion.noise
     tables = [
         Table(
-            ("coordinate", "unit", "least", "greatest", "standard error"),
+            ("coordinate", "unit", "minimum", "maximum", "standard error"),
             rows,
             "Standard errors are medians over the frames; of position and attitude along and about the base's axes"
             f" ({', '.join(BASE[3:])} as roll, pitch, yaw).",
         )
     ]
     if motion.speeds:
-        tables.append(Table(("speed", "unit", "least", "greatest"), speed_lines(motion)))
+        tables.append(Table(("speed", "unit", "minimum", "maximum"), speed_lines(motion)))
     plots = tuple(_plot(one, motion.time, factor) for one in tracks)
     told = f"marker noise {1e3 * noise.value:.3f} mm ({1e3 * noise.low:.3f} to {1e3 * noise.high:.3f})"
     return Chapter(

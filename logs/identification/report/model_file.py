@@ -1,4 +1,4 @@
-"""What `wingbeat identify --model` writes: a linear model to tune on, and a world that flies it."""
+"""Files of `wingbeat identify --model`: a linear model for tuning and a simulated vehicle."""
 
 from __future__ import annotations
 
@@ -23,37 +23,37 @@ WORLD, AVIONICS, BASE = "world.toml", "avionics.toml", "base.toml"
 
 
 class Log(NamedTuple):
-    """What the model says of where it is from."""
+    """Source of the model."""
 
     name: str
     """-; of the file"""
     sha256: str
     """-; of its bytes, in hexadecimal digits"""
     density: float | None
-    """kg/m^3; mean of the flight, None where it is not known"""
+    """kg/m^3; mean of the flight, None if unknown"""
 
 
 class Base(NamedTuple):
-    """The vehicle that flew, as far as it is known: what the derivatives are laid over."""
+    """Vehicle of the flight, whose derivatives are replaced."""
 
     world: SimulatedVehicle
     """its bodies, drive and sensors"""
     avionics: FlightVehicle | None
-    """its flight computer's file; None where it has none"""
+    """its flight computer's file; None if there is none"""
 
 
 class Written(NamedTuple):
-    """What was written, and what is to be said of it."""
+    """Written files, and notes on them."""
 
     paths: tuple[Path, ...]
     notes: tuple[str, ...]
 
 
 def places(out: Path) -> tuple[Path, Path]:
-    """The model's file and the folder of its vehicle beside it, neither of which may be there.
+    """Return the model file and the folder of its vehicle, neither of which may exist.
 
     Raises:
-        InputError: one of them exists, ``out`` is no TOML file, or its folder is not there.
+        InputError: one of them exists, ``out`` is not a TOML file, or its folder does not exist.
     """
     if out.suffix != ".toml":
         raise InputError(f"--model {out}: the name of a model ends in .toml")
@@ -67,7 +67,7 @@ def places(out: Path) -> tuple[Path, Path]:
 
 
 def linear_model(modes: ModesResult, log: Log, vehicle: str = "") -> LinearModel:
-    """The longitudinal model of the first method that has one, about the flight's reference; drive and lateral none.
+    """Return the longitudinal model of the first complete method, about the reference flight.
 
     Raises:
         InputError: no method has all its derivatives and a short period.
@@ -76,13 +76,13 @@ def linear_model(modes: ModesResult, log: Log, vehicle: str = "") -> LinearModel
     if about is None or period is None:
         raise InputError("no model is written: the records tell neither a flight condition nor a wing period")
     derivatives = {e.name: e.value for e in mode.derivatives if e.name not in TAIL}
-    # Place of the IMU and lag of the tail are in the outputs alone.
+    # Position of the IMU and lag of the tail affect the outputs alone.
     system = matrices(tuple(derivatives), np.array(list(derivatives.values())), about, Aircraft())
     pairs = (mode.short_period, mode.phugoid)
     kept = (*mode.derivatives, *(e for pair in pairs if pair is not None for e in pair.estimates))
     angle = math.atan2(about.w, about.u)
     found = Identified(log.name, log.sha256, mode.method, about.elevator, angle, log.density, identified_values(kept))
-    origin = f"{log.name}, {mode.method}, {modes.manoeuvres} manoeuvres"
+    origin = f"{log.name}, {mode.method}, {modes.manoeuvres} maneuvers"
     return LinearModel(
         vehicle, origin, about.airspeed, about.pitch, 1.0 / period, system.a, system.b, None, None, found
     )
@@ -96,9 +96,9 @@ def _whole_mode(modes: ModesResult) -> Mode:
     raise InputError(f"no model is written: no method gives all longitudinal derivatives{why and f' ({why})'}")
 
 
-def identified_values(found: tuple[Estimate, ...]) -> tuple[IdentifiedValue, ...]:
-    """Estimates as a model file has them."""
-    return tuple(IdentifiedValue(e.name, e.unit, e.value, e.standard_error, e.low, e.high) for e in found)
+def identified_values(estimates: tuple[Estimate, ...]) -> tuple[IdentifiedValue, ...]:
+    """Return estimates as entries of a model file."""
+    return tuple(IdentifiedValue(e.name, e.unit, e.value, e.standard_error, e.low, e.high) for e in estimates)
 
 
 def write_model(
@@ -106,29 +106,29 @@ def write_model(
     modes: ModesResult,
     log: Log,
     base: Base | None,
-    told: Callable[[int, int], None] = lambda done, of: None,
+    progress: Callable[[int, int], None] = lambda done, of: None,
 ) -> Written:
-    """Write the model, and the folder of its vehicle beside it where ``base`` tells the bodies; nothing overwritten.
+    """Write the model and, with a ``base``, the folder of its vehicle; nothing is overwritten.
 
-    ``told`` hears how far the linearising of what was not identified is.
+    ``progress`` gets the number of linearized and of all values.
 
     Raises:
         InputError: a file exists, or no method has a whole model.
     """
     places(out)
-    return write_linear(out, linear_model(modes, log), base, told)
+    return write_linear(out, linear_model(modes, log), base, progress)
 
 
 def write_linear(
-    out: Path, model: LinearModel, base: Base | None, told: Callable[[int, int], None] = lambda done, of: None
+    out: Path, model: LinearModel, base: Base | None, progress: Callable[[int, int], None] = lambda done, of: None
 ) -> Written:
-    """Write a ``model`` of whatever it was identified from; as `write_model`.
+    """Write a ``model``; as `write_model`.
 
     Raises:
         InputError: a file exists.
     """
     path, folder = places(out)
-    world, notes = _world(model, base, told)
+    world, notes = _world(model, base, progress)
     paths = [path]
     if world is not None and base is not None:
         model = model._replace(vehicle=folder.name)
@@ -147,20 +147,20 @@ def _left_out(model: LinearModel) -> tuple[str, ...]:
 
 
 def _world(
-    model: LinearModel, base: Base | None, told: Callable[[int, int], None]
+    model: LinearModel, base: Base | None, progress: Callable[[int, int], None]
 ) -> tuple[IdentifiedWorld | None, tuple[str, ...]]:
-    """The world that flies the model, None with the reason where it cannot be had."""
+    """Return the simulated vehicle; None with the reason if there is none."""
     if base is None:
         return None, ("no world to fly in: nothing tells the bodies of the vehicle (--vehicle does)",)
     try:
-        world = identified_world(model, base.world, told)
+        world = identified_world(model, base.world, progress)
     except InputError as error:
         return None, (f"no world to fly in: {error}",)
     return world, world.notes
 
 
 def _folder_files(name: str, model: LinearModel, world: IdentifiedWorld, base: Base) -> dict[str, str]:
-    """Texts by the names of the files in the vehicle's folder."""
+    """Return the texts of the files in the vehicle's folder by name."""
     below, files = base.world.name, {}
     if below not in vehicle_names() or load_vehicle(below).text != base.world.text:
         below, files = BASE, {BASE: base.world.text}

@@ -17,7 +17,7 @@ from logs.identification.estimators.stepwise import Step
 from logs.identification.estimators.torque_speed import identify_load, load_truth
 from logs.identification.estimators.wing_coefficients import AeroResult
 from logs.identification.models.modes import KINDS, Mode, ModesResult, Oscillation
-from logs.identification.report.background import begun
+from logs.identification.report.background import run_in_background
 from logs.identification.report.markers import marker_document, marker_lines
 from logs.identification.results import Estimate, EstimationResult, Unidentified
 from logs.identification.sources.flight import drive_data, flight_data, throttle_data, true_drive_data
@@ -38,7 +38,7 @@ FOLLOWS = re.compile(r"_(period|(time|cycles)_to_\w+)$")
 DECADE = 10.0
 """-; the upper end of an interval over the lower, above which such a number is not told"""
 THEIL = ("coefficient", "bias", "variance", "covariance")
-"""of `statistics.theil.Theil`, in the JSON document"""
+"""of `statistics.fit_quality.Theil`, in the JSON document"""
 
 
 class Identification(NamedTuple):
@@ -109,7 +109,7 @@ def identify(
     known, aircraft, missing = dict(truths or {}), aircraft or Aircraft(), list[Unidentified]()
     torque = power = load = frequency = None
     unknown_modes = list[Unidentified]()
-    modes = _modes_begun(source, what, aircraft, unknown_modes)
+    modes = _start_modes(source, what, aircraft, unknown_modes)
     if what in ("servo", "power", "all"):
         torque, power = _servo(source, what, aircraft, missing)
     if what in ("servo", "all"):
@@ -129,12 +129,12 @@ def identify(
     return Identification(torque, power, load, frequency, found, tuple(missing), known, aero)
 
 
-def _modes_begun(
+def _start_modes(
     source: ColumnSource, what: str, aircraft: Aircraft, missing: list[Unidentified]
 ) -> Callable[[], ModesResult | None]:
-    """Begin with the modes; what is called for them waits.
+    """Start the modes in the background; the returned function waits for them. The log is read before.
 
-    Half their time is in one kernel, beside which a second core does the rest. The log is read here, where all is.
+    Half their time is in one kernel, beside which a second core does the rest.
     """
     data = None
     if what in ("modes", "all"):
@@ -146,7 +146,7 @@ def _modes_begun(
         found: ModesResult | None = _attempt(lambda: identify_modes(data, aircraft), "short period", missing)
         return found
 
-    return work if what == "modes" else begun(work)
+    return work if what == "modes" else run_in_background(work)
 
 
 def _wings(
@@ -265,14 +265,14 @@ def rows(result: Identification) -> tuple[Row, ...]:
     return (*table, *_refusals("", result.missing))
 
 
-def determined(found: Sequence[Estimate]) -> tuple[list[Estimate], list[Unidentified]]:
+def determined(estimates: Sequence[Estimate]) -> tuple[list[Estimate], list[Unidentified]]:
     """A mode's numbers, and those that follow from its frequency and damping and that these leave open.
 
     Where the damping may be next to none, a time to half may be anything: more than a decade says nothing.
     """
     told: list[Estimate] = []
     wide: list[Unidentified] = []
-    for one in found:
+    for one in estimates:
         if FOLLOWS.search(one.name) and one.high > DECADE * one.low:
             unit = "" if one.unit == "-" else f" {one.unit}"
             bounds = f"{one.low:.2g} to {one.high:.3g}{unit}"
@@ -282,8 +282,10 @@ def determined(found: Sequence[Estimate]) -> tuple[list[Estimate], list[Unidenti
     return told, wide
 
 
-def _estimate_rows(subject: str, found: Iterable[Estimate], truths: Mapping[str, float], prefix: str) -> list[Row]:
-    return [Row(subject, e.name, e.unit, e, truths.get(prefix + e.name), "") for e in found]
+def _estimate_rows(
+    subject: str, estimates: Iterable[Estimate], truths: Mapping[str, float], prefix: str
+) -> list[Row]:
+    return [Row(subject, e.name, e.unit, e, truths.get(prefix + e.name), "") for e in estimates]
 
 
 def _refusals(subject: str, refused: Iterable[Unidentified]) -> list[Row]:
@@ -352,9 +354,9 @@ def _number(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def _estimate(found: Estimate, truths: Mapping[str, float], prefix: str = "") -> dict[str, Any]:
-    entry = {key: value if isinstance(value, str) else _number(value) for key, value in found._asdict().items()}
-    return entry | {"truth": truths.get(prefix + found.name)}
+def _estimate(one: Estimate, truths: Mapping[str, float], prefix: str = "") -> dict[str, Any]:
+    entry = {key: value if isinstance(value, str) else _number(value) for key, value in one._asdict().items()}
+    return entry | {"truth": truths.get(prefix + one.name)}
 
 
 def _model(model: ServoModel, truths: Mapping[str, float], prefix: str) -> dict[str, Any]:

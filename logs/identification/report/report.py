@@ -1,9 +1,9 @@
-"""The whole report of an identification, chapter by chapter, and its page."""
+"""Report of an identification from logs."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -12,32 +12,23 @@ import numpy as np
 from logs.identification.data.flight import DriveData
 from logs.identification.data.maneuvers import Maneuver
 from logs.identification.diagnostics.validation import validation
-from logs.identification.estimators.flight_modes import fitted
-from logs.identification.models.modes import KINDS, Mode, ModesResult
-from logs.identification.report.coefficients import aero_chapter
-from logs.identification.report.document import MEASURED, Bar, Chapter, Intervals, Plot, Series, Table
-from logs.identification.report.drives import drives_chapter, wings_chapter
-from logs.identification.report.fits import (
-    correlation_chapter,
-    fits_chapter,
-    parameters_chapter,
-    residuals_chapter,
-    validation_chapter,
-)
-from logs.identification.report.flight_path import log_chapter
-from logs.identification.report.html import page
-from logs.identification.report.labels import sentence
+from logs.identification.estimators.flight_modes import OUTPUT_ERROR, cross_validated
+from logs.identification.models.modes import KINDS, ModesResult
 from logs.identification.report.markers import markers_chapter
-from logs.identification.report.numbers import POWER_TRUTH, Identification, determined
-from logs.identification.report.numbers import rows as all_rows
-from logs.identification.results import Array, EstimationResult, from_fitted
-from logs.new_files import claim, draft, settle
-from wingbeat.errors import InputError
+from logs.identification.report.methods import method_chapter, missing_remarks, remarks
+from logs.identification.report.numbers import FOLLOWS, POWER_TRUTH, Identification, determined
+from logs.identification.report.subjects import aero_chapter, drives_chapter, log_path_chapter, wings_chapter
+from logs.identification.results import Array, Estimate, EstimationResult
+from logs.pages.document import MEASURED, Bar, Chapter, Intervals, Plot, Remark, Series, Table
+from logs.pages.labels import capitalized, sentence
+from logs.pages.render import write_page
 from wingbeat.text import pluralize
+
+SUMMARY = "Summary"
 
 
 class Subject(NamedTuple):
-    """What was identified from."""
+    """Source of the identification."""
 
     title: str
     """-; of the page"""
@@ -46,164 +37,139 @@ class Subject(NamedTuple):
     sha256: str
     """-; of its bytes, in hexadecimal digits"""
     facts: tuple[tuple[str, str], ...]
-    """what else is known of it: word and value"""
+    """further facts: name and value"""
     more: tuple[tuple[str, str], ...] = ()
     """-; name and SHA-256 of further logs of the same aircraft"""
 
     @property
     def sources(self) -> tuple[tuple[str, str], ...]:
-        """The logs with their sums, word and value."""
+        """The logs with their digests, name and value."""
         files = ((self.file, self.sha256), *self.more)
         return tuple(row for name, digest in files for row in (("file", name), ("SHA-256", digest)))
 
 
-def refuse_existing(path: Path) -> None:
-    """Refuse a file that is there, before the long work.
+def write_report(path: Path, subject: Subject, results: Identification, drive: DriveData | None = None) -> int:
+    """Write the page to ``path``, which must not exist; return its size in bytes.
 
-    Raises:
-        InputError: it exists, or its folder does not.
-    """
-    if path.exists():
-        raise InputError(f"{path} exists: it is not overwritten")
-    if not path.parent.is_dir():
-        raise InputError(f"{path}: there is no folder {path.parent}")
-
-
-def write_report(
-    path: Path,
-    subject: Subject,
-    results: Identification,
-    drive: DriveData | None = None,
-    more: tuple[Chapter, ...] = (),
-) -> int:
-    """Write the page to ``path``, which must not exist; its size in bytes.
-
-    ``drive`` is what the servo models are from, for their scatter plots; ``more`` are chapters of other rooms.
+    ``drive`` are the data of the servo models, for their scatter plots.
 
     Raises:
         InputError: the file exists or cannot be written.
     """
-    facts = (
-        subject.file,
-        *(name for name, _ in subject.more),
-        *(f"{word} {value}" for word, value in subject.facts[:3]),
-    )
-    return write_page(path, subject.title, facts, chapters(subject, results, drive, more))
+    files = (subject.file, *(name for name, _ in subject.more))
+    facts = (*files, *(f"{name} {value}" for name, value in subject.facts[:3]))
+    return write_page(path, subject.title, facts, chapters(subject, results, drive), signed=True)
 
 
-def write_page(path: Path, title: str, facts: tuple[str, ...], told: tuple[Chapter, ...]) -> int:
-    """Write the chapters ``told`` below a ``title`` and a line of ``facts`` to ``path``; the page's size in bytes.
-
-    Raises:
-        InputError: the file exists or cannot be written.
-    """
-    refuse_existing(path)
-    text = page(title, facts, told).encode()
-    with draft(path) as (file, name):
-        file.write(text)
-        settle(file)
-        claim(name, path)
-    return len(text)
-
-
-def chapters(
-    subject: Subject, results: Identification, drive: DriveData | None = None, more: tuple[Chapter, ...] = ()
-) -> tuple[Chapter, ...]:
-    """The report: findings first, then what they rest on."""
-    older = fitted(results.modes) if results.modes else ()
-    paths = (results.path.result,) if results.path else ()
-    fits = (*(from_fitted(one, one.method) for one in older), *paths)
-    validations = (*(one.validation for one in older), *("" for _ in paths))
-    told = [
-        _findings(results),
+def chapters(subject: Subject, results: Identification, drive: DriveData | None = None) -> tuple[Chapter, ...]:
+    """Return the report: the summary, the data, and a chapter for each subject and method."""
+    fits, note = method_results(results)
+    every = [
+        _summary(results),
         _data(subject, results),
         modes_chapter(results.modes, results.truths) if results.modes is not None else None,
         drives_chapter(results.torque, results.power, drive, results.truths),
         wings_chapter(results.load, results.frequency, results.truths),
         None if results.aero is None else aero_chapter(results.aero, results.truths),
-        log_chapter(results.path) if results.path is not None else None,
+        log_path_chapter(results.path) if results.path is not None else None,
         None if results.markers is None else markers_chapter(results.markers),
-        *_of_fits(fits, results, validations),
-        *more,
+        model_chapter(fits, results.modes) if fits else None,
+        *(method_chapter(fit, results.truths, note=note if fit.title == OUTPUT_ERROR else "") for fit in fits),
     ]
-    return tuple(chapter for chapter in told if chapter is not None)
+    return tuple(chapter for chapter in every if chapter is not None)
 
 
-def _of_fits(
-    fits: tuple[EstimationResult, ...], results: Identification, validations: tuple[str, ...]
-) -> tuple[Chapter | None, ...]:
-    if not fits:
-        return ()
+def method_results(results: Identification) -> tuple[tuple[EstimationResult, ...], str]:
+    """Return the results of the methods with a model, output error with predicted maneuvers, and a note on these."""
+    fits, note = list[EstimationResult](), ""
+    for one in results.modes.results if results.modes is not None else ():
+        fit = one._replace(title=one.title or one.method)
+        if one.method == OUTPUT_ERROR and one.estimates and results.modes is not None:
+            predicted = [] if any(piece.held_out for piece in one.series) else cross_validated(results.modes.flight)
+            fit = fit._replace(series=(*one.series, *predicted))
+            note = _validation_note(fit, results.modes)
+        fits.append(fit)
+    return (*fits, *((results.path.result,) if results.path is not None else ())), note
+
+
+def _validation_note(fit: EstimationResult, modes: ModesResult) -> str:
+    count = len({one.experiment for one in fit.series if one.held_out})
+    if not count:
+        return "No maneuver was held out: there are too few."
+    total = len(modes.maneuvers) + count * bool(modes.held_out)
     return (
-        model_chapter(fits, results.modes),
-        parameters_chapter(fits, results.truths),
-        correlation_chapter(fits),
-        fits_chapter(fits),
-        residuals_chapter(fits),
-        validation_chapter(fits, validations),
+        f"{count} of {total} maneuvers were held out and predicted by the derivatives of the others, with initial"
+        " state and sensor biases of the maneuver itself."
     )
 
 
-def _findings(results: Identification) -> Chapter:
-    """What a reader wants to know first."""
-    bars = []
-    shown = _shown(results.modes)
-    for kind in KINDS if shown else ():
-        pair = shown.of_kind(kind) if shown else None
-        bars += [Bar(e.name, e, results.truths.get(e.name)) for e in determined(pair.estimates if pair else ())[0]]
-    for drive, prefix in (
+def _summary(results: Identification) -> Chapter:
+    """Return the estimates of each subject and the findings on them."""
+    method, modal = modal_summary(results.modes)
+    listed = [(one, "") for one in modal]
+    for part, prefix in (
         (results.torque, ""),
         (results.power, "power."),
         (results.load, ""),
         (results.frequency, ""),
     ):
-        bars += [Bar(e.name, e, results.truths.get(prefix + e.name)) for e in (drive.estimates if drive else ())]
-    bars += [
-        Bar(e.name, e, results.truths.get(e.name)) for e in (results.path.result.estimates if results.path else ())
-    ]
-    for model in results.aero.models if results.aero else ():
-        bars += [Bar(e.name, e, results.truths.get(e.name)) for e in model.estimates]
-    notes = (
-        []
-        if results.modes is None
-        else [f"{f'Modes by {shown.method}' if shown else 'No modes'}; {results.modes.statement}."]
-    )
-    notes += [f"Not identified: {one.name}: {one.reason}." for one in results.missing]
-    if any(row.truth is not None for row in all_rows(results)):
-        notes.append(
-            "The flight was simulated: true values stand beside the estimates, red where outside the interval."
-        )
-    return Chapter("Findings", tuple(notes), plots=(Intervals("", tuple(bars)),) if bars else ())
+        listed += [(one, prefix) for one in (part.estimates if part is not None else ())]
+    listed += [(one, "") for one in (results.path.result.estimates if results.path is not None else ())]
+    models = results.aero.models if results.aero is not None else ()
+    listed += [(one, "") for model in models for one in model.estimates]
+    bars = [Bar(e.name, e, results.truths.get(prefix + e.name)) for e, prefix in listed]
+    notes = []
+    if results.modes is not None:
+        notes.append(f"{f'Modes by {method}' if method else 'No modes'}; {results.modes.statement}.")
+    if any(bar.truth is not None for bar in bars):
+        notes.append("Simulated flight: true values are red if outside the interval.")
+    return Chapter(SUMMARY, tuple(notes), plots=_compared(bars), findings=_findings(results))
 
 
-def _shown(modes: ModesResult | None) -> Mode | None:
-    """The first method that gave a short period or phugoid."""
-    given = (mode for mode in modes.modes if any(mode.of_kind(kind) for kind in KINDS)) if modes else ()
-    return next(iter(given), None)
+def _findings(results: Identification) -> tuple[Remark, ...]:
+    """Return what is not identified, then the findings on modes and flight path."""
+    modes = results.modes.findings if results.modes is not None else ()
+    path = results.path.result.findings if results.path is not None else ()
+    return (*missing_remarks(results.missing), *remarks((*modes, *path)))
+
+
+def _compared(bars: Iterable[Bar]) -> tuple[Intervals, ...]:
+    every = tuple(bars)
+    return (Intervals("", every),) if every else ()
+
+
+def modal_summary(modes: ModesResult | None) -> tuple[str, list[Estimate]]:
+    """Return the first method with a short period or phugoid, and their frequencies and dampings; empty if none."""
+    for mode in modes.modes if modes is not None else ():
+        pairs = [pair for kind in KINDS if (pair := mode.of_kind(kind)) is not None]
+        if pairs:
+            every = (one for pair in pairs for one in determined(pair.estimates)[0])
+            return mode.method, [one for one in every if not FOLLOWS.search(one.name)]
+    return "", []
 
 
 def _data(subject: Subject, results: Identification) -> Chapter:
-    """The file, the manoeuvres, and what was left out or taken from elsewhere."""
-    rows = (*subject.sources, *subject.facts)
-    tables = [Table(("", ""), rows)]
+    """Return the files, the maneuvers and notes on them."""
+    tables = [Table(("source", ""), (*subject.sources, *subject.facts))]
     notes: tuple[str, ...] = ()
-    parts: tuple[Chapter, ...] = ()
+    plots: tuple[Plot, ...] = ()
     if results.modes is not None:
-        notes = tuple(map(sentence, results.modes.notes))
-        tried = validation(results.modes)
-        notes += () if tried is None else (sentence(f"held out: {tried.statement}"),)
+        listed = {one.text for one in results.modes.findings}
+        notes = tuple(sentence(note) for note in results.modes.notes if note not in listed)
+        predicted = validation(results.modes)
+        notes += () if predicted is None else (sentence(f"held out: {predicted.statement}"),)
         if results.modes.maneuvers:
             tables.append(_maneuvers(results.modes.maneuvers))
-            parts = (_inputs(results.modes.maneuvers),)
+            plots = (_inputs(results.modes.maneuvers),)
     if any(name.startswith("power.") for name in results.truths):
         notes += (f"True values of the power model: {POWER_TRUTH}.",)
-    return Chapter("Data used", notes, tuple(tables), parts=parts)
+    return Chapter("Data", notes, tuple(tables), plots)
 
 
 def _maneuvers(maneuvers: tuple[Maneuver, ...]) -> Table:
     lengths = [float(m.experiment.time[-1] - m.experiment.time[0]) + m.period for m in maneuvers]
     several = any(m.flight is not None for m in maneuvers)
-    lines = tuple(
+    rows = tuple(
         (
             *(
                 (m.flight.name, f"{m.flight.own(m.number)}", m.flight.own_time(m.begin))
@@ -220,17 +186,16 @@ def _maneuvers(maneuvers: tuple[Maneuver, ...]) -> Table:
         for m, length in zip(maneuvers, lengths, strict=True)
     )
     columns = (
-        *(("flight",) if several else ()), "manoeuvre", "start (s)", "length (s)", "wing strokes", "flapping (Hz)",
+        *(("flight",) if several else ()), "maneuver", "start (s)", "length (s)", "wing strokes", "flapping (Hz)",
         "airspeed (m/s)", "elevator, range (°)", "pitch rate, range (°/s)",
     )  # fmt: skip
-    return Table(columns, lines, f"Used: {pluralize(len(lines), 'manoeuvre')}; ranges are from least to greatest.")
+    return Table(columns, rows, f"{pluralize(len(rows), 'maneuver')}; range: maximum minus minimum.")
 
 
-def _inputs(maneuvers: tuple[Maneuver, ...]) -> Chapter:
-    """The elevator of every maneuver over each other."""
+def _inputs(maneuvers: tuple[Maneuver, ...]) -> Plot:
+    """Return the elevator of all maneuvers."""
     series = tuple(Series("", m.command_time, _degrees(m.command), MEASURED) for m in maneuvers)
-    plot = Plot("Elevator command, all manoeuvres", "time from the start", "s", "change of elevator", "°", series)
-    return Chapter("Inputs", plots=(plot,))
+    return Plot("Elevator command of all maneuvers", "time since the start", "s", "change of elevator", "°", series)
 
 
 def _degrees(angle: Array) -> Array:
@@ -238,47 +203,51 @@ def _degrees(angle: Array) -> Array:
 
 
 def modes_chapter(result: ModesResult, truths: Mapping[str, float]) -> Chapter:
-    """Every number by every method below each other, and whether the methods agree."""
-    parts, open_ones = [], list[tuple[str, str, str]]()
+    """Return every modal parameter by every method, and whether the methods agree."""
+    parts, withheld = [], list[Remark]()
     for kind in KINDS:
         pairs = [(mode.method, pair) for mode in result.modes if (pair := mode.of_kind(kind)) is not None]
-        told = [(method, *determined(pair.estimates)) for method, pair in pairs]
-        open_ones += [(method, one.name.replace("_", " "), one.reason) for method, _, wide in told for one in wide]
+        split = [(method, *determined(pair.estimates)) for method, pair in pairs]
+        for method, _, wide in split:
+            withheld += missing_remarks(one._replace(name=f"{method}, {one.name}") for one in wide)
         names = dict.fromkeys(e.name for _, pair in pairs for e in pair.estimates)
-        bars = tuple(
+        bars = [
             Bar(method, e, truths.get(name))
             for name in names
-            for method, estimates, _ in told
+            for method, estimates, _ in split
             for e in estimates
             if e.name == name
-        )
+        ]
         if bars:
-            parts.append(Chapter(kind.replace("_", " ").capitalize(), plots=(Intervals("", bars),)))
-    bars = tuple(Bar(mode.method, e, truths.get(e.name)) for mode in result.modes for e in mode.divergence)
+            parts.append(Chapter(kind.replace("_", " ").capitalize(), plots=_compared(bars)))
+    bars = [Bar(mode.method, e, truths.get(e.name)) for mode in result.modes for e in mode.divergence]
     if bars:
-        parts.append(Chapter("Divergence", plots=(Intervals("", bars),)))
-    refused = [(mode.method, one) for mode in result.modes for one in mode.unidentified]
-    rows = (*((method, one.name.replace("_", " "), one.reason) for method, one in refused), *open_ones)
-    tables = (Table(("method", "not identified", "why"), rows),) if rows else ()
-    return Chapter("Modes", (sentence(result.statement),), tables, parts=tuple(parts))
+        parts.append(Chapter("Divergence", plots=_compared(bars)))
+    lost = (one._replace(name=f"{mode.method}, {one.name}") for mode in result.modes for one in mode.unidentified)
+    findings = (*missing_remarks(lost), *withheld)
+    return Chapter("Modes", (sentence(result.statement),), parts=tuple(parts), findings=findings)
 
 
 def model_chapter(fits: tuple[EstimationResult, ...], result: ModesResult | None) -> Chapter:
-    """Equations and the flight that they are about."""
-    methods = {fit.equations: [other.title for other in fits if other.equations == fit.equations] for fit in fits}
-    parts = tuple(Chapter(" and ".join(dict.fromkeys(names)), equations) for equations, names in methods.items())
+    """Return the equations and the steady flight that they are linear about."""
+    titles: dict[tuple[str, ...], list[str]] = {}
+    for fit in fits:
+        titles.setdefault(fit.equations, []).append(fit.title)
+    parts = tuple(
+        Chapter(capitalized(" and ".join(dict.fromkeys(same))), equations) for equations, same in titles.items()
+    )
     tables: tuple[Table, ...] = ()
     if result is not None and result.reference is not None:
-        about = result.reference
+        trim = result.reference
         rows: list[tuple[str, float, str]] = [
-            ("u₀, airspeed along x", about.u, "m/s"),
-            ("w₀, airspeed along z", about.w, "m/s"),
-            ("airspeed", about.airspeed, "m/s"),
-            ("θ₀, pitch", math.degrees(about.pitch), "°"),
-            ("angle of attack", math.degrees(math.atan2(about.w, about.u)), "°"),
-            ("elevator command", math.degrees(about.elevator), "°"),
+            ("u₀, airspeed along x", trim.u, "m/s"),
+            ("w₀, airspeed along z", trim.w, "m/s"),
+            ("airspeed", trim.airspeed, "m/s"),
+            ("θ₀, pitch", math.degrees(trim.pitch), "°"),
+            ("angle of attack", math.degrees(math.atan2(trim.w, trim.u)), "°"),
+            ("elevator command", math.degrees(trim.elevator), "°"),
         ]
         if result.wing_period:
             rows.append(("flapping", 1.0 / result.wing_period, "Hz"))
-        tables = (Table(("steady flight", "value", "unit"), tuple(rows), "Mean over the manoeuvres."),)
+        tables = (Table(("steady flight", "value", "unit"), tuple(rows), "Mean over the maneuvers."),)
     return Chapter("Model", (), tables, parts=parts)

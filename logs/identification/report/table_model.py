@@ -28,14 +28,14 @@ TRIM = ("theta", "alpha", "flapping")
 
 
 class TableModel(NamedTuple):
-    """The model, and what is to be said of it."""
+    """Linear model, and notes on it."""
 
     model: LinearModel
     notes: tuple[str, ...]
 
 
-class _Asked(NamedTuple):
-    """The section of a map that gives the model."""
+class _Source(NamedTuple):
+    """Section of a map that gives the model."""
 
     subject: str
     section: ModesSection | OutputError
@@ -47,12 +47,12 @@ def check_model(chosen: Map, what: str) -> None:
     Raises:
         InputError: with what is missing.
     """
-    request = _asked(chosen, what)
-    told = request.section.parameters
+    request = _section(chosen, what)
+    named = request.section.parameters
     if len(request.section.inputs) != 1:
         raise InputError(f"--model: the model takes one elevator in inputs, not {len(request.section.inputs)}")
-    own = {_own(name, request.section.inputs[0]) for name in told}
-    left_out = [name for name in WANTED if told and name not in own and name not in DROPPED]
+    free = {_common_name(name, request.section.inputs[0]) for name in named}
+    left_out = [name for name in WANTED if named and name not in free and name not in DROPPED]
     if left_out:
         raise InputError(f"--model: all derivatives are wanted; parameters lacks {', '.join(left_out)}")
     absent = [f"constants.{name}" for name in TRIM if getattr(chosen.constants, name) is None]
@@ -71,29 +71,29 @@ def has_model(mapping: Path, what: str) -> bool:
     return True
 
 
-def _asked(chosen: Map, what: str) -> _Asked:
+def _section(chosen: Map, what: str) -> _Source:
     results = []
     if chosen.modes is not None and what in (MODES, ALL):
-        results.append(_Asked(MODES, chosen.modes))
+        results.append(_Source(MODES, chosen.modes))
     if chosen.aero is not None and what in (AERO, ALL):
-        results += [_Asked(AERO, one) for one in chosen.aero.output_error]
+        results += [_Source(AERO, one) for one in chosen.aero.output_error]
     for one in results:
         if one.section.model == LONGITUDINAL:
             return one
     raise InputError(f'--model: it is of a fit with model = "{LONGITUDINAL}" in [modes] or [[aero.output_error]]')
 
 
-def _own(name: str, elevator: str) -> str:
+def _common_name(name: str, elevator: str) -> str:
     return f"{name.removesuffix(elevator)}delta" if name.endswith(f"_{elevator}") else name
 
 
 def table_model(chosen: Map, results: TableIdentification, what: str, sha256: str) -> TableModel:
-    """The model of what was ``identified``; its elevator is nose up positive whatever the table's is.
+    """Return the linear model, with a nose-up positive elevator whatever the sign of the table.
 
     Raises:
         InputError: the fit failed, or a derivative was not identified.
     """
-    request = _asked(chosen, what)
+    request = _section(chosen, what)
     fit = _fit(request, results)
     elevator = request.section.inputs[0]
     if results.records[0].units.get(elevator) != "rad":
@@ -111,17 +111,17 @@ def table_model(chosen: Map, results: TableIdentification, what: str, sha256: st
     system = matrices(tuple(derivatives), np.array(list(derivatives.values())), about, Aircraft())
     kept = tuple(_scaled(one, *named.get(name, (name, 1.0))) for name, one in estimates.items())
     method, files = fit.title, ", ".join(results.files)
-    told = Identified(files, sha256, method, trim, alpha, known.get("rho"), identified_values(kept))
-    origin = f"{files}, {method}, {len(results.experiments)} manoeuvres"
-    model = LinearModel("", origin, speed, pitch, known["flapping"], system.a, system.b, None, None, told)
+    origin_of = Identified(files, sha256, method, trim, alpha, known.get("rho"), identified_values(kept))
+    origin = f"{files}, {method}, {len(results.experiments)} maneuvers"
+    model = LinearModel("", origin, speed, pitch, known["flapping"], system.a, system.b, None, None, origin_of)
     return TableModel(model, _notes(fit, elevator, sign, tuple(n for n in WANTED if n not in estimates), values))
 
 
-def _fit(request: _Asked, results: TableIdentification) -> EstimationResult:
-    """The fit, with every derivative a number.
+def _fit(request: _Source, results: TableIdentification) -> EstimationResult:
+    """Return the fit with a number for every derivative.
 
     Raises:
-        InputError: there is none, or not all of them are.
+        InputError: there is no fit, or a derivative is not identified.
     """
     fits = [one for one in results.fits if one.subject == request.subject and one.model == LONGITUDINAL]
     if not fits:
@@ -135,7 +135,7 @@ def _fit(request: _Asked, results: TableIdentification) -> EstimationResult:
 
 
 def _renamed(name: str, factors: dict[str, tuple[str, float]]) -> tuple[str, float]:
-    """The name and factor of a derivative by w, and by an elevator that is nose up positive."""
+    """Return name and factor of a derivative by w and by the nose-up positive elevator."""
     axis, _, of = name.partition("_")
     new, factor = factors.get(of, (of, 1.0))
     return f"{axis}_{new}", factor
@@ -149,7 +149,7 @@ def _scaled(one: Estimate, name: str, factor: float) -> Estimate:
 
 
 def _trim(results: TableIdentification, elevator: str) -> float:
-    """rad; mean of what the elevator's changes are counted from."""
+    """Return the mean initial elevator in rad."""
     fitted = [one.signals[elevator] for one in results.records if one.name in results.experiments]
     first = [values[np.isfinite(values)][:FIRST_SAMPLES] for values in fitted]
     return float(np.mean([np.mean(values) for values in first if len(values)]))

@@ -1,46 +1,32 @@
-"""The report of what was identified from tables: its chapters are those of a log's, and the steps of regressions."""
+"""Report of an identification from tables."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from logs.identification.models.modes import KINDS
-from logs.identification.report.document import MEASURED, Bar, Chapter, Intervals, Plot, Series, Table
-from logs.identification.report.fits import (
-    correlation_chapter,
-    fits_chapter,
-    parameters_chapter,
-    residuals_chapter,
-    validation_chapter,
-)
-from logs.identification.report.labels import meaning, number, sentence, unit
-from logs.identification.report.numbers import determined
-from logs.identification.report.report import model_chapter, modes_chapter, write_page
-from logs.identification.report.result_formatting import finding_line, heading
-from logs.identification.report.steps import step_table
-from logs.identification.results import Estimate, EstimationResult
+from logs.identification.report.methods import intervals, method_chapter, remarks
+from logs.identification.report.report import SUMMARY, modal_summary, model_chapter, modes_chapter
+from logs.identification.report.result_formatting import heading
+from logs.identification.report.subjects import step_table
+from logs.identification.results import EstimationResult
 from logs.identification.sources.table.constants import UNITS
 from logs.identification.tables.results import TableIdentification
+from logs.pages.document import MEASURED, Chapter, Plot, Series, Table
+from logs.pages.labels import capitalized, number, sentence, unit
+from logs.pages.render import write_page
 from wingbeat.text import pluralize
 
-FITS = "Measured and modelled outputs of every manoeuvre, in the table's time."
-RESIDUALS = (
-    "Measured minus model, all manoeuvres one after another. Were they white, 95 % of the autocorrelation would lie"
-    " in the band; the intervals of the parameters take the colour into account."
-)
-HELD = (
-    "Held-out manoeuvres are predicted by the model of the others; initial state and biases, where the model has"
-    " them, are their own."
-)
-NONE_HELD = "No manoeuvre was held out: manoeuvres.validate of the map names those that are only predicted."
+HELD_OUT = "Held-out maneuvers are predicted by the model of the others, with initial state and biases of their own."
+NONE_HELD_OUT = "No maneuver was held out; maneuvers.validate of the map names those that are only predicted."
 
 
 class Source(NamedTuple):
-    """One file that was read."""
+    """Input file."""
 
     name: str
     sha256: str
@@ -48,7 +34,7 @@ class Source(NamedTuple):
 
 
 def write_tables_report(path: Path, sources: tuple[Source, ...], results: TableIdentification) -> int:
-    """Write the page of what was identified from ``sources``, the map among them; its size in bytes.
+    """Write the page of the results from ``sources``, including the map; return its size in bytes.
 
     Raises:
         InputError: the file exists or cannot be written.
@@ -56,35 +42,39 @@ def write_tables_report(path: Path, sources: tuple[Source, ...], results: TableI
     names = tuple(one.name for one in sources)
     more = len(results.files) - 1
     title = f"{names[0]}{f' and {more} more' if more > 0 else ''}: identification"
-    return write_page(path, title, names, table_chapters(sources, results))
+    return write_page(path, title, names, table_chapters(sources, results), signed=True)
 
 
 def table_chapters(sources: tuple[Source, ...], results: TableIdentification) -> tuple[Chapter, ...]:
-    """The report: findings first, then what they rest on."""
-    fits = results.fits
-    numbered = tuple(one for one in fits if one.estimates)
-    held = (HELD,) * len(numbered) if results.held_out else ()
-    told = (
-        _findings(results),
+    """Return the report: the summary, the data, the model and a chapter for each fit."""
+    modes = modes_chapter(results.modes, {}) if results.modes is not None else None
+    every = (
+        _summary(results),
         _data(sources, results),
-        modes_chapter(results.modes, {}) if results.modes is not None else None,
-        _model(results, fits),
-        _parameters(results),
-        *(chapter for fit in results.fits for chapter in fit.chapters),
-        _steps(results),
-        correlation_chapter(numbered),
-        _noted(fits_chapter(fits), FITS),
-        _noted(residuals_chapter(fits), RESIDUALS),
-        validation_chapter(numbered, held) or Chapter("Validation on held-out manoeuvres", (NONE_HELD,)),
+        modes,
+        _model(results),
+        *map(_fit_chapter(results), results.fits),
     )
-    return tuple(chapter for chapter in told if chapter is not None)
+    return tuple(chapter for chapter in every if chapter is not None)
 
 
-def _model(results: TableIdentification, fits: tuple[EstimationResult, ...]) -> Chapter | None:
-    """Equations, what the map holds in them, and the constants."""
-    if not fits:
+def _fit_chapter(results: TableIdentification) -> Callable[[EstimationResult], Chapter]:
+    """Return the function that makes the chapter of one fit, with its start values, steps and own parts."""
+
+    def chapter(fit: EstimationResult) -> Chapter:
+        note = (HELD_OUT if results.held_out else NONE_HELD_OUT) if fit.estimates else ""
+        whole = method_chapter(fit, {}, results.inputs, note)
+        steps = (Chapter("Stepwise regression", tables=(step_table(fit.steps),)),) if fit.steps else ()
+        return whole._replace(tables=_search(fit), parts=(*steps, *fit.chapters, *whole.parts))
+
+    return chapter
+
+
+def _model(results: TableIdentification) -> Chapter | None:
+    """Return the equations with their fixed parameters, and the constants."""
+    if not results.fits:
         return None
-    whole = model_chapter(fits, None)
+    whole = model_chapter(results.fits, None)
     parts = tuple(
         part._replace(notes=(*part.notes, *_fixed_values(results.fits, part.notes))) for part in whole.parts
     )
@@ -92,42 +82,32 @@ def _model(results: TableIdentification, fits: tuple[EstimationResult, ...]) -> 
 
 
 def _fixed_values(fits: tuple[EstimationResult, ...], equations: tuple[str, ...]) -> tuple[str, ...]:
-    """What is not estimated, so that who reads the equations knows which of their terms are there.
-
-    One line for all fits of these equations where they hold the same, else one for each, by its place in the map.
-    """
-    told = [_not_estimated(fit) for fit in fits if fit.equations == equations]
-    if len(set(told)) == 1:
-        return (f"Fixed, not estimated: {told[0]}.",) if told[0] else ()
-    return tuple(f"Fixed, not estimated, in fit {i} of these: {one or 'nothing'}." for i, one in enumerate(told, 1))
+    """Return the fixed parameters of fits of these ``equations``: one line if they are equal, else one for each."""
+    texts = [_not_estimated(fit) for fit in fits if fit.equations == equations]
+    if len(set(texts)) == 1:
+        return (f"Fixed, not estimated: {texts[0]}.",) if texts[0] else ()
+    return tuple(f"Fixed, not estimated, in fit {i} of these: {one or 'none'}." for i, one in enumerate(texts, 1))
 
 
 def _not_estimated(fit: EstimationResult) -> str:
     return ", ".join(f"{name} = {number(value)}" for name, value in (dict(fit.unnamed) | dict(fit.fixed)).items())
 
 
-def _noted(chapter: Chapter | None, note: str) -> Chapter | None:
-    return None if chapter is None else chapter._replace(notes=(note,))
-
-
-def _findings(results: TableIdentification) -> Chapter:
-    """What a reader wants to know first: the modes by the first method that has them, and every fit's numbers."""
-    notes = [sentence(f"{heading(fit)}: {fit.failure.text if fit.failure else _extent(fit)}") for fit in results.fits]
-    bars: tuple[Bar, ...] = ()
+def _summary(results: TableIdentification) -> Chapter:
+    """Return the estimates of the modes by the first method that has them and of every fit, and all findings."""
+    notes, parts = [], list[Chapter]()
     if results.modes is not None:
-        pairs = [(mode.method, pair) for mode in results.modes.modes for k in KINDS if (pair := mode.of_kind(k))]
-        first = pairs[0][0] if pairs else ""
-        estimates = [e for method, pair in pairs if method == first for e in determined(pair.estimates)[0]]
-        bars = tuple(Bar(e.name, e) for e in estimates)
-        notes.append(f"Modes by {first}; {results.modes.statement}." if pairs else sentence(results.modes.statement))
-    parts = tuple(_numbers(fit.title, fit.estimates, results.inputs) for fit in results.fits if fit.estimates)
-    notes += [f"Not identified: {one.subject}: {one.text}." for one in results.missing]
-    return Chapter("Findings", tuple(notes), plots=(Intervals("", bars),) if bars else (), parts=parts)
-
-
-def _numbers(title: str, results: tuple[Estimate, ...], controls: tuple[str, ...]) -> Chapter:
-    bars = tuple(Bar(e.name, e, meaning=meaning(e.name, controls)) for e in results)
-    return Chapter(title, plots=(Intervals("", bars),))
+        method, estimates = modal_summary(results.modes)
+        if estimates:
+            parts.append(Chapter(f"Modes by {method}", plots=intervals(estimates)))
+        notes.append(sentence(results.modes.statement))
+    for fit in results.fits:
+        notes.append(sentence(f"{heading(fit)}: {fit.failure.text if fit.failure else _extent(fit)}"))
+        plots = intervals(fit.estimates, controls=results.inputs)
+        parts += [Chapter(capitalized(fit.title), plots=plots)] if plots else []
+    warnings = (one for fit in results.fits for one in fit.warnings)
+    findings = remarks((*results.missing, *results.findings, *warnings))
+    return Chapter(SUMMARY, tuple(notes), parts=tuple(parts), findings=findings)
 
 
 def _extent(fit: EstimationResult) -> str:
@@ -138,16 +118,14 @@ def _extent(fit: EstimationResult) -> str:
 
 
 def _data(sources: tuple[Source, ...], results: TableIdentification) -> Chapter:
-    """The files, the manoeuvres, and findings on the data."""
+    """Return the files, the maneuvers, the signals and the inputs."""
     files = Table(("file", "SHA-256"), tuple((one.name, one.sha256) for one in sources))
-    notes = tuple(map(sentence, (*map(finding_line, results.findings), *_absent(results))))
-    if not notes:
-        notes = ("Every sample was measured; none was dropped or filled.",)
-    return Chapter("Data used", notes, (files, _manoeuvres(results), _signals(results)), parts=_inputs(results))
+    notes = tuple(map(sentence, _absent(results))) or ("All samples are measured.",)
+    return Chapter("Data", notes, (files, _maneuvers(results), _signals(results)), _inputs(results))
 
 
 def _absent(results: TableIdentification) -> list[str]:
-    """Samples that a signal lacks, manoeuvre by manoeuvre."""
+    """Return the missing samples of each signal and maneuver."""
     return [
         f"{one.name}: {int(lost)} of {pluralize(len(values), 'sample')} of {name} not measured"
         for one in results.records
@@ -156,68 +134,51 @@ def _absent(results: TableIdentification) -> list[str]:
     ]
 
 
-def _manoeuvres(results: TableIdentification) -> Table:
+def _maneuvers(results: TableIdentification) -> Table:
     rows = tuple(
         (
-            one.name, "held out" if one.name in results.held_out else "fitted", float(one.time[0]),
+            one.name, "held out" if one.name in results.held_out else "fitted", round(float(one.time[0]), 6),
             float(one.time[-1] - one.time[0]), float(len(one.time)), 1.0 / one.step,
         )
         for one in results.records
     )  # fmt: skip
-    told = f"{pluralize(len(results.experiments), 'manoeuvre')} fitted, {len(results.held_out)} held out."
-    return Table(("manoeuvre", "use", "start (s)", "length (s)", "samples", "rate (Hz)"), rows, told)
+    caption = f"{pluralize(len(results.experiments), 'maneuver')} fitted, {len(results.held_out)} held out."
+    return Table(("maneuver", "use", "start (s)", "length (s)", "samples", "rate (Hz)"), rows, caption)
 
 
 def _signals(results: TableIdentification) -> Table:
-    """Range of every signal over all manoeuvres, and how much of it was measured."""
+    """Return the range of every signal over all maneuvers, and the measured fraction."""
     rows = []
     for name in results.records[0].signals if results.records else ():
         values = np.concatenate([one.signals[name] for one in results.records])
-        there = values[np.isfinite(values)]
-        least, most = (float(there.min()), float(there.max())) if len(there) else (math.nan, math.nan)
-        told = results.records[0].units.get(name, "")
-        rows.append((name, unit(told), least, most, 100.0 * len(there) / len(values)))
-    return Table(
-        ("signal", "unit", "least", "most", "measured (%)"), tuple(rows), "Signals over all manoeuvres, in SI."
-    )
+        finite = values[np.isfinite(values)]
+        low, high = (float(finite.min()), float(finite.max())) if len(finite) else (math.nan, math.nan)
+        rows.append(
+            (name, unit(results.records[0].units.get(name, "")), low, high, 100.0 * len(finite) / len(values))
+        )
+    columns = ("signal", "unit", "minimum", "maximum", "measured (%)")
+    return Table(columns, tuple(rows), "Signals over all maneuvers, in SI units.")
 
 
-def _inputs(results: TableIdentification) -> tuple[Chapter, ...]:
-    plots = tuple(
+def _inputs(results: TableIdentification) -> tuple[Plot, ...]:
+    return tuple(
         Plot(
-            f"{name}, all manoeuvres", "time from the start", "s", name, results.records[0].units.get(name, ""),
+            f"{name} of all maneuvers", "time since the start", "s", name, results.records[0].units.get(name, ""),
             tuple(Series("", one.time - one.time[0], one.signals[name], MEASURED) for one in results.records),
         )
         for name in results.inputs
         if results.records and name in results.records[0].signals
     )  # fmt: skip
-    return (Chapter("Inputs", plots=plots),) if plots else ()
 
 
 def _constants(results: TableIdentification) -> tuple[Table, ...]:
     rows = tuple((name, value, unit(UNITS.get(name, ""))) for name, value in results.constants.items() if name != "g")
-    return (Table(("constant", "value", "unit"), rows, "What the map tells, in SI."),) if rows else ()
-
-
-def _parameters(results: TableIdentification) -> Chapter | None:
-    """The numbers with their intervals, and below each method where its search began and what was held."""
-    if not results.fits:
-        return None
-    whole = parameters_chapter(results.fits, {}, results.inputs)
-    parts = tuple(part._replace(tables=_search(fit)) for part, fit in zip(whole.parts, results.fits, strict=True))
-    return whole._replace(parts=parts)
+    return (Table(("constant", "value", "unit"), rows, "Constants of the map, in SI units."),) if rows else ()
 
 
 def _search(fit: EstimationResult) -> tuple[Table, ...]:
+    """Return start and end values of a search."""
     values = {one.name: one.value for one in fit.estimates}
     rows = [(name, start, values[name], "estimated") for name, start in fit.initial.items() if name in values]
     rows += [(name, value, value, "fixed by the map") for name, value in fit.fixed.items()]
-    told = "Where the search began: by the map, or where it names none by the data."
-    return (Table(("parameter", "start", "end", "the end is"), tuple(rows), told),) if rows else ()
-
-
-def _steps(results: TableIdentification) -> Chapter | None:
-    """Every step of every stepwise regression."""
-    parts = tuple(Chapter(fit.title, tables=(step_table(fit.steps),)) for fit in results.fits if fit.steps)
-    note = "A term enters while its F test, its error by the recipe for coloured residuals, holds it for no chance."
-    return Chapter("Steps of the regressions", (note,), parts=parts) if parts else None
+    return (Table(("parameter", "start", "end", ""), tuple(rows), "Start values of the search."),) if rows else ()

@@ -12,11 +12,11 @@ from logs.identification.estimators.servo import ServoModel
 from logs.identification.estimators.torque_speed import identify_torque_speed, turning
 from logs.identification.estimators.twist import DAMPING, NATURAL, identify_twist, swing_of
 from logs.identification.findings import Entry, Finding, register
-from logs.identification.report.document import MEASURED, MODEL, POINTS, Chapter, Plot, Series
 from logs.identification.results import Array, EstimationResult, FitSeries, withheld_finding
 from logs.identification.sources.table.maneuvers import Cut
 from logs.identification.sources.table.quantities import Measure
 from logs.identification.sources.table.signal_lookup import signal
+from logs.pages.document import MEASURED, MODEL, POINTS, Chapter, Plot, Series
 from wingbeat.errors import InputError
 
 TORQUE_SPEED_EXAMPLE = """\

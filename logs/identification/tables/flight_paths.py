@@ -12,7 +12,7 @@ from logs.identification.data.resampling import whole_records
 from logs.identification.estimators.flight_path import MIN_SAMPLES, PathOptions, reconstruct
 from logs.identification.findings import Entry, Finding, register
 from logs.identification.models.rigid_body import INPUTS, LONGITUDINAL_INPUTS, UNITS, WINDS, SensorPositions
-from logs.identification.report.flight_path import path_chapter
+from logs.identification.report.subjects import path_chapter
 from logs.identification.results import EstimationResult
 from logs.identification.sources.table.maneuvers import Cut
 from logs.identification.sources.table.signals import LONGEST_FILL

@@ -27,7 +27,6 @@ from logs.identification.findings import Entry, Finding, register
 from logs.identification.models.lateral_modes import DUTCH_ROLL, LateralModes, lateral_modes
 from logs.identification.models.modes import KINDS, Mode, ModesResult, mode_of_system, nothing
 from logs.identification.models.user import is_user_model
-from logs.identification.report.document import Bar, Chapter, Intervals
 from logs.identification.results import SURE, EstimationResult, Unidentified, withheld_finding
 from logs.identification.sources.table.config import DELAY, ModesSection, OutputError, Parameter
 from logs.identification.sources.table.maneuvers import Cut
@@ -36,6 +35,7 @@ from logs.identification.statistics.covariance import ParameterUncertainty
 from logs.identification.tables.equation_errors import by_equations, has_equations
 from logs.identification.tables.models import with_speed
 from logs.identification.tables.output_errors import METHODS, ModelFit, model_fit, shortened
+from logs.pages.document import Bar, Chapter, Intervals
 from wingbeat.constants import STANDARD_GRAVITY
 from wingbeat.errors import InputError
 

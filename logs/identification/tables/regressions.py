@@ -22,13 +22,13 @@ from logs.identification.estimators.regressors import LOCAL_POLYNOMIAL, filtered
 from logs.identification.estimators.stepwise import Rules, Step, stepwise_regression
 from logs.identification.estimators.terms import parse
 from logs.identification.findings import Entry, Finding, register
-from logs.identification.report.document import Chapter, Table
 from logs.identification.results import Array, EstimationResult
 from logs.identification.sources.table.config import Regression
 from logs.identification.sources.table.constants import UNITS
 from logs.identification.sources.table.derived import MADE, averaging_of, with_made
 from logs.identification.sources.table.maneuvers import Cut, file_of
 from logs.identification.sources.table.signal_lookup import band_frequencies
+from logs.pages.document import Chapter, Table
 from wingbeat.errors import InputError
 from wingbeat.text import did_you_mean
 

@@ -134,7 +134,7 @@ def test_a_value_without_the_metric_leaves_the_pairs_of_the_others_in_their_plac
     assert [(one.value, one.pairs, one.worse) for one in hold.pairs] == [("2", 0, 0), ("10", 20, 20)]
     write(tmp_path / "page.html", made, ())
     rows = (tmp_path / "page.html").read_text().split("<tr>")
-    row = next(row for row in rows if "hold_altitude_rms (m)" in row and "of 20" in row)
+    row = next(row for row in rows if "altitude error, RMS of the longest hold (m)" in row and "of 20" in row)
     cells = [re.sub(r"<.*?>", "", cell) for cell in re.findall(r"<t[dh].*?</t[dh]>", row, re.S)]
     assert cells[-2:] == ["", "in 0 of 20 *"]
     console = Console(width=200, file=StringIO(), record=True)
@@ -199,8 +199,8 @@ def test_the_page_compares_a_grid_and_tells_what_the_worst_were_flown_with(tmp_p
     made = grid_table()
     write(tmp_path / "page.html", made, worst(made, "hold_altitude_rms", 1))
     text = (tmp_path / "page.html").read_text()
-    assert "median by scale.gains.pitch.damping" in text and "in 18 of 20 *" in text and "2 better" in text
-    assert "scale.gains.pitch.damping 10, wind.speed" in text
+    assert "median by factor on gain pitch damping" in text and "in 18 of 20 *" in text and "2 better" in text
+    assert "factor on gain pitch damping 10, wind speed" in text
 
 
 def test_where_words_alone_were_swept_the_page_still_compares_them(tmp_path: Path) -> None:
@@ -214,9 +214,18 @@ def test_the_page_holds_everything_and_needs_nothing(tmp_path: Path) -> None:
     path = tmp_path / "page.html"
     assert write(path, table(), worst(table(), "touchdown_sink", 3)) == path.stat().st_size
     text = path.read_text()
-    for words in ("Campaign made", "5 flights of 60 failed", "too hard", "failed by wind.speed", "median by mission"):
+    for words in (
+        "Campaign made",
+        "5 flights of 60 failed",
+        "too hard",
+        "failed flights (%)",
+        "wind speed (m/s)",
+        "median by mission",
+    ):
         assert words in text
-    assert "--flight" in text and "http" not in text.replace("http-equiv", "")
-    assert text.count("<svg") >= 4
+    assert "--flight" in text and not re.search(r"(?:src|href)=[\"'](?!#|data:)", text)
+    assert text.count("data-plot=") >= 4
+    for key in ("touchdown_sink", "wind.speed"):
+        assert key not in re.sub(r"wingbeat campaign [^<]*", "", text)
     with pytest.raises(InputError, match="exists"):
         write(path, table(), ())

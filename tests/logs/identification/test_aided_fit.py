@@ -22,7 +22,7 @@ from logs.identification.estimators.gps_aided import (
 )
 from logs.identification.estimators.registry import ESTIMATORS, Request
 from logs.identification.models.rigid_body import INPUTS
-from logs.identification.report.flight_path import log_chapter
+from logs.identification.report.subjects import log_path_chapter
 from logs.identification.results import Array, estimate
 from logs.identification.sources.flight_path import aided_flight, identify_path, imu_truths
 from logs.identification.sources.full_flight import whole_flight
@@ -217,7 +217,7 @@ def test_the_path_of_a_log_stands_beside_its_truth() -> None:
     assert [one.name for one in fit.result.estimates] == [f"bias_{name}" for name in INPUTS]
     for one in fit.result.estimates:
         assert abs(one.value - known[one.name]) < 3 * one.standard_error
-    chapter = log_chapter(fit)
+    chapter = log_path_chapter(fit)
     assert chapter is not None and len(chapter.plots) == 6
     assert [series.output for series in fit.result.series] == ["v_north", "v_east", "v_down"]
 
@@ -232,7 +232,7 @@ def test_without_velocities_a_filters_attitude_gives_no_numbers() -> None:
     assert all(withheld[f"bias_{name}"] == "attitude_filter" for name in INPUTS)
     (by_attitude,) = (one for one in fit.result.findings if one.code == "by_attitude")
     assert "/sensors/gps" in by_attitude.text
-    assert log_chapter(fit) is not None
+    assert log_path_chapter(fit) is not None
 
 
 def test_manoeuvres_that_meet_are_one_record_and_a_vertical_gyro_gives_numbers() -> None:

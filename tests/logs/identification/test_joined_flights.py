@@ -13,12 +13,12 @@ from logs.identification.diagnostics.validation import validation
 from logs.identification.estimators.flight_modes import (
     FlightProblem,
     fit_derivatives,
-    fitted,
     identify_modes,
     results_of,
 )
 from logs.identification.models.modes import ModesResult, short_period_of
 from logs.identification.report.numbers import Identification, document, rows
+from logs.identification.report.report import method_results
 from logs.identification.results import Array
 from logs.identification.sources.multi_flight import joined_flights
 from wingbeat.errors import InputError
@@ -104,14 +104,17 @@ def test_what_a_held_out_flight_holds_moves_no_number_and_is_predicted() -> None
 def test_the_report_draws_a_whole_flight_and_says_so() -> None:
     """GIVEN flights of which none was asked to be held out: those of one are predicted by a second fit."""
     result = held_out(fly(Flight(seed=3)))
-    asked = fitted(result)[0]
     series = tuple(one for one in result.results[0].series if not one.held_out)
     results = (result.results[0]._replace(series=series), *result.results[1:])
-    drawn = fitted(result._replace(held_out=(), results=results))[0]
-    for told in (asked, drawn):
-        names = {one.experiment.rpartition(" of ")[2] for one in told.series if one.held_out}
-        assert len(names) == 1 and told.validation.startswith("6 of ")
-    assert not {one.experiment for one in drawn.series if one.held_out} & {m.name for m in result.held_out}
+    by_request, by_second_fit = (
+        method_results(Identification(modes=modes))
+        for modes in (result, result._replace(held_out=(), results=results))
+    )
+    for fits, note in (by_request, by_second_fit):
+        names = {one.experiment.rpartition(" of ")[2] for one in fits[0].series if one.held_out}
+        assert len(names) == 1 and note.startswith("6 of ")
+    predicted = {one.experiment for one in by_second_fit[0][0].series if one.held_out}
+    assert not predicted & {m.name for m in result.held_out}
 
 
 def test_modes_of_joined_flights_tell_theils_coefficient_of_the_one_held_out() -> None:

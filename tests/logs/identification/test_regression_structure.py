@@ -12,9 +12,9 @@ from logs.identification.estimators.equation_error import coefficient_regression
 from logs.identification.estimators.model_structure import orthogonal_regression, orthogonalized
 from logs.identification.estimators.stepwise import Rules, stepwise_regression
 from logs.identification.estimators.terms import pool
-from logs.identification.report.document import Chapter
-from logs.identification.report.html import page
-from logs.identification.report.steps import step_table
+from logs.identification.report.subjects import step_table
+from logs.pages.document import Chapter
+from logs.pages.render import page
 from tests.logs.identification.colored_noise import noise, simulated
 
 CANDIDATES = pool(("alpha", "q", "delta"), 2)

@@ -1,10 +1,10 @@
-"""The page of an identification: what it says, that it holds everything itself, and that nothing is overwritten."""
+"""Report of an identification from logs: chapters, numbers, findings, and files that are not overwritten."""
 
 from __future__ import annotations
 
+import html
 import re
 from html.parser import HTMLParser
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -19,30 +19,19 @@ from logs.identification.estimators.servo import identify_torque
 from logs.identification.estimators.servo_power import identify_power
 from logs.identification.estimators.wing_coefficients import AeroResult, CoefficientModel
 from logs.identification.report import Identification
-from logs.identification.report.document import (
-    DASHED,
-    MEASURED,
-    POINTS,
-    STEMS,
-    STEPS,
-    Band,
-    Bar,
-    Chapter,
-    Intervals,
-    Matrix,
-    Plot,
-    Series,
-    Table,
-)
-from logs.identification.report.html import page
-from logs.identification.report.labels import meaning, number, rich, symbol
 from logs.identification.report.numbers import determined
-from logs.identification.report.report import Subject, chapters, refuse_existing, write_report
-from logs.identification.report.svg import NARROW, axis, drawn, round_step, written
+from logs.identification.report.report import Subject, chapters, write_report
 from logs.identification.results import Estimate, Unidentified, estimate
 from logs.identification.statistics.fit_quality import BAND, autocorrelation
 from logs.identification.tables import benches
 from logs.identification.tables import load_cell_tests as stands
+from logs.pages.document import (
+    Bar,
+    Chapter,
+    Intervals,
+)
+from logs.pages.labels import meaning, number, rich, sentence, spaced, symbol, unit
+from logs.pages.render import page, refuse_existing
 from wingbeat.errors import InputError
 
 SUBJECT = Subject("bird: identification", "flight.mcap", "ab" * 32, (("vehicle", "bird"), ("length", "20.0 s")))
@@ -69,22 +58,22 @@ class Outline(HTMLParser):
     def handle_data(self, data: str) -> None:
         if self.open and self.open[-1] in ("h1", "h2", "h3", "h4"):
             self.headings.append(data)
-        if "style" not in self.open:
+        if not {"style", "script"} & set(self.open):
             self.words.append(data)
 
 
 @pytest.fixture(scope="module")
-def found() -> Identification:
+def identified() -> Identification:
     modes = identify_modes(fly(Flight(seed=2)), AIRCRAFT)
     drive = measure(simulate(Drives(duration=20.0)), Drives(duration=20.0))
     return Identification(identify_torque(drive), identify_power(drive), modes=modes, truths=TRUTHS)
 
 
 @pytest.fixture(scope="module")
-def report(found: Identification, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def report(identified: Identification, tmp_path_factory: pytest.TempPathFactory) -> Path:
     drive = measure(simulate(Drives(duration=20.0)), Drives(duration=20.0))
     path = tmp_path_factory.mktemp("report") / "bird.html"
-    assert write_report(path, SUBJECT, found, drive) == path.stat().st_size < 2_000_000
+    assert write_report(path, SUBJECT, identified, drive) == path.stat().st_size < 2_000_000
     return path
 
 
@@ -92,62 +81,95 @@ def report(found: Identification, tmp_path_factory: pytest.TempPathFactory) -> P
 
 
 def test_every_chapter_is_there_and_every_tag_is_closed(report: Path) -> None:
-    outline = Outline(report.read_text(encoding="utf-8"))
+    text = report.read_text(encoding="utf-8")
+    outline = Outline(text)
     assert outline.open == []
     for title in (
-        "Findings", "Data used", "Modes", "Drive servos", "Model", "Parameters", "Correlation of the estimates",
-        "Fits", "Residuals", "Validation on held-out manoeuvres", "Torque", "Power", "Short period", "output error",
+        "Summary", "Data", "Modes", "Drive servos", "Model", "Torque", "Power", "Short period", "Output error",
+        "Filter error", "Correlation of the estimates", "Measured and modeled outputs", "Residuals",
+        "Validation on held-out maneuvers",
     ):  # fmt: skip
         assert title in outline.headings
-    findings = report.read_text(encoding="utf-8").partition(">Findings</h2>")[2].partition("<h2")[0]
-    assert "output power at the centre of the data" in findings and "torque at no current" in findings
+    summary = text.partition(">Summary</h2>")[2].partition("<h2")[0]
+    assert "output power at the center of the data" in summary and "torque at zero current" in summary
     words = " ".join(outline.words)
-    for said in (SUBJECT.sha256, "Used: 6 manoeuvres", "2 of 6 maneuvers were held out", "agree", "Theil"):
-        assert said in words
+    for part in (SUBJECT.sha256, "6 maneuvers", "2 of 6 maneuvers were held out", "agree", "Theil", "Signature"):
+        assert part in words
 
 
-def test_the_numbers_of_the_page_are_those_that_were_found(report: Path, found: Identification) -> None:
+def test_the_numbers_of_the_page_are_those_that_were_found(report: Path, identified: Identification) -> None:
     words = " ".join(Outline(report.read_text(encoding="utf-8")).words)
-    assert found.torque is not None and found.modes is not None
-    frequency = found.modes.modes[0].frequency
+    assert identified.torque is not None and identified.modes is not None
+    frequency = identified.modes.modes[0].frequency
     assert frequency is not None
-    for one in (*found.torque.estimates, frequency, *found.modes.modes[0].derivatives):
+    for one in (*identified.torque.estimates, frequency, *identified.modes.modes[0].derivatives):
         assert number(one.value, one.standard_error) in words
         assert f"{number(one.low, one.standard_error)} to {number(one.high, one.standard_error)}" in words
 
 
-def test_held_out_manoeuvres_are_predicted_by_a_model_that_never_saw_them(found: Identification) -> None:
-    told = chapters(SUBJECT, found)
-    validation = next(one for one in told if one.title.startswith("Validation"))
-    table = validation.parts[0].tables[0]
-    r_squared = {row[0]: row[3] for row in table.rows}
+def part(chapter: Chapter, title: str) -> Chapter:
+    return next(one for one in chapter.parts if one.title == title)
+
+
+def test_held_out_maneuvers_are_predicted(identified: Identification) -> None:
+    by_output = next(one for one in chapters(SUBJECT, identified) if one.title == "Output error")
+    validation = part(by_output, "Validation on held-out maneuvers")
+    r_squared = {row[0]: row[3] for row in validation.tables[0].rows}
     assert set(r_squared) == {"q", "a_x", "a_z"}
     assert isinstance(r_squared["q"], float) and 0.9 < r_squared["q"] < 1.0
-    drawn = [part.title for part in validation.parts[0].parts]
-    assert len(drawn) == 2 and all(title.startswith("maneuver") for title in drawn)
+    assert all(len(plot.marks) == 2 for plot in validation.plots)
+    assert all(label.startswith("maneuver") for plot in validation.plots for _, label in plot.marks)
 
 
-def test_a_page_needs_no_network_and_no_script(report: Path) -> None:
+def test_filter_error_predicts_from_the_first_sample(identified: Identification) -> None:
+    """GIVEN accelerations about gravity, not about zero, WHEN filter error predicts them, THEN from the first on."""
+    by_filter = next(one for one in chapters(SUBJECT, identified) if one.title == "Filter error")
+    outputs = part(by_filter, "Measured and modeled outputs")
+    r_squared = {row[0]: row[3] for row in outputs.tables[0].rows}
+    assert all(isinstance(value, float) and value > 0.8 for value in r_squared.values())
+    for plot in outputs.plots:
+        measured, model = (one.y for one in plot.series)
+        assert abs(measured[0] - model[0]) < 0.5 * np.nanstd(measured)
+
+
+def cells(every: tuple[Chapter, ...]) -> list[str]:
+    own = [
+        cell for one in every for table in one.tables for row in table.rows for cell in row if isinstance(cell, str)
+    ]
+    return own + [cell for one in every for cell in cells(one.parts)]
+
+
+def test_a_cell_of_a_table_has_at_most_twelve_words(identified: Identification) -> None:
+    every = cells(chapters(SUBJECT, identified))
+    assert len(every) > 50 and max(len(cell.split()) for cell in every) <= 12
+
+
+def test_at_most_five_correlations_are_listed(identified: Identification) -> None:
+    listed = [p for one in chapters(SUBJECT, identified) for p in one.parts if p.title.startswith("Correlation")]
+    assert listed and all(1 <= len(one.tables[0].rows) <= 5 for one in listed)
+
+
+def test_a_page_needs_no_network(report: Path) -> None:
     text = report.read_text(encoding="utf-8")
     assert not re.search(r"(?:src|href)=[\"'](?!#|data:)", text)
-    assert "<script" not in text and "@import" not in text and "url(" not in text
+    assert "@import" not in text and "url(" not in text
 
 
-def test_what_was_not_found_is_said_with_its_reason(found: Identification) -> None:
-    modes = found.modes
+def test_what_was_not_found_is_said_with_its_reason(identified: Identification) -> None:
+    modes = identified.modes
     assert modes is not None
     alone = modes._replace(maneuvers=(), results=())
     words = page("t", (), chapters(SUBJECT, Identification(modes=alone)))
-    assert "Validation" not in words and "Drive servos" not in words
+    assert "Validation on" not in words and "Drive servos" not in words
     for mode in modes.modes:
         for one in mode.unidentified:
-            assert one.reason.replace("'", "&#x27;") in words
+            assert html.escape(sentence(one.reason))[1:] in words
 
 
-def test_an_existing_file_is_refused_before_and_after_the_work(tmp_path: Path, found: Identification) -> None:
+def test_an_existing_file_is_refused_before_and_after_the_work(tmp_path: Path, identified: Identification) -> None:
     path = tmp_path / "kept.html"
     path.write_text("mine", encoding="utf-8")
-    for attempt in (lambda: refuse_existing(path), lambda: write_report(path, SUBJECT, found)):
+    for attempt in (lambda: refuse_existing(path), lambda: write_report(path, SUBJECT, identified)):
         with pytest.raises(InputError, match=r"kept.html exists: it is not overwritten$"):
             attempt()
     assert path.read_text(encoding="utf-8") == "mine"
@@ -155,78 +177,7 @@ def test_an_existing_file_is_refused_before_and_after_the_work(tmp_path: Path, f
         refuse_existing(tmp_path / "nowhere" / "a.html")
 
 
-# --- its parts --------------------------------------------------------------------------------------------------
-
-
-def line(y: list[float], style: str = "line") -> Series:
-    return Series("<b>", np.arange(len(y), dtype=np.float64), np.array(y), MEASURED, style)
-
-
-def test_every_kind_of_picture_is_drawn_with_finite_numbers() -> None:
-    nan = float("nan")
-    series = (line([1.0, nan, 3.0]), *(line([0.0, 2.0, 1.0], style) for style in (DASHED, POINTS, STEMS, STEPS)))
-    ends = np.array([0.0, 2.0])
-    plot = Plot("a < b", "x", "s", "y", "m/s^2", series, (Band("band", ends, ends - 1, ends + 1),))
-    shown = Intervals(
-        "", (Bar("X_u", estimate("X_u", "1/s", -1.0, 0.1), -3.0), Bar("K", Estimate("K", "-", 1, 1, 0, 2)))
-    )
-    text = page("t", (), (Chapter("c", ("a & b",), plots=(plot, shown, Matrix("", ("a", "b"), np.eye(2)))),))
-    assert Outline(text).open == []
-    assert "a &amp; b" in text and "&lt;b&gt;" in text and "m/s²" in text
-    for path in re.findall(r' (?:d|points|x|cx|width)="([^"]*)"', text):
-        assert "nan" not in path and "inf" not in path
-
-
-def test_a_plot_without_a_finite_number_says_so() -> None:
-    text = page("t", (), (Chapter("c", plots=(Plot("", "x", "s", "y", "-", (line([float("nan")] * 3),)),)),))
-    assert "Nothing finite to draw." in text and "<svg" not in text
-
-
-def test_a_truth_outside_its_interval_stands_out() -> None:
-    inside, outside = (Intervals("", (Bar("K", Estimate("K", "-", 1, 1, 0, 2), truth),)) for truth in (1.5, 2.5))
-    texts = [page("t", (), (Chapter("c", plots=(one,)),)) for one in (inside, outside)]
-    assert ['class="number out"' in text for text in texts] == [False, True]
-
-
-def test_a_long_line_is_thinned_to_what_the_eye_sees() -> None:
-    rng = np.random.default_rng(1)
-    y = rng.normal(size=200_000)
-    y[123_456] = 40.0
-    text = page("t", (), (Chapter("c", plots=(Plot("", "x", "s", "y", "-", (line(list(y)),)),)),))
-    assert len(text) < 200_000
-    path = re.search(r'class="measured line" d="([^"]*)"', text)
-    assert path is not None
-    heights = [float(pair.split()[1]) for pair in re.findall(r"[ML]([\d.]+ [\d.]+)", path[1])]
-    # The one spike is the highest point of the plot, far above all others.
-    assert min(heights) < sorted(heights)[1] - 50
-
-
-@pytest.mark.parametrize(
-    ("low", "high"),
-    [(0.0, 1.0), (-3e-5, 7e-5), (999.2, 999.9), (-4e6, 9e6), (2.0, 2.0), (-4.1, 4.0), (3.9996, 4.0005)],
-)
-def test_an_axis_has_round_numbers_inside_it_that_differ_as_text(low: float, high: float) -> None:
-    one = axis(low, high, 50.0, 350.0, 5)
-    assert 4 <= len(one.ticks) <= 11
-    assert all(one.low - 1e-9 * abs(one.low) <= tick <= one.high + 1e-9 * abs(one.high) for tick in one.ticks)
-    texts = [written(tick, one.ticks[1] - one.ticks[0]) for tick in one.ticks]
-    assert len(set(texts)) == len(texts)
-
-
-def test_a_plot_whose_span_is_just_above_a_round_step_has_three_numbers() -> None:
-    """With a step of 5 there would be a zero alone on it."""
-    assert axis(-4.1, 4.1, 150.0, 20.0, 4).ticks == (-4.0, -2.0, 0.0, 2.0, 4.0)
-
-
-def test_every_group_of_bars_tells_where_its_picture_begins_and_ends() -> None:
-    wide = Intervals(
-        "", (Bar("a", Estimate("M_q", "1/s", -1.5, 0.1, -1.7, -1.3)), Bar("b", Estimate("K", "-", 1, 1, 0, 2)))
-    )
-    text = page("t", (), (Chapter("c", (), (), (wide,)),))
-    ends = re.findall(r'<tr class="scale">.*?<span>(.*?)</span><span>(.*?)</span>', text)
-    assert len(ends) == 2
-    low, high = (float(one.replace("−", "-")) for one in ends[0])
-    assert low == pytest.approx(-1.7, abs=0.15) and high == pytest.approx(0.1, abs=0.05)
+# --- its parts ----------------------------------------------------------------------------------------------------
 
 
 def test_what_follows_from_a_damping_that_may_be_next_to_none_is_not_determined() -> None:
@@ -236,17 +187,6 @@ def test_what_follows_from_a_damping_that_may_be_next_to_none_is_not_determined(
     told, wide = determined([frequency, sure, open_one])
     assert told == [frequency, sure]
     assert wide == [Unidentified("phugoid_cycles_to_half", "the data allow 0.33 to 19.2")]
-
-
-def test_numbers_in_words_stand_to_the_right_and_words_to_the_left() -> None:
-    rows = (("a", "0.58 (0.44 to 0.71)", "in 15 of 26 *", "12.5", "circuit"), ("b", None, "in 2 of 9", "−3", "7 km"))
-    text = page("t", (), (Chapter("c", (), (Table(("name", "m", "p", "n", "w"), rows),)),))
-    heads = re.findall(r"<th( class=\"number\")?>(\w)", text)
-    assert {name for right, name in heads if right} == {"m", "p", "n"}
-
-
-def test_steps_are_one_two_or_five() -> None:
-    assert [round_step(value) for value in (0.011, 0.2, 2.1, 501.0)] == pytest.approx([0.02, 0.2, 5.0, 1000.0])
 
 
 def test_numbers_have_the_digits_that_their_error_leaves() -> None:
@@ -259,7 +199,9 @@ def test_numbers_have_the_digits_that_their_error_leaves() -> None:
 def test_symbols_have_subscripts_and_file_names_have_none() -> None:
     assert symbol("X_delta") == "<i>X</i><sub>δ</sub>"
     assert symbol("K_tau0") == "<i>K</i><sub>τ0</sub>"
-    assert symbol("short_period_damping") == "short period damping"
+    assert symbol("short_period_damping") == "<i>ζ</i><sub>sp</sub>"
+    assert symbol("process_noise_alpha") == "<i>σ</i><sub>α</sub>" and unit("(rad)/s^0.5") == "rad/√s"
+    assert [spaced(name) for name in ("bias_a_x", "C_H", "dead_zone")] == ["bias of a_x", "C_H", "dead zone"]
     assert symbol("C_T_0") == "<i>C</i><sub>T0</sub>"
     slope = "<i>C</i><sub>L</sub> by <i>v</i><sub>z</sub> <i>θ\u0307</i><sub>11</sub><sup>2</sup>"
     assert symbol("C_L_v_z*theta_11_rate^2") == slope
@@ -296,17 +238,6 @@ def test_a_derivative_by_a_control_goes_by_the_controls_name_by_path() -> None:
     assert "pitch by <i>δ</i><sub>e</sub>" in page("t", (), (Chapter("c", plots=(Intervals("", bars),)),))
 
 
-@pytest.mark.parametrize("reach", [1.0, 0.0142, 0.0009, 3e-5, 4e6])
-@pytest.mark.parametrize("centre", [0.0, 1.0])
-def test_numbers_below_a_small_plot_do_not_touch(reach: float, centre: float) -> None:
-    x = reach * (centre + np.linspace(-1.0, 0.9, 50))
-    text = drawn(Plot("", "x", "", "y", "", (Series("", x, x),)), NARROW)
-    below = re.findall(r'<text x="([\d.]+)" y="[\d.]+" text-anchor="middle">([^<]+)</text>', text)
-    assert len(below) >= 2
-    ends = [(float(at) - 3.2 * len(told), float(at) + 3.2 * len(told)) for at, told in below]
-    assert all(after[0] - before[1] > 4.0 for before, after in pairwise(ends)), below
-
-
 def test_white_residuals_stay_in_the_band_and_coloured_ones_leave_it() -> None:
     rng = np.random.default_rng(5)
     white = [rng.normal(size=400) for _ in range(5)]
@@ -316,11 +247,6 @@ def test_white_residuals_stay_in_the_band_and_coloured_ones_leave_it() -> None:
     coloured = [np.convolve(one, np.ones(10), "valid") for one in white]
     values, _ = autocorrelation(coloured, 40)
     assert values[5] == pytest.approx(0.5, abs=0.1)
-
-
-def test_a_tables_numbers_are_on_the_right() -> None:
-    text = page("t", (), (Chapter("c", tables=(Table(("name", "x"), (("a", 1.5), ("b", None)), "told"),)),))
-    assert '<th class="number">x</th>' in text and "<th>name</th>" in text and "<caption>told</caption>" in text
 
 
 def test_wings_and_their_coefficients_have_chapters_with_every_number_and_step() -> None:
@@ -336,7 +262,7 @@ def test_wings_and_their_coefficients_have_chapters_with_every_number_and_step()
     )
     stretches = tuple(Segment(k, k + 1.0, 0.3 + 0.1 * k, 3.0 + k, 5, 8.0) for k in range(4))
     frequency = FrequencyModel((estimate("throttle_slope", "Hz", 9.96, 0.1),), (), 0.45, 8.0, 0.02, stretches)
-    found = Identification(frequency=frequency, aero=aero)
-    words = page("t", (), chapters(SUBJECT, found))
-    for said in ("0.31", "0.197", "93.4 %", "its terms tell 20 % of it", "Twist: not measured", "9.96"):
+    identified = Identification(frequency=frequency, aero=aero)
+    words = page("t", (), chapters(SUBJECT, identified))
+    for said in ("0.31", "0.197", "R² = 0.9340", "its terms tell 20 % of it", "Twist: not measured", "9.96"):
         assert said in words

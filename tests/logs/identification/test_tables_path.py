@@ -92,7 +92,12 @@ def test_a_table_tells_its_sensors_errors_and_predicts_the_flight_held_out(
     assert {one["output"] for one in held} == {"airspeed", "alpha", "theta", "altitude"}
     assert all(one["theil"] < 0.1 for one in held)
     page = (tmp_path / "page.html").read_text(encoding="utf-8")
-    for title in ("Flight path", "Parameters", "Fits", "Residuals", "Validation on held-out manoeuvres"):
+    for title in (
+        "Reconstructed motion",
+        "Measured and modeled outputs",
+        "Residuals",
+        "Validation on held-out maneuvers",
+    ):
         assert f">{title}</h" in page
 
 
@@ -186,7 +191,7 @@ def test_a_log_tells_its_sensors_errors(tmp_path: Path, capsys: pytest.CaptureFi
     assert "5.0 s to 18.0 s" in path["records"][0]
     assert all(inside(path["estimates"], truth, 1.8))
     assert np.mean(inside(path["estimates"], truth)) >= 0.75
-    assert ">Flight path</h" in (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert ">Reconstructed motion</h" in (tmp_path / "page.html").read_text(encoding="utf-8")
 
 
 def test_the_example_map_is_one_and_an_unknown_one_is_named(

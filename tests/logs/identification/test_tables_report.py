@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import html
 import io
 import json
 import re
@@ -24,11 +25,11 @@ from logs.identification.findings import Finding
 from logs.identification.models.modes import Mode, ModesResult, Oscillation, nothing
 from logs.identification.models.stroke_averaged import matrices
 from logs.identification.report import Identification
-from logs.identification.report.labels import number, rich, sentence, symbol
 from logs.identification.report.result_formatting import table_document
 from logs.identification.report.tables import Source, table_chapters, write_tables_report
 from logs.identification.results import EstimationResult, estimate
 from logs.identification.tables.results import TableIdentification
+from logs.pages.labels import number, rich, sentence, symbol
 from sim_bridge.tuning.model import load_model
 from wingbeat.errors import InputError
 
@@ -106,15 +107,15 @@ def run(files: tuple[Path, Path], *more: str) -> int:
     return identify.run([str(files[0]), "--map", str(files[1]), *more])
 
 
-def test_a_tables_page_has_the_chapters_numbers_and_hashes_of_a_logs(
+def test_a_tables_page_has_the_chapters_numbers_and_hashes(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     both = EXAMPLES / "short_period.csv", EXAMPLES / "short_period.toml"
     assert run(both, "--report", str(tmp_path / "page.html"), "--json") == 0
     document, text = json.loads(capsys.readouterr().out), (tmp_path / "page.html").read_text(encoding="utf-8")
     for title in (
-        "Findings", "Data used", "Modes", "Model", "Parameters", "Correlation of the estimates", "Fits", "Residuals",
-        "Validation on held-out manoeuvres", "Inputs",
+        "Summary", "Data", "Modes", "Model", "Output error, short period", "Measured and modeled outputs",
+        "Residuals", "Validation on held-out maneuvers",
     ):  # fmt: skip
         assert f">{title}</h" in text
     for path in both:
@@ -122,28 +123,30 @@ def test_a_tables_page_has_the_chapters_numbers_and_hashes_of_a_logs(
     for fit in document["fits"]:
         for one in fit["estimates"]:
             assert f">{number(one['value'], one['standard_error'])}<" in text
-    model, findings = (text.partition(f">{title}</h2>")[2].partition("<h2")[0] for title in ("Model", "Findings"))
+        for one in fit["findings"]:
+            assert f"<code>{one['code']}</code>" in text
+    model, summary = (text.partition(f">{title}</h2>")[2].partition("<h2")[0] for title in ("Model", "Summary"))
     assert "Fixed, not estimated: <i>Z</i><sub>q</sub> = 0." in model
-    assert "<td><i>M</i><sub>q</sub></td>" in findings and "<td>intercept</td>" in findings
+    assert '<td class="name"><i>M</i><sub>q</sub></td>' in summary and '<td class="name">intercept</td>' in summary
     assert "<i>a</i><sub>z</sub> = 100 <i>Z</i><sub>α</sub> <i>α</i> + 100 <i>Z</i><sub>q</sub> <i>q</i>" in model
-    assert "by tail angle" not in text and "pitch acceleration by <i>δ</i><sub>e</sub>" in findings
+    assert "by tail angle" not in text and "pitch acceleration by <i>δ</i><sub>e</sub>" in summary
     assert "25 of 351 samples of <i>α</i> not measured" in text
-    assert "2 manoeuvres fitted, 1 held out" in text and "Theil" in text
+    assert "2 maneuvers fitted, 1 held out" in text and "Theil" in text
     for method in document["modes"]["methods"]:
         for one in method["unidentified"]:
-            assert one["reason"].replace("'", "&#x27;") in text
+            assert html.escape(one["reason"]) in text
 
 
 def test_the_steps_of_a_stepwise_regression_are_on_the_page(tmp_path: Path) -> None:
     both = EXAMPLES / "transport.csv", EXAMPLES / "transport.toml"
     assert run(both, "aero", "--report", str(tmp_path / "page.html")) == 0
     text = (tmp_path / "page.html").read_text(encoding="utf-8")
-    assert "Steps of the regressions" in text and "PRESS" in text and text.count(">enters<") == 3
-    assert "No manoeuvre was held out" in text
-    (held,) = re.findall(r"Fixed, not estimated.*?</p>", re.sub(r"</?(?:i|sub)>", "", text))
-    assert re.findall(r"C\w+(?= = 0[,.])", held) == [
+    assert "Stepwise regression" in text and "PRESS" in text and text.count(">enters<") == 3
+    assert "No maneuver was held out" in text
+    (fixed,) = re.findall(r"Fixed, not estimated.*?</p>", re.sub(r"</?(?:i|sub)>", "", text))
+    assert re.findall(r"C\w+(?= = 0[,.])", fixed) == [
         "CDV", "CDα2", "CDk", "CDq", "CDδ", "CLV", "CLα2", "CLq", "CLδ", "CmV", "Cmα2",
-    ] and held.count("=") == 11  # fmt: skip
+    ] and fixed.count("=") == 11  # fmt: skip
 
 
 def test_what_a_fit_holds_is_told_fit_by_fit_and_what_it_could_not_find_is_not_held() -> None:

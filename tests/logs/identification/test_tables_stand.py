@@ -95,7 +95,7 @@ def test_a_stand_tells_the_wings_coefficients(
     assert thrust == pytest.approx(forward * np.cos(0.06) - up * np.sin(0.06), rel=1e-2)
     assert up == pytest.approx(4.224, rel=0.01) and "along the stream, body axes" in said[1]
     assert fits[0]["steps"] and fits[0]["outputs"][0]["r_squared"] > 0.98
-    assert ">Steps of the regressions</h" in (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert ">Stepwise regression</h" in (tmp_path / "page.html").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(

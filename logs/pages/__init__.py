@@ -1,0 +1,1 @@
+"""HTML pages: one file each, without network access, printable on A4."""
