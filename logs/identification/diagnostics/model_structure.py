@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from logs.identification.data.experiment import Experiment
-from logs.identification.data.noise_level import noise_beside_steps
+from logs.identification.data.noise_level import noise_with_steps
 from logs.identification.diagnostics.context import Context
 from logs.identification.diagnostics.sampling import coarse_inputs, largest_change, sampling_finding
 from logs.identification.estimators.engine.problem import Fit, Problem, RecordParameters
@@ -48,24 +48,22 @@ SPEED_RATIO = 1.15
 
 register({
     "lack_of_fit": Entry(
-        "the residuals of {subject} are {value:.0f} times its noise, {percent} % of its power",
+        "residuals of {subject}: {value:.0f} times its noise, {percent} % of its power",
         "The model leaves more than noise: turbulence, an input or motion outside the model, or a delayed signal.",
-        "add states = 4, filter error, or the effect named by another finding",
+        "{options}see the effect of another finding",
     ),
     "model_structure": Entry(
-        "{subject} = {value:+.2g} is fixed at zero but explains {percent:.0f} % of the residuals; the intervals"
-        " include it",
+        "{subject} = {value:+.2g} (fixed: 0) explains {percent:.0f} % of residuals; intervals widened",
         "A derivative outside the model explains the residuals.",
         "free it in the parameters",
     ),
     "time_skew": Entry(
-        "{subject} {amount:.2g} s {direction} explains {percent:.0f} % of the residuals; the intervals include it",
+        "{subject} {amount:.2g} s {direction} explains {percent:.0f} % of residuals; intervals widened",
         "A delay of the inputs or of one output explains the residuals.",
         "set delay = \"free\" for inputs, [prepare.delay] for an output",
     ),
     "sensor_position": Entry(
-        "a vane of {subject} {amount:.2g} m {direction} its position explains {percent:.0f} % of the residuals; the"
-        " intervals include it",
+        "vane {subject} {amount:.2g} m {direction} explains {percent:.0f} % of residuals; intervals widened",
         "The position of a vane or accelerometer explains the residuals.",
         "set constants.vane_x or constants.imu_x",
     ),
@@ -80,9 +78,14 @@ register({
         "check signs and units, the model and its inputs",
     ),
     "operating_point": Entry(
-        "mean airspeeds from {value:.3g} to {limit:.3g} m/s are fitted by one linear model",
+        "one linear model for mean airspeeds from {value:.3g} to {limit:.3g} m/s",
         "Derivatives grow with the airspeed and its square; one linear model is an average.",
         "fit each airspeed separately, or use the nonlinear model",
+    ),
+    "trim_from_vane": Entry(
+        "trim {subject} of {value:.3g} rad is the mean of a vane",
+        "The bias of the vane turns the axes of the linear model, and no pitch angle corrects it.",
+        "set alpha and theta in [constants]; 0.0 for stability axes",
     ),
     "trim_assumed": Entry(
         "{subject} is neither a constant nor a signal: assumed 0 rad",
@@ -210,7 +213,7 @@ def _most_likely(
         sure = value**2 * size * degrees > LEAST_ERRORS**2 * power
         if abs(value) < least or share < LEAST_SHARE or not sure or (best and share <= best[0]):
             continue
-        forward = {"time_skew": ("late", "early"), "sensor_position": ("ahead of", "behind")}
+        forward = {"time_skew": ("late", "early"), "sensor_position": ("ahead", "behind")}
         details = {
             "percent": 100.0 * share, "amount": abs(value),
             "direction": forward.get(candidate.code, ("", ""))[int(value < 0)],
@@ -385,8 +388,12 @@ def lack_of_fit(context: Context) -> tuple[Finding, ...]:
         ratio = None if one.held_out else _residual_ratio(one)
         if ratio is not None and ratio > worst.get(one.output, (0.0, 0.0)):
             worst[one.output] = ratio
+    result = context.result
+    options = "states = 4, " if result and result.model == "short period" else ""
+    options += 'method = "filter_error", ' if result and result.method == "output_error" and context.linear else ""
+    options += "or " if options else ""
     return tuple(
-        Finding("lack_of_fit", "warning", name, times, NOISE_RATIO, {"percent": _percent(share)})
+        Finding("lack_of_fit", "warning", name, times, NOISE_RATIO, {"percent": _percent(share), "options": options})
         for name, (times, share) in worst.items()
     )
 
@@ -406,7 +413,7 @@ def _residual_ratio(one: FitSeries) -> tuple[float, float] | None:
     """Residuals over noise, and their share of the output's power; None without a lack of fit."""
     residual = one.measured - one.model
     known = np.isfinite(residual)
-    noise = noise_beside_steps(residual)
+    noise = noise_with_steps(residual)
     if np.count_nonzero(known) < LEAST_SAMPLES or not noise > 0:
         return None
     size, power = float(np.std(residual[known])), float(np.var(one.measured[known]))
@@ -440,5 +447,10 @@ def assumed_trim(context: Context) -> tuple[Finding, ...]:
     model = context.result.model if context.result else ""
     if model not in ("longitudinal", "lateral") or "beta" in context.inputs:
         return ()
-    known = {*context.constants, *context.experiments[0].signals}
-    return tuple(Finding("trim_assumed", "warning", n) for n in ("alpha", "theta") if n not in known)
+    signals = context.experiments[0].signals
+    known = {*context.constants, *signals}
+    found = [Finding("trim_assumed", "warning", n) for n in ("alpha", "theta") if n not in known]
+    if "theta" not in known and "alpha" in signals and "alpha" not in context.constants:
+        mean = float(np.nanmean(np.concatenate([one.signals["alpha"] for one in context.experiments])))
+        found.append(Finding("trim_from_vane", "warning", "alpha", mean))
+    return tuple(found)

@@ -14,16 +14,17 @@ import numpy as np
 
 from logs.identification.data.experiment import Experiment
 from logs.identification.data.flight import Aircraft, FlightData
-from logs.identification.data.lag import behind
 from logs.identification.data.maneuvers import (
     ELEVATOR,
     Maneuver,
     Reference,
+    by_flight,
     dropped_maneuvers,
     find_maneuvers,
+    holdout_sample,
     reference_of,
 )
-from logs.identification.data.split import by_flight, drawn
+from logs.identification.data.resampling import behind
 from logs.identification.diagnostics.agreement import agreement
 from logs.identification.estimators.engine.problem import Fit, Nuisances, Parameter, Problem
 from logs.identification.estimators.equation_error import Settings, coefficient_regression
@@ -202,7 +203,7 @@ def with_speeds(maneuver: Maneuver, reference: Reference, aircraft: Aircraft, la
         )
         integrals = (_integral(rate - rate.mean(), step) for rate in rates)
         u, w = (mean + one - one.mean() for mean, one in zip(means, integrals, strict=True))
-    delta = behind(signals[ELEVATOR], step, aircraft.tail_delay, lag, held=False)
+    delta = behind(signals[ELEVATOR], step, aircraft.tail_delay, lag, zoh=False)
     more = {"u": u, "w": w, "f_x": f_x, "f_z": f_z, "delta": delta}
     units = {"u": "m/s", "w": "m/s", "f_x": "m/s^2", "f_z": "m/s^2", "delta": "rad"}
     kept = {name: values[::THINNED] for name, values in (signals | more).items()}
@@ -353,7 +354,7 @@ def records_of_flight(flight: FlightProblem, lag: float) -> Records:
     """Angle of a tail with this ``lag`` (s), pitch rate and normal specific force, for methods without a model."""
     experiments = []
     for one in (maneuver.experiment for maneuver in flight.maneuvers):
-        tail = behind(one.signals[ELEVATOR], one.step, flight.aircraft.tail_delay, lag, held=False)
+        tail = behind(one.signals[ELEVATOR], one.step, flight.aircraft.tail_delay, lag, zoh=False)
         signals = {name: values[::2] for name, values in {**one.signals, ELEVATOR: tail}.items()}
         experiments.append(one._replace(time=one.time[::2], signals=signals))
     return records_of(tuple(experiments), ELEVATOR, ("q", "a_z"), smooth_input=True)
@@ -401,7 +402,7 @@ def cross_validated(flight: FlightProblem) -> tuple[FitSeries, ...]:
     """Some maneuvers as predicted by output error of the others: whole flights, else every third maneuver."""
     flights = sorted({one.flight.name for one in flight.maneuvers if one.flight is not None})
     if len(flights) > 1:
-        kept, locked = by_flight(flight.maneuvers, drawn(flights))
+        kept, locked = by_flight(flight.maneuvers, holdout_sample(flights))
     else:
         kept, locked = (
             tuple(one for i, one in enumerate(flight.maneuvers) if (i % THIRD == THIRD - 1) is side)

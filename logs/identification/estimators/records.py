@@ -7,9 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from logs.identification.data.contiguous_runs import longest_run, runs
-from logs.identification.data.experiment import Experiment
-from logs.identification.data.noise_level import noise_beside_steps
+from logs.identification.data.experiment import Experiment, longest_run, runs
+from logs.identification.data.noise_level import noise_with_steps
 from logs.identification.results import Array
 from wingbeat.errors import InputError
 from wingbeat.text import pluralize
@@ -158,7 +157,7 @@ def away(values: Array, place: float) -> NDArray[np.bool_]:
 
     A channel that is told in steps has no noise between neighbors: less than `LEAST_MOVE` is such a step.
     """
-    return np.asarray(np.abs(values - place) > max(MOVED * noise_beside_steps(values), LEAST_MOVE))
+    return np.asarray(np.abs(values - place) > max(MOVED * noise_with_steps(values), LEAST_MOVE))
 
 
 def _moves(values: Array) -> bool:

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.special import fdtrc
 
 from logs.identification.data.experiment import Experiment
-from logs.identification.data.noise_level import noise_beside_steps
+from logs.identification.data.noise_level import noise_with_steps
 from logs.identification.estimators.separable import SeparableRecord, log_squares, orthonormal, solve
 from logs.identification.estimators.servo import ServoModel
 from logs.identification.results import Array, Unidentified
@@ -104,7 +104,7 @@ def _from_release(time: Array, values: Array) -> tuple[Array, Array]:
     rest = float(np.median(values[known[-max(len(known) // 5, 1) :]]))
     excursion = np.abs(values[known] - rest)
     top = int(np.argmax(excursion))
-    released = excursion[top:] <= excursion[top] - LOCKED * noise_beside_steps(values[known])
+    released = excursion[top:] <= excursion[top] - LOCKED * noise_with_steps(values[known])
     free = np.flatnonzero(released[:-1] & released[1:])  # two in a row: one may be an outlier
     first = int(known[top + max(int(free[0]) - 1, 0)]) if len(free) else int(known[top])
     return time[first:] - time[first], values[first:]

@@ -15,7 +15,7 @@ from scipy.linalg import expm, solve_continuous_lyapunov
 from scipy.sparse import csr_array, eye_array
 
 from logs.identification.data.maneuvers import OUTPUT_STEP
-from logs.identification.data.stroke_average import averaging_matrix
+from logs.identification.data.resampling import averaging_matrix
 from logs.identification.input_design.response import OUTPUTS, Prior, Response, Waveform
 from logs.identification.models.modes import short_period_of
 from logs.identification.models.stroke_averaged import LONGITUDINAL, UNITS, matrices

@@ -1,4 +1,4 @@
-"""A model behind actuators: inputs come late by a pure delay and through a first-order lag (`data.lag`).
+"""A model behind actuators: inputs pass a pure delay and a first-order lag (`data.resampling.behind`).
 
 Delay and lag are parameters of the model, zero and fixed unless the problem names them. An actuator is at rest when
 the record begins.
@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from logs.identification.data.lag import behind
+from logs.identification.data.resampling import behind
 from logs.identification.estimators.engine.problem import Feedback, Intersample, Model, Named
 from logs.identification.models.linear import LinearModel
 from logs.identification.results import Array
@@ -95,7 +95,7 @@ class Actuated(NamedTuple):
             delay, lag = (given[one.delay], given.get(one.lag, 0.0)) if one else (0.0, 0.0)
             lines[place] = float(name not in self.zoh_inputs or lag > 0.0)
             acting = _zoh_means if name in self.zoh_inputs else _on_lines
-            columns.append(behind(acting(values, step, delay, parts), step / parts, 0.0, lag, held=False))
+            columns.append(behind(acting(values, step, delay, parts), step / parts, 0.0, lag, zoh=False))
             seen.append(columns[-1] if lines[place] else _zoh_before(values, step, delay, parts))
         ways = step / parts, Intersample(lines, np.column_stack(seen)) if self.zoh_inputs else None
         arguments = parameters[:own], start, np.column_stack(columns), *ways

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -148,34 +149,42 @@ def pair_of(first: complex, second: complex) -> tuple[float, float]:
     return math.sqrt(product), -total / (2 * math.sqrt(product))
 
 
-def short_period_of(system: Array) -> tuple[float, float]:
-    """Undamped natural frequency (rad/s) and damping ratio of the faster pair of eigenvalues of ``system`` (n, n).
+def short_period_of(system: Array, fastest_phugoid: float = math.inf) -> tuple[float, float]:
+    """Undamped natural frequency (rad/s) and damping ratio of the short period of ``system`` (n, n): `split_pairs`.
 
     Raises:
         ValueError: one of the two is positive and the other negative: no mode of second order.
     """
     try:
-        return pair_of(*split_pairs(system)[0])
+        return pair_of(*split_pairs(system, fastest_phugoid)[0])
     except ValueError as error:
         raise ValueError("the faster eigenvalues have different signs: a divergence, no short-period mode") from error
 
 
-def phugoid_of(system: Array) -> tuple[float, float]:
+def phugoid_of(system: Array, fastest_phugoid: float = math.inf) -> tuple[float, float]:
     """Undamped natural frequency (rad/s) and damping ratio of the slower pair of a ``system`` (4, 4).
 
     Raises:
         ValueError: there is no slower pair, or its eigenvalues have different signs.
     """
-    slow = split_pairs(system)[1]
+    slow = split_pairs(system, fastest_phugoid)[1]
     if len(slow) != 2:
         raise ValueError("the model holds the speed constant")
     return pair_of(*slow)
 
 
-def split_pairs(system: Array) -> tuple[Array, Array]:
-    """The two eigenvalues of greatest modulus, and the others; a complex pair is not torn apart."""
+def split_pairs(system: Array, fastest_phugoid: float = math.inf) -> tuple[Array, Array]:
+    """The eigenvalues of the short period, and the others: the two of greatest modulus, complex pairs together.
+
+    An oscillation faster than ``fastest_phugoid`` (rad/s) is the short period even if two real eigenvalues are
+    faster.
+    """
     roots = np.linalg.eigvals(system).astype(complex)
     roots = roots[np.argsort(-np.abs(roots), kind="stable")]
+    oscillating = np.flatnonzero(np.abs(roots.imag) > 1e-9)
+    if len(oscillating) == 2 and abs(roots[oscillating[0]]) > fastest_phugoid:
+        chosen = np.isin(np.arange(len(roots)), oscillating)
+        return roots[chosen], roots[~chosen]
     partner = 1 if abs(roots[0].imag) > 1e-9 else 1 + int(np.argmax(np.abs(roots[1:].imag) <= 1e-9))
     chosen = np.isin(np.arange(len(roots)), (0, partner))
     return roots[chosen], roots[~chosen]
@@ -267,7 +276,7 @@ def eigenvalues_of(frequency: float, damping: float) -> list[complex]:
     return [complex(frequency * (-damping + sign * root)) for sign in (1, -1)]
 
 
-TAKEN = ((SHORT_PERIOD, short_period_of), (PHUGOID, phugoid_of))
+PAIRS = ((SHORT_PERIOD, short_period_of), (PHUGOID, phugoid_of))
 
 
 def mode_of_system(
@@ -276,16 +285,18 @@ def mode_of_system(
     values: Array,
     spread: ParameterUncertainty,
     derivatives: tuple[Estimate, ...] = (),
+    fastest_phugoid: float = math.inf,
 ) -> Mode:
     """Short period and, of four states, phugoid of the ``system`` (n, n) that parameters ``values`` (p,) make.
 
-    ``spread`` is that of the parameters; the errors of the modes follow by the delta method.
+    ``spread`` is that of the parameters; the errors of the modes follow by the delta method. ``fastest_phugoid``
+    (rad/s) as of `split_pairs`.
     """
     eigenvalues = tuple(complex(root) for root in np.linalg.eigvals(system(values)))
     found: dict[str, Oscillation | None] = dict.fromkeys(KINDS)
     missing = []
-    for kind, of in TAKEN[: len(eigenvalues) // 2]:
-        outcome = _carried(kind, of, system, values, spread)
+    for kind, of in PAIRS[: len(eigenvalues) // 2]:
+        outcome = _carried(kind, partial(of, fastest_phugoid=fastest_phugoid), system, values, spread)
         if isinstance(outcome, Unidentified):
             missing.append(outcome)
         else:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from logs.identification.data.contiguous_runs import longest_run, runs
+from logs.identification.data.experiment import longest_run, runs
 from logs.identification.data.smoothing import MIN_FOURIER, POWER, fourier_smoothing
 from logs.identification.models.stroke_averages import StrokeRecord, stroke_record
 from logs.identification.results import Array

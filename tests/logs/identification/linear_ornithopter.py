@@ -139,8 +139,6 @@ def fly(flight: Flight) -> FlightData:
         number,
         excitation,
         np.zeros(count),
-        SQUARED * (1.0 + harder),
-        *_sideways(flight, count),
     )  # fmt: skip
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from avionics import topics
 from logs.identification.report import Identification, document, identify, rows
-from logs.identification.sources.wing_coefficients import identify_aero
+from logs.identification.sources.motion import identify_aero
 from sim_bridge import topics as truth
 from tests.logs.identification import slow_hawk_flight as hawk
 from tests.logs.identification.test_aero_structure import EXPECTED, TRUTH, structure

@@ -246,7 +246,7 @@ def test_manoeuvres_that_meet_are_one_record_and_a_vertical_gyro_gives_numbers()
         "time_us": us, "active": 1.0 * (first | second), "manoeuvre": 1.0 + second, "aborted": 0.0 * us,
     }  # fmt: skip
     fit = identify_path(log, Aircraft())
-    assert len(fit.spans) == 1 and "manoeuvre 1 to 2" in fit.records[0]
+    assert len(fit.spans) == 1 and "maneuver 1 to 2" in fit.records[0]
     assert fit.spans[0] == pytest.approx((7.0, 23.0), abs=0.05)
     assert {"bias_p", "bias_q", "bias_r"} <= {one.name for one in fit.result.estimates}
 

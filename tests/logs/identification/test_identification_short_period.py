@@ -110,10 +110,8 @@ def moving(time: Array) -> tuple[FlightData, Array]:
     a_z = w_dot - u * q - STANDARD_GRAVITY * np.cos(pitch) - 0.05
     airspeed, still, on = np.hypot(u, w), np.zeros_like(time), np.ones_like(time)
     excited = np.where((time > 2.0) & (time < 2.2), 0.1, 0.0)
-    strokes, sideways = 4.0 * time, [still] * 4
-    data = FlightData(
-        time, q, a_x, a_z, pitch, airspeed, still, excited, strokes, on, on, excited, still, still, *sideways
-    )
+    strokes = 4.0 * time
+    data = FlightData(time, q, a_x, a_z, pitch, airspeed, still, excited, strokes, on, on, excited, still)
     return data, np.column_stack((u, w))
 
 

@@ -83,8 +83,7 @@ def simulated_open_loop(world: SimulatedVehicle, orbit: Orbit, seed: int) -> Fli
     return FlightData(
         step * np.arange(count), q + 0.01 * noise[0], a_x + 0.25 * noise[1], a_z + 0.25 * noise[2], pitch,
         airspeed + 0.1 * noise[3], np.full(count, orbit.means.climb_rate), achieved,
-        np.arange(count) / INTERVALS, active, number, added, np.zeros(count), np.zeros(count),
-        *np.zeros((4, count)),
+        np.arange(count) / INTERVALS, active, number, added, np.zeros(count),
     )  # fmt: skip
 
 

@@ -17,8 +17,8 @@ from groundstation.command.main import main
 from logs.identification.motion_capture.coordinates import kinematic_chain
 from logs.identification.motion_capture.markers import find_swap
 from logs.identification.motion_capture.motion import POSITION_ERROR, Speeds
-from logs.identification.tables.markers import (
-    EXAMPLE,
+from logs.identification.sources.table.config import example_map
+from logs.identification.sources.table.markers import (
     clouds_of_tables,
     identify_markers,
     load_markers_map,
@@ -29,6 +29,7 @@ from wingbeat.rotation_arrays import dcms_from_quaternions
 
 NOISE = 0.0013
 FRAMES = 600
+EXAMPLE = example_map("markers")
 PLACES: dict[str, dict[str, list[float]]] = tomllib.loads(EXAMPLE)["markers"]["places"]
 NAMES = [name for markers in PLACES.values() for name in markers]
 SECTION = EXAMPLE.partition("# Of a table")[0]

@@ -10,7 +10,7 @@ from logs.identification.models.modes import Mode, Oscillation, nothing, oscilla
 from logs.identification.statistics.covariance import ParameterUncertainty
 
 
-def known(method: str, frequency: float, damping: float, error: float = 0.05) -> Mode:
+def identified_mode(method: str, frequency: float, damping: float, error: float = 0.05) -> Mode:
     pair = oscillation(
         "short_period", np.array([frequency, damping]), ParameterUncertainty(np.diag([error**2, 0.01**2]), 50.0)
     )
@@ -19,16 +19,18 @@ def known(method: str, frequency: float, damping: float, error: float = 0.05) ->
 
 
 def test_methods_within_their_errors_agree() -> None:
-    agree, statement = agreement((known("a", 6.0, 0.5), known("b", 6.05, 0.51), known("c", 5.96, 0.49)))
+    agree, statement = agreement(
+        (identified_mode("a", 6.0, 0.5), identified_mode("b", 6.05, 0.51), identified_mode("c", 5.96, 0.49))
+    )
     assert agree is True
     assert statement == "all 3 methods agree within the 95 % interval of their difference"
 
 
 def test_the_outlier_is_named() -> None:
     modes = (
-        known("a", 6.0, 0.5),
-        known("b", 7.0, 0.5),
-        known("c", 6.02, 0.51),
+        identified_mode("a", 6.0, 0.5),
+        identified_mode("b", 7.0, 0.5),
+        identified_mode("c", 6.02, 0.51),
         nothing("d", "no input"),
     )
     agree, statement = agreement(modes)
@@ -37,15 +39,17 @@ def test_the_outlier_is_named() -> None:
 
 
 def test_a_wide_interval_does_not_disagree() -> None:
-    assert agreement((known("a", 6.0, 0.5), known("b", 7.0, 0.5, error=0.6)))[0] is True
+    assert agreement((identified_mode("a", 6.0, 0.5), identified_mode("b", 7.0, 0.5, error=0.6)))[0] is True
 
 
 def test_of_two_methods_neither_is_the_outlier() -> None:
-    assert agreement((known("a", 6.0, 0.5), known("b", 7.0, 0.5)))[1].startswith("the two methods disagree: ")
+    assert agreement((identified_mode("a", 6.0, 0.5), identified_mode("b", 7.0, 0.5)))[1].startswith(
+        "the two methods disagree: "
+    )
 
 
 def test_one_number_alone_is_not_compared() -> None:
-    agree, statement = agreement((known("a", 6.0, 0.5), nothing("b", "no input")))
+    agree, statement = agreement((identified_mode("a", 6.0, 0.5), nothing("b", "no input")))
     assert agree is None
     assert statement == "no comparison: a alone gives a number"
 

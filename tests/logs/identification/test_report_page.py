@@ -22,9 +22,9 @@ from logs.identification.report import Identification
 from logs.identification.report.numbers import determined
 from logs.identification.report.report import Subject, chapters, write_report
 from logs.identification.results import Estimate, Unidentified, estimate
+from logs.identification.sources.table import bench as benches
+from logs.identification.sources.table import stand as stands
 from logs.identification.statistics.fit_quality import BAND, autocorrelation
-from logs.identification.tables import benches
-from logs.identification.tables import load_cell_tests as stands
 from logs.pages.document import (
     Bar,
     Chapter,

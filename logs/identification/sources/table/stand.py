@@ -1,4 +1,4 @@
-"""[stand] of a map: the wings' coefficients from runs on a six-axis load cell, by the model or by a tare run."""
+"""[load_cell] of a map: the wings' coefficients from runs on a six-axis load cell, by the model or by a tare run."""
 
 from __future__ import annotations
 
@@ -17,41 +17,12 @@ from logs.identification.models.load_cell import LoadCell, StandRun, stand_coeff
 from logs.identification.models.wing_strokes import strokes_by_angle
 from logs.identification.motion_capture.motion import CUTOFF
 from logs.identification.results import EstimationResult, FitSeries, withheld_finding
-from logs.identification.sources.table.derived import Source
-from logs.identification.sources.table.maneuvers import Cut
-from logs.identification.sources.table.signal_lookup import signal
-from sim_bridge.vehicles import SimulatedVehicle, load_vehicle
+from logs.identification.sources.table.derived import Source, signal
+from logs.identification.sources.table.maneuvers import DataSplit
+from sim_bridge.vehicles import load_vehicle
 from wingbeat.errors import InputError
 from wingbeat.schema import check_known
 
-EXAMPLE = """\
-# The wings' coefficients from a six-axis load cell: wingbeat identify RUN.csv TARE.csv --map THIS.toml stand
-[time]
-column = "t"
-
-[signals]
-Fx = { column = "Fx", unit = "N" }                   # in the cell's axes
-Fy = { column = "Fy", unit = "N" }
-Fz = { column = "Fz", unit = "N" }
-Mx = { column = "Mx", unit = "N m" }                 # about the cell's origin
-My = { column = "My", unit = "N m" }
-Mz = { column = "Mz", unit = "N m" }
-flap = { column = "wing", unit = "deg" }             # of both wings, wing up positive
-V = { column = "tunnel", unit = "m/s" }              # or a constant; its mean over a run is taken
-
-[constants]
-alpha = { value = 5, unit = "deg" }                  # of the body's x axis to the stream, nose up
-rho = 1.2
-
-[stand]
-vehicle = "slow_hawk"        # name, file or folder: bodies, hinges, S and c
-load = ["Fx", "Fy", "Fz", "Mx", "My", "Mz"]          # names of signals
-flap = "flap"
-place = [0.02, 0.0, 0.07]    # m; the cell's origin in the body's axes (x forward, y right, z down)
-axes = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]             # rows: body's x, y, z in the cell's axes
-sign = 1                     # 1: the load of the vehicle on the cell, -1: of the cell on the vehicle
-tare = 2                     # manoeuvre of the same strokes in still air; without it the model takes inertia off
-"""
 STROKE_TERMS = ("theta_11", "theta_11_rate", "theta_11^2", "theta_11*theta_11_rate", "theta_11_rate^2")
 STILL = 1e-3
 """-; of its size, by which a regressor must vary over all runs"""
@@ -68,19 +39,22 @@ EQUATIONS = (
 
 register({
     "tare": Entry(
-        "tail load subtracted by the vehicle's model, weight and inertia by {taken}",
+        "tail load subtracted by the vehicle's model, weight and inertia by {source}",
         "Source of the loads that are not those of the wings.",
     ),
     "mean_load": Entry(
-        "{where}: mean lift {lift:.4g} N and thrust {thrust:.4g} N along the stream, body axes {up:.4g} N up and"
-        " {forward:.4g} N forward; mean {coefficients}",
+        "{where}: lift {lift:.4g} N, thrust {thrust:.4g} N along the stream",
         "Mean loads of a run on the load cell.",
+    ),
+    "mean_body_load": Entry(
+        "{where}: body axes {up:.4g} N up, {forward:.4g} N forward; mean {coefficients}",
+        "Mean loads of a run in body axes, and mean coefficients.",
     ),
 })  # fmt: skip
 
 
 class StandSection(NamedTuple):
-    """Section [stand]."""
+    """Section [load_cell]."""
 
     vehicle: str
     load: tuple[str, str, str, str, str, str] = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
@@ -91,72 +65,59 @@ class StandSection(NamedTuple):
     )  # fmt: skip
     sign: float = 1.0
     tare: int | None = None
-    """number of the manoeuvre"""
+    """number of the maneuver"""
     cutoff: float = CUTOFF
     """Hz; of the low-pass of load and angle"""
     candidates: tuple[str, ...] = ()
-    """terms that a stepwise regression chooses from; those that vary when not given"""
+    """candidate terms of the stepwise regression; those that vary if not given"""
 
 
-def stand_fits(
-    section: StandSection, maneuvers: Cut, constants: Mapping[str, float], fill: float | None
-) -> list[EstimationResult]:
-    """C_L, C_T and C_m over all runs but the tare, each as a sum of chosen terms, and of the runs predicted out.
+def stand_fits(section: StandSection, data: DataSplit) -> list[EstimationResult]:
+    """C_L, C_T and C_m over all runs but the tare, each as a sum of chosen terms; held-out runs are predicted.
 
     Raises:
-        InputError: a signal or constant is not there, the vehicle is not known, or a run cannot be used.
+        InputError: a signal or constant is missing, the vehicle is not known, or a run cannot be used.
     """
     if section.sign not in (1.0, -1.0):
-        raise InputError("stand.sign must be 1 or -1")
+        raise InputError("load_cell.sign must be 1 or -1")
     for name in section.candidates:
-        check_known(name, CANDIDATES, f"stand.candidates {name}")
-    vehicle, cell = _vehicle(section.vehicle), LoadCell(section.place, np.array(section.axes), section.sign)
-    tare, rest = _tare(section, maneuvers)
-    still = None if tare is None else _run(section, tare, constants)
+        check_known(name, CANDIDATES, f"load_cell.candidates {name}")
+    folder = Path(section.vehicle)
+    vehicle = load_vehicle(str(folder / "world.toml") if folder.is_dir() else section.vehicle)
+    cell = LoadCell(section.place, np.array(section.axes), section.sign)
+    tare = tare_of(section, data)
+    if section.tare is not None and tare is None:
+        raise InputError(f"load_cell.tare: there is no maneuver {section.tare}; there are {len(data.all)}")
+    subtracted = None if tare is None else _run(section, tare, data.constants)
     fitted, predicted = (
-        [stand_coefficients(vehicle, _run(section, one, constants), cell, still, section.cutoff) for one in part]
-        for part in rest
+        [
+            stand_coefficients(vehicle, _run(section, one, data.constants), cell, subtracted, section.cutoff)
+            for one in part
+            if one is not tare
+        ]
+        for part in (data.fitted, data.held_out)
     )
-    records, tried = ([_thinned(one, section.cutoff) for one in part] for part in (fitted, predicted))
+    if not fitted:
+        raise InputError("load_cell: no run is left besides the tare run and those held out")
+    records, validation = ([_decimated(one, section.cutoff) for one in part] for part in (fitted, predicted))
     candidates = section.candidates or tuple(name for name in CANDIDATES if _varies(name, records))
     models = identify_coefficients(tuple(records), candidates).models
-    taken = "the vehicle's model" if tare is None else tare.name
-    notes = (Finding("tare", "info", details={"taken": taken}), *(_means(one) for one in (*fitted, *predicted)))
-    return [_result(model, records, tried, notes if place == 0 else ()) for place, model in enumerate(models)]
+    source = "the vehicle's model" if tare is None else tare.name
+    means = (finding for one in (*fitted, *predicted) for finding in _means(one))
+    notes = (Finding("tare", "info", details={"source": source}), *means)
+    return [_result(model, records, validation, () if place else notes) for place, model in enumerate(models)]
 
 
-def _vehicle(name: str) -> SimulatedVehicle:
-    return load_vehicle(str(Path(name) / "world.toml") if Path(name).is_dir() else name)
-
-
-def tare_name(section: StandSection, maneuvers: Cut) -> str | None:
-    """What the manoeuvre of the tare run is called; None where there is none."""
-    begin = f"manoeuvre {section.tare} of "
-    return next((one.name for one in (*maneuvers.fitted, *maneuvers.held_out) if one.name.startswith(begin)), None)
-
-
-def _tare(
-    section: StandSection, maneuvers: Cut
-) -> tuple[Experiment | None, tuple[list[Experiment], list[Experiment]]]:
-    """The tare run, and the runs to fit and to predict.
-
-    Raises:
-        InputError: there is no manoeuvre of that number, or nothing beside it.
-    """
-    name, every = tare_name(section, maneuvers), (*maneuvers.fitted, *maneuvers.held_out)
-    if section.tare is not None and name is None:
-        raise InputError(f"stand.tare: there is no manoeuvre {section.tare}; there are {len(every)}")
-    fitted, predicted = ([one for one in part if one.name != name] for part in (maneuvers.fitted, maneuvers.held_out))
-    if not fitted:
-        raise InputError("stand: no run is left beside the tare run and those predicted out")
-    return next((one for one in every if one.name == name), None), (fitted, predicted)
+def tare_of(section: StandSection, data: DataSplit) -> Experiment | None:
+    """The tare run; None if there is none."""
+    return next((one for one in data.all if one.number == section.tare), None)
 
 
 def _run(section: StandSection, one: Experiment, constants: Mapping[str, float]) -> StandRun:
-    source = Source(one, constants, "stand")
+    source = Source(one, constants, "load_cell")
     units = ("N",) * 3 + ("N m",) * 3
-    load = [signal(one, name, unit, "stand.load") for name, unit in zip(section.load, units, strict=True)]
-    flap = signal(one, section.flap, "rad", "stand.flap")
+    load = [signal(one, name, unit, "load_cell.load") for name, unit in zip(section.load, units, strict=True)]
+    flap = signal(one, section.flap, "rad", "load_cell.flap")
     speed, pitch, density = (float(np.nanmean(source.get(name))) for name in ("V", "alpha", "rho"))
     begin, end = strokes_by_angle(one.time, flap)
     if not len(begin):
@@ -169,7 +130,7 @@ def _run(section: StandSection, one: Experiment, constants: Mapping[str, float])
     return StandRun(one.name, one.time, np.column_stack(load), flap, speed, pitch, density, strokes)
 
 
-def _thinned(maneuvers: WingCoefficients, cutoff: float) -> WingCoefficients:
+def _decimated(maneuvers: WingCoefficients, cutoff: float) -> WingCoefficients:
     """Without the ends, and no more samples than the low-pass left something between."""
     one = maneuvers.experiment
     ends, every = math.ceil(ENDS / (cutoff * one.step)), max(int(1.0 / (SAMPLED * cutoff * one.step)), 1)
@@ -187,7 +148,7 @@ def _varies(name: str, records: list[WingCoefficients]) -> bool:
     return float(np.ptp(values)) > STILL * float(np.max(np.abs(values)))
 
 
-def _means(maneuvers: WingCoefficients) -> Finding:
+def _means(maneuvers: WingCoefficients) -> tuple[Finding, Finding]:
     """Mean force and coefficients of a run.
 
     A body pitched nose up by alpha: lift = F_x sin(alpha) - F_z cos(alpha), thrust = F_x cos(alpha) + F_z sin(alpha).
@@ -200,7 +161,7 @@ def _means(maneuvers: WingCoefficients) -> Finding:
         "thrust": load[0] * math.cos(pitch) + load[2] * math.sin(pitch),
         "coefficients": ", ".join(f"{name} {float(np.mean(signals[name])):.4g}" for name in COEFFICIENTS),
     }  # fmt: skip
-    return Finding("mean_load", "info", details=details)
+    return Finding("mean_load", "info", details=details), Finding("mean_body_load", "info", details=details)
 
 
 def _result(
@@ -216,9 +177,9 @@ def _result(
         lost.insert(0, lost[0]._replace(subject=""))
     terms = " + ".join(("C_0", *(f"[{term}] {term}" for term in model.terms)))
     return EstimationResult(
-        "stand", "stand", "", (*EQUATIONS, f"{model.name} = {terms}"),
+        "load_cell", "load_cell", "", (*EQUATIONS, f"{model.name} = {terms}"),
         "converged" if model.estimates else "not identifiable", model.estimates, series=series,
-        samples=model.samples, findings=(*lost, *notes), steps=model.steps, title=f"{model.name} on the stand",
+        samples=model.samples, findings=(*lost, *notes), steps=model.steps, title=f"{model.name} on the load cell",
     )  # fmt: skip
 
 

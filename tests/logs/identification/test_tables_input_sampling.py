@@ -38,7 +38,7 @@ def ramped(rate: float, width: float, noise: float, scale: float = 1.0) -> dict[
 
 
 @pytest.mark.parametrize(
-    ("rate", "width", "noise", "scale", "told"),
+    ("rate", "width", "noise", "scale", "expected"),
     [
         (10.0, 0.2, 0.3, 1.0, True),
         (25.0, 0.08, 0.3, 1.0, True),
@@ -47,13 +47,13 @@ def ramped(rate: float, width: float, noise: float, scale: float = 1.0) -> dict[
     ],
 )
 def test_a_course_that_the_samples_do_not_show_is_named_where_it_puts_numbers_off(
-    tmp_path: Path, rate: float, width: float, noise: float, scale: float, told: bool
+    tmp_path: Path, rate: float, width: float, noise: float, scale: float, expected: bool
 ) -> None:
     """GIVEN an input that moves by a fifth of its range between samples THEN the intervals hold the truth."""
     columns = ramped(rate, width, noise, scale)
     assert np.max(np.abs(np.diff(columns["delta_e"]))) > 0.2 * np.ptp(columns["delta_e"])
     fit = identified(tmp_path, columns, BASE).fits[0]
-    assert ("sampling" in codes(fit)) is told
+    assert ("sampling" in codes(fit)) is expected
     truth, found = slowed(scale), numbers(fit)
     off = max(abs(found[name].value - truth[name]) / found[name].standard_error for name in TRUTH)
     assert off < 2.2, off

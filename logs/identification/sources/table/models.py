@@ -20,7 +20,7 @@ from logs.identification.models.stability import Steady, lateral, longitudinal, 
 from logs.identification.models.user import is_user_model, load_user_model
 from logs.identification.results import Array
 from logs.identification.sources.table.config import DELAY, ModelFile, OutputError, Parameter
-from logs.identification.sources.table.constants import need
+from logs.identification.sources.table.quantities import need
 from wingbeat.errors import InputError
 from wingbeat.schema import check_known
 
@@ -93,10 +93,10 @@ class Chosen(NamedTuple):
             InputError: an input is not among the signals.
         """
         signals = dict(experiment.signals)
-        for name, own in self.aliases.items():
+        for name, key in self.aliases.items():
             if name not in signals:
                 raise InputError(f"input {name!r} is not in [signals]; there are: {', '.join(experiment.signals)}")
-            signals[own] = signals[name]
+            signals[key] = signals[name]
         for name, value in self.constant_inputs.items():
             signals[name] = np.full(len(experiment.time), value)
         return experiment._replace(signals=signals)
@@ -132,7 +132,7 @@ class Chosen(NamedTuple):
             model, point = inner, self.operating_point
             return lambda values: model.state_matrix(parameters(values), *point)
         if not isinstance(inner, LinearModel):
-            raise InputError("a nonlinear model has no modes of its own")
+            raise InputError("a nonlinear model has no modes of its key")
         linear = inner
 
         def system(values: Array) -> Array:
@@ -150,7 +150,7 @@ def chosen_model(section: OutputError, constants: Mapping[str, float], experimen
         InputError: an output or parameter that it does not have, or a constant that it needs.
     """
     build, linear = (_user, False) if is_user_model(section.model) else MODELS[section.model]
-    built = build(section, with_speed(constants, experiments), experiments)
+    built = build(section, with_trim(constants, experiments), experiments)
     late = () if section.delay.fixed == 0.0 else (Actuator(tuple(built.model.inputs), DELAY),)
     zoh = _zoh_inputs(section, built)
     model = Actuated(built.model, late, zoh) if late or zoh else built.model
@@ -179,7 +179,7 @@ def _operating_point(built: Built, experiments: tuple[Experiment, ...]) -> tuple
     """Mean states and inputs; a state that is not measured has its value in the model."""
     if not isinstance(built.model, CompiledModel):
         return None
-    signals = {own: name for name, own in built.aliases.items()}
+    signals = {key: name for name, key in built.aliases.items()}
     means = {name: _mean(signals.get(name, name), experiments) for name in (*built.model.states, *built.model.inputs)}
     states = [one.value if (mean := means[name]) is None else mean for name, one in built.model.states.items()]
     constant = built.constant_inputs
@@ -191,11 +191,11 @@ def _zoh_inputs(section: OutputError, built: Built) -> tuple[str, ...]:
     """The model's names of the inputs that are constant between samples.
 
     Raises:
-        InputError: ``hold`` names another signal.
+        InputError: ``zoh_inputs`` names another signal.
     """
-    for name in section.hold:
-        check_known(name, section.inputs, f"hold {name}")
-    return tuple(built.aliases.get(name, name) for name in section.hold)
+    for name in section.zoh_inputs:
+        check_known(name, section.inputs, f"zoh_inputs {name}")
+    return tuple(built.aliases.get(name, name) for name in section.zoh_inputs)
 
 
 def _parameters(section: OutputError, built: Built) -> dict[str, Parameter]:
@@ -204,16 +204,16 @@ def _parameters(section: OutputError, built: Built) -> dict[str, Parameter]:
         return {name: Parameter(start=built.starts.get(name)) for name in built.default}
     found = {}
     for name, one in section.parameters.items():
-        own = name
+        key = name
         for given in built.aliases:
             if name not in built.model.parameters and name.endswith(f"_{given}"):
-                own = f"{name.removesuffix(given)}delta"
-        check_known(own, built.model.parameters, f"parameters.{name}")
-        found[own] = one
+                key = f"{name.removesuffix(given)}delta"
+        check_known(key, built.model.parameters, f"parameters.{name}")
+        found[key] = one
     return found
 
 
-def with_speed(constants: Mapping[str, float], experiments: tuple[Experiment, ...]) -> dict[str, float]:
+def with_trim(constants: Mapping[str, float], experiments: tuple[Experiment, ...]) -> dict[str, float]:
     """The constants; airspeed, angle of attack and pitch of the trim are means of the signals if not given."""
     return {name: mean for name in TRIM if (mean := _mean(name, experiments)) is not None} | dict(constants)
 
@@ -244,9 +244,8 @@ def _linear(model: LinearModel, section: OutputError) -> Built:
     rows = {f"{name}'": row for row, name in enumerate(states)}
     rows |= {name: len(states) + row for row, name in enumerate(model.outputs) if name in section.outputs}
     equations = []
-    for told, row in rows.items():
-        # What is a state is measured as it is.
-        if told in states:
+    for left, row in rows.items():
+        if left in states:  # measured directly
             continue
         terms = [(float(model.constant[row, c]), of) for c, of in enumerate(columns)]
         terms += [
@@ -255,19 +254,19 @@ def _linear(model: LinearModel, section: OutputError) -> Built:
             for c, of in enumerate(columns)
             if not name.endswith("_0")
         ]
-        equations.append(f"{told} = {_sum([one for one in terms if one[0]])}")
+        equations.append(f"{left} = {_sum([one for one in terms if one[0]])}")
     return Built(model, tuple(equations), tuple(names), {name: name for name in section.inputs})
 
 
 def _sum(terms: list[tuple[float, str]]) -> str:
-    """Of numbers times what each multiplies: ``q - 0.5 Z_alpha alpha``."""
-    told = ""
+    """Text of a sum of factors and terms: ``q - 0.5 Z_alpha alpha``."""
+    text = ""
     for value, of in terms:
         size = f"{abs(value):.6g}"
         term = size if of == "1" else of if size == "1" else f"{size} {of}"
-        sign = ("-" if value < 0 else "") if not told else " - " if value < 0 else " + "
-        told += sign + term
-    return told or "0"
+        sign = ("-" if value < 0 else "") if not text else " - " if value < 0 else " + "
+        text += sign + term
+    return text or "0"
 
 
 def _short_period(section: OutputError, constants: Mapping[str, float], _: tuple[Experiment, ...]) -> Built:
@@ -296,6 +295,7 @@ def _nonlinear(section: OutputError, constants: Mapping[str, float], experiments
         raise InputError(f"nonlinear longitudinal takes one control in inputs (and thrust), not {len(controls)}")
     known = dict(constants)
     need(known, "mass", "I_y", "S", "c", "V", what="nonlinear longitudinal")
+    density, of_density = _density(known, experiments, "nonlinear longitudinal")
     aliases, constant = {controls[0]: "delta_e"}, {}
     if "thrust" in experiments[0].signals:
         aliases["thrust"] = "thrust"
@@ -303,14 +303,7 @@ def _nonlinear(section: OutputError, constants: Mapping[str, float], experiments
         constant["thrust"] = known["thrust"]
     else:
         raise InputError("nonlinear longitudinal needs signals.thrust or constants.thrust (0 for a glide)")
-    density: float | str = known.get("rho", 0.0)
-    for signal, own in (("rho", "density"), ("qbar", "dynamic_pressure")):
-        if signal in experiments[0].signals:
-            aliases[signal], density = own, own
-    if not density:
-        raise InputError(
-            "nonlinear longitudinal needs constants.rho, constants.altitude, signals.rho or signals.qbar"
-        )
+    aliases |= of_density
     angle = known.get("thrust_angle", 0.0)
     arm = known.get("thrust_z", 0.0) * np.cos(angle) + known.get("thrust_x", 0.0) * np.sin(angle)
     airframe = Airframe(
@@ -318,6 +311,22 @@ def _nonlinear(section: OutputError, constants: Mapping[str, float], experiments
         known.get("imu_x", 0.0), known.get("imu_z", 0.0),
     )  # fmt: skip
     return Built(nonlinear_longitudinal(airframe), NONLINEAR, AERODYNAMIC, aliases, constant)
+
+
+def _density(
+    known: Mapping[str, float], experiments: tuple[Experiment, ...], model: str
+) -> tuple[float | str, dict[str, str]]:
+    """Air density or the name of its input, and the input by the name of its signal.
+
+    Raises:
+        InputError: neither density nor dynamic pressure is known.
+    """
+    for signal, name in (("qbar", "dynamic_pressure"), ("rho", "density")):
+        if signal in experiments[0].signals:
+            return name, {signal: name}
+    if "rho" not in known:
+        raise InputError(f"{model} needs constants.rho, constants.altitude, signals.rho or signals.qbar")
+    return known["rho"], {}
 
 
 def _nonlinear_lateral(
@@ -336,12 +345,8 @@ def _nonlinear_lateral(
             aliases[name] = name
         else:
             fixed[name] = known.get(name, 0.0)
-    density: float | str = known.get("rho", 0.0)
-    for signal, own in (("rho", "density"), ("qbar", "dynamic_pressure")):
-        if signal in signals:
-            aliases[signal], density = own, own
-    if not density:
-        raise InputError("nonlinear lateral needs constants.rho, constants.altitude, signals.rho or signals.qbar")
+    density, of_density = _density(known, experiments, "nonlinear lateral")
+    aliases |= of_density
     airframe = LateralAirframe(
         known["mass"], known["I_x"], known["I_z"], known["S"], known["b"], known.get("I_xz", 0.0),
         known.get("I_y", 0.0), density, known.get("imu_x", 0.0), known.get("imu_z", 0.0),
@@ -366,9 +371,9 @@ def _user(section: OutputError, constants: Mapping[str, float], experiments: tup
     path = section.model.path if isinstance(section.model, ModelFile) else Path(section.model)
     user = load_user_model(path, constants)
     for name, unit in user.model.inputs.items():
-        told = experiments[0].units.get(name, unit)
-        if told != unit:
-            raise InputError(f"signals.{name} is in {told}, the input {name} of {section.model} in {unit}")
+        known = experiments[0].units.get(name, unit)
+        if known != unit:
+            raise InputError(f"signals.{name} is in {known}, the input {name} of {section.model} in {unit}")
     aliases = {name: name for name in user.model.inputs}
     return Built(user.model, user.equations, tuple(user.model.parameters), aliases, {}, user.starts, user.findings)
 
@@ -389,4 +394,4 @@ MODELS: dict[str, tuple[Build, bool]] = {
     "nonlinear longitudinal": (_nonlinear, False),
     "nonlinear lateral": (_nonlinear_lateral, False),
 }
-"""By name: what makes it, and whether it is linear about a trim."""
+"""by name: its builder, and whether it is linear about a trim"""

@@ -20,43 +20,6 @@ from sim_bridge.vehicles import SimulatedVehicle
 from wingbeat.errors import InputError
 from wingbeat.schema import read_document, read_record
 
-EXAMPLE = """\
-# A vehicle's motion from markers: wingbeat identify CAPTURE.mcap markers --map THIS.toml
-# (wingbeat log import makes CAPTURE.mcap of C3D, Vicon Nexus and OptiTrack Motive; its markers are under /mocap/)
-[markers]
-vehicle = "slow_hawk"        # name or file: bodies, hinges, masses; not for one rigid body, or a log that carries it
-cutoff = 50.0                # Hz; of the low-pass before differentiation
-aero = true                  # the wings' coefficients by inverse dynamics too
-wind = [0.0, 0.0, 0.0]       # m/s; north, east, down
-density = 1.225              # kg/m^3
-
-[markers.places.fuselage]    # m in the body's axes (x forward, y right, z down) from its origin, by the marker's name
-nose = [0.2, 0.0, -0.03]
-shoulder_right = [0.06, 0.08, 0.02]
-shoulder_left = [0.06, -0.08, 0.02]
-[markers.places.right_wing]
-tip_right = [-0.02, 0.6, 0.0]
-rib_right = [0.0, 0.2, 0.0]
-spar_right = [-0.2, 0.25, 0.0]
-[markers.places.left_wing]
-tip_left = [-0.02, -0.6, 0.0]
-rib_left = [0.0, -0.2, 0.0]
-spar_left = [-0.2, -0.25, 0.0]
-[markers.places.rudder]
-tail = [0.0, 0.0, 0.0]
-tail_right = [-0.17, 0.1, 0.0]
-tail_left = [-0.17, -0.1, 0.0]
-
-# Of a table of numbers (CAPTURE.csv) the map says too what its columns are, three to a marker:
-# [time]
-# column = "t"
-# [signals]
-# nose_x = { column = "nose X", unit = "mm" }
-# nose_y = { column = "nose Y", unit = "mm" }
-# nose_z = { column = "nose Z", unit = "mm" }
-# [markers]
-# axes = [[1, 0, 0], [0, -1, 0], [0, 0, -1]]         # rows: north, east, down in the table's axes; here z is up
-"""
 TOPIC = "/mocap/"
 FIELDS = ("north", "east", "down")
 SLIP = 0.1

@@ -15,17 +15,18 @@ from logs.identification.data.experiment import Experiment
 from logs.identification.diagnostics.context import Context
 from logs.identification.diagnostics.estimates import disagreements, with_regressor_noise
 from logs.identification.diagnostics.model_structure import lack_of_fit, poor_fit
-from logs.identification.estimators.equation_error import Settings, coefficient_regression
+from logs.identification.estimators.equation_error import Settings
 from logs.identification.estimators.equivalent_system import equivalent_system
 from logs.identification.estimators.era import realization
 from logs.identification.estimators.nonparametric import modes_of_experiments, modes_of_records
 from logs.identification.estimators.records import records_of
+from logs.identification.estimators.registry import Request, estimators
 from logs.identification.report.result_formatting import notes_of as said_of
 from logs.identification.report.result_formatting import table_document
 from logs.identification.results import EstimationResult, FitSeries, estimate
-from logs.identification.tables.run import identify_tables
+from logs.identification.sources.table.run import identify_tables
 from tests.logs.identification.test_frequency_equations import SLOW, exact
-from tests.logs.identification.test_tables_identified import codes, flight
+from tests.logs.identification.test_tables_identified import BASE, codes, flight
 from tests.logs.identification.test_tables_strangers import identified
 from wingbeat.errors import InputError
 
@@ -38,7 +39,7 @@ column = 1
 [signals]
 q = { column = 2, unit = "rad/s" }
 delta_e = { column = 3, unit = "rad" }
-[manoeuvres]
+[maneuvers]
 windows = [[%g, 25]]
 [modes]
 model = "none"
@@ -78,7 +79,7 @@ def test_free_response_of_a_record_in_which_the_control_moves_is_refused(tmp_pat
     table, mapping = tmp_path / "t.csv", tmp_path / "m.toml"
     np.savetxt(table, np.column_stack((TIME, q, one.signals["delta_e"])), delimiter=",")
     mapping.write_text(FREE_MAP % 0)
-    with pytest.raises(InputError, match=r"delta_e moves until 5\.96 s in manoeuvre 1 of t\.csv"):
+    with pytest.raises(InputError, match=r"delta_e moves until 5\.96 s in maneuver 1 of t\.csv"):
         identify_tables([table], mapping)
     mapping.write_text(FREE_MAP % 6.1)
     found = identify_tables([table], mapping).modes
@@ -111,10 +112,10 @@ def test_a_constant_output_and_a_short_record_are_refused_in_words() -> None:
     short = one._replace(time=TIME[45:65], signals={name: v[45:65] for name, v in one.signals.items()})
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        told = [
+        expected = [
             realization(records_of((e,), "delta_e", ("q", "theta"))).unidentified[0].reason for e in (still, short)
         ]
-    assert told == ["an output is constant", "the records are too short: 20 of 30 samples needed"]
+    assert expected == ["an output is constant", "the records are too short: 20 of 30 samples needed"]
 
 
 def test_an_input_that_rests_is_not_called_unmeasured() -> None:
@@ -128,32 +129,36 @@ def noisy_moment(seed: int, level: float) -> Experiment:
     """A coefficient of two rates that move together, the second measured with noise ``level`` of its spread."""
     rng, signals = np.random.default_rng(seed), driven().signals
     q, delta = signals["q"], filtered(signals["delta_e"], 2.5, 0.5)
-    told = 3 * q - 2 * delta + 0.02 * float(np.std(q)) * rng.normal(size=len(TIME))
+    expected = 3 * q - 2 * delta + 0.02 * float(np.std(q)) * rng.normal(size=len(TIME))
     measured = q + level * float(np.std(q)) * rng.normal(size=len(TIME))
     units = {"q": "rad/s", "delta": "rad", "C": "-"}
-    return Experiment("one", TIME, {"q": measured, "delta": delta, "C": told}, units)
+    return Experiment("one", TIME, {"q": measured, "delta": delta, "C": expected}, units)
 
 
-@pytest.mark.parametrize(("level", "said"), [(0.15, True), (0.005, False)])
-def test_intervals_include_the_bias_by_noise_in_a_regressor(level: float, said: bool) -> None:
+def regressed(flights: tuple[Experiment, ...], names: tuple[str, ...]) -> EstimationResult:
+    return estimators()["equation_error_time"].estimate(Request(flights, outputs=("C",), regressors=names))
+
+
+@pytest.mark.parametrize(("level", "reported"), [(0.15, True), (0.005, False)])
+def test_intervals_include_the_bias_by_noise_in_a_regressor(level: float, reported: bool) -> None:
     """GIVEN q with noise THEN its coefficient, the other's and the intercept are off, and every interval holds it."""
     held, plain, names = [], [], ("q", "delta")
     for seed in range(30):
         flights = (noisy_moment(seed, level),)
-        bare = coefficient_regression(flights, "C", names)
+        bare = regressed(flights, names)
         found, findings = with_regressor_noise(bare, flights, Settings())
         assert [one.value for one in found.estimates] == [one.value for one in bare.estimates]
         truth = {"intercept": 0.0, "q": 3.0, "delta": -2.0}
         held.append([one.contains(truth[one.name]) for one in found.estimates])
         plain.append([one.contains(truth[one.name]) for one in bare.estimates])
-        assert ("q" in [one.subject for one in findings]) is said
+        assert ("q" in [one.subject for one in findings]) is reported
     assert np.all(np.mean(held, axis=0) >= 0.9)
-    assert (np.mean(plain, axis=0)[1] < 0.5) is np.bool_(said)
+    assert (np.mean(plain, axis=0)[1] < 0.5) is np.bool_(reported)
 
 
 def test_a_regressor_that_is_noise_has_a_warning() -> None:
     flights = (noisy_moment(1, 1.5),)
-    bare = coefficient_regression(flights, "C", ("q", "delta"))
+    bare = regressed(flights, ("q", "delta"))
     found, findings = with_regressor_noise(bare, flights, Settings())
     assert ("noisy_regressor", "q") in [(one.code, one.subject) for one in findings]
     assert found.estimates[1].high > 3.0, "the interval includes the bias"
@@ -168,7 +173,7 @@ def test_a_fast_motion_without_noise_is_not_called_noise(noise: float) -> None:
     response = 3.0 * q - 2.0 * delta + 1e-6 * rng.normal(size=300)
     signals = {"q": q + noise * rng.normal(size=300), "delta": delta, "C": response}
     flights = (Experiment("one", time, signals, {"q": "rad/s", "delta": "rad", "C": "-"}),)
-    bare = coefficient_regression(flights, "C", ("q", "delta"))
+    bare = regressed(flights, ("q", "delta"))
     found, findings = with_regressor_noise(bare, flights, Settings())
     if noise:
         assert all(one.contains(true) for one, true in zip(found.estimates[1:], (3.0, -2.0), strict=True))
@@ -189,7 +194,7 @@ def test_realization_of_noise_that_no_input_moves_is_refused(seeds: tuple[int, .
 
 def test_a_realization_faster_than_the_input_is_no_mode() -> None:
     """GIVEN an elevator that moves within 1 Hz WHEN noise rings at 5 Hz THEN ERA gives no number of it."""
-    time, said = 0.02 * np.arange(1000), set()
+    time, reported = 0.02 * np.arange(1000), set()
     for seed in range(12):
         rng = np.random.default_rng(seed)
         delta = gaussian_filter1d(rng.normal(size=1000), 12)
@@ -198,8 +203,8 @@ def test_a_realization_faster_than_the_input_is_no_mode() -> None:
         one = Experiment("one", time, signals, {"alpha": "rad", "delta_e": "rad"})
         found = realization(records_of((one,), "delta_e", ("alpha",)))
         assert found.frequency is None or found.frequency.contains(math.sqrt(60.0)), seed
-        said |= {each.reason for each in found.unidentified}
-    assert any("above the input's bandwidth" in one for one in said)
+        reported |= {each.reason for each in found.unidentified}
+    assert any("above the input's bandwidth" in one for one in reported)
 
 
 def test_an_equivalent_system_needs_some_periods_of_the_mode() -> None:
@@ -233,13 +238,13 @@ def test_an_angular_acceleration_answers_the_input_at_once(outputs: tuple[str, .
     assert mode.damping.value == pytest.approx(4.2 / 2.0 / math.sqrt(1.3 * 2.9 + 6.0), rel=0.015)
 
 
-@pytest.mark.parametrize(("late", "told"), [(0, False), (3, True)])
-def test_a_channel_that_is_late_is_more_than_noise(tmp_path: Path, late: int, told: bool) -> None:
+@pytest.mark.parametrize(("late", "expected"), [(0, False), (3, True)])
+def test_a_channel_that_is_late_is_more_than_noise(tmp_path: Path, late: int, expected: bool) -> None:
     """GIVEN a vane that is 0.12 s late THEN it is said how much more than noise the model leaves of it."""
     columns = flight(noise=0.5)
     columns["alpha"] = np.concatenate((np.repeat(columns["alpha"][0], late), columns["alpha"]))[: len(columns["t"])]
     found = identified(tmp_path, columns)
-    assert bool({"lack_of_fit", "time_skew"} & codes(found)) is told
+    assert bool({"lack_of_fit", "time_skew"} & codes(found)) is expected
 
 
 def test_methods_that_know_one_input_are_left_out_where_a_second_moves() -> None:
@@ -250,9 +255,9 @@ def test_methods_that_know_one_input_are_left_out_where_a_second_moves() -> None
     signals = one.signals | {"q": one.signals["q"] + np.gradient(filtered(given, 2.0, 0.3), STEP)}
     both, resting = (one._replace(signals=signals | {"flap": flap}) for flap in (given + noise, noise))
     found = modes_of_experiments((both,), "delta_e", ("q",), others=("flap",)).modes
-    told = {mode.method: mode for mode in found}
+    expected = {mode.method: mode for mode in found}
     for name in ("equivalent system", "eigensystem realization", "spectrum"):
-        assert told[name].unidentified[0].reason == "flap moves as well: the method has one input"
+        assert expected[name].unidentified[0].reason == "flap moves as well: the method has one input"
     assert records_of((both,), "delta_e", ("q",), ("flap",)).pieces[0].free_from >= np.searchsorted(TIME, 11.0)
     plain = modes_of_experiments((resting,), "delta_e", ("q",)).modes
     assert [m.frequency for m in modes_of_experiments((resting,), "delta_e", ("q",), others=("flap",)).modes] == [
@@ -260,15 +265,15 @@ def test_methods_that_know_one_input_are_left_out_where_a_second_moves() -> None
     ]
 
 
-@pytest.mark.parametrize(("share", "told"), [(0.02, "2"), (0.097, "10"), (0.2, "20"), (0.55, "55"), (1.0, "100")])
-def test_what_a_model_lacks_is_told_in_whole_per_cents_of_the_power(share: float, told: str) -> None:
+@pytest.mark.parametrize(("share", "expected"), [(0.02, "2"), (0.097, "10"), (0.2, "20"), (0.55, "55"), (1.0, "100")])
+def test_what_a_model_lacks_is_told_in_whole_per_cents_of_the_power(share: float, expected: str) -> None:
     time = np.arange(0.0, 20.0, 0.02)
     model = math.sqrt(2.0 * (1.0 - share)) * np.sin(2.0 * np.pi * time)
     measured = model + math.sqrt(2.0 * share) * np.sin(np.pi * time)
     measured += np.random.default_rng(1).normal(0.0, 1e-4, len(time))
     series = (FitSeries("one", "q", "rad/s", time, measured, model),)
     (one,) = lack_of_fit(Context((), result=EstimationResult("output_error", series=series)))
-    assert one.text.endswith(f" times its noise, {told} % of its power")
+    assert one.text.endswith(f" times its noise, {expected} % of its power")
 
 
 def test_lack_of_fit_names_each_output() -> None:
@@ -288,13 +293,14 @@ def test_warnings_stand_before_information(tmp_path: Path) -> None:
     columns["q"] = columns["q"].copy()
     columns["q"][20:25] = np.nan
     columns["q"][[100, 160]] += 1.0
-    (fit,) = identified(tmp_path, columns).fits[:1]
+    found = identified(tmp_path, columns, BASE + 'states = 2\nmethod = "output_error"\n')
+    fit = found.fits[0]
     lines = list(said_of(fit))
     places = [next(i for i, line in enumerate(lines) if word in line) for word in ("outliers", "not measured")]
     assert places == sorted(places)
-    told = table_document(identified(tmp_path, columns))["fits"][0]
-    assert {"outliers", "missing_samples"} <= {one["code"] for one in told["findings"]}
-    assert all(set(one) == {"code", "severity", "subject", "value", "limit", "text"} for one in told["findings"])
+    expected = table_document(found)["fits"][0]
+    assert {"outliers", "missing_samples"} <= {one["code"] for one in expected["findings"]}
+    assert all(set(one) == {"code", "severity", "subject", "value", "limit", "text"} for one in expected["findings"])
 
 
 def test_a_poor_fit_is_reported_if_its_residuals_are_colored() -> None:

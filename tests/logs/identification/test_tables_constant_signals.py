@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from logs.identification.results import EstimationResult
-from logs.identification.tables.run import identify_tables
+from logs.identification.sources.table.run import identify_tables
 from tests.logs.identification.test_tables_identified import BASE, codes, flight, numbers, write
 from wingbeat.errors import InputError
 
@@ -49,11 +49,11 @@ def test_a_file_with_an_of_in_its_name_is_called_by_all_of_it(tmp_path: Path) ->
 def test_an_output_that_froze_in_one_of_two_manoeuvres_is_named(tmp_path: Path) -> None:
     columns = flight()
     frozen = columns | {"q": np.full(len(columns["t"]), 0.01)}
-    (tmp_path / "map.toml").write_text(BASE)
+    (tmp_path / "map.toml").write_text(BASE + 'states = 2\nmethod = "output_error"\n')
     files = [write(tmp_path / f"{name}.csv", one) for name, one in (("one", columns), ("two", frozen))]
     told = identify_tables(files, tmp_path / "map.toml", "modes").fits[0].warnings
     frozen_q = [one for one in told if one.code == "frozen_signal"]
-    assert [(one.subject, one.details["where"]) for one in frozen_q] == [("q", "manoeuvre 2 of two.csv")]
+    assert [(one.subject, one.details["where"]) for one in frozen_q] == [("q", "maneuver 2 of two.csv")]
     (whole,) = identify_tables(files[:1], tmp_path / "map.toml", "modes").fits
     assert "frozen_signal" not in codes(whole)
 

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
 from logs.identification.data.experiment import Experiment
 from logs.identification.findings import Finding
 from logs.identification.models.modes import ModesResult
-from logs.identification.results import Estimate, EstimationResult, OutputFit
-
-__all__ = ["OutputFit", "TableIdentification", "finite"]
+from logs.identification.results import Estimate, EstimationResult
 
 
 class TableIdentification(NamedTuple):
@@ -37,8 +34,3 @@ class TableIdentification(NamedTuple):
     """SI; of the map"""
     delays: tuple[Estimate, ...] = ()
     """s; measured delays of signals, by name"""
-
-
-def finite(value: float | None) -> float | None:
-    """The number for JSON: None if it is not finite."""
-    return float(value) if value is not None and math.isfinite(value) else None

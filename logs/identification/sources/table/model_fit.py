@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -29,22 +29,22 @@ from logs.identification.estimators.terms import quotient
 from logs.identification.findings import Entry, Finding, register
 from logs.identification.results import Estimate, EstimationResult, FitSeries
 from logs.identification.sources.table.config import DELAY, OutputError
-from logs.identification.sources.table.maneuvers import Cut
-from logs.identification.sources.table.signal_lookup import check_apart
+from logs.identification.sources.table.derived import check_distinct
+from logs.identification.sources.table.maneuvers import DataSplit
+from logs.identification.sources.table.models import LONGEST_DELAY, Chosen, chosen_model
 from logs.identification.sources.table.signals import LONGEST_FILL
-from logs.identification.tables.models import LONGEST_DELAY, Chosen, chosen_model
 from wingbeat.errors import InputError
 from wingbeat.text import pluralize
 
 RANDOM_STARTS = Search(starts=4, fallback=False)
 """if Gauss-Newton does not converge from any other start"""
-SEARCHES: dict[str, Method] = {"gauss-newton": "gauss-newton", "nelder-mead": "nelder-mead", "both": "both"}
 Estimator = Callable[[Problem, Search], tuple[Problem, Fit]]
 
 
 def _filter_error(problem: Problem, search: Search) -> tuple[Problem, Fit]:
     try:
-        found = filter_error_search(problem, None, search)
+        with np.errstate(over="ignore", invalid="ignore"):
+            found = filter_error_search(problem, None, search)
     except np.linalg.LinAlgError:
         raise InputError("filter error: the covariance of the innovations is singular") from None
     return found.problem, found.fit
@@ -88,22 +88,21 @@ class Driven(NamedTuple):
     findings: tuple[Finding, ...]
 
 
-def model_fit(
-    subject: str, section: OutputError, cut: Cut, constants: Mapping[str, float], fill: float | None
-) -> ModelFit:
+def model_fit(subject: str, section: OutputError, data: DataSplit) -> ModelFit:
     """One fit over all maneuvers, and its prediction of the held-out ones.
 
     Raises:
         InputError: a signal, constant or parameter that the model does not have or needs and is not there.
     """
-    check_apart(cut.fitted, section.inputs, section.outputs, subject)
+    constants = data.constants
+    check_distinct(data.fitted, section.inputs, section.outputs, subject)
     title, estimator = METHODS[section.method]
-    chosen = chosen_model(section, constants, cut.fitted)
-    fitted = driven(cut.fitted, chosen, fill)
-    held = driven(cut.held_out, chosen, fill) if cut.held_out else Driven((), ())
+    chosen = chosen_model(section, constants, data.fitted)
+    fitted = driven(data.fitted, chosen, data.fill)
+    held = driven(data.held_out, chosen, data.fill) if data.held_out else Driven((), ())
     starts, problem, fit = _likeliest(section, chosen, fitted.experiments, constants, estimator)
-    aliased = _aliased(fit, section, chosen, cut.fitted)
-    lines = {name: chosen.aliases.get(name, name) for name in section.inputs if name not in section.hold}
+    aliased = _aliased(fit, section, chosen, data.fitted)
+    lines = {name: chosen.aliases.get(name, name) for name in section.inputs if name not in section.zoh_inputs}
     simulated = not aliased and section.method == "output_error"
     effects = () if not simulated else omitted_effects(problem, fit, constants, lines, chosen.unnamed)
     fit = widened(fit, effects)
@@ -120,13 +119,20 @@ def model_fit(
     if aliased:
         result = result._replace(status="not converged", estimates=(), covariance=None, series=())
     context = Context(
-        cut.fitted, constants, section.inputs, section.outputs, section.hold, result, chosen.linear, cut.averaged
+        data.fitted,
+        constants,
+        section.inputs,
+        section.outputs,
+        section.zoh_inputs,
+        result,
+        chosen.linear,
+        data.averaged,
     )
     findings = (
         *_failure(fit, aliased), *chosen.findings, *conditional, *(one.finding for one in effects),
         *diagnose("model", context),
         *_input_delay(section, chosen, fitted.experiments, constants, series, fit),
-        *chosen.findings, *fitted.findings, *held.findings,
+        *fitted.findings, *held.findings,
     )  # fmt: skip
     return ModelFit(result._replace(findings=findings), fit, chosen)
 
@@ -154,7 +160,7 @@ def _aliased(fit: Fit, section: OutputError, chosen: Chosen, experiments: tuple[
     step = min(one.step for one in experiments)
     fastest = float(np.max(np.abs(roots.imag), initial=0.0))
     turning = float(np.max(np.abs(roots[roots.imag > 0]), initial=0.0))
-    coarse = coarse_inputs([name for name in section.inputs if name not in section.hold], experiments)
+    coarse = coarse_inputs([name for name in section.inputs if name not in section.zoh_inputs], experiments)
     if fastest * step > np.pi or (coarse and turning * step > FASTEST_TURN):
         return aliased_mode(turning or fastest, step)
     return None
@@ -207,7 +213,7 @@ def driven(experiments: tuple[Experiment, ...], chosen: Chosen, fill: float | No
     if not pieces:
         longest = max(len(one.time) for one in experiments)
         if longest < LEAST_RUN or not inputs:
-            raise InputError(f"the longest manoeuvre has {pluralize(longest, 'sample')}: it takes {LEAST_RUN}")
+            raise InputError(f"the longest maneuver has {pluralize(longest, 'sample')}: it takes {LEAST_RUN}")
         raise InputError(f"no {LEAST_RUN} samples on end have every input ({', '.join(inputs)})")
     return Driven(tuple(map(chosen.from_trim, pieces)), tuple(findings))
 
@@ -260,7 +266,7 @@ def _starts(
 ) -> Iterator[tuple[dict[str, float], Search]]:
     """Start values of the map, by equation error, by equation error over longer spans, and at random about them."""
     unaided = {name: one._replace(start=None) for name, one in chosen.parameters.items()}
-    first = Search(SEARCHES[section.search], fallback=False)
+    first = Search(cast("Method", section.search), fallback=False)
     if unaided != chosen.parameters:
         yield start_values(chosen.model, chosen.parameters, experiments, constants, chosen.linear), first
     plain = start_values(chosen.model, unaided, experiments, constants, chosen.linear)

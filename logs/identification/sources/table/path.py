@@ -14,47 +14,11 @@ from logs.identification.findings import Entry, Finding, register
 from logs.identification.models.rigid_body import INPUTS, LONGITUDINAL_INPUTS, UNITS, WINDS, SensorPositions
 from logs.identification.report.subjects import path_chapter
 from logs.identification.results import EstimationResult
-from logs.identification.sources.table.maneuvers import Cut
+from logs.identification.sources.table.maneuvers import DataSplit
 from logs.identification.sources.table.signals import LONGEST_FILL
 from wingbeat.errors import InputError
 from wingbeat.schema import check_known
 from wingbeat.text import pluralize
-
-EXAMPLE = """\
-# Biases and scales of the sensors: wingbeat identify FLIGHT.csv --map THIS.toml path
-[time]
-column = "t"                 # or rate = 50.0 (Hz) where the rows have no time
-fill = 0.1                   # s; gaps of rates and accelerations up to that are bridged, at longer ones it is cut
-
-[signals]                    # V and the rates and accelerations must be there, of the others what there is
-p = { column = "p", unit = "deg/s" }
-q = { column = "q", unit = "deg/s" }
-r = { column = "r", unit = "deg/s" }
-a_x = { column = "ax", unit = "g" }                  # specific forces, body axes: a_z is -1 g at rest
-a_y = { column = "ay", unit = "g" }
-a_z = { column = "az", unit = "g" }
-V = { column = "tas", unit = "kn" }
-alpha = { column = "aoa", unit = "deg" }
-beta = { column = "aos", unit = "deg" }
-phi = { column = "roll", unit = "deg" }
-theta = { column = "pitch", unit = "deg" }
-psi = { column = "yaw", unit = "deg" }
-altitude = { column = "alt", unit = "ft" }           # climb_rate, north, east (m) too
-
-[manoeuvres]
-windows = [[10, 40], [60, 90]]
-validate = [2]               # predicted with the errors found from the others
-
-[path]
-longitudinal = false         # true: u, w, theta and altitude alone, from q, a_x and a_z, wings level
-also = ["scale_q"]           # beyond the usual: biases of rates and accelerations, bias and scale of the vanes, wind
-known = []                   # errors that are zero, as "bias_a_y"
-[path.places]                # m from the center of mass, x forward, y right, z down
-imu = [0.1, 0.0, -0.05]
-airspeed = [1.2, 0.0, 0.0]
-alpha = [1.5, 0.4, 0.1]
-beta = [1.5, -0.4, 0.1]
-"""
 
 
 class PathSection(NamedTuple):
@@ -83,19 +47,17 @@ register({
 })  # fmt: skip
 
 
-def path_fit(
-    section: PathSection, split: Cut, constants: Mapping[str, float], fill: float | None
-) -> list[EstimationResult]:
+def path_fit(section: PathSection, data: DataSplit) -> list[EstimationResult]:
     """The reconstruction over all maneuvers, and the prediction of those that were held out.
 
     Raises:
         InputError: an input or the airspeed is not there, or no piece without a gap is long enough.
     """
-    options, findings = _options(section, tuple(split.fitted[0].signals), constants)
-    fitted = _records(split.fitted, options.longitudinal, fill, findings)
+    options, findings = _options(section, tuple(data.fitted[0].signals), data.constants)
+    fitted = _records(data.fitted, options.longitudinal, data.fill, findings)
     if not fitted:
         raise InputError("path: " + "; ".join(one.text for one in findings))
-    held_out = _records(split.held_out, options.longitudinal, fill, findings)
+    held_out = _records(data.held_out, options.longitudinal, data.fill, findings)
     path = reconstruct(fitted, options, held_out)
     chapter = path_chapter(fitted, path)
     result = path.result._replace(

@@ -4,30 +4,23 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Mapping, Sequence
+from typing import Any
 
 from logs.identification.data.experiment import Experiment
 from logs.identification.diagnostics.context import Context
-from logs.identification.diagnostics.estimates import regression_findings
+from logs.identification.diagnostics.estimates import with_input_sampling, with_regressor_noise
 from logs.identification.diagnostics.signals import joined, measured, moves
 from logs.identification.diagnostics.table import diagnose
-from logs.identification.estimators.equation_error import (
-    CoefficientRegression,
-    Settings,
-    coefficient_regression,
-    regression_result,
-)
-from logs.identification.estimators.model_structure import Orthogonal, orthogonal_regression
-from logs.identification.estimators.registry import Request
-from logs.identification.estimators.regressors import LOCAL_POLYNOMIAL, filtered_like_derivative
-from logs.identification.estimators.stepwise import Rules, Step, stepwise_regression
+from logs.identification.estimators.equation_error import Settings
+from logs.identification.estimators.registry import Request, estimators
+from logs.identification.estimators.regressors import INTERCEPT, LOCAL_POLYNOMIAL, filtered_like_derivative
 from logs.identification.estimators.terms import parse
 from logs.identification.findings import Entry, Finding, register
 from logs.identification.results import Array, EstimationResult
 from logs.identification.sources.table.config import Regression
-from logs.identification.sources.table.constants import UNITS
-from logs.identification.sources.table.derived import MADE, averaging_of, with_made
-from logs.identification.sources.table.maneuvers import Cut, file_of
-from logs.identification.sources.table.signal_lookup import band_frequencies
+from logs.identification.sources.table.derived import DERIVED, averaging_of, band_frequencies, with_derived
+from logs.identification.sources.table.maneuvers import DataSplit, files_of
+from logs.identification.sources.table.quantities import UNITS
 from logs.pages.document import Chapter, Table
 from wingbeat.errors import InputError
 from wingbeat.text import did_you_mean
@@ -58,65 +51,110 @@ register({
         "selection = \"stepwise\" selects by F",
     ),
     "smoothed_derivative": Entry(
-        "{subject} is the derivative of a signal smoothed by {method}, the regressors are not smoothed alike: their"
-        " coefficients are biased where the smoothing attenuates the motion",
+        "derivative {subject} of a smoothed signal ({method}) biases the coefficients",
         "A regression with a derivative whose smoothing depends on the data.",
-        "smooth by local_quadratic, which all signals then go through, or do not smooth",
+        "smooth by local_quadratic, which filters all signals alike",
     )
 })  # fmt: skip
 
 
-def regression_fit(section: Regression, cut: Cut, constants: Mapping[str, float]) -> EstimationResult:
+def regression_fit(section: Regression, data: DataSplit) -> EstimationResult:
     """One regression over all maneuvers, and its prediction of the held-out ones.
 
     Raises:
         InputError: a name that is neither signal nor constant and cannot be computed, a constant response, or no term
             was selected.
     """
-    section, constant = _without_constant(section, cut.fitted)
+    constants = data.constants
+    section, constant = _without_constant(section, data.fitted)
     names = tuple(product_of(name) for name in section.regressors)
-    wanted = {symbol for name in (section.response, *names) for symbol in parse(name).powers}
-    alike = [tuple(filtered_like_derivative(one, wanted) for one in part) for part in (cut.fitted, cut.held_out)]
-    parts = [tuple(with_made(one, wanted, constants) for one in part) for part in alike]
-    steady = any(one.steady for one in cut.fitted)
-    averaging = averaging_of(alike[0], wanted)
+    symbols = {symbol for name in (section.response, *names) for symbol in parse(name).powers}
+    filtered = data.map(lambda one: filtered_like_derivative(one, symbols))
+    complete = filtered.map(lambda one: with_derived(one, symbols, constants))
+    steady = any(one.steady for one in data.fitted)
+    averaging = averaging_of(filtered.fitted, symbols)
     if steady and (averaging is not None or section.domain != "time"):
         raise InputError(
             f"aero.regressions of {section.response}: steady readings have no derivatives and no spectrum"
         )
-    settings = Settings(
-        constants=constants, units=UNITS, frequencies=_frequencies(section, parts[0]), averaging=averaging,
-        steady=steady,
-    )  # fmt: skip
-    steps: tuple[Step, ...] = ()
-    findings: tuple[Finding, ...] = ()
-    chapters: tuple[Chapter, ...] = ()
-    if section.method == "orthogonal":
-        model, findings, chapters = _orthogonal(section, names, parts[0], settings)
-    else:
-        selected, steps = _selected(section, names, parts[0], settings)
-        model = coefficient_regression(
-            parts[0], section.response, selected, "time" if section.domain == "time" else "frequency", settings
-        )
-    model, noisy = (model, ()) if steady else regression_findings(model, parts[0], settings)
-    method = "orthogonal" if section.method == "orthogonal" else f"equation_error_{section.domain}"
+    frequencies = _frequencies(section, complete.fitted)
+    settings = Settings(constants=constants, units=UNITS, frequencies=frequencies, averaging=averaging, steady=steady)
+    result = _estimated(section, names, complete, settings)
+    noise: tuple[Finding, ...] = ()
+    if not steady and section.domain == "time":
+        result, noise = with_regressor_noise(result, complete.fitted, settings)
+    if not steady:
+        result, sampling = with_input_sampling(result, complete.fitted, settings, section.domain)
+        noise = (*noise, *sampling)
     way = "orthogonal functions" if section.method == "orthogonal" else f"{section.domain} domain"
-    options = settings._asdict() | {"units": UNITS}
-    request = Request(parts[0], parts[1], outputs=(section.response,), constants=constants, options=options)
-    result = regression_result(
-        "stepwise" if steps else method, request, model, subject="aero", response=section.response, steps=steps,
-        chapters=chapters, title=f"regression of {section.response}, {way}",
+    result = result._replace(
+        subject="aero", response=section.response, title=f"regression of {section.response}, {way}",
+        equations=(*result.equations, NAMED),
     )  # fmt: skip
-    if model.failure:
-        failed = Finding("not_estimated", "withheld", details={"reason": model.failure})
+    used = tuple(dict.fromkeys(s for n in names for s in _symbols(n, data.fitted) if s not in SCALES))
+    checks = diagnose("regression", Context(data.fitted, constants, signals=used, result=result))
+    thrust = _thrust_unknown(section, data.fitted, constants)
+    smoothed = _smoothed(filtered.fitted, symbols)
+    return result._replace(findings=(*result.findings, *constant, *noise, *checks, *thrust, *smoothed))
+
+
+def _estimated(section: Regression, names: tuple[str, ...], data: DataSplit, settings: Settings) -> EstimationResult:
+    """The result of the row of the registry that the section requests.
+
+    Raises:
+        InputError: no term was selected, or orthogonal functions with another selection or domain.
+    """
+    key = f"aero.regressions of {section.response}"
+
+    def estimate(row: str, regressors: tuple[str, ...], **options: Any) -> EstimationResult:
+        every = settings._asdict() | options
+        request = Request(
+            data.fitted, data.held_out, (), (section.response,), regressors, None, {}, data.constants, every
+        )
+        return estimators()[row].estimate(request)
+
+    def selected(result: EstimationResult) -> tuple[str, ...]:
+        terms = tuple(one.name for one in result.estimates if one.name != INTERCEPT)
+        if not terms:
+            raise InputError(f"{key}: no term was selected: {_reason(result)}")
+        return terms
+
+    if section.method == "orthogonal":
+        if section.selection != "all" or section.forced_terms or section.domain != "time":
+            raise InputError(f'{key}: method = "orthogonal" chooses its terms itself, in the time domain')
+        result = estimate("orthogonal", names, most_terms=len(names))
+        selected(result)
+        functions, count = result.steps, len(names)
+        missed = [one.term for one in functions if not one.kept and one.chance < SIGNIFICANT / count]
+        findings = [
+            Finding("orthogonal_function", "info", one.term, 100 * one.gain, None,
+                    {"pse": one.pse, "action": "kept" if one.kept else "not kept"})
+            for one in functions
+        ]  # fmt: skip
+        findings += [Finding("omitted_function", "warning", name) for name in missed]
+        return result._replace(
+            findings=(*result.findings, *findings), steps=(), chapters=(_functions(section.response, functions),)
+        )
+    if section.selection == "stepwise":
+        forced = tuple(product_of(name) for name in section.forced_terms)
+        result = estimate("stepwise", names, always=forced, frequencies=None)
+        terms = selected(result)
+        if section.domain == "time":
+            return result
+        return estimate("equation_error_frequency", terms)._replace(method="stepwise", steps=result.steps)
+    result = estimate(f"equation_error_{section.domain}", names)
+    if not result.estimates:
+        failed = Finding("not_estimated", "withheld", details={"reason": _reason(result)})
         result = result._replace(findings=(failed, *result.findings))
-    result = result._replace(equations=(*result.equations, NAMED))
-    symbols = tuple(dict.fromkeys(s for n in names for s in _symbols(n, cut.fitted) if s not in SCALES))
-    checks = diagnose("regression", Context(cut.fitted, constants, signals=symbols, result=result))
-    thrust = _thrust_unknown(section, cut.fitted, constants)
-    return result._replace(
-        findings=(*result.findings, *constant, *noisy, *checks, *thrust, *findings, *_smoothed(alike[0], wanted))
-    )
+    return result
+
+
+def _reason(result: EstimationResult) -> str:
+    """Why a regression has no coefficient: the texts of its withheld terms."""
+    texts = dict.fromkeys(one.text for one in result.withheld)
+    if len(texts) == 1:
+        return next(iter(texts))
+    return "; ".join(f"{one.subject}: {one.text}" for one in result.withheld) or "no term passes the test"
 
 
 def _smoothed(experiments: Sequence[Experiment], symbols: Collection[str]) -> tuple[Finding, ...]:
@@ -143,8 +181,8 @@ def check_names(section: Regression, signals: Collection[str], constants: Collec
     Raises:
         InputError: a regressor that is no product, or a name that is no signal, no constant and cannot be computed.
     """
-    known = [*signals, *constants, *(name for name in MADE if name not in signals)]
-    for name in (section.response, *section.regressors, *section.always):
+    known = [*signals, *constants, *(name for name in DERIVED if name not in signals)]
+    for name in (section.response, *section.regressors, *section.forced_terms):
         for symbol in () if name in signals else parse(product_of(name)).powers:
             if symbol not in known:
                 guess = did_you_mean(symbol, known)
@@ -168,7 +206,7 @@ def _without_constant(
     Raises:
         InputError: the response is constant, or no term is left.
     """
-    where = ", ".join(dict.fromkeys(file_of(one) for one in experiments))
+    where = files_of(experiments)
     signals = [name for name in experiments[0].signals if measured(joined(name, experiments))]
     constant = {name for name in signals if not moves(joined(name, experiments))}
     rate = MOMENT_RATES.get(section.response, "")
@@ -177,65 +215,25 @@ def _without_constant(
     if rate in constant and not {section.response, f"{rate}_dot"} & set(experiments[0].signals):
         raise InputError(f"{section.response} is computed from {rate}, which is constant in {where}")
     lost = {}
-    for name in dict.fromkeys((*section.regressors, *section.always)):
+    for name in dict.fromkeys((*section.regressors, *section.forced_terms)):
         symbols = [one for one in _symbols(name, experiments) if one not in SCALES]
         if symbols and set(symbols) <= constant:
             lost[name] = Finding("constant_signal", "withheld", name, details={"where": where})
     kept = tuple(name for name in section.regressors if name not in lost)
     if lost and not kept:
         raise InputError("; ".join(f"{name} is constant in {where}" for name in lost))
-    always = tuple(name for name in section.always if name not in lost)
-    return section._replace(regressors=kept, always=always), tuple(lost.values())
+    forced = tuple(name for name in section.forced_terms if name not in lost)
+    return section._replace(regressors=kept, forced_terms=forced), tuple(lost.values())
 
 
-def _orthogonal(
-    section: Regression, names: tuple[str, ...], fitted: tuple[Experiment, ...], settings: Settings
-) -> tuple[CoefficientRegression, tuple[Finding, ...], tuple[Chapter, ...]]:
-    """The regression on the terms whose orthogonal functions lower the predicted square error.
-
-    Raises:
-        InputError: another selection, the frequency domain, or no function that lowers it.
-    """
-    key = f"aero.regressions of {section.response}"
-    if section.selection != "all" or section.always or section.domain != "time":
-        raise InputError(f'{key}: method = "orthogonal" chooses its terms itself, in the time domain')
-    found = orthogonal_regression(fitted, section.response, names, len(names), settings)
-    if not found.terms:
-        why = found.failure or "no orthogonal function lowers the predicted square error"
-        raise InputError(f"{key}: nothing was chosen: {why}")
-    findings = [
-        Finding("orthogonal_function", "info", one.term, 100 * one.gain, None,
-                {"pse": one.pse, "action": "kept" if one.kept else "not kept"})
-        for one in found.functions
-    ]  # fmt: skip
-    missed = [one.term for one in found.functions if not one.kept and one.chance < SIGNIFICANT / len(names)]
-    findings += [Finding("omitted_function", "warning", name) for name in missed]
-    return found.model, tuple(findings), (_functions(section.response, found),)
-
-
-def _functions(response: str, found: Orthogonal) -> Chapter:
+def _functions(response: str, functions: Sequence[Any]) -> Chapter:
     """Every orthogonal function in the order of their construction."""
-    rows = tuple((one.term, 100.0 * one.gain, one.pse, "kept" if one.kept else "") for one in found.functions)
+    rows = tuple((one.term, 100.0 * one.gain, one.pse, "kept" if one.kept else "") for one in functions)
     table = Table(("term", "share of the variance (%)", "PSE", ""), rows)
     note = (
         "Each function is a term without its part along those before it; kept up to the least predicted square error."
     )
     return Chapter(f"Orthogonal functions of {response}", (note,), (table,))
-
-
-def _selected(
-    section: Regression, names: tuple[str, ...], fitted: tuple[Experiment, ...], settings: Settings
-) -> tuple[tuple[str, ...], tuple[Step, ...]]:
-    """The regressors to fit, and the steps of their selection, in the time domain."""
-    if section.selection == "all":
-        return names, ()
-    always = tuple(product_of(name) for name in section.always)
-    found = stepwise_regression(
-        fitted, section.response, names, Rules(always=always), settings._replace(frequencies=None)
-    )
-    if found.failure and not found.terms:
-        raise InputError(f"stepwise regression of {section.response} chose nothing: {found.failure}")
-    return found.terms, found.steps
 
 
 def product_of(name: str) -> str:
@@ -245,9 +243,9 @@ def product_of(name: str) -> str:
 
 def _frequencies(section: Regression, experiments: tuple[Experiment, ...]) -> Array | None:
     """Frequencies of the band; None without one."""
-    if section.band is None:
+    if section.frequency_band is None:
         return None
     key = f"aero.regressions of {section.response}"
     if section.domain != "frequency":
-        raise InputError(f'{key}: band is for domain = "frequency"')
-    return band_frequencies(section.band, experiments, key)
+        raise InputError(f'{key}: frequency_band is for domain = "frequency"')
+    return band_frequencies(section.frequency_band, experiments, key)
