@@ -121,7 +121,7 @@ SECTIONS_OF_THE_SITE = {
     "Reference": (
         "reference/api", "reference/command_line", "parameters", "reference/topics", "reference/vehicle_keys",
         "reference/mavlink", "reference/avionics", "reference/estimation", "reference/logs", "reference/importing",
-        "reference/campaigns", "reference/groundstation", "reference/findings",
+        "reference/campaigns", "reference/groundstation", "reference/findings", "reference/estimators",
     ),
     "Validation": (
         "validation/aerodynamics", "validation/estimation", "validation/identification", "validation/gusts",

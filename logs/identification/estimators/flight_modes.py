@@ -37,7 +37,7 @@ from logs.identification.models.actuators import Actuated, Actuator
 from logs.identification.models.modes import SHORT_PERIOD, Mode, ModesResult, mode_of_system, nothing
 from logs.identification.models.stroke_averaged import LONGITUDINAL, TAIL_DELAY, TAIL_LAG, UNITS, model_of
 from logs.identification.results import Array, Estimate, EstimationResult, FitSeries
-from logs.identification.statistics.parameter_uncertainty import Spread
+from logs.identification.statistics.covariance import ParameterUncertainty
 from wingbeat.constants import STANDARD_GRAVITY
 
 OUTPUT_ERROR, EQUATION_ERROR, FILTER_ERROR = "output error", "equation error, frequency domain", "filter error"
@@ -160,8 +160,8 @@ def equation_error(flight: FlightProblem, lag: float) -> Regression:
             continue
         regressors = tuple(name[2:] for name in chosen)
         fit = coefficient_regression(experiments, response, regressors, "frequency", settings)
-        if fit.failure or fit.unidentified:
-            why = fit.failure or f"{fit.unidentified[0].name} {fit.unidentified[0].reason}"
+        if fit.failure or fit.withheld:
+            why = fit.failure or f"{fit.withheld[0].subject} {fit.withheld[0].text}"
             return Regression(flight.names, np.zeros(0), np.zeros((0, 0)), 1.0, (), f"{response}: {why}")
         for one, residual in zip(experiments, fit.residuals, strict=True):
             measured = one.signals[response]
@@ -170,7 +170,7 @@ def equation_error(flight: FlightProblem, lag: float) -> Regression:
         names += chosen
         values += [float(fit.values[place]) for place in places]
         blocks.append(fit.covariance[np.ix_(places, places)])
-        degrees = min(degrees, *(float(fit.degrees[place]) for place in places))
+        degrees = min(degrees, fit.degrees)
     covariance = np.zeros((len(names), len(names)))
     at = 0
     for block in blocks:
@@ -419,13 +419,15 @@ def derivatives_of(fit: Fit | Regression) -> tuple[Estimate, ...]:
     """Derivatives and parameters of the tail, without the strengths of the process noise."""
     if isinstance(fit, Fit):
         return tuple(one._replace(unit=UNITS[one.name]) for one in fit.estimates if one.name in UNITS)
-    return Spread(fit.covariance, fit.degrees).estimates({name: UNITS[name] for name in fit.names}, fit.values)
+    return ParameterUncertainty(fit.covariance, fit.degrees).estimates(
+        {name: UNITS[name] for name in fit.names}, fit.values
+    )
 
 
 def mode_of(method: str, flight: FlightProblem, fit: Fit | Regression) -> Mode:
     """The modes of the derivatives that a method estimated, errors by the delta method."""
     if fit.failure:
         return nothing(method, fit.failure)
-    spread = Spread(fit.covariance, fit.degrees)
+    spread = ParameterUncertainty(fit.covariance, fit.degrees)
     system = flight.system
     return mode_of_system(method, lambda values: system(fit.names, values), fit.values, spread, derivatives_of(fit))
