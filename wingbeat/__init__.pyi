@@ -4,6 +4,9 @@ from wingbeat.api.flights import fly as fly
 from wingbeat.api.flights import open_log as open_log
 from wingbeat.api.identification import Identification as Identification
 from wingbeat.api.identification import identify as identify
+from wingbeat.api.logs import LogReport as LogReport
+from wingbeat.api.logs import check_log as check_log
+from wingbeat.api.logs import import_log as import_log
 from wingbeat.api.simulation import Simulation as Simulation
 from wingbeat.api.steady import LinearMotion as LinearMotion
 from wingbeat.api.steady import SteadyFlight as SteadyFlight
@@ -20,13 +23,16 @@ __all__ = [
     "Flight",
     "Identification",
     "LinearMotion",
+    "LogReport",
     "Simulation",
     "SteadyFlight",
     "Tuning",
     "Vehicle",
     "campaign",
+    "check_log",
     "fly",
     "identify",
+    "import_log",
     "linearize",
     "load_vehicle",
     "new_bird",

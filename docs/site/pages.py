@@ -111,8 +111,8 @@ def _table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
 
 SECTIONS_OF_THE_SITE = {
     "Tutorials": (
-        "tutorials/first_flight", "tutorials/your_bird", "tutorials/identify_and_tune", "tutorials/campaign",
-        "tutorials/own_controller",
+        "tutorials/first_flight", "tutorials/your_bird", "tutorials/px4_log", "tutorials/identify_and_tune",
+        "tutorials/campaign", "tutorials/own_controller",
     ),
     "How-to guides": (
         "commands", "own_aircraft", "identify_csv", "identification/user_model", "identification/flight_path",
