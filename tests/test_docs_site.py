@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import runpy
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -19,6 +20,7 @@ def test_tutorial_runs(page: Path, tmp_path: Path) -> None:
     """GIVEN the Python blocks of a tutorial WHEN they run in order in an empty folder THEN none fails."""
     blocks = re.findall(r"^```python\n(.*?)^```", page.read_text(encoding="utf-8"), flags=re.S | re.M)
     assert blocks
+    shutil.copy(ROOT / "tests" / "data" / "logs" / "vtol_bench.ulg", tmp_path / "flight.ulg")
     script = tmp_path / "tutorial.py"
     script.write_text("import matplotlib\nmatplotlib.use('Agg')\n" + "\n".join(blocks), encoding="utf-8")
     done = subprocess.run([sys.executable, script], cwd=tmp_path, capture_output=True, text=True, check=False)

@@ -18,10 +18,10 @@ from logs.identification.data.experiment import Experiment
 from logs.identification.data.noise_level import noise_with_steps
 from logs.identification.diagnostics.context import Context
 from logs.identification.diagnostics.sampling import coarse_inputs, largest_change, sampling_finding
-from logs.identification.estimators.engine.problem import Fit, Own, Problem
+from logs.identification.estimators.engine.problem import Fit, Problem, RecordParameters
 from logs.identification.findings import Entry, Finding, register
 from logs.identification.results import Array, Estimate, FitSeries
-from logs.identification.statistics.output_fit import output_fits
+from logs.identification.statistics.fit_quality import output_fits
 
 DELAY = "delay"
 """name of the parameter: the time by which all inputs act later than they were recorded"""
@@ -106,7 +106,7 @@ class Effect(NamedTuple):
 class _Candidate(NamedTuple):
     code: str
     subject: str
-    response: Callable[[Own, Array, Array, float], Array]
+    response: Callable[[RecordParameters, Array, Array, float], Array]
     """(record, inputs (N, k), outputs (N, m), step) -> change of all fitted outputs (N, m) by a unit of it"""
 
 
@@ -232,7 +232,7 @@ def _candidates(
 ) -> tuple[_Candidate, ...]:
     model, found = problem.model, []
 
-    def delayed_inputs(record: Own, inputs: Array, outputs: Array, step: float) -> Array:
+    def delayed_inputs(record: RecordParameters, inputs: Array, outputs: Array, step: float) -> Array:
         later = np.vstack((inputs[:1], inputs[:-1]))
         return (simulated(problem, record, later, step) - outputs) / step
 
@@ -240,7 +240,9 @@ def _candidates(
         found.append(_Candidate("time_skew", ", ".join(problem.model.inputs), delayed_inputs))
     for place, name in enumerate(problem.outputs if len(problem.outputs) > 1 else ()):
 
-        def delayed(record: Own, inputs: Array, outputs: Array, step: float, place: int = place) -> Array:
+        def delayed(
+            record: RecordParameters, inputs: Array, outputs: Array, step: float, place: int = place
+        ) -> Array:
             column = np.zeros_like(outputs)
             column[:, place] = -np.gradient(outputs[:, place], step)
             return column
@@ -248,7 +250,9 @@ def _candidates(
         found.append(_Candidate("time_skew", name, delayed))
     for name in unnamed:
 
-        def derivative(record: Own, inputs: Array, outputs: Array, step: float, name: str = name) -> Array:
+        def derivative(
+            record: RecordParameters, inputs: Array, outputs: Array, step: float, name: str = name
+        ) -> Array:
             more = record._replace(parameters={**record.parameters, name: record.parameters[name] + 1e-4})
             return (simulated(problem, more, inputs, step) - outputs) / 1e-4
 
@@ -258,7 +262,7 @@ def _candidates(
             continue
 
         def position(
-            record: Own,
+            record: RecordParameters,
             inputs: Array,
             outputs: Array,
             step: float,
@@ -284,7 +288,7 @@ def _between_samples(problem: Problem, name: str) -> _Candidate:
     column = list(problem.model.inputs).index(name)
     stepwise = largest_change(name, problem.experiments) > UNKNOWN_COURSE
 
-    def response(record: Own, inputs: Array, outputs: Array, step: float) -> Array:
+    def response(record: RecordParameters, inputs: Array, outputs: Array, step: float) -> Array:
         places = np.arange(FINE * (len(inputs) - 1) + 1) / FINE
         lines = np.column_stack([np.interp(places, np.arange(len(inputs)), one) for one in inputs.T])
         other = lines.copy()
@@ -309,7 +313,9 @@ def _cubic(values: Array, places: Array) -> Array:
     return found
 
 
-def simulated(problem: Problem, record: Own, inputs: Array, step: float, names: tuple[str, ...] = ()) -> Array:
+def simulated(
+    problem: Problem, record: RecordParameters, inputs: Array, step: float, names: tuple[str, ...] = ()
+) -> Array:
     """Outputs ``names`` (the fitted ones if empty) (N, m) of the model for one record, without output biases."""
     model = problem.model
     parameters = np.array([record.parameters[name] for name in model.parameters])
@@ -331,14 +337,16 @@ def _sensitivities(problem: Problem, fit: Fit, candidates: tuple[_Candidate, ...
     scale = np.where(scale > 0.0, scale, np.inf)
     by_name = {one.name: one for one in problem.experiments}
     blocks = []
-    for record, history in zip(fit.own, fit.histories, strict=True):
+    for record, history in zip(fit.records, fit.histories, strict=True):
         experiment = by_name[record.name]
         inputs = np.column_stack([experiment.signals[name] for name in problem.model.inputs])
         step, used = experiment.step, np.isfinite(history.measured)
         outputs = simulated(problem, record, inputs, step)
 
-        def derivative(field: str, name: str, record: Own = record, inputs: Array = inputs, step: float = step,
-                       outputs: Array = outputs) -> Array:  # fmt: skip
+        def derivative(
+            field: str, name: str, record: RecordParameters = record, inputs: Array = inputs, step: float = step,
+            outputs: Array = outputs,
+        ) -> Array:  # fmt: skip
             values: dict[str, float] = dict(getattr(record, field))
             width = 1e-5 * max(abs(values[name]), 0.1)
             changed: Any = {field: {**values, name: values[name] + width}}

@@ -9,7 +9,7 @@ import numpy as np
 from logs.identification.data.maneuvers import Maneuver
 from logs.identification.models.modes import ModesResult
 from logs.identification.results import FitSeries
-from logs.identification.statistics.theil import Theil, theil
+from logs.identification.statistics.fit_quality import Theil, theil
 from wingbeat.text import pluralize
 
 

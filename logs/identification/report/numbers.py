@@ -11,9 +11,8 @@ from logs.identification.data.flight import Aircraft, GaugeErrors
 from logs.identification.diagnostics.validation import Validation, validation
 from logs.identification.estimators.flapping_frequency import FrequencyModel, identify_frequency
 from logs.identification.estimators.flight_modes import identify_modes
-from logs.identification.estimators.servo import ServoModel, ServoResult, with_gauge_errors
+from logs.identification.estimators.servo import ServoModel, ServoResult, identify_torque, with_gauge_errors
 from logs.identification.estimators.servo_power import power_truth, power_with_gauge_errors
-from logs.identification.estimators.servo_torque import identify_torque
 from logs.identification.estimators.stepwise import Step
 from logs.identification.estimators.torque_speed import identify_load, load_truth
 from logs.identification.estimators.wing_coefficients import AeroResult
@@ -39,7 +38,7 @@ FOLLOWS = re.compile(r"_(period|(time|cycles)_to_\w+)$")
 DECADE = 10.0
 """-; the upper end of an interval over the lower, above which such a number is not told"""
 THEIL = ("coefficient", "bias", "variance", "covariance")
-"""of `statistics.theil.Theil`, in the JSON document"""
+"""of `statistics.fit_quality.Theil`, in the JSON document"""
 
 
 class Identification(NamedTuple):

@@ -11,8 +11,8 @@ from logs.identification.models.lateral_modes import DUTCH_ROLL, LATERAL_PHUGOID
 from logs.identification.report.numbers import Identification, document, step_entries
 from logs.identification.results import Estimate, EstimationResult, OutputFit
 from logs.identification.sources.table.results import TableIdentification
-from logs.identification.statistics.correlation import Pair, strong_pairs
-from logs.identification.statistics.output_fit import output_fits
+from logs.identification.statistics.collinearity import Pair, strong_pairs
+from logs.identification.statistics.fit_quality import output_fits
 
 LATERAL_MODES = (DUTCH_ROLL, ROLL, SPIRAL, LATERAL_PHUGOID)
 """subjects that are modes, not parameters"""

@@ -19,7 +19,7 @@ from logs.identification.report.result_formatting import correlation_lines, find
 from logs.identification.results import EstimationResult, FitSeries, estimate
 from logs.identification.sources.table.results import TableIdentification
 from logs.identification.sources.table.run import identify_tables
-from logs.identification.statistics.correlation import Pair
+from logs.identification.statistics.collinearity import Pair
 from tests.logs.identification.test_tables_four_states import MAP
 from tests.logs.identification.test_tables_identified import BASE, codes, flight, identified, write
 from wingbeat.errors import InputError

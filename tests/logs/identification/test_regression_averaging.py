@@ -10,7 +10,7 @@ from scipy.signal import savgol_coeffs, savgol_filter
 from test_tables_identified import TRUTH, flight, identified, numbers
 
 from logs.identification.estimators.regressors import LINE, SMOOTH, average_of_slope, averaged
-from logs.identification.statistics.output_fit import output_fits
+from logs.identification.statistics.fit_quality import output_fits
 
 MAPPED = """
 [time]

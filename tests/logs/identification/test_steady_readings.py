@@ -13,7 +13,7 @@ from logs.identification.data.experiment import Experiment
 from logs.identification.estimators.equation_error import Settings, coefficient_regression
 from logs.identification.estimators.stepwise import stepwise_regression
 from logs.identification.sources.table.run import identify_tables
-from logs.identification.statistics.output_fit import output_fits
+from logs.identification.statistics.fit_quality import output_fits
 from wingbeat.errors import InputError
 
 MAP = """

@@ -25,7 +25,6 @@ from logs.identification.report.result_formatting import notes_of as said_of
 from logs.identification.report.result_formatting import table_document
 from logs.identification.results import EstimationResult, FitSeries, estimate
 from logs.identification.sources.table.run import identify_tables
-from logs.identification.statistics.hac import autocovariance
 from tests.logs.identification.test_frequency_equations import SLOW, exact
 from tests.logs.identification.test_tables_identified import BASE, codes, flight
 from tests.logs.identification.test_tables_strangers import identified
@@ -184,12 +183,6 @@ def test_a_fast_motion_without_noise_is_not_called_noise(noise: float) -> None:
         one.standard_error / own.standard_error for one, own in zip(found.estimates, bare.estimates, strict=True)
     ]
     assert max(wider) < 3.0, "without that, a thousand times as wide"
-
-
-def test_an_autoregression_at_its_limit_divides_by_nothing() -> None:
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        assert np.all(np.isfinite(autocovariance(np.array([-1.0]), 8)))
 
 
 @pytest.mark.parametrize("seeds", [(3,), tuple(range(9, 12)), tuple(range(24, 27))])

@@ -92,11 +92,12 @@ def slowed(scale: float) -> dict[str, float]:
 
 
 def flight(
-    rate: float = 25.0, duration: float = 15.0, noise: float = 1.0, scale: float = 1.0, actuator: float = 0.0
-) -> dict[str, np.ndarray]:
+    rate: float = 25.0, duration: float = 15.0, noise: float = 1.0, scale: float = 1.0, actuator: float = 0.0,
+    seed: int = 5,
+) -> dict[str, np.ndarray]:  # fmt: skip
     """Columns in SI as a noisy system records them."""
     t, states, delta = motion(rate, duration, scale, actuator)
-    rng, p = np.random.default_rng(5), slowed(scale)
+    rng, p = np.random.default_rng(seed), slowed(scale)
     a_z = 100.0 * (p["Z_alpha"] * states[:, 0] + p["Z_delta"] * delta) - 9.80665
     sizes = (0.002, 0.003 / scale, 0.1 / scale)
     clean = {"alpha": states[:, 0] + 0.05, "q": states[:, 1], "a_z": a_z}

@@ -28,20 +28,22 @@ def methods(folder: Path, mapping: str, capsys: pytest.CaptureFixture[str], **si
 def test_equation_error_in_the_frequency_domain_has_the_truth(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], force: bool
 ) -> None:
-    """GIVEN alpha and q, with a_z or without THEN the two equations tell the mode and its derivatives."""
+    """GIVEN eight noisy records, with a_z or without THEN 85 % of all intervals have the truth, each within 3 %."""
     mapping = BASE + 'model = "none"\n'
     if not force:
         mapping = mapping.replace('a_z = { column = "a_z", unit = "m/s^2" }\n', "").replace(', "a_z"]', "]")
-    found = methods(tmp_path, mapping, capsys)["equation error"]
     frequency = np.sqrt(TRUTH["Z_alpha"] * TRUTH["M_q"] - TRUTH["M_alpha"])
     damping = -(TRUTH["Z_alpha"] + TRUTH["M_q"]) / (2 * frequency)
-    for name, true in (("frequency", frequency), ("damping", damping)):
-        assert found[name]["low"] <= true <= found[name]["high"]
-        assert found[name]["value"] == pytest.approx(true, rel=0.03)
-    names = [one["name"] for one in found["derivatives"]]
-    assert names == ["Z_alpha", "Z_delta", "M_alpha", "M_q", "M_delta"]
-    for one in found["derivatives"]:
-        assert abs(one["value"] - TRUTH[one["name"]]) < 1.7 * (one["high"] - one["value"]), one
+    inside = []
+    for seed in range(8):
+        (tmp_path / str(seed)).mkdir()
+        found = methods(tmp_path / str(seed), mapping, capsys, seed=seed)["equation error"]
+        for name, true in (("frequency", frequency), ("damping", damping)):
+            inside.append(found[name]["low"] <= true <= found[name]["high"])
+            assert found[name]["value"] == pytest.approx(true, rel=0.03)
+        assert [one["name"] for one in found["derivatives"]] == ["Z_alpha", "Z_delta", "M_alpha", "M_q", "M_delta"]
+        inside += [one["low"] <= TRUTH[one["name"]] <= one["high"] for one in found["derivatives"]]
+    assert np.mean(inside) >= 0.85
 
 
 def test_equation_error_says_what_it_lacks_and_keeps_to_its_band(

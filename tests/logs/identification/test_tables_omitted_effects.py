@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from output_error_cases import LATERAL, LATERAL_TRUTH, flown, steps
+from output_error_cases import LATERAL, LATERAL_TRUTH, simulated, steps
 from test_tables_identified import BASE, flight, identified, write
 from test_tables_starts import FREE
 from test_tables_starts import MAP as LATERAL_MAP
@@ -87,7 +87,7 @@ def test_a_derivative_that_the_map_leaves_out_is_named_with_its_size(tmp_path: P
     """Y_r counts as zero unless it is named; the derivatives beside it take what they can of it."""
     time = 0.02 * np.arange(1000)
     inputs = np.column_stack((steps(time, 9.0, 0.3, 0.05), steps(time, 1.0, 0.4, 0.08)))
-    record = flown(LATERAL, {**LATERAL_TRUTH, "Y_r": true}, inputs, 0.02, 0.02, 1)
+    record = simulated(LATERAL, {**LATERAL_TRUTH, "Y_r": true}, inputs, 0.02, 0.02, 1)
     columns = {name: record.signals[name] for name in ("beta", "p", "r", "phi", "a_y", "delta_a", "delta_r")}
     outputs = ", ".join(f'"{name}"' for name in ("beta", "p", "r", "phi", "a_y"))
     (tmp_path / "map.toml").write_text(LATERAL_MAP.replace("OUTPUTS", outputs) + FREE)

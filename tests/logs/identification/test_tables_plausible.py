@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 from output_error_cases import LATERAL, LATERAL_TRUTH, steps
-from output_error_cases import flown as flown_laterally
+from output_error_cases import simulated as flown_laterally
 
 from logs.identification.data.experiment import Experiment
 from logs.identification.diagnostics.context import Context

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from output_error_cases import LATERAL, LATERAL_TRUTH, flown, steps
+from output_error_cases import LATERAL, LATERAL_TRUTH, simulated, steps
 from test_lateral_modes import MAP as LATERAL_MAP
 from test_tables_identified import BASE, flight, identified, numbers, write
 
@@ -25,7 +25,7 @@ FREE = "".join(f'{name} = "free"\n' for name in LATERAL_TRUTH)
 def columns(seed: int, noise: float) -> dict[str, Array]:
     time = 0.02 * np.arange(1000)
     inputs = np.column_stack((steps(time, 9.0, 0.3, 0.05), steps(time, 1.0, 0.4, 0.08)))
-    record = flown(LATERAL, LATERAL_TRUTH, inputs, 0.02, noise, seed)
+    record = simulated(LATERAL, LATERAL_TRUTH, inputs, 0.02, noise, seed)
     return {name: record.signals[name] for name in ("beta", "p", "r", "phi", "a_y", "delta_a", "delta_r")}
 
 

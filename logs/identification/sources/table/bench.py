@@ -9,9 +9,8 @@ import numpy as np
 
 from logs.identification.data.experiment import Experiment
 from logs.identification.diagnostics.signals import moves
-from logs.identification.estimators.servo import ServoModel
+from logs.identification.estimators.servo import ServoModel, torque_of_readings
 from logs.identification.estimators.servo_power import power_of_readings
-from logs.identification.estimators.servo_torque import torque_of_readings
 from logs.identification.estimators.torque_speed import identify_torque_speed, turning
 from logs.identification.estimators.twist import DAMPING, NATURAL, identify_twist, swing_of
 from logs.identification.findings import Entry, Finding, register

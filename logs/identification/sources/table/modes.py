@@ -48,7 +48,7 @@ from logs.identification.sources.table.derived import band_frequencies, check_di
 from logs.identification.sources.table.maneuvers import DataSplit
 from logs.identification.sources.table.model_fit import METHODS, ModelFit, model_fit, shortened
 from logs.identification.sources.table.models import DROPPED, with_trim
-from logs.identification.statistics.parameter_uncertainty import Spread
+from logs.identification.statistics.covariance import ParameterUncertainty
 from logs.pages.document import Bar, Chapter, Intervals
 from wingbeat.constants import STANDARD_GRAVITY
 from wingbeat.errors import InputError
@@ -335,7 +335,7 @@ def _mode(one: ModelFit, data: DataSplit) -> Mode:
     why = _withheld_mode(one)
     if why:
         return nothing(title, why)
-    spread = Spread(one.fit.covariance, one.fit.degrees)
+    spread = ParameterUncertainty(one.fit.covariance, one.fit.degrees)
     estimates = tuple(map(shortened, one.fit.estimates))
     system = one.chosen.system_of(one.fit)
     return mode_of_system(title, system, one.fit.values, spread, estimates, fastest_phugoid(data))
@@ -350,7 +350,7 @@ def with_lateral_modes(one: ModelFit) -> EstimationResult:
     if why:
         found = LateralModes((), (Unidentified(DUTCH_ROLL, why),))
     else:
-        spread = Spread(np.asarray(one.fit.covariance), one.fit.degrees)
+        spread = ParameterUncertainty(np.asarray(one.fit.covariance), one.fit.degrees)
         found = lateral_modes(one.chosen.system_of(one.fit), one.fit.values, spread)
     lost = tuple(map(withheld_finding, found.unidentified))
     notes = tuple(f"{lost.subject} not identified: {lost.text}" for lost in lost)

@@ -21,10 +21,10 @@ def noise(kind: str, count: int, rng: np.random.Generator) -> Array:
     white = rng.normal(size=count + 2000)
     if kind == "flapping":
         turn = 2 * np.pi * (60 / count if count > 200 else 0.15)
-        coloured = lfilter([1.0], [1.0, -1.94 * np.cos(turn), 0.97**2], white)
+        colored = lfilter([1.0], [1.0, -1.94 * np.cos(turn), 0.97**2], white)
     else:
-        coloured = lfilter([1.0], [1.0, -float(kind.removeprefix("AR ") if kind != "white" else 0.0)], white)
-    return np.asarray(coloured[-count:])
+        colored = lfilter([1.0], [1.0, -float(kind.removeprefix("AR ") if kind != "white" else 0.0)], white)
+    return np.asarray(colored[-count:])
 
 
 def motion(count: int, rng: np.random.Generator) -> tuple[Array, Array, Array]:
@@ -42,7 +42,7 @@ def motion(count: int, rng: np.random.Generator) -> tuple[Array, Array, Array]:
     return alpha, q, delta / delta.std()
 
 
-def flown(kind: str, count: int, seed: int, size: float = 1.0, name: str = "flight") -> Experiment:
+def simulated(kind: str, count: int, seed: int, size: float = 1.0, name: str = "flight") -> Experiment:
     """An experiment of ``count`` samples in 10 s whose coefficient C is `TRUTH` plus ``size`` times noise."""
     rng = np.random.default_rng(seed)
     alpha, q, delta = motion(count, rng)

@@ -69,7 +69,7 @@ def manoeuvre(stroke: StrokeMap, orbit: Orbit, size: float, phase: float) -> Arr
     return rows
 
 
-def flown_open_loop(world: SimulatedVehicle, orbit: Orbit, seed: int) -> FlightData:
+def simulated_open_loop(world: SimulatedVehicle, orbit: Orbit, seed: int) -> FlightData:
     """Eight doublets, each from the trim at a phase of the stroke of its own, with the noise of sensors."""
     stroke, rng = StrokeMap(world), np.random.default_rng(seed)
     sizes = (0.08, -0.08, 0.1, -0.1, 0.06, -0.06, 0.08, -0.08)
@@ -113,7 +113,7 @@ def cycle(first: ModesResult, tmp_path_factory: pytest.TempPathFactory) -> Cycle
     world, model = load_vehicle(str(folder / "bird" / "world.toml")), load_model(folder / "bird.toml")
     found = model.from_log()
     orbit = trim(world, model.airspeed, model.airspeed * np.sin(model.pitch - found.angle_of_attack))
-    again = identify_modes(flown_open_loop(world, orbit, 1), aircraft_of(world))
+    again = identify_modes(simulated_open_loop(world, orbit, 1), aircraft_of(world))
     return Cycle(first, model, world, again)
 
 

@@ -47,7 +47,7 @@ MARKERS = {
 """m; the twelve of Grauer IV.A: three around the nose, three on each wing, centre and sides of the tail"""
 
 
-class Flown(NamedTuple):
+class SimulatedFlight(NamedTuple):
     """A flight as it was, every 2 ms."""
 
     states: Floats
@@ -61,8 +61,8 @@ class Flown(NamedTuple):
     def time(self) -> Floats:
         return np.arange(len(self.states)) * STEP
 
-    def cut(self, start: int, stop: int) -> Flown:
-        return Flown(*(values[start:stop] for values in self))
+    def cut(self, start: int, stop: int) -> SimulatedFlight:
+        return SimulatedFlight(*(values[start:stop] for values in self))
 
 
 @cache
@@ -77,7 +77,7 @@ def mechanism() -> Mechanism:
 
 
 @cache
-def fly(seconds: float, seed: int) -> Flown:
+def fly(seconds: float, seed: int) -> SimulatedFlight:
     """A flight with a multisine on the elevator and a slow swing of the throttle, its first half second left out."""
     plant = _launched()
     y, phases = plant.y, np.random.default_rng(seed).uniform(0.0, 2 * np.pi, 9)
@@ -95,24 +95,24 @@ def fly(seconds: float, seed: int) -> Flown:
         plant.advance(controls, around)
         plant.evaluate(controls, around)
         rows.append((y.copy(), plant.scratch.accelerations.copy(), plant.air_load()))
-    return Flown(*(np.array(column) for column in zip(*rows, strict=True))).cut(250, len(rows))
+    return SimulatedFlight(*(np.array(column) for column in zip(*rows, strict=True))).cut(250, len(rows))
 
 
 def _launched() -> Plant:
     plant = Plant(vehicle())
-    flown = regression.RegressionParameters(TABLE, 0.3, 0.25)
-    plant.parameters = plant.parameters._replace(air=air_of(regression.MODEL, flown))
+    flight = regression.RegressionParameters(TABLE, 0.3, 0.25)
+    plant.parameters = plant.parameters._replace(air=air_of(regression.MODEL, flight))
     y = plant.y
     y[2], y[3:7] = -50.0, (math.cos(0.03), 0.0, math.sin(0.03), 0.0)
     y[7], y[9], y[plant.layout.crank_speed] = 9.2, 0.4, 5.9
     return plant
 
 
-def moved(flown: Flown) -> MovedVehicle:
+def moved(flight: SimulatedFlight) -> MovedVehicle:
     """The motion as it truly was."""
-    y, c = flown.states, len(mechanism().layout.coordinates)
+    y, c = flight.states, len(mechanism().layout.coordinates)
     speeds = np.column_stack([y[:, 7:13], y[:, 13 + c : 13 + 2 * c]])
-    return MovedVehicle(y[:, 3:7], speeds, y[:, 13 : 13 + c], flown.rates, np.zeros((len(y), 3)))
+    return MovedVehicle(y[:, 3:7], speeds, y[:, 13 : 13 + c], flight.rates, np.zeros((len(y), 3)))
 
 
 def marked() -> dict[str, tuple[int, Floats]]:
@@ -120,19 +120,19 @@ def marked() -> dict[str, tuple[int, Floats]]:
     return {name: (names.index(name), places) for name, places in MARKERS.items()}
 
 
-def true_poses(flown: Flown, body: str) -> tuple[Floats, Floats]:
+def true_poses(flight: SimulatedFlight, body: str) -> tuple[Floats, Floats]:
     """Position (N, 3) and r_ned_from_body (N, 3, 3) of a body."""
-    y, index = flown.states, marked()[body][0]
+    y, index = flight.states, marked()[body][0]
     chain, base = kinematic_chain(mechanism().tree, y[:, 13:17]), dcms_from_quaternions(y[:, 3:7])
     return y[:, :3] + np.einsum("nij,nj->ni", base, chain.position[index]), base @ chain.rotation[index]
 
 
-def seen(flown: Flown, noise: float, seed: int) -> dict[str, Floats]:
+def observed(flight: SimulatedFlight, noise: float, seed: int) -> dict[str, Floats]:
     """Positions (m, N, 3) m in NED of every body's markers with ``noise`` m along each axis."""
     random: Any = np.random.default_rng(seed)
     found = {}
     for body, places in MARKERS.items():
-        position, rotation = true_poses(flown, body)
+        position, rotation = true_poses(flight, body)
         exact = position[None] + np.einsum("nij,mj->mni", rotation, places)
         found[body] = exact + noise * random.normal(size=exact.shape)
     return found
