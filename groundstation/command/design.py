@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
+import io
 import math
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -23,12 +26,14 @@ from logs.identification.input_design.design import (
     DesignSpec,
     InputDesign,
     Limits,
+    combined_error,
     command_line,
     design_input,
     mission_item,
 )
-from logs.identification.input_design.prediction import Gust
+from logs.identification.input_design.prediction import MODE_UNITS, Gust
 from logs.identification.input_design.response import Prior, prior_of, sensor_noise
+from logs.identification.models.stroke_averaged import LONGITUDINAL
 from logs.new_files import check_new
 from sim_bridge.tuning.model import LinearModel, is_model_file, load_model
 from sim_bridge.vehicles import SimulatedVehicle
@@ -39,12 +44,14 @@ EXAMPLES = (
     "wingbeat design robo_raven_ii_d",
     "wingbeat design my_model.toml --input multisine --duration 20 --json",
     "wingbeat design robo_raven_ii_d --input doublet --frequency-error 1 --out excite.toml",
+    "wingbeat design --from recordings/flight.mcap --want elevator,short_period --accuracy 5 --out excite.toml",
 )
 JSON_KEYS = {
     "model": "where the prior model comes from",
     "input": "shape, amplitude rad, width s (of a step, a sweep, the period of a multisine), low, high Hz, settle s,"
     " repeats",
-    "predicted": "list of {name, unit, value, standard_error}: the mode, then every derivative, after all repeats",
+    "predicted": "list of {name, unit, value, standard_error, today, together}: the mode, then every derivative,"
+    " after all repeats; today: standard error that the flight of the model left, or null; together: of both",
     "noise": "q rad/s, a_x, a_z m/s^2 of one sample; rate Hz",
     "gust_factor": "the frequency's predicted error over that without gusts",
     "limits, reached": "elevator, pitch, alpha rad, load m/s^2, airspeed m/s: greatest changes from the trim",
@@ -56,6 +63,10 @@ MARGIN = 0.8
 """-; fraction of the vehicle's envelope whose limits end a maneuver"""
 ALPHA, LOAD = 0.15, 8.0
 """rad, m/s^2; default validity limits of a linear model"""
+GROUPS = {"elevator": ("M_delta",), "short_period": tuple(MODE_UNITS)}
+"""names of ``--want`` for several parameters"""
+ACCURACY = 10.0
+"""%; default relative standard error of ``--want``"""
 TRAVEL = 0.35
 """rad; default elevator amplitude"""
 
@@ -76,7 +87,25 @@ def build_parser() -> options.Parser:
         " in the short period and every derivative, the greatest amplitude within limits, and how to fly it."
     )
     parser = options.build_parser("design", summary, EXAMPLES, JSON_KEYS)
-    parser.add_argument("subject", metavar="MODEL|VEHICLE", help="file of a linear model, or vehicle to linearize")
+    parser.add_argument(
+        "subject", nargs="?", metavar="MODEL|VEHICLE", help="file of a linear model, or vehicle to linearize"
+    )
+    parser.add_argument(
+        "--from", dest="log", type=options.recording_path, metavar="LOG", help="identify the model from this flight"
+    )
+    parser.add_argument(
+        "--want",
+        type=_parameter_names,
+        default=(),
+        metavar="NAME,...",
+        help=f"what --accuracy is required of: {', '.join(GROUPS)}, or symbols such as M_q",
+    )
+    parser.add_argument(
+        "--accuracy",
+        type=options.positive,
+        metavar="%",
+        help="required relative standard error of --want, together with what the model's flight left (default: 10)",
+    )
     parser.add_argument("--vehicle", metavar="V|DIR", help="vehicle with the sensors and tail for a MODEL")
     parser.add_argument(
         "--airspeed", type=options.positive, metavar="M/S", help="airspeed of a VEHICLE's trim (default: cruise)"
@@ -121,6 +150,15 @@ def build_parser() -> options.Parser:
     return parser
 
 
+def _parameter_names(text: str) -> tuple[str, ...]:
+    names = tuple(name for word in text.split(",") for name in GROUPS.get(word.strip(), (word.strip(),)))
+    known = (*MODE_UNITS, *LONGITUDINAL)
+    unknown = next((name for name in names if name not in known), None)
+    if unknown is not None:
+        raise argparse.ArgumentTypeError(f"{unknown!r} is not one of {', '.join((*GROUPS, *known))}")
+    return names
+
+
 def _count(text: str) -> int:
     if not text.isdigit() or not 1 <= int(text) <= 100:
         raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 1 to 100")
@@ -137,7 +175,11 @@ def run(arguments: Sequence[str]) -> int:
     chosen = build_parser().parse_args(arguments)
     if chosen.out is not None:
         check_new(chosen.out)
-    subject = _subject(chosen)
+    if (chosen.subject is None) == (chosen.log is None):
+        raise InputError("specify a MODEL or VEHICLE, or --from LOG")
+    if chosen.accuracy is not None and not chosen.want:
+        raise InputError("--accuracy goes with --want")
+    subject = _subject(chosen) if chosen.log is None else _identified(chosen)
     noise = tuple(chosen.noise) if chosen.noise else _noise(subject)
     prior = prior_of(subject.model, subject.aircraft, noise, chosen.rate)
     requested = _request(chosen, subject, prior)
@@ -151,6 +193,21 @@ def run(arguments: Sequence[str]) -> int:
     else:
         open_console().print(plan_view(subject.model, prior, requested, designs))
     return 0
+
+
+def _identified(chosen: argparse.Namespace) -> _Subject:
+    """Identify the model from the log, as `wingbeat identify LOG modes --model` does.
+
+    Raises:
+        InputError: the log does not identify the model, or ``--airspeed`` is given.
+    """
+    from groundstation.command import identify
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "model.toml"
+        with contextlib.redirect_stdout(io.StringIO()):
+            identify.run([str(chosen.log), "modes", "--model", str(path)])
+        return _subject(argparse.Namespace(**vars(chosen) | {"subject": str(path)}))
 
 
 def _subject(chosen: argparse.Namespace) -> _Subject:
@@ -215,8 +272,16 @@ def _request(chosen: argparse.Namespace, subject: _Subject, prior: Prior) -> Des
         chosen.damping_error,
         chosen.settle,
         gust=None if chosen.gust is None else Gust(chosen.gust),
+        required=dict.fromkeys(chosen.want, (chosen.accuracy or ACCURACY) / 100.0),
+        known=_known(subject.model),
         **pacing,
     )
+
+
+def _known(model: LinearModel) -> dict[str, float]:
+    """Return the standard errors of the flight that the model is from."""
+    values = () if model.identified is None else model.identified.values
+    return {one.name: one.standard_error for one in values if one.standard_error > 0.0}
 
 
 def _limits(chosen: argparse.Namespace, subject: _Subject, prior: Prior) -> Limits:
@@ -246,7 +311,14 @@ def _document(subject: _Subject, prior: Prior, requested: DesignSpec, designs: I
     return {
         "model": subject.model.origin,
         "input": {"shape": flown.shape.name.lower(), **{key: getattr(flown, key) for key in keys}},
-        "predicted": [one._asdict() for one in designs.predicted],
+        "predicted": [
+            one._asdict()
+            | {
+                "today": requested.known.get(one.name),
+                "together": combined_error(one.standard_error, requested.known.get(one.name)),
+            }
+            for one in designs.predicted
+        ],
         "noise": dict(zip(("q", "a_x", "a_z"), prior.noise, strict=True)) | {"rate": 1.0 / prior.step},
         "gust_factor": designs.gust_factor,
         "limits": requested.limits._asdict(),

@@ -9,7 +9,14 @@ from rich.text import Text
 
 from groundstation.views import wording
 from groundstation.views.tables import NUMBER, UNIT, plain_table
-from logs.identification.input_design.design import NAMES, DesignSpec, InputDesign, command_line, mission_item
+from logs.identification.input_design.design import (
+    NAMES,
+    DesignSpec,
+    InputDesign,
+    combined_error,
+    command_line,
+    mission_item,
+)
 from logs.identification.input_design.response import Prior
 from sim_bridge.tuning.model import LinearModel
 
@@ -22,7 +29,7 @@ def plan_view(model: LinearModel, prior: Prior, requested: DesignSpec, designs: 
     """Show heading, predicted errors, envelope, and the flight instructions."""
     return Group(
         Text.assemble(("predicted errors", "bold"), f", on {model.origin}"),
-        _errors(designs),
+        _errors(requested, designs),
         Text(_basis(prior, requested, designs), style="dim"),
         _envelope(requested, designs),
         Text(f"{designs.excitation.repeats} x in {designs.flight_time:.0f} s of flight", style="dim"),
@@ -32,14 +39,18 @@ def plan_view(model: LinearModel, prior: Prior, requested: DesignSpec, designs: 
     )
 
 
-def _errors(designs: InputDesign) -> RenderableType:
-    table = plain_table(("", ""), ("value", NUMBER), ("standard error", NUMBER), ("", NUMBER), ("", UNIT))
+def _errors(requested: DesignSpec, designs: InputDesign) -> RenderableType:
+    earlier = (("today", NUMBER), ("together", NUMBER)) if requested.known else ()
+    table = plain_table(("", ""), ("value", NUMBER), ("standard error", NUMBER), ("", NUMBER), ("", UNIT), *earlier)
     for one in designs.predicted:
         value, error = wording.significant(one.value, one.standard_error)
         share = one.standard_error / abs(one.value) if one.value else math.inf
         relative = f"{100.0 * share:.2g} %" if share < SHARE_SHOWN else ""
         unit = "" if one.unit == "-" else one.unit
-        table.add_row(_name(one.name), value, Text(error, style="bold"), relative, unit)
+        today = requested.known.get(one.name)
+        both = "" if today is None else f"{combined_error(one.standard_error, today):.2g}"
+        more = ("" if today is None else f"{today:.2g}", both) if requested.known else ()
+        table.add_row(_name(one.name), value, Text(error, style="bold"), relative, unit, *more)
     return table
 
 

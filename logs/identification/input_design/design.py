@@ -9,7 +9,7 @@ over durations, from a quarter of the mode's frequency to three times it.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -92,6 +92,10 @@ class DesignSpec(NamedTuple):
     pause: float = 2.0
     """s; between repeats, by the vehicle"""
     gust: Gust | None = None
+    required: Mapping[str, float] = {}
+    """-; required relative standard errors by name of a prediction, together with what is `known`"""
+    known: Mapping[str, float] = {}
+    """standard errors that an earlier flight left, by name of a prediction; empty without one"""
 
 
 class InputDesign(NamedTuple):
@@ -224,7 +228,7 @@ def _band(prior: Prior, frequency: float, width: float) -> tuple[float, float]:
 
 
 def _errors_required(spec: DesignSpec) -> bool:
-    return spec.frequency_error is not None or spec.damping_error is not None
+    return spec.frequency_error is not None or spec.damping_error is not None or bool(spec.required)
 
 
 def _errors(prior: Prior, trial: _Trial) -> tuple[float, float]:
@@ -236,7 +240,26 @@ def _errors(prior: Prior, trial: _Trial) -> tuple[float, float]:
 def _repeats(prior: Prior, spec: DesignSpec, trial: _Trial) -> int:
     required = (spec.frequency_error, spec.damping_error)
     pairs = [(error, limit) for error, limit in zip(_errors(prior, trial), required, strict=True) if limit]
-    return max((math.ceil((error / limit) ** 2 - 1e-9) for error, limit in pairs), default=1) or 1
+    counts = [math.ceil((error / limit) ** 2 - 1e-9) for error, limit in pairs]
+    if spec.required:
+        counts += [_missing(spec, one) for one in predict(prior, trial.covariance) if one.name in spec.required]
+    return max(counts, default=1) or 1
+
+
+def _missing(spec: DesignSpec, one: Predicted) -> int:
+    """Return the repeats whose information, added to what is known, meets the required error of a parameter.
+
+    Information, 1 over the squared standard error, adds over independent maneuvers; correlation between parameters
+    is neglected.
+    """
+    known = spec.known.get(one.name, math.inf)
+    missing = (spec.required[one.name] * one.value) ** -2 - known**-2
+    return max(math.ceil(missing * one.standard_error**2 - 1e-9), 0)
+
+
+def combined_error(predicted: float, known: float | None) -> float:
+    """Return the standard error of an earlier and the planned flight together."""
+    return predicted if known is None else (predicted**-2 + known**-2) ** -0.5
 
 
 def _repeat_time(spec: DesignSpec, excitation: Excitation) -> float:

@@ -14,12 +14,14 @@ from linear_ornithopter import AIRCRAFT, REFERENCE, STEP, TRUTH, Flight, by_outp
 
 from avionics.guidance.mission import Channel, Excitation, Shape
 from avionics.missions.excitations import read_excitation
-from groundstation.command import design, gcs_excite
+from groundstation.command import design, gcs_excite, identify
 from groundstation.command.gcs_session import VerbParser
 from logs.identification.input_design.design import (
     DesignSpec,
+    InputDesign,
     Limits,
     amplitude_factor,
+    combined_error,
     command_line,
     design_input,
     mission_item,
@@ -162,6 +164,27 @@ def test_repeats_reach_the_asked_error_and_no_more() -> None:
     assert frequency.standard_error <= 2e-3 * frequency.value < one_less.standard_error
 
 
+def test_required_accuracy_uses_what_an_earlier_flight_left() -> None:
+    """GIVEN required relative errors of M_delta and M_q, and standard errors of an earlier flight
+    WHEN designed THEN both flights together meet them, one repeat fewer does not, and less is flown than without.
+    """
+    alone = DesignSpec(Shape.DOUBLET, LIMITS, amplitude=0.05, width=0.2, required={"M_delta": 0.004, "M_q": 0.01})
+    left = {one.name: one.standard_error for one in design_input(PRIOR, alone._replace(repeats=3)).predicted}
+    spec = alone._replace(known=left)
+    found, without = design_input(PRIOR, spec), design_input(PRIOR, alone)
+    assert 1 < found.excitation.repeats == without.excitation.repeats - 3
+    fewer = design_input(PRIOR, spec._replace(repeats=found.excitation.repeats - 1))
+
+    def excess(planned: InputDesign) -> float:
+        rows = [one for one in planned.predicted if one.name in spec.required]
+        return max(
+            combined_error(one.standard_error, left[one.name]) / abs(one.value) / spec.required[one.name]
+            for one in rows
+        )
+
+    assert excess(found) <= 1.0 + 1e-9 < excess(fewer)
+
+
 def test_what_cannot_be_reached_is_refused() -> None:
     with pytest.raises(InputError, match="repeats, more than the 100"):
         design_input(PRIOR, DesignSpec(Shape.DOUBLET, LIMITS, amplitude=0.01, frequency_error=1e-6))
@@ -216,6 +239,61 @@ def test_the_command_designs_from_a_model_file(tmp_path: Path, capsys: pytest.Ca
     assert tomllib.loads(out.read_text())["item"][0]["repeats"] == 2
     with pytest.raises(InputError, match="exists: it is not overwritten"):
         design.run([str(MODEL), "--out", str(out)])
+
+
+IDENTIFIED = """
+[identified]
+log = "flight.mcap"
+sha256 = ""
+method = "output error"
+elevator = 0.0
+angle_of_attack = 0.1
+
+[identified.estimates.M_delta]
+value = 59.0
+standard_error = 3.0
+low = 53.0
+high = 65.0
+unit = "1/s^2"
+"""
+
+
+def test_the_command_adds_the_flight_of_the_log(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """GIVEN a log whose model has M_delta with an error of 5 % WHEN 1 % is wanted THEN both flights give it."""
+    arguments: list[str] = []
+
+    def identified(words: list[str]) -> int:
+        arguments.extend(words)
+        Path(words[words.index("--model") + 1]).write_text(MODEL.read_text() + IDENTIFIED)
+        sys.stdout.write("tables of identify")
+        return 0
+
+    monkeypatch.setattr(identify, "run", identified)
+    log = tmp_path / "flight.mcap"
+    log.write_bytes(b"")
+    words = ["--from", str(log), "--want", "elevator,short_period", "--accuracy", "1", "--amplitude", "1"]
+    assert design.run([*words, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert arguments[:2] == [str(log), "modes"]
+    rows = {row["name"]: row for row in found["predicted"]}
+    assert rows["M_delta"]["today"] == 3.0 and rows["M_q"]["today"] is None
+    both = (1 / 3.0**2 + 1 / rows["M_delta"]["standard_error"] ** 2) ** -0.5
+    assert rows["M_delta"]["together"] == pytest.approx(both)
+    for name in ("M_delta", "short_period_frequency", "short_period_damping"):
+        assert rows[name]["together"] <= 0.01 * abs(rows[name]["value"]) * (1.0 + 1e-9)
+    assert design.run(words) == 0
+    assert "today" in capsys.readouterr().out
+
+
+def test_the_command_refuses_unclear_subjects() -> None:
+    with pytest.raises(InputError, match="specify a MODEL or VEHICLE, or --from LOG"):
+        design.run([])
+    with pytest.raises(InputError, match="--accuracy goes with --want"):
+        design.run([str(MODEL), "--accuracy", "5"])
+    with pytest.raises(InputError, match="'rudder' is not one of elevator, short_period"):
+        design.run([str(MODEL), "--want", "rudder"])
 
 
 def test_the_command_shows_errors_and_how_it_is_flown(capsys: pytest.CaptureFixture[str]) -> None:
