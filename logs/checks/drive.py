@@ -45,7 +45,7 @@ def check_drive(log: LogData) -> Iterator[Finding]:
     yield from _missing(log)
     yield from _informative(log)
     if log.boots > 1:
-        text = f"{log.boots} boots in this file: checked is the one with the most data; wingbeat log import makes a log of each"
+        text = f"{log.boots} boots in this file; the one with the most data is checked"
         yield Finding("boots", "info", "", 0.0, log.duration, float(log.boots), text)
 
 
