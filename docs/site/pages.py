@@ -113,7 +113,7 @@ SECTIONS_OF_THE_SITE = {
     "Tutorials": ("tutorials/first_flight", "tutorials/own_controller"),
     "How-to guides": (
         "commands", "own_aircraft", "identify_csv", "identification/user_model", "identification/flight_path",
-        "log_check", "vibration", "joystick", "sitl", "reference/serial_board", "reference/razor",
+        "log_check", "vibration", "web_view", "joystick", "sitl", "reference/serial_board", "reference/razor",
     ),
     "Reference": (
         "reference/api", "reference/command_line", "parameters", "reference/topics", "reference/vehicle_keys",
