@@ -80,6 +80,9 @@ FLOWN: Mapping[str, Shape] = {
         0.5, 0.2, (0.08, 0.02, 0.03), 0.15, (-0.3567, 0.0, 0.0), 0.1732, 0.1732, 0.0775, 0.05, ELLIPSE
     ),
     "robo_raven_ii_d": Shape(0.762, 0.432, (0.15, 0.03, 0.04), 0.15, (-0.3588, 0.0, 0.0), 0.2449, 0.2449, 0.1, 0.05),
+    "ulg_ornithopter": Shape(
+        0.7, 0.3235, (0.131, 0.0, -0.015), 0.21, (-0.4839, 0.0, 0.0), 0.2646, 0.2646, 0.1183, 0.07, ELLIPSE
+    ),
 }
 """Outlines, to 0.1 mm, of the vehicles that the flight computer has by name. `outline.shape_of` computes them from
 the vehicle files but loads the compiler of the physics, which the flight computer avoids.

@@ -16,6 +16,7 @@ from avionics.vehicles import load_vehicle
 from groundstation.command import identify_table, options
 from groundstation.command.compiling import announced
 from groundstation.command.damage import damage_notices
+from groundstation.command.foreign_log import SUFFIXES, opened_log, recorded_elevator
 from groundstation.command.identify_markers import MARKERS, identified_by_markers
 from groundstation.command.identify_out import (
     add_outputs,
@@ -40,7 +41,7 @@ from logs.identification.tables import fit_registry as rooms
 from logs.identification.tables import markers
 from logs.identification.tables.subjects import ALL
 from logs.identification.tables.subjects import SUBJECTS as TABLE_SUBJECTS
-from logs.reader import Log, open_log
+from logs.reader import Log
 from logs.truth import known_truths, throttle_truths
 from sim_bridge.vehicles import SimulatedVehicle
 from sim_bridge.vehicles import load_vehicle as load_bodies
@@ -54,7 +55,7 @@ EXAMPLES = (
     "wingbeat identify recordings/monday.mcap recordings/tuesday.mcap modes   # one aircraft, one fit",
     "wingbeat identify monday.mcap tuesday.mcap modes --validate friday.mcap  # not fitted: predicted",
     "wingbeat identify recordings/flight.mcap path        # biases of gyros and accelerometers",
-    "wingbeat identify recordings/imported.mcap modes --vehicle my_bird/",
+    "wingbeat identify flight.ulg modes --vehicle my_bird/                # PX4; also .bin and .tlog",
     "wingbeat identify recordings/imported.mcap modes --elevator /dataflash/RCOU.C2 0.001",
     "wingbeat identify recordings/flight.mcap --report flight.html --model my_bird.toml  # then: wingbeat tune",
     "wingbeat identify capture.mcap markers --map places.toml  # motion by markers, and the wings' coefficients",
@@ -101,7 +102,10 @@ TABLE_USAGE = (
     f"wingbeat identify TABLE [TABLE ...] --map MAP.toml [{'|'.join(TABLE_SUBJECTS)}]"
     " [--report OUT.html] [--model OUT.toml] [--json]"
 )
-FILES = "MCAP log (latest: the newest of recordings/), several logs for their modes; with --map one or several tables"
+FILES = (
+    f"MCAP log (latest: the newest of recordings/) or {', '.join(SUFFIXES)}, several logs for their modes;"
+    " with --map one or several tables"
+)
 TABLE_SUFFIXES = (".csv", ".txt", ".dat", ".asc", ".tsv")
 
 
@@ -184,7 +188,7 @@ def run(arguments: Sequence[str]) -> int:
     if what not in SUBJECTS:
         raise InputError(f"a log gives {', '.join(SUBJECTS)}; {what} is of tables, which need --map MAP.toml")
     check_outputs(chosen)
-    with open_log(files[0]) as log, announced(chosen.json), damage_notices([log], "identified"):
+    with opened_log(files[0]) as log, announced(chosen.json), damage_notices([log], "identified"):
         estimates = identified(log, what, chosen.vehicle, chosen.elevator)
         _show(chosen, estimates, lambda: write_outputs(chosen, [log], estimates))
     return 0
@@ -216,7 +220,7 @@ def _run_together(files: Sequence[Path], what: str, chosen: argparse.Namespace) 
     check_outputs(chosen)
     with contextlib.ExitStack() as stack:
         stack.enter_context(announced(chosen.json))
-        logs = [stack.enter_context(open_log(file)) for file in every]
+        logs = [stack.enter_context(opened_log(file)) for file in every]
         stack.enter_context(damage_notices(logs, "identified"))
         estimates = identified_together(logs, chosen.vehicle, chosen.elevator, validation)
         _show(chosen, estimates, lambda: write_outputs(chosen, logs, estimates))
@@ -265,7 +269,7 @@ def identified_together(
     if any(one._replace(imu=aircraft[0].imu) != aircraft[0] for one in aircraft):
         told = " and ".join(str(log.path) for log in logs)
         raise InputError(f"{told} are of different aircraft: identify each alone")
-    made = [_made(log, elevator) if elevator else None for log in logs]
+    made = [_made(log, elevator) for log in logs]
     sources = [one or log for one, log in zip(made, logs, strict=True)]
     flights = tuple(flight_data(source, one.imu) for source, one in zip(sources, aircraft, strict=True))
     names = names_of(logs)
@@ -332,7 +336,7 @@ def identified(
         InputError: the log has no data for the subject, has a vehicle file in addition to the given one,
             or the elevator cannot be derived.
     """
-    made = _made(log, elevator) if elevator else None
+    made = _made(log, elevator)
     bodies = _bodies(log, vehicle) if what == "aero" else None
     if what == "all" and wings:
         bodies = _bodies_if_given(log, vehicle)
@@ -373,7 +377,12 @@ def _bodies_if_given(log: Log, vehicle: str | None) -> SimulatedVehicle | None:
         return None
 
 
-def _made(log: Log, elevator: Sequence[str]) -> ElevatorFromField:
+def _made(log: Log, elevator: Sequence[str] | None) -> ElevatorFromField | None:
+    """Return the source of the elevator's angle if the log does not record one."""
+    recorded = None if elevator else recorded_elevator(log)
+    elevator = elevator or recorded
+    if elevator is None:
+        return None
     (name, said), (topic, _, field) = elevator, elevator[0].rpartition(".")
     try:
         scale = float(said)
@@ -383,6 +392,6 @@ def _made(log: Log, elevator: Sequence[str]) -> ElevatorFromField:
         raise InputError(f"--elevator {name} {said}: it takes TOPIC.FIELD and rad per unit of it, which is not 0")
     if topics.ACTUATORS.name in log.topics:
         raise InputError(f"{log.path} tells the elevator's angle: --elevator is for logs that do not")
-    made = ElevatorFromField(log, topic, field, scale)
+    made = ElevatorFromField(log, topic, field, scale, assumed=recorded is not None)
     made.columns(topics.ACTUATORS)  # what is wrong with it is told before anything is identified
     return made

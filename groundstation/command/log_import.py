@@ -45,6 +45,17 @@ def add_verb(verbs: Any) -> None:
         metavar="LOG.mcap",
         help="log of the same flight; the new log is aligned to its clock by the angular rate",
     )
+    one.add_argument(
+        "--wing", metavar="TOPIC", help="topic of the source with the wing's counts, speed, frequency or phase"
+    )
+    one.add_argument("--counts", type=options.positive, default=0.0, metavar="N", help="encoder counts per turn")
+    one.add_argument(
+        "--gear",
+        type=options.positive,
+        default=1.0,
+        metavar="R",
+        help="turns or pulses per stroke (default: 1)",
+    )
     options.add_json(one)
 
 
@@ -55,12 +66,14 @@ def run_verb(chosen: argparse.Namespace) -> None:
         InputError: the file cannot be read or has an unknown format, or the new log exists; nothing is written then.
     """
     from logs.importing.log_import import Choice, import_log  # its readers are heavy
+    from logs.importing.wing import WingSource
 
     if chosen.file.is_dir():
         raise InputError(f"cannot read {chosen.file}: it is a folder")
     target = chosen.to or chosen.file.with_suffix(".mcap")
     with ProgressBar(f"importing {chosen.file.name}") as bar:
-        report = import_log(Choice(chosen.file, target, chosen.map, chosen.clock, chosen.onboard), bar.show)
+        wing = WingSource(chosen.wing or "", chosen.counts, chosen.gear)
+        report = import_log(Choice(chosen.file, target, chosen.map, chosen.clock, chosen.onboard, wing), bar.show)
     if chosen.json:
         print_document(report)
     else:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from avionics.topics import CHANGES, EVENTS
+from avionics.topics import CHANGES, EVENTS, EXCITATION, IMU, WING
 from logs.importing import (
     c3d,
     csv_table,
@@ -28,7 +28,9 @@ from logs.importing import (
 from logs.importing.checks import BEHIND, LATE_US, LATEST_US, Mask, end_of, not_behind, sound
 from logs.importing.clocks import align, of_import, of_log
 from logs.importing.counterparts import Counterpart, make_all
+from logs.importing.excitation import excitation_topic
 from logs.importing.source import Dropped, ImportedTopic, Series, Source, shifted
+from logs.importing.wing import WingSource, wing_topic
 from logs.importing.writing import Extras, Progress, imported_stream, source_streams, topic_name, write_log
 from logs.names import PARAMETERS
 from logs.new_files import check_new
@@ -40,6 +42,8 @@ IMPORT = "wingbeat.import"
 """Name of the metadata record with the source of an imported log."""
 NOTES = "source.notes"
 """Name of the metadata record with other facts of the source."""
+AUTOPILOTS = ("ulog", "dataflash", "tlog")
+"""formats of autopilots, whose logs may have strokes and identification inputs"""
 LATEST_NS = LATEST_US * 1000
 """ns since 1970; a later zero of the clock is damage"""
 REPORT = "import_report.json"
@@ -123,6 +127,8 @@ class Choice(NamedTuple):
     """clock of a .tlog, one of `tlog.CLOCKS`"""
     onboard: Path | None = None
     """log of the same flight that defines the clock of the new one"""
+    wing: WingSource = WingSource()
+    """what the wing strokes are made of"""
 
 
 def import_log(choice: Choice, progress: Progress = lambda done, total: None) -> ImportReport:
@@ -140,7 +146,7 @@ def import_log(choice: Choice, progress: Progress = lambda done, total: None) ->
     try:
         with np.errstate(all="ignore"):  # garbage overflows; what comes of it is looked at
             sources = read_source(choice, data)
-            parts = [(one, _checked(one)) for one in sources]
+            parts = [_with_strokes(one, _checked(one), choice.wing) for one in sources]
         full = [(one, checked) for one, checked in parts if checked.imported or checked.series]
         if not full:
             raise InputError(f"no row of it can be true{_reasons(parts[0][1].dropped)}")
@@ -256,6 +262,22 @@ def _checked(source: Source) -> Checked:
     if len(events) < len(source.events):
         dropped.append(Dropped(EVENTS.name, "time outside of the log", len(source.events) - len(events)))
     return Checked(imported, series, events, dropped)
+
+
+def _with_strokes(source: Source, checked: Checked, choice: WingSource) -> tuple[Source, Checked]:
+    """Add wing strokes and identification inputs, which no other program logs in the form of Wingbeat."""
+    made = {one.topic: one for one in checked.imported}
+    added, notes = list(checked.imported), dict(source.notes)
+    if source.format not in AUTOPILOTS and not choice.topic:
+        return source, checked
+    excitation = None if EXCITATION in made else excitation_topic(checked.series)
+    if excitation is not None:
+        added.append(excitation)
+    strokes = None if WING in made else wing_topic(checked.series, made.get(IMU), choice)
+    if strokes is not None:
+        added.append(strokes[0])
+        notes["wing"] = f"strokes from {strokes[1]}"
+    return source._replace(notes=notes), checked._replace(imported=added)
 
 
 def _on_clock_of(onboard: Path, source: Source, checked: Checked) -> tuple[Source, Checked]:

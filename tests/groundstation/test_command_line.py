@@ -218,7 +218,7 @@ def test_what_is_no_log_is_refused_and_kept(verb: list[str], content: bytes, tmp
     assert list(tmp_path.iterdir()) == [path]
 
 
-@pytest.mark.parametrize("verb", [["log", "info"], ["log", "view"], ["identify"], ["replay"]])
+@pytest.mark.parametrize("verb", [["log", "info"], ["log", "view"], ["replay"]])
 @pytest.mark.parametrize(
     ("name", "content", "part"),
     [
@@ -241,6 +241,17 @@ def test_what_makes_a_log_of_another_file_is_told(
     (tmp_path / "a.csv").write_text("t,a\n1,2\n")
     assert main([*verb, "a.csv"]) == 2
     assert "--map MAP.toml" in error_text(capsys)
+
+
+@pytest.mark.parametrize("name", ["a.bin", "a.ulg", "a.tlog"])
+def test_identify_imports_a_log_of_another_program_and_refuses_a_false_one(
+    name: str, tmp_path: Path, capsys: Capture
+) -> None:
+    path = tmp_path / name
+    path.write_bytes(b"not a log")
+    assert main(["identify", str(path)]) == 2
+    assert error_text(capsys).startswith(f"wingbeat: {path}: ")
+    assert list(tmp_path.iterdir()) == [path]
 
 
 @pytest.mark.parametrize("command", [["fly"], ["avionics", "--board", "hil:tcp:127.0.0.1:9"]])

@@ -93,11 +93,14 @@ class ElevatorFromField(NamedTuple):
     field: str
     scale: float
     """rad per unit of the field; positive pitches the nose up"""
+    assumed: bool = False
+    """the travel is not recorded: derivatives by the elevator scale with it, modes do not"""
 
     @property
     def note(self) -> str:
         """Line of the report."""
-        return f"elevator: {self.topic}.{self.field} at {self.scale:g} rad per unit"
+        known = "; assumed, derivatives scale with it: --elevator sets it" if self.assumed else ""
+        return f"elevator: {self.topic}.{self.field} at {self.scale:g} rad per unit{known}"
 
     def columns(self, topic: Topic[Any]) -> Mapping[str, Any]:
         """Arrays by field name.
@@ -108,7 +111,10 @@ class ElevatorFromField(NamedTuple):
         if topic != topics.ACTUATORS:
             return self.log.columns(topic)
         columns = self.log.columns(self.topic)
-        values = columns.fields.get(self.field)
+        name, _, place = self.field.rstrip("]").partition("[")
+        values = columns.fields.get(name)
+        if values is not None and place.isdigit() and values.ndim == 2 and int(place) < values.shape[1]:
+            values = values[:, int(place)]
         if values is None or values.ndim != 1 or values.dtype.kind not in "fiu":
             numbers = [name for name, each in columns.items() if each.ndim == 1 and each.dtype.kind in "fiu"]
             raise InputError(f"{self.topic} has no number {self.field}; it has: {', '.join(numbers)}")

@@ -121,3 +121,25 @@ def tlog(seconds: int = 20, boot_us: int = 1_700_000_000_000_000) -> bytes:
             command = mavlink.MAVLink_command_long_message(1, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0)
             out += stamped(late + 600, command, ground)
     return out
+
+
+def ulog(topics: dict[str, tuple[Any, dict[str, Any]]]) -> bytes:
+    """Write a ULog of topics: time in us and columns (n,) or (n, k) of floats."""
+
+    def message(kind: str, body: bytes) -> bytes:
+        return struct.pack("<HB", len(body), ord(kind)) + body
+
+    out = b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 1_000) + message("B", bytes(40))
+    rows: list[tuple[int, bytes]] = []
+    for number, (name, (stamps, columns)) in enumerate(topics.items()):
+        sizes = {key: 1 if values.ndim == 1 else values.shape[1] for key, values in columns.items()}
+        listed = "".join(f"float{'' if n == 1 else f'[{n}]'} {key};" for key, n in sizes.items())
+        out += message("F", f"{name}:uint64_t timestamp;{listed}".encode())
+        packer = struct.Struct(f"<HQ{sum(sizes.values())}f")
+        parts = [values[:, None] if values.ndim == 1 else values for values in columns.values()]
+        for row, stamp in enumerate(stamps.tolist()):
+            values = [float(value) for part in parts for value in part[row]]
+            rows.append((stamp, message("D", packer.pack(number, stamp, *values))))
+    for number, name in enumerate(topics):
+        out += message("A", struct.pack("<BH", 0, number) + name.encode())
+    return out + b"".join(body for _, body in sorted(rows, key=lambda one: one[0]))
