@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import os
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import IO
 
+from logs.file_lock import lock
 from wingbeat.errors import InputError
 
 HELD = ".held"
@@ -61,7 +61,7 @@ def _mark(mark: Path) -> tuple[IO[bytes], bool]:
 
 def _locked(file: IO[bytes], made: bool) -> bool:
     try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        lock(file)
     except BlockingIOError:
         return False
     except OSError:  # a file system without locks: who made the mark has the name

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
 import math
 import struct
 import threading
@@ -19,6 +18,7 @@ from mcap.records import Attachment, AttachmentIndex, McapRecord, Metadata
 from logs.backlog import PATIENCE, Backlog
 from logs.codecs import Codec, codec_for
 from logs.container import Container, encode, pack_chunk
+from logs.file_lock import lock
 from logs.volumes import Volumes, Work
 from wingbeat.errors import InputError
 from wingbeat.message import RecorderStatus
@@ -498,7 +498,7 @@ def _locked(file: IO[bytes]) -> bool:
     """
     for _ in range(LOCK_ATTEMPTS):
         try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            lock(file)
             return True
         except BlockingIOError:
             time.sleep(LOCK_PAUSE)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
 import mmap
 import os
 import shutil
@@ -16,6 +15,7 @@ from mcap.writer import MCAP0_MAGIC
 from logs.chunks import MAX_CHUNK_SIZE
 from logs.container import Container
 from logs.copying import Part, copy
+from logs.file_lock import lock
 from logs.index import Index, scan
 from logs.join import join
 from logs.log_file import map_file
@@ -129,7 +129,7 @@ def _locked(path: Path) -> Iterator[None]:
     """Acquire the recorder's lock on the file that has this name at this moment."""
     try:
         with path.open("rb") as file:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            lock(file)
             if os.fstat(file.fileno()).st_ino != path.stat().st_ino:
                 raise InputError(f"{path} was replaced by another program: retry")
             yield

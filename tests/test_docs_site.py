@@ -6,6 +6,7 @@ import importlib
 import re
 import runpy
 import shlex
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -48,6 +49,7 @@ def test_tutorial_runs(page: Path, tmp_path: Path) -> None:
     """GIVEN the Python blocks of a page WHEN they run in order in an empty folder THEN none fails."""
     blocks = PYTHON.findall(page.read_text(encoding="utf-8"))
     assert blocks
+    shutil.copy(ROOT / "tests" / "data" / "logs" / "vtol_bench.ulg", tmp_path / "flight.ulg")
     script = tmp_path / "tutorial.py"
     script.write_text("import matplotlib\nmatplotlib.use('Agg')\n" + "\n".join(blocks), encoding="utf-8")
     done = subprocess.run([sys.executable, script], cwd=tmp_path, capture_output=True, text=True, check=False)

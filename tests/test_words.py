@@ -8,7 +8,7 @@ from pathlib import Path
 import words_lint
 
 ROOT = Path(__file__).parents[1]
-LIMITS = {"wingbeat": 0, "avionics": 0, "sim_bridge": 0, "logs": 69, "groundstation": 0, "tests": 70}
+LIMITS = {"wingbeat": 0, "avionics": 0, "sim_bridge": 0, "logs": 0, "groundstation": 0, "tests": 0}
 """refused identifiers by package: lower a limit with every rename, never raise it"""
 
 

@@ -10,16 +10,24 @@ from typing import Any
 
 _HOME = {
     "Flight": "wingbeat.api.flights",
+    "Identification": "wingbeat.api.identification",
     "LinearMotion": "wingbeat.api.steady",
+    "LogReport": "wingbeat.api.logs",
     "Simulation": "wingbeat.api.simulation",
     "SteadyFlight": "wingbeat.api.steady",
+    "Tuning": "wingbeat.api.tuning",
     "Vehicle": "wingbeat.api.vehicles",
     "campaign": "wingbeat.api.campaigns",
+    "check_log": "wingbeat.api.logs",
     "fly": "wingbeat.api.flights",
+    "identify": "wingbeat.api.identification",
+    "import_log": "wingbeat.api.logs",
     "linearize": "wingbeat.api.steady",
     "load_vehicle": "wingbeat.api.vehicles",
+    "new_bird": "wingbeat.api.tuning",
     "open_log": "wingbeat.api.flights",
     "trim": "wingbeat.api.steady",
+    "tune": "wingbeat.api.tuning",
     "vehicle_names": "wingbeat.api.vehicles",
 }
 """module by public name"""

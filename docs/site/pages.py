@@ -110,7 +110,10 @@ def _table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
 
 
 SECTIONS_OF_THE_SITE = {
-    "Tutorials": ("tutorials/first_flight", "tutorials/own_controller"),
+    "Tutorials": (
+        "tutorials/first_flight", "tutorials/your_bird", "tutorials/px4_log", "tutorials/identify_and_tune",
+        "tutorials/campaign", "tutorials/own_controller",
+    ),
     "How-to guides": (
         "commands", "own_aircraft", "identify_csv", "identification/user_model", "identification/flight_path",
         "log_check", "vibration", "web_view", "joystick", "howto/ground_stations", "sitl", "howto/hardware",
@@ -120,7 +123,7 @@ SECTIONS_OF_THE_SITE = {
     "Reference": (
         "reference/api", "reference/command_line", "parameters", "reference/topics", "reference/vehicle_keys",
         "reference/mavlink", "reference/avionics", "reference/estimation", "reference/logs", "reference/importing",
-        "reference/campaigns", "reference/groundstation", "reference/findings",
+        "reference/campaigns", "reference/groundstation", "reference/findings", "reference/estimators",
     ),
     "Explanation": (
         "explanation/flapping_flight", "explanation/short_period", "explanation/ahrs", "explanation/intervals",
@@ -128,7 +131,7 @@ SECTIONS_OF_THE_SITE = {
     ),
     "Validation": (
         "validation/aerodynamics", "validation/estimation", "validation/identification", "validation/gusts",
-        "validation/faults", "validation/benchmarks",
+        "validation/faults", "validation/new_bird", "validation/benchmarks",
     ),
 }  # fmt: skip
 """pages by section, in the order of the navigation"""

@@ -28,7 +28,7 @@ from logs.identification.input_design.design import (
     mission_item,
 )
 from logs.identification.input_design.prediction import Gust
-from logs.identification.input_design.prior import Prior, prior_of, sensor_noise
+from logs.identification.input_design.response import Prior, prior_of, sensor_noise
 from logs.new_files import check_new
 from sim_bridge.tuning.model import LinearModel, is_model_file, load_model
 from sim_bridge.vehicles import SimulatedVehicle

@@ -12,8 +12,9 @@ from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from rich.console import Console
+from rich.console import Console, RenderableType
 from rich.live import Live
+from rich.text import Text
 
 from avionics.board.cores import idle_pair
 from avionics.board.parameter_file import ParameterFile, storage_name
@@ -456,11 +457,22 @@ def _report(
         return
     console.print()
     console.print(flight_report.log_line(plan.log))
-    console.print(flight_report.flight_metrics_table(summary))
     for name in missed:
         console.print(flight_report.missed_line(name, end))
-    console.print()
-    _report_identified(plan, results, console)
+    for part in closing_parts(plan.log, summary, results):
+        console.print(part, soft_wrap=True)
+
+
+def closing_parts(log: Path, summary: FlightSummary, results: Identification | str) -> tuple[RenderableType, ...]:
+    """Return the parts of the closing text of a flight: metrics, identified numbers, next commands."""
+    identified: RenderableType
+    if isinstance(results, str):
+        identified = Text(f"not identified: {results}", style="dim")
+    else:
+        from groundstation.views.identification import identification_summary
+
+        identified = identification_summary(results)
+    return flight_report.flight_metrics_table(summary), Text(), identified, Text(), flight_report.next_lines(log)
 
 
 def _entries(plan: Plan, chosen: argparse.Namespace) -> dict[str, object]:
@@ -488,12 +500,3 @@ def _outcome(kept: Sequence[Kept], summary: FlightSummary | None, results: Ident
         "flight": summary,
         "identified": None if isinstance(results, str) else document(results),
     }
-
-
-def _report_identified(plan: Plan, results: Identification | str, console: Console) -> None:
-    if isinstance(results, str):
-        console.print(f"identification failed: {results}", style="dim")
-    else:
-        from groundstation.views.identification import identification_summary
-
-        console.print(identification_summary(results, plan.log))

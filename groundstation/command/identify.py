@@ -31,16 +31,14 @@ from groundstation.views.json_document import print_document
 from groundstation.views.terminal import open_console
 from logs.attached import aircraft_of, airframe_of, flight_vehicle, simulated_vehicle
 from logs.identification.data.flight import Aircraft, FlightData
-from logs.identification.data.split import drawn
+from logs.identification.data.maneuvers import holdout_sample
 from logs.identification.estimators.flight_modes import identify_modes
 from logs.identification.report import SUBJECTS, Identification, document, identify
 from logs.identification.sources.flight import flight_data
-from logs.identification.sources.multi_flight import joined_flights
+from logs.identification.sources.full_flight import joined_flights
+from logs.identification.sources.table.config import ALL, FORMER_SUBJECTS, example_map
+from logs.identification.sources.table.config import SUBJECTS as TABLE_SUBJECTS
 from logs.identification.sources.topic_table import ElevatorFromField
-from logs.identification.tables import fit_registry as rooms
-from logs.identification.tables import markers
-from logs.identification.tables.subjects import ALL
-from logs.identification.tables.subjects import SUBJECTS as TABLE_SUBJECTS
 from logs.reader import Log
 from logs.truth import known_truths, throttle_truths
 from sim_bridge.vehicles import SimulatedVehicle
@@ -66,8 +64,9 @@ EXAMPLES = (
 UNKNOWN = "aircraft unknown: IMU assumed at the center of mass, span 1 m; --vehicle gives both and the tail's lag"
 """text for a log without a vehicle file"""
 JSON_KEYS = {
-    "torque, power": "estimates: list of {name, unit, value, standard_error, low, high, truth}; unidentified; truth"
-    " of power: the same regression on this flight's noise-free drive, which varies with the flight",
+    "torque, power": "estimates: list of {name, unit, value, standard_error, low, high, truth}; unidentified;"
+    " findings: list of {code, severity, subject, value, limit, text}, as of load, frequency and each model of aero;"
+    " truth of power: the same regression on this flight's noise-free drive, which varies with the flight",
     "load": "estimates of the wings' torque constant and inertia; unidentified",
     "frequency": "estimates of flapping against throttle; unidentified, centre_throttle, centre_voltage V, residual"
     " Hz, segments: list of {begin, end s, throttle, frequency Hz, strokes, voltage V}",
@@ -95,8 +94,8 @@ JSON_KEYS = {
 }
 
 
-MAPS = {**rooms.EXAMPLES, MARKERS: markers.EXAMPLE}
-"""by subject; output of `--map-example SUBJECT`"""
+MAPS = (*TABLE_SUBJECTS, MARKERS)
+"""subjects of `--map-example`"""
 KNOWN = tuple(dict.fromkeys((*SUBJECTS, *TABLE_SUBJECTS, MARKERS)))
 TABLE_USAGE = (
     f"wingbeat identify TABLE [TABLE ...] --map MAP.toml [{'|'.join(TABLE_SUBJECTS)}]"
@@ -166,6 +165,7 @@ def run(arguments: Sequence[str]) -> int:
             addition to the log's own.
     """
     chosen = build_parser().parse_intermixed_args(arguments)
+    chosen.file = [FORMER_SUBJECTS.get(word, word) for word in chosen.file]
     if chosen.map_example:
         sys.stdout.write(_example(chosen.file))
         return 0
@@ -178,7 +178,7 @@ def run(arguments: Sequence[str]) -> int:
     if chosen.map is None and len(files) > 1 and not files[-1].suffix:
         raise InputError(f"cannot identify {files[-1].name!r}; known: {', '.join(KNOWN)}")
     if chosen.map is not None and asked:
-        raise InputError("--validate and --validate-share are for logs: [manoeuvres] of the map tells it of tables")
+        raise InputError("--validate and --validate-share are for logs: use [maneuvers] of the map for tables")
     if chosen.map is not None:
         return identify_table.run(files, what, chosen)
     if (len(files) > 1 or asked) and not tables:
@@ -247,7 +247,7 @@ def _held_out(files: Sequence[Path], validate: Sequence[Path], share: float | No
         raise InputError("--validate-share draws what is held out: name none beside it with --validate")
     if not 0 < share < 1 or len(fitted) < 2:
         raise InputError(f"--validate-share {share:g}: it is between 0 and 1, of two logs or more")
-    chosen = drawn(sorted(str(one) for one in fitted), share)
+    chosen = holdout_sample(sorted(str(one) for one in fitted), share)
     every = [*(one for one in fitted if str(one) not in chosen), *(one for one in fitted if str(one) in chosen)]
     return every, list(range(len(fitted) - len(chosen), len(fitted)))
 
@@ -300,7 +300,7 @@ def _example(words: Sequence[str]) -> str:
     if len(words) > 1 or subject not in MAPS:
         guess = did_you_mean(words[-1], MAPS)
         raise InputError(f"no example map of {' '.join(words)!r}{guess}; known: {', '.join(MAPS)}")
-    return MAPS[subject]
+    return example_map(subject)
 
 
 def _split(words: Sequence[str]) -> tuple[list[Path], str]:

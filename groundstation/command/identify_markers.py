@@ -15,7 +15,7 @@ from logs.identification.motion_capture.motion import Cloud
 from logs.identification.report import Identification
 from logs.identification.report.report import Subject, write_report
 from logs.identification.results import Unidentified
-from logs.identification.tables.markers import (
+from logs.identification.sources.table.markers import (
     MarkersMap,
     MarkersSection,
     cloud_of_log,

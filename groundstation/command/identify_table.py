@@ -18,8 +18,8 @@ from logs.identification.report.result_formatting import table_document
 from logs.identification.report.table_model import check_model, has_model, table_model
 from logs.identification.report.tables import Source, write_tables_report
 from logs.identification.sources.table.config import load_map
-from logs.identification.tables.results import TableIdentification
-from logs.identification.tables.run import identify_tables
+from logs.identification.sources.table.results import TableIdentification
+from logs.identification.sources.table.run import identify_tables
 from wingbeat.errors import InputError
 
 

@@ -13,6 +13,7 @@ from groundstation.views import tables
 from groundstation.views.json_document import print_document
 from groundstation.views.progress import ProgressBar
 from groundstation.views.terminal import open_console
+from logs.new_files import check_new
 from wingbeat.text import pluralize
 
 if TYPE_CHECKING:
@@ -38,6 +39,7 @@ def add_verb(verbs: Any) -> None:
     one.add_argument(
         "--map", type=Path, metavar="MAP.toml", help="columns of a table, see wingbeat log import --help"
     )
+    one.add_argument("--report", type=Path, metavar="OUT.html", help="write a page with findings and signals")
     options.add_json(one)
 
 
@@ -49,12 +51,20 @@ def run_verb(chosen: argparse.Namespace) -> None:
     """
     from logs.checks.run import check_log  # its readers are heavy
 
+    if chosen.report is not None:
+        check_new(chosen.report)
     with ProgressBar("checking", quiet=chosen.json):
         report = check_log(chosen.file, chosen.map)
+    if chosen.report is not None:
+        from logs.checks.page import write
+
+        write(chosen.report, report)
     if chosen.json:
         print_document(_document(chosen, report))
-    else:
-        _print(report)
+        return
+    _print(report)
+    if chosen.report is not None:
+        print(f"written {chosen.report}")
 
 
 def _document(chosen: argparse.Namespace, report: LogReport) -> dict[str, Any]:

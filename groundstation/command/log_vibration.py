@@ -41,6 +41,7 @@ def add_verb(verbs: Any) -> None:
     one.add_argument("--end", type=options.number, metavar="S", help="to so many seconds since boot")
     one.add_argument("--fit", metavar="VEHICLE", help="fit the vibration section of this vehicle")
     one.add_argument("--out", type=Path, metavar="DIR", help="new folder for the vehicle, with --fit")
+    one.add_argument("--report", type=Path, metavar="OUT.html", help="write a page with spectra and levels")
     options.add_json(one)
 
 
@@ -54,6 +55,8 @@ def run_verb(chosen: argparse.Namespace) -> None:
 
     if (chosen.fit is None) != (chosen.out is None):
         raise InputError("--fit VEHICLE and --out DIR belong together")
+    if chosen.report is not None:
+        check_new(chosen.report)
     if chosen.out is not None:
         for name in (WORLD, AVIONICS):
             check_new(chosen.out / name, made=True)
@@ -63,10 +66,16 @@ def run_verb(chosen: argparse.Namespace) -> None:
     if chosen.fit is not None:
         fitted = _fitted(chosen.fit, vibration)
         files = _write(chosen, fitted)
+    if chosen.report is not None:
+        from logs.vibration.page import write
+
+        write(chosen.report, chosen.file.name, vibration, fitted)
     if chosen.json:
         print_document(_document(chosen, vibration, fitted, files))
     else:
         _print(vibration, fitted, files)
+        if chosen.report is not None:
+            print(f"written {chosen.report}")
 
 
 def _fitted(name: str, vibration: FlightVibration) -> VibrationFit:

@@ -45,6 +45,9 @@ SUBCOMMANDS: dict[str, Subcommand] = {
     "trim": Subcommand("groundstation.command.trim", "find the steady flight at an airspeed and climb rate"),
     "linearize": Subcommand("groundstation.command.linearize", "modes, A and B of the motion about a steady flight"),
     "tune": Subcommand("groundstation.command.tune", "gains of every loop: margins, file, flights before and after"),
+    "new-bird": Subcommand(
+        "groundstation.command.new_bird", "vehicle folder of a new ornithopter from eight numbers"
+    ),
     "design": Subcommand("groundstation.command.design", "plan an identification input and the errors it will leave"),
     "campaign": Subcommand("groundstation.command.campaign", "many flights of a sweep and their statistics"),
     "validate": Subcommand("groundstation.command.validate", "every published figure beside ours"),

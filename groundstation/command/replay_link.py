@@ -7,9 +7,7 @@ import os
 import re
 import select
 import sys
-import termios
 import time
-import tty
 from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
@@ -99,6 +97,12 @@ def _show(player: Player) -> None:
 def _keyboard() -> Iterator[Callable[[], list[str]] | None]:
     """Yield a function that returns the pressed keys; None without a terminal."""
     if not (sys.stdin.isatty() and sys.stderr.isatty()):
+        yield None
+        return
+    try:
+        import termios
+        import tty
+    except ImportError:  # Windows: no keys
         yield None
         return
     before = termios.tcgetattr(sys.stdin)

@@ -10,7 +10,21 @@ from rich.table import Table
 from rich.text import Text
 
 from groundstation.views import wording
+from logs.names import LATEST, RECORDINGS
 from logs.summary import AltitudeHold, EstimateError, FlightSummary, Touchdown
+
+
+def next_lines(log: Path) -> Text:
+    """Return the next three commands of a flight recorded to ``log``."""
+    file = LATEST if log.parent == RECORDINGS else str(log)
+    commands = (
+        f"wingbeat log view {file} --open",
+        f"wingbeat identify {file} --report report.html",
+        "wingbeat gcs udpout:127.0.0.1:14550",
+    )
+    label = "next".ljust(12)
+    beside = ("\n" + " " * 15 + "beside: wingbeat fly --speed 1 --gcs udpin:127.0.0.1:14550", "dim")
+    return Text.assemble((label, "dim"), ("\n" + " " * 12).join(commands), beside)
 
 
 def log_line(path: Path) -> Text:
@@ -50,7 +64,7 @@ def _flight(summary: FlightSummary) -> str:
         return "never left the ground"
     parts = [
         f"{summary.airtime:.1f} s in the air",
-        "" if summary.distance is None else f"{summary.distance:.0f} m flown",
+        "" if summary.distance is None else f"{summary.distance:.0f} m",
         "" if summary.highest is None else f"up to {summary.highest:.1f} m",
         "" if summary.airspeed is None else f"{summary.airspeed:.2f} m/s mean airspeed",
     ]
@@ -64,7 +78,7 @@ def _level_cells(level_flight: AltitudeHold | None) -> str:
         [
             f"altitude {level_flight.altitude_rms:.2f} m RMS",
             f"heading {math.degrees(level_flight.heading_rms):.1f}° RMS",
-            f"over {level_flight.duration:.1f} s, {level_flight.settling:.1f} s to settle",
+            f"over {level_flight.duration:.1f} s",
         ]
     )
 
@@ -89,8 +103,9 @@ def _estimate(error: EstimateError | None) -> str:
             f"pitch {angles[1]:.2f}°",
             f"yaw {angles[2]:.2f}°",
             f"altitude {error.altitude:.2f} m",
-            f"airspeed {error.airspeed:.2f} m/s RMS of truth",
-        ]
+            f"{error.airspeed:.2f} m/s RMS",
+        ],
+        "  ",
     )
 
 
@@ -99,7 +114,7 @@ def _touchdown(touchdown: Touchdown | None) -> str:
         return ""
     return _joined(
         [
-            f"at {touchdown.time:.1f} s, first contact",
+            f"at {touchdown.time:.1f} s",
             f"sink {touchdown.sink:.2f} m/s",
             f"speed {touchdown.speed:.1f} m/s",
             f"bank {wording.angle(touchdown.bank)}",
@@ -108,5 +123,5 @@ def _touchdown(touchdown: Touchdown | None) -> str:
     )
 
 
-def _joined(parts: list[str]) -> str:
-    return "   ".join(part for part in parts if part)
+def _joined(parts: list[str], gap: str = "   ") -> str:
+    return gap.join(part for part in parts if part)

@@ -3,26 +3,43 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 
 from rich.console import Group, RenderableType
+from rich.table import Table
 from rich.text import Text
 
 from groundstation.views import tables, wording
 from logs.identification.report import Identification, Row, rows
-from logs.identification.report.numbers import FOLLOWS
 from logs.identification.results import Estimate
+from wingbeat.text import pluralize
+
+HEADLINES = {
+    "K_tau": "torque constant K_tau",
+    "wing_torque_constant": "wing torque constant",
+    "short_period_frequency": "short-period frequency",
+    "short_period_damping": "short-period damping",
+}
+"""label by name of the numbers that a flight ends with"""
 
 
-def identification_summary(estimates: Identification, log: Path) -> RenderableType:
-    """`identification_table` without what follows from other numbers and without reasons, and how to see them."""
-    listed = rows(estimates)
-    refused = sum(row.note.startswith("not identified") for row in listed)
-    silent = ("not identified", "not determined")
-    notes = [row for row in listed if row.estimate is None and not row.note.startswith(silent)]
-    stated = [row for row in listed if row.estimate is not None and not FOLLOWS.search(row.name)]
-    left = f"{refused} more could not be identified; why" if refused else "periods and times to half"
-    return Group(_table([*stated, *notes]), Text(f"{left}: wingbeat identify {log}", style="dim"))
+def identification_summary(estimates: Identification) -> RenderableType:
+    """Return one line for each of `HEADLINES` that was identified, and how many more numbers there are."""
+    listed = [row for row in rows(estimates) if row.estimate is not None]
+    found = {name: next((row for row in listed if row.name == name), None) for name in HEADLINES}
+    table = Table.grid(padding=(0, 2))
+    table.add_column(style="dim", min_width=10)
+    for _ in range(4):
+        table.add_column()
+    table.add_row("identified", *(Text(word, style="dim") for word in ("", "value", "95 % interval", "true")))
+    for name, row in found.items():
+        if row is None or row.estimate is None:
+            continue
+        _, value, interval, truth, unit = _cells(row, row.estimate)
+        table.add_row("", HEADLINES[name], Text.assemble(value, f" {unit}".rstrip()), interval, truth)
+    shown = table.row_count - 1
+    if not shown:
+        return Text(f"identified  {pluralize(len(listed), 'number')}")
+    return Group(table, Text(f"{'':12}{len(listed) - shown} more numbers in the report", style="dim"))
 
 
 def identification_table(estimates: Identification) -> RenderableType:

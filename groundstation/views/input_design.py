@@ -10,7 +10,7 @@ from rich.text import Text
 from groundstation.views import wording
 from groundstation.views.tables import NUMBER, UNIT, plain_table
 from logs.identification.input_design.design import NAMES, DesignSpec, InputDesign, command_line, mission_item
-from logs.identification.input_design.prior import Prior
+from logs.identification.input_design.response import Prior
 from sim_bridge.tuning.model import LinearModel
 
 WHITE = "of white sensor noise alone; gusts, and what the wing's shaking leaves after averaging, come on top (--gust)"

@@ -14,8 +14,8 @@ from logs.identification.models.modes import Mode, ModesResult
 from logs.identification.report import Identification
 from logs.identification.report.result_formatting import finding_line, heading, notes_of, number_rows
 from logs.identification.results import EstimationResult
-from logs.identification.statistics.output_fit import output_fits
-from logs.identification.tables.results import TableIdentification
+from logs.identification.sources.table.results import TableIdentification
+from logs.identification.statistics.fit_quality import output_fits
 
 ABOVE = "as said above"
 """in place of a reason that stands at a fit already"""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
 import json
 import os
 from collections.abc import Sequence
@@ -11,6 +10,7 @@ from types import TracebackType
 from typing import IO, Any, NamedTuple, Self
 
 from logs.campaigns.single_flight import Row, is_row
+from logs.file_lock import lock
 from wingbeat.documents import parse_json
 from wingbeat.errors import DocumentError, InputError
 
@@ -38,7 +38,7 @@ class Journal:
         except OSError as error:
             raise InputError(f"cannot write {path}: {error.strerror}") from None
         try:
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            lock(self._file)
         except OSError:
             self._file.close()
             raise InputError(f"{path}: in use by another command of this campaign") from None

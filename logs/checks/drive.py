@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
+from scipy.ndimage import binary_closing
 
 from logs.checks.findings import Finding
 from logs.checks.log_data import Array, LogData, Signal
@@ -22,6 +23,8 @@ DISTINCT = 6.0
 """-; power of a spectral line over the mean of its band"""
 VIBRATION = 5.0
 """m/s^2; RMS above 40 Hz"""
+PAUSE = 10
+"""s; shorter pauses belong to a shaken part"""
 SAG = 0.2
 """-; drop of the voltage under load over that at rest"""
 INFORMATIVE = 0.01
@@ -98,7 +101,9 @@ def _vibration(log: LogData) -> Iterator[Finding]:
     index = np.floor(accel.time - accel.time[0]).astype(int)
     counts = np.maximum(np.bincount(index), 1)
     rms = np.sqrt(np.bincount(index, level**2) / counts)
-    for first, last in runs(rms > VIBRATION):
+    # Pauses of a few seconds do not divide a shaken part.
+    shaken = binary_closing(np.pad(rms > VIBRATION, PAUSE), np.ones(PAUSE + 1))[PAUSE:-PAUSE]
+    for first, last in runs(shaken):
         if last - first >= 2:
             size = float(rms[first:last].max())
             start, end = float(accel.time[0] + first), float(accel.time[0] + last)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -14,6 +14,9 @@ from logs.checks.findings import SEVERITIES, Finding
 from logs.checks.log_data import LogData, read_log
 from logs.checks.timing import check_timing
 from logs.checks.values import check_values
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 CHECKS: tuple[Callable[[LogData], Iterator[Finding]], ...] = (
     check_timing, check_values, check_consistency, check_drive,
@@ -28,6 +31,17 @@ class LogReport(NamedTuple):
     log: LogData
     findings: tuple[Finding, ...]
     """the most severe first, then in order of time"""
+
+    def to_pandas(self) -> pd.DataFrame:
+        """Return the findings as a table, one row each."""
+        import pandas
+
+        columns = [*Finding._fields, "remedy"]
+        return pandas.DataFrame([(*one, one.remedy) for one in self.findings], columns=columns)
+
+    def __repr__(self) -> str:
+        rows = [f"  {one.severity:8}{one.code:24}{one.start:9.2f} s  {one.text}" for one in self.findings]
+        return "\n".join([f"LogReport of {self.log.name}: {len(rows)} findings", *rows])
 
 
 def check_log(paths: Sequence[Path], mapping: Path | None = None) -> LogReport:

@@ -30,8 +30,16 @@ class Finding(NamedTuple):
     @property
     def text(self) -> str:
         """One clause made from the catalog."""
+        return self._filled(CATALOG[self.code].text)
+
+    @property
+    def remedy(self) -> str:
+        """What to do, made from the catalog; empty if nothing is to be done."""
+        return self._filled(CATALOG[self.code].remedy)
+
+    def _filled(self, template: str) -> str:
         values = {"subject": self.subject, "value": self.value, "limit": self.limit} | dict(self.details)
-        return CATALOG[self.code].text.format(**values)
+        return template.format_map(values)
 
     def document(self) -> dict[str, Any]:
         """Keys of the JSON document."""
@@ -48,7 +56,7 @@ class Entry(NamedTuple):
     meaning: str
     """-; one sentence for the documentation"""
     remedy: str = ""
-    """-; what to do, one clause; empty if nothing is to be done"""
+    """-; template of what to do, one clause; empty if nothing is to be done"""
 
 
 CATALOG: dict[str, Entry] = {}

@@ -6,7 +6,6 @@ that is still being written is read the next time.
 
 from __future__ import annotations
 
-import fcntl
 import struct
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -17,6 +16,7 @@ from mcap.records import Channel, Schema
 from mcap.writer import MCAP0_MAGIC
 
 from logs.chunks import ENTRY_TYPE, ChunkSpan, chunk_at, unpack
+from logs.file_lock import lock
 from logs.records import Damage, Span, parse, records
 from wingbeat.errors import InputError
 
@@ -36,7 +36,7 @@ def is_recorded(path: Path) -> bool:
     """
     try:
         with path.open("rb") as file:
-            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+            lock(file, shared=True)
     except BlockingIOError:
         return True
     except OSError as error:

@@ -52,7 +52,7 @@ class Remark(NamedTuple):
     """Finding as shown on a page."""
 
     severity: str
-    """``info``, ``warning`` or ``withheld``"""
+    """``info``, ``warning``, ``error`` or ``withheld``"""
     code: str
     """key of the catalog of findings; empty for none"""
     text: str

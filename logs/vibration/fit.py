@@ -77,6 +77,20 @@ def fit(spectrum: Spectrum, reference_rate: float, bandwidths: tuple[float, floa
     return VibrationFit(spec, {name: mode for name, mode in modes.items() if mode.buffet or mode.kick}, share)
 
 
+def modeled_density(fit: VibrationFit, spectrum: Spectrum) -> Array:
+    """Return the spectral density (f, 6) of fitted modes at the frequencies of a spectrum, averaged by the IMU."""
+    frequency, period = spectrum.frequency, 1.0 / spectrum.stroke_frequency
+    total = np.zeros((len(frequency), 6))
+    for mode in fit.modes.values():
+        omega = 2.0 * math.pi * mode.frequency
+        square = mode.buffet**2 + omega * mode.kick**2 / (4.0 * mode.damping * period)
+        shapes = np.array((*mode.rotation, *mode.translation)) ** 2 * square
+        for axis in range(6):
+            total[:, axis] += shapes[axis] * _unit_density(frequency, mode.frequency, axis // 3)
+    averaged: Array = total * np.sinc(frequency / spectrum.rate)[:, None] ** 2
+    return averaged
+
+
 def _sensor_gain(frequency: Array, bandwidth: float, rate: float) -> Array:
     """Return the power gain of the low pass of a simulated sensor."""
     keep, before, now = low_pass(corner(bandwidth), 1.0 / rate)

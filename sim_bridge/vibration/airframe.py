@@ -13,8 +13,6 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import expm, solve_discrete_lyapunov
-from scipy.signal import bilinear
 
 from sim_bridge.compiled import Bound, bound_values, njit
 from sim_bridge.observation import Observation, Vector
@@ -148,6 +146,8 @@ def _initial_memory() -> Floats:
 
 def _mode(mode: ModeSpec, step: float, factor: float) -> tuple[Floats, Floats, Floats]:
     """Return transition (2, 2), acceleration output (2,) and forces (3,) of a mode."""
+    from scipy.linalg import expm, solve_discrete_lyapunov  # for a flight with vibration only
+
     omega = math.tau * mode.frequency
     output = np.array((-omega * omega, -2.0 * mode.damping * omega))
     transition = expm(step * np.array(((0.0, 1.0), output)))
@@ -161,6 +161,8 @@ def _isolator(spec: VibrationSpec, step: float) -> Floats:
     """Return the transmissibility of a spring and damper as biquad coefficients (bilinear transform)."""
     if spec.isolator_frequency == 0.0:
         return np.zeros(5)
+    from scipy.signal import bilinear  # takes half a second
+
     omega = math.tau * spec.isolator_frequency
     damped = 2.0 * spec.isolator_damping * omega
     b, a = bilinear((damped, omega * omega), (1.0, damped, omega * omega), 1.0 / step)

@@ -151,7 +151,7 @@ def test_when_the_flight_computer_was_sure_of_the_landing(tmp_path: Path, truth:
     console.print(flight_metrics_table(summary))
     told = console.export_text()
     assert "landed" in told and "at 35.0 s, detected by the flight computer" in told
-    assert ("at 34.0 s, first contact" in told) == truth
+    assert ("at 34.0 s   sink" in told) == truth
 
 
 def test_without_truth_the_estimate_is_the_measure(tmp_path: Path) -> None:

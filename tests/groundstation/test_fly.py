@@ -117,6 +117,7 @@ def test_a_flight_is_recorded_summed_up_and_told_as_json(recorded: Recorded) -> 
         "wind",
         "wind_from",
         "turbulence",
+        "vibration",
         "faults",
         "never_injected",
         "sticks",

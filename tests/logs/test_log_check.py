@@ -281,7 +281,9 @@ def test_command_tells_in_a_table_and_in_json(
     assert dispatch(["log", "check", *paths]) == 0
     text = capsys.readouterr().out
     assert "rate_mismatch_flapping" in text and "gear ratio" in text
-    assert dispatch(["log", "check", *paths, "--json"]) == 0
+    page = tmp_path / "check.html"
+    assert dispatch(["log", "check", *paths, "--report", str(page), "--json"]) == 0
+    assert "rate_mismatch_flapping" in page.read_text(encoding="utf-8")
     document = json.loads(capsys.readouterr().out)
     (found,) = [one for one in document["findings"] if one["severity"] == "error"]
     assert found["code"] == "rate_mismatch_flapping" and found["topic"] == "flap_frequency"

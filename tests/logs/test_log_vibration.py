@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 import wingbeat
 from groundstation.command.main import dispatch
 from logs.vibration.analysis import AXES, analyze
-from logs.vibration.fit import fit
+from logs.vibration.fit import fit, modeled_density
 from sim_bridge.observation import Observation
 from sim_bridge.sensors.noise import sensor_seed
 from sim_bridge.vehicles import load_vehicle
@@ -83,6 +83,18 @@ def test_fit_has_the_spectrum_of_the_flight() -> None:
     assert np.median(np.abs(difference)) < 1.5
 
 
+def test_density_of_fitted_modes_is_that_of_the_flight() -> None:
+    """GIVEN fitted modes WHEN their density is computed THEN its RMS in each band is the measured one."""
+    measured = analyze(*flapping(SPEC, MODES))
+    density = modeled_density(fit(measured, 8.0), measured)
+    spacing = measured.frequency[1]
+    for band, (low, high) in enumerate(measured.bands[2:], 2):
+        inside = (measured.frequency >= low) & (measured.frequency < high)
+        rms = np.sqrt(density[inside].sum(axis=0) * spacing)
+        strong = measured.band_rms[band] > 0.1 * measured.band_rms[2:].max(axis=0)
+        assert np.abs(20.0 * np.log10(rms / measured.band_rms[band]))[strong].max() < 3.0
+
+
 def test_too_few_strokes_and_no_strokes_are_rejected() -> None:
     """GIVEN one second of flapping, or an IMU at rest WHEN analyzed THEN one line says so."""
     time, imu = flapping(SPEC, MODES, 1.0)
@@ -97,6 +109,8 @@ def test_command_analyzes_and_fits(tmp_path: Path, capsys: pytest.CaptureFixture
     flight = wingbeat.fly("robo_raven_ii_d", vibration=1.0, duration=25.0, log=tmp_path / "flight.mcap")
     out = tmp_path / "my_raven"
     command = ["log", "vibration", str(flight.path), "--fit", "robo_raven_ii_d", "--out", str(out), "--json"]
+    page = tmp_path / "vibration.html"
+    command += ["--report", str(page)]
     assert dispatch(command) == 0
     document = json.loads(capsys.readouterr().out)
     assert set(document["axes"]) == set(AXES)
@@ -106,6 +120,8 @@ def test_command_analyzes_and_fits(tmp_path: Path, capsys: pytest.CaptureFixture
     vehicle = load_vehicle(str(out / "world.toml"))
     assert vehicle.name == "my_raven"
     assert vehicle.modes
+    assert "fitted modes" in page.read_text(encoding="utf-8")
+    page.unlink()
     own = load_vehicle("robo_raven_ii_d").sections["vibration"]
     assert vehicle.sections["vibration"].washout_difference == own.washout_difference
     assert (out / "avionics.toml").is_file()

@@ -150,3 +150,112 @@ def test_gymnasium_elevator_stick_pitches_up() -> None:
         seen = [env.step(np.array([stick, 0.0, 0.0, 0.5], np.float32))[0] for _ in range(20)]
         rates.append(np.mean([one[7] for one in seen]))
     assert rates[1] > rates[0] + 0.2
+
+
+@pytest.fixture(scope="module")
+def mission(tmp_path_factory: pytest.TempPathFactory) -> wingbeat.Flight:
+    """The flight of README.md, with its doublets."""
+    return wingbeat.fly(seed=1, log=tmp_path_factory.mktemp("mission") / "flight.mcap")
+
+
+@pytest.fixture(scope="module")
+def identified(mission: wingbeat.Flight) -> wingbeat.Identification:
+    return wingbeat.identify(mission)
+
+
+def test_identification_of_a_flight_covers_the_truth(identified: wingbeat.Identification) -> None:
+    torque = identified["servo torque"].estimate("K_tau")
+    assert torque is not None and torque.contains(identified.truths["K_tau"])
+    frame = identified.to_pandas()
+    known = frame[frame["true"].notna() & (frame["result"] == "output error")]
+    assert {"short_period_frequency", "short_period_damping"} <= set(known["name"])
+    assert ((known["low"] <= known["true"]) & (known["true"] <= known["high"])).all()
+    assert "servo torque: K_tau" in repr(identified)
+    assert identified["free response"].withheld or identified["free response"].derived
+
+
+def test_identified_model_has_the_identified_mode(identified: wingbeat.Identification) -> None:
+    """The longitudinal state space has the eigenvalues of the derived short period."""
+    system = identified.to_control("output error")
+    assert system.state_labels == ["u", "w", "q", "theta"] and system.input_labels == ["elevator"]
+    frequency = identified["output error"].estimate("short_period_frequency")
+    assert frequency is not None
+    assert np.max(np.abs(np.linalg.eigvals(system.A))) == pytest.approx(frequency.value, rel=0.02)
+    with pytest.raises(InputError, match="no linear model"):
+        identified.to_control("spectre")
+
+
+def test_identification_writes_its_page_and_plots(identified: wingbeat.Identification, tmp_path: Path) -> None:
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    page = identified.report(tmp_path / "page.html")
+    assert "<html" in page.read_text()[:400].lower()
+    with pytest.raises(InputError, match="exists"):
+        identified.report(page)
+    figure = identified.plot("output error")
+    assert len(figure.axes) >= 2 and figure.axes[0].lines
+    with pytest.raises(InputError, match="no modeled outputs"):
+        identified.plot("servo torque")
+
+
+def test_table_gives_its_model() -> None:
+    examples = Path(__file__).parents[2] / "docs" / "examples"
+    found = wingbeat.identify(examples / "short_period.csv", map=examples / "short_period.toml")
+    fit = found["output error, short period"]
+    system = found.to_control()
+    assert system.state_labels == ["alpha", "q"] and system.input_labels == ["delta_e"]
+    assert system.A[1, 0] == pytest.approx(fit.value("M_alpha"))
+    assert system.A[0, 0] == pytest.approx(fit.value("Z_alpha"))
+
+
+def test_lateral_table_gives_its_model(tmp_path: Path) -> None:
+    """GIVEN a lateral motion by aileron and rudder WHEN fitted THEN the state space has its derivatives and names."""
+    time = 0.02 * np.arange(1500)
+    aileron, rudder = 0.05 * np.sign(np.sin(2.0 * time)), 0.08 * np.sign(np.sin(0.9 * time + 1.0))
+    a = np.array([[-0.5, 0.06, -0.98, 0.49], [-8.0, -6.0, 1.5, 0.0], [6.0, -0.4, -1.2, 0.0], [0.0, 1.0, 0.06, 0.0]])
+    b = np.array([[0.0, 0.1], [20.0, 1.0], [0.5, -8.0], [0.0, 0.0]])
+    state, rows = np.zeros(4), []
+    for k in range(len(time)):
+        rows.append([time[k], *state, aileron[k], rudder[k]])
+        for _ in range(20):
+            state = state + 0.001 * (a @ state + b @ np.array([aileron[k], rudder[k]]))
+    noise = np.random.default_rng(1).normal(0.0, 0.002, (len(rows), 4))
+    table = np.array(rows)
+    table[:, 1:5] += noise
+    names = ("beta", "p", "r", "phi", "delta_a", "delta_r")
+    np.savetxt(tmp_path / "run.csv", table, delimiter=",", header=f"t,{','.join(names)}", comments="")
+    units = {"beta": "rad", "p": "rad/s", "r": "rad/s", "phi": "rad", "delta_a": "rad", "delta_r": "rad"}
+    signals = "\n".join(f'{name} = {{ column = "{name}", unit = "{unit}" }}' for name, unit in units.items())
+    (tmp_path / "map.toml").write_text(
+        f'[time]\ncolumn = "t"\n[signals]\n{signals}\n[constants]\nV = 20.0\ntheta = 0.06\nalpha = 0.06\n'
+        '[[aero.output_error]]\nmodel = "lateral"\ninputs = ["delta_a", "delta_r"]\n'
+        'zoh_inputs = ["delta_a", "delta_r"]\n'
+        'outputs = ["beta", "p", "r", "phi"]\n'
+    )
+    found = wingbeat.identify(tmp_path / "run.csv", "aero", map=tmp_path / "map.toml")
+    system = found.to_control()
+    assert set(system.state_labels) == {"beta", "p", "r", "phi"} and system.input_labels == ["delta_a", "delta_r"]
+    order = [system.state_labels.index(name) for name in ("beta", "p", "r", "phi")]
+    assert system.A[np.ix_(order, order)][1, 0] == pytest.approx(-8.0, rel=0.1)
+    assert system.B[order][1, 0] == pytest.approx(20.0, rel=0.1)
+
+
+def test_tuning_keeps_its_margins_and_is_written(tmp_path: Path) -> None:
+    tuning = wingbeat.tune(VEHICLE, fly=False)
+    table = tuning.to_pandas()
+    after = table.xs("after", level="gains")
+    assert (after["gain_margin"] >= 5.99).all() and (after["phase_margin"] >= 44.9).all()
+    folder = tuning.write(tmp_path / "tuned")
+    gains = wingbeat.load_vehicle(folder).computer.gains
+    assert gains.pitch.proportional == tuning.gains["pitch.proportional"]
+    assert "pitch" in repr(tuning)
+
+
+def test_tuning_on_a_model_needs_its_vehicle() -> None:
+    motion = wingbeat.linearize(VEHICLE)
+    same = wingbeat.tune(motion, fly=False).gains
+    assert same == wingbeat.tune(VEHICLE, fly=False).gains
+    nameless = wingbeat.LinearMotion(motion.model._replace(vehicle=""))
+    with pytest.raises(InputError, match="names no vehicle"):
+        wingbeat.tune(nameless, fly=False)

@@ -9,11 +9,12 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from avionics import topics
+from logs.identification.results import EstimationResult
 from logs.reader import Log
 from sim_bridge import topics as truth
 from wingbeat.rotation_arrays import euler_from_quaternions
 
-__all__ = ["plot_flight"]
+__all__ = ["plot_fit", "plot_flight"]
 
 ESTIMATE, TRUE = "tab:blue", "0.7"
 
@@ -50,3 +51,21 @@ def _draw(axes: Any, log: Log, topic: Any, fields: tuple[str, ...], label: str, 
         axes.plot(columns.time, scale * columns[name], style, color=ESTIMATE, linewidth=1.0, label=name)
     if len(fields) > 1:
         axes.legend(loc="upper right")
+
+
+def plot_fit(title: str, result: EstimationResult) -> Figure:
+    """Plot the measured and the modeled outputs of one result, one row per output; predictions are dashed."""
+    outputs = tuple(dict.fromkeys(one.output for one in result.series))
+    figure, axes = plt.subplots(
+        len(outputs), 1, sharex=True, squeeze=False, figsize=(9.0, 2.0 * len(outputs) + 1.0), layout="constrained"
+    )
+    for row, output in enumerate(outputs):
+        panel = axes[row, 0]
+        for one in (series for series in result.series if series.output == output):
+            panel.plot(one.time, one.measured, color=TRUE, linewidth=3.0)
+            panel.plot(one.time, one.model, "--" if one.held_out else "-", color=ESTIMATE, linewidth=1.0)
+            panel.set_ylabel(f"{output} ({one.unit})")
+        panel.grid(alpha=0.3)
+    axes[-1, 0].set_xlabel("time (s)")
+    figure.suptitle(f"{title}: measured gray, model blue")
+    return figure

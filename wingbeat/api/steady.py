@@ -59,7 +59,7 @@ class LinearMotion(NamedTuple):
 
         A python-control `StateSpace` with named states, inputs and outputs.
         """
-        return _state_space(self.model.a, self.model.elevator, LONGITUDINAL, "elevator")
+        return state_space(self.model.a, self.model.elevator, LONGITUDINAL, "elevator")
 
     def lateral(self) -> StateSpace:
         """Return the state space of (v, p, r, phi) from the achieved rudder in rad, positive nose right.
@@ -69,7 +69,7 @@ class LinearMotion(NamedTuple):
         """
         if self.model.lateral is None:
             raise ValueError("the model has no lateral motion")
-        return _state_space(self.model.lateral.a, self.model.lateral.rudder, LATERAL, "rudder")
+        return state_space(self.model.lateral.a, self.model.lateral.rudder, LATERAL, "rudder")
 
     def save(self, path: Path | str) -> None:
         """Write the model file that ``wingbeat tune`` reads.
@@ -88,7 +88,8 @@ class LinearMotion(NamedTuple):
         )
 
 
-def _state_space(a: NDArray[np.float64], b: NDArray[np.float64], states: tuple[str, ...], name: str) -> StateSpace:
+def state_space(a: NDArray[np.float64], b: NDArray[np.float64], states: tuple[str, ...], name: str) -> StateSpace:
+    """Return a python-control `StateSpace` with named states as outputs and one named input."""
     import control  # takes 0.4 s
 
     size, named = len(states), list(states)

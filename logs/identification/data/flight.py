@@ -1,4 +1,4 @@
-"""What the methods work on: plain arrays of one flight, wherever they came from."""
+"""Arrays of one flight and constants of the aircraft, independent of their source."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from typing import NamedTuple
 from logs.identification.results import Array
 
 STROKES_GUESSED = "strokes: by the specific force"
-"""the note of a flight whose strokes nobody counted at the wing: their rate is right, where each begins is not"""
+"""note if no sensor counts the strokes: their rate is right, their phase is arbitrary"""
 AIRSPEED_GUESSED = "airspeed: the speed over ground, as in still air"
-"""the note of a flight without a pitot: its mean is right where there is no wind, what gusts do to it is not told"""
+"""note of a flight without a pitot: the mean is right in still air; gusts are not included"""
 
 
 class JoinedFlight(NamedTuple):
@@ -22,22 +22,19 @@ class JoinedFlight(NamedTuple):
     clock: float
     """s; the same on its own clock"""
     before: int
-    """-; manoeuvres counted in the flights before it"""
+    """-; maneuvers counted in the flights before it"""
 
-    def own(self, number: int) -> int:
-        """The number that a manoeuvre has in its own log."""
+    def local_number(self, number: int) -> int:
+        """The number that a maneuver has in its own log."""
         return number - self.before
 
-    def own_time(self, time: float) -> float:
+    def local_time(self, time: float) -> float:
         """A time (s) on the flight's own clock."""
         return time - self.begin + self.clock
 
 
 class FlightData(NamedTuple):
-    """Longitudinal motion of one flight, every array (N,) on the equally spaced time base of the IMU.
-
-    What it does to the sides is here as far as it moves the longitudinal motion.
-    """
+    """Longitudinal motion of one flight, every array (N,) on the equally spaced time base of the IMU."""
 
     time: Array
     """s"""
@@ -58,25 +55,15 @@ class FlightData(NamedTuple):
     strokes: Array
     """-; wing strokes since the first sample, never decreasing"""
     active: Array
-    """-; 1 while a manoeuvre runs, its settling time included"""
+    """-; 1 while a maneuver runs, its settling time included"""
     manoeuvre: Array
-    """-; number of the manoeuvre"""
+    """-; number of the maneuver"""
     excitation: Array
-    """rad; what the manoeuvre added to the elevator"""
+    """rad; what the maneuver added to the elevator"""
     aborted: Array
-    """-; 1 where an envelope limit ended the manoeuvre"""
-    wing_rate_squared: Array
-    """rad^2/s^2; mean of both wings; NaN where their motion was not measured"""
-    roll: Array
-    """rad; right wing down is positive; NaN where it was not measured, as the three that follow"""
-    roll_rate: Array
-    """rad/s; about FRD x"""
-    yaw_rate: Array
-    """rad/s; about FRD z"""
-    accel_y: Array
-    """m/s^2; specific force at the IMU along FRD y"""
+    """-; 1 where an envelope limit ended the maneuver"""
     notes: tuple[str, ...] = ()
-    """-; what the log does not tell and was taken from elsewhere, one clause each"""
+    """-; substitutes for what the log does not contain, one clause each"""
     flights: tuple[JoinedFlight, ...] = ()
     """the flights that were joined, one behind the other; empty of a single one"""
 
@@ -149,24 +136,24 @@ NEUTRAL = ImuCalibration()
 
 
 class Aircraft(NamedTuple):
-    """What must be known of the aircraft beside its flight data."""
+    """Constants of the aircraft."""
 
     imu_x: float = 0.0
-    """m; IMU ahead of the centre of mass"""
+    """m; IMU ahead of the center of mass"""
     imu_z: float = 0.0
-    """m; IMU below the centre of mass"""
+    """m; IMU below the center of mass"""
     tail_time_constant: float | None = None
-    """s; first-order lag from the elevator command to the achieved tail angle, 0 for none; None where it is not
-    known: the lag and what delay remains beside it are then identified"""
+    """s; first-order lag from the elevator command to the achieved tail angle, 0 for none; None if it is not
+    known: the lag and the remaining delay are then identified"""
     tail_delay: float = 0.0
     """s; pure delay of the elevator command"""
     centre_current: float | None = None
-    """A; C_D of Gerdes Eq. 12 where given, else minus the mean current per servo"""
+    """A; C_D of Gerdes Eq. 12 if given, else minus the mean current per servo"""
     centre_voltage: float | None = None
-    """V; C_E of Gerdes Eq. 12 where given, else minus the mean voltage"""
+    """V; C_E of Gerdes Eq. 12 if given, else minus the mean voltage"""
     imu: ImuCalibration = NEUTRAL
-    """calibration of the IMU; a log holds its samples as they came"""
+    """calibration of the IMU; a log contains raw samples"""
     gauges: GaugeErrors = GaugeErrors()
-    """accuracy of torque cells and power sensors, none where it is not known"""
+    """accuracy of torque cells and power sensors, none if it is not known"""
     span: float | None = None
-    """m; from wing tip to wing tip, over which gusts are smoothed; None where it is not known"""
+    """m; from wing tip to wing tip, over which gusts are smoothed; None if it is not known"""

@@ -6,15 +6,16 @@ commutes with the dynamics, so that the averages are an ordinary record of the s
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Collection, Mapping, Sequence
+from itertools import pairwise
+from typing import NamedTuple, Protocol, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from logs.identification.data.experiment import Experiment
 from logs.identification.data.flight import Aircraft, FlightData, JoinedFlight
-from logs.identification.data.lag import behind
-from logs.identification.data.maneuver_detection import maneuver_spans, was_aborted
-from logs.identification.data.stroke_average import averaging_matrix, wing_period
+from logs.identification.data.resampling import averaging_matrix, behind, cut, wing_period
 from logs.identification.results import Array
 from wingbeat.errors import InputError
 
@@ -74,7 +75,7 @@ class Reference(NamedTuple):
 def tail_angle(time: Array, command: Array, aircraft: Aircraft) -> Array:
     """Achieved tail angle (N,) after delay and lag, of a ``command`` (N,) under zero-order hold."""
     lag = aircraft.tail_time_constant or 0.0
-    return behind(command, float(time[1] - time[0]), aircraft.tail_delay, lag, held=True)
+    return behind(command, float(time[1] - time[0]), aircraft.tail_delay, lag, zoh=True)
 
 
 def find_maneuvers(data: FlightData) -> tuple[Maneuver, ...]:
@@ -98,7 +99,7 @@ def dropped_maneuvers(data: FlightData, maneuvers: tuple[Maneuver, ...]) -> tupl
             aborted = was_aborted(data.manoeuvre, data.aborted, number)
             why = "ended by an envelope limit" if aborted else "too short, or flown without flapping"
             flight = data.flight_at(float(data.time[np.argmax(data.manoeuvre == number)]))
-            which = f"{int(number)}" if flight is None else f"{flight.own(int(number))} of {flight.name}"
+            which = f"{int(number)}" if flight is None else f"{flight.local_number(int(number))} of {flight.name}"
             reasons.append(f"maneuver {which} left out: {why}")
     return tuple(reasons)
 
@@ -160,9 +161,143 @@ def _averaged(data: FlightData, window: slice) -> Maneuver | None:
     name = (
         f"maneuver {number} at {start:.1f} s"
         if flight is None
-        else f"maneuver {flight.own(number)} at {flight.own_time(start):.1f} s of {flight.name}"
+        else f"maneuver {flight.local_number(number)} at {flight.local_time(start):.1f} s of {flight.name}"
     )
     return Maneuver(
         number, Experiment(name, at, signals, UNITS), float(np.mean(period)), float(np.mean(data.airspeed[reach])),
         start, time - time[0], command - command[0], flight,
     )  # fmt: skip
+
+
+NEEDED = ("active", "manoeuvre", "aborted")
+"""signals: 1 while a maneuver runs, its number, 1 where an envelope limit ended it"""
+
+
+def excited(flight: Experiment, lead: float = 0.0, tail: float = 0.0) -> tuple[Experiment, ...]:
+    """One experiment for each complete maneuver, ``lead`` s longer before and ``tail`` s behind if no other runs.
+
+    They are named FLIGHT, maneuver NUMBER. Those that were aborted or cut by the ends of the record are left out.
+
+    Raises:
+        InputError: the flight has no signals of the excitation, or no complete maneuver.
+    """
+    missing = [name for name in NEEDED if name not in flight.signals]
+    if missing:
+        raise InputError(f"{flight.name} has no signal {', '.join(missing)} that gives its maneuvers")
+    active, number, aborted = (flight.signals[name] for name in NEEDED)
+    spans = [s for s in maneuver_spans(active, number, aborted) if s.start > 0 and s.stop < len(active)]
+    if not spans:
+        raise InputError(f"{flight.name} has no complete maneuver")
+    before, behind = (int(seconds / flight.step + 1e-6) for seconds in (lead, tail))
+    free = ~((active > 0) & np.isfinite(number))
+    return tuple(
+        cut(flight, _widened(free, span, before, behind))._replace(
+            name=f"{flight.name}, maneuver {number[span.start]:.0f}"
+        )
+        for span in spans
+    )
+
+
+def maneuver_spans(active: Array, number: Array, aborted: Array) -> list[slice]:
+    """Samples of each maneuver, by its ``number`` while ``active``, but those that were ``aborted``; all (N,)."""
+    label = np.where((active > 0) & np.isfinite(number), number, np.nan)
+    same = (label[1:] == label[:-1]) | (np.isnan(label[1:]) & np.isnan(label[:-1]))
+    bounds = np.concatenate(([0], np.flatnonzero(~same) + 1, [len(label)]))
+    spans = [slice(int(a), int(b)) for a, b in pairwise(bounds) if np.isfinite(label[a])]
+    return [span for span in spans if not was_aborted(number, aborted, label[span.start])]
+
+
+def was_aborted(number: Array, aborted: Array, one: float) -> bool:
+    """Whether an envelope limit ended maneuver ``one``."""
+    return bool(np.any(aborted[number == one] > 0))
+
+
+def _widened(free: NDArray[np.bool_], span: slice, before: int, behind: int) -> slice:
+    start, stop = span.start, span.stop
+    while start > 0 and span.start - start < before and free[start - 1]:
+        start -= 1
+    while stop < len(free) and stop - span.stop < behind and free[stop]:
+        stop += 1
+    return slice(start, stop)
+
+
+FRACTION = 1 / 3
+"""-; held out by default"""
+
+
+class FromFlight(Protocol):
+    """A maneuver of one of several flights."""
+
+    @property
+    def flight(self) -> JoinedFlight | None:
+        """None if there is only one."""
+
+
+M = TypeVar("M", bound=FromFlight)
+
+
+class Split(NamedTuple):
+    """Training and validation experiments."""
+
+    training: tuple[Experiment, ...]
+    validation: tuple[Experiment, ...]
+    held_out: tuple[str, ...]
+    """-; names of the flights or maneuvers that are held out"""
+    groups: int
+    """-; flights or maneuvers"""
+    kind: str
+    """-; "flights" or "maneuvers" """
+
+
+def split(flights: Mapping[str, Sequence[Experiment]], fraction: float = FRACTION, seed: int = 0) -> Split:
+    """Hold out a ``fraction`` of the flights (at least one, not all), or of the only flight's maneuvers.
+
+    Maneuvers of one flight share weather, trim and sensor errors, so that validation by another maneuver of the same
+    flight is too favorable (Jategaonkar, Flight Vehicle System Identification, 2006, ch. 11). The same ``seed`` and
+    names give the same split in any order.
+
+    Raises:
+        InputError: the fraction is not between 0 and 1, or there is only one maneuver.
+    """
+    if not 0 < fraction < 1:
+        raise InputError(f"a validation fraction of {fraction:g} is not between 0 and 1")
+    groups = {name: tuple(experiments) for name, experiments in flights.items() if experiments}
+    kind = "flights" if len(groups) > 1 else "maneuvers"
+    if kind == "maneuvers":
+        (every,) = groups.values()
+        groups = {one.name: (one,) for one in every}
+        if len(groups) < len(every):
+            raise InputError("two maneuvers of the flight have the same name")
+        if len(groups) < 2:
+            raise InputError("a single maneuver cannot be split: record another one for validation")
+    held = holdout_sample(sorted(groups), fraction, seed)
+    fitted, validation = (
+        tuple(one for name in sorted(groups) if (name in held) is side for one in groups[name])
+        for side in (False, True)
+    )
+    return Split(fitted, validation, tuple(sorted(held)), len(groups), kind)
+
+
+def by_flight(maneuvers: Sequence[M], validation: Collection[str]) -> tuple[tuple[M, ...], tuple[M, ...]]:
+    """The maneuvers of the flights that are fitted, and those of the flights of ``validation``.
+
+    Raises:
+        InputError: a flight held out has no usable maneuver, or all are.
+    """
+    names = [one.flight.name if one.flight is not None else "" for one in maneuvers]
+    lost = [name for name in validation if name not in names]
+    if lost:
+        raise InputError(f"{lost[0]} is held out and has no complete elevator maneuver with flapping wings")
+    if set(names) <= set(validation):
+        raise InputError("every flight with a usable maneuver is held out: none is left to fit")
+    pairs = list(zip(maneuvers, names, strict=True))
+    return tuple(one for one, name in pairs if name not in validation), tuple(
+        one for one, name in pairs if name in validation
+    )
+
+
+def holdout_sample(names: list[str], fraction: float = FRACTION, seed: int = 0) -> set[str]:
+    """The ``fraction`` of the names that is held out: at least one, not all."""
+    count = min(max(round(fraction * len(names)), 1), len(names) - 1)
+    order = np.random.default_rng(seed).permutation(len(names))
+    return {names[int(index)] for index in order[:count]}

@@ -11,7 +11,7 @@ from math import comb, sqrt
 
 import numpy as np
 
-from logs.identification.data.smoothed import whole
+from logs.identification.data.smoothing import whole
 from logs.identification.results import Array
 
 HIGHEST = 8
@@ -42,7 +42,7 @@ def noise_level(values: Array) -> float:
     return sqrt(before)
 
 
-def noise_beside_steps(values: Array) -> float:
+def noise_with_steps(values: Array) -> float:
     """The same for ``values`` (N,) with steps, as of a control, or NaN: by the median of the third difference.
 
     A step is in four of them, which changes the median little. It needs nearly three times the samples for the same

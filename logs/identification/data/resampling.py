@@ -12,11 +12,12 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.signal import firwin, kaiserord, oaconvolve
+from scipy.signal import firwin, kaiserord, lfilter, oaconvolve
+from scipy.sparse import csr_array
 
-from logs.identification.data.contiguous_runs import runs
-from logs.identification.data.experiment import Experiment
+from logs.identification.data.experiment import Experiment, runs
 from logs.identification.results import Array
+from logs.strokes import interval_mean, time_at
 from wingbeat.errors import InputError
 
 PASSED = 0.6
@@ -181,3 +182,59 @@ def cut(experiment: Experiment, span: slice) -> Experiment:
     """The samples ``span`` of the experiment."""
     signals = {name: values[span] for name, values in experiment.signals.items()}
     return experiment._replace(time=experiment.time[span], signals=signals)
+
+
+SHORTEST_LAG = 1e-3
+"""-; of a sampling interval: a shorter lag is zero"""
+
+
+def behind(values: Array, step: float, delay: float, lag: float, *, zoh: bool) -> Array:
+    """``values`` (N,), ``step`` s apart, after a ``delay`` (s) and a time constant ``lag`` (s).
+
+    With ``zoh`` (zero-order hold) they are constant from each sample to the next, as commands are, else linear
+    between samples; a delay of a fraction of a step is interpolated linearly. After a negative delay, a lead, the
+    last value remains.
+    """
+    if not len(values):
+        return values.copy()
+    places = np.arange(len(values), dtype=np.float64)
+    late: Array = np.interp(places - delay / step, places, values)
+    if lag <= SHORTEST_LAG * step:
+        return late
+    pole = np.exp(-step / lag)
+    old = 1.0 if zoh else (1.0 - pole) * lag / step
+    followed: Array = lfilter([1.0 - old, old - pole], [1.0, -pole], late, zi=[old * late[0]])[0]
+    return followed
+
+
+def wing_period(time: Array, strokes: Array, at: Array) -> Array:
+    """Measured wing period (s) around each time of ``at`` (M,); NaN within half a stroke of the record's ends."""
+    now = np.interp(at, time, strokes)
+    return time_at(time, strokes, now + 0.5) - time_at(time, strokes, now - 0.5)
+
+
+def stroke_average(time: Array, values: Array, period: Array, at: Array) -> Array:
+    """Moving average of ``values`` (N,) or (N, k) over one wing ``period`` (M,) around each time of ``at`` (M,)."""
+    return interval_mean(time, values, at - period / 2, at + period / 2)
+
+
+def averaging_matrix(time: Array, period: Array, at: Array) -> csr_array:
+    """The moving average of `stroke_average` as a sparse matrix (M, N), for signals that come again and again.
+
+    ``time`` (N,) is equally spaced, and every average lies inside it.
+    """
+    step = float(time[1] - time[0])
+    start, stop = ((at + side * period / 2 - time[0]) / step for side in (-1, 1))
+    reach = np.arange(int(np.max(stop - start)) + 3)
+    columns = np.floor(start).astype(int)[:, None] + reach
+    weights = _under_hat(stop[:, None] - columns) - _under_hat(start[:, None] - columns)
+    rows = np.broadcast_to(np.arange(len(at))[:, None], columns.shape)
+    inside = (weights > 0) & (columns < len(time))
+    scaled = weights * step / period[:, None]
+    return csr_array((scaled[inside], (rows[inside], columns[inside])), shape=(len(at), len(time)))
+
+
+def _under_hat(position: Array) -> Array:
+    """Area of the triangle of base 2 and height 1 about 0, up to ``position``: linear interpolation's weight."""
+    clipped = np.clip(position, -1, 1)
+    return np.where(clipped < 0, (1 + clipped) ** 2 / 2, 1 - (1 - clipped) ** 2 / 2)

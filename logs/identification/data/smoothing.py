@@ -24,10 +24,8 @@ from scipy.interpolate import make_smoothing_spline
 from scipy.optimize import minimize_scalar
 from scipy.signal import savgol_coeffs, savgol_filter
 
-from logs.identification.data.contiguous_runs import longest_run
-from logs.identification.data.experiment import Experiment
-from logs.identification.data.smoothed import Smoothed, half_power, whole
-from logs.identification.data.stroke_average import stroke_smoothed
+from logs.identification.data.experiment import Experiment, longest_run
+from logs.identification.data.resampling import stroke_average, wing_period
 from logs.identification.results import Array
 from wingbeat.errors import InputError
 
@@ -35,6 +33,46 @@ RATE_SUFFIX = "_dot"
 """the derivative of signal q is q_dot"""
 STROKES = "strokes"
 """-; the signal that counts wing strokes, for the method ``stroke``"""
+
+
+class Smoothed(NamedTuple):
+    """A smoothed signal and its derivative."""
+
+    values: Array
+    """as the signal; (N,)"""
+    rates: Array
+    """as the signal, per s; (N,)"""
+    noise: float
+    """as the signal; standard deviation of the noise"""
+
+
+def whole(values: Array, least: int) -> Array:
+    """``values`` (N,) as they are.
+
+    Raises:
+        InputError: fewer than ``least`` samples, or some are not finite.
+    """
+    if values.ndim != 1 or len(values) < least:
+        raise InputError(f"a signal of {values.shape} samples is too short to be smoothed: {least} are needed")
+    missing = int(np.sum(~np.isfinite(values)))
+    if missing:
+        raise InputError(
+            f"{missing} of the signal's {len(values)} samples are missing: fill short gaps or split it first"
+        )
+    return values
+
+
+def half_power(step: float, cut_off: float) -> float:
+    """The cut-off in rad a sample from Hz.
+
+    Raises:
+        InputError: it does not lie between zero and half the sampling rate.
+    """
+    if not 0 < cut_off < 0.5 / step:
+        raise InputError(
+            f"a cut-off of {cut_off:g} Hz is not between 0 and {0.5 / step:g} Hz, half the sampling rate"
+        )
+    return 2 * np.pi * cut_off * step
 
 
 class SmoothedExperiment(NamedTuple):
@@ -78,8 +116,7 @@ MIN_WIDTH = 5
 def local_quadratic(values: Array, step: float, width: int = MIN_WIDTH) -> Smoothed:
     """Smoothed ``values`` (N,), ``step`` s apart, by parabolas over ``width`` samples (odd, five or more).
 
-    At the ends the last complete parabola is used. The standard errors are those of white noise, without the error of
-    the parabola itself.
+    At the ends the last complete parabola is used.
 
     Raises:
         InputError: the width is even or under five, too few samples, or some are missing.
@@ -92,12 +129,7 @@ def local_quadratic(values: Array, step: float, width: int = MIN_WIDTH) -> Smoot
     # The hat matrix of a parabola is a projection: the squares of its weights add up to the central one.
     central = float(savgol_coeffs(width, 2)[half])
     noise = float(np.sqrt(np.mean((values - smooth)[half : count - half] ** 2) / (1 - central)))
-    position = np.arange(count) - np.clip(np.arange(count), half, count - 1 - half) + half
-    errors = []
-    for order in (0, 1):
-        weights = [savgol_coeffs(width, 2, deriv=order, delta=step, pos=place, use="dot") for place in range(width)]
-        errors.append(noise * np.linalg.norm(np.array(weights), axis=1)[position])
-    return Smoothed(smooth, rates, noise, *errors)
+    return Smoothed(smooth, rates, noise)
 
 
 # --- sine series --------------------------------------------------------------------------------------------
@@ -222,14 +254,14 @@ SPLINE_GRID = 12
 """-; cut-offs tried before the best is refined"""
 
 
-def smoothing_spline(time: Array, values: Array, cut_off: float | None = None) -> Smoothed:
-    """Smoothed ``values`` (N,) at increasing ``time`` (s; N,); by default by generalized cross-validation.
+def smoothing_spline(time: Array, values: Array) -> Smoothed:
+    """Smoothed ``values`` (N,) at increasing ``time`` (s; N,) by generalized cross-validation.
 
-    On an even time base the gain is ``1 / (1 + (f / f_c)^4)`` with the ``cut_off`` f_c (Hz). NaN is a sample that was
-    not measured; inside the record the spline bridges it, outside the result is NaN.
+    On an even time base the gain is ``1 / (1 + (f / f_c)^4)``. NaN is a sample that was not measured; inside the
+    record the spline bridges it, outside the result is NaN.
 
     Raises:
-        InputError: fewer than eight samples, time that does not increase, or a cut-off above half the sampling rate.
+        InputError: fewer than eight samples, or time that does not increase.
     """
     good = np.isfinite(values)
     at, measured = time[good], values[good]
@@ -239,7 +271,7 @@ def smoothing_spline(time: Array, values: Array, cut_off: float | None = None) -
         raise InputError("time does not rise from sample to sample")
     step = float(np.median(np.diff(at)))
     places = (at - at[0]) / step
-    cut_off_rad = _best_spline(places, measured) if cut_off is None else half_power(step, cut_off)
+    cut_off_rad = _best_spline(places, measured)
     spline = make_smoothing_spline(places, measured, lam=cut_off_rad**-4)
     inside, curves = (time >= at[0]) & (time <= at[-1]), (spline, spline.derivative())
     smooth, rates = (np.where(inside, curve((time - at[0]) / step), np.nan) for curve in curves)
@@ -281,57 +313,36 @@ ORDER = 3
 """-; states: value, rate, acceleration"""
 
 
-class Tuning(NamedTuple):
-    """Noise and bandwidth of a signal."""
+def rts(values: Array, step: float) -> Smoothed:
+    """Smoothed ``values`` (N,), ``step`` s apart; NaN is a sample that was not measured, and is bridged.
 
-    noise: float
-    """as the signal; standard deviation of a sample's white noise"""
-    cut_off: float
-    """Hz; at which the smoother's gain is one half"""
-
-
-def tuning_of(values: Array, step: float) -> Tuning:
-    """Noise and cut-off by Fourier smoothing of the longest piece of ``values`` (N,) without a gap.
+    On a long record the gain at a circular frequency w is ``1 / (1 + (w / w_c)^6)`` for a spectral density
+    ``S = R dt w_c^6`` of the process noise. Noise variance R and cut-off are those of `fourier_smoothing` of the
+    longest piece without a gap.
 
     Raises:
-        InputError: no piece has 64 samples.
-    """
-    longest = values[longest_run(np.isfinite(values))]
-    if len(longest) < MIN_TUNED:
-        raise InputError(
-            f"no {MIN_TUNED} samples without a gap to estimate the noise from: give the smoother's tuning"
-        )
-    result = fourier_smoothing(longest, step)
-    return Tuning(result.smoothed.noise, result.cut_off)
-
-
-def rts(values: Array, step: float, tuning: Tuning | None = None) -> Smoothed:
-    """Smoothed ``values`` (N,), ``step`` s apart, with standard errors; NaN is a sample that was not measured.
-
-    On a long record the smoother's gain at a circular frequency w is ``1 / (1 + (w / w_c)^6)`` for a spectral density
-    ``S = R dt w_c^6`` of the process noise: cut-off and noise variance R define it. Standard errors grow in a gap.
-
-    Raises:
-        InputError: too few samples, or a tuning that is not positive or above half the sampling rate.
+        InputError: too few samples, no piece of 64 samples without a gap, or no noise.
     """
     measured = int(np.sum(np.isfinite(values)))
     if measured < MIN_RTS:
         raise InputError(f"the smoother needs {MIN_RTS} measured samples, not {measured}")
-    known = tuning_of(values, step) if tuning is None else tuning
-    if not known.noise > 0:
+    longest = values[longest_run(np.isfinite(values))]
+    if len(longest) < MIN_TUNED:
+        raise InputError(f"no {MIN_TUNED} samples without a gap to estimate the noise from")
+    known = fourier_smoothing(longest, step)
+    noise = known.smoothed.noise
+    if not noise > 0:
         raise InputError("the signal has no noise, which the smoother needs for its weights")
     # In standard deviations and radians of the cut-off all states are of one size, which keeps the covariances exact.
     scaled_step = half_power(step, known.cut_off)
     first = values[np.isfinite(values)][0]
-    scaled = (values - first) / known.noise
+    scaled = (values - first) / noise
     kalman = _kalman_filter(scaled_step, scaled)
     readings = [value if np.isfinite(value) else None for value in scaled]
     states, covariances, _, _ = kalman.batch_filter(readings, update_first=True)
     count = len(values)
-    smooth, covariances, _, _ = rts_smoother(states, covariances, [kalman.F] * count, [kalman.Q] * count)
-    errors = np.sqrt(np.maximum(np.diagonal(covariances, axis1=1, axis2=2), 0.0))
-    size, rate = known.noise, known.noise * scaled_step / step
-    return Smoothed(first + size * smooth[:, 0], rate * smooth[:, 1], size, size * errors[:, 0], rate * errors[:, 1])
+    smooth = rts_smoother(states, covariances, [kalman.F] * count, [kalman.Q] * count)[0]
+    return Smoothed(first + noise * smooth[:, 0], noise * scaled_step / step * smooth[:, 1], noise)
 
 
 def _kalman_filter(step: float, scaled: Array) -> KalmanFilter:
@@ -350,6 +361,31 @@ def _kalman_filter(step: float, scaled: Array) -> KalmanFilter:
     covariance = np.linalg.inv(powers.T @ powers)
     kalman.x, kalman.P = covariance @ (powers.T @ scaled[near]), covariance * INITIAL_INFLATION**2
     return kalman
+
+
+def stroke_smoothed(time: Array, values: Array, strokes: Array) -> Smoothed:
+    """Moving average of ``values`` (N,) over one measured wing period around each sample, with its slope.
+
+    ``strokes`` (N,) are counted at the same equally spaced ``time`` (s; N,) and never decrease. Within half a stroke
+    of the record's ends all is NaN. ``noise`` is the standard deviation of what was averaged away: the shaking.
+
+    Raises:
+        InputError: the record holds no whole stroke, or samples are missing.
+    """
+    whole(values, 4)
+    whole(strokes, 4)
+    period = wing_period(time, strokes, time)
+    inside = np.isfinite(period)
+    if inside.sum() < 2:
+        raise InputError(f"no stroke average: the record holds {strokes[-1] - strokes[0]:.1f} strokes")
+    at, window = time[inside], period[inside]
+    smooth, rates = np.full(len(time), np.nan), np.full(len(time), np.nan)
+    smooth[inside] = stroke_average(time, values, window, at)
+    ends = [np.interp(at + side * window / 2, time, values) for side in (-1, 1)]
+    # Leibniz: both ends of the window move, and it widens.
+    widening = np.gradient(window, at) * ((ends[0] + ends[1]) / 2 - smooth[inside])
+    rates[inside] = (ends[1] - ends[0] + widening) / window
+    return Smoothed(smooth, rates, float(np.std((values - smooth)[inside])))
 
 
 # --- by name ------------------------------------------------------------------------------------------------

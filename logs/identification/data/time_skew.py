@@ -16,8 +16,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 from logs.identification.data.experiment import Experiment
 from logs.identification.data.resampling import interpolated
-from logs.identification.data.smoothed import Smoothed, whole
-from logs.identification.data.smoothing import fourier_smoothing
+from logs.identification.data.smoothing import Smoothed, fourier_smoothing, whole
 from logs.identification.estimators.least_squares import regress
 from logs.identification.results import Array, Estimate, Unidentified, estimate
 from wingbeat.errors import InputError

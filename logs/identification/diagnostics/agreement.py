@@ -1,4 +1,4 @@
-"""Where several methods disagree on a mode: each pair by the interval of its difference, and who is the outlier."""
+"""Agreement of several methods on a mode: each pair by the interval of its difference, and the outlier."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def agreement(modes: tuple[Mode, ...]) -> tuple[bool | None, str]:
     """
     kind = next((k for k in KINDS if sum(m.of_kind(k) is not None for m in modes) >= 2), None)
     if kind is None:
-        return None, f"no comparison: {_who_is_left(modes)}"
+        return None, f"no comparison: {_uncompared(modes)}"
     compared = [mode for mode in modes if mode.of_kind(kind) is not None]
     gaps = [gap for kind in KINDS for gap in _gaps(modes, kind)]
     if gaps:
@@ -40,12 +40,7 @@ def agreement(modes: tuple[Mode, ...]) -> tuple[bool | None, str]:
     return True, f"{_count(len(compared))} methods agree within the 95 % interval of their difference"
 
 
-def contradiction(one: Mode, other: Mode) -> str:
-    """By how much ``one`` differs from the ``other`` where that is more than `agreement` allows a pair, or ""."""
-    return next((gap.clause for kind in KINDS for gap in _gaps((one, other), kind)), "")
-
-
-def _who_is_left(modes: tuple[Mode, ...]) -> str:
+def _uncompared(modes: tuple[Mode, ...]) -> str:
     """Why there is nothing to compare; the reasons of those that give no number stand at each of them."""
     giving = [mode.method for mode in modes if any(mode.of_kind(kind) is not None for kind in KINDS)]
     if not giving:

@@ -11,7 +11,7 @@ from logs.identification.data.experiment import Experiment
 from logs.identification.data.noise_level import noise_of_differences, third_differences
 from logs.identification.diagnostics.context import Context
 from logs.identification.diagnostics.sampling import coarse_inputs, sampling_finding
-from logs.identification.estimators.equation_error import CoefficientRegression, Settings, coefficient_regression
+from logs.identification.estimators.equation_error import Settings, coefficient_regression
 from logs.identification.estimators.regressors import INTERCEPT, as_regressed
 from logs.identification.estimators.terms import evaluate, parse
 from logs.identification.findings import Entry, Finding, register
@@ -38,15 +38,14 @@ register({
         "check sign, unit and position of the sensors",
     ),
     "disagreement": Entry(
-        "{subject}: {first} gives {one:.4g}, {second} {other:.4g}, more than"
-        " the interval of their difference ({limit:.2g})",
+        "{subject}: {one:.4g} by {first}, {other:.4g} by {second} (limit {limit:.2g})",
         "Two methods differ by more than their intervals allow: at least one of them has a wrong model.",
         "compare their findings; with turbulence prefer filter error",
     ),
     "errors_in_variables": Entry(
-        "noise in the regressors biases {subject} by about {percent:+.2g} %; the interval includes it",
+        "noise in regressors biases {subject} by {percent:+.2g} %; intervals widened",
         "White noise in a regressor biases least squares (Klein & Morelli 2006, sec. 5.1; Fuller 1987).",
-        "smooth it in [prepare], or use domain = \"frequency\" with a narrow band",
+        'smooth in [prepare], or use domain = "frequency"',
     ),
     "noisy_regressor": Entry(
         "{subject} is mostly noise ({percent:.0f} %)",
@@ -111,27 +110,16 @@ def _dimension(unit: str) -> str:
     return unit.replace("rad/s", "1/s").replace("rad", "1").replace("(", "").replace(")", "").replace("1/1", "1")
 
 
-def regression_findings(
-    result: CoefficientRegression, experiments: tuple[Experiment, ...], settings: Settings
-) -> tuple[CoefficientRegression, tuple[Finding, ...]]:
-    """A regression whose intervals include noise in the regressors and the course of inputs between samples."""
-    if result.failure:
-        return result, ()
-    result, noisy = with_regressor_noise(result, experiments, settings)
-    result, coarse = _with_sampling(result, experiments, settings)
-    return result, (*noisy, *coarse)
-
-
 def with_regressor_noise(
-    result: CoefficientRegression, experiments: tuple[Experiment, ...], settings: Settings
-) -> tuple[CoefficientRegression, tuple[Finding, ...]]:
+    result: EstimationResult, experiments: tuple[Experiment, ...], settings: Settings
+) -> tuple[EstimationResult, tuple[Finding, ...]]:
     """The bias by white noise in the regressors, added to each standard error.
 
     Least squares gives ``theta - Q^-1 C theta`` with ``Q`` the moments of the regressors and ``C`` the covariance of
     their noise (errors in variables: Klein & Morelli 2006, sec. 5.1). The noise is what differs between neighboring
     samples, and at most what the residuals allow.
     """
-    names = tuple(n for n in result.names if n != INTERCEPT and not n.startswith("t^") and " of " not in n)
+    names = regressors_of(result)
     if not names:
         return result, ()
     columns = [
@@ -139,11 +127,11 @@ def with_regressor_noise(
         for one in experiments
     ]
     rows = np.vstack([part[np.all(np.isfinite(part), axis=1)] for part in columns])
-    if len(rows) < LEAST_SAMPLES or len(result.frequencies):
+    if len(rows) < LEAST_SAMPLES:
         return result, ()
     centered = rows - rows.mean(axis=0)
     moments = centered.T @ centered / len(rows)
-    values = result.values[[result.names.index(name) for name in names]]
+    values = np.array([result.value(name) for name in names])
     noise = np.diag(_noise(names, values, result, experiments, settings) ** 2)
     own = np.diag(noise) * np.diag(np.linalg.pinv(moments))
     inverse = np.linalg.pinv(moments - min(1.0, LARGEST_NOISE / max(own.max(), 1e-300)) * noise)
@@ -167,7 +155,7 @@ def with_regressor_noise(
 def _noise(
     names: tuple[str, ...],
     values: Array,
-    result: CoefficientRegression,
+    result: EstimationResult,
     experiments: tuple[Experiment, ...],
     settings: Settings,
 ) -> Array:
@@ -177,8 +165,8 @@ def _noise(
     found = np.array([noise_of_differences(column) for column in np.vstack(list(map(third_differences, tables))).T])
     weights = np.ones(1) if settings.averaging is None else settings.averaging.weights
     found = found * float(np.sqrt(np.sum(weights**2)))
-    residuals = np.concatenate([one[np.isfinite(one)] for one in result.residuals])
-    most = float(np.std(residuals)) / np.maximum(np.abs(values), 1e-300)
+    residuals = np.concatenate([one.measured - one.model for one in result.series if not one.held_out])
+    most = float(np.nanstd(residuals)) / np.maximum(np.abs(values), 1e-300)
     return np.asarray(np.minimum(found, most))
 
 
@@ -190,24 +178,28 @@ def _with_shift(one: Estimate, shift: float) -> Estimate:
     return one._replace(standard_error=error, low=one.value - half, high=one.value + half)
 
 
-def _with_sampling(
-    result: CoefficientRegression, experiments: tuple[Experiment, ...], settings: Settings
-) -> tuple[CoefficientRegression, tuple[Finding, ...]]:
+def with_input_sampling(
+    result: EstimationResult, experiments: tuple[Experiment, ...], settings: Settings, domain: str
+) -> tuple[EstimationResult, tuple[Finding, ...]]:
     """The change of each coefficient with another course between samples in the averages, in its interval."""
     others = None if settings.averaging is None else settings.averaging.others
-    if settings.averaging is None or others is None or result.failure:
+    names = regressors_of(result)
+    if settings.averaging is None or others is None or not names:
         return result, ()
-    names = tuple(n for n in result.names if n != INTERCEPT and not n.startswith("t^") and " of " not in n)
     symbols = dict.fromkeys(s for n in names for s in parse(n).powers if s not in SIGNALS)
-    controls = [s for s in symbols if all(s in one.signals for one in experiments)]
-    coarse = coarse_inputs(controls, experiments)
+    coarse = coarse_inputs([s for s in symbols if all(s in one.signals for one in experiments)], experiments)
     other = coefficient_regression(
-        experiments, result.response, names, result.domain,
+        experiments, result.series[0].output, names, "time" if domain == "time" else "frequency",
         settings._replace(averaging=settings.averaging._replace(weights=others)),
     )  # fmt: skip
-    values = {} if other.failure else {one.name: one.value for one in other.estimates}
+    values = {one.name: one.value for one in other.estimates}
     change = {one.name: one.value - values.get(one.name, one.value) for one in result.estimates}
     kept = tuple(_with_shift(one, (2.0 if coarse else 1.0) * change[one.name]) for one in result.estimates)
     significant = any(abs(change[one.name]) > NOISE_SHIFT * one.standard_error for one in result.estimates)
     findings = tuple(sampling_finding(name, experiments) for name in coarse) if significant else ()
     return result._replace(estimates=kept), findings
+
+
+def regressors_of(result: EstimationResult) -> tuple[str, ...]:
+    """Regressors with a coefficient, without the intercepts."""
+    return tuple(one.name for one in result.estimates if one.name != INTERCEPT and " of " not in one.name)

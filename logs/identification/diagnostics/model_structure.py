@@ -15,13 +15,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from logs.identification.data.experiment import Experiment
-from logs.identification.data.noise_level import noise_beside_steps
+from logs.identification.data.noise_level import noise_with_steps
 from logs.identification.diagnostics.context import Context
 from logs.identification.diagnostics.sampling import coarse_inputs, largest_change, sampling_finding
-from logs.identification.estimators.engine.problem import Fit, Own, Problem
+from logs.identification.estimators.engine.problem import Fit, Problem, RecordParameters
 from logs.identification.findings import Entry, Finding, register
 from logs.identification.results import Array, Estimate, FitSeries
-from logs.identification.statistics.output_fit import output_fits
+from logs.identification.statistics.fit_quality import output_fits
 
 DELAY = "delay"
 """name of the parameter: the time by which all inputs act later than they were recorded"""
@@ -48,24 +48,22 @@ SPEED_RATIO = 1.15
 
 register({
     "lack_of_fit": Entry(
-        "the residuals of {subject} are {value:.0f} times its noise, {percent} % of its power",
+        "residuals of {subject}: {value:.0f} times its noise, {percent} % of its power",
         "The model leaves more than noise: turbulence, an input or motion outside the model, or a delayed signal.",
-        "add states = 4, filter error, or the effect named by another finding",
+        "{options}see the effect of another finding",
     ),
     "model_structure": Entry(
-        "{subject} = {value:+.2g} is fixed at zero but explains {percent:.0f} % of the residuals; the intervals"
-        " include it",
+        "{subject} = {value:+.2g} (fixed: 0) explains {percent:.0f} % of residuals; intervals widened",
         "A derivative outside the model explains the residuals.",
         "free it in the parameters",
     ),
     "time_skew": Entry(
-        "{subject} {amount:.2g} s {direction} explains {percent:.0f} % of the residuals; the intervals include it",
+        "{subject} {amount:.2g} s {direction} explains {percent:.0f} % of residuals; intervals widened",
         "A delay of the inputs or of one output explains the residuals.",
         "set delay = \"free\" for inputs, [prepare.delay] for an output",
     ),
     "sensor_position": Entry(
-        "a vane of {subject} {amount:.2g} m {direction} its position explains {percent:.0f} % of the residuals; the"
-        " intervals include it",
+        "vane {subject} {amount:.2g} m {direction} explains {percent:.0f} % of residuals; intervals widened",
         "The position of a vane or accelerometer explains the residuals.",
         "set constants.vane_x or constants.imu_x",
     ),
@@ -80,9 +78,14 @@ register({
         "check signs and units, the model and its inputs",
     ),
     "operating_point": Entry(
-        "mean airspeeds from {value:.3g} to {limit:.3g} m/s are fitted by one linear model",
+        "one linear model for mean airspeeds from {value:.3g} to {limit:.3g} m/s",
         "Derivatives grow with the airspeed and its square; one linear model is an average.",
         "fit each airspeed separately, or use the nonlinear model",
+    ),
+    "trim_from_vane": Entry(
+        "trim {subject} of {value:.3g} rad is the mean of a vane",
+        "The bias of the vane turns the axes of the linear model, and no pitch angle corrects it.",
+        "set alpha and theta in [constants]; 0.0 for stability axes",
     ),
     "trim_assumed": Entry(
         "{subject} is neither a constant nor a signal: assumed 0 rad",
@@ -103,7 +106,7 @@ class Effect(NamedTuple):
 class _Candidate(NamedTuple):
     code: str
     subject: str
-    response: Callable[[Own, Array, Array, float], Array]
+    response: Callable[[RecordParameters, Array, Array, float], Array]
     """(record, inputs (N, k), outputs (N, m), step) -> change of all fitted outputs (N, m) by a unit of it"""
 
 
@@ -210,7 +213,7 @@ def _most_likely(
         sure = value**2 * size * degrees > LEAST_ERRORS**2 * power
         if abs(value) < least or share < LEAST_SHARE or not sure or (best and share <= best[0]):
             continue
-        forward = {"time_skew": ("late", "early"), "sensor_position": ("ahead of", "behind")}
+        forward = {"time_skew": ("late", "early"), "sensor_position": ("ahead", "behind")}
         details = {
             "percent": 100.0 * share, "amount": abs(value),
             "direction": forward.get(candidate.code, ("", ""))[int(value < 0)],
@@ -229,7 +232,7 @@ def _candidates(
 ) -> tuple[_Candidate, ...]:
     model, found = problem.model, []
 
-    def delayed_inputs(record: Own, inputs: Array, outputs: Array, step: float) -> Array:
+    def delayed_inputs(record: RecordParameters, inputs: Array, outputs: Array, step: float) -> Array:
         later = np.vstack((inputs[:1], inputs[:-1]))
         return (simulated(problem, record, later, step) - outputs) / step
 
@@ -237,7 +240,9 @@ def _candidates(
         found.append(_Candidate("time_skew", ", ".join(problem.model.inputs), delayed_inputs))
     for place, name in enumerate(problem.outputs if len(problem.outputs) > 1 else ()):
 
-        def delayed(record: Own, inputs: Array, outputs: Array, step: float, place: int = place) -> Array:
+        def delayed(
+            record: RecordParameters, inputs: Array, outputs: Array, step: float, place: int = place
+        ) -> Array:
             column = np.zeros_like(outputs)
             column[:, place] = -np.gradient(outputs[:, place], step)
             return column
@@ -245,7 +250,9 @@ def _candidates(
         found.append(_Candidate("time_skew", name, delayed))
     for name in unnamed:
 
-        def derivative(record: Own, inputs: Array, outputs: Array, step: float, name: str = name) -> Array:
+        def derivative(
+            record: RecordParameters, inputs: Array, outputs: Array, step: float, name: str = name
+        ) -> Array:
             more = record._replace(parameters={**record.parameters, name: record.parameters[name] + 1e-4})
             return (simulated(problem, more, inputs, step) - outputs) / 1e-4
 
@@ -255,7 +262,7 @@ def _candidates(
             continue
 
         def position(
-            record: Own,
+            record: RecordParameters,
             inputs: Array,
             outputs: Array,
             step: float,
@@ -281,7 +288,7 @@ def _between_samples(problem: Problem, name: str) -> _Candidate:
     column = list(problem.model.inputs).index(name)
     stepwise = largest_change(name, problem.experiments) > UNKNOWN_COURSE
 
-    def response(record: Own, inputs: Array, outputs: Array, step: float) -> Array:
+    def response(record: RecordParameters, inputs: Array, outputs: Array, step: float) -> Array:
         places = np.arange(FINE * (len(inputs) - 1) + 1) / FINE
         lines = np.column_stack([np.interp(places, np.arange(len(inputs)), one) for one in inputs.T])
         other = lines.copy()
@@ -306,7 +313,9 @@ def _cubic(values: Array, places: Array) -> Array:
     return found
 
 
-def simulated(problem: Problem, record: Own, inputs: Array, step: float, names: tuple[str, ...] = ()) -> Array:
+def simulated(
+    problem: Problem, record: RecordParameters, inputs: Array, step: float, names: tuple[str, ...] = ()
+) -> Array:
     """Outputs ``names`` (the fitted ones if empty) (N, m) of the model for one record, without output biases."""
     model = problem.model
     parameters = np.array([record.parameters[name] for name in model.parameters])
@@ -328,14 +337,16 @@ def _sensitivities(problem: Problem, fit: Fit, candidates: tuple[_Candidate, ...
     scale = np.where(scale > 0.0, scale, np.inf)
     by_name = {one.name: one for one in problem.experiments}
     blocks = []
-    for record, history in zip(fit.own, fit.histories, strict=True):
+    for record, history in zip(fit.records, fit.histories, strict=True):
         experiment = by_name[record.name]
         inputs = np.column_stack([experiment.signals[name] for name in problem.model.inputs])
         step, used = experiment.step, np.isfinite(history.measured)
         outputs = simulated(problem, record, inputs, step)
 
-        def derivative(field: str, name: str, record: Own = record, inputs: Array = inputs, step: float = step,
-                       outputs: Array = outputs) -> Array:  # fmt: skip
+        def derivative(
+            field: str, name: str, record: RecordParameters = record, inputs: Array = inputs, step: float = step,
+            outputs: Array = outputs,
+        ) -> Array:  # fmt: skip
             values: dict[str, float] = dict(getattr(record, field))
             width = 1e-5 * max(abs(values[name]), 0.1)
             changed: Any = {field: {**values, name: values[name] + width}}
@@ -377,8 +388,12 @@ def lack_of_fit(context: Context) -> tuple[Finding, ...]:
         ratio = None if one.held_out else _residual_ratio(one)
         if ratio is not None and ratio > worst.get(one.output, (0.0, 0.0)):
             worst[one.output] = ratio
+    result = context.result
+    options = "states = 4, " if result and result.model == "short period" else ""
+    options += 'method = "filter_error", ' if result and result.method == "output_error" and context.linear else ""
+    options += "or " if options else ""
     return tuple(
-        Finding("lack_of_fit", "warning", name, times, NOISE_RATIO, {"percent": _percent(share)})
+        Finding("lack_of_fit", "warning", name, times, NOISE_RATIO, {"percent": _percent(share), "options": options})
         for name, (times, share) in worst.items()
     )
 
@@ -398,7 +413,7 @@ def _residual_ratio(one: FitSeries) -> tuple[float, float] | None:
     """Residuals over noise, and their share of the output's power; None without a lack of fit."""
     residual = one.measured - one.model
     known = np.isfinite(residual)
-    noise = noise_beside_steps(residual)
+    noise = noise_with_steps(residual)
     if np.count_nonzero(known) < LEAST_SAMPLES or not noise > 0:
         return None
     size, power = float(np.std(residual[known])), float(np.var(one.measured[known]))
@@ -432,5 +447,10 @@ def assumed_trim(context: Context) -> tuple[Finding, ...]:
     model = context.result.model if context.result else ""
     if model not in ("longitudinal", "lateral") or "beta" in context.inputs:
         return ()
-    known = {*context.constants, *context.experiments[0].signals}
-    return tuple(Finding("trim_assumed", "warning", n) for n in ("alpha", "theta") if n not in known)
+    signals = context.experiments[0].signals
+    known = {*context.constants, *signals}
+    found = [Finding("trim_assumed", "warning", n) for n in ("alpha", "theta") if n not in known]
+    if "theta" not in known and "alpha" in signals and "alpha" not in context.constants:
+        mean = float(np.nanmean(np.concatenate([one.signals["alpha"] for one in context.experiments])))
+        found.append(Finding("trim_from_vane", "warning", "alpha", mean))
+    return tuple(found)

@@ -23,13 +23,12 @@ LEAST_PERIODS = 4.9
 
 register({
     "zoh_input": Entry(
-        "{subject} changes in steps and is interpolated linearly between samples",
+        "{subject} changes in steps but is interpolated linearly",
         "A command of a computer is constant between samples (zero-order hold).",
-        "set hold = [...] in the map if it is constant between samples",
+        "set zoh_inputs = [...] if it is constant between samples",
     ),
     "sampling": Entry(
-        "{subject} changes by {percent:.0f} % of its range between two samples, and its course between them is"
-        " unknown; the intervals include it",
+        "{subject} changes by {percent:.0f} % of its range between samples; intervals widened",
         "The input is sampled too slowly: a line and a cubic between its samples give different estimates.",
         "record at a higher rate",
     ),

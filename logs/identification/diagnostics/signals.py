@@ -10,9 +10,8 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from logs.identification.data.contiguous_runs import longest_run, runs
-from logs.identification.data.experiment import Experiment
-from logs.identification.data.noise_level import MEDIAN_TO_DEVIATION, noise_beside_steps
+from logs.identification.data.experiment import Experiment, longest_run, runs
+from logs.identification.data.noise_level import MEDIAN_TO_DEVIATION, noise_with_steps
 from logs.identification.diagnostics.context import Context
 from logs.identification.findings import Entry, Finding, register
 from logs.identification.results import Array
@@ -58,8 +57,7 @@ register({
         "Samples of an output are missing; the fit skips them.",
     ),
     "outliers": Entry(
-        "{where}: {value:.0f} samples of {subject} from {start:.6g} s on are outliers (Hampel filter, {limit:.0f}"
-        " standard deviations) or frozen",
+        "{where}: {value:.0f} outliers of {subject} from {start:.6g} s on (Hampel filter)",
         "Single samples differ from their neighbors and from the model by far more than the noise, or repeat.",
         "mark them with missing = [...] in [signals]",
     ),
@@ -74,7 +72,7 @@ register({
         "set scale = -1.0 in [signals]",
     ),
     "noisy_input": Entry(
-        "{subject} is an input with {percent:.2g} % noise, which biases its derivatives toward zero",
+        "{subject} is an input with {percent:.2g} % noise",
         "A measured flow angle drives the model with the noise of its vane.",
         "make it an output, or smooth it in [prepare]",
     ),
@@ -177,7 +175,7 @@ def noisy_inputs(context: Context) -> tuple[Finding, ...]:
         for one in context.experiments if name in context.inputs else ():
             values = np.asarray(one.signals.get(name, np.zeros(0)), dtype=np.float64)
             power = float(np.nanvar(values)) if measured(values) else 0.0
-            share = noise_beside_steps(values) ** 2 / power if power > 0.0 else 0.0
+            share = noise_with_steps(values) ** 2 / power if power > 0.0 else 0.0
             if share > NOISY_INPUT:
                 details = {"percent": 100.0 * share}
                 found.append(Finding("noisy_input", "warning", name, share, NOISY_INPUT, details))
@@ -374,7 +372,7 @@ def _integrated(
     rates = relation.terms(columns)
     terms = {name: integral(rate) for name, rate in rates.items()}
     length = run.stop - run.start
-    noise = sum((noise_beside_steps(rate) * one.step) ** 2 for rate in rates.values()) * length**2 / 15.0
+    noise = sum((noise_with_steps(rate) * one.step) ** 2 for rate in rates.values()) * length**2 / 15.0
     positions = np.column_stack([np.zeros((length, 0)), *(level(columns[n]) for n in relation.positions)])
     return level(np.unwrap(columns[relation.angle])), terms, positions, noise
 

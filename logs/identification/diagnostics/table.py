@@ -39,7 +39,7 @@ CHECKS: tuple[Check, ...] = (
     Check(("poor_fit",), ("model", "regression"), model_structure.poor_fit),
     Check(("lack_of_fit",), ("model",), model_structure.lack_of_fit),
     Check(("operating_point",), ("model",), model_structure.operating_points),
-    Check(("trim_assumed",), ("model",), model_structure.assumed_trim),
+    Check(("trim_assumed", "trim_from_vane"), ("model",), model_structure.assumed_trim),
     Check(("unusual_sign",), ("model", "regression"), estimates.unusual_signs),
     Check(("disagreement",), ("comparison",), estimates.disagreements),
 )

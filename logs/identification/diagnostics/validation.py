@@ -9,12 +9,12 @@ import numpy as np
 from logs.identification.data.maneuvers import Maneuver
 from logs.identification.models.modes import ModesResult
 from logs.identification.results import FitSeries
-from logs.identification.statistics.theil import Theil, theil
+from logs.identification.statistics.fit_quality import Theil, theil
 from wingbeat.text import pluralize
 
 
 class Prediction(NamedTuple):
-    """One output of one held-out flight, over all its manoeuvres."""
+    """One output of one held-out flight, over all its maneuvers."""
 
     flight: str
     """-; name of its log"""
@@ -27,7 +27,7 @@ class Prediction(NamedTuple):
     rms: float
     """as `unit`; root mean square of measured minus predicted"""
     theil: Theil
-    """of the change from each manoeuvre's mean: gravity alone is no prediction"""
+    """of the change from each maneuver's mean: gravity alone is no prediction"""
 
 
 class Validation(NamedTuple):
@@ -44,12 +44,12 @@ class Validation(NamedTuple):
         """One clause a flight."""
         if self.failure:
             return self.failure
-        return "; ".join(self._told(flight) for flight in self.held_out)
+        return "; ".join(self._flight_statement(flight) for flight in self.held_out)
 
-    def _told(self, flight: str) -> str:
+    def _flight_statement(self, flight: str) -> str:
         own = [one for one in self.predictions if one.flight == flight]
         shares = ", ".join(f"{one.output} {one.theil.coefficient:.3f}" for one in own if not one.theil.failure)
-        return f"{flight} ({pluralize(own[0].manoeuvres, 'manoeuvre')}), predicted and not fitted: Theil's U {shares}"
+        return f"{flight} ({pluralize(own[0].manoeuvres, 'maneuver')}), predicted and not fitted: Theil's U {shares}"
 
 
 def validation(result: ModesResult) -> Validation | None:

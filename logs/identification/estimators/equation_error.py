@@ -21,7 +21,7 @@ import numpy as np
 
 from logs.identification.data.experiment import Experiment
 from logs.identification.data.fourier import check_frequencies, in_band, transform
-from logs.identification.estimators.least_squares import CovarianceKind, Fit, Piece, regress_records
+from logs.identification.estimators.least_squares import CovarianceKind, Fit, RecordBlock, regress_records
 from logs.identification.estimators.registry import ESTIMATORS, Estimator, Request
 from logs.identification.estimators.regressors import (
     INTERCEPT,
@@ -37,9 +37,8 @@ from logs.identification.estimators.regressors import (
 )
 from logs.identification.estimators.terms import parse
 from logs.identification.findings import Entry, Finding, of_severity, register
-from logs.identification.results import Array, Estimate, EstimationResult, FitSeries, Unidentified, estimate
+from logs.identification.results import Array, Estimate, EstimationResult, FitSeries, estimate
 from logs.identification.statistics.collinearity import DEPENDENT, NOTABLE, Collinearity, collinearity
-from logs.identification.statistics.goodness import Goodness, goodness
 from wingbeat.errors import InputError
 
 Domain = Literal["time", "frequency"]
@@ -86,7 +85,7 @@ class Settings(NamedTuple):
     longest_gap: int = 5
     """-; missing samples in a row that are interpolated in the frequency domain"""
     covariance: CovarianceKind = "autocorrelated"
-    """-; of the residuals, see `statistics.hac`"""
+    """-; of the residuals, see `statistics.covariance`"""
     constants: Mapping[str, float] = MappingProxyType({})
     """SI; by name, for regressors such as q*c/2V"""
     units: Mapping[str, str] = MappingProxyType({})
@@ -110,7 +109,7 @@ class Equations(NamedTuple):
     """-; (p,), of all columns"""
     reported: tuple[bool, ...]
     """-; (p,), False for a trend"""
-    pieces: tuple[Piece, ...]
+    blocks: tuple[RecordBlock, ...]
     separate: Array
     """(M, r); the design's regressors without their nuisances, in samples or transformed"""
     frequencies: Array
@@ -131,13 +130,11 @@ class CoefficientRegression(NamedTuple):
     """(p,); response per regressor"""
     covariance: Array
     """(p, p)"""
-    degrees: Array
-    """-; (p,), effective degrees of freedom"""
+    degrees: float
+    """-; effective degrees of freedom"""
     estimates: tuple[Estimate, ...]
     findings: tuple[Finding, ...]
     """withheld coefficients and collinear regressors"""
-    goodness: Goodness
-    """of the fit, over time"""
     collinearity: Collinearity | None
     """of the regressors, without intercept and trends"""
     residuals: tuple[Array, ...]
@@ -150,9 +147,9 @@ class CoefficientRegression(NamedTuple):
     """texts of diagnostics that are no findings yet"""
 
     @property
-    def unidentified(self) -> tuple[Unidentified, ...]:
-        """Withheld coefficients."""
-        return tuple(Unidentified(one.subject, one.text) for one in of_severity(self.findings, "withheld"))
+    def withheld(self) -> tuple[Finding, ...]:
+        """Coefficients (subject) without an estimate."""
+        return of_severity(self.findings, "withheld")
 
     @property
     def failure(self) -> str:
@@ -209,23 +206,20 @@ def solve(design: Design, domain: Domain, settings: Settings, lengths: tuple[int
     if not solved.names:
         return _failed(design, domain, withheld[0])
     try:
-        fit = regress_records(solved.pieces, "white" if settings.steady else settings.covariance)
+        fit = regress_records(solved.blocks, "white" if settings.steady else settings.covariance)
     except np.linalg.LinAlgError:
         return _failed(design, domain, Finding("singular_regression", "withheld"))
     units, lost = design.parameter_units, {one.subject for one in withheld}
     errors = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
-    rows = zip(solved.names, solved.reported, fit.values, errors, fit.degrees_each, strict=True)
+    rows = zip(solved.names, solved.reported, fit.values, errors, strict=True)
     estimates = tuple(
-        estimate(name, units.get(name, design.unit), float(value), float(error), float(degrees))
-        for name, reported, value, error, degrees in rows
+        estimate(name, units.get(name, design.unit), float(value), float(error), fit.degrees)
+        for name, reported, value, error in rows
         if reported and name not in lost
     )
-    used = np.concatenate([record.used for record in design.records]) > 0
-    measured = np.concatenate([record.response for record in design.records])
-    fitness = goodness(measured[used], (measured - fit.residuals)[used], len(fit.values))
     return CoefficientRegression(
-        design.response, design.unit, domain, solved.names, fit.values, fit.covariance, fit.degrees_each, estimates,
-        (*withheld, *_collinear(diagnosis, lost)), fitness, diagnosis, _split(fit, design, lengths),
+        design.response, design.unit, domain, solved.names, fit.values, fit.covariance, fit.degrees, estimates,
+        (*withheld, *_collinear(diagnosis, lost)), diagnosis, _split(fit, design, lengths),
         solved.frequencies, design.samples,
     )  # fmt: skip
 
@@ -261,15 +255,15 @@ def equations(design: Design, domain: Domain, settings: Settings) -> Equations:
     names, reported = (*extra.names, *design.names), (*extra.reported, *(True for _ in design.names))
     pairs = list(zip(design.records, extra.columns, strict=True))
     if domain == "time":
-        pieces = [_piece(record, np.hstack((columns, record.regressors))) for record, columns in pairs]
-        whole = np.vstack([piece.regressors * piece.used[:, None] for piece in pieces])
-        separate = without(whole[:, : len(extra.names)], whole[:, len(extra.names) :])
-        return Equations(names, reported, tuple(pieces), separate, np.zeros(0))
+        blocks = [_block(record, np.hstack((columns, record.regressors))) for record, columns in pairs]
+        stacked = np.vstack([block.regressors * block.used[:, None] for block in blocks])
+        separate = without(stacked[:, : len(extra.names)], stacked[:, len(extra.names) :])
+        return Equations(names, reported, tuple(blocks), separate, np.zeros(0))
     chosen = default_frequencies(design) if settings.frequencies is None else settings.frequencies
     frequencies = check_frequencies(chosen, design.step)
     bands = [_in_band(record, columns, frequencies, design.step) for record, columns in pairs]
     separate = np.vstack([spectrum for _, spectrum in bands])
-    return Equations(names, reported, tuple(piece for piece, _ in bands), separate, frequencies)
+    return Equations(names, reported, tuple(block for block, _ in bands), separate, frequencies)
 
 
 def default_frequencies(design: Design) -> Array:
@@ -284,18 +278,18 @@ def default_frequencies(design: Design) -> Array:
     return np.asarray(np.arange(1, max(last, least) + 1) / (count * design.step))
 
 
-def _piece(record: Record, regressors: Array) -> Piece:
-    return Piece(regressors, regressors, record.response, record.used)
+def _block(record: Record, regressors: Array) -> RecordBlock:
+    return RecordBlock(regressors, regressors, record.response, record.used)
 
 
-def _in_band(record: Record, nuisance: Array, frequencies: Array, step: float) -> tuple[Piece, Array]:
-    """The record's piece, and the transform of its regressors (2 F, r), real parts first."""
+def _in_band(record: Record, nuisance: Array, frequencies: Array, step: float) -> tuple[RecordBlock, Array]:
+    """The record's block, and the transform of its regressors (2 F, r), real parts first."""
     steady = np.column_stack((np.ones(len(record.used)), nuisance))
     clean = without(steady, record.regressors)
     spectrum = transform(clean, frequencies, step)
     instruments = np.hstack((nuisance, without(steady, in_band(clean, frequencies, step))))
-    piece = _piece(record, np.hstack((nuisance, record.regressors)))._replace(instruments=instruments)
-    return piece, np.vstack((spectrum.real, spectrum.imag))
+    block = _block(record, np.hstack((nuisance, record.regressors)))._replace(instruments=instruments)
+    return block, np.vstack((spectrum.real, spectrum.imag))
 
 
 def _dependent(diagnosis: Collinearity) -> tuple[Finding, ...]:
@@ -347,10 +341,9 @@ def _split(fit: Fit, design: Design, lengths: tuple[int, ...]) -> tuple[Array, .
 
 def _failed(design: Design, domain: Domain, finding: Finding) -> CoefficientRegression:
     nothing = np.zeros(0)
-    none = Goodness(np.nan, np.nan, np.nan, np.nan, 0)
     findings = tuple(finding._replace(subject=name) for name in design.names or (design.response,))
     return CoefficientRegression(
-        design.response, design.unit, domain, (), nothing, np.zeros((0, 0)), nothing, (), findings, none, None,
+        design.response, design.unit, domain, (), nothing, np.zeros((0, 0)), 1.0, (), findings, None,
         (), nothing, design.samples,
     )  # fmt: skip
 
@@ -404,7 +397,7 @@ def regression_result(method: str, request: Request, result: CoefficientRegressi
         method, equations=(f"{result.response} = {terms}",),
         status="converged" if result.estimates else "not identifiable", estimates=result.estimates,
         covariance=result.covariance[np.ix_(places, places)] if places else None,
-        degrees=float(result.degrees[places].min()) if places else np.inf,
+        degrees=result.degrees,
         series=tuple(series), samples=result.samples, findings=result.findings, **more,
     )  # fmt: skip
 
@@ -415,10 +408,16 @@ def _row(domain: Domain, request: Request) -> EstimationResult:
     return regression_result(f"equation_error_{domain}", request, result)
 
 
+OPTIONS = {
+    "intercept": "common, each (maneuver) or none", "trend": "order of each maneuver's polynomial in time",
+    "frequencies": "Hz, of the transform", "covariance": "of the residuals: autocorrelated or white",
+    "units": "SI unit by the constant's name",
+}  # fmt: skip
 ESTIMATORS["equation_error_time"] = Estimator(
-    "equation_error_time", "Equation error, time domain", "Klein & Morelli 2006, ch. 5", partial(_row, "time")
-)
+    "equation_error_time", "Equation error, time domain", "Klein & Morelli 2006, ch. 5; Grauer Eq. 17 to 19",
+    partial(_row, "time"), '[[aero.regression]] domain = "time"', OPTIONS,
+)  # fmt: skip
 ESTIMATORS["equation_error_frequency"] = Estimator(
-    "equation_error_frequency", "Equation error, frequency domain", "Klein & Morelli 2006, ch. 7",
-    partial(_row, "frequency"),
+    "equation_error_frequency", "Equation error, frequency domain", "Klein & Morelli 2006, ch. 7; Grauer Eq. 20, 21",
+    partial(_row, "frequency"), '[[aero.regression]] domain = "frequency"; modes', OPTIONS,
 )  # fmt: skip

@@ -22,19 +22,26 @@ from numpy.typing import NDArray
 
 from logs.identification.estimators.modal import ModalFit, ModalMethod, NotIdentified, add_row
 from logs.identification.estimators.records import Record, Records
-from logs.identification.estimators.variable_projection import (
+from logs.identification.estimators.separable import (
     Build,
-    Piece,
     SeparableFit,
-    joint_sensitivities,
-    residuals_at,
+    SeparableRecord,
+    log_squares,
+    optimal,
+    orthonormal,
     solve,
-    squares,
 )
 from logs.identification.findings import Entry, Finding, register
 from logs.identification.models.modes import SHORT_PERIOD
 from logs.identification.results import Array, Estimate
-from logs.identification.statistics.parameter_uncertainty import Spread, by_scatter, carry, determined, information
+from logs.identification.statistics.covariance import (
+    ParameterUncertainty,
+    at_least,
+    cluster_covariance,
+    information,
+    is_determined,
+    propagate,
+)
 from wingbeat.constants import STANDARD_GRAVITY
 
 Complex = NDArray[np.complex128]
@@ -59,6 +66,8 @@ SLOW_FRACTION, SLOW_DAMPING = 0.12, 0.2
 SLOW_DEVIATIONS = 1.4, 0.2
 """-; standard deviation of that prior: factor of the frequency, damping ratio"""
 ONE_PAIR, SLOW_PRIOR, TWO_PAIRS = "one pair", "slow pair with a prior", "two pairs"
+NONLINEAR = {ONE_PAIR: 3, SLOW_PRIOR: 5, TWO_PAIRS: 5}
+"""-; frequencies, dampings and delay; the numerators follow"""
 MUCH_LESS = 4.0
 """-; ratio of the residual power with one pair to that with two, above which there are two"""
 MIN_EXPLAINED = 0.95
@@ -119,23 +128,22 @@ def fit(records: Records, kinds: tuple[str, ...]) -> ModalFit:
         order = TWO_PAIRS if len(kinds) == 2 or _two_pairs(transforms, records) else ONE_PAIR
     best = _fitted(transforms, records, order)
     _check(best, builder(transforms, records, order), transforms, order, kinds)
-    spread = _spread(best, best.sensitivities, order)
+    spread = _uncertainty(best, order)
     if spread.degrees < MIN_DEGREES:
         raise NotIdentified("record_too_short", spread.degrees, MIN_DEGREES, unit="degrees of freedom")
-    delay = spread.part(slice(-1, None)).estimates({"delay": "s"}, best.values[-1:])
+    last = NONLINEAR[order] - 1
+    delay = spread.part(slice(last, last + 1)).estimates({"delay": "s"}, best.values[last : last + 1])
     pairs = [2 * int(k) + i for k in np.argsort(-_pairs(best.values, order)[: len(kinds), 0]) for i in (0, 1)]
     if order == TWO_PAIRS and len(kinds) == 1:
         slower = 2 * int(np.argmin(best.values[:4:2]))
         pairs = [slower, slower + 1]
-    ordered = spread.carried(np.eye(len(best.values))[pairs])
+    ordered = spread.transformed(np.eye(len(best.values))[pairs])
     if kinds != (SHORT_PERIOD,):
         return ModalFit(best.values[pairs], ordered, delay)
     single = _fitted(transforms, records, ONE_PAIR)
-    if single.failure or not determined(single.sensitivities):
+    if not single.converged or not is_determined(information(single.sensitivities)):
         return ModalFit(best.values[pairs], ordered, delay)
-    sensitivities = joint_sensitivities(builder(transforms, records, ONE_PAIR), single)
-    values = np.concatenate((single.values, *single.gains))
-    parameters, level = _parameters(records, values, _spread(single, sensitivities, ONE_PAIR))
+    parameters, level = _parameters(records, single.values, _uncertainty(single, ONE_PAIR))
     return ModalFit(best.values[pairs], ordered, (*delay, *parameters), level)
 
 
@@ -174,8 +182,10 @@ def transform(record: Record, smooth_input: bool = False) -> Transform:
 def builder(transforms: list[Transform], records: Records, order: str) -> Build:
     """The linear problem at frequency and damping of the pairs and the delay (p,)."""
 
-    def build(values: Array) -> list[Piece]:
-        return [_piece(one, records, _pairs(values, order), float(values[-1])) for one in transforms]
+    def build(values: Array) -> list[SeparableRecord]:
+        return [
+            _record(one, records, _pairs(values, order), float(values[NONLINEAR[order] - 1])) for one in transforms
+        ]
 
     return build
 
@@ -183,8 +193,8 @@ def builder(transforms: list[Transform], records: Records, order: str) -> Build:
 def _pairs(values: Array, order: str) -> Array:
     """Frequencies and dampings (k, 2) of the denominator."""
     if order != SLOW_PRIOR:
-        return values[:-1].reshape(-1, 2)
-    frequency, damping, slower, heavier = values[:-1]
+        return values[: NONLINEAR[order] - 1].reshape(-1, 2)
+    frequency, damping, slower, heavier = values[:4]
     factor, difference = SLOW_DEVIATIONS
     slow = [SLOW_FRACTION * factor**slower * frequency, SLOW_DAMPING + difference * heavier]
     return np.array([[frequency, damping], slow])
@@ -195,7 +205,7 @@ def _precision(order: str) -> Array | None:
     return np.array([0.0, 0.0, 1.0, 1.0, 0.0]) if order == SLOW_PRIOR else None
 
 
-def _piece(given: Transform, records: Records, pairs: Array, delay: float) -> Piece:
+def _record(given: Transform, records: Records, pairs: Array, delay: float) -> SeparableRecord:
     s = given.s
     denominator = np.prod([s**2 + 2 * z * w * s + w**2 for w, z in pairs], axis=0)
     driven = given.input * np.exp(-s * delay) / denominator
@@ -205,9 +215,9 @@ def _piece(given: Transform, records: Records, pairs: Array, delay: float) -> Pi
         powers = 2 * len(pairs) + (unit in ACCELERATIONS or name in FORCES)
         ends = [s**k / (denominator * integral) for k in range(2 * len(pairs) + (name in ANGLES))]
         drift = [] if name in ANGLES else [1 / s]
-        nuisances.append(_real(np.column_stack([*ends, *drift])))
+        nuisances.append(orthonormal(_real(np.column_stack([*ends, *drift]))))
         shared.append(_real(np.column_stack([driven / integral * s**k for k in range(powers)])))
-    return Piece(_real(given.outputs), tuple(nuisances), tuple(shared))
+    return SeparableRecord(_real(given.outputs), tuple(nuisances), tuple(shared))
 
 
 def _real(columns: Complex) -> Array:
@@ -228,7 +238,7 @@ def _fitted(transforms: list[Transform], records: Records, order: str) -> Separa
     for w in np.geomspace(low, high, GRID):
         slow = {ONE_PAIR: (), SLOW_PRIOR: (0.0, 0.0), TWO_PAIRS: (SLOW_FRACTION * w, SLOW_DAMPING)}[order]
         tried = [np.array([w, z, *slow, 0.0]) for z in DAMPINGS]
-        cost = [squares(build, start) for start in tried]
+        cost = [log_squares(build, start) for start in tried]
         starts.append(tried[int(np.argmin(cost))])
         costs.append(min(cost))
     padded = np.concatenate(([np.inf], costs, [np.inf]))
@@ -237,7 +247,11 @@ def _fitted(transforms: list[Transform], records: Records, order: str) -> Separa
     fits = []
     for k in sorted(minima, key=lambda k: costs[k])[:STARTS]:
         fit = solve(build, starts[k], _precision(order))
-        if not fit.failure and np.all(_pairs(fit.values, order)[:, 0] > 0) and _explained(build, fit) > MIN_EXPLAINED:
+        if (
+            fit.converged
+            and np.all(_pairs(fit.values, order)[:, 0] > 0)
+            and _explained(build, fit, order) > MIN_EXPLAINED
+        ):
             return fit
         fits.append(fit)
     return fits[0]
@@ -246,13 +260,13 @@ def _fitted(transforms: list[Transform], records: Records, order: str) -> Separa
 def _check(fit: SeparableFit, build: Build, transforms: list[Transform], order: str, kinds: tuple[str, ...]) -> None:
     """Refuse a fit that determines no mode."""
     frequencies = fit.values[: 4 if order == TWO_PAIRS else 2 : 2]
-    if fit.failure or not determined(fit.sensitivities, _prior(order)) or np.any(frequencies <= 0):
+    if not fit.converged or not is_determined(_information(fit, order)) or np.any(frequencies <= 0):
         raise NotIdentified("mode_not_identifiable")
-    explained = _explained(build, fit)
+    explained = _explained(build, fit, order)
     if explained < MIN_EXPLAINED:
         raise NotIdentified("little_explained", explained, MIN_EXPLAINED)
     frequency = float(np.max(frequencies) if SHORT_PERIOD in kinds else np.min(frequencies))
-    phase = abs(float(fit.values[-1])) * frequency
+    phase = abs(float(fit.values[NONLINEAR[order] - 1])) * frequency
     if phase > MAX_DELAY_PHASE:
         raise NotIdentified("delay_replaces_mode", phase, MAX_DELAY_PHASE)
     periods = frequency * sum(t.length for t in transforms) / (2 * math.pi)
@@ -263,42 +277,48 @@ def _check(fit: SeparableFit, build: Build, transforms: list[Transform], order: 
         raise NotIdentified("mode_too_fast", frequency, band)
 
 
-def _prior(order: str) -> Array | None:
-    """Information matrix (p, p) of the prior."""
-    precision = _precision(order)
-    return None if precision is None else np.diag(precision**2)
+def _prior(fit: SeparableFit, order: str) -> Array:
+    """Information matrix (P, P) of the prior."""
+    prior, precision = np.zeros((len(fit.values), len(fit.values))), _precision(order)
+    if precision is not None:
+        prior[: len(precision), : len(precision)] = np.diag(precision**2)
+    return prior
 
 
-def _explained(build: Build, fit: SeparableFit) -> float:
+def _information(fit: SeparableFit, order: str) -> Array:
+    return information(fit.sensitivities) + _prior(fit, order)
+
+
+def _explained(build: Build, fit: SeparableFit, order: str) -> float:
     """Fraction of the power without the nuisances that the input explains, of the output where it is largest."""
-
-    def without_input(values: Array) -> list[Piece]:
-        return [piece._replace(shared=tuple(c[:, :0] for c in piece.shared)) for piece in build(values)]
-
-    left, total = (
-        np.sum(np.vstack(residuals_at(made, fit.values)[0]) ** 2, axis=0) for made in (build, without_input)
-    )
+    records = build(fit.values[: NONLINEAR[order]])
+    undriven = [one._replace(shared=tuple(c[:, :0] for c in one.shared)) for one in records]
+    left, total = (np.sum(np.vstack(optimal(each)[0]) ** 2, axis=0) for each in (records, undriven))
     return float(np.max(1 - left / np.maximum(total, 1e-300)))
 
 
-def _spread(fit: SeparableFit, sensitivities: list[Array], order: str) -> Spread:
-    """Cramer-Rao bounds, or the dispersion between records if there are enough."""
+def _uncertainty(fit: SeparableFit, order: str) -> ParameterUncertainty:
+    """Cramer-Rao bounds, at least the dispersion between records if there are enough."""
     size = sum(r.size for r in fit.residuals)
-    degrees, known = float(size - fit.linear - len(fit.values)), _prior(order)
-    total = information(sensitivities) + (0.0 if known is None else known)
-    inverse = np.asarray(np.linalg.pinv(total, hermitian=True), dtype=np.float64)
-    within = Spread(inverse * size / max(degrees, 1.0), degrees)
-    return by_scatter(within, fit.residuals, sensitivities, known)
+    degrees = float(size - fit.nuisances - len(fit.values))
+    inverse = np.asarray(np.linalg.pinv(_information(fit, order), hermitian=True))
+    within = inverse * size / max(degrees, 1.0)
+    between = cluster_covariance(fit.residuals, fit.sensitivities, _prior(fit, order))
+    if between is None:
+        return ParameterUncertainty(within, degrees)
+    return ParameterUncertainty(at_least(within, between), min(degrees, len(fit.residuals) - 1.0))
 
 
-def _parameters(records: Records, values: Array, spread: Spread) -> tuple[tuple[Estimate, ...], tuple[Finding, ...]]:
+def _parameters(
+    records: Records, values: Array, spread: ParameterUncertainty
+) -> tuple[tuple[Estimate, ...], tuple[Finding, ...]]:
     """Static gains and numerators of one pair, CAP and dropback, and the level that follows."""
     found: list[Estimate] = []
 
     def add(name: str, unit: str, of: Function) -> None:
-        value, carried = carry(lambda p: np.array([of(p)]), values, spread)
+        value, worth = propagate(lambda p: np.array([of(p)]), values, spread)
         if np.isfinite(value[0]):
-            found.extend(carried.estimates({name: unit}, value))
+            found.extend(worth.estimates({name: unit}, value))
 
     places: dict[str, list[int]] = {}
     start = 3

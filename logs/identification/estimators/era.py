@@ -2,16 +2,16 @@
 
 Juang & Pappa, An Eigensystem Realization Algorithm for Modal Parameter Identification, J. Guidance 8(5), 1985, as
 `control.eigensys_realization` has it. A free response is a pulse response, one column for each record. Driven records
-give Markov parameters through an observer (OKID: Juang, Phan, Horta & Longman, J. Guidance 16(2), 1993), estimated
-with instrumental variables. Standard errors: of driven records by the jackknife over blocks, of free ones by a
-bootstrap over blocks of the residuals.
+give Markov parameters through an observer (OKID: Juang, Phan, Horta & Longman, J. Guidance 16(2), 1993) by
+instrumental variables: the noise of past outputs is correlated with the present one's, their response to the past
+input is not. Standard errors: of driven records by the jackknife over blocks, of free ones by a bootstrap over blocks
+of the residuals.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -20,24 +20,22 @@ from logs.identification.estimators.records import Record, Records
 from logs.identification.findings import Entry, register
 from logs.identification.models.modes import eigenvalues_of
 from logs.identification.results import Array
-from logs.identification.statistics.parameter_uncertainty import Spread
+from logs.identification.statistics.covariance import ParameterUncertainty
 
 LONGEST_RECORD = 160
 """-; samples to which a free response is decimated"""
 SAMPLES_PER_CYCLE = 8
 """-; of the highest frequency in the input"""
 POWER_FRACTION = 0.99
-MEMORY = 1.2
-"""s; of the input, from which the first instruments are computed"""
-RIDGE = 1e-3
 STATES = 4
-"""-; of the observer: short period and phugoid"""
-MIN_ROWS = 4
+"""-; of observer and realization: short period and phugoid"""
+MEMORY, RIDGE = 1.2, 1e-3
+"""s; -; of the input's past in the instruments; of the ridge regression that gives them"""
 DEPENDENT = 2e-5
 """-; relative singular value of the observer's equations that is neglected"""
 RESPONSE = 1.0
 """s; length of the pulse response"""
-MAX_ORDER = 8
+MIN_ROWS, MAX_ORDER = 4, 8
 NOISE_FRACTION = 0.03
 """-; of the largest singular value: smaller ones are noise"""
 MAX_DAMPING = 0.4
@@ -47,10 +45,8 @@ RESAMPLES = 40
 BLOCK_FRACTION = 10
 SEED = 1
 """of the bootstrap: the same data give the same errors"""
-MIN_EXPLAINED_FREE = 0.8
-"""-; of a free response's power, by the oscillations, of the output where it is largest"""
-MIN_EXPLAINED = 0.5
-"""-; of driven records' power, by the last `MEMORY` of the input, of the output where it is largest"""
+MIN_EXPLAINED, MIN_EXPLAINED_DRIVEN = 0.8, 0.5
+"""-; of a free response's power by the oscillations, of driven records' by the past input, for the best output"""
 MAX_ERROR = 0.1
 """-; relative standard error of a frequency, and standard error of a damping"""
 HIGHEST_TURN = 0.6
@@ -68,158 +64,106 @@ register({
 })  # fmt: skip
 
 
-class Lags(NamedTuple):
-    """Lags of the observer."""
-
-    past: int
-    """-; outputs"""
-    every: int
-    """-; samples from one to the next; the input enters at every sample between, as separate inputs"""
-
-
-class Regression(NamedTuple):
-    """Normal equations of the observer by block."""
-
-    squares: Array
-    """(K, p, p)"""
-    products: Array
-    """(K, p, m)"""
-
-
 def fit(records: Records, kinds: tuple[str, ...]) -> ModalFit:
     """Modes ``kinds`` of driven records or, without an input, of free ones."""
     driven = [r for r in records.pieces if r.input is not None and np.ptp(r.input) > 0]
     if any(np.any(np.ptp(record.outputs, axis=0) == 0) for record in driven or records.pieces):
         raise NotIdentified("constant_output")
-    if driven:
-        pairs, covariance, degrees = _of_driven(driven, len(kinds))
-        if np.any(pairs[1::2] > MAX_DAMPING):
-            raise NotIdentified("overdamped", float(np.max(pairs[1::2])), MAX_DAMPING)
-    else:
-        pairs, covariance, degrees = _of_free(records.pieces, len(kinds))
-    return ModalFit(pairs, Spread(covariance, degrees))
-
-
-def _spacing(records: Sequence[Record]) -> int:
-    """Samples between the observer's lags."""
-    return max(int(1 / (SAMPLES_PER_CYCLE * max(_band(record) for record in records)) / records[0].step), 1)
+    if not driven:
+        return _of_free(records.pieces, len(kinds))
+    result = _of_driven(driven, len(kinds))
+    if np.any(result.pairs[1::2] > MAX_DAMPING):
+        raise NotIdentified("overdamped", float(np.max(result.pairs[1::2])), MAX_DAMPING)
+    return result
 
 
 def _band(record: Record) -> float:
     """Frequency (Hz) below which nearly all of the input's power lies."""
-    given = np.zeros(1) if record.input is None else record.input
+    given = _input(record)
     power = np.cumsum(np.abs(np.fft.rfft(given - given.mean())) ** 2)
     return float(max(np.searchsorted(power, POWER_FRACTION * power[-1]), 1) / (len(given) * record.step))
 
 
-def _of_driven(records: list[Record], count: int) -> tuple[Array, Array, float]:
-    """Frequencies and dampings (2 k,), their covariance and its degrees of freedom."""
-    step, outputs, every = records[0].step, records[0].outputs.shape[1], _spacing(records)
-    lags = max(math.ceil(STATES / outputs), 2)
-    clean = _filtered(records, max(int(MEMORY / step), lags * every))
-    explained = _explained(records, clean)
-    if explained < MIN_EXPLAINED:
-        raise NotIdentified("little_explained", explained, MIN_EXPLAINED)
-    blocks = _observer(records, Lags(lags, every), clean)
-    total = blocks.squares.sum(axis=0), blocks.products.sum(axis=0)
+def _of_driven(records: list[Record], count: int) -> ModalFit:
+    """Frequencies and dampings, their covariance by the jackknife over blocks."""
+    step, outputs, band = records[0].step, records[0].outputs.shape[1], max(map(_band, records))
+    every, past = max(int(1 / (SAMPLES_PER_CYCLE * band) / step), 1), max(math.ceil(STATES / outputs), 2)
+    instruments = _instruments(records, max(int(MEMORY / step), past * every))
+    blocks: list[tuple[Array, Array]] = []
+    rows, parts = 0, max(BLOCKS // len(records), 1)
+    for record, clean in zip(records, instruments, strict=True):
+        design, response = _lagged(_input(record), record.outputs, past, every)
+        leading = _lagged(_input(record), clean, past, every)[0]
+        rows += len(design)
+        for part in np.array_split(np.arange(len(design)), parts) if len(design) >= MIN_ROWS else ():
+            blocks.append((leading[part].T @ design[part], leading[part].T @ response[part]))
+    columns = past * outputs + (past + 1) * every
+    if not blocks or rows < 2 * columns:
+        raise NotIdentified("record_too_short", float(rows), 2.0 * columns, unit="rows")
+    length = max(int(RESPONSE / step / every), 4 * STATES)
 
-    def pairs(squares: Array, products: Array, order: int | None, near: Array | None = None) -> tuple[Array, int]:
-        length = max(int(RESPONSE / step / every), 4 * STATES)
-        response = system_markov(_solved(squares, products), Lags(lags, every), outputs, length)
-        return realized_pairs(response, step * every, count, order, near)
+    def pairs(used: list[tuple[Array, Array]], near: Array | None = None) -> Array:
+        squares, products = (np.sum(part, axis=0) for part in zip(*used, strict=True))
+        scale = np.maximum(np.sqrt(np.abs(np.diag(squares))), 1e-300)
+        scaled = squares / np.outer(scale, scale), products / scale[:, None]
+        values = np.linalg.lstsq(*scaled, rcond=DEPENDENT)[0] / scale[:, None]
+        return realized_pairs(system_markov(values, past, every, length), step * every, count, STATES, near)[0]
 
-    whole, order = pairs(*total, STATES)
-    band = 2 * math.pi * max(_band(record) for record in records)
-    if float(np.max(whole[::2])) > band:
-        raise NotIdentified("mode_too_fast", float(np.max(whole[::2])), band)
-    left_out = np.array([
-        pairs(total[0] - squares, total[1] - products, order, whole)[0]
-        for squares, products in zip(blocks.squares, blocks.products, strict=True)
-    ])  # fmt: skip
-    deviations, number = left_out - left_out.mean(axis=0), len(left_out)
-    covariance = deviations.T @ deviations * (number - 1) / number
-    relative = np.sqrt(np.diag(covariance)) / np.column_stack((whole[::2], np.ones(count))).ravel()
+    modes = pairs(blocks)
+    if float(np.max(modes[::2])) > 2 * math.pi * band:
+        raise NotIdentified("mode_too_fast", float(np.max(modes[::2])), 2 * math.pi * band)
+    without = np.array([pairs(blocks[:k] + blocks[k + 1 :], modes) for k in range(len(blocks))])
+    covariance = np.cov(without.T, bias=True) * (len(without) - 1)
+    relative = np.sqrt(np.diag(covariance)) / np.column_stack((modes[::2], np.ones(count))).ravel()
     if np.any(relative > MAX_ERROR):
         raise NotIdentified("hidden_in_noise", float(relative.max()), MAX_ERROR)
-    return whole, covariance, number - 1.0
+    return ModalFit(modes, ParameterUncertainty(covariance, len(without) - 1.0))
 
 
-def _solved(squares: Array, products: Array) -> Array:
-    """Truncated least squares: neighboring samples of a smooth input are nearly dependent."""
-    scale = np.maximum(np.sqrt(np.abs(np.diag(squares))), 1e-300)
-    values: Array = np.linalg.lstsq(squares / np.outer(scale, scale), products / scale[:, None], rcond=DEPENDENT)[0]
-    return values / scale[:, None]
-
-
-def _observer(records: list[Record], lags: Lags, instruments: list[Record]) -> Regression:
-    """``y[k] = sum A_i y[k - i] + sum B_i u[k - i]`` and an offset of each record, by instrumental variables.
-
-    The noise of the past outputs is correlated with the present one's; their response to the past input
-    (``instruments``) is not.
-    """
-    squares, products, rows = [], [], 0
-    for record, clean in zip(records, instruments, strict=True):
-        if len(record.outputs) - (lags.past + 1) * lags.every < MIN_ROWS:
-            continue
-        design, response = (part - part.mean(axis=0) for part in _lagged(record, lags))
-        leading = _lagged(clean, lags)[0]
-        leading = leading - leading.mean(axis=0)
-        for part in np.array_split(np.arange(len(design)), max(BLOCKS // len(records), 1)):
-            squares.append(leading[part].T @ design[part])
-            products.append(leading[part].T @ response[part])
-        rows += len(design)
-    if not squares or rows < 2 * squares[0].shape[0]:
-        raise NotIdentified(
-            "record_too_short", float(rows), 2.0 * (squares[0].shape[0] if squares else 1), unit="rows"
-        )
-    return Regression(np.array(squares), np.array(products))
-
-
-def _filtered(records: list[Record], memory: int) -> list[Record]:
-    """The records with outputs computed from the last ``memory`` samples of the input, by least squares."""
-    if memory > min(len(record.outputs) for record in records):
-        shortest = min(len(record.outputs) for record in records)
+def _instruments(records: list[Record], memory: int) -> list[Array]:
+    """Outputs (N, m) computed from the last ``memory`` samples of the input, by ridge regression."""
+    shortest = min(len(record.outputs) for record in records)
+    if memory > shortest:
         raise NotIdentified("record_too_short", float(shortest), float(memory), unit="samples")
-    given = [np.zeros(len(r.outputs)) if r.input is None else r.input for r in records]
-    designs = [np.column_stack([_later(u, i) for i in range(memory)]) for u in given]
-    about = [(d - d.mean(axis=0), r.outputs - r.outputs.mean(axis=0)) for d, r in zip(designs, records, strict=True)]
-    squares = np.sum([d.T @ d for d, _ in about], axis=0)
+    designs = [np.column_stack([np.append(np.zeros(i), _input(r)[: len(_input(r)) - i]) for i in range(memory)])
+               for r in records]  # fmt: skip
+    pairs = [(d - d.mean(axis=0), r.outputs - r.outputs.mean(axis=0)) for d, r in zip(designs, records, strict=True)]
+    squares = np.sum([d.T @ d for d, _ in pairs], axis=0)
     ridge = RIDGE * float(np.trace(squares)) / memory * np.eye(memory)
-    values = np.linalg.solve(squares + ridge, np.sum([d.T @ y for d, y in about], axis=0))
-    return [r._replace(outputs=d @ values) for r, (d, _) in zip(records, about, strict=True)]
+    values = np.linalg.solve(squares + ridge, np.sum([d.T @ y for d, y in pairs], axis=0))
+    left = sum(np.sum((y - d @ values) ** 2, axis=0) for d, y in pairs)
+    explained = float(np.max(1.0 - left / sum(np.sum(y**2, axis=0) for _, y in pairs)))
+    if explained < MIN_EXPLAINED_DRIVEN:
+        raise NotIdentified("little_explained", explained, MIN_EXPLAINED_DRIVEN)
+    return [np.asarray(d @ values) for d, _ in pairs]
 
 
-def _explained(records: list[Record], clean: list[Record]) -> float:
-    """Fraction of the outputs' power that the past input explains (``clean``), of the output where it is largest."""
-    about = [one.outputs - one.outputs.mean(axis=0) for one in records]
-    left = sum(np.sum((y - one.outputs) ** 2, axis=0) for y, one in zip(about, clean, strict=True))
-    return float(np.max(1.0 - left / sum(np.sum(y**2, axis=0) for y in about)))
+def _input(record: Record) -> Array:
+    return np.zeros(len(record.outputs)) if record.input is None else record.input
 
 
-def _later(values: Array, by: int) -> Array:
-    return np.concatenate((np.zeros(by), values[: len(values) - by]))
+def _lagged(given: Array, outputs: Array, past: int, every: int) -> tuple[Array, Array]:
+    """Past outputs and inputs (K, p), and present outputs (K, m), without their means.
 
-
-def _lagged(record: Record, lags: Lags) -> tuple[Array, Array]:
-    """Past outputs and inputs (K, p), and present outputs (K, m)."""
-    given = np.zeros(len(record.outputs)) if record.input is None else record.input
-    first, count = (lags.past + 1) * lags.every, len(given)
-    past = [record.outputs[first - i : count - i] for i in lags.every * np.arange(1, lags.past + 1)]
-    inputs = [given[first - i : count - i, None] for i in range((lags.past + 1) * lags.every)]
-    return np.hstack((*past, *inputs)), record.outputs[first:]
-
-
-def system_markov(values: Array, lags: Lags, outputs: int, count: int) -> Array:
-    """Markov parameters (m, ``lags.every``, ``count``) of the system from the observer's ``values`` (p, m).
-
-    Every sample of the input between two lags is a separate input, without an assumption between samples.
+    The outputs enter every ``every`` samples, the input at every sample between, as separate inputs: there is no
+    assumption between samples.
     """
-    autonomous = values[: lags.past * outputs].reshape(lags.past, outputs, outputs)
-    driven = values[lags.past * outputs :].reshape(lags.past + 1, lags.every, outputs)
-    response = np.zeros((count, lags.every, outputs))
+    first, count = (past + 1) * every, len(given)
+    earlier = [outputs[first - i : count - i] for i in every * np.arange(1, past + 1)]
+    inputs = [given[first - i : count - i, None] for i in range(first)]
+    design, response = np.hstack((*earlier, *inputs)), outputs[first:]
+    return design - design.mean(axis=0), response - response.mean(axis=0)
+
+
+def system_markov(values: Array, past: int, every: int, count: int) -> Array:
+    """Markov parameters (m, ``every``, ``count``) of the system from the observer's ``values`` (p, m)."""
+    outputs = values.shape[1]
+    autonomous = values[: past * outputs].reshape(past, outputs, outputs)
+    driven = values[past * outputs :].reshape(past + 1, every, outputs)
+    response = np.zeros((count, every, outputs))
     for k in range(count):
-        response[k] = driven[k] if k <= lags.past else 0.0
-        for i in range(1, min(k, lags.past) + 1):
+        response[k] = driven[k] if k <= past else 0.0
+        for i in range(1, min(k, past) + 1):
             response[k] += response[k - i] @ autonomous[i - 1]
     return response.transpose(2, 1, 0)
 
@@ -267,8 +211,8 @@ def _pairs(system: object, step: float) -> list[tuple[float, Array]]:
     return sorted(found, key=lambda entry: -entry[0])
 
 
-def _of_free(records: Sequence[Record], count: int) -> tuple[Array, Array, float]:
-    """As `_of_driven`, of records without an input."""
+def _of_free(records: Sequence[Record], count: int) -> ModalFit:
+    """Frequencies and dampings of records without an input, their covariance by a bootstrap."""
     length = min(len(record.outputs) for record in records)
     every = math.ceil(length / LONGEST_RECORD)
     response = np.stack([_level(_means(r.outputs[:length], every)).T for r in records], axis=1)
@@ -278,8 +222,8 @@ def _of_free(records: Sequence[Record], count: int) -> tuple[Array, Array, float
     rest = response - model
     power, left = (np.sum(one**2, axis=(1, 2)) for one in (response, rest))
     explained = float(np.max(1 - left / power.clip(1e-300)))
-    if explained < MIN_EXPLAINED_FREE:
-        raise NotIdentified("little_explained", explained, MIN_EXPLAINED_FREE)
+    if explained < MIN_EXPLAINED:
+        raise NotIdentified("little_explained", explained, MIN_EXPLAINED)
     rng = np.random.default_rng(SEED)
     around = []
     for _ in range(RESAMPLES):
@@ -290,7 +234,7 @@ def _of_free(records: Sequence[Record], count: int) -> tuple[Array, Array, float
     if len(around) < 0.9 * RESAMPLES:
         raise NotIdentified("hidden_in_noise", 1.0 - len(around) / RESAMPLES, 0.1)
     free = response[0].size / BLOCK_FRACTION * response.shape[0]
-    return whole, np.cov(np.array(around).T), max(free, 2.0)
+    return ModalFit(whole, ParameterUncertainty(np.cov(np.array(around).T), max(free, 2.0)))
 
 
 def _means(outputs: Array, every: int) -> Array:

@@ -15,9 +15,18 @@ from typing import NamedTuple
 import numpy as np
 
 from logs.identification.data.experiment import Experiment
-from logs.identification.estimators.engine.problem import Feedback, Fit, Held, Model, Named, Parameter, Problem
+from logs.identification.estimators.engine.problem import (
+    Feedback,
+    Fit,
+    Intersample,
+    Model,
+    Named,
+    Parameter,
+    Problem,
+)
 from logs.identification.estimators.output_error import (
     DEFAULT_SEARCH,
+    OPTIONS,
     Search,
     output_error,
     problem_of,
@@ -111,10 +120,10 @@ class FilterModel(NamedTuple):
         return dict(self.model.parameters) | strengths
 
     def simulate(
-        self, parameters: Array, start: Array, inputs: Array, step: float, zero_order_hold: Held | None = None
+        self, parameters: Array, start: Array, inputs: Array, step: float, intersample: Intersample | None = None
     ) -> Array:
         """Outputs (N, m) without the filter."""
-        return self.model.simulate(parameters[: len(self.model.parameters)], start, inputs, step, zero_order_hold)
+        return self.model.simulate(parameters[: len(self.model.parameters)], start, inputs, step, intersample)
 
     def predict(self, parameters: Array, start: Array, inputs: Array, measured: Array, step: float) -> Array:
         """Outputs (N, m) of ``fitted``, each predicted from the samples before."""
@@ -331,7 +340,7 @@ def default_noisy(problem: Problem) -> tuple[str, ...]:
 
 def vector_of(model: FilterModel, fit: Fit) -> Array:
     """All parameters of the ``model`` as a fit without local parameters has them."""
-    shared = fit.own[0].parameters
+    shared = fit.records[0].parameters
     return np.array([shared[name] for name in model.parameters])
 
 
@@ -386,4 +395,6 @@ ESTIMATORS["filter_error"] = Estimator(
     "Filter error (maximum likelihood with process noise)",
     "Jategaonkar, Flight Vehicle System Identification, 2006, ch. 5; Klein & Morelli, 2006, ch. 6",
     estimate_by_filter_error,
+    'modes; [modes], [[aero.output_error]] method = "filter_error"',
+    OPTIONS | {"noisy": "states with process noise"},
 )

@@ -10,10 +10,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import f as f_distribution
+from scipy.special import fdtri
 
-from logs.identification.results import Array, Estimate, Unidentified, estimate
-from logs.identification.statistics.covariance_inflation import not_below, uneven
+from logs.identification.estimators.least_squares import Fit, regress
+from logs.identification.results import Array, Estimate, Unidentified, estimates
+from logs.identification.statistics.covariance import at_least, heteroscedastic_covariance
 from logs.strokes import stroke_cuts
 from wingbeat.errors import InputError
 
@@ -85,7 +86,7 @@ def steady_segments(data: ThrottleData) -> tuple[Segment, ...]:
     time, throttle = data.throttle_time[good], data.throttle[good]
     cuts = stroke_cuts(data.wing_time, data.strokes) if np.ptp(data.strokes) > 1 else np.zeros(0)
     found = []
-    for first, last in _still(throttle, time):
+    for first, last in _constant_spans(throttle, time):
         begin, end = float(time[first]) + SETTLE, float(time[last])
         if end - begin < SETTLE:
             continue
@@ -95,7 +96,7 @@ def steady_segments(data: ThrottleData) -> tuple[Segment, ...]:
     return tuple(found)
 
 
-def _still(throttle: Array, time: Array) -> list[tuple[int, int]]:
+def _constant_spans(throttle: Array, time: Array) -> list[tuple[int, int]]:
     """First and last sample of stretches within `BAND`, each as long as it goes, none over a gap."""
     spans, first, step = [], 0, float(np.median(np.diff(time))) if len(time) > 1 else 0.0
     low = high = throttle[0] if len(throttle) else 0.0
@@ -145,34 +146,53 @@ def identify_frequency(data: ThrottleData) -> FrequencyModel:
 
 
 def fit_segments(segments: tuple[Segment, ...], terms: tuple[str, ...] | None = None) -> FrequencyModel:
-    """The model of ``segments``; ``terms`` fixes what is fitted, else the partial F decides.
+    """The model of ``segments``; ``terms`` are fitted, or those with a significant partial F.
 
     Raises:
-        InputError: the terms cannot be told apart.
+        InputError: the terms are linearly dependent.
     """
     flapping = [s for s in segments if s.frequency > 0]
-    throttle, frequency, voltage, weight = (
+    throttle, frequency, voltage, strokes = (
         np.array([getattr(s, name) for s in flapping], dtype=float)
         for name in ("throttle", "frequency", "voltage", "strokes")
     )
-    centre, about = float(np.average(throttle, weights=weight)), float(np.average(voltage, weights=weight))
-    x = throttle - centre
-    columns = dict(zip(TERMS, (np.ones_like(x), x, x * x, voltage - about), strict=True))
-    dead, lost = _dead_zone(segments), []
-    kept, reasons = (terms, {}) if terms else _chosen(columns, frequency, weight, float(np.ptp(throttle)))
-    values, covariance, spread = _weighted(np.column_stack([columns[t] for t in kept]), frequency, weight)
-    degrees = float(len(frequency) - len(kept))
-    found = [
-        estimate(t, TERMS[t], float(v), float(e), degrees)
-        for t, v, e in zip(kept, values, np.sqrt(np.diag(covariance)), strict=True)
-    ]
+    centers = [float(np.average(values, weights=strokes)) for values in (throttle, voltage)]
+    x, v = throttle - centers[0], voltage - centers[1]
+    columns = dict(zip(TERMS, (np.ones_like(x), x, x * x, v), strict=True))
+    regression = _Regression(columns, frequency, np.sqrt(strokes / strokes.mean()))
+    chosen, reasons = (terms, {}) if terms else _chosen(regression, float(np.ptp(throttle)))
+    try:
+        fit = regression.fit(chosen)
+    except np.linalg.LinAlgError:
+        raise InputError("the stretches of throttle do not tell these terms apart") from None
+    found = list(estimates({name: TERMS[name] for name in chosen}, fit.values, fit.covariance, fit.degrees))
     lost = [Unidentified(name, reason) for name, reason in reasons.items()]
+    dead = _dead_zone(segments)
     if isinstance(dead, Estimate):
         found.append(dead)
     else:
         lost.append(dead)
-    known = about if "voltage_slope" in kept else 0.0
-    return FrequencyModel(tuple(found), tuple(lost), centre, known, spread, segments)
+    deviation = float(np.sqrt(fit.residuals @ fit.residuals / fit.degrees))
+    known = centers[1] if "voltage_slope" in chosen else 0.0
+    return FrequencyModel(tuple(found), tuple(lost), centers[0], known, deviation, segments)
+
+
+class _Regression(NamedTuple):
+    """Least squares of the frequencies, weighted by the number of strokes."""
+
+    columns: dict[str, Array]
+    frequency: Array
+    root: Array
+    """-; (N,), root of the weights"""
+
+    def fit(self, terms: tuple[str, ...]) -> Fit:
+        """Least squares on ``terms``; a fast beat scatters by more hertz than a slow one: HC3."""
+        design = np.column_stack([self.columns[term] for term in terms]) * self.root[:, None]
+        ones = np.ones(len(design))
+        fit = regress(design, self.frequency * self.root, ones, covariance="white")
+        inverse = np.asarray(np.linalg.inv(design.T @ design), dtype=np.float64)
+        scatter = heteroscedastic_covariance(inverse, design, fit.residuals, ones)
+        return fit._replace(covariance=at_least(fit.covariance, scatter))
 
 
 def frequency_truth(model: FrequencyModel, throttles: Array, frequencies: Array) -> dict[str, float]:
@@ -185,59 +205,37 @@ def frequency_truth(model: FrequencyModel, throttles: Array, frequencies: Array)
     return {found.name: found.value for found in fit_segments(true, terms).estimates if found.name in TERMS}
 
 
-def _chosen(
-    columns: dict[str, Array], frequency: Array, weight: Array, reach: float
-) -> tuple[tuple[str, ...], dict[str, str]]:
-    """Terms that the partial F takes up, and why the others are not."""
-    kept: tuple[str, ...] = ("flapping_frequency",)
+def _chosen(regression: _Regression, reach: float) -> tuple[tuple[str, ...], dict[str, str]]:
+    """Terms with a significant partial F, and why the others are left out."""
+    chosen: tuple[str, ...] = ("flapping_frequency",)
     if reach < LEAST_RANGE:
         why = f"the throttle varies by {reach:.2g} only"
-        return kept, dict.fromkeys(("throttle_slope", "throttle_curvature"), why)
-    kept, reasons = (*kept, "throttle_slope"), {}
+        return chosen, dict.fromkeys(("throttle_slope", "throttle_curvature"), why)
+    chosen, reasons = (*chosen, "throttle_slope"), {}
     for term in ("throttle_curvature", "voltage_slope"):
-        why = _needless(columns, frequency, weight, kept, term)
+        why = _insignificant(regression, (*chosen, term))
         if why:
             reasons[term] = why
         else:
-            kept = (*kept, term)
-    return kept, reasons
+            chosen = (*chosen, term)
+    return chosen, reasons
 
 
-def _needless(columns: dict[str, Array], frequency: Array, weight: Array, kept: tuple[str, ...], term: str) -> str:
-    """Why ``term`` is not taken up; empty where it is."""
-    if not np.all(np.isfinite(columns[term])):
+def _insignificant(regression: _Regression, terms: tuple[str, ...]) -> str:
+    """Why the last of ``terms`` is left out; empty if it is significant."""
+    count = len(regression.frequency)
+    if not np.all(np.isfinite(regression.columns[terms[-1]])):
         return "the voltage was not measured"
-    degrees = len(frequency) - len(kept) - 1
-    if degrees < 1:
-        return f"{len(frequency)} stretches are too few to tell it"
-    designs = [np.column_stack([columns[t] for t in some]) for some in (kept, (*kept, term))]
-    if np.linalg.cond(designs[1] / np.linalg.norm(designs[1], axis=0)) > 1e4:
+    if count <= len(terms):
+        return f"{count} stretches are too few to tell it"
+    design = np.column_stack([regression.columns[term] for term in terms]) * regression.root[:, None]
+    try:
+        fit = regress(design, regression.frequency * regression.root, np.ones(count), covariance="white")
+    except np.linalg.LinAlgError:
         return "it cannot be told from the other terms"
-    before, after = (_squares(design, frequency, weight) for design in designs)
-    ratio = (before - after) / max(after / degrees, 1e-300)
-    needed = float(f_distribution.ppf(1 - CHANCE, 1, degrees))
+    ratio = float(fit.values[-1] ** 2 / max(fit.covariance[-1, -1], 1e-300))
+    needed = float(fdtri(1.0, fit.degrees, 1 - CHANCE))
     return "" if ratio > needed else f"its partial F of {ratio:.2g} is below {needed:.2g}"
-
-
-def _squares(design: Array, frequency: Array, weight: Array) -> float:
-    root = np.sqrt(weight)
-    left = (frequency - design @ np.linalg.lstsq(design * root[:, None], frequency * root, rcond=None)[0]) * root
-    return float(left @ left)
-
-
-def _weighted(design: Array, frequency: Array, weight: Array) -> tuple[Array, Array, float]:
-    """Values, covariance by the scatter between stretches, and that scatter (Hz)."""
-    shares = weight / weight.mean()
-    information = design.T @ (design * shares[:, None])
-    if np.linalg.cond(information) > 1e12:
-        raise InputError("the stretches of throttle do not tell these terms apart")
-    inverse = np.linalg.inv(information)
-    values = inverse @ (design.T @ (shares * frequency))
-    left = frequency - design @ values
-    variance = float(shares @ left**2) / max(len(frequency) - design.shape[1], 1)
-    # A fast beat wanders by more hertz than a slow one.
-    covariance = not_below(inverse * variance, uneven(inverse, design, left, shares))
-    return values, covariance, float(np.sqrt(variance))
 
 
 def _dead_zone(segments: tuple[Segment, ...]) -> Estimate | Unidentified:

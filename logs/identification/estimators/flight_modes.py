@@ -14,16 +14,17 @@ import numpy as np
 
 from logs.identification.data.experiment import Experiment
 from logs.identification.data.flight import Aircraft, FlightData
-from logs.identification.data.lag import behind
 from logs.identification.data.maneuvers import (
     ELEVATOR,
     Maneuver,
     Reference,
+    by_flight,
     dropped_maneuvers,
     find_maneuvers,
+    holdout_sample,
     reference_of,
 )
-from logs.identification.data.split import by_flight, drawn
+from logs.identification.data.resampling import behind
 from logs.identification.diagnostics.agreement import agreement
 from logs.identification.estimators.engine.problem import Fit, Nuisances, Parameter, Problem
 from logs.identification.estimators.equation_error import Settings, coefficient_regression
@@ -36,7 +37,7 @@ from logs.identification.models.actuators import Actuated, Actuator
 from logs.identification.models.modes import SHORT_PERIOD, Mode, ModesResult, mode_of_system, nothing
 from logs.identification.models.stroke_averaged import LONGITUDINAL, TAIL_DELAY, TAIL_LAG, UNITS, model_of
 from logs.identification.results import Array, Estimate, EstimationResult, FitSeries
-from logs.identification.statistics.parameter_uncertainty import Spread
+from logs.identification.statistics.covariance import ParameterUncertainty
 from wingbeat.constants import STANDARD_GRAVITY
 
 OUTPUT_ERROR, EQUATION_ERROR, FILTER_ERROR = "output error", "equation error, frequency domain", "filter error"
@@ -159,8 +160,8 @@ def equation_error(flight: FlightProblem, lag: float) -> Regression:
             continue
         regressors = tuple(name[2:] for name in chosen)
         fit = coefficient_regression(experiments, response, regressors, "frequency", settings)
-        if fit.failure or fit.unidentified:
-            why = fit.failure or f"{fit.unidentified[0].name} {fit.unidentified[0].reason}"
+        if fit.failure or fit.withheld:
+            why = fit.failure or f"{fit.withheld[0].subject} {fit.withheld[0].text}"
             return Regression(flight.names, np.zeros(0), np.zeros((0, 0)), 1.0, (), f"{response}: {why}")
         for one, residual in zip(experiments, fit.residuals, strict=True):
             measured = one.signals[response]
@@ -169,7 +170,7 @@ def equation_error(flight: FlightProblem, lag: float) -> Regression:
         names += chosen
         values += [float(fit.values[place]) for place in places]
         blocks.append(fit.covariance[np.ix_(places, places)])
-        degrees = min(degrees, *(float(fit.degrees[place]) for place in places))
+        degrees = min(degrees, fit.degrees)
     covariance = np.zeros((len(names), len(names)))
     at = 0
     for block in blocks:
@@ -202,7 +203,7 @@ def with_speeds(maneuver: Maneuver, reference: Reference, aircraft: Aircraft, la
         )
         integrals = (_integral(rate - rate.mean(), step) for rate in rates)
         u, w = (mean + one - one.mean() for mean, one in zip(means, integrals, strict=True))
-    delta = behind(signals[ELEVATOR], step, aircraft.tail_delay, lag, held=False)
+    delta = behind(signals[ELEVATOR], step, aircraft.tail_delay, lag, zoh=False)
     more = {"u": u, "w": w, "f_x": f_x, "f_z": f_z, "delta": delta}
     units = {"u": "m/s", "w": "m/s", "f_x": "m/s^2", "f_z": "m/s^2", "delta": "rad"}
     kept = {name: values[::THINNED] for name, values in (signals | more).items()}
@@ -353,7 +354,7 @@ def records_of_flight(flight: FlightProblem, lag: float) -> Records:
     """Angle of a tail with this ``lag`` (s), pitch rate and normal specific force, for methods without a model."""
     experiments = []
     for one in (maneuver.experiment for maneuver in flight.maneuvers):
-        tail = behind(one.signals[ELEVATOR], one.step, flight.aircraft.tail_delay, lag, held=False)
+        tail = behind(one.signals[ELEVATOR], one.step, flight.aircraft.tail_delay, lag, zoh=False)
         signals = {name: values[::2] for name, values in {**one.signals, ELEVATOR: tail}.items()}
         experiments.append(one._replace(time=one.time[::2], signals=signals))
     return records_of(tuple(experiments), ELEVATOR, ("q", "a_z"), smooth_input=True)
@@ -401,7 +402,7 @@ def cross_validated(flight: FlightProblem) -> tuple[FitSeries, ...]:
     """Some maneuvers as predicted by output error of the others: whole flights, else every third maneuver."""
     flights = sorted({one.flight.name for one in flight.maneuvers if one.flight is not None})
     if len(flights) > 1:
-        kept, locked = by_flight(flight.maneuvers, drawn(flights))
+        kept, locked = by_flight(flight.maneuvers, holdout_sample(flights))
     else:
         kept, locked = (
             tuple(one for i, one in enumerate(flight.maneuvers) if (i % THIRD == THIRD - 1) is side)
@@ -418,13 +419,15 @@ def derivatives_of(fit: Fit | Regression) -> tuple[Estimate, ...]:
     """Derivatives and parameters of the tail, without the strengths of the process noise."""
     if isinstance(fit, Fit):
         return tuple(one._replace(unit=UNITS[one.name]) for one in fit.estimates if one.name in UNITS)
-    return Spread(fit.covariance, fit.degrees).estimates({name: UNITS[name] for name in fit.names}, fit.values)
+    return ParameterUncertainty(fit.covariance, fit.degrees).estimates(
+        {name: UNITS[name] for name in fit.names}, fit.values
+    )
 
 
 def mode_of(method: str, flight: FlightProblem, fit: Fit | Regression) -> Mode:
     """The modes of the derivatives that a method estimated, errors by the delta method."""
     if fit.failure:
         return nothing(method, fit.failure)
-    spread = Spread(fit.covariance, fit.degrees)
+    spread = ParameterUncertainty(fit.covariance, fit.degrees)
     system = flight.system
     return mode_of_system(method, lambda values: system(fit.names, values), fit.values, spread, derivatives_of(fit))

@@ -18,7 +18,15 @@ from scipy.spatial.transform import Rotation
 
 from logs.identification.data.experiment import Experiment
 from logs.identification.data.noise_level import noise_level
-from logs.identification.estimators.engine.problem import Fit, Model, Nuisances, Own, Parameter, Prior, Problem
+from logs.identification.estimators.engine.problem import (
+    Fit,
+    Model,
+    Nuisances,
+    Parameter,
+    Prior,
+    Problem,
+    RecordParameters,
+)
 from logs.identification.estimators.output_error import Search, fitted_series, output_error, predicted
 from logs.identification.estimators.registry import ESTIMATORS, Estimator, Request
 from logs.identification.findings import Entry, Finding, register
@@ -171,7 +179,9 @@ def reconstruct(
     findings += fit.findings
     if fit.failure:
         return FlightPath(_result(options, fit, findings), ())
-    motions = tuple(_motion(problem, one, fitted) for one, fitted in zip(problem.experiments, fit.own, strict=True))
+    motions = tuple(
+        _motion(problem, one, fitted) for one, fitted in zip(problem.experiments, fit.records, strict=True)
+    )
     later = _prepared(held_out, model) if held_out else ()
     initial = tuple(_initial(model, one) for one in later)
     series = (
@@ -193,7 +203,12 @@ def estimate_flight_path(request: Request) -> EstimationResult:
 
 ESTIMATORS[METHOD] = Estimator(
     METHOD, "Flight-path reconstruction (data compatibility check)", "Klein & Morelli 2006, ch. 10",
-    estimate_flight_path,
+    estimate_flight_path, "[path]; path of a flight without velocities of the GPS",
+    {
+        "longitudinal": "u, w, theta and altitude alone", "also": "further errors: scale_q, bias_theta, ...",
+        "known": "errors that are zero", "positions": "of the sensors, FRD, m: `SensorPositions`",
+        "input_noise": "standard deviation by input",
+    },
 )  # fmt: skip
 
 
@@ -342,7 +357,7 @@ def _with_filter(body: RigidBody, problem: Problem, fit: Fit, options: PathOptio
     """
     places = [list(body.outputs).index(name) for name in problem.outputs]
     gains, experiments, first = [], [], 0
-    for one, fitted in zip(problem.experiments, fit.own, strict=True):
+    for one, fitted in zip(problem.experiments, fit.records, strict=True):
         path = body.motion(*_arguments(body, one, fitted), one.step)
         steps = linearize(path.states, with_middles(path.inputs), one.step, STANDARD_GRAVITY)
         scales = np.array([1.0 + fitted.parameters[f"scale_{name}"] for name in problem.outputs])
@@ -358,11 +373,11 @@ def _with_filter(body: RigidBody, problem: Problem, fit: Fit, options: PathOptio
         model=RigidBodyFilter(body, problem.outputs, np.concatenate(gains)),
         experiments=tuple(experiments),
         parameters={name: one._replace(start=values[name]) for name, one in problem.parameters.items()},
-        initial=tuple(fitted.initial for fitted in fit.own),
+        initial=tuple(fitted.initial for fitted in fit.records),
     )
 
 
-def _arguments(model: Model, record: Experiment, fitted: Own) -> tuple[Array, Array, Array]:
+def _arguments(model: Model, record: Experiment, fitted: RecordParameters) -> tuple[Array, Array, Array]:
     """Parameters, initial states and inputs of a fitted record."""
     parameters = np.array([fitted.parameters[name] for name in model.parameters])
     start = np.array([fitted.initial[name] for name in STATES])
@@ -401,7 +416,7 @@ def _result(
     )  # fmt: skip
 
 
-def _motion(problem: Problem, record: Experiment, fitted: Own) -> Experiment:
+def _motion(problem: Problem, record: Experiment, fitted: RecordParameters) -> Experiment:
     """The filtered motion of one record."""
     model = problem.model
     assert isinstance(model, RigidBodyFilter)

@@ -12,14 +12,20 @@ import numpy as np
 
 from logs.identification.estimators.modal import ModalFit, ModalMethod, NotIdentified, add_row
 from logs.identification.estimators.records import LEAST_SAMPLES, Record, Records
-from logs.identification.estimators.variable_projection import Build, Piece, SeparableFit, solve, squares
+from logs.identification.estimators.separable import (
+    Build,
+    SeparableFit,
+    SeparableRecord,
+    log_squares,
+    orthonormal,
+    solve,
+)
 from logs.identification.results import Array
-from logs.identification.statistics.parameter_uncertainty import (
-    coloured_spread,
-    determined,
+from logs.identification.statistics.covariance import (
+    ParameterUncertainty,
     information,
-    scores_of,
-    with_scatter,
+    is_determined,
+    record_covariance,
 )
 
 DRIFT_ORDER = 2
@@ -45,7 +51,8 @@ def fit(records: Records, kinds: tuple[str, ...]) -> ModalFit:
     if any(np.any(np.ptp(ring.outputs, axis=0) == 0) for ring in rings):
         raise NotIdentified("constant_output")
     found = fit_ring_downs(rings, len(kinds))
-    if found.failure or not determined(found.sensitivities) or np.any(found.values[::2] <= 0):
+    total = information(found.sensitivities)
+    if not found.converged or not is_determined(total) or np.any(found.values[::2] <= 0):
         raise NotIdentified("mode_not_identifiable")
     explained = explained_by(found, rings)
     if explained < MIN_EXPLAINED:
@@ -57,10 +64,10 @@ def fit(records: Records, kinds: tuple[str, ...]) -> ModalFit:
         periods = float(frequency) * longest / (2 * math.pi)
         if periods < MIN_PERIODS:
             raise NotIdentified("record_too_short", periods, MIN_PERIODS, unit="periods of the ring-down")
-    lags = max(len(ring.outputs) for ring in rings) // 10 + 1
-    within = coloured_spread(found.residuals, found.sensitivities, (0, lags), found.linear)
-    inverse = np.asarray(np.linalg.inv(information(found.sensitivities)), dtype=np.float64)
-    return ModalFit(found.values, with_scatter(within, inverse, scores_of(found.residuals, found.sensitivities)))
+    inverse = np.asarray(np.linalg.inv(total), dtype=np.float64)
+    used, fitted = [np.ones(one.shape) for one in found.residuals], found.nuisances + len(found.values)
+    covariance, degrees = record_covariance(found.residuals, used, found.sensitivities, inverse, fitted)
+    return ModalFit(found.values, ParameterUncertainty(covariance, float(degrees.min())))
 
 
 def ring_downs(records: Records) -> tuple[Record, ...]:
@@ -80,25 +87,25 @@ def fit_ring_downs(rings: tuple[Record, ...], count: int) -> SeparableFit:
     highest = min(0.25 * math.pi / ring.step for ring in rings)
     lowest = min(math.pi / longest, highest / 2)
     starts = [np.array([w, z]) for w in np.geomspace(lowest, highest, GRID) for z in DAMPINGS]
-    best = min(starts, key=lambda start: squares(build, start))
+    best = min(starts, key=lambda start: log_squares(build, start))
     if count == 1:
         return solve(build, best)
     pairs = [np.concatenate((best, [best[0] * fraction, 0.1])) for fraction in SLOWER]
     pairs += [np.concatenate(([best[0] / fraction, 0.4], best)) for fraction in SLOWER]
-    return solve(build, min(pairs, key=lambda start: squares(build, start)))
+    return solve(build, min(pairs, key=lambda start: log_squares(build, start)))
 
 
 def builder(rings: tuple[Record, ...], order: int = DRIFT_ORDER) -> Build:
     """The linear problem at frequencies and dampings (2 k,), with a drift of the ``order``."""
     spans = {(len(ring.outputs), ring.step) for ring in rings}
 
-    def build(values: Array) -> list[Piece]:
-        columns = {span: _columns(values, *span, order) for span in spans}
-        pieces = []
+    def build(values: Array) -> list[SeparableRecord]:
+        bases = {span: orthonormal(_columns(values, *span, order)) for span in spans}
+        records = []
         for ring in rings:
-            outputs, each = ring.outputs.shape[1], columns[len(ring.outputs), ring.step]
-            pieces.append(Piece(ring.outputs, (each,) * outputs, (each[:, :0],) * outputs))
-        return pieces
+            outputs, basis = ring.outputs.shape[1], bases[len(ring.outputs), ring.step]
+            records.append(SeparableRecord(ring.outputs, (basis,) * outputs, (basis[:, :0],) * outputs))
+        return records
 
     return build
 

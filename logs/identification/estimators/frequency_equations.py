@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import expm
 
 from logs.identification.data.experiment import Experiment
 from logs.identification.data.fourier import in_band
@@ -20,10 +21,10 @@ from logs.identification.data.resampling import whole_records
 from logs.identification.estimators.equation_error import Settings, default_frequencies, equations
 from logs.identification.estimators.least_squares import regress_records
 from logs.identification.estimators.regressors import SMOOTH, Design, Record, common_step
-from logs.identification.models.intersample import Motion, acting_inputs, simulate
 from logs.identification.models.modes import Mode, mode_of_system, nothing
 from logs.identification.results import Array
-from logs.identification.statistics.parameter_uncertainty import Spread
+from logs.identification.statistics.covariance import ParameterUncertainty
+from sim_bridge.compiled import njit
 from wingbeat.errors import InputError
 
 METHOD = "equation error"
@@ -38,6 +39,41 @@ MAX_GROWTH = 3.0
 """-; exponent by which a simulated motion may grow over a record and still be an instrument"""
 MIN_EXPLAINED = 0.5
 """-; of the response in the band"""
+SAME = 1e-9
+"""-; of a step: times closer to a sample are at it"""
+
+
+class Acting(NamedTuple):
+    """Inputs that act in each step, before the change in it and after."""
+
+    fraction: float
+    """-; of the step, before the change"""
+    early: tuple[Array, Array]
+    """(N - 1, k) each; at the start of the step, and just before the change"""
+    later: tuple[Array, Array]
+    """(N - 1, k) each; just after the change, and just before the end of the step"""
+    before: Array
+    """(N, k); at the samples, just before a change there"""
+
+    @property
+    def means(self) -> Array:
+        """Mean (N - 1, k) over each step."""
+        early, later = ((one + other) / 2 for one, other in (self.early, self.later))
+        mean: Array = self.fraction * early + (1.0 - self.fraction) * later
+        return mean
+
+
+class Motion(NamedTuple):
+    """Motion of a linear system."""
+
+    states: Array
+    """(N, n)"""
+    means: Array
+    """(N - 1, n); of the states over each step"""
+    rates: Array
+    """(N, n); of the states at the samples, just before a change of the inputs there"""
+
+
 Motions = list[Motion] | list[None]
 
 
@@ -90,7 +126,7 @@ def frequency_equation_error(experiments: tuple[Experiment, ...], settings: Equa
     except np.linalg.LinAlgError:
         return nothing(METHOD, "the records do not excite alpha, q and inputs apart")
     names = tuple(name for one in first for name in one.names)
-    spread = Spread(covariance, min(one.degrees for one in first))
+    spread = ParameterUncertainty(covariance, min(one.degrees for one in first))
     units = {name: "1/s" if name.startswith("Z") or name == "M_q" else "1/s^2" for name in names}
     derivatives = spread.estimates(units, values)
     return mode_of_system(METHOD, lambda v: _system(names, v, settings)[0], values, spread, derivatives)
@@ -218,9 +254,9 @@ def _equation(
     if not design.names:
         return _Equation((), np.zeros(0), np.zeros((0, 0)), np.inf, 1.0)
     made = equations(design, "frequency", spectral)
-    pieces, count = made.pieces, len(made.names) - len(design.names)
+    pieces, count = made.blocks, len(made.names) - len(design.names)
     if motions[0] is not None:
-        clean = equations(_design(axis, records, settings, motions, instrument=True), "frequency", spectral).pieces
+        clean = equations(_design(axis, records, settings, motions, instrument=True), "frequency", spectral).blocks
         pieces = tuple(p._replace(instruments=c.instruments) for p, c in zip(pieces, clean, strict=True))
     fit = regress_records(pieces)
     left = np.split(fit.residuals, np.cumsum([len(piece.response) for piece in pieces])[:-1])
@@ -229,7 +265,7 @@ def _equation(
         for columns in (left, [piece.response for piece in pieces])
     ]
     explained = 1.0 - power[0] / max(power[1], 1e-300)
-    degrees = float(fit.degrees_each[count:].min())
+    degrees = float(fit.degrees)
     return _Equation(design.names, fit.values[count:], fit.covariance[count:, count:], degrees, explained)
 
 
@@ -259,3 +295,62 @@ def _inputs(one: Experiment, settings: EquationSettings) -> Array:
 
 def _zoh_columns(settings: EquationSettings) -> list[int]:
     return [place for place, name in enumerate(settings.inputs) if name in settings.zoh_inputs]
+
+
+# --- motion between samples, exactly ------------------------------------------------------------------------
+# A delayed input changes, or bends, once within each step; before and after it is a constant or a line, so that the
+# motion and its integral are matrix exponentials (Van Loan, IEEE Trans. Automatic Control 23, 1978).
+
+
+def acting_inputs(inputs: Array, step: float, delay: float, zoh_columns: list[int]) -> Acting:
+    """The ``inputs`` (N, k), every ``step`` s, as they act ``delay`` s later.
+
+    ``zoh_columns`` have a zero-order hold. Before the first sample and after the last they are constant.
+    """
+    whole = int(np.floor(delay / step + SAME))
+    fraction = max(delay / step - whole, 0.0)
+    linear = np.ones(inputs.shape[1])
+    linear[zoh_columns] = 0.0
+    index = np.arange(len(inputs)) - whole
+    old, now, coming = (inputs[np.clip(index + k, 0, len(inputs) - 1)] for k in (-1, 0, 1))
+    start = old + (now - old) * (1.0 - fraction) * linear
+    end = now + (coming - now) * (1.0 - fraction) * linear
+    changing = old + (now - old) * linear
+    return Acting(fraction, (start[:-1], changing[:-1]), (now[:-1], end[:-1]), start)
+
+
+def simulate(a: Array, b: Array, start: Array, acting: Acting, step: float) -> Motion:
+    """Motion from ``start`` (n,) of ``x' = a x + b u``, ``a`` (n, n) and ``b`` (n, k), with ``acting`` inputs."""
+    n = len(a)
+    blocks = [_exponential(a, b, part * step) for part in (acting.fraction, 1.0 - acting.fraction)]
+    forced = [
+        np.hstack((first, last - first)) @ block[: 2 * n, 2 * n :].T
+        for block, (first, last) in zip(blocks, (acting.early, acting.later), strict=True)
+    ]
+    early, later = (block[:n, :n] for block in blocks)
+    states = np.vstack((start, forced[0][:, :n] @ later.T + forced[1][:, :n]))
+    _accumulate(np.ascontiguousarray(later @ early), states)
+    middle = states[:-1] @ early.T + forced[0][:, :n]
+    integrals = states[:-1] @ blocks[0][n : 2 * n, :n].T + middle @ blocks[1][n : 2 * n, :n].T
+    means = (integrals + forced[0][:, n:] + forced[1][:, n:]) / step
+    return Motion(states, means, states @ a.T + acting.before @ b.T)
+
+
+def _exponential(a: Array, b: Array, length: float) -> Array:
+    """Transition (2 n + 2 k, 2 n + 2 k) of states, their integrals, inputs and their increments over ``length`` s."""
+    n, k = b.shape
+    block = np.zeros((2 * n + 2 * k, 2 * n + 2 * k))
+    block[:n, :n], block[:n, 2 * n : 2 * n + k] = a * length, b * length
+    block[n : 2 * n, :n] = np.eye(n) * length
+    block[2 * n : 2 * n + k, 2 * n + k :] = np.eye(k)
+    return np.asarray(expm(block))
+
+
+@njit(cache=True)
+def _accumulate(transition: Array, states: Array) -> None:
+    """Accumulate the ``states`` (N, n), which contain the increments of each step, by the ``transition`` (n, n)."""
+    count, n = states.shape
+    for row in range(1, count):
+        for i in range(n):
+            for j in range(n):
+                states[row, i] += transition[i, j] * states[row - 1, j]

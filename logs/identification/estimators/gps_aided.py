@@ -2,16 +2,15 @@
 
 The attitude in a log is a filter's estimate from the same gyros, with errors slower than a record. Here rates and
 specific forces propagate velocity and attitude from fix to fix (`models.rigid_body`); an error of a rate tilts
-gravity, so the velocity error grows with the square of time. Noise of the IMU, random walks of its biases and noise
-of the fixes maximize the likelihood; scales, misalignments and a lag of the accelerometers have priors.
+gravity, so the velocity error grows with the square of time. Extended Kalman filter and Rauch-Tung-Striebel smoother,
+iterated about the smoothed path (Bell, The Iterated Kalman Smoother as a Gauss-Newton Method, SIAM J. Optimization
+4(3), 1994). Noise of the IMU, random walks of its biases and noise of the fixes maximize the likelihood; scales and
+misalignments have priors (Groves, Principles of GNSS, Inertial, and Multisensor Integrated Navigation Systems, 2nd
+ed., ch. 14).
 
-Extended Kalman filter and Rauch-Tung-Striebel smoother, iterated about the smoothed path (Bell, The Iterated Kalman
-Smoother as a Gauss-Newton Method, SIAM J. Optimization 4(3), 1994); error model as in Groves, Principles of GNSS,
-Inertial, and Multisensor Integrated Navigation Systems, 2nd ed., chapter 14.
-
-Unknowns, 31: u, v, w (m/s; over ground), phi, theta, psi (rad) at the IMU's position; biases of the six inputs
-(rad/s, m/s^2); two 3 x 3 matrices (-) of scales and misalignments, of rates and of forces, row by row; lag of the
-forces behind the rates (s). The filter may have six more: the inputs' errors integrated over time.
+States: u, v, w (m/s, over ground), phi, theta, psi (rad) at the IMU's position; the biases of the six inputs (rad/s,
+m/s^2); two 3 x 3 matrices (-) of scales and misalignments, of rates and of forces, row by row. For their means the
+inputs' errors are integrated over time in six more.
 """
 
 from __future__ import annotations
@@ -28,30 +27,24 @@ from logs.identification.estimators.flight_path import EQUATIONS, LARGE_ERRORS, 
 from logs.identification.estimators.registry import ESTIMATORS, Estimator, Request
 from logs.identification.findings import Entry, Finding, register
 from logs.identification.models.rigid_body import INPUTS, UNITS, integrate, linearize, with_middles
-from logs.identification.results import Array, EstimationResult, FitSeries, estimate
+from logs.identification.results import Array, EstimationResult, FitSeries, estimates
 from sim_bridge.compiled import njit
 from wingbeat.constants import STANDARD_GRAVITY
 from wingbeat.errors import InputError
 
 METHOD = "gps_aided"
 ATTITUDE, VELOCITIES = ("phi", "theta", "psi"), ("v_north", "v_east", "v_down")
-MOTION, OFFSETS, MATRICES, LAG = 6, 6, 12, 30
-"""-; number of motion states, and first index of the others"""
-UNKNOWNS = 31
-PRIOR_DEVIATIONS = np.array(
-    [3.0] * 3 + [0.2] * 2 + [0.5] + [0.2] * 3 + [1.0] * 3 + [0.01] * 9 + [0.007] * 9 + [0.003]
-)
-"""SI; standard deviations before the first fix. Motion: of the initial guess;
-scales and misalignments: 1 % and 0.6 deg of gyros, 0.7 % and 0.4 deg of accelerometers (`AhrsGains.level_error`);
-half a sample of lag either way"""
+MOTION, MATRICES, STATES = 6, 12, 30
+"""-; number of motion states, first index of the matrices, number of states"""
+PRIOR_DEVIATIONS = np.array([3.0] * 3 + [0.2] * 2 + [0.5] + [0.2] * 3 + [1.0] * 3 + [0.01] * 9 + [0.007] * 9)
+"""SI; standard deviations before the first fix; of the motion those of the initial guess, of scales and misalignments
+1 % and 0.6 deg of gyros, 0.7 % and 0.4 deg of accelerometers"""
 TYPICAL_WALKS = (3e-4, 1e-3)
-"""rad/s^1.5, m/s^2.5; random walks of the biases: warming, and errors of scale in and out of turns"""
-FIX_NOISE = 0.1
-"""m/s; of a receiver's velocity"""
+"""rad/s^1.5, m/s^2.5; random walks of the biases"""
+FIX_NOISE, MIN_FIX_NOISE = 0.1, 0.01
+"""m/s; noise of a receiver's velocity; its resolution"""
 MIN_NOISE = (1e-4, 1e-3)
 """rad/s, m/s^2; of a sample, at least"""
-MIN_FIX_NOISE = 0.01
-"""m/s; resolution of a receiver's velocity"""
 LEVEL_DEVIATIONS = np.array([1.0, 1.0, 1.0, 1.0, 5.0])
 """-; standard deviation of the levels' logarithms about the typical ones"""
 ITERATIONS, LEVEL_ITERATIONS = 12, (1, 3)
@@ -60,6 +53,17 @@ CONVERGED = 0.1
 """-; largest step of the motion, in standard errors"""
 SHIFT = 1e-5
 """SI; half width of central differences"""
+
+register({
+    "measured_by_gps": Entry(
+        "by north, east and down velocities of the GPS; the recorded attitude is the initial guess only",
+        "Which measurements the errors of the IMU come from.",
+    ),
+    "mean_bias": Entry(
+        "bias: mean over the record of measured minus true, scale and misalignment included",
+        "What a bias by GPS velocities contains.",
+    ),
+})  # fmt: skip
 
 
 class AidedFlight(NamedTuple):
@@ -92,9 +96,9 @@ class NoiseLevels(NamedTuple):
     forces: float
     """m/s^2; of a sample"""
     rate_walk: float
-    """rad/s^1.5; of the rates' offsets"""
+    """rad/s^1.5; of the rates' biases"""
     force_walk: float
-    """m/s^2.5; of the forces' offsets"""
+    """m/s^2.5; of the forces' biases"""
     fixes: float
     """m/s; of a fix, each axis"""
 
@@ -113,45 +117,46 @@ class AidedFit(NamedTuple):
     levels: NoiseLevels
 
 
-class _Intervals(NamedTuple):
-    """Motion linearized about a path, from fix to fix."""
+class _Linearized(NamedTuple):
+    """Motion and fixes linearized about a path, n states."""
 
     transition: Array
-    """(K, 6, 31); motion at an interval's end by the unknowns at its start"""
-    shifts: Array
-    """(K, 31); added to the means"""
-    process_noise: Array
-    """(K, 31, 31); of the noise levels, empty before they are known"""
-    sums: Array
-    """(K, 6, 31); growth of the six integrals by the unknowns"""
+    """(K - 1, c, n); from fix to fix, of the first c states; the others stay"""
     integrals: Array
-    """(K, 6); added to the sums"""
+    """(K - 1, 6, n); growth of the integrated errors by the states"""
+    shifts: Array
+    """(K - 1, n); added to the deviations from the path"""
+    unit_noise: Array
+    """(4, K - 1, 12, 12); process noise of motion and biases by unit levels of rates, forces and their walks"""
     slopes: Array
-    """(K + 1, 3, 31); Jacobian of the fixes"""
+    """(K, 3, n); Jacobian of the fixes"""
     innovations: Array
-    """m/s; (K + 1, 3), measured minus predicted fixes"""
-    spread: Array
-    """(K, 2, 6, 6); covariance by unit noise of rates and of forces"""
-    seconds: Array
-    """s; (K,)"""
+    """m/s; (K, 3), measured minus predicted fixes"""
+
+    def process_noise(self, levels: NoiseLevels) -> Array:
+        """Process noise (K - 1, 12, 12)."""
+        return np.ascontiguousarray(np.tensordot(np.square(levels[:4]), self.unit_noise, 1))
 
 
 def aided_fit(flight: AidedFlight) -> AidedFit | None:
     """The smoothed path and the mean errors of the inputs; None if the iterations do not converge."""
-    path = _initial_path(flight)
+    path = np.zeros((len(flight.at), STATES))
+    path[:, 3:MOTION] = flight.attitude[flight.at]
+    path[:, :3] = np.einsum("nji,nj->ni", ned_from_frd(path[:, 3:MOTION]), flight.velocity)
     first, levels = path[0].copy(), typical_levels(flight)
+    prior = np.diag(PRIOR_DEVIATIONS**2)
     for number in range(ITERATIONS):
-        linear = _linear(flight, path)
+        linear = _linearized(flight, path)
         if number in LEVEL_ITERATIONS:
             levels = _maximum_likelihood(linear, first - path[0], levels, typical_levels(flight))
-        means, covariances = _forward(linear, first - path[0], levels)
-        steps = _backward(linear, means, covariances, levels)
+        noise = linear.process_noise(levels)
+        means, covariances, _ = _filter(linear, noise, levels.fixes, first - path[0], prior)
+        steps = _smoothed(linear, noise, means, covariances)
         path = path + steps
         variances = np.diagonal(covariances, 0, 1, 2)[:, :MOTION]
         if not np.all(np.isfinite(path)) or np.min(variances) <= 0:
             return None
-        step_size = np.max(np.abs(steps[:, :MOTION]) / np.sqrt(variances))
-        if number > max(LEVEL_ITERATIONS) and step_size < CONVERGED:
+        if number > max(LEVEL_ITERATIONS) and np.max(np.abs(steps[:, :MOTION]) / np.sqrt(variances)) < CONVERGED:
             return _mean_errors(flight, path, first, levels)
     return None
 
@@ -168,145 +173,120 @@ def ned_from_frd(angles: Array) -> Array:
     return np.asarray(Rotation.from_euler("ZYX", angles[:, ::-1]).as_matrix(), dtype=np.float64)
 
 
-def _initial_path(flight: AidedFlight) -> Array:
-    """No errors, velocities of the fixes in the axes of the measured attitude."""
-    path = np.zeros((len(flight.at), UNKNOWNS))
-    path[:, 3:MOTION] = flight.attitude[flight.at]
-    path[:, :3] = np.einsum("nji,nj->ni", ned_from_frd(path[:, 3:MOTION]), flight.velocity)
-    return path
-
-
-def _predicted_fixes(path: Array, rates: Array, arm: tuple[float, float, float]) -> Array:
+def _predicted_fixes(flight: AidedFlight, path: Array) -> Array:
     """Velocities (K, 3) that the path predicts for the fixes."""
-    velocity = path[:, :3] - np.cross(rates - path[:, OFFSETS : OFFSETS + 3], np.asarray(arm))
+    rates = flight.inputs[flight.at, :3] - path[:, MOTION : MOTION + 3]
+    velocity = path[:, :3] - np.cross(rates, np.asarray(flight.arm))
     predicted: Array = np.einsum("nij,nj->ni", ned_from_frd(path[:, 3:MOTION]), velocity)
     return predicted
 
 
-def _matrix(row: Array) -> Array:
-    """Both matrices as one (6, 6)."""
+def _linearized(flight: AidedFlight, path: Array) -> _Linearized:
+    dense, count = with_middles(flight.inputs), len(path) - 1
+    seconds = np.diff(flight.at) * flight.step
+    transition, integrals = np.zeros((count, MOTION, STATES)), np.zeros((count, 6, STATES))
+    unit_noise, shifts = np.zeros((4, count, MATRICES, MATRICES)), path[:-1] - path[1:]
+    for k in range(count):
+        inside = slice(2 * int(flight.at[k]), 2 * int(flight.at[k + 1]) + 1)
+        inputs = dense[inside] - path[k, MOTION:MATRICES] - dense[inside] @ _matrix(path[k]).T
+        integrals[k] = seconds[k] * _errors_by_states(dense[inside][1::2].mean(axis=0))
+        states = integrate(np.append(path[k, :MOTION], np.zeros(3)), inputs, flight.step, STANDARD_GRAVITY)
+        steps = linearize(states, inputs, flight.step, STANDARD_GRAVITY)
+        _accumulate(*steps, dense[inside], transition[k], unit_noise[:2, k])
+        shifts[k, :MOTION] = states[-1, :MOTION] - path[k + 1, :MOTION]
+    for kind in range(2):
+        places = MOTION + 3 * kind + np.arange(3)
+        unit_noise[2 + kind][:, places, places] = seconds[:, None]
+    slopes = np.zeros((count + 1, 3, STATES))
+    for column in range(MOTION + 3):
+        shift = np.zeros(STATES)
+        shift[column] = SHIFT
+        ahead, behind = (_predicted_fixes(flight, path + side * shift) for side in (1, -1))
+        slopes[:, :, column] = (ahead - behind) / (2 * SHIFT)
+    innovations = flight.velocity - _predicted_fixes(flight, path)
+    return _Linearized(transition, integrals, shifts, unit_noise, slopes, innovations)
+
+
+def _matrix(state: Array) -> Array:
+    """Both matrices of scales and misalignments as one (6, 6)."""
     both = np.zeros((6, 6))
-    both[:3, :3], both[3:, 3:] = row[MATRICES:LAG].reshape(2, 3, 3)
+    both[:3, :3], both[3:, 3:] = state[MATRICES:].reshape(2, 3, 3)
     return both
 
 
-def _linear(flight: AidedFlight, path: Array) -> _Intervals:
-    dense = with_middles(flight.inputs)
-    slopes = np.gradient(dense, flight.step / 2, axis=0)
-    slopes[:, :3] = 0.0  # the lag is that of the forces behind the rates
-    parts = [_interval(flight, path, index, dense, slopes) for index in range(len(flight.at) - 1)]
-    transition, spread, ends, means = (np.array([part[place] for part in parts]) for place in range(4))
-    seconds = np.diff(flight.at) * flight.step
-    shifts = path[:-1] - path[1:]
-    shifts[:, :MOTION] = ends - path[1:, :MOTION]
-    sums = np.zeros((len(parts), 6, UNKNOWNS))
-    sums[:, :, OFFSETS:MATRICES] = seconds[:, None, None] * np.eye(6)
+def _errors_by_states(inputs: Array) -> Array:
+    """Derivatives (6, n) of the errors of the ``inputs`` (6,) by the states."""
+    slopes = np.zeros((6, STATES))
+    slopes[:, MOTION:MATRICES] = np.eye(6)
     for a in range(6):
-        kind = 3 * (a // 3)
-        sums[:, a, MATRICES + 3 * a : MATRICES + 3 * a + 3] = seconds[:, None] * means[:, kind : kind + 3]
-    integrals = np.einsum("nap,np->na", sums, path[:-1])
-    rates = flight.inputs[flight.at, :3]
-    innovations = flight.velocity - _predicted_fixes(path, rates, flight.arm)
-    jacobian, nothing = _fix_slopes(path, rates, flight.arm), np.zeros((0, 0, 0))
-    return _Intervals(transition, shifts, nothing, sums, integrals, jacobian, innovations, spread, seconds)
-
-
-def _interval(
-    flight: AidedFlight, path: Array, index: int, dense: Array, slopes: Array
-) -> tuple[Array, Array, Array, Array]:
-    """From one fix to the next: `_interval_transition`, the motion at its end (6,) and the mean inputs (6,)."""
-    inside = slice(2 * int(flight.at[index]), 2 * int(flight.at[index + 1]) + 1)
-    row, raw, rising = path[index], dense[inside], slopes[inside]
-    inputs = raw - row[OFFSETS:MATRICES] - raw @ _matrix(row).T + row[LAG] * rising
-    states = integrate(np.append(row[:MOTION], np.zeros(3)), inputs, flight.step, STANDARD_GRAVITY)
-    steps = linearize(states, inputs, flight.step, STANDARD_GRAVITY)
-    transition, spread = _interval_transition(*steps, raw, rising)
-    return transition, spread, states[-1, :MOTION], np.mean(raw[1::2], axis=0)
-
-
-def _fix_slopes(path: Array, rates: Array, arm: tuple[float, float, float]) -> Array:
-    """Jacobian (K, 3, 31) of the predicted fixes, by central differences."""
-    slopes = np.zeros((len(path), 3, UNKNOWNS))
-    for column in range(OFFSETS + 3):
-        shift = np.zeros(UNKNOWNS)
-        shift[column] = SHIFT
-        ahead, behind = (_predicted_fixes(path + side * shift, rates, arm) for side in (1, -1))
-        slopes[:, :, column] = (ahead - behind) / (2 * SHIFT)
+        slopes[a, MATRICES + 3 * a : MATRICES + 3 * a + 3] = inputs[3 * (a // 3) : 3 * (a // 3) + 3]
     return slopes
 
 
-def _with_noise(linear: _Intervals, levels: NoiseLevels) -> _Intervals:
-    """The intervals with the process noise of the noise levels."""
-    process_noise = np.zeros((len(linear.transition), UNKNOWNS, UNKNOWNS))
-    of_rates, of_forces = np.swapaxes(linear.spread, 0, 1)
-    process_noise[:, :MOTION, :MOTION] = levels.rates**2 * of_rates + levels.forces**2 * of_forces
-    walks = np.repeat((levels.rate_walk**2, levels.force_walk**2), 3)
-    places = np.arange(OFFSETS, MATRICES)
-    process_noise[:, places, places] = linear.seconds[:, None] * walks
-    return linear._replace(process_noise=process_noise)
-
-
-def _maximum_likelihood(linear: _Intervals, first: Array, levels: NoiseLevels, typical: NoiseLevels) -> NoiseLevels:
+def _maximum_likelihood(linear: _Linearized, first: Array, levels: NoiseLevels, typical: NoiseLevels) -> NoiseLevels:
     """The noise levels of the largest posterior likelihood, with priors about the typical ones."""
-    about, least = (
-        np.log(typical),
-        np.log((*MIN_NOISE, 0.1 * TYPICAL_WALKS[0], 0.1 * TYPICAL_WALKS[1], MIN_FIX_NOISE)),
-    )
+    about, least = np.log(typical), np.log((*MIN_NOISE, *(0.1 * walk for walk in TYPICAL_WALKS), MIN_FIX_NOISE))
+    prior = np.diag(PRIOR_DEVIATIONS**2)
 
     def cost(logs: Array) -> float:
-        means, covariance, nothing = (
-            first.copy(),
-            np.diag(PRIOR_DEVIATIONS**2),
-            (np.zeros((0, 0)), np.zeros((0, 0, 0))),
-        )
-        found = NoiseLevels(*np.exp(np.maximum(logs, least)))
-        likelihood = _kalman_filter(_with_noise(linear, found), found.fixes, means, covariance, *nothing)
+        tried = NoiseLevels(*np.exp(np.maximum(logs, least)))
+        likelihood = _filter(linear, linear.process_noise(tried), tried.fixes, first, prior)[2]
         return float(0.5 * np.sum(((logs - about) / LEVEL_DEVIATIONS) ** 2) - likelihood)
 
     options = {"maxfev": 300, "xatol": 0.05, "fatol": 0.05}
-    found = minimize(cost, np.log(levels), method="Nelder-Mead", options=options).x
-    return NoiseLevels(*np.exp(np.maximum(found, least)).tolist())
+    best = minimize(cost, np.log(levels), method="Nelder-Mead", options=options).x
+    return NoiseLevels(*np.exp(np.maximum(best, least)).tolist())
 
 
-def _forward(linear: _Intervals, first: Array, levels: NoiseLevels) -> tuple[Array, Array]:
-    """Deviations (K, 31) from the path after each fix, and their covariances."""
-    count = len(linear.innovations)
-    means, covariances = np.zeros((count, UNKNOWNS)), np.zeros((count, UNKNOWNS, UNKNOWNS))
-    prior = np.diag(PRIOR_DEVIATIONS**2)
-    _kalman_filter(_with_noise(linear, levels), levels.fixes, first.copy(), prior, means, covariances)
-    return means, covariances
+def _filter(
+    linear: _Linearized, noise: Array, fix_noise: float, first: Array, prior: Array
+) -> tuple[Array, Array, float]:
+    """Deviations (K, n) from the path after each fix, their covariances, and the logarithm of the likelihood."""
+    means, covariances = (
+        np.empty((len(linear.innovations), len(first))),
+        np.empty((len(linear.innovations), *prior.shape)),
+    )
+    likelihood = _kalman_filter(
+        linear.transition, linear.shifts, noise, linear.slopes, linear.innovations, fix_noise**2, first.copy(),
+        prior.copy(), means, covariances,
+    )  # fmt: skip
+    return means, covariances, likelihood
 
 
-def _backward(linear: _Intervals, means: Array, covariances: Array, levels: NoiseLevels) -> Array:
-    """Smoothed deviations (K, 31) from the path."""
-    smooth, process_noise = means.copy(), _with_noise(linear, levels).process_noise
-    step = np.eye(UNKNOWNS)
+def _smoothed(linear: _Linearized, noise: Array, means: Array, covariances: Array) -> Array:
+    """Smoothed deviations (K, n) from the path."""
+    smooth, step, scale = means.copy(), np.eye(STATES), np.outer(PRIOR_DEVIATIONS, PRIOR_DEVIATIONS)
     for k in range(len(means) - 2, -1, -1):
         step[:MOTION] = linear.transition[k]
         across = step @ covariances[k]
-        ahead = across @ step.T + process_noise[k]
-        gain = (
-            np.linalg.solve(
-                ahead / np.outer(PRIOR_DEVIATIONS, PRIOR_DEVIATIONS), across / PRIOR_DEVIATIONS[:, None]
-            ).T
-            / PRIOR_DEVIATIONS
-        )
+        ahead = across @ step.T
+        ahead[:MATRICES, :MATRICES] += noise[k]
+        gain = np.linalg.solve(ahead / scale, across / scale).T * PRIOR_DEVIATIONS[:, None] / PRIOR_DEVIATIONS
         smooth[k] += gain @ (smooth[k + 1] - step @ means[k] - linear.shifts[k])
     return smooth
 
 
 def _mean_errors(flight: AidedFlight, path: Array, first: Array, levels: NoiseLevels) -> AidedFit:
-    """The errors' means over the segment, by their integrals at its end."""
-    linear = _linear(flight, path)
-    mean = np.append(first - path[0], np.zeros(6))
-    covariance = np.zeros((len(mean), len(mean)))
-    covariance[:UNKNOWNS, :UNKNOWNS] = np.diag(PRIOR_DEVIATIONS**2)
-    nothing = np.zeros((0, 0)), np.zeros((0, 0, 0))
-    _kalman_filter(_with_noise(linear, levels), levels.fixes, mean, covariance, *nothing)
-    whole = float(np.sum(linear.seconds))
-    predicted = _predicted_fixes(path, flight.inputs[flight.at, :3], flight.arm)
+    """The errors' means over the segment, by their integrals at its end, which follow the motion in the state."""
+    linear = _linearized(flight, path)
+    after = [MOTION] * 6
+    changing = np.concatenate((linear.transition, linear.integrals), axis=1)
+    changing = np.insert(changing, after, 0.0, axis=2)
+    changing[:, MOTION : 2 * MOTION, MOTION : 2 * MOTION] = np.eye(6)
+    grown = np.einsum("kan,kn->ka", linear.integrals, path[:-1])
+    extended = linear._replace(
+        transition=changing,
+        shifts=np.hstack((linear.shifts[:, :MOTION], grown, linear.shifts[:, MOTION:])),
+        slopes=np.insert(linear.slopes, after, 0.0, axis=2),
+    )
+    noise = np.insert(np.insert(linear.process_noise(levels), after, 0.0, axis=1), after, 0.0, axis=2)
+    prior = np.diag(np.insert(PRIOR_DEVIATIONS**2, after, 0.0))
+    start = np.insert(first - path[0], after, 0.0)
+    means, covariances, _ = _filter(extended, noise, levels.fixes, start, prior)
+    integrated, total = slice(MOTION, 2 * MOTION), float(flight.at[-1] - flight.at[0]) * flight.step
+    covariance = covariances[-1, integrated, integrated] / total**2
     return AidedFit(
-        mean[UNKNOWNS:] / whole, covariance[UNKNOWNS:, UNKNOWNS:] / whole**2, path[:, :MOTION], predicted, levels
+        means[-1, integrated] / total, covariance, path[:, :MOTION], _predicted_fixes(flight, path), levels
     )
 
 
@@ -314,30 +294,23 @@ def _mean_errors(flight: AidedFlight, path: Array, first: Array, levels: NoiseLe
 
 
 def aided_result(flight: AidedFlight, fit: AidedFit) -> EstimationResult:
-    """Biases of the IMU, and the fixes beside the path's prediction."""
-    deviations = np.sqrt(np.diag(fit.covariance))
-    rows = zip(INPUTS, fit.errors, deviations, strict=True)
-    found = tuple(estimate(f"bias_{name}", UNITS[name], float(value), float(error)) for name, value, error in rows)
+    """Biases of the IMU; the fixes and the path's prediction."""
+    found = estimates({f"bias_{name}": UNITS[name] for name in INPUTS}, fit.errors, fit.covariance, np.inf)
     imprecise = tuple(
         Finding("imprecise", "warning", one.name, one.standard_error, LARGE_ERRORS[one.unit], {"unit": one.unit})
         for one in found if one.standard_error > LARGE_ERRORS[one.unit]
     )  # fmt: skip
     notes = (Finding("measured_by_gps", "info"), Finding("mean_bias", "info"))
-    series = tuple(_fix_series(flight, fit, column) for column in range(3))
+    time = flight.time[flight.at]
+    even = np.linspace(time[0], time[-1], len(time))
+    series = tuple(
+        FitSeries("flight", name, "m/s", even, *(np.interp(even, time, one) for one in pair))
+        for name, *pair in zip(VELOCITIES, flight.velocity.T, fit.predicted.T, strict=True)
+    )
     return EstimationResult(
         METHOD, "path", "rigid body", (*EQUATIONS, SENSORS), estimates=found, covariance=fit.covariance,
         series=series, samples=len(flight.at), findings=(*notes, *imprecise),
     )  # fmt: skip
-
-
-def _fix_series(flight: AidedFlight, fit: AidedFit, column: int) -> FitSeries:
-    """Measured and predicted velocity on an even time base."""
-    time = flight.time[flight.at]
-    even = time[0] + float(np.median(np.diff(time))) * np.arange(len(time))
-    if np.max(np.abs(even - time)) > flight.step:  # fixes are missing
-        even = np.linspace(time[0], time[-1], len(time))
-    values = (np.interp(even, time, one[:, column]) for one in (flight.velocity, fit.predicted))
-    return FitSeries("flight", VELOCITIES[column], "m/s", even, *values)
 
 
 def estimate_gps_aided(request: Request) -> EstimationResult:
@@ -356,105 +329,70 @@ def estimate_gps_aided(request: Request) -> EstimationResult:
     flight = AidedFlight(one.time, inputs, attitude, at, velocity[at], request.options.get("arm", (0.0, 0.0, 0.0)))
     fit = aided_fit(flight)
     if fit is None:
-        failed = Finding(
-            "not_converged", "withheld", METHOD, details={"reason": "the smoothed path does not converge"}
-        )
+        details = {"reason": "the smoothed path does not converge"}
+        failed = Finding("not_converged", "withheld", METHOD, details=details)
         return EstimationResult(METHOD, "path", status="not converged", findings=(failed,))
     return aided_result(flight, fit)
 
 
 ESTIMATORS[METHOD] = Estimator(
     METHOD, "IMU errors by GPS velocities (iterated Kalman smoother)", "Groves 2013, ch. 14; Bell 1994",
-    estimate_gps_aided,
+    estimate_gps_aided, "path of a flight", {"arm": "from the antenna to the IMU, FRD, m"},
 )  # fmt: skip
-register({
-    "measured_by_gps": Entry(
-        "by north, east and down velocities of the GPS; the recorded attitude is the initial guess only",
-        "Which measurements the errors of the IMU come from.",
-    ),
-    "mean_bias": Entry(
-        "bias: mean over the record of measured minus true, scale and misalignment included",
-        "What a bias by GPS velocities contains.",
-    ),
-})  # fmt: skip
 
 
 # --- compiled ------------------------------------------------------------------------------------------------
 
 
 @njit(cache=True)
-def _interval_transition(carry: Array, gain: Array, inputs: Array, slopes: Array) -> tuple[Array, Array]:
-    """Motion at an interval's end by the unknowns at its start (6, 31), and covariance by unit noise (2, 6, 6).
+def _accumulate(carry: Array, gain: Array, inputs: Array, transition: Array, unit_noise: Array) -> None:
+    """Motion at an interval's end by the states at its start, and covariance by unit noise of rates and forces.
 
-    ``carry`` (N, 9, 9) and ``gain`` (N, 9, 6) are the steps' Jacobians, ``inputs`` and ``slopes`` (2 N + 1, 6) the
-    measured inputs and the rates that a lag multiplies. The unit noise is that of rates and of forces.
+    ``carry`` (N, 9, 9) and ``gain`` (N, 9, 6) are the steps' Jacobians, ``inputs`` (2 N + 1, 6) those measured;
+    ``transition`` (6, n) and ``unit_noise`` (2, 12, 12) are filled.
     """
-    transition, spread = np.zeros((MOTION, UNKNOWNS)), np.zeros((2, MOTION, MOTION))
-    for i in range(MOTION):
-        transition[i, i] = 1.0
+    reach, noise = np.zeros((6, transition.shape[1])), np.zeros((2, 6, 6))
+    for i in range(6):
+        reach[i, i] = 1.0
     for k in range(carry.shape[0]):
-        step, noise = np.ascontiguousarray(carry[k, :MOTION, :MOTION]), np.ascontiguousarray(gain[k, :MOTION])
-        transition = step @ transition
-        for i in range(MOTION):
-            for a in range(6):
-                transition[i, OFFSETS + a] -= noise[i, a]
-                transition[i, LAG] += noise[i, a] * slopes[2 * k + 1, a]
-                for b in range(3):
-                    transition[i, MATRICES + 3 * a + b] -= noise[i, a] * inputs[2 * k + 1, 3 * (a // 3) + b]
+        step, push = np.ascontiguousarray(carry[k, :6, :6]), np.ascontiguousarray(gain[k, :6])
+        reach = step @ reach
+        reach[:, 6:12] -= push
+        for a in range(6):
+            for b in range(3):
+                reach[:, 12 + 3 * a + b] -= push[:, a] * inputs[2 * k + 1, 3 * (a // 3) + b]
         for kind in range(2):
-            part = np.ascontiguousarray(noise[:, 3 * kind : 3 * kind + 3])
-            spread[kind] = step @ spread[kind] @ step.T + part @ part.T
-    return transition, spread
-
-
-@njit(cache=True)
-def _propagate_covariance(covariance: Array, transition: Array, sums: Array, process_noise: Array) -> None:
-    """Propagate the ``covariance`` (n, n) by an interval, in place.
-
-    The motion follows ``transition`` (6, 31); the integrals, if there are any, grow by ``sums`` (6, 31).
-    """
-    rows = transition @ covariance[:UNKNOWNS]
-    near = np.ascontiguousarray(rows[:, :UNKNOWNS])
-    if covariance.shape[0] > UNKNOWNS:
-        more = sums @ covariance[:UNKNOWNS] + covariance[UNKNOWNS:]
-        corner = np.ascontiguousarray(more[:, :UNKNOWNS]) @ sums.T + more[:, UNKNOWNS:]
-        across = near @ sums.T + rows[:, UNKNOWNS:]
-        covariance[UNKNOWNS:], covariance[:, UNKNOWNS:] = more, more.T
-        covariance[UNKNOWNS:, UNKNOWNS:] = corner
-        covariance[:MOTION, UNKNOWNS:], covariance[UNKNOWNS:, :MOTION] = across, across.T
-    block = near @ transition.T
-    covariance[:MOTION, MOTION:UNKNOWNS] = rows[:, MOTION:UNKNOWNS]
-    covariance[MOTION:UNKNOWNS, :MOTION] = rows[:, MOTION:UNKNOWNS].T
-    covariance[:MOTION, :MOTION] = block
-    covariance[:UNKNOWNS, :UNKNOWNS] += process_noise
+            part = np.ascontiguousarray(push[:, 3 * kind : 3 * kind + 3])
+            noise[kind] = step @ noise[kind] @ step.T + part @ part.T
+    transition[:] = reach
+    unit_noise[:, :6, :6] = noise
 
 
 @njit(cache=True)
 def _kalman_filter(
-    intervals: _Intervals, noise: float, mean: Array, covariance: Array, means: Array, covariances: Array
-) -> float:
-    """Kalman filter over K intervals between K + 1 fixes; the logarithm of the likelihood, up to a constant.
+    transition: Array, shifts: Array, noise: Array, slopes: Array, innovations: Array, variance: float, mean: Array,
+    covariance: Array, means: Array, covariances: Array,
+) -> float:  # fmt: skip
+    """Kalman filter over K fixes, from ``mean`` (n,) and ``covariance`` (n, n) before the first, which it changes.
 
-    ``noise`` (m/s) is that of a fix. ``mean`` (n,) and ``covariance`` (n, n) are those before the first fix, and
-    become those after the last; ``means`` (K + 1, 31) and ``covariances`` (K + 1, 31, 31), unless empty, receive
-    those after each.
+    Returns the logarithm of the likelihood, up to a constant; ``means`` and ``covariances`` are those after each fix.
     """
-    transition, shifts, process_noise, sums, integrals, slopes, innovations, _, _ = intervals
-    likelihood, size = 0.0, mean.shape[0]
+    likelihood, c, noisy = 0.0, transition.shape[1], noise.shape[1]
     for k in range(innovations.shape[0]):
         if k > 0:
-            if size > UNKNOWNS:
-                mean[UNKNOWNS:] += sums[k - 1] @ mean[:UNKNOWNS] + integrals[k - 1]
-            mean[:MOTION] = transition[k - 1] @ mean[:UNKNOWNS]
-            mean[:UNKNOWNS] += shifts[k - 1]
-            _propagate_covariance(covariance, transition[k - 1], sums[k - 1], process_noise[k - 1])
-        for row in range(3):
-            gain_numerator = slopes[k, row] @ covariance[:UNKNOWNS]  # symmetric
-            variance = slopes[k, row] @ gain_numerator[:UNKNOWNS] + noise**2
-            innovation = innovations[k, row] - slopes[k, row] @ mean[:UNKNOWNS]
-            mean += gain_numerator * (innovation / variance)
-            covariance -= np.outer(gain_numerator, gain_numerator / variance)
-            likelihood -= 0.5 * (np.log(variance) + innovation**2 / variance)
-        if means.shape[0] > 0:
-            means[k], covariances[k] = mean[:UNKNOWNS], covariance[:UNKNOWNS, :UNKNOWNS]
+            rows = transition[k - 1] @ covariance
+            mean[:c] = transition[k - 1] @ mean
+            mean += shifts[k - 1]
+            block = rows @ transition[k - 1].T
+            covariance[:c], covariance[:, :c] = rows, rows.T
+            covariance[:c, :c] = block
+            covariance[:noisy, :noisy] += noise[k - 1]
+        for row in range(innovations.shape[1]):
+            reach = covariance @ slopes[k, row]
+            total = slopes[k, row] @ reach + variance
+            innovation = innovations[k, row] - slopes[k, row] @ mean
+            mean += reach * (innovation / total)
+            covariance -= np.outer(reach, reach / total)
+            likelihood -= 0.5 * (np.log(total) + innovation**2 / total)
+        means[k], covariances[k] = mean, covariance
     return likelihood

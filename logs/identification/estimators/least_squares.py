@@ -1,25 +1,22 @@
-"""Linear least squares over several records, with a covariance for autocorrelated residuals (`statistics.hac`).
+"""Linear least squares over several records, with a covariance for colored residuals (`statistics.covariance`).
 
 Records are equally spaced; a sample that is not used has the weight 0.
 """
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import Literal, NamedTuple
 
 import numpy as np
 
 from logs.identification.results import Array
-from logs.identification.statistics.hac import HacCovariance, Linear, Noise, autocorrelated, under, white
+from logs.identification.statistics.covariance import colored_covariance
 
-WORST_CONDITION = 1e10
-ROUNDING = 1e-24
-"""-; of the response's squares, below which residuals are rounding and have no autocorrelation"""
+MAX_CONDITION = 1e10
 CovarianceKind = Literal["autocorrelated", "white"]
 
 
-class Piece(NamedTuple):
+class RecordBlock(NamedTuple):
     """One record of a regression."""
 
     regressors: Array
@@ -32,6 +29,15 @@ class Piece(NamedTuple):
     """-; (N,), 1.0 for a sample that counts, else 0.0"""
 
 
+class Noise(NamedTuple):
+    """Residuals of another model, from which the noise is estimated."""
+
+    residuals: tuple[Array, ...]
+    """(N,) of each record"""
+    fitted: int
+    """-; parameters of that model"""
+
+
 class Fit(NamedTuple):
     """Result of a linear regression."""
 
@@ -42,9 +48,7 @@ class Fit(NamedTuple):
     residuals: Array
     """as the response; (N,) of all records one after the other, 0 where the weight is 0"""
     degrees: float
-    """-; effective degrees of freedom, the fewest of any parameter"""
-    degrees_each: Array
-    """-; (p,), effective degrees of freedom of each parameter"""
+    """-; effective degrees of freedom"""
 
 
 def regress(
@@ -62,56 +66,49 @@ def regress(
     Raises:
         numpy.linalg.LinAlgError: the regressors are linearly dependent.
     """
-    piece = Piece(regressors, regressors if instruments is None else instruments, response, used)
-    return regress_records((piece,), covariance)
+    block = RecordBlock(regressors, regressors if instruments is None else instruments, response, used)
+    return regress_records((block,), covariance)
 
 
 def regress_records(
-    pieces: tuple[Piece, ...], covariance: CovarianceKind = "autocorrelated", noise: Noise | None = None
+    blocks: tuple[RecordBlock, ...], covariance: CovarianceKind = "autocorrelated", noise: Noise | None = None
 ) -> Fit:
     """`regress` over several records with independent residuals.
 
-    ``noise`` is the noise model of a larger model, so that the lack of fit of this one does not count as noise.
+    ``noise`` is that of a larger model, so that the lack of fit of this one does not count as noise.
     """
-    scaled, scale = _scaled(pieces)
-    values, records = linear_of(scaled)
-    found = _covariance(records, covariance, pieces) if noise is None else under(noise, records)
-    residuals = np.concatenate([record.residuals for record in records])
-    return Fit(
-        values / scale, found.covariance / np.outer(scale, scale), residuals,
-        float(found.degrees.min(initial=np.inf)), found.degrees,
-    )  # fmt: skip
-
-
-def linear_of(pieces: tuple[Piece, ...]) -> tuple[Array, tuple[Linear, ...]]:
-    """Values (p,) and the weights of every sample by record; raises as `regress`."""
-    designs = [piece.instruments * piece.used[:, None] for piece in pieces]
-    whole = np.vstack(designs)
-    if len(whole) < whole.shape[1] or np.linalg.cond(whole) > WORST_CONDITION:
+    scaled, scale = _scaled(blocks)
+    designs = [block.instruments * block.used[:, None] for block in scaled]
+    stacked = np.vstack(designs)
+    if len(stacked) < stacked.shape[1] or np.linalg.cond(stacked) > MAX_CONDITION:
         raise np.linalg.LinAlgError("the regressors are linearly dependent")
-    pairs = list(zip(designs, pieces, strict=True))
-    inverse = np.linalg.inv(np.sum([d.T @ (p.regressors * p.used[:, None]) for d, p in pairs], axis=0))
-    values = inverse @ np.sum([d.T @ (p.response * p.used) for d, p in pairs], axis=0)
-    residuals = [(p.response - p.regressors @ values) * p.used for p in pieces]
-    basis, edges = np.linalg.qr(whole)[0], np.cumsum([0] + [len(p.used) for p in pieces])
-    rows = zip(designs, residuals, pieces, pairwise(edges), strict=True)
-    return values, tuple(Linear(d @ inverse.T, basis[a:b], r, p.used) for d, r, p, (a, b) in rows)
+    pairs = list(zip(designs, scaled, strict=True))
+    inverse = np.linalg.inv(np.sum([d.T @ (b.regressors * b.used[:, None]) for d, b in pairs], axis=0))
+    values = inverse @ np.sum([d.T @ (b.response * b.used) for d, b in pairs], axis=0)
+    residuals = tuple((b.response - b.regressors @ values) * b.used for b in scaled)
+    noise = noise or Noise(residuals, len(values))
+    weights = [design @ inverse.T for design in designs]
+    if covariance == "white":
+        degrees = max(sum(float(b.used.sum()) for b in scaled) - noise.fitted, 1.0)
+        squares = sum(float(r @ r) for r in noise.residuals)
+        found = np.sum([w.T @ w for w in weights], axis=0) * (squares / degrees)
+    else:
+        # With instruments, residuals outside of their band do not count.
+        bounded = all(block.instruments is block.regressors for block in blocks)
+        columns = [r[:, None] for r in noise.residuals], [b.used[:, None] for b in scaled]
+        sensitivities = [w[:, None] for w in weights]
+        found, degrees = colored_covariance(*columns, sensitivities, np.eye(len(values)), noise.fitted, bounded)
+    return Fit(values / scale, found / np.outer(scale, scale), np.concatenate(residuals), degrees)
 
 
-def _scaled(pieces: tuple[Piece, ...]) -> tuple[tuple[Piece, ...], Array]:
-    """The pieces with regressors and instruments of unit length, and the lengths (p,) of the regressors."""
+def _scaled(blocks: tuple[RecordBlock, ...]) -> tuple[tuple[RecordBlock, ...], Array]:
+    """The blocks with regressors and instruments of unit length, and the lengths (p,) of the regressors."""
     scale, other = (
         np.where((size := np.linalg.norm(np.vstack(columns), axis=0)) > 0, size, 1.0)
         for columns in (
-            [p.regressors * p.used[:, None] for p in pieces], [p.instruments * p.used[:, None] for p in pieces]
+            [b.regressors * b.used[:, None] for b in blocks], [b.instruments * b.used[:, None] for b in blocks]
         )
     )  # fmt: skip
     return tuple(
-        p._replace(regressors=p.regressors / scale, instruments=p.instruments / other) for p in pieces
+        b._replace(regressors=b.regressors / scale, instruments=b.instruments / other) for b in blocks
     ), scale
-
-
-def _covariance(records: tuple[Linear, ...], kind: CovarianceKind, pieces: tuple[Piece, ...]) -> HacCovariance:
-    squares = sum(float(piece.response**2 @ piece.used) for piece in pieces)
-    rounding = sum(float(r.residuals @ r.residuals) for r in records) <= ROUNDING * squares
-    return white(records) if kind == "white" or rounding else autocorrelated(records)

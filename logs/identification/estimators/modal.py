@@ -11,7 +11,7 @@ from logs.identification.estimators.registry import ESTIMATORS, Estimator, Reque
 from logs.identification.findings import Entry, Finding, register
 from logs.identification.models.modes import KINDS, SHORT_PERIOD, Mode, nothing, paired_mode, without_heavy
 from logs.identification.results import Array, Estimate, EstimationResult
-from logs.identification.statistics.parameter_uncertainty import Spread
+from logs.identification.statistics.covariance import ParameterUncertainty
 from wingbeat.errors import InputError
 
 register({
@@ -61,7 +61,7 @@ class ModalFit(NamedTuple):
 
     pairs: Array
     """(2 k,); frequency (rad/s) and damping ratio of each mode"""
-    spread: Spread
+    spread: ParameterUncertainty
     """of parameters of which `pairs` are the first"""
     parameters: tuple[Estimate, ...] = ()
     """further numbers, such as delay and gains"""
@@ -122,13 +122,13 @@ class ModalMethod(NamedTuple):
 
     def _identify(self, records: Records, kinds: tuple[str, ...]) -> tuple[Mode, ModalFit | None, Finding | None]:
         try:
-            if self.inputs and records.beside:
+            if self.inputs and records.other_inputs:
                 raise NotIdentified("one_input_only")
             fit = self.fit(records, kinds)
         except NotIdentified as refused:
             finding = refused.finding
             if finding.code == "one_input_only":
-                finding = finding._replace(subject=", ".join(records.beside))
+                finding = finding._replace(subject=", ".join(records.other_inputs))
             return nothing(self.title, finding.text, kinds), None, finding
         mode = paired_mode(self.title, kinds, fit.pairs, fit.spread, fit.parameters)
         return (mode if math.isinf(self.max_damping) else without_heavy(mode, self.max_damping)), fit, None
@@ -136,5 +136,8 @@ class ModalMethod(NamedTuple):
 
 def add_row(method: ModalMethod) -> ModalMethod:
     """Enter a method into the registry."""
-    ESTIMATORS[method.name] = Estimator(method.name, method.title.capitalize(), method.reference, method.result)
+    ESTIMATORS[method.name] = Estimator(
+        method.name, method.title.capitalize(), method.reference, method.result,
+        "modes; [modes]", {"kinds": "short_period, phugoid"},
+    )  # fmt: skip
     return method

@@ -1,7 +1,13 @@
-"""Statistics for the choice of a regression's terms (Klein & Morelli, Aircraft System Identification, 2006, ch. 5).
+"""Choice of a regression's terms: statistics, and multivariate orthogonal functions.
 
-The published criteria count samples. With autocorrelated residuals they would accept nearly every term: here they
-count effective samples, and PRESS leaves out blocks of samples. With white residuals they are the published ones.
+Klein & Morelli, Aircraft System Identification, 2006, ch. 5. The published criteria count samples. With
+autocorrelated residuals they would accept nearly every term: here they count effective samples, and PRESS leaves out
+blocks of samples. With white residuals they are the published ones.
+
+Orthogonal functions (Morelli, Global Nonlinear Aerodynamic Modeling Using Multivariate Orthogonal Functions, J.
+Aircraft 32(2), 1995): candidates are made orthogonal (modified Gram-Schmidt, the one that explains most first), so
+that each reduces the squares independently of the others; those up to the least predicted square error are retained.
+Every orthogonal function is a sum of ordinary terms, from which coefficients and covariance follow exactly.
 """
 
 from __future__ import annotations
@@ -9,18 +15,31 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import fdtrc
 
-from logs.identification.estimators.equation_error import Settings, equations
-from logs.identification.estimators.least_squares import ROUNDING, Piece, linear_of
+from logs.identification.data.experiment import Experiment
+from logs.identification.estimators.equation_error import (
+    CoefficientRegression,
+    Settings,
+    equations,
+    one_response,
+    regression_result,
+    settings_of,
+    solve,
+)
+from logs.identification.estimators.least_squares import CovarianceKind, Noise, RecordBlock, regress_records
+from logs.identification.estimators.registry import ESTIMATORS, Estimator, Request
 from logs.identification.estimators.regressors import Design
-from logs.identification.results import Array
-from logs.identification.statistics.hac import Noise, noise_of, under, white
+from logs.identification.results import Array, EstimationResult
 
 RANK = 1e-5
 """-; smallest singular value of independent candidates of unit length"""
 SAMPLES_PER_TERM = 10
 MAX_TERMS = 24
 """-; of the largest model, from whose residuals the noise is estimated"""
+ROUNDING = 1e-24
+"""-; of the response's squares, below which residuals are rounding"""
+KINDS: tuple[CovarianceKind, CovarianceKind] = ("autocorrelated", "white")
 DEPENDENT = 1e-10
 """-; relative squared length of a column that the others do not explain, below which it depends on them"""
 
@@ -30,7 +49,7 @@ class Candidates(NamedTuple):
 
     names: tuple[str, ...]
     """-; (p,)"""
-    pieces: tuple[Piece, ...]
+    blocks: tuple[RecordBlock, ...]
     """nuisances (intercepts, trends) first, then the candidates; columns of unit length over all records"""
     nuisances: int
     """-; number of their columns"""
@@ -47,7 +66,7 @@ class Candidates(NamedTuple):
     charge: float
     """response squared; of the predicted square error for each parameter"""
     noise: Noise | None
-    """of the largest model, None if its residuals are rounding or white"""
+    """of the largest model; None if its residuals are rounding or white"""
     steady: bool = False
     """-; residuals are white"""
 
@@ -76,40 +95,41 @@ def candidates_of(design: Design, settings: Settings) -> Candidates:
     """
     wanted = equations(design, "time", settings)
     nuisances = len(wanted.names) - len(design.names)
-    size = np.linalg.norm(np.vstack([piece.regressors for piece in wanted.pieces]), axis=0)
+    size = np.linalg.norm(np.vstack([block.regressors for block in wanted.blocks]), axis=0)
     scale = np.where(size > 0, size, 1.0)
-    unit = [piece.regressors / scale for piece in wanted.pieces]
-    pieces = tuple(p._replace(regressors=u, instruments=u) for p, u in zip(wanted.pieces, unit, strict=True))
-    used = np.concatenate([piece.used for piece in pieces]) > 0
-    whole = np.vstack(unit)[used]
-    response = np.concatenate([piece.response for piece in pieces])[used]
-    basis = np.linalg.qr(whole[:, :nuisances])[0] if nuisances else np.zeros((len(whole), 0))
-    rest = whole[:, nuisances:] - basis @ (basis.T @ whole[:, nuisances:])
-    lost = np.sum(rest**2, axis=0) <= 1e-20 * np.sum(whole[:, nuisances:] ** 2, axis=0)
-    remaining, count = response - basis @ (basis.T @ response), len(whole)
+    unit = [block.regressors / scale for block in wanted.blocks]
+    blocks = tuple(b._replace(regressors=u, instruments=u) for b, u in zip(wanted.blocks, unit, strict=True))
+    used = np.concatenate([block.used for block in blocks]) > 0
+    table = np.vstack(unit)[used]
+    response = np.concatenate([block.response for block in blocks])[used]
+    basis = np.linalg.qr(table[:, :nuisances])[0] if nuisances else np.zeros((len(table), 0))
+    rest = table[:, nuisances:] - basis @ (basis.T @ table[:, nuisances:])
+    lost = np.sum(rest**2, axis=0) <= 1e-20 * np.sum(table[:, nuisances:] ** 2, axis=0)
+    remaining, count = response - basis @ (basis.T @ response), len(table)
     charge = float(remaining @ remaining) / max(count - nuisances, 1) / count
     plain = Candidates(
-        design.names, pieces, nuisances, np.where(lost, 0.0, rest), remaining, basis, scale[nuisances:],
+        design.names, blocks, nuisances, np.where(lost, 0.0, rest), remaining, basis, scale[nuisances:],
         float(count), charge, None, settings.steady,
     )  # fmt: skip
     largest = _largest_model(plain)
     left = statistics_of(plain, largest)
     if not largest or not left.r_squared < 1 - ROUNDING or settings.steady:
         return plain
-    _, records = linear_of(pieces_of(plain, largest))
-    noise = noise_of(records)
-    raised, even = (np.diag(c.covariance)[nuisances:] for c in (under(noise, records), white(records)))
-    effective = count / float(np.clip(np.median(raised / even), 1.0, count / 3))
+    fit, white = (regress_records(blocks_of(plain, largest), kind) for kind in KINDS)
+    edges = np.cumsum([len(block.used) for block in blocks])[:-1]
+    noise = Noise(tuple(np.split(fit.residuals, edges)), len(fit.values))
+    raised = (np.diag(fit.covariance) / np.diag(white.covariance))[nuisances:]
+    effective = count / float(np.clip(np.median(raised), 1.0, count / 3))
     # The published charge, sigma_max^2 / N with the response's own variance, exceeds the 2 sigma^2 / N of white noise
     # (Barron 1984); autocorrelated noise may need more.
     return plain._replace(effective=effective, charge=max(charge, 2 * left.variance / effective), noise=noise)
 
 
-def pieces_of(candidates: Candidates, chosen: tuple[int, ...]) -> tuple[Piece, ...]:
+def blocks_of(candidates: Candidates, chosen: tuple[int, ...]) -> tuple[RecordBlock, ...]:
     """The records with only the nuisances and the ``chosen`` candidates."""
     columns = [*range(candidates.nuisances), *(candidates.nuisances + column for column in chosen)]
-    parts = ((piece, piece.regressors[:, columns]) for piece in candidates.pieces)
-    return tuple(Piece(regressors, regressors, piece.response, piece.used) for piece, regressors in parts)
+    parts = ((block, block.regressors[:, columns]) for block in candidates.blocks)
+    return tuple(RecordBlock(regressors, regressors, block.response, block.used) for block, regressors in parts)
 
 
 def independent(candidates: Candidates, chosen: tuple[int, ...]) -> bool:
@@ -190,3 +210,122 @@ def _largest_model(candidates: Candidates) -> tuple[int, ...]:
             break
         chosen = (*chosen, best)
     return chosen
+
+
+class Function(NamedTuple):
+    """One orthogonal function, in the order in which they were made."""
+
+    term: str
+    """-; the candidate that it was made of"""
+    gain: float
+    """-; fraction of the response's variance that it explains"""
+    pse: float
+    """response squared; predicted square error with it and all before it"""
+    kept: bool
+    chance: float
+    """-; p-value of its partial F, counted in effective samples"""
+
+
+class Orthogonal(NamedTuple):
+    """Result of modeling by orthogonal functions."""
+
+    functions: tuple[Function, ...]
+    terms: tuple[str, ...]
+    """-; ordinary terms of the retained functions"""
+    triangle: Array
+    """(k, k); upper: the retained terms, without mean and trend, are the orthonormal functions times this"""
+    amplitudes: Array
+    """(k,); of the retained orthonormal functions, as the response"""
+    model: CoefficientRegression
+    """the same model in ordinary terms: intercept, coefficients, covariance"""
+    failure: str = ""
+    """-; why there is no model, empty if there is"""
+
+
+def orthogonal_regression(
+    experiments: tuple[Experiment, ...],
+    response: str,
+    candidates: tuple[str, ...],
+    most_terms: int = 12,
+    settings: Settings | None = None,
+) -> Orthogonal:
+    """The model of ``response`` in the ``candidates`` (`terms.pool`) with the least predicted square error.
+
+    Raises:
+        InputError: unknown names, unequal sampling intervals.
+    """
+    settings = settings or Settings()
+    design = settings.design(experiments, response, candidates)
+    lengths = tuple(len(record.used) for record in design.records)
+    if design.samples < 3 * len(experiments) + 3:
+        failure = f"{design.samples} samples with {response} and all candidates"
+    else:
+        pool = candidates_of(design, settings)
+        order, basis, triangle = orthogonalized(pool.columns, pool.response, most_terms)
+        if order:
+            amplitudes = basis.T @ pool.response
+            functions = _functions([design.names[column] for column in order], amplitudes, pool)
+            count = sum(function.kept for function in functions)
+            terms = tuple(function.term for function in functions[:count])
+            model = solve(design.taking(terms), "time", settings, lengths)
+            scaled = triangle[:count, :count] * pool.lengths[order[:count]]
+            return Orthogonal(functions, terms, scaled, amplitudes[:count], model, model.failure)
+        failure = "no candidate varies on its own"
+    empty = solve(design.taking(()), "time", settings, lengths)
+    return Orthogonal((), (), np.zeros((0, 0)), np.zeros(0), empty, failure)
+
+
+def orthogonalized(columns: Array, response: Array, limit: int) -> tuple[list[int], Array, Array]:
+    """Order (k,) of the ``columns`` (N, p), orthonormal functions (N, k) and triangle (k, k): columns = functions R.
+
+    The next column is the one whose part orthogonal to those before it explains most of the ``response`` (N,).
+    """
+    rest, sizes = columns.copy(), np.sum(columns**2, axis=0)
+    order: list[int] = []
+    functions: list[Array] = []
+    while len(order) < min(limit, columns.shape[1]):
+        squares = np.sum(rest**2, axis=0)
+        varies = squares > DEPENDENT * sizes
+        varies[order] = False
+        if not np.any(varies):
+            break
+        gains = np.where(varies, (rest.T @ response) ** 2 / np.where(varies, squares, 1.0), -1.0)
+        best = int(np.argmax(gains))
+        column = rest[:, best]
+        for function in functions:  # a second pass removes the rounding of the first
+            column = column - function * (function @ column)
+        order.append(best)
+        functions.append(column / np.linalg.norm(column))
+        rest = rest - np.outer(functions[-1], functions[-1] @ rest)
+    basis = np.column_stack(functions) if functions else np.zeros((len(response), 0))
+    return order, basis, np.triu(basis.T @ columns[:, order])
+
+
+def _functions(names: list[str], amplitudes: Array, pool: Candidates) -> tuple[Function, ...]:
+    """The functions made of ``names`` (k,), retained up to the least predicted square error."""
+    count, total = len(pool.response), float(pool.response @ pool.response)
+    fitted = np.arange(1, len(names) + 1) + pool.nuisances
+    pse = (total - np.cumsum(amplitudes**2)) / count + pool.charge * fitted
+    empty = total / count + pool.charge * pool.nuisances
+    retained = int(np.argmin(pse)) + 1 if pse.min() < empty else 0
+    free = max(pool.effective - fitted[-1], 1.0)
+    left = max(total - float(np.sum(amplitudes**2)), ROUNDING * total) / free
+    chances = fdtrc(1.0, free, amplitudes**2 / left)
+    return tuple(
+        Function(name, float(a**2 / total), float(p), index < retained, float(chance))
+        for index, (name, a, p, chance) in enumerate(zip(names, amplitudes, pse, chances, strict=True))
+    )
+
+
+def _row(request: Request) -> EstimationResult:
+    most = int(request.options.get("most_terms", 12))
+    found = orthogonal_regression(
+        request.experiments, one_response(request), request.regressors, most, settings_of(request)
+    )
+    return regression_result("orthogonal", request, found.model, steps=found.functions)
+
+
+ESTIMATORS["orthogonal"] = Estimator(
+    "orthogonal", "Multivariate orthogonal functions", "Morelli, J. Aircraft 32(2), 1995", _row,
+    '[[aero.regression]] method = "orthogonal"', {"most_terms": "orthogonal functions at most"},
+)  # fmt: skip

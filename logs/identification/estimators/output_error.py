@@ -9,23 +9,28 @@ import numpy as np
 
 from logs.identification.data.experiment import Experiment
 from logs.identification.estimators.engine.accuracy import accuracy_of
-from logs.identification.estimators.engine.gauss_newton import Found, gauss_newton
-from logs.identification.estimators.engine.nelder_mead import nelder_mead
 from logs.identification.estimators.engine.normal_equations import SMALLEST_SIZE
 from logs.identification.estimators.engine.problem import (
     Fit,
     History,
     Nuisances,
-    Own,
     Parameter,
     Problem,
+    RecordParameters,
 )
 from logs.identification.estimators.engine.records import Record, layout_of, records_of
-from logs.identification.estimators.engine.simulation import Flight, Unknowns
-from logs.identification.estimators.engine.weights import about_mean, noise_of, variation, whitener_of
+from logs.identification.estimators.engine.search import OptimizerResult, gauss_newton, nelder_mead
+from logs.identification.estimators.engine.simulation import (
+    Flight,
+    Unknowns,
+    about_mean,
+    noise_of,
+    variation,
+    whitener_of,
+)
 from logs.identification.estimators.registry import ESTIMATORS, Estimator, Request
 from logs.identification.findings import Finding, of_severity
-from logs.identification.results import Array, EstimationResult, FitSeries, Unidentified, estimate
+from logs.identification.results import Array, EstimationResult, FitSeries, estimate
 from wingbeat.errors import InputError
 
 MOST_STEPS = 60
@@ -82,7 +87,7 @@ def starts_of(flight: Flight, search: Search) -> list[Unknowns]:
     return [first, *(first._replace(values=np.clip(values, low, high)) for values in around)]
 
 
-def _searched(problem: Problem, flight: Flight, start: Unknowns, search: Search) -> Found:
+def _searched(problem: Problem, flight: Flight, start: Unknowns, search: Search) -> OptimizerResult:
     if search.method == "gauss-newton":
         end = gauss_newton(problem, flight, start, search.steps)
         if end.status != "not converged" or not search.fallback:
@@ -100,7 +105,7 @@ def flight_of(problem: Problem) -> Flight:
     return Flight(problem.model, layout, records_of(problem, layout))
 
 
-def fit_of(problem: Problem, flight: Flight, end: Found) -> Fit:
+def fit_of(problem: Problem, flight: Flight, end: OptimizerResult) -> Fit:
     """The fit at the end of a search with its errors; without numbers if the search failed."""
     names = _free_names(problem, flight)
     if end.reason:
@@ -120,7 +125,6 @@ def fit_of(problem: Problem, flight: Flight, end: Found) -> Fit:
             for name, value, error, degrees in rows
             if name not in lost
         ),
-        unidentified=tuple(Unidentified(one.subject, one.text) for one in withheld),
         names=names,
         values=end.unknowns.values,
         covariance=accuracy.covariance,
@@ -128,7 +132,7 @@ def fit_of(problem: Problem, flight: Flight, end: Found) -> Fit:
         noise=noise_of(problem._replace(weighting="full"), flight.records, flight.residuals(end.unknowns)),
         cost=end.cost,
         iterations=end.iterations,
-        own=tuple(_per_record(problem, flight, end, i) for i in range(len(flight.records))),
+        records=tuple(_per_record(problem, flight, end, i) for i in range(len(flight.records))),
         histories=tuple(_history(flight, end, i) for i in range(len(flight.records))),
         outputs=problem.outputs,
         findings=accuracy.findings,
@@ -145,17 +149,17 @@ def _free_names(problem: Problem, flight: Flight) -> tuple[str, ...]:
     return tuple(every[index] for index in flight.layout.free)
 
 
-def _failed(problem: Problem, end: Found, names: tuple[str, ...], why: Finding) -> Fit:
+def _failed(problem: Problem, end: OptimizerResult, names: tuple[str, ...], why: Finding) -> Fit:
     p, m = len(names), len(problem.outputs)
     nothing = np.full((p, p), np.nan)
     status, reason = end.status if end.reason else "not identifiable", end.reason or why.text
     return Fit(
-        status, reason, (), (), names, np.full(p, np.nan), nothing, 1.0, np.full((m, m), np.nan), end.cost,
+        status, reason, (), names, np.full(p, np.nan), nothing, 1.0, np.full((m, m), np.nan), end.cost,
         end.iterations, (), (), problem.outputs, (why,),
     )  # fmt: skip
 
 
-def _explains_nothing(flight: Flight, end: Found) -> bool:
+def _explains_nothing(flight: Flight, end: OptimizerResult) -> bool:
     """Whether an F test of the whole model against constant outputs is not significant."""
     from scipy.special import fdtri  # takes 0.3 s, which a flight need not wait for
 
@@ -164,15 +168,15 @@ def _explains_nothing(flight: Flight, end: Found) -> bool:
     left = sum(float(np.sum(w(r) ** 2)) for w, r in zip(whiteners, residuals, strict=True))
     total = sum(float(np.sum(w(about_mean(r)) ** 2)) for w, r in zip(whiteners, flight.records, strict=True))
     count = sum(float(record.used.sum()) for record in flight.records)
-    unknown = len(flight.layout.free) + flight.layout.own * len(flight.records)
+    unknown = len(flight.layout.free) + flight.layout.nuisances * len(flight.records)
     rest = max(count - unknown, 1.0)
     return bool(total - left <= fdtri(unknown, rest, SURE) * unknown * left / rest)
 
 
-def _per_record(problem: Problem, flight: Flight, optimum: Found, index: int) -> Own:
+def _per_record(problem: Problem, flight: Flight, optimum: OptimizerResult, index: int) -> RecordParameters:
     record, model = flight.records[index], problem.model
-    split = flight.split(record, optimum.unknowns.values, optimum.unknowns.own[index])
-    return Own(
+    split = flight.split(record, optimum.unknowns.values, optimum.unknowns.local[index])
+    return RecordParameters(
         record.name,
         dict(zip(model.parameters, split.parameters.tolist(), strict=True)),
         dict(zip(model.states, split.start.tolist(), strict=True)),
@@ -181,9 +185,9 @@ def _per_record(problem: Problem, flight: Flight, optimum: Found, index: int) ->
     )
 
 
-def _history(flight: Flight, optimum: Found, index: int) -> History:
+def _history(flight: Flight, optimum: OptimizerResult, index: int) -> History:
     record = flight.records[index]
-    model = flight.outputs(record, optimum.unknowns.values, optimum.unknowns.own[index])
+    model = flight.outputs(record, optimum.unknowns.values, optimum.unknowns.local[index])
     return History(record.name, record.time, np.where(record.used > 0, record.measured, np.nan), model)
 
 
@@ -257,10 +261,10 @@ def predicted(
     layout = layout_of(other)
     flight = Flight(problem.model, layout, records_of(other, layout))
     series = []
-    for record, own in zip(flight.records, flight.first().own, strict=True):
+    for record, local in zip(flight.records, flight.first().local, strict=True):
         there = np.where(record.used > 0, record.measured, np.nan)
         scale = np.nanstd(there, axis=0)
-        optimum = _record_values(flight, record, fit.values, own, np.where(scale > 0, scale, 1.0))
+        optimum = _record_values(flight, record, fit.values, local, np.where(scale > 0, scale, 1.0))
         model = flight.outputs(record, fit.values, optimum)
         series += [
             FitSeries(record.name, output, problem.model.outputs[output], record.time, there[:, n], model[:, n], True)
@@ -294,9 +298,15 @@ def estimate_by_output_error(request: Request) -> EstimationResult:
     return result_of("output_error", request, problem, fit)
 
 
+OPTIONS = {
+    "nuisances": "initial states and biases of each maneuver: `Nuisances`", "initial": "initial states by maneuver",
+    "weighting": "of the outputs: diagonal, full or given", "deviations": "of the outputs' noise if given",
+}  # fmt: skip
 ESTIMATORS["output_error"] = Estimator(
     "output_error",
     "Output error (maximum likelihood)",
     "Klein & Morelli, Aircraft System Identification, 2006, ch. 6; Jategaonkar, 2006, ch. 4",
     estimate_by_output_error,
+    'modes; [modes], [[aero.output_error]] method = "output_error"',
+    OPTIONS | {"search": "start values, simplex, number of starts: `Search`"},
 )

@@ -1,4 +1,4 @@
-"""What the methods without a physical model work on: input and outputs of each manoeuvre, even and without gaps."""
+"""What the methods without a physical model work on: input and outputs of each maneuver, even and without gaps."""
 
 from __future__ import annotations
 
@@ -7,9 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from logs.identification.data.contiguous_runs import longest_run, runs
-from logs.identification.data.experiment import Experiment
-from logs.identification.data.noise_level import noise_beside_steps
+from logs.identification.data.experiment import Experiment, longest_run, runs
+from logs.identification.data.noise_level import noise_with_steps
 from logs.identification.results import Array
 from wingbeat.errors import InputError
 from wingbeat.text import pluralize
@@ -30,7 +29,7 @@ FAST_UNITS, SLOW_UNITS = ("rad/s", "m/s^2"), ("m/s", "m")
 
 
 class Record(NamedTuple):
-    """One manoeuvre, or one free motion, without gaps."""
+    """One maneuver, or one free motion, without gaps."""
 
     name: str
     """-; what it is called in reports"""
@@ -58,7 +57,7 @@ class Records(NamedTuple):
     """m/s; mean of the signal V, None if it was not measured"""
     notes: tuple[str, ...] = ()
     """-; what was bridged or left out, one clause each"""
-    beside: tuple[str, ...] = ()
+    other_inputs: tuple[str, ...] = ()
     """-; inputs beside the one in the pieces, that move as well"""
 
     @property
@@ -104,8 +103,10 @@ def records_of(
     if not pieces:
         raise InputError(f"no record of {', '.join(output_names)} has {LEAST_SAMPLES} samples in a row")
     units = tuple(experiments[0].units.get(name, "") for name in output_names)
-    beside = tuple(name for name in others if name in moving)
-    return Records(tuple(pieces), output_names, units, smooth_input, _airspeed(experiments), tuple(notes), beside)
+    other_inputs = tuple(name for name in others if name in moving)
+    return Records(
+        tuple(pieces), output_names, units, smooth_input, _airspeed(experiments), tuple(notes), other_inputs
+    )
 
 
 def _airspeed(experiments: tuple[Experiment, ...]) -> float | None:
@@ -154,9 +155,9 @@ def _record(experiment: Experiment, columns: Array, driven: bool) -> Record:
 def away(values: Array, place: float) -> NDArray[np.bool_]:
     """-; (N,), whether an input is away from a ``place`` where it may rest by more than its noise.
 
-    A channel that is told in steps has no noise between neighbours: less than `LEAST_MOVE` is such a step.
+    A channel that is told in steps has no noise between neighbors: less than `LEAST_MOVE` is such a step.
     """
-    return np.asarray(np.abs(values - place) > max(MOVED * noise_beside_steps(values), LEAST_MOVE))
+    return np.asarray(np.abs(values - place) > max(MOVED * noise_with_steps(values), LEAST_MOVE))
 
 
 def _moves(values: Array) -> bool:

@@ -21,7 +21,7 @@ from logs.identification.estimators.equation_error import (
     predict,
     settings_of,
 )
-from logs.identification.estimators.least_squares import WORST_CONDITION
+from logs.identification.estimators.least_squares import MAX_CONDITION
 from logs.identification.estimators.registry import ESTIMATORS, Estimator, Request
 from logs.identification.estimators.regressors import INTERCEPT, as_regressed
 from logs.identification.estimators.terms import parse
@@ -84,7 +84,7 @@ def recursive_least_squares(
     information, squared = (_weighted_sums(outer, factor) for factor in (forgetting, forgetting**2))
     right = _weighted_sums(x * centered[:, None], forgetting)
     squares, weight = (_weighted_sums(one, forgetting) for one in (centered**2, used))
-    known = np.linalg.cond(information) < WORST_CONDITION
+    known = np.linalg.cond(information) < MAX_CONDITION
     inverse = np.full_like(information, np.nan)
     inverse[known] = np.linalg.inv(information[known])
     values = np.einsum("npq,nq->np", inverse, right)
@@ -149,5 +149,6 @@ def _row(request: Request) -> EstimationResult:
 
 
 ESTIMATORS["recursive_least_squares"] = Estimator(
-    "recursive_least_squares", "Recursive least squares", "Klein & Morelli 2006, ch. 8", _row
-)
+    "recursive_least_squares", "Recursive least squares", "Klein & Morelli 2006, ch. 8", _row,
+    options={"forgetting": "factor of a sample's weight per later sample, above 0 and at most 1"},
+)  # fmt: skip

@@ -54,12 +54,16 @@ class Estimator(NamedTuple):
     reference: str
     """-; textbook or paper, with chapter or equation"""
     estimate: Estimate
+    selection: str = ""
+    """-; subject of the command, or keys of a map, that select it; empty: programs only"""
+    options: Mapping[str, str] = {}
+    """-; meaning of each of `Request.options` by name"""
 
 
 ESTIMATORS: dict[str, Estimator] = {}
 """by name, of the modules imported so far; `estimators` has all"""
 MODULES = (
-    "equation_error", "stepwise", "orthogonal", "recursive", "output_error", "filter_error", "nonparametric",
+    "equation_error", "stepwise", "model_structure", "recursive", "output_error", "filter_error", "nonparametric",
     "flight_path", "gps_aided",
 )  # fmt: skip
 """modules of this package with rows"""

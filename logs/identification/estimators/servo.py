@@ -1,6 +1,6 @@
 """Result of a servo fit, and the effect of the sensors' calibration errors on its intervals.
 
-A scale or a zero that is wrong throughout leaves no trace in the residuals. Its effect is found by fitting again with
+A scale or a zero that is wrong throughout leaves no trace in the residuals. Its effect is one by fitting again with
 each sensor changed by one standard deviation (GUM, JCGM 100:2008, 5.1.3 with finite differences); the squares are
 added to those of the random errors.
 """
@@ -11,8 +11,24 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
 from logs.identification.data.flight import DriveData, GaugeErrors
-from logs.identification.results import Estimate, Unidentified, student_factor
+from logs.identification.estimators.least_squares import CovarianceKind, regress
+from logs.identification.results import Array, Estimate, Unidentified, estimate, estimates, student_factor
+from wingbeat.errors import InputError
+
+Mask = NDArray[np.bool_]
+LEAST_SAMPLES = 40
+MIN_READINGS = 20
+FINE = 8
+"""-; instants inside a burst at which the torque's size is taken"""
+MARGIN = 0.04
+"""N m; above the floor, for gauge noise"""
+SMOOTH = 0.5
+"""-; share of the loaded samples that is used"""
 
 
 class ServoModel(NamedTuple):
@@ -50,16 +66,16 @@ def with_gauge_errors(fit: Fit, data: DriveData, gauges: GaugeErrors) -> ServoMo
     model = fit(data)
     shifts = [_shift(model, fit(changed)) for changed in _changed(data, gauges)]
     widened = tuple(
-        _widened(found, math.sqrt(sum(shift[index] ** 2 for shift in shifts)))
-        for index, found in enumerate(model.estimates)
+        _widened(one, math.sqrt(sum(shift[index] ** 2 for shift in shifts)))
+        for index, one in enumerate(model.estimates)
     )
     return model._replace(estimates=widened)
 
 
 def _shift(model: ServoModel, other: ServoModel) -> list[float]:
     """By how much each estimate moved; an estimate that was lost counts as not moved."""
-    moved = {found.name: found.value for found in other.estimates}
-    return [moved.get(found.name, found.value) - found.value for found in model.estimates]
+    moved = {one.name: one.value for one in other.estimates}
+    return [moved.get(one.name, one.value) - one.value for one in model.estimates]
 
 
 def _changed(data: DriveData, gauges: GaugeErrors) -> list[DriveData]:
@@ -77,7 +93,178 @@ def _changed(data: DriveData, gauges: GaugeErrors) -> list[DriveData]:
     return [changed for error, changed in every if error]
 
 
-def _widened(found: Estimate, systematic: float) -> Estimate:
-    half = math.hypot(found.high - found.value, student_factor(math.inf) * systematic)
-    error = math.hypot(found.standard_error, systematic)
-    return found._replace(standard_error=error, low=found.value - half, high=found.value + half)
+def _widened(one: Estimate, systematic: float) -> Estimate:
+    half = math.hypot(one.high - one.value, student_factor(math.inf) * systematic)
+    error = math.hypot(one.standard_error, systematic)
+    return one._replace(standard_error=error, low=one.value - half, high=one.value + half)
+
+
+# --- torque (Gerdes Eq. 11) -------------------------------------------------------------------------------------
+
+
+class _Bursts(NamedTuple):
+    """Torques during each current burst."""
+
+    current: Array
+    """A; (N,)"""
+    expected: Array
+    """A; (N,), mean of the bursts before and after: the same current without the burst's own noise"""
+    left: Array
+    """N m; (N, FINE), size"""
+    right: Array
+    """N m; (N, FINE), size"""
+    gap: Array
+    """N m; (N,), largest difference of the two sizes"""
+    dip: Array
+    """N m; (N,), how far below its own mean either size falls within the burst"""
+    bend: Array
+    """N m; (N,), third difference of the four readings about the burst, of the torque that bends more"""
+    slope: Array
+    """N m/s; (N,), of the mean of both sizes during the burst"""
+    steady: Mask
+    """-; (N,), True where neither torque changes its sign around the burst"""
+
+
+def _bursts(data: DriveData) -> _Bursts:
+    inside = (data.power_time - data.window >= data.torque_time[0]) & (data.power_time <= data.torque_time[-1])
+    inside[[0, -1]] = False
+    end = data.power_time[inside]
+    instants = end[:, None] - data.window * (1 - (np.arange(FINE) + 0.5) / FINE)
+    around = end[:, None] + np.array([-2.0, -1.0, 0.0, 1.0]) * max(data.window, 0.005)
+    sides, steady = [], np.ones(len(end), dtype=bool)
+    for torque in (data.torque_left, data.torque_right):
+        signs = np.sign(np.interp(around, data.torque_time, torque))
+        steady &= np.abs(signs.sum(axis=1)) == signs.shape[1]
+        sides.append(np.abs(CubicSpline(data.torque_time, torque)(instants)))
+    left, right = sides
+    dip = np.max([(side.mean(axis=1) - side.min(axis=1)) * FINE / (FINE - 1) for side in sides], axis=0)
+    expected = (np.roll(data.current, 1) + np.roll(data.current, -1)) / 2
+    gap = np.max(np.abs(left - right), axis=1)
+    span = (instants[:, -1] - instants[:, 0]) if data.window else np.ones(len(end))
+    slope = ((left + right)[:, -1] - (left + right)[:, 0]) / 2 / span
+    bend = _bend(data, end - data.window / 2)
+    return _Bursts(data.current[inside], expected[inside], left, right, gap, dip, bend, slope, steady)
+
+
+def _bend(data: DriveData, at: Array) -> Array:
+    """Greater third difference (N m) of the two torques' readings about each time of ``at`` (N,)."""
+    before = np.searchsorted(data.torque_time, at) - 2
+    bends = [np.abs(np.diff(torque, 3)) for torque in (data.torque_left, data.torque_right)]
+    bend: Array = np.maximum(*bends)[np.clip(before, 0, len(bends[0]) - 1)]
+    return bend
+
+
+def identify_torque(data: DriveData) -> ServoModel:
+    """K_tau and K_tau0 of Gerdes Eq. 11.
+
+    Raises:
+        InputError: too few samples in which both servos are loaded.
+    """
+    fitted = _fitted(data)
+    again = _fitted(data._replace(torque_time=data.torque_time + fitted.lead)) if fitted.lead else fitted
+    return again.model
+
+
+class _Fitted(NamedTuple):
+    """The model, and what must be added to the torques' times to make them those of the current."""
+
+    model: ServoModel
+    lead: float
+    """s"""
+
+
+def _fitted(data: DriveData) -> _Fitted:
+    """One fit."""
+    bursts = _bursts(data)
+    torque = (bursts.left + bursts.right).mean(axis=1) / 2
+    floor, slope, offset = _preliminary(bursts.current, torque, bursts.steady)
+    if slope * (float(np.max(bursts.current)) - _idle(bursts.current)) < MARGIN:
+        return _Fitted(_blind(float(np.std(torque)), len(torque)), 0.0)
+    for _ in range(5):
+        used = _enough(_loaded(bursts, slope, offset, floor))
+        slope, offset = np.polyfit(bursts.current[used], torque[used], 1)
+        floor = offset + slope * _idle(bursts.current)
+    used = _enough(_loaded(bursts, slope, offset, floor))
+    return _torque_model(
+        bursts, torque, (used & (bursts.bend <= np.quantile(bursts.bend[used], SMOOTH))).astype(float)
+    )
+
+
+def _enough(used: Mask) -> Mask:
+    if used.sum() * SMOOTH < LEAST_SAMPLES:
+        raise InputError(
+            f"both drive servos are loaded in only {int(used.sum())} samples; the torque model needs"
+            f" {math.ceil(LEAST_SAMPLES / SMOOTH)}"
+        )
+    return used
+
+
+def _idle(current: Array) -> float:
+    """Current (A) that both servos together never fall below."""
+    return float(np.quantile(current, 0.005))
+
+
+def _preliminary(current: Array, torque: Array, steady: Mask) -> tuple[float, float, float]:
+    """Floor, slope and offset from the upper half of the currents, where both servos are surely loaded."""
+    high = steady & (current > np.quantile(current, 0.6))
+    if high.sum() < LEAST_SAMPLES or np.ptp(current) <= 0:
+        raise InputError(
+            "the drive current does not vary: no flapping in this log from which to learn the torque model"
+        )
+    slope, offset = (float(c) for c in np.polyfit(current[high], torque[high], 1))
+    return offset + slope * _idle(current), slope, offset
+
+
+def _loaded(bursts: _Bursts, slope: float, offset: float, floor: float) -> Mask:
+    """Where the weaker servo, half the difference below the mean that the current tells, stays above its floor."""
+    weaker = offset + slope * bursts.expected - bursts.gap / 2 - bursts.dip
+    loaded: Mask = bursts.steady & (weaker > floor + MARGIN)
+    return loaded
+
+
+def _torque_model(bursts: _Bursts, torque: Array, used: Array) -> _Fitted:
+    lagging = np.ptp(bursts.slope[used > 0]) > 0
+    columns = (bursts.slope,) if lagging else ()
+    regressors, instruments = (
+        np.column_stack((current, np.ones(len(torque)), *columns)) for current in (bursts.current, bursts.expected)
+    )
+    fit = regress(regressors, torque, used, instruments)
+    (slope, offset), errors = fit.values[:2], np.sqrt(np.diag(fit.covariance))
+    spread = float(np.sqrt(np.average(fit.residuals**2, weights=used)))
+    if not abs(slope) > student_factor(fit.degrees) * errors[0]:
+        return _Fitted(_blind(spread, int(used.sum())), 0.0)
+    found = (
+        estimate("K_tau", "N m/A", float(slope), float(errors[0]), fit.degrees),
+        estimate("K_tau0", "N m", float(offset), float(errors[1]), fit.degrees),
+    )
+    lead = float(fit.values[2]) if lagging else 0.0
+    return _Fitted(ServoModel(found, (), 0.0, 0.0, spread, int(used.sum())), lead)
+
+
+def _blind(spread: float, samples: int) -> ServoModel:
+    refused = Unidentified("K_tau", "the torque does not follow the current in this log")
+    return ServoModel((), (refused,), 0.0, 0.0, spread, samples)
+
+
+def torque_of_readings(current: Array, torque: Array, steady: bool = True) -> ServoModel:
+    """K_tau and K_tau0 of Gerdes Eq. 11 from readings (N,) of one loaded servo on a bench, in A and N m.
+
+    ``steady`` readings are independent of one another.
+
+    Raises:
+        InputError: too few readings.
+    """
+    known = np.isfinite(current) & np.isfinite(torque)
+    if known.sum() < MIN_READINGS:
+        raise InputError(f"{int(known.sum())} readings have current and torque; {MIN_READINGS} are needed")
+    design = np.column_stack((current[known], np.ones(int(known.sum()))))
+    kind: CovarianceKind = "white" if steady else "autocorrelated"
+    try:
+        fit = regress(design, torque[known], np.ones(len(design)), covariance=kind)
+    except np.linalg.LinAlgError:
+        reason = "the current does not vary"
+        return ServoModel(
+            (), (Unidentified("K_tau", reason), Unidentified("K_tau0", reason)), 0.0, 0.0, 0.0, len(design)
+        )
+    values = estimates({"K_tau": "N m/A", "K_tau0": "N m"}, fit.values, fit.covariance, fit.degrees)
+    return ServoModel(values, (), 0.0, 0.0, float(np.std(fit.residuals)), len(design))

@@ -1,6 +1,6 @@
 """Power model of the drive servos (Gerdes Eq. 12, per servo: P/2 at I/2) from gauges, encoders and power sensors.
 
-Centred and over stroke means, the form in which the paper uses it.
+Centered and over stroke means, the form in which the paper uses it.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from logs.identification.data.flight import DriveData, GaugeErrors
 from logs.identification.estimators.least_squares import CovarianceKind, Fit, regress
 from logs.identification.estimators.servo import ServoModel, with_gauge_errors
 from logs.identification.results import Array, Estimate, Unidentified, estimate, student_factor
-from logs.identification.statistics.covariance_inflation import not_below, uneven
+from logs.identification.statistics.covariance import at_least, heteroscedastic_covariance
 from logs.strokes import interval_mean, stroke_cuts, stroke_means
 from wingbeat.errors import InputError
 
@@ -26,7 +26,7 @@ NOISE_SHARE = 0.05
 """-; of the variance between strokes: so much of a slope is lost to noise in what it is per"""
 VAGUE = "its 95 % interval spans zero: too little variation in this log"
 GAUGES_VAGUE = "its 95 % interval, with what the gauges' calibrations left, spans zero"
-NO_SLOPE = "without C_B nothing tells the power away from the centre, of which it is the value at no current"
+NO_SLOPE = "without C_B nothing tells the power away from the center, of which it is the value at no current"
 CONSTANTS = ("P_0", "C_A")
 TERMS = {"C_A": "W", "C_B": "W/A", "C_C": "W/V", "C_F": "W/A/V", "C_G": "W/A^2", "C_H": "W/V^2"}
 MEANING = {
@@ -60,12 +60,12 @@ def _stroke_means(data: DriveData) -> _Strokes:
     cuts = cuts[(cuts >= first) & (cuts <= last)]
     if len(cuts) < LEAST_STROKES:
         raise InputError(f"the log has {len(cuts)} wing strokes; the power model needs {LEAST_STROKES}")
-    centre = data.power_time - half
+    center = data.power_time - half
     power = np.zeros(len(data.torque_time))
     for torque, rate in ((data.torque_left, data.rate_left), (data.torque_right, data.rate_right)):
         power += torque * np.interp(data.torque_time, data.wing_time, rate)
     flapping = np.diff(cuts) < 3 * np.median(np.diff(cuts))
-    columns = interval_mean(centre, np.column_stack((data.current, data.voltage)), cuts[:-1], cuts[1:])[flapping]
+    columns = interval_mean(center, np.column_stack((data.current, data.voltage)), cuts[:-1], cuts[1:])[flapping]
     return _Strokes(
         columns[:, 0] / 2, columns[:, 1], stroke_means(data.torque_time, power, cuts)[flapping] / 2,
         _noise_shares(data, cuts, columns.var(axis=0)),
@@ -82,7 +82,7 @@ def _noise_shares(data: DriveData, cuts: Array, variance: Array) -> tuple[float,
         count = np.maximum(np.bincount(stroke[chosen], minlength=len(cuts) - 1), 1)
         sums = [np.bincount(stroke[chosen], v[chosen], len(cuts) - 1) for v in (data.current, data.voltage)]
         halves.append(np.array(sums) / count)
-    # Neighbours of a sample differ by the motion within the stroke too; the next stroke's do so alike.
+    # Neighbors of a sample differ by the motion within the stroke too; the next stroke's do so alike.
     own = np.var(halves[0] - halves[1], axis=1) / 4
     current, voltage = np.where(variance > 0, own / np.where(variance > 0, variance, 1.0), np.inf)
     return float(current), float(voltage)
@@ -94,7 +94,7 @@ def identify_power(
     centre_voltage: float | None = None,
     terms: tuple[str, ...] | None = None,
 ) -> ServoModel:
-    """The identifiable coefficients of Gerdes Eq. 12, centred on C_D and C_E as given or on the data's own means.
+    """The identifiable coefficients of Gerdes Eq. 12, centered on C_D and C_E as given or on the data's own means.
 
     ``terms`` fixes the coefficients that are fitted and told; without it those are left out that the regressors'
     collinearity or their own standard error makes meaningless, and the constants `P_0` and `C_A` where nothing tells
@@ -152,33 +152,33 @@ def power_with_gauge_errors(
         InputError: too few strokes.
     """
     model = identify_power(data, centre_current, centre_voltage)
-    centre, dropped = (model.centre_current, model.centre_voltage), list(model.unidentified)
+    center, dropped = (model.centre_current, model.centre_voltage), list(model.unidentified)
     terms = _terms(model)
     while True:
-        fit = partial(identify_power, centre_current=centre[0], centre_voltage=centre[1], terms=terms)
+        fit = partial(identify_power, centre_current=center[0], centre_voltage=center[1], terms=terms)
         widened = with_gauge_errors(fit, data, gauges)
-        vague = [found for found in widened.estimates if found.name in terms[1:] and found.contains(0.0)]
+        vague = [one for one in widened.estimates if one.name in terms[1:] and one.contains(0.0)]
         if not vague:
             refused = tuple(one for one in dropped if one.name not in CONSTANTS)
             return _without_vague(widened._replace(unidentified=refused))
-        worst = min(vague, key=lambda found: abs(found.value) / found.standard_error).name
+        worst = min(vague, key=lambda one: abs(one.value) / one.standard_error).name
         dropped.append(Unidentified(worst, GAUGES_VAGUE))
         terms = tuple(term for term in terms if term != worst)
 
 
 def _terms(model: ServoModel) -> tuple[str, ...]:
     """What was fitted, of `TERMS`: the constant always is, told or not."""
-    return ("C_A", *(found.name for found in model.estimates if found.name in TERMS and found.name != "C_A"))
+    return ("C_A", *(one.name for one in model.estimates if one.name in TERMS and one.name != "C_A"))
 
 
 def _without_vague(model: ServoModel) -> ServoModel:
     """The model without the constants that the data does not tell: with none of C_B there is nothing along which to
-    go from the centre's power to that at no current."""
+    go from the center's power to that at no current."""
     refused = [Unidentified(e.name, VAGUE) for e in model.estimates if e.name in CONSTANTS and e.contains(0.0)]
     if "C_B" not in _terms(model):
         refused = [*(one for one in refused if one.name != "C_A"), Unidentified("C_A", NO_SLOPE)]
     lost = {one.name for one in refused}
-    kept = tuple(found for found in model.estimates if found.name not in lost)
+    kept = tuple(one for one in model.estimates if one.name not in lost)
     return model._replace(estimates=kept, unidentified=(*model.unidentified, *refused))
 
 
@@ -195,8 +195,8 @@ def _fit(
     fit = regress(design, power, np.ones_like(power), covariance=covariance)
     # Strong strokes scatter more than weak ones: their noise is the gauges' times the rate.
     inner = np.asarray(np.linalg.inv(design.T @ design), dtype=np.float64)
-    scatter = uneven(inner, design, fit.residuals, np.ones_like(power))
-    fit = fit._replace(covariance=not_below(fit.covariance, scatter))
+    scatter = heteroscedastic_covariance(inner, design, fit.residuals, np.ones_like(power))
+    fit = fit._replace(covariance=at_least(fit.covariance, scatter))
     inverse = np.diag([1 / scale[term] for term in terms])
     return fit._replace(values=inverse @ fit.values, covariance=inverse @ fit.covariance @ inverse)
 
@@ -261,7 +261,7 @@ def _collinear(term: str, inflation: float) -> str:
 
 
 def _coefficients(fit: Fit, terms: tuple[str, ...], c_d: float, c_e: float) -> tuple[Estimate, ...]:
-    """Eq. 12's coefficients from the centred ones: its C_B I + C_C V is not centred, so C_A takes the difference."""
+    """Eq. 12's coefficients from the centered ones: its C_B I + C_C V is not centered, which changes C_A."""
     gradient = np.zeros((len(terms), len(terms)))
     np.fill_diagonal(gradient, 1.0)
     for index, term in enumerate(terms):
@@ -269,11 +269,11 @@ def _coefficients(fit: Fit, terms: tuple[str, ...], c_d: float, c_e: float) -> t
             gradient[0, index] = c_d if term == "C_B" else c_e
     values = gradient @ fit.values
     errors = np.sqrt(np.diag(gradient @ fit.covariance @ gradient.T))
-    found = [
+    one = [
         estimate(t, TERMS[t], float(v), float(e), fit.degrees) for t, v, e in zip(terms, values, errors, strict=True)
     ]
-    centred = estimate("P_0", "W", float(fit.values[0]), float(np.sqrt(fit.covariance[0, 0])), fit.degrees)
-    return (centred, *found)
+    centered = estimate("P_0", "W", float(fit.values[0]), float(np.sqrt(fit.covariance[0, 0])), fit.degrees)
+    return (centered, *one)
 
 
 def power_truth(data: DriveData, measured: ServoModel) -> dict[str, float]:

@@ -15,10 +15,17 @@ import numpy as np
 
 from logs.identification.estimators.modal import ModalFit, ModalMethod, NotIdentified, add_row
 from logs.identification.estimators.records import Record, Records
-from logs.identification.estimators.variable_projection import Build, Piece, SeparableFit, solve, squares
+from logs.identification.estimators.separable import (
+    Build,
+    SeparableFit,
+    SeparableRecord,
+    log_squares,
+    orthonormal,
+    solve,
+)
 from logs.identification.findings import Entry, register
 from logs.identification.results import Array
-from logs.identification.statistics.parameter_uncertainty import Spread, determined, information
+from logs.identification.statistics.covariance import ParameterUncertainty, information, is_determined
 
 MAX_DAMPING = 0.35
 """-; above which half the power is not reached on both sides of the peak"""
@@ -81,7 +88,7 @@ def fit(records: Records, kinds: tuple[str, ...]) -> ModalFit:
     constants = float(found.values[0] * found.values[1] * span)
     if constants < MIN_TIME_CONSTANTS:
         raise NotIdentified("transient_cut_off", constants, MIN_TIME_CONSTANTS)
-    return ModalFit(found.values, _spread(found))
+    return ModalFit(found.values[:2], _uncertainty(found))
 
 
 def _rests(records: list[Record]) -> float:
@@ -149,11 +156,11 @@ def _fitted(given: list[Ordinates]) -> SeparableFit:
     grid = np.unique(frequency[frequency < 0.7 * frequency.max()])[:200]
     starts = [np.array([w, z]) for w in grid for z in DAMPINGS]
     build = _builder(given, weights)
-    values = min(starts, key=lambda start: squares(build, start))
+    values = min(starts, key=lambda start: log_squares(build, start))
     for _ in range(PASSES):
         fit = solve(build, values)
         values = np.array([abs(fit.values[0]), abs(fit.values[1])])
-        if fit.failure or not frequency.min() < values[0] < frequency.max():
+        if not fit.converged or not frequency.min() < values[0] < frequency.max():
             raise NotIdentified("no_peak")
         if values[1] > MAX_DAMPING:
             raise NotIdentified("overdamped", float(values[1]), MAX_DAMPING)
@@ -169,8 +176,8 @@ def _smooth(power: Array) -> Array:
 
 
 def _builder(given: list[Ordinates], weights: list[Array]) -> Build:
-    def build(values: Array) -> list[Piece]:
-        return [_piece(o, w, values) for o, w in zip(given, weights, strict=True)]
+    def build(values: Array) -> list[SeparableRecord]:
+        return [_record(o, w, values) for o, w in zip(given, weights, strict=True)]
 
     return build
 
@@ -186,10 +193,10 @@ def _columns(ordinates: Ordinates, output: int, values: Array) -> Array:
     return np.column_stack(columns)
 
 
-def _piece(ordinates: Ordinates, weights: Array, values: Array) -> Piece:
+def _record(ordinates: Ordinates, weights: Array, values: Array) -> SeparableRecord:
     outputs = range(ordinates.power.shape[1])
-    own = tuple(_columns(ordinates, j, values) * weights[:, [j]] for j in outputs)
-    return Piece(ordinates.power * weights, own, tuple(columns[:, :0] for columns in own))
+    bases = tuple(orthonormal(_columns(ordinates, j, values) * weights[:, [j]]) for j in outputs)
+    return SeparableRecord(ordinates.power * weights, bases, tuple(basis[:, :0] for basis in bases))
 
 
 def _weights(ordinates: Ordinates, weights: Array, values: Array) -> Array:
@@ -222,16 +229,16 @@ def _lower_bound(ordinates: Ordinates, output: int) -> float:
     return 0.3 * float(np.median(ordinates.power[-len(ordinates.power) // 3 :, output])) + 1e-300
 
 
-def _spread(fit: SeparableFit) -> Spread:
+def _uncertainty(fit: SeparableFit) -> ParameterUncertainty:
     """Cramer-Rao bounds, scaled by the dispersion of the ordinates."""
-    if fit.failure or not determined(fit.sensitivities):
+    total = information(fit.sensitivities)
+    if not fit.converged or not is_determined(total):
         raise NotIdentified("mode_not_identifiable")
-    degrees = float(sum(r.size for r in fit.residuals) - fit.linear - len(fit.values))
+    degrees = float(sum(r.size for r in fit.residuals) - fit.nuisances - len(fit.values))
     if degrees < 2:
         raise NotIdentified("record_too_short", degrees, 2.0, unit="degrees of freedom")
-    scatter = sum(float(np.sum(r**2)) for r in fit.residuals) / degrees
-    covariance = np.asarray(np.linalg.inv(information(fit.sensitivities)), dtype=np.float64)
-    return Spread(covariance * scatter, degrees) if math.isfinite(scatter) else Spread(covariance * np.nan, 1.0)
+    squares = sum(float(np.sum(r**2)) for r in fit.residuals)
+    return ParameterUncertainty(np.asarray(np.linalg.inv(total)) * squares / degrees, degrees)
 
 
 SPECTRUM = add_row(ModalMethod("spectrum", "spectrum", "Bendat & Piersol 2010, ch. 6 and 9", fit, inputs=True))

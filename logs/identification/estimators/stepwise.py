@@ -32,11 +32,11 @@ from logs.identification.estimators.least_squares import CovarianceKind, Fit, re
 from logs.identification.estimators.model_structure import (
     Candidates,
     Statistics,
+    blocks_of,
     candidates_of,
     independent,
     partial_correlations,
     partial_f,
-    pieces_of,
     statistics_of,
 )
 from logs.identification.estimators.registry import ESTIMATORS, Estimator, Request
@@ -69,7 +69,7 @@ class Step(NamedTuple):
     """-; of the term with the residuals of the model before; NaN if there is no term"""
     partial_f: float
     """-; of the term, for white residuals; NaN if there is no term"""
-    coloured_f: float
+    colored_f: float
     """-; of the term, for autocorrelated residuals; NaN if there is no term"""
     probability: float
     """-; p-value of that; NaN if there is no term"""
@@ -222,7 +222,7 @@ def _tests(pool: _Pool, chosen: tuple[int, ...]) -> list[_Test] | None:
         return None
     try:
         kind: CovarianceKind = "white" if pool.candidates.steady else "autocorrelated"
-        fit = regress_records(pieces_of(pool.candidates, chosen), kind, pool.candidates.noise)
+        fit = regress_records(blocks_of(pool.candidates, chosen), kind, pool.candidates.noise)
     except np.linalg.LinAlgError:
         return None
     return [_test(fit, pool.candidates.nuisances + index) for index in range(len(chosen))]
@@ -231,7 +231,7 @@ def _tests(pool: _Pool, chosen: tuple[int, ...]) -> list[_Test] | None:
 def _test(fit: Fit, index: int) -> _Test:
     variance = float(fit.covariance[index, index])
     f = float(fit.values[index]) ** 2 / variance if variance > 0 else np.inf
-    return _Test(f, float(fdtrc(1.0, float(fit.degrees_each[index]), f)) if np.isfinite(f) else 0.0)
+    return _Test(f, float(fdtrc(1.0, fit.degrees, f)) if np.isfinite(f) else 0.0)
 
 
 def _step(
@@ -254,7 +254,7 @@ def _with_statistics(
     return step._replace(
         partial_correlation=correlation,
         partial_f=partial_f(pool.candidates, trial, column),
-        coloured_f=test.f,
+        colored_f=test.f,
         probability=test.probability,
     )
 
@@ -267,4 +267,12 @@ def _row(request: Request) -> EstimationResult:
     return regression_result("stepwise", request, found.model, steps=found.steps)
 
 
-ESTIMATORS["stepwise"] = Estimator("stepwise", "Stepwise regression", "Klein & Morelli 2006, ch. 5.4", _row)
+ESTIMATORS["stepwise"] = Estimator(
+    "stepwise", "Stepwise regression", "Klein & Morelli 2006, ch. 5.4; Grauer V.C", _row,
+    "[aero.regression.stepwise]; aero of a flight",
+    {
+        "stop": "rule: F, PSE or PRESS", "significance": "largest p-value of a term",
+        "least_gain": "of R^2 by a term",
+        "most_terms": "in the model", "always": "terms that are forced into the model",
+    },
+)  # fmt: skip

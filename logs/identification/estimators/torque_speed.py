@@ -19,7 +19,7 @@ from logs.identification.data.resampling import GAP_STEPS, Channel, even
 from logs.identification.estimators.least_squares import Fit, regress
 from logs.identification.estimators.servo import ServoModel, with_gauge_errors
 from logs.identification.results import Array, Estimate, Unidentified, estimate, student_factor
-from logs.identification.statistics.delta_method import propagate
+from logs.identification.statistics.covariance import ParameterUncertainty, propagate
 from logs.strokes import stroke_cuts
 from wingbeat.errors import InputError
 
@@ -106,9 +106,11 @@ def _constants(fit: Fit, samples: int) -> ServoModel:
     spread = float(np.std(fit.residuals))
     if not (slope > student_factor(fit.degrees) * errors[1] and stall > 0.0):
         return _refused("the torque does not fall with the rate: the servo was not at its bound", fit.residuals)
-    speed, speed_error = propagate(lambda v: np.array([v[0] / v[1]]), fit.values, fit.covariance)
+    speed, worth = propagate(
+        lambda v: np.array([v[0] / v[1]]), fit.values, ParameterUncertainty(fit.covariance, fit.degrees)
+    )
     values = (float(stall), float(speed[0]), float(slope))
-    deviations = (float(errors[0]), float(speed_error[0]), float(errors[1]))
+    deviations = (float(errors[0]), float(worth.standard_errors[0]), float(errors[1]))
     found = tuple(
         estimate(name, unit, value, error, fit.degrees)
         for (name, unit), value, error in zip(CONSTANTS.items(), values, deviations, strict=True)

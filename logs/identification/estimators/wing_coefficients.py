@@ -54,24 +54,24 @@ class AeroResult(NamedTuple):
 
 
 def identify_coefficients(
-    found: tuple[WingCoefficients, ...], candidates: tuple[str, ...] = CANDIDATES, rules: Rules = RULES
+    records: tuple[WingCoefficients, ...], candidates: tuple[str, ...] = CANDIDATES, rules: Rules = RULES
 ) -> AeroResult:
-    """Structure and parameters of C_L, C_T and C_m from all records of ``found`` together.
+    """Structure and parameters of C_L, C_T and C_m from all records of ``records`` together.
 
     Raises:
         InputError: no record, a candidate that is no signal, records of different sampling intervals.
     """
-    if not found:
+    if not records:
         raise InputError("there is no record of the wings' motion to identify coefficients from")
-    notes = tuple(dict.fromkeys(note for one in found for note in one.notes))
-    models = tuple(_model(found, name, candidates, rules) for name in COEFFICIENTS)
-    return AeroResult(models, tuple(one.experiment.name for one in found), notes)
+    notes = tuple(dict.fromkeys(note for one in records for note in one.notes))
+    models = tuple(_model(records, name, candidates, rules) for name in COEFFICIENTS)
+    return AeroResult(models, tuple(one.experiment.name for one in records), notes)
 
 
 def _model(
-    found: tuple[WingCoefficients, ...], name: str, candidates: tuple[str, ...], rules: Rules
+    records: tuple[WingCoefficients, ...], name: str, candidates: tuple[str, ...], rules: Rules
 ) -> CoefficientModel:
-    outcome = stepwise_regression(tuple(one.experiment for one in found), name, candidates, rules)
+    outcome = stepwise_regression(tuple(one.experiment for one in records), name, candidates, rules)
     model, told = outcome.model, outcome.steps[-1].statistics.r_squared if outcome.steps else 0.0
     failure = outcome.failure or model.failure
     if not failure and told < LEAST_R_SQUARED:
@@ -82,7 +82,7 @@ def _model(
         name,
         outcome.terms,
         tuple(one._replace(name=named(name, one.name)) for one in model.estimates),
-        tuple(one._replace(name=named(name, one.name)) for one in model.unidentified),
+        tuple(Unidentified(named(name, one.subject), one.text) for one in model.withheld),
         outcome.steps,
         told,
         model.samples,

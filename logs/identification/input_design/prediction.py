@@ -15,14 +15,17 @@ from scipy.linalg import expm, solve_continuous_lyapunov
 from scipy.sparse import csr_array, eye_array
 
 from logs.identification.data.maneuvers import OUTPUT_STEP
-from logs.identification.data.stroke_average import averaging_matrix
-from logs.identification.input_design.prior import OUTPUTS, Prior
-from logs.identification.input_design.response import Response, Waveform
+from logs.identification.data.resampling import averaging_matrix
+from logs.identification.input_design.response import OUTPUTS, Prior, Response, Waveform
 from logs.identification.models.modes import short_period_of
 from logs.identification.models.stroke_averaged import LONGITUDINAL, UNITS, matrices
 from logs.identification.results import Array
-from logs.identification.statistics.delta_method import propagate
-from logs.identification.statistics.residual_autocorrelation import Colour, coloured_information
+from logs.identification.statistics.covariance import (
+    Autocovariance,
+    ParameterUncertainty,
+    colored_information,
+    propagate,
+)
 from wingbeat.errors import InputError
 
 WORST_CONDITION = 1e12
@@ -54,16 +57,16 @@ class Predicted(NamedTuple):
 
 
 def predicted_covariance(prior: Prior, planned: Waveform, response: Response, gust: Gust | None = None) -> Array:
-    """Covariance (12, 12) of the derivatives after one manoeuvre.
+    """Covariance (12, 12) of the derivatives after one maneuver.
 
     Raises:
-        InputError: the manoeuvre does not tell all derivatives apart, or gusts on an aircraft whose motion grows.
+        InputError: the maneuver does not tell all derivatives apart, or gusts on an aircraft whose motion grows.
     """
     averaging, windy = _averaging(prior, planned), gust is not None and gust.sigma > 0.0
-    colour = _gust_colour(prior, gust, len(planned.time)) if gust is not None and windy else None
+    gusts = _gust_autocovariance(prior, gust, len(planned.time)) if gust is not None and windy else None
     noise = np.array(prior.noise) * np.sqrt(float(np.mean(averaging.power(2).sum(axis=1))))
-    if colour is not None:
-        noise = np.sqrt(noise**2 + np.diag(colour.covariances[0]))
+    if gusts is not None:
+        noise = np.sqrt(noise**2 + np.diag(gusts.lags[0]))
     averaged = _averaged(averaging, response.sensitivities) / noise[:, None]
     free = _without(_nuisances(averaging, response.starts, noise), averaged)
     information = np.einsum("nip,niq->pq", free, free)
@@ -73,14 +76,14 @@ def predicted_covariance(prior: Prior, planned: Waveform, response: Response, gu
     inverse = np.linalg.inv(information / np.outer(size, size)) / np.outer(size, size)
     weights = np.stack([averaging.T @ free[:, i] for i in range(len(OUTPUTS))], axis=1) / noise[:, None]
     core = np.einsum("nip,i,niq->pq", weights, np.square(prior.noise), weights)
-    if colour is not None:
-        core = core + coloured_information([_coarser(weights, _stride(prior))], colour)
+    if gusts is not None:
+        core = core + colored_information([_coarser(weights, _stride(prior))], gusts)
     covariance: Array = inverse @ core @ inverse
     return covariance
 
 
 def predict(prior: Prior, covariance: Array, repeats: int = 1) -> tuple[Predicted, ...]:
-    """The mode's frequency and damping, then every derivative, after ``repeats`` of a manoeuvre.
+    """The mode's frequency and damping, then every derivative, after ``repeats`` of a maneuver.
 
     Raises:
         InputError: the prior has no short period.
@@ -91,11 +94,14 @@ def predict(prior: Prior, covariance: Array, repeats: int = 1) -> tuple[Predicte
         return np.array(short_period_of(matrices(LONGITUDINAL, values, prior.reference, prior.aircraft).a))
 
     try:
-        both, errors = propagate(mode, prior.values, covariance)
+        both, uncertainty = propagate(mode, prior.values, ParameterUncertainty(covariance, np.inf))
     except ValueError as error:
         raise InputError(f"the prior model has no short period: {error}") from None
     rows = zip(
-        (*MODE_UNITS, *LONGITUDINAL), (*both, *prior.values), (*errors, *np.sqrt(np.diag(covariance))), strict=True
+        (*MODE_UNITS, *LONGITUDINAL),
+        (*both, *prior.values),
+        (*uncertainty.standard_errors, *np.sqrt(np.diag(covariance))),
+        strict=True,
     )
     return tuple(Predicted(n, (UNITS | MODE_UNITS)[n], float(value), float(error)) for n, value, error in rows)
 
@@ -141,7 +147,7 @@ def _without(nuisances: Array, columns: Array) -> Array:
     return rest
 
 
-def _gust_colour(prior: Prior, gust: Gust, samples: int) -> Colour:
+def _gust_autocovariance(prior: Prior, gust: Gust, samples: int) -> Autocovariance:
     """Autocovariance (L, 3, 3) of the outputs in gusts along x and z, by lag in strides of `_stride`."""
     model, pole = prior.model(), prior.reference.airspeed / gust.scale
     force = prior.values.reshape(3, 4)[:, :2]
@@ -159,4 +165,4 @@ def _gust_colour(prior: Prior, gust: Gust, samples: int) -> Colour:
         power = once @ power
         if np.max(np.abs(power)) < FORGOTTEN:
             break
-    return Colour(np.array(lags), 0.0)
+    return Autocovariance(np.array(lags), 0.0)

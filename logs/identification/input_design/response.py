@@ -1,27 +1,91 @@
-"""Planned inputs over time, and the response of a linear model with its sensitivities.
+"""Prior of an input design, planned inputs over time, and the response with its sensitivities.
 
-The derivatives enter the state space linearly, so a state's sensitivity is a state too:
-``x_j' = A x_j + dA/dtheta_j x + dB/dtheta_j delta`` (Klein & Morelli, Aircraft System Identification, 2006, ch. 6.1).
-Model and sensitivities are one linear system with an exact step. Waveforms are those of
-`avionics.guidance.excitation`.
+Waveforms are those of `avionics.guidance.excitation`; sensitivities those of the maximum-likelihood engine.
 """
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import expm
 
+from avionics import topics
 from avionics.guidance import excitation as shapes
 from avionics.guidance import multisine
 from avionics.guidance.mission import Excitation
-from logs.identification.data.maneuvers import tail_angle
-from logs.identification.input_design.prior import OUTPUTS, Prior
-from logs.identification.models.stroke_averaged import LONGITUDINAL, Matrices, matrices
+from logs.identification.data.experiment import Experiment
+from logs.identification.data.flight import Aircraft
+from logs.identification.data.maneuvers import ELEVATOR, Reference, tail_angle
+from logs.identification.estimators.engine.problem import Parameter, Problem
+from logs.identification.estimators.output_error import flight_of
+from logs.identification.models.actuators import Actuated
+from logs.identification.models.stroke_averaged import LONGITUDINAL, Matrices, matrices, model_of
 from logs.identification.results import Array
+from sim_bridge.tuning.model import LinearModel
+from sim_bridge.vehicles import SimulatedVehicle
+from wingbeat.constants import STANDARD_GRAVITY
+from wingbeat.errors import InputError
 
-STATES = 4
+OUTPUTS = ("q", "a_x", "a_z")
+"""fitted outputs, in the order of `Prior.noise`"""
+ROUNDING = 1.0 / math.sqrt(12.0)
+"""-; standard deviation of a reading within one count"""
+
+
+class Prior(NamedTuple):
+    """A longitudinal model with its derivatives, and its measurement."""
+
+    values: Array
+    """as `longitudinal.UNITS`; (12,), derivatives in the order of `longitudinal.LONGITUDINAL`"""
+    reference: Reference
+    """the trim"""
+    aircraft: Aircraft
+    """position of the IMU, lag of the tail"""
+    wing_period: float
+    """s; over which the outputs are averaged, 0 for fixed wings"""
+    noise: tuple[float, float, float]
+    """rad/s, m/s^2, m/s^2; standard deviation of one sample of q, a_x and a_z"""
+    step: float
+    """s; between samples"""
+
+    def model(self) -> Matrices:
+        """Its state space."""
+        return matrices(LONGITUDINAL, self.values, self.reference, self.aircraft)
+
+
+def prior_of(model: LinearModel, aircraft: Aircraft, noise: tuple[float, float, float], rate: float = 0.0) -> Prior:
+    """The prior of a linear ``model`` of level flight; sample ``rate`` (Hz), 0 for that of the IMU.
+
+    Raises:
+        InputError: a noise that is not above zero.
+    """
+    if not all(math.isfinite(sigma) and sigma > 0.0 for sigma in noise):
+        raise InputError("the noise of pitch rate and accelerations must be above 0")
+    u, w = model.airspeed * math.cos(model.pitch), model.airspeed * math.sin(model.pitch)
+    kinematic = np.array([[0.0, 0.0, -w], [0.0, 0.0, u], [0.0, 0.0, 0.0]])
+    derivatives = np.column_stack((model.a[:3, :3] - kinematic, model.elevator[:3]))
+    reference = Reference(u, w, model.pitch, model.airspeed)
+    period = 1.0 / model.frequency if model.frequency > 0.0 else 0.0
+    return Prior(derivatives.ravel(), reference, aircraft, period, noise, 1.0 / (rate or topics.IMU.rate))
+
+
+def sensor_noise(vehicle: SimulatedVehicle) -> tuple[float, float, float]:
+    """Noise of one sample of q (rad/s), a_x and a_z (m/s^2) by a vehicle's file, with the rounding to counts.
+
+    Raises:
+        InputError: the file has no gyroscope or accelerometer.
+    """
+    if not {"gyroscope", "accelerometer"} <= set(vehicle.sections):
+        raise InputError(f"{vehicle.path} has no gyroscope and accelerometer: specify their noise with --noise")
+    gyro, accel = vehicle.sections["gyroscope"], vehicle.sections["accelerometer"]
+    q = math.radians(math.hypot(gyro.noise_deg_s, ROUNDING / gyro.sensitivity))
+    x, z = (math.hypot(accel.noise[i], ROUNDING) / accel.sensitivity * STANDARD_GRAVITY for i in (0, 2))
+    return q, x, z
+
+
+STATES = ("u", "w", "q", "theta")
+SHOWN = (*OUTPUTS, "theta")
 
 
 class Waveform(NamedTuple):
@@ -74,55 +138,17 @@ class Response(NamedTuple):
 
 def respond(prior: Prior, planned: Waveform) -> Response:
     """The response to ``planned`` from the trim, and its sensitivities."""
-    model, slopes = prior.model(), _slopes(prior)
     tail = tail_angle(planned.time, planned.command, prior.aircraft)
-    rows = _integrated(model, slopes, tail, prior.step, zero_order_hold=not prior.aircraft.tail_time_constant)
-    states, sensitivity_states = rows[:, :STATES], rows[:, STATES:].reshape(len(rows), len(slopes), STATES)
-    outputs = states @ model.c.T + np.outer(tail, model.d)
-    sensitivities = np.stack(
-        [
-            sensitivity_states[:, j] @ model.c.T + states @ slope.c.T + np.outer(tail, slope.d)
-            for j, slope in enumerate(slopes)
-        ],
-        axis=2,
-    )
-    count = len(OUTPUTS)
-    return Response(states, outputs, sensitivities[:, :count], _free_motion(model, prior.step, len(tail))[:, :count])
-
-
-def _slopes(prior: Prior) -> list[Matrices]:
-    """Matrices by unit of each derivative, in which they are linear."""
-    none = matrices(LONGITUDINAL, np.zeros(len(LONGITUDINAL)), prior.reference, prior.aircraft)
-    units = (matrices(LONGITUDINAL, unit, prior.reference, prior.aircraft) for unit in np.eye(len(LONGITUDINAL)))
-    return [Matrices(*(one - zero for one, zero in zip(unit, none, strict=True))) for unit in units]
-
-
-def _integrated(model: Matrices, slopes: list[Matrices], tail: Array, step: float, zero_order_hold: bool) -> Array:
-    """States and their sensitivities (N, 4 (1 + p)) from rest, driven by ``tail`` (N,)."""
-    size = STATES * (1 + len(slopes))
-    block = np.zeros((size + 2, size + 2))
-    block[:size, :size] = np.kron(np.eye(1 + len(slopes)), model.a)
-    block[:STATES, size] = model.b
-    for j, slope in enumerate(slopes, start=1):
-        at = slice(STATES * j, STATES * (j + 1))
-        block[at, :STATES], block[at, size] = slope.a, slope.b
-    block *= step
-    block[size, size + 1] = 1.0
-    exact = expm(block)
-    f, constant, ramp = exact[:size, :size], exact[:size, size], exact[:size, size + 1]
-    first, second = (constant, np.zeros(size)) if zero_order_hold else (constant - ramp, ramp)
-    drive = np.outer(tail[:-1], first) + np.outer(tail[1:], second)
-    rows = np.zeros((len(tail), size))
-    for k in range(len(drive)):
-        rows[k + 1] = f @ rows[k] + drive[k]
-    return rows
-
-
-def _free_motion(model: Matrices, step: float, count: int) -> Array:
-    """Outputs (N, 4, 4) of the free motion from each unit state."""
-    once, powers = expm(model.a * step), np.zeros((count, STATES, STATES))
-    powers[0] = np.eye(STATES)
-    for k in range(1, count):
-        powers[k] = once @ powers[k - 1]
-    outputs: Array = np.einsum("ij,njk->nik", model.c, powers)
-    return outputs
+    zoh = () if prior.aircraft.tail_time_constant else (ELEVATOR,)
+    model = Actuated(model_of(LONGITUDINAL, prior.reference, prior.aircraft), (), zoh)
+    signals = {ELEVATOR: tail, **dict.fromkeys(OUTPUTS, np.zeros(len(tail)))}
+    parameters = dict(zip(LONGITUDINAL, map(Parameter, prior.values.tolist()), strict=True))
+    start = dict.fromkeys(STATES, 0.0)
+    problem = Problem(model, (Experiment("plan", planned.time, signals, {}),), parameters, OUTPUTS, initial=(start,))
+    flight = flight_of(problem)
+    (record,), first, count = flight.records, flight.first(), len(LONGITUDINAL)
+    slopes = flight.slopes(record, first.values, first.local[0])
+    table = model.simulate(flight.split(record, first.values, first.local[0]).parameters, record.start, record.inputs,
+                           record.step)  # fmt: skip
+    states, outputs = (table[:, [list(model.outputs).index(name) for name in names]] for names in (STATES, SHOWN))
+    return Response(states, outputs, slopes[:, :, :count], slopes[:, :, count:])

@@ -1,4 +1,4 @@
-"""A model behind actuators: inputs come late by a pure delay and through a first-order lag (`data.lag`).
+"""A model behind actuators: inputs pass a pure delay and a first-order lag (`data.resampling.behind`).
 
 Delay and lag are parameters of the model, zero and fixed unless the problem names them. An actuator is at rest when
 the record begins.
@@ -16,8 +16,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from logs.identification.data.lag import behind
-from logs.identification.estimators.engine.problem import Feedback, Held, Model, Named
+from logs.identification.data.resampling import behind
+from logs.identification.estimators.engine.problem import Feedback, Intersample, Model, Named
 from logs.identification.models.linear import LinearModel
 from logs.identification.results import Array
 from wingbeat.errors import InputError
@@ -51,7 +51,7 @@ class Actuated(NamedTuple):
 
     model: Model
     actuators: tuple[Actuator, ...]
-    held: tuple[str, ...] = ()
+    zoh_inputs: tuple[str, ...] = ()
     """-; inputs that are held from each sample to the next; the others are lines between samples"""
 
     @property
@@ -80,30 +80,30 @@ class Actuated(NamedTuple):
         start: Array,
         inputs: Array,
         step: float,
-        zero_order_hold: Held | None = None,
+        intersample: Intersample | None = None,
         feedback: Feedback | None = None,
     ) -> Array:
         """Outputs (N, m); see `problem.Model`. NaN for a negative lag; ``held`` replaces the hold."""
         own = len(self.model.parameters)
-        told = dict(zip(list(self.parameters)[own:], parameters[own:].tolist(), strict=True))
+        given = dict(zip(list(self.parameters)[own:], parameters[own:].tolist(), strict=True))
         behind_what = {name: one for one in self.actuators for name in one.inputs}
-        late = any(told[behind_what[name].delay] for name in self.held if name in behind_what)
+        late = any(given[behind_what[name].delay] for name in self.zoh_inputs if name in behind_what)
         parts = max(1, math.ceil(step / FINE)) if late else 1
         columns, seen, lines = [], [], np.ones(inputs.shape[1])
         for place, (name, values) in enumerate(zip(self.model.inputs, inputs.T, strict=True)):
             one = behind_what.get(name)
-            delay, lag = (told[one.delay], told.get(one.lag, 0.0)) if one else (0.0, 0.0)
-            lines[place] = float(name not in self.held or lag > 0.0)
-            acting = _held_means if name in self.held else _on_lines
-            columns.append(behind(acting(values, step, delay, parts), step / parts, 0.0, lag, held=False))
-            seen.append(columns[-1] if lines[place] else _held_before(values, step, delay, parts))
-        ways = step / parts, Held(lines, np.column_stack(seen)) if self.held else None
+            delay, lag = (given[one.delay], given.get(one.lag, 0.0)) if one else (0.0, 0.0)
+            lines[place] = float(name not in self.zoh_inputs or lag > 0.0)
+            acting = _zoh_means if name in self.zoh_inputs else _on_lines
+            columns.append(behind(acting(values, step, delay, parts), step / parts, 0.0, lag, zoh=False))
+            seen.append(columns[-1] if lines[place] else _zoh_before(values, step, delay, parts))
+        ways = step / parts, Intersample(lines, np.column_stack(seen)) if self.zoh_inputs else None
         arguments = parameters[:own], start, np.column_stack(columns), *ways
         if feedback is not None and isinstance(self.model, LinearModel):
             flown = self.model.simulate(*arguments, _at_samples(feedback, parts))[::parts]
         else:
             flown = self.model.simulate(*arguments)[::parts]
-        lags = [told[one.lag] for one in self.actuators if one.lag]
+        lags = [given[one.lag] for one in self.actuators if one.lag]
         return flown if all(lag > -step for lag in lags) else np.full_like(flown, np.nan)
 
 
@@ -121,7 +121,7 @@ def _on_lines(values: Array, step: float, delay: float, parts: int) -> Array:
     return late
 
 
-def _held_means(values: Array, step: float, delay: float, parts: int) -> Array:
+def _zoh_means(values: Array, step: float, delay: float, parts: int) -> Array:
     """The same of ``values`` held from each sample to the next: means over the step that begins there."""
     until = np.concatenate(([0.0], np.cumsum(values)))
 
@@ -136,7 +136,7 @@ def _held_means(values: Array, step: float, delay: float, parts: int) -> Array:
     return means
 
 
-def _held_before(values: Array, step: float, delay: float, parts: int) -> Array:
+def _zoh_before(values: Array, step: float, delay: float, parts: int) -> Array:
     """The same, as it is just before each of those steps."""
     places = np.arange((len(values) - 1) * parts + 1) / parts - delay / step
     last = np.clip(np.ceil(places - SAME) - 1.0, 0, len(values) - 1).astype(np.int64)

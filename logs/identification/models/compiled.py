@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import types
 
-from logs.identification.estimators.engine.problem import Held, Named
+from logs.identification.estimators.engine.problem import Intersample, Named
 from logs.identification.results import Array
 from sim_bridge.compiled import njit
 
@@ -38,7 +38,7 @@ def _between(before: Array, after: Array, lines: Array, share: float, u: Array) 
 
 
 @njit(cache=True, error_model="numpy")
-def _beside(x: Array, slope: Array, h: float, at: Array) -> None:
+def _displaced(x: Array, slope: Array, h: float, at: Array) -> None:
     """States ``at`` a step ``h`` along a ``slope`` from ``x``."""
     for i in range(len(x)):
         at[i] = x[i] + h * slope[i]
@@ -65,12 +65,12 @@ def _integrate(
             _between(before, after, lines, part * share, u)
             rates(x, u, p, c, k1)
             _between(before, after, lines, (part + 0.5) * share, u)
-            _beside(x, k1, h / 2, at)
+            _displaced(x, k1, h / 2, at)
             rates(at, u, p, c, k2)
-            _beside(x, k2, h / 2, at)
+            _displaced(x, k2, h / 2, at)
             rates(at, u, p, c, k3)
             _between(before, after, lines, (part + 1) * share, u)
-            _beside(x, k3, h, at)
+            _displaced(x, k3, h, at)
             rates(at, u, p, c, k4)
             for i in range(n):
                 x[i] += h / 6 * (k1[i] + 2 * k2[i] + 2 * k3[i] + k4[i])
@@ -108,7 +108,7 @@ class CompiledModel(NamedTuple):
     """-; the functions are plain Python: a user's model that numba cannot compile"""
 
     def simulate(
-        self, parameters: Array, start: Array, inputs: Array, step: float, held: Held | None = None
+        self, parameters: Array, start: Array, inputs: Array, step: float, intersample: Intersample | None = None
     ) -> Array:
         """Outputs (N, m); see `problem.Model`."""
         driven = np.ascontiguousarray(inputs, dtype=np.float64)
@@ -116,10 +116,12 @@ class CompiledModel(NamedTuple):
         table = np.empty((len(driven), len(self.outputs)))
         parts = max(math.ceil(step / self.longest_step - 1e-9), 1)
         p, x = np.ascontiguousarray(parameters), np.ascontiguousarray(start)
-        lines, seen = (held.lines, np.ascontiguousarray(held.seen)) if held else (np.ones(driven.shape[1]), driven)
+        foh, shown = np.ones(driven.shape[1]), driven
+        if intersample is not None:
+            foh, shown = intersample.foh, np.ascontiguousarray(intersample.shown)
         integrate, tabulate = _INTERPRETED if self.interpreted else (_integrate, _observe)
-        integrate(self.rates, x, driven, lines, p, self.constants, states, step, parts)
-        tabulate(self.observe, states, seen, p, self.constants, table)
+        integrate(self.rates, x, driven, foh, p, self.constants, states, step, parts)
+        tabulate(self.observe, states, shown, p, self.constants, table)
         return table
 
     def state_matrix(self, parameters: Array, state: Array, inputs: Array) -> Array:

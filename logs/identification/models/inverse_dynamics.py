@@ -2,7 +2,7 @@
 
 Eq. 13 is in `wing_air`: what of force and moment neither the bodies' inertia and weight nor the tail explain, the
 wings made. Lift acts against the base's z axis, thrust along its x axis, the moment about the base's origin, and all
-three are divided by the dynamic pressure at the wings' mean aerodynamic centre. The fuselage's drag is among the
+three are divided by the dynamic pressure at the wings' mean aerodynamic center. The fuselage's drag is among the
 wings' loads, as in the paper.
 
 What differentiation makes of noise lies at high frequency, and so does what a filter leaves out of the motion.
@@ -64,13 +64,13 @@ class WingCoefficients(NamedTuple):
     notes: tuple[str, ...] = ()
 
 
-def moved_by_speeds(vehicle: SimulatedVehicle, found: Speeds, wind_ned: tuple[float, float, float]) -> MovedVehicle:
+def moved_by_speeds(vehicle: SimulatedVehicle, records: Speeds, wind_ned: tuple[float, float, float]) -> MovedVehicle:
     """Return the motion of `motion_capture.speeds` for the mechanism of ``vehicle``, the wings' twists at rest."""
     twists = 2 if vehicle.wing.twists else 0
-    still = np.zeros((len(found.time), twists))
-    columns = [np.column_stack([values, still]) for values in (found.speeds, found.angles, found.rates)]
-    wind = np.tile(np.asarray(wind_ned, float), (len(found.time), 1))
-    return MovedVehicle(found.quaternion, columns[0], columns[1], columns[2], wind)
+    still = np.zeros((len(records.time), twists))
+    columns = [np.column_stack([values, still]) for values in (records.speeds, records.angles, records.rates)]
+    wind = np.tile(np.asarray(wind_ned, float), (len(records.time), 1))
+    return MovedVehicle(records.quaternion, columns[0], columns[1], columns[2], wind)
 
 
 def coefficients(

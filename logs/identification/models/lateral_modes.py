@@ -16,7 +16,7 @@ import numpy as np
 
 from logs.identification.models.modes import Oscillation, computed, oscillation, over, pair_of
 from logs.identification.results import Array, Estimate, Unidentified
-from logs.identification.statistics.parameter_uncertainty import Spread, carry
+from logs.identification.statistics.covariance import ParameterUncertainty, propagate
 
 DUTCH_ROLL, ROLL, SPIRAL, LATERAL_PHUGOID = "dutch_roll", "roll", "spiral", "lateral_phugoid"
 TURNING = 1e-9
@@ -34,7 +34,7 @@ class LateralModes(NamedTuple):
     """what the model does not tell, and why"""
 
 
-def lateral_modes(system: System, values: Array, spread: Spread) -> LateralModes:
+def lateral_modes(system: System, values: Array, spread: ParameterUncertainty) -> LateralModes:
     """The modes of the ``system`` (4, 4) of sideslip, roll rate, yaw rate and bank that ``values`` (p,) make.
 
     ``spread`` is that of the parameters.
@@ -50,12 +50,12 @@ def lateral_modes(system: System, values: Array, spread: Spread) -> LateralModes
     found = [_oscillation(DUTCH_ROLL, 0, system, values, spread)]
     if pairs == 2:
         found.append(_oscillation(LATERAL_PHUGOID, 1, system, values, spread))
-        return _told(found, [])
+        return _collected(found, [])
     rates = [computed(partial(_decay, system, place), values, spread) for place in (0, 1)]
-    return _told(found, [_constant(ROLL, rates[0]), _halving(SPIRAL, rates[1])])
+    return _collected(found, [_constant(ROLL, rates[0]), _halving(SPIRAL, rates[1])])
 
 
-def _told(pairs: list[Oscillation | Unidentified], single: list[Estimate | Unidentified]) -> LateralModes:
+def _collected(pairs: list[Oscillation | Unidentified], single: list[Estimate | Unidentified]) -> LateralModes:
     """All of it, sorted into what is known and what is not."""
     estimates: list[Estimate] = []
     for pair in pairs:
@@ -64,7 +64,9 @@ def _told(pairs: list[Oscillation | Unidentified], single: list[Estimate | Unide
     return LateralModes(tuple(estimates), tuple(one for one in (*pairs, *single) if isinstance(one, Unidentified)))
 
 
-def _oscillation(kind: str, place: int, system: System, values: Array, spread: Spread) -> Oscillation | Unidentified:
+def _oscillation(
+    kind: str, place: int, system: System, values: Array, spread: ParameterUncertainty
+) -> Oscillation | Unidentified:
     """The complex pair that is the ``place``-th fastest."""
 
     def pair(at: Array) -> Array:
@@ -73,7 +75,7 @@ def _oscillation(kind: str, place: int, system: System, values: Array, spread: S
         chosen = turning[np.argsort(-np.abs(turning))][min(place, len(turning) - 1)] if len(turning) else roots[0]
         return np.array(pair_of(chosen, chosen.conjugate()))
 
-    return oscillation(kind, *carry(pair, values, spread))
+    return oscillation(kind, *propagate(pair, values, spread))
 
 
 def _decay(system: System, place: int, at: Array) -> float:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from logs.identification.estimators.engine.problem import Feedback, Held, Named
+from logs.identification.estimators.engine.problem import Feedback, Intersample, Named
 from logs.identification.results import Array
 from sim_bridge.compiled import njit
 from sim_bridge.vectors import Integers
@@ -82,7 +82,7 @@ class LinearModel(NamedTuple):
         start: Array,
         inputs: Array,
         step: float,
-        zero_order_hold: Held | None = None,
+        intersample: Intersample | None = None,
         feedback: Feedback | None = None,
     ) -> Array:
         """Outputs (N, m); see `problem.Model`. With ``feedback`` those predicted from the samples before."""
@@ -95,10 +95,10 @@ class LinearModel(NamedTuple):
         table, total = np.full((len(inputs), len(self.outputs)), np.nan), exponential(block)
         if not np.all(np.isfinite(total)):
             return table
-        if zero_order_hold:
-            total[:, n + k + 1 : n + 2 * k + 1] *= zero_order_hold.lines
+        if intersample:
+            total[:, n + k + 1 : n + 2 * k + 1] *= intersample.foh
         gain, measured, chosen = _feedback(feedback, len(inputs), n)
-        shown = zero_order_hold.seen if zero_order_hold else inputs
+        shown = intersample.shown if intersample else inputs
         states = np.ascontiguousarray(start), np.ascontiguousarray(inputs), np.ascontiguousarray(shown)
         _fly(total, whole, *states, gain, measured, chosen, table)
         return table

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,7 +12,7 @@ import numpy as np
 from logs.identification.data.maneuvers import Maneuver, Reference
 from logs.identification.findings import Finding
 from logs.identification.results import Array, Estimate, EstimationResult, Unidentified
-from logs.identification.statistics.parameter_uncertainty import Spread, carry
+from logs.identification.statistics.covariance import ParameterUncertainty, propagate
 
 SHORT_PERIOD, PHUGOID = KINDS = ("short_period", "phugoid")
 WIDEST = 1.0
@@ -100,7 +101,7 @@ class ModesResult(NamedTuple):
     manoeuvres: int
     """-; how many inputs or records were used"""
     wing_period: float | None
-    """s; mean in the manoeuvres, None without flapping wings"""
+    """s; mean in the maneuvers, None without flapping wings"""
     notes: tuple[str, ...] = ()
     """-; what the log does not tell and was taken from elsewhere"""
     maneuvers: tuple[Maneuver, ...] = ()
@@ -148,47 +149,55 @@ def pair_of(first: complex, second: complex) -> tuple[float, float]:
     return math.sqrt(product), -total / (2 * math.sqrt(product))
 
 
-def short_period_of(system: Array) -> tuple[float, float]:
-    """Undamped natural frequency (rad/s) and damping ratio of the faster pair of eigenvalues of ``system`` (n, n).
+def short_period_of(system: Array, fastest_phugoid: float = math.inf) -> tuple[float, float]:
+    """Undamped natural frequency (rad/s) and damping ratio of the short period of ``system`` (n, n): `split_pairs`.
 
     Raises:
         ValueError: one of the two is positive and the other negative: no mode of second order.
     """
     try:
-        return pair_of(*split_pairs(system)[0])
+        return pair_of(*split_pairs(system, fastest_phugoid)[0])
     except ValueError as error:
         raise ValueError("the faster eigenvalues have different signs: a divergence, no short-period mode") from error
 
 
-def phugoid_of(system: Array) -> tuple[float, float]:
+def phugoid_of(system: Array, fastest_phugoid: float = math.inf) -> tuple[float, float]:
     """Undamped natural frequency (rad/s) and damping ratio of the slower pair of a ``system`` (4, 4).
 
     Raises:
         ValueError: there is no slower pair, or its eigenvalues have different signs.
     """
-    slow = split_pairs(system)[1]
+    slow = split_pairs(system, fastest_phugoid)[1]
     if len(slow) != 2:
         raise ValueError("the model holds the speed constant")
     return pair_of(*slow)
 
 
-def split_pairs(system: Array) -> tuple[Array, Array]:
-    """The two eigenvalues of greatest modulus, and the others; a complex pair is not torn apart."""
+def split_pairs(system: Array, fastest_phugoid: float = math.inf) -> tuple[Array, Array]:
+    """The eigenvalues of the short period, and the others: the two of greatest modulus, complex pairs together.
+
+    An oscillation faster than ``fastest_phugoid`` (rad/s) is the short period even if two real eigenvalues are
+    faster.
+    """
     roots = np.linalg.eigvals(system).astype(complex)
     roots = roots[np.argsort(-np.abs(roots), kind="stable")]
+    oscillating = np.flatnonzero(np.abs(roots.imag) > 1e-9)
+    if len(oscillating) == 2 and abs(roots[oscillating[0]]) > fastest_phugoid:
+        chosen = np.isin(np.arange(len(roots)), oscillating)
+        return roots[chosen], roots[~chosen]
     partner = 1 if abs(roots[0].imag) > 1e-9 else 1 + int(np.argmax(np.abs(roots[1:].imag) <= 1e-9))
     chosen = np.isin(np.arange(len(roots)), (0, partner))
     return roots[chosen], roots[~chosen]
 
 
-def oscillation(kind: str, pair: Array, spread: Spread) -> Oscillation | Unidentified:
+def oscillation(kind: str, pair: Array, spread: ParameterUncertainty) -> Oscillation | Unidentified:
     """A mode from its ``pair`` (2,) of frequency (rad/s) and damping ratio and what they are worth.
 
     Times and cycles are monotone in the decay rate, the damped frequency and their ratio: the ends of their
     intervals are those of what they are computed from, so that a decay that may be none gives no time to half.
     """
     frequency, damping = spread.estimates({f"{kind}_frequency": "rad/s", f"{kind}_damping": "-"}, pair)
-    if not np.all(np.isfinite(spread.standard_errors()[0])) or frequency.low < (1 - WIDEST) * frequency.value:
+    if not np.all(np.isfinite(spread.standard_errors)) or frequency.low < (1 - WIDEST) * frequency.value:
         return Unidentified(kind, UNSURE)
     rate = computed(lambda p: float(p[0] * p[1]), pair, spread)
     half = over(f"{kind}_time_to_{_change(rate)}", "s", math.log(2), rate)
@@ -206,9 +215,9 @@ def _change(rate: Estimate) -> str:
     return "half" if rate.value > 0 else "double"
 
 
-def computed(of: Callable[[Array], float], values: Array, spread: Spread) -> Estimate:
+def computed(of: Callable[[Array], float], values: Array, spread: ParameterUncertainty) -> Estimate:
     """The number that is ``of`` parameters ``values`` (p,), by the delta method; without name and unit."""
-    value, worth = carry(lambda p: np.array([of(p)]), values, spread)
+    value, worth = propagate(lambda p: np.array([of(p)]), values, spread)
     return worth.estimates({"": ""}, value)[0]
 
 
@@ -221,12 +230,12 @@ def over(name: str, unit: str, numerator: float, below: Estimate) -> Estimate | 
     return Estimate(name, unit, value, value * abs(below.standard_error / below.value), low, high)
 
 
-def _time_constants(pair: Array, spread: Spread) -> tuple[Estimate, ...]:
+def _time_constants(pair: Array, spread: ParameterUncertainty) -> tuple[Estimate, ...]:
     def constants(p: Array) -> Array:
         root = math.sqrt(max(p[1] ** 2 - 1, 0.0))
         return np.array([1 / (p[0] * (p[1] + root)), 1 / (p[0] * (p[1] - root))])
 
-    values, worth = carry(constants, pair, spread)
+    values, worth = propagate(constants, pair, spread)
     return worth.estimates({"time_constant_1": "s", "time_constant_2": "s"}, values)
 
 
@@ -234,7 +243,7 @@ def paired_mode(
     method: str,
     kinds: tuple[str, ...],
     pairs: Array,
-    spread: Spread,
+    spread: ParameterUncertainty,
     parameters: tuple[Estimate, ...] = (),
 ) -> Mode:
     """Modes ``kinds`` of a method that fits frequency and damping of each of them itself, ``pairs`` (2 k,).
@@ -267,25 +276,27 @@ def eigenvalues_of(frequency: float, damping: float) -> list[complex]:
     return [complex(frequency * (-damping + sign * root)) for sign in (1, -1)]
 
 
-TAKEN = ((SHORT_PERIOD, short_period_of), (PHUGOID, phugoid_of))
+PAIRS = ((SHORT_PERIOD, short_period_of), (PHUGOID, phugoid_of))
 
 
 def mode_of_system(
     method: str,
     system: Callable[[Array], Array],
     values: Array,
-    spread: Spread,
+    spread: ParameterUncertainty,
     derivatives: tuple[Estimate, ...] = (),
+    fastest_phugoid: float = math.inf,
 ) -> Mode:
     """Short period and, of four states, phugoid of the ``system`` (n, n) that parameters ``values`` (p,) make.
 
-    ``spread`` is that of the parameters; the errors of the modes follow by the delta method.
+    ``spread`` is that of the parameters; the errors of the modes follow by the delta method. ``fastest_phugoid``
+    (rad/s) as of `split_pairs`.
     """
     eigenvalues = tuple(complex(root) for root in np.linalg.eigvals(system(values)))
     found: dict[str, Oscillation | None] = dict.fromkeys(KINDS)
     missing = []
-    for kind, of in TAKEN[: len(eigenvalues) // 2]:
-        outcome = _carried(kind, of, system, values, spread)
+    for kind, of in PAIRS[: len(eigenvalues) // 2]:
+        outcome = _carried(kind, partial(of, fastest_phugoid=fastest_phugoid), system, values, spread)
         if isinstance(outcome, Unidentified):
             missing.append(outcome)
         else:
@@ -294,7 +305,9 @@ def mode_of_system(
     return Mode(method, found[SHORT_PERIOD], found[PHUGOID], eigenvalues, derivatives, tuple(missing), divergence)
 
 
-def _divergence(system: Callable[[Array], Array], values: Array, spread: Spread) -> tuple[Estimate, ...]:
+def _divergence(
+    system: Callable[[Array], Array], values: Array, spread: ParameterUncertainty
+) -> tuple[Estimate, ...]:
     """Of the faster two eigenvalues, where one grows and the other decays; none where that is not sure."""
 
     def rates(parameters: Array) -> Array:
@@ -303,7 +316,7 @@ def _divergence(system: Callable[[Array], Array], values: Array, spread: Spread)
 
     if np.any(np.abs(split_pairs(system(values))[0].imag) > 0) or not np.all(rates(values) > 0):
         return ()
-    found, worth = carry(rates, values, spread)
+    found, worth = propagate(rates, values, spread)
     growing, decaying = worth.estimates({"growing": "1/s", "decaying": "1/s"}, found)
     double = over("divergence_time_to_double", "s", math.log(2), growing)
     constant = over("decay_time_constant", "s", 1.0, decaying)
@@ -315,10 +328,10 @@ def _carried(
     of: Callable[[Array], tuple[float, float]],
     system: Callable[[Array], Array],
     values: Array,
-    spread: Spread,
+    spread: ParameterUncertainty,
 ) -> Oscillation | Unidentified:
     try:
-        pair, worth = carry(lambda v: np.array(of(system(v))), values, spread)
+        pair, worth = propagate(lambda v: np.array(of(system(v))), values, spread)
     except ValueError as error:
         return Unidentified(kind, str(error))
     return oscillation(kind, pair, worth)

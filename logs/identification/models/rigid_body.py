@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from logs.identification.estimators.engine.problem import Held, Named
+from logs.identification.estimators.engine.problem import Intersample, Named
 from logs.identification.results import Array
 from sim_bridge.compiled import njit
 from wingbeat.constants import STANDARD_GRAVITY
@@ -95,7 +95,13 @@ class RigidBody(NamedTuple):
         return errors | ({} if self.longitudinal else dict.fromkeys(WINDS, Named("m/s")))
 
     def simulate(
-        self, parameters: Array, start: Array, inputs: Array, step: float, zero_order_hold: Held | None = None, /
+        self,
+        parameters: Array,
+        start: Array,
+        inputs: Array,
+        step: float,
+        intersample: Intersample | None = None,
+        /,
     ) -> Array:
         """Outputs (N, m) with the sensors' errors; see `problem.Model`. No input is a zero-order hold."""
         return self.motion(parameters, start, inputs, step).outputs
@@ -166,7 +172,13 @@ class RigidBodyFilter(NamedTuple):
         return self.body.parameters
 
     def simulate(
-        self, parameters: Array, start: Array, inputs: Array, step: float, zero_order_hold: Held | None = None, /
+        self,
+        parameters: Array,
+        start: Array,
+        inputs: Array,
+        step: float,
+        intersample: Intersample | None = None,
+        /,
     ) -> Array:
         """Outputs (N, m) without the filter."""
         return self.body.simulate(parameters, start, inputs[:, :-1], step)

@@ -41,39 +41,6 @@ class StrokeRecord(NamedTuple):
     """(N,); during the down-stroke"""
 
 
-class LiftDerivatives(NamedTuple):
-    """Coefficients of Eq. 20 or 21."""
-
-    alpha: float
-    """1/rad"""
-    alpha_rate: float
-    """s/rad"""
-    elevator: float
-    """1/rad"""
-    stiffness: float
-    """per unit of the spar's stiffness E"""
-
-
-class DragPolar(NamedTuple):
-    """Coefficients of Eq. 22 or 23."""
-
-    minimum: float
-    factor: float
-    """K"""
-
-
-class MomentDerivatives(NamedTuple):
-    """Coefficients of Eq. 25."""
-
-    zero: float
-    alpha: float
-    """1/rad"""
-    alpha_rate: float
-    """s/rad"""
-    elevator: float
-    """1/rad"""
-
-
 class Attitude(NamedTuple):
     """Arguments of the mean coefficients, each a number or (M,) of M strokes."""
 
@@ -131,33 +98,13 @@ def mean_coefficients(force: Floats, record: StrokeRecord) -> StrokeCoefficients
 
 
 def lift_regressors(attitude: Attitude, stiffness: Floats) -> Floats:
-    """Columns (M, 4) of Eq. 20 and 21 in the order of `LiftDerivatives`."""
+    """Columns (M, 4) of Eq. 20 and 21: alpha, its rate, elevator, stiffness of the spar."""
     return _columns([*attitude, stiffness])
 
 
-def lift_coefficient(derivatives: LiftDerivatives, attitude: Attitude, stiffness: Floats) -> Floats:
-    """Mean lift coefficient (M,) of one half of the stroke, Eq. 20 (up) or 21 (down)."""
-    return np.asarray(lift_regressors(attitude, stiffness) @ np.array(derivatives))
-
-
-def drag_coefficient(polar: DragPolar, lift: Floats) -> Floats:
-    """Mean drag coefficient (M,) of one half of the stroke, Eq. 22 (up) or 23 (down)."""
-    return np.asarray(polar.minimum + polar.factor * np.square(lift))
-
-
-def pitching_moment(coefficient: Floats, pressure: float, area: float, chord: float) -> Floats:
-    """Aircraft's aerodynamic pitching moment (M,) in N m, Eq. 24; mean dynamic pressure in Pa, area in m^2."""
-    return np.asarray(coefficient * (pressure * area * chord))
-
-
 def moment_regressors(attitude: Attitude) -> Floats:
-    """Columns (M, 4) of Eq. 25 in the order of `MomentDerivatives`."""
+    """Columns (M, 4) of Eq. 25: one, alpha, its rate, elevator."""
     return _columns([1.0, *attitude])
-
-
-def moment_coefficient(derivatives: MomentDerivatives, attitude: Attitude) -> Floats:
-    """Pitching moment coefficient (M,) of an aircraft with an elevator, Eq. 25."""
-    return np.asarray(moment_regressors(attitude) @ np.array(derivatives))
 
 
 def _signed(record: StrokeRecord) -> tuple[tuple[float, Floats], tuple[float, Floats]]:

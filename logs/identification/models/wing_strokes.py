@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from logs.identification.data.contiguous_runs import longest_run, runs
+from logs.identification.data.experiment import longest_run, runs
 from logs.identification.data.smoothing import MIN_FOURIER, POWER, fourier_smoothing
 from logs.identification.models.stroke_averages import StrokeRecord, stroke_record
 from logs.identification.results import Array
@@ -147,7 +147,7 @@ class WingMotion(NamedTuple):
 def wing_motion(flap: Array, step: float) -> WingMotion:
     """Angle and rate from ``flap`` (N,) in rad, ``step`` s apart: Fourier smoothing, run again on what it left.
 
-    Pressures go with the square of the rate, and between neighbours an angle's noise is a rate of any size: 0.6 deg
+    Pressures go with the square of the rate, and between neighbors an angle's noise is a rate of any size: 0.6 deg
     at 1000 Hz, 18 rad/s a sample. So the rate is that of the record's sine series up to where noise takes over
     (Morelli 1995). Its Wiener gain g takes a thousandth of the stroke with the noise; 1 - (1 - g)^2 of the second
     pass (Tukey's twicing, Exploratory Data Analysis, 1977, chapter 16) takes a millionth. Pieces between gaps share
@@ -180,57 +180,57 @@ def _rate_error(left: Array, step: float, cut_off: float) -> float:
     return float(np.sqrt(noise * np.sum((gain * turning) ** 2) / (count - 1)))
 
 
-def measured_strokes(flown: Flapped, wing: Planform, cuts: tuple[Array, Array]) -> MeasuredStrokes:
+def measured_strokes(record: Flapped, wing: Planform, cuts: tuple[Array, Array]) -> MeasuredStrokes:
     """The strokes between ``cuts`` (begins and ends, s) of which every sample was measured.
 
     Raises:
         InputError: too few samples to a stroke.
     """
-    columns = np.column_stack((flown.flap, flown.airspeed, flown.alpha, flown.force))
-    step = float(flown.time[-1] - flown.time[0]) / (len(flown.time) - 1)
-    motion = wing_motion(flown.flap, step)
+    columns = np.column_stack((record.flap, record.airspeed, record.alpha, record.force))
+    step = float(record.time[-1] - record.time[0]) / (len(record.time) - 1)
+    motion = wing_motion(record.flap, step)
     known = np.isfinite(columns).all(axis=1) & np.isfinite(motion.rate)
-    versions = _pressures(flown, motion, wing)
+    versions = _pressures(record, motion, wing)
     strokes, spans = [], []
     for begin, end in zip(*cuts, strict=True):
         if (end - begin) / step < LEAST_PER_STROKE:
             raise InputError(
                 f"a stroke has {(end - begin) / step:.1f} samples; {LEAST_PER_STROKE:g} are needed to follow it"
             )
-        near = (flown.time >= begin - 3 * step) & (flown.time <= end + 3 * step)
+        near = (record.time >= begin - 3 * step) & (record.time <= end + 3 * step)
         if np.all(known[near]):
-            strokes.append(_stroke(flown, motion, versions, near, (begin, end)))
+            strokes.append(_stroke(record, motion, versions, near, (begin, end)))
             spans.append((begin, end))
     table = np.array(spans, dtype=np.float64).reshape(-1, 2)
     records = tuple(tuple(one[0][place] for one in strokes) for place in range(len(versions)))
     return MeasuredStrokes(table[:, 0], table[:, 1], records[0], tuple(one[1] for one in strokes), records[1:])
 
 
-def _pressures(flown: Flapped, motion: WingMotion, wing: Planform) -> tuple[Array, ...]:
+def _pressures(record: Flapped, motion: WingMotion, wing: Planform) -> tuple[Array, ...]:
     """(N, 4) N each; pressures of Eq. 19 at every sample, those of lift and of drag along the body's x and z axes.
 
     The first are those of the motion. The others are what they would be were its rate bent less, and what its noise
     adds to them on average, for they go with its square: what the coefficients have wrong by either.
     """
     central, less_bent, above, below = (
-        _pressure(flown, motion.flap, rate, wing)
+        _pressure(record, motion.flap, rate, wing)
         for rate in (motion.rate, motion.rate + motion.bent, motion.rate + motion.error, motion.rate - motion.error)
     )
     return central, less_bent, (above + below) / 2
 
 
-def _pressure(flown: Flapped, flap: Array, rate: Array, wing: Planform) -> Array:
+def _pressure(record: Flapped, flap: Array, rate: Array, wing: Planform) -> Array:
     """(N, 4) N; pressures of Eq. 18 and 19 of both wings at this angle (rad) and rate (rad/s)."""
     shape = (len(flap), len(wing.distance))
-    along = np.broadcast_to((flown.airspeed * np.cos(flown.alpha))[:, None], shape)
-    normal = rate[:, None] * wing.distance - (flown.airspeed * np.sin(flown.alpha) * np.cos(flap))[:, None]
-    plane = stroke_record(1.0, np.stack([along, normal], axis=2), wing.area, flown.density, rate < 0.0)
-    turned = flown.wings * np.column_stack((np.ones(len(flap)), np.cos(flap)))
+    along = np.broadcast_to((record.airspeed * np.cos(record.alpha))[:, None], shape)
+    normal = rate[:, None] * wing.distance - (record.airspeed * np.sin(record.alpha) * np.cos(flap))[:, None]
+    plane = stroke_record(1.0, np.stack([along, normal], axis=2), wing.area, record.density, rate < 0.0)
+    turned = record.wings * np.column_stack((np.ones(len(flap)), np.cos(flap)))
     return np.hstack((plane.lift_pressure * turned, plane.drag_pressure * turned))
 
 
 def _stroke(
-    flown: Flapped,
+    record: Flapped,
     motion: WingMotion,
     versions: tuple[Array, ...],
     near: NDArray[np.bool_],
@@ -241,10 +241,10 @@ def _stroke(
     Both are known at the samples, and go from there to the instants along the same lines: what a line leaves of a
     curve, 3 % at ten samples to a stroke, is the same in both and in no coefficient.
     """
-    time, period, rate = flown.time[near], span[1] - span[0], motion.rate[near]
+    time, period, rate = record.time[near], span[1] - span[0], motion.rate[near]
     at = span[0] + period * np.arange(INSTANTS) / INSTANTS
     down = np.interp(at, time, rate) < 0.0
-    table = np.hstack([*(one[near] for one in versions), flown.force[near]])
+    table = np.hstack([*(one[near] for one in versions), record.force[near]])
     told = _by_half(at, down, time, rate, max(SURE * motion.error, ROUNDING * float(np.max(np.abs(rate)))), table)
     starts = 4 * np.arange(len(versions))
     records = tuple(StrokeRecord(period, told[:, i : i + 2], told[:, i + 2 : i + 4], down) for i in starts)

@@ -9,7 +9,7 @@ import numpy as np
 
 from logs.identification.motion_capture.motion import BASE, MarkerMotion, findings_of
 from logs.identification.results import Array, student_factor
-from logs.identification.tables.markers import MarkersResult
+from logs.identification.sources.table.markers import MarkersResult
 from logs.pages.document import MEASURED, Band, Chapter, Plot, Series, Table
 from logs.pages.labels import sentence
 from wingbeat.rotation_arrays import euler_from_quaternions

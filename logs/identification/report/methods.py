@@ -10,9 +10,8 @@ import numpy as np
 from logs.identification.findings import CATALOG, Finding
 from logs.identification.report.result_formatting import finding_line
 from logs.identification.results import Array, Estimate, EstimationResult, FitSeries, Unidentified
-from logs.identification.statistics.correlation import STRONG, strong_pairs
-from logs.identification.statistics.theil import theil
-from logs.identification.statistics.whiteness import BAND, autocorrelation
+from logs.identification.statistics.collinearity import STRONG, strong_pairs
+from logs.identification.statistics.fit_quality import BAND, autocorrelation, theil
 from logs.pages.document import (
     DASHED,
     MEASURED,

@@ -11,21 +11,20 @@ from logs.identification.data.flight import Aircraft, GaugeErrors
 from logs.identification.diagnostics.validation import Validation, validation
 from logs.identification.estimators.flapping_frequency import FrequencyModel, identify_frequency
 from logs.identification.estimators.flight_modes import identify_modes
-from logs.identification.estimators.servo import ServoModel, ServoResult, with_gauge_errors
+from logs.identification.estimators.servo import ServoModel, ServoResult, identify_torque, with_gauge_errors
 from logs.identification.estimators.servo_power import power_truth, power_with_gauge_errors
-from logs.identification.estimators.servo_torque import identify_torque
 from logs.identification.estimators.stepwise import Step
 from logs.identification.estimators.torque_speed import identify_load, load_truth
 from logs.identification.estimators.wing_coefficients import AeroResult
 from logs.identification.models.modes import KINDS, Mode, ModesResult, Oscillation
 from logs.identification.report.background import run_in_background
 from logs.identification.report.markers import marker_document, marker_lines
-from logs.identification.results import Estimate, EstimationResult, Unidentified
+from logs.identification.results import Estimate, EstimationResult, Unidentified, withheld_finding
 from logs.identification.sources.flight import drive_data, flight_data, throttle_data, true_drive_data
 from logs.identification.sources.flight_path import PathResult, identify_path, imu_truths
+from logs.identification.sources.motion import identify_aero
+from logs.identification.sources.table.markers import MarkersResult
 from logs.identification.sources.topic_table import CachedSource, ColumnSource
-from logs.identification.sources.wing_coefficients import identify_aero
-from logs.identification.tables.markers import MarkersResult
 from sim_bridge.vehicles import SimulatedVehicle
 from wingbeat.errors import InputError
 
@@ -39,7 +38,7 @@ FOLLOWS = re.compile(r"_(period|(time|cycles)_to_\w+)$")
 DECADE = 10.0
 """-; the upper end of an interval over the lower, above which such a number is not told"""
 THEIL = ("coefficient", "bias", "variance", "covariance")
-"""of `statistics.theil.Theil`, in the JSON document"""
+"""of `statistics.fit_quality.Theil`, in the JSON document"""
 
 
 class Identification(NamedTuple):
@@ -262,7 +261,10 @@ def rows(result: Identification) -> tuple[Row, ...]:
         table.append(Row("modes", "agreement", "", None, None, result.modes.statement))
         tried = validation(result.modes)
         table += [] if tried is None else [Row("modes", "held out", "", None, None, tried.statement)]
-        table += [Row("modes", "taken", "", None, None, note) for note in result.modes.notes]
+        texts = {one.text for one in result.modes.findings if one.severity == "warning"}
+        notes = [note for note in result.modes.notes if note not in texts]
+        table += [Row("modes", "note", "", None, None, note) for note in notes]
+        table += [Row("modes", "warning", "", None, None, text) for text in sorted(texts)]
     return (*table, *_refusals("", result.missing))
 
 
@@ -335,6 +337,7 @@ def _aero(result: AeroResult, truths: Mapping[str, float]) -> dict[str, Any]:
                 "steps": step_entries(model.steps),
                 "r_squared": _number(model.r_squared),
                 "samples": model.samples,
+                "findings": _withheld(model.unidentified),
             }
             for model in result.models
         ],
@@ -368,7 +371,13 @@ def _model(model: ServoModel, truths: Mapping[str, float], prefix: str) -> dict[
         "centre_voltage": model.centre_voltage,
         "residual": _number(model.residual),
         "samples": model.samples,
+        "findings": _withheld(model.unidentified),
     }
+
+
+def _withheld(lost: Iterable[Unidentified]) -> list[dict[str, Any]]:
+    """Findings of parameters without an estimate."""
+    return [withheld_finding(one).document() for one in lost]
 
 
 def _frequency(model: FrequencyModel, truths: Mapping[str, float]) -> dict[str, Any]:
@@ -378,6 +387,7 @@ def _frequency(model: FrequencyModel, truths: Mapping[str, float]) -> dict[str, 
         "centre_throttle": model.centre_throttle,
         "centre_voltage": model.centre_voltage,
         "residual": _number(model.residual),
+        "findings": _withheld(model.unidentified),
         "segments": [{key: _number(value) for key, value in segment._asdict().items()} for segment in model.segments],
     }
 

@@ -172,7 +172,7 @@ def _maneuvers(maneuvers: tuple[Maneuver, ...]) -> Table:
     rows = tuple(
         (
             *(
-                (m.flight.name, f"{m.flight.own(m.number)}", m.flight.own_time(m.begin))
+                (m.flight.name, f"{m.flight.local_number(m.number)}", m.flight.local_time(m.begin))
                 if m.flight is not None
                 else (f"{m.number}", m.begin)
             ),

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from logs.identification.findings import CATALOG, Finding, of_severity
+from logs.identification.findings import Finding, of_severity
 from logs.identification.models.lateral_modes import DUTCH_ROLL, LATERAL_PHUGOID, ROLL, SPIRAL
 from logs.identification.report.numbers import Identification, document, step_entries
 from logs.identification.results import Estimate, EstimationResult, OutputFit
-from logs.identification.statistics.correlation import Pair, strong_pairs
-from logs.identification.statistics.output_fit import output_fits
-from logs.identification.tables.results import TableIdentification, finite
+from logs.identification.sources.table.results import TableIdentification
+from logs.identification.statistics.collinearity import Pair, strong_pairs
+from logs.identification.statistics.fit_quality import output_fits
 
 LATERAL_MODES = (DUTCH_ROLL, ROLL, SPIRAL, LATERAL_PHUGOID)
 """subjects that are modes, not parameters"""
+MOST_PAIRS = 5
+"""-; correlations that a text lists"""
 
 
 class NumberRow(NamedTuple):
@@ -24,6 +27,11 @@ class NumberRow(NamedTuple):
     estimate: Estimate
     start: float | None
     """as the estimate; start value of the search, None without a search"""
+
+
+def finite(value: float | None) -> float | None:
+    """The number for JSON: None if it is not finite."""
+    return float(value) if value is not None and math.isfinite(value) else None
 
 
 def number_rows(result: EstimationResult) -> tuple[NumberRow, ...]:
@@ -49,7 +57,7 @@ def notes_of(result: EstimationResult) -> tuple[str, ...]:
     lines = [result.failure.text] if result.failure is not None else []
     lines += withheld_lines(result.withheld)
     lines += map(finding_line, result.warnings)
-    lines += [f"{first} and {second} are correlated by {value:+.2f}" for first, second, value in correlated(result)]
+    lines += correlation_lines(correlated(result))
     if result.fixed:
         lines.append("fixed: " + ", ".join(f"{name} = {value:.6g}" for name, value in result.fixed.items()))
     colored = [one.output for one in output_fits(result.series) if one.white is False and not one.held_out]
@@ -59,9 +67,19 @@ def notes_of(result: EstimationResult) -> tuple[str, ...]:
     return (*lines, *(f"stepwise: {one.term} {one.action}, {one.why}" for one in result.steps if one.term))
 
 
+def correlation_lines(pairs: Sequence[Pair]) -> list[str]:
+    """A line for each of the strongest correlations, and the number of the others."""
+    strongest = sorted(pairs, key=lambda pair: -abs(pair[2]))
+    lines = [
+        f"{first} and {second} are correlated by {value:+.2f}" for first, second, value in strongest[:MOST_PAIRS]
+    ]
+    rest = len(pairs) - MOST_PAIRS
+    return [*lines, f"{rest} more correlations above the limit (--json: correlated)"] if rest > 0 else lines
+
+
 def finding_line(finding: Finding) -> str:
     """The subject, text and remedy of a finding; the subject of a withheld one stands elsewhere."""
-    remedy = CATALOG[finding.code].remedy
+    remedy = finding.remedy
     text = f"{finding.text}; {remedy}" if remedy and finding.severity != "info" else finding.text
     named = not finding.subject or finding.subject in text or finding.severity == "withheld"
     return text if named else f"{finding.subject}: {text}"

@@ -219,7 +219,7 @@ def step_table(steps: tuple[Step, ...]) -> Table:
     """Return the steps of a stepwise regression: the term that entered or left, statistics, reason."""
     rows = tuple(
         (
-            f"{number}", one.action, one.term.replace("*", " "), one.coloured_f, one.statistics.r_squared,
+            f"{number}", one.action, one.term.replace("*", " "), one.colored_f, one.statistics.r_squared,
             one.statistics.press, one.statistics.pse, one.why,
         )
         for number, one in enumerate(steps)

@@ -13,10 +13,9 @@ from logs.identification.data.maneuvers import Reference
 from logs.identification.models.stroke_averaged import matrices
 from logs.identification.report.model_file import identified_values
 from logs.identification.results import Estimate, EstimationResult
-from logs.identification.sources.table.config import Map, ModesSection, OutputError, load_map
-from logs.identification.tables.models import DROPPED, FIRST_SAMPLES, with_speed
-from logs.identification.tables.results import TableIdentification
-from logs.identification.tables.subjects import AERO, ALL, MODES
+from logs.identification.sources.table.config import ALL, Map, ModesSection, OutputError, load_map
+from logs.identification.sources.table.models import DROPPED, FIRST_SAMPLES, with_trim
+from logs.identification.sources.table.results import TableIdentification
 from sim_bridge.tuning.model import Identified, LinearModel
 from wingbeat.errors import InputError
 
@@ -55,8 +54,8 @@ def check_model(chosen: Map, what: str) -> None:
     left_out = [name for name in WANTED if named and name not in free and name not in DROPPED]
     if left_out:
         raise InputError(f"--model: all derivatives are wanted; parameters lacks {', '.join(left_out)}")
-    absent = [f"constants.{name}" for name in TRIM if getattr(chosen.constants, name) is None]
-    if chosen.constants.V is None and "V" not in chosen.signals:
+    absent = [f"constants.{name}" for name in TRIM if name not in chosen.constants.quantities]
+    if "V" not in chosen.constants.quantities and "V" not in chosen.signals:
         absent.insert(0, "constants.V or signals.V")
     if absent:
         raise InputError(f"--model: the trim is not known: the map lacks {', '.join(absent)}")
@@ -73,10 +72,10 @@ def has_model(mapping: Path, what: str) -> bool:
 
 def _section(chosen: Map, what: str) -> _Source:
     results = []
-    if chosen.modes is not None and what in (MODES, ALL):
-        results.append(_Source(MODES, chosen.modes))
-    if chosen.aero is not None and what in (AERO, ALL):
-        results += [_Source(AERO, one) for one in chosen.aero.output_error]
+    if chosen.modes is not None and what in ("modes", ALL):
+        results.append(_Source("modes", chosen.modes))
+    if chosen.aero is not None and what in ("aero", ALL):
+        results += [_Source("aero", one) for one in chosen.aero.output_error]
     for one in results:
         if one.section.model == LONGITUDINAL:
             return one
@@ -98,7 +97,7 @@ def table_model(chosen: Map, results: TableIdentification, what: str, sha256: st
     elevator = request.section.inputs[0]
     if results.records[0].units.get(elevator) != "rad":
         raise InputError(f"no model is written: {elevator} is no angle")
-    known = with_speed(results.constants, tuple(one for one in results.records if one.name in results.experiments))
+    known = with_trim(results.constants, tuple(one for one in results.records if one.name in results.experiments))
     speed, alpha, pitch = known["V"], known["alpha"], known["theta"]
     estimates = {one.name: one for one in fit.estimates}
     values = dict.fromkeys(WANTED, 0.0) | dict(fit.fixed) | {n: e.value for n, e in estimates.items()}

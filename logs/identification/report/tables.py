@@ -14,8 +14,8 @@ from logs.identification.report.report import SUMMARY, modal_summary, model_chap
 from logs.identification.report.result_formatting import heading
 from logs.identification.report.subjects import step_table
 from logs.identification.results import EstimationResult
-from logs.identification.sources.table.constants import UNITS
-from logs.identification.tables.results import TableIdentification
+from logs.identification.sources.table.quantities import UNITS
+from logs.identification.sources.table.results import TableIdentification
 from logs.pages.document import MEASURED, Chapter, Plot, Series, Table
 from logs.pages.labels import capitalized, number, sentence, unit
 from logs.pages.render import write_page

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.signal import savgol_filter
@@ -24,22 +24,11 @@ from logs.identification.sources.topic_table import ColumnSource, TopicTable, ti
 from logs.strokes import strokes_of
 from sim_bridge import topics as truth
 from wingbeat.errors import InputError
-from wingbeat.topic import Topic
 
 BURST_RATE = 6000.0
 """Hz; of the ADC's samples inside a burst"""
 CUBIC_SAMPLES = 5
 """-; samples of the local cubic whose derivative is the wing rate"""
-GAP, MIN_STROKE_SAMPLES = 1.5, 10.0
-"""-; median steps, above which samples are not adjacent; samples in a stroke"""
-RATE_UNKNOWN = (
-    "flapping: its wing topic has too few samples of a stroke to tell how hard; what that does counts as gusts"
-)
-SIDEWAYS_UNKNOWN = "bank and slip: not measured all the time; what they do then counts as gusts"
-MAX_GAP = 0.1
-"""s; gap of bank or slip that is interpolated: half a stroke of a slow wing"""
-MIN_FRACTION = 0.99
-"""-; fraction of samples, from which a signal counts as measured"""
 
 
 def _strokes(source: ColumnSource) -> tuple[TopicTable, Array]:
@@ -94,11 +83,6 @@ def flight_data(source: ColumnSource, calibration: ImuCalibration = NEUTRAL) -> 
         inputs = _detected_excitation(time, elevator, strokes.values)
     else:
         inputs = _recorded_excitation(excitation, time)
-    wing = _wing_rate_squared(source, time)
-    # Filter error, which needs the rate, needs measured strokes too.
-    rate_note = RATE_UNKNOWN if not (np.isfinite(wing).any() or strokes.note) else ""
-    roll, roll_rate, yaw_rate, accel_y = aside = _bank_and_slip(source, time, calibration)
-    slip_note = "" if np.isfinite(aside).all(axis=0).mean() >= MIN_FRACTION or strokes.note else SIDEWAYS_UNKNOWN
     return FlightData(
         time,
         imu.linear("gyro_y", time) - attitude.linear("bias_y", time),
@@ -113,33 +97,8 @@ def flight_data(source: ColumnSource, calibration: ImuCalibration = NEUTRAL) -> 
         inputs.manoeuvre,
         inputs.excitation,
         inputs.aborted,
-        wing,
-        roll,
-        roll_rate,
-        yaw_rate,
-        accel_y,
-        tuple(note for note in (inputs.note, strokes.note, airspeed.note, rate_note, slip_note) if note),
+        tuple(note for note in (inputs.note, strokes.note, airspeed.note) if note),
     )
-
-
-def _bank_and_slip(source: ColumnSource, time: Array, calibration: ImuCalibration) -> Array:
-    """Roll, its rate, that of yaw and the specific force along y (4, N); NaN if not measured."""
-    roll, bias_x, bias_z = (_where_measured(source, topics.ATTITUDE, f, time) for f in ("roll", "bias_x", "bias_z"))
-    p, r, a_y = (_where_measured(source, topics.IMU, field, time) for field in ("gyro_x", "gyro_z", "accel_y"))
-    return np.array((roll, p - bias_x, r - bias_z, calibration.correct(a_y, 1)))
-
-
-def _where_measured(source: ColumnSource, topic: Topic[Any], field: str, time: Array) -> Array:
-    """The field at ``time`` (N,); NaN outside its samples, in its gaps, and if the log does not have it."""
-    try:
-        table = TopicTable(source, topic, field)
-    except InputError:
-        return np.full(len(time), np.nan)
-    behind = np.searchsorted(table.time, time, side="left").clip(1, len(table.time) - 1)
-    apart = table.time[behind] - table.time[behind - 1]
-    longest = max(MAX_GAP, GAP * float(np.median(np.diff(table.time))))
-    recorded = (time >= table.time[0]) & (time <= table.time[-1]) & (apart <= longest)
-    return np.where(recorded, table.linear(field, time), np.nan)
 
 
 def _excitation_topic(source: ColumnSource) -> TopicTable | None:
@@ -207,31 +166,10 @@ def _stroke_count(source: ColumnSource, time: Array, accel_z: Array) -> _Signal:
         try:
             strokes = strokes_in(time, accel_z)
         except InputError as reason:
-            raise InputError(f"{missing}, and its specific force tells no strokes: {reason}") from None
+            raise InputError(
+                f"{missing}, and its specific force has no periodic component of strokes: {reason}"
+            ) from None
     return _Signal(strokes, STROKES_GUESSED)
-
-
-def _wing_rate_squared(source: ColumnSource, time: Array) -> Array:
-    """Square of the wings' rate at ``time`` (N,) in rad^2/s^2, mean of both.
-
-    NaN if not measured: in gaps of the topic and, throughout, if it has fewer than `MIN_STROKE_SAMPLES` in a stroke,
-    from which a derivative would be too small.
-    """
-    unknown = np.full(len(time), np.nan)
-    try:
-        wing, strokes = _strokes(source)
-    except InputError:
-        return unknown
-    steps = np.diff(wing.time)
-    if len(steps) < CUBIC_SAMPLES or len(strokes) / max(strokes[-1] - strokes[0], 1.0) < MIN_STROKE_SAMPLES:
-        return unknown
-    step = float(np.median(steps))
-    for run in np.split(np.arange(len(wing.time)), np.flatnonzero(steps > GAP * step) + 1):
-        if len(run) >= CUBIC_SAMPLES:
-            left, right = (_rate(wing[angle][run], step) for angle in ("angle_left", "angle_right"))
-            within = (time >= wing.time[run[0]]) & (time <= wing.time[run[-1]])
-            unknown[within] = np.interp(time[within], wing.time[run], (left**2 + right**2) / 2.0)
-    return unknown
 
 
 def drive_data(source: ColumnSource) -> DriveData:

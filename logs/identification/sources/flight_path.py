@@ -17,10 +17,9 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from avionics import topics
-from logs.identification.data.contiguous_runs import longest_run, runs
-from logs.identification.data.experiment import Experiment
+from logs.identification.data.experiment import Experiment, longest_run, runs
 from logs.identification.data.flight import Aircraft
-from logs.identification.data.maneuver_detection import excited
+from logs.identification.data.maneuvers import excited
 from logs.identification.data.resampling import bridged, cut, whole_records
 from logs.identification.estimators.flight_path import FlightPath, PathOptions, reconstruct
 from logs.identification.estimators.gps_aided import (
@@ -61,12 +60,12 @@ TITLE = "flight path"
 
 register({
     "attitude_filter": Entry(
-        "it would rest on the flight computer's own attitude, whose slow error no interval contains",
+        "only the attitude filter of the same IMU determines it",
         "Without GPS velocities the only attitude is estimated from the same IMU.",
         "record the velocities of the GPS",
     ),
     "wind_not_estimated": Entry(
-        "not estimated: without a sideslip sensor it would rest on the attitude filter's bank",
+        "without a sideslip sensor the bank error would determine it",
         "The wind of a log is not estimated.",
     ),
     "by_attitude": Entry("motion by the recorded attitude, as {reason}", "The log has no velocities of the GPS."),

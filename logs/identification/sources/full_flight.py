@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -9,12 +10,13 @@ import numpy as np
 
 from avionics import topics
 from logs.identification.data.experiment import Experiment
-from logs.identification.data.flight import NEUTRAL, ImuCalibration
+from logs.identification.data.flight import NEUTRAL, FlightData, ImuCalibration, JoinedFlight
 from logs.identification.data.resampling import Channel, interpolated
 from logs.identification.results import Array
 from logs.identification.sources.topic_table import ColumnSource
 from logs.strokes import strokes_of
 from wingbeat.errors import InputError
+from wingbeat.text import pluralize
 from wingbeat.topic import Topic
 
 LONGEST_GAP = 0.1
@@ -123,3 +125,63 @@ def _last_value(channel: Channel, time: Array) -> Array:
 def _strokes(source: ColumnSource, time: Array) -> dict[str, Array]:
     phase = _read(source, topics.WING, "phase")
     return {} if phase is None else {"strokes": interpolated(phase[0], strokes_of(phase[1]), time, LONGEST_GAP)}
+
+
+UNEVEN = 1e-3
+"""-; of a sampling interval, by which those of two flights may differ"""
+
+PAUSE = 4.0
+"""s; of rest between joined flights"""
+
+
+def joined_flights(flights: tuple[FlightData, ...], names: tuple[str, ...] = ()) -> FlightData:
+    """The flights one after the other, numbered consecutively; ``names`` are those of their logs.
+
+    A pause at rest separates two flights, and no maneuver is active in a flight's first and last stroke, so that no
+    average contains samples of two flights.
+
+    Raises:
+        InputError: their samples are not equally far apart.
+    """
+    steps = [float(np.median(np.diff(flight.time))) for flight in flights]
+    if max(steps) - min(steps) > UNEVEN * steps[0]:
+        raise InputError(f"the logs' IMUs sample every {min(steps):.4g} s and {max(steps):.4g} s: they must agree")
+    pieces = [_with_pause(_inner_strokes(flight), steps[0]) for flight in flights]
+    columns = {name: [getattr(one, name) for one in pieces] for name in FlightData.arrays()}
+    before = [0, *np.cumsum([int(one.manoeuvre.max()) for one in pieces])]
+    for name in ("strokes", "manoeuvre"):
+        columns[name] = _counted_on(columns[name])
+    count = sum(len(one.time) for one in pieces)
+    columns["time"] = [pieces[0].time[0] + steps[0] * np.arange(count)]
+    whole = {name: np.concatenate(parts) for name, parts in columns.items()}
+    notes = dict.fromkeys(note for flight in flights for note in flight.notes)
+    begins = whole["time"][np.cumsum([0, *(len(one.time) for one in pieces[:-1])])]
+    named = names or tuple(f"flight {number}" for number in range(1, len(flights) + 1))
+    places = tuple(
+        JoinedFlight(name, float(begin), float(one.time[0]), int(count))
+        for name, begin, one, count in zip(named, begins, pieces, before[:-1], strict=True)
+    )
+    return FlightData(**whole, notes=(f"together: {pluralize(len(flights), 'flight')}", *notes), flights=places)
+
+
+def _inner_strokes(flight: FlightData) -> FlightData:
+    """The flight without an input in its first and its last stroke."""
+    inner = (flight.strokes > flight.strokes[0] + 1.0) & (flight.strokes < flight.strokes[-1] - 1.0)
+    return flight._replace(active=np.where(inner, flight.active, 0.0))
+
+
+def _with_pause(flight: FlightData, step: float) -> FlightData:
+    """The flight, and behind it its last sample for longer than a stretch of strokes may be interrupted."""
+    still = math.ceil((PAUSE) / step)
+    names = FlightData.arrays()
+    longer: dict[str, Any] = {name: np.pad(getattr(flight, name), (0, still), mode="edge") for name in names}
+    return flight._replace(**longer)
+
+
+def _counted_on(parts: list[Array]) -> list[Array]:
+    """Counts of which each goes on where the one before ended."""
+    found, last = [], 0.0
+    for part in parts:
+        found.append(part + last)
+        last = float(found[-1].max())
+    return found

@@ -15,10 +15,11 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import CubicSpline
 
 from avionics import topics
-from logs.identification.data.contiguous_runs import runs
+from logs.identification.data.experiment import runs
 from logs.identification.data.flight import NEUTRAL, ImuCalibration
-from logs.identification.data.lag import behind
-from logs.identification.models.inverse_dynamics import WingMotion
+from logs.identification.data.resampling import behind
+from logs.identification.estimators.wing_coefficients import AeroResult, identify_coefficients
+from logs.identification.models.inverse_dynamics import LOW_PASS, WingMotion, coefficients
 from logs.identification.models.multibody import MovedVehicle
 from logs.identification.motion_capture.motion import low_passed
 from logs.identification.results import Array
@@ -72,7 +73,7 @@ def measured_motion(
     for index, field in ((layout.elevator, "elevator"), (layout.rudder, "rudder")):
         if index >= 0:
             angles[index] = behind(
-                tail.zero_order_hold(field, time), step, 0.0, vehicle.tail_servo.time_constant, held=True
+                tail.zero_order_hold(field, time), step, 0.0, vehicle.tail_servo.time_constant, zoh=True
             )
     winds, density, notes = _air(source, time)
     notes += ("tail: its commands behind the servo's lag",)
@@ -221,3 +222,25 @@ def _slope(time: Array, values: Array) -> Array:
 
 def _cutoff(step: float) -> float:
     return min(CUTOFF, 0.4 / step)
+
+
+def identify_aero(
+    source: ColumnSource,
+    vehicle: SimulatedVehicle | None,
+    calibration: ImuCalibration = NEUTRAL,
+    by_truth: bool = False,
+) -> AeroResult:
+    """Structure and parameters of C_L, C_T and C_m (Grauer Eq. 13 to 19) from the flapping flight in a log.
+
+    From what the vehicle measured, or ``by_truth`` from the truth of a simulated flight. Masses, hinges and tail are
+    the ``vehicle``'s.
+
+    Raises:
+        InputError: the vehicle is not known, a topic is missing, or the flight has no stretch that is long enough.
+    """
+    if vehicle is None:
+        raise InputError(
+            "inverse dynamics needs the masses and hinges of the vehicle, and the log carries no file of it"
+        )
+    motions = true_motion(source, vehicle) if by_truth else measured_motion(source, vehicle, calibration)
+    return identify_coefficients(tuple(coefficients(vehicle, one, LOW_PASS) for one in motions))

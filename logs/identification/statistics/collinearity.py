@@ -1,7 +1,7 @@
-"""Which regressors say the same: variance inflation, condition indices, variance-decomposition proportions.
+"""Collinear regressors and correlated parameters.
 
-Belsley, Kuh, Welsch, Regression Diagnostics, 1980, ch. 3; Klein & Morelli, Aircraft System Identification, 2006,
-ch. 5.
+Variance inflation, condition indices and variance-decomposition proportions: Belsley, Kuh, Welsch, Regression
+Diagnostics, 1980, ch. 3; Klein & Morelli, Aircraft System Identification, 2006, ch. 5.
 """
 
 from __future__ import annotations
@@ -13,13 +13,15 @@ import numpy as np
 from logs.identification.results import Array
 
 DEPENDENT = 1e6
-"""-; condition index from which on nothing but rounding tells the regressors apart"""
+"""-; condition index above which regressors are linearly dependent"""
 NOTABLE = 30.0
-"""-; condition index from which on regressors are said to follow one another (Belsley)"""
-SHARE = 0.5
-"""-; of a parameter's variance that one combination must make up to be called involved (Belsley)"""
+"""-; condition index above which regressors are collinear (Belsley)"""
+PROPORTION = 0.5
+"""-; of a parameter's variance from one combination, above which it is involved (Belsley)"""
 INVOLVED = 1e-3
-"""-; of the largest entry of a combination that vanishes: smaller ones are rounding"""
+"""-; of the largest entry of a vanishing combination: smaller ones are rounding"""
+STRONG = 0.9
+"""-; magnitude of a correlation that is reported (Klein & Morelli ch. 5)"""
 
 
 class Collinearity(NamedTuple):
@@ -28,55 +30,62 @@ class Collinearity(NamedTuple):
     names: tuple[str, ...]
     """-; (p,)"""
     inflation: Array
-    """-; (p,), of each parameter's variance by the others; infinite for one that depends on them"""
+    """-; (p,), variance inflation; infinite if the regressor depends on others"""
     indices: Array
     """-; (p,), condition index of each combination"""
     proportions: Array
-    """-; (p, p), share of combination k in the variance of parameter j at [j, k]"""
+    """-; (p, p), fraction of the variance of parameter j from combination k at [j, k]"""
     combinations: Array
-    """-; (p, p), combination k over the scaled regressors in column k"""
+    """-; (p, p), combination k of the scaled regressors in column k"""
 
     def groups(self, above: float = NOTABLE) -> tuple[tuple[str, ...], ...]:
-        """Names that follow one another: those that a combination of condition index over ``above`` involves."""
-        found = []
+        """Names of the regressors in each combination with a condition index over ``above``."""
+        groups = []
         for column in np.flatnonzero(self.indices > above):
             inside = self._involved(int(column))
             if np.count_nonzero(inside) > 1:
-                found.append(tuple(name for name, yes in zip(self.names, inside, strict=True) if yes))
-        return tuple(found)
+                groups.append(tuple(name for name, yes in zip(self.names, inside, strict=True) if yes))
+        return tuple(groups)
 
     def _involved(self, column: int) -> Array:
         """Whether each regressor takes part in one combination (p,)."""
         weight = np.abs(self.combinations[:, column])
         if self.indices[column] > DEPENDENT:
             return np.asarray(weight > INVOLVED * weight.max())
-        share = self.proportions[:, self.indices > NOTABLE].sum(axis=1)
-        return np.asarray((share > SHARE) & (weight > 0.1 * weight.max()))
+        proportion = self.proportions[:, self.indices > NOTABLE].sum(axis=1)
+        return np.asarray((proportion > PROPORTION) & (weight > 0.1 * weight.max()))
 
 
 def collinearity(regressors: Array, names: tuple[str, ...]) -> Collinearity:
-    """Diagnostics of ``regressors`` (N, p), which are taken as they are: centre them where there is an intercept.
+    """Diagnostics of ``regressors`` (N, p), centered if there is an intercept.
 
-    A column that is zero throughout has index and inflation infinite and depends on itself alone.
+    A column of zeros has an infinite index and inflation and depends on itself alone.
     """
     norms = np.linalg.norm(regressors, axis=0)
     missing = np.zeros((max(len(names) - len(regressors), 0), len(names)))
     scaled = np.vstack((regressors / np.where(norms > 0, norms, 1.0), missing))
     _, singular, transposed = np.linalg.svd(scaled, full_matrices=False)
     with np.errstate(divide="ignore"):
-        shares = (transposed.T / np.maximum(singular, np.finfo(float).tiny ** 0.25)) ** 2
+        parts = (transposed.T / np.maximum(singular, np.finfo(float).tiny ** 0.25)) ** 2
         indices = singular[0] / singular if len(singular) and singular[0] > 0 else np.full(len(names), np.inf)
-    inflation = shares.sum(axis=1)
+    inflation = parts.sum(axis=1)
+    dependent = np.any(np.abs(transposed[indices > DEPENDENT]) > INVOLVED, axis=0)
     return Collinearity(
-        names,
-        np.where(_loose(transposed, indices), np.inf, inflation),
-        np.asarray(indices),
-        shares / inflation[:, None],
-        transposed.T,
+        names, np.where(dependent, np.inf, inflation), np.asarray(indices), parts / inflation[:, None], transposed.T
     )
 
 
-def _loose(transposed: Array, indices: Array) -> Array:
-    """Whether each parameter takes part in a combination that vanishes (p,)."""
-    vanishing = np.abs(transposed[indices > DEPENDENT])
-    return np.asarray(np.any(vanishing > INVOLVED, axis=0)) if len(vanishing) else np.zeros(transposed.shape[1], bool)
+class Pair(NamedTuple):
+    """Two parameters with correlated errors."""
+
+    one: str
+    other: str
+    correlation: float
+    """-; in [-1, 1]"""
+
+
+def strong_pairs(names: tuple[str, ...], matrix: Array) -> tuple[Pair, ...]:
+    """The pairs of ``names`` (p,) whose correlation in ``matrix`` (p, p) exceeds `STRONG`, the strongest first."""
+    rows, columns = np.nonzero(np.triu(np.abs(np.nan_to_num(matrix)) > STRONG, 1))
+    pairs = [Pair(names[i], names[j], float(matrix[i, j])) for i, j in zip(rows, columns, strict=True)]
+    return tuple(sorted(pairs, key=lambda pair: -abs(pair.correlation)))

@@ -12,14 +12,10 @@ from avionics import timebase, topics
 from avionics.guidance.mission import Mission
 from avionics.messages import ActuatorCommand, FlapCommand, SensorFrame, Stage
 from avionics.state import initial_state
-from avionics.tasks import estimate, sense
 from avionics.tasks.intake import accept
 from avionics.vehicles.loader import FlightVehicle
 from wingbeat.topic import Publish, Topic
 
-TASKS = (
-    sense.power, sense.wing, sense.air, sense.torque, estimate.attitude, estimate.altitude, estimate.position,
-)  # fmt: skip
 RECORDED = frozenset(
     topic.name
     for topic in (
@@ -34,6 +30,11 @@ class Observer:
 
     def __init__(self, vehicle: FlightVehicle, publish: Publish) -> None:
         """Initialize with the gains of the vehicle's flight computer."""
+        from avionics.tasks import estimate, sense  # imports filterpy, which takes a second
+
+        self._tasks = (
+            sense.power, sense.wing, sense.air, sense.torque, estimate.attitude, estimate.altitude, estimate.position,
+        )  # fmt: skip
         self._publish = publish
         self._state = initial_state(vehicle.gains, Mission())
         self._time_us = -1
@@ -49,7 +50,7 @@ class Observer:
         state.flapping = state.flapping._replace(frequency=flap.frequency, phase=flap.phase)
         state.actuators = command
         accept(state, self._record, frame)
-        for task in TASKS:
+        for task in self._tasks:
             task(state, self._record)
 
     def _record(self, topic: Topic[Any], message: Any) -> None:

@@ -116,12 +116,12 @@ def fly(flight: Flight) -> FlightData:
     through_air[:, :2] -= np.column_stack(_in_body(gust, states[:, 3]))
     faster = _faster(through_air[:, 0], through_air[:, 1]) if flight.growing else np.ones(count)
     outputs = through_air @ model.c.T + np.outer(tail * faster**2, model.d)
-    grown = np.column_stack([_felt(flight, tuple(column)) for column in _grown(flight)[:3].T])
+    grown = np.column_stack([_apparent(flight, tuple(column)) for column in _grown(flight)[:3].T])
     outputs += (faster - 1.0)[:, None] * (through_air @ grown.T)
     outputs += _swung(flight, strokes, through_air, faster)
-    outputs -= np.outer(turning, _felt(flight, _by_pitch_rate(flight)))
-    outputs -= np.outer(_change(gust), _felt(flight, flight.change))
-    outputs += np.outer(harder, _felt(flight, flight.flapping))
+    outputs -= np.outer(turning, _apparent(flight, _by_pitch_rate(flight)))
+    outputs -= np.outer(_change(gust), _apparent(flight, flight.change))
+    outputs += np.outer(harder, _apparent(flight, flight.flapping))
     outputs += flight.shaking * _shaking(2 * np.pi * strokes)
     noise = flight.noise * rng.normal(size=(4, count))
     speed = through_air[:, :2] + (REFERENCE.u, REFERENCE.w)
@@ -139,8 +139,6 @@ def fly(flight: Flight) -> FlightData:
         number,
         excitation,
         np.zeros(count),
-        SQUARED * (1.0 + harder),
-        *_sideways(flight, count),
     )  # fmt: skip
 
 
@@ -202,7 +200,7 @@ def _swung(flight: Flight, strokes: Array, through_air: Array, faster: Array) ->
     """What (N, 4) the IMU feels of forces and moments that swing with the stroke, as they move the aircraft."""
     w, q = through_air[:, 1], through_air[:, 2]
     force, moment = flight.truth["Z_w"] * w, (flight.truth["M_w"] * w + flight.truth["M_q"] * q) * faster
-    by_force, by_moment = _felt(flight, (0.0, 1.0, 0.0)), _felt(flight, (0.0, 0.0, 1.0))
+    by_force, by_moment = _apparent(flight, (0.0, 1.0, 0.0)), _apparent(flight, (0.0, 0.0, 1.0))
     swing = flight.modulation * np.sin(2 * np.pi * strokes)
     return np.asarray(swing[:, None] * (np.outer(force, by_force) + np.outer(moment, by_moment)))
 
@@ -236,7 +234,7 @@ def _harder(flight: Flight, active: Array) -> Array:
     return harder
 
 
-def _felt(flight: Flight, pushed: tuple[float, float, float]) -> Array:
+def _apparent(flight: Flight, pushed: tuple[float, float, float]) -> Array:
     """Of the four outputs, by what is added to u', w' and q'."""
     along, across, turn = pushed
     return np.array([0.0, along + flight.aircraft.imu_z * turn, across - flight.aircraft.imu_x * turn, 0.0])

@@ -56,8 +56,8 @@ def parameters(truth: dict[str, float], factor: float = 0.6) -> dict[str, Parame
 def noise(seed: int, shape: tuple[int, int], deviations: Array, pole: float = 0.0) -> Array:
     """White, or coloured by one pole; of the same standard deviation."""
     white = np.random.default_rng(seed).normal(size=(shape[0] + 200, shape[1]))
-    coloured = lfilter([np.sqrt(1 - pole**2)], [1.0, -pole], white, axis=0)[200:]
-    return np.asarray(coloured * deviations)
+    colored = lfilter([np.sqrt(1 - pole**2)], [1.0, -pole], white, axis=0)[200:]
+    return np.asarray(colored * deviations)
 
 
 def measured(name: str, time: Array, model: Model, outputs: Array, inputs: Array) -> Experiment:
@@ -65,7 +65,7 @@ def measured(name: str, time: Array, model: Model, outputs: Array, inputs: Array
     return Experiment(name, time, signals, dict(model.outputs) | dict(model.inputs))
 
 
-def flown(
+def simulated(
     model: LinearModel,
     truth: dict[str, float],
     inputs: Array,
@@ -83,7 +83,7 @@ def flown(
 def pitching(seed: int, pole: float = 0.0, count: int = 500, step: float = 0.02, size: float = 0.06) -> Experiment:
     """A short-period manoeuvre of `SHORT_PERIOD`."""
     time = step * np.arange(count)
-    return flown(SHORT_PERIOD, SHORT_PERIOD_TRUTH, steps(time, 1.0, 0.4, size)[:, None], step, 0.05, seed, pole)
+    return simulated(SHORT_PERIOD, SHORT_PERIOD_TRUTH, steps(time, 1.0, 0.4, size)[:, None], step, 0.05, seed, pole)
 
 
 def jet(seed: int) -> Experiment:
@@ -100,6 +100,6 @@ def jet(seed: int) -> Experiment:
 def covered(fit: Fit, truth: dict[str, float]) -> int:
     """How many of the estimates hold the truth; the fit must be whole."""
     assert fit.status == "converged", fit.failure
-    assert not fit.unidentified
+    assert not fit.withheld
     assert {e.name for e in fit.estimates} == set(truth)
     return sum(e.contains(truth[e.name]) for e in fit.estimates)

@@ -22,13 +22,13 @@ HEAVY = 0.5
 Truth = Mapping[str, float]
 
 
-def covered(found: Iterable[Sequence[Estimate]], truths: Truth | Sequence[Truth]) -> dict[str, float]:
-    """Share of the intervals that hold the truth, of each parameter of the ``truths`` that was ``found``.
+def covered(results: Iterable[Sequence[Estimate]], truths: Truth | Sequence[Truth]) -> dict[str, float]:
+    """Share of the intervals that hold the truth, of each parameter of the ``truths`` that was estimated.
 
-    They are one for all or one for each of ``found``, where a flight's own condition enters.
+    They are one for all or one for each of the ``results``, where a flight's own condition enters.
     """
     hits: dict[str, list[bool]] = {}
-    for estimates, truth in zip(found, repeat(truths) if isinstance(truths, Mapping) else truths, strict=False):
+    for estimates, truth in zip(results, repeat(truths) if isinstance(truths, Mapping) else truths, strict=False):
         for one in estimates:
             if one.name in truth:
                 hits.setdefault(one.name, []).append(one.contains(truth[one.name]))
@@ -68,7 +68,7 @@ def _missed_of(study: str, modes: Sequence[Mode], truths: Truth | Sequence[Truth
     estimates = [(*pairs(mode), *mode.derivatives) for mode in given]
     right = np.array([[truth[f"short_period_{name}"] for name in ("frequency", "damping")] for truth in true])
     frequency, damping = np.median(right, axis=0)
-    errors = np.array([[found.value for found in pairs(mode)] for mode in given]) - right
+    errors = np.array([[estimates.value for estimates in pairs(mode)] for mode in given]) - right
     medians = np.median(np.abs(errors), axis=0) / (frequency, 1.0)
     median_errors = f"{what}: median errors {100 * medians[0]:.2f} % and {medians[1]:.4f}"
     print(median_errors)  # noqa: T201

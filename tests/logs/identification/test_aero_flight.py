@@ -10,9 +10,9 @@ import pytest
 
 from avionics import topics
 from logs.identification.report import Identification, document, identify, rows
-from logs.identification.sources.wing_coefficients import identify_aero
+from logs.identification.sources.motion import identify_aero
 from sim_bridge import topics as truth
-from tests.logs.identification import flown_slow_hawk as hawk
+from tests.logs.identification import slow_hawk_flight as hawk
 from tests.logs.identification.test_aero_structure import EXPECTED, TRUTH, structure
 from wingbeat.errors import InputError
 from wingbeat.rotation_arrays import dcms_from_quaternions
@@ -25,9 +25,9 @@ class Recorded:
     """A log of a flight as arrays."""
 
     def __init__(self, noise: float) -> None:
-        flown, random = hawk.fly(4.0, 2), np.random.default_rng(8)
-        y, rates = flown.states, flown.rates
-        time = {"time_us": np.round(flown.time * 1e6)}
+        flight, random = hawk.fly(4.0, 2), np.random.default_rng(8)
+        y, rates = flight.states, flight.rates
+        time = {"time_us": np.round(flight.time * 1e6)}
         to_ned = dcms_from_quaternions(y[:, 3:7])
         v_ned = np.einsum("nij,nj->ni", to_ned, y[:, 7:10])
         felt = rates[:, :3] + np.cross(y[:, 10:13], y[:, 7:10]) - GRAVITY * to_ned[:, 2, :]

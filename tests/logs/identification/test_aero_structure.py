@@ -16,7 +16,7 @@ from logs.identification.models.inverse_dynamics import (
 )
 from logs.identification.motion_capture.coordinates import fit_coordinates
 from logs.identification.motion_capture.motion import generalized_speeds
-from tests.logs.identification import flown_slow_hawk as hawk
+from tests.logs.identification import slow_hawk_flight as hawk
 from wingbeat.errors import InputError
 
 NOISE = 0.0013
@@ -28,12 +28,14 @@ TRUTH = {
 }
 
 
-def tracked(flown: hawk.Flown, noise: float, seed: int, low_pass: float | None = LOW_PASS) -> WingCoefficients:
+def tracked(
+    flight: hawk.SimulatedFlight, noise: float, seed: int, low_pass: float | None = LOW_PASS
+) -> WingCoefficients:
     """Coefficients by marker tracking, as in the paper."""
-    found = fit_coordinates(hawk.mechanism(), hawk.marked(), hawk.seen(flown, noise, seed))
-    speeds = generalized_speeds(flown.time, found, 50.0 if low_pass else 30.0)
+    found = fit_coordinates(hawk.mechanism(), hawk.marked(), hawk.observed(flight, noise, seed))
+    speeds = generalized_speeds(flight.time, found, 50.0 if low_pass else 30.0)
     moved = moved_by_speeds(hawk.vehicle(), speeds, (0.0, 0.0, 0.0))
-    return coefficients(hawk.vehicle(), WingMotion("flight", flown.time, moved, 1.225), low_pass)
+    return coefficients(hawk.vehicle(), WingMotion("flight", flight.time, moved, 1.225), low_pass)
 
 
 def structure(result: AeroResult) -> dict[str, set[str]]:
@@ -55,8 +57,8 @@ def test_structure_and_coefficients_of_a_tracked_flight_are_found() -> None:
 
 def test_three_strokes_tell_the_same_much_worse() -> None:
     errors = []
-    for flown in (hawk.fly(4.0, 2), hawk.fly(4.0, 2).cut(0, 254)):
-        found = tracked(flown, NOISE, 4, low_pass=None)
+    for flight in (hawk.fly(4.0, 2), hawk.fly(4.0, 2).cut(0, 254)):
+        found = tracked(flight, NOISE, 4, low_pass=None)
         fit = coefficient_regression((found.experiment,), "C_L", tuple(hawk.TRUTH["C_L"]))
         errors.append(np.sqrt(np.diag(fit.covariance)))
     assert (errors[1] / errors[0]).min() > 2.0

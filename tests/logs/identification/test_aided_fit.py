@@ -36,7 +36,7 @@ FIX_NOISE, FIX_STEP = 0.1, 10
 STANDARD = Flight(duration=40.0, activity=0.6)
 
 
-class Told(NamedTuple):
+class MeasuredFlight(NamedTuple):
     """A flight as IMU and GPS told it, and what was wrong with the IMU."""
 
     flight: AidedFlight
@@ -46,16 +46,16 @@ class Told(NamedTuple):
 
 def moved(flight: Flight) -> tuple[Array, Array, Array, Array]:
     """Time, faultless inputs (N, 6), attitude (N, 3) and ground velocity (N, 3) NED of the centre of mass."""
-    time, told = truth(flight)
+    time, measured_flight = truth(flight)
     _, waves = motion(flight)
     every = slice(None, None, 8)
     attitude = np.column_stack([waves[name].value[every] for name in ("phi", "theta", "psi")])
     velocity = np.column_stack([waves[name].value[every] for name in "uvw"])
     ned = np.einsum("nij,nj->ni", ned_from_frd(attitude), velocity)
-    return time, np.column_stack([told[name] for name in INPUTS]), attitude, ned
+    return time, np.column_stack([measured_flight[name] for name in INPUTS]), attitude, ned
 
 
-def told(flight: Flight, tilt: float = 0.02, scatter: float = 1.0) -> Told:
+def measured_flight(flight: Flight, tilt: float = 0.02, scatter: float = 1.0) -> MeasuredFlight:
     """With offsets, scales and misalignments as units have, ``scatter`` times; the attitude is wrong by ``tilt``."""
     rng = np.random.default_rng(flight.seed)
     time, true, attitude, velocity = moved(flight)
@@ -67,24 +67,24 @@ def told(flight: Flight, tilt: float = 0.02, scatter: float = 1.0) -> Told:
     slow = tilt * np.sin(2 * np.pi * time / 30.0)[:, None] + tilt
     inputs = true + wrong + noise * rng.normal(size=true.shape)
     made = AidedFlight(time, inputs, attitude + slow, at, fixes, flight.places.imu)
-    return Told(made, np.mean(wrong[at[0] : at[-1]], axis=0))
+    return MeasuredFlight(made, np.mean(wrong[at[0] : at[-1]], axis=0))
 
 
-def scores(found: AidedFit, errors: Array) -> Array:
+def scores(fit: AidedFit, errors: Array) -> Array:
     """Differences from the truth (6,), in standard errors."""
-    return np.asarray((found.errors - errors) / np.sqrt(np.diag(found.covariance)))
+    return np.asarray((fit.errors - errors) / np.sqrt(np.diag(fit.covariance)))
 
 
 def coverage(seeds: range, flight: Flight) -> dict[str, float]:
     """Share of the 95 % intervals that hold the truth, by input."""
     held: dict[str, list[bool]] = {name: [] for name in INPUTS}
     for seed in seeds:
-        made = told(flight._replace(seed=seed))
-        found = aided_fit(made.flight)
-        assert found is not None
+        made = measured_flight(flight._replace(seed=seed))
+        fit = aided_fit(made.flight)
+        assert fit is not None
         for place, name in enumerate(INPUTS):
-            error = float(np.sqrt(found.covariance[place, place]))
-            one = estimate(name, "", float(found.errors[place]), error)
+            error = float(np.sqrt(fit.covariance[place, place]))
+            one = estimate(name, "", float(fit.errors[place]), error)
             held[name].append(one.contains(float(made.errors[place])))
     return {name: float(np.mean(inside)) for name, inside in held.items()}
 
@@ -100,44 +100,44 @@ def test_intervals_of_many() -> None:
 
 def test_the_attitude_that_was_told_has_no_part_in_it() -> None:
     """GIVEN an attitude that is 2 deg off and drifts THEN the errors are those beside a faultless one."""
-    right, wrong = (aided_fit(told(STANDARD._replace(seed=7), tilt).flight) for tilt in (0.0, 0.04))
+    right, wrong = (aided_fit(measured_flight(STANDARD._replace(seed=7), tilt).flight) for tilt in (0.0, 0.04))
     assert right is not None and wrong is not None
     errors = np.sqrt(np.diag(right.covariance))
     np.testing.assert_allclose(wrong.errors / errors, right.errors / errors, atol=0.25)
 
 
 def test_without_noise_the_offsets_are_exact_to_what_scales_may_be() -> None:
-    made = told(STANDARD._replace(noise=0.0, input_noise=0.0), scatter=0.0)
-    found = aided_fit(made.flight)
-    assert found is not None
-    np.testing.assert_allclose(found.errors[:3], OFFSETS[:3], atol=2e-4)
-    np.testing.assert_allclose(found.errors[3:], OFFSETS[3:], atol=0.03)
+    made = measured_flight(STANDARD._replace(noise=0.0, input_noise=0.0), scatter=0.0)
+    fit = aided_fit(made.flight)
+    assert fit is not None
+    np.testing.assert_allclose(fit.errors[:3], OFFSETS[:3], atol=2e-4)
+    np.testing.assert_allclose(fit.errors[3:], OFFSETS[3:], atol=0.03)
 
 
 def test_the_path_is_that_of_the_truth() -> None:
     flight = STANDARD._replace(seed=2)
-    made = told(flight)
-    found = aided_fit(made.flight)
-    assert found is not None
+    made = measured_flight(flight)
+    fit = aided_fit(made.flight)
+    assert fit is not None
     _, _, attitude, velocity = moved(flight)
     at = made.flight.at
-    assert np.sqrt(np.mean((found.motion[:, 3:5] - attitude[at, :2]) ** 2)) < 0.01
-    assert np.sqrt(np.mean((found.predicted - velocity[at]) ** 2)) < 0.06
-    assert np.mean(scores(found, made.errors) ** 2) < 3.0
-    assert found.levels.fixes == pytest.approx(FIX_NOISE, rel=0.15)
+    assert np.sqrt(np.mean((fit.motion[:, 3:5] - attitude[at, :2]) ** 2)) < 0.01
+    assert np.sqrt(np.mean((fit.predicted - velocity[at]) ** 2)) < 0.06
+    assert np.mean(scores(fit, made.errors) ** 2) < 3.0
+    assert fit.levels.fixes == pytest.approx(FIX_NOISE, rel=0.15)
 
 
 def test_straight_flight_hardly_tells_the_yaw_gyro() -> None:
     """GIVEN next to no turns and accelerations THEN its interval is wider, and holds."""
-    still = told(STANDARD._replace(seed=5, activity=0.02))
-    turning, straight = aided_fit(told(STANDARD._replace(seed=5)).flight), aided_fit(still.flight)
+    still = measured_flight(STANDARD._replace(seed=5, activity=0.02))
+    turning, straight = aided_fit(measured_flight(STANDARD._replace(seed=5)).flight), aided_fit(still.flight)
     assert turning is not None and straight is not None
     assert straight.covariance[2, 2] > 4 * turning.covariance[2, 2]
     assert abs(scores(straight, still.errors)[2]) < 3
 
 
 def test_the_registry_row_is_the_fit_with_findings() -> None:
-    made = told(STANDARD._replace(seed=3))
+    made = measured_flight(STANDARD._replace(seed=3))
     flight = made.flight
     velocity = np.full((len(flight.time), 3), np.nan)
     velocity[flight.at] = flight.velocity
@@ -146,9 +146,9 @@ def test_the_registry_row_is_the_fit_with_findings() -> None:
     )
     one = Experiment("flight", flight.time, dict(columns), {})
     result = ESTIMATORS["gps_aided"].estimate(Request((one,), options={"arm": flight.arm}))
-    found = aided_fit(flight)
-    assert found is not None
-    np.testing.assert_allclose([each.value for each in result.estimates], found.errors)
+    fit = aided_fit(flight)
+    assert fit is not None
+    np.testing.assert_allclose([each.value for each in result.estimates], fit.errors)
     assert [series.output for series in result.series] == list(VELOCITIES)
     assert [each.code for each in result.findings] == ["measured_by_gps", "mean_bias"]
     without = one._replace(signals={name: values for name, values in one.signals.items() if name != "v_down"})
@@ -175,7 +175,7 @@ LATE = 0.2
 
 def recorded(flight: Flight) -> Recorded:
     """The flight as a flight computer and the world wrote it; the IMU is at the centre of mass."""
-    made = told(flight)
+    made = measured_flight(flight)
     time, true, attitude, velocity = moved(flight)
     us = np.round(time * 1e6)
     names = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
@@ -212,27 +212,27 @@ def test_a_log_gives_the_flight_behind_its_launch_and_the_age_of_the_fixes() -> 
 
 def test_the_path_of_a_log_stands_beside_its_truth() -> None:
     log = recorded(AT_CENTRE._replace(seed=4))
-    found = identify_path(log, Aircraft())
-    known = imu_truths(log, Aircraft(), found.spans)
-    assert [one.name for one in found.result.estimates] == [f"bias_{name}" for name in INPUTS]
-    for one in found.result.estimates:
+    fit = identify_path(log, Aircraft())
+    known = imu_truths(log, Aircraft(), fit.spans)
+    assert [one.name for one in fit.result.estimates] == [f"bias_{name}" for name in INPUTS]
+    for one in fit.result.estimates:
         assert abs(one.value - known[one.name]) < 3 * one.standard_error
-    chapter = log_path_chapter(found)
+    chapter = log_path_chapter(fit)
     assert chapter is not None and len(chapter.plots) == 6
-    assert [series.output for series in found.result.series] == ["v_north", "v_east", "v_down"]
+    assert [series.output for series in fit.result.series] == ["v_north", "v_east", "v_down"]
 
 
 def test_without_velocities_a_filters_attitude_gives_no_numbers() -> None:
     """GIVEN no GPS and an attitude that may be off THEN each error is said not to be had, and why."""
     log = recorded(AT_CENTRE)
     del log.tables[topics.GPS.name]
-    found = identify_path(log, Aircraft())
-    assert not found.result.estimates
-    withheld = {one.subject: one.code for one in found.result.withheld}
+    fit = identify_path(log, Aircraft())
+    assert not fit.result.estimates
+    withheld = {one.subject: one.code for one in fit.result.withheld}
     assert all(withheld[f"bias_{name}"] == "attitude_filter" for name in INPUTS)
-    (by_attitude,) = (one for one in found.result.findings if one.code == "by_attitude")
+    (by_attitude,) = (one for one in fit.result.findings if one.code == "by_attitude")
     assert "/sensors/gps" in by_attitude.text
-    assert log_path_chapter(found) is not None
+    assert log_path_chapter(fit) is not None
 
 
 def test_manoeuvres_that_meet_are_one_record_and_a_vertical_gyro_gives_numbers() -> None:
@@ -245,10 +245,10 @@ def test_manoeuvres_that_meet_are_one_record_and_a_vertical_gyro_gives_numbers()
     log.tables[topics.EXCITATION.name] = {
         "time_us": us, "active": 1.0 * (first | second), "manoeuvre": 1.0 + second, "aborted": 0.0 * us,
     }  # fmt: skip
-    found = identify_path(log, Aircraft())
-    assert len(found.spans) == 1 and "manoeuvre 1 to 2" in found.records[0]
-    assert found.spans[0] == pytest.approx((7.0, 23.0), abs=0.05)
-    assert {"bias_p", "bias_q", "bias_r"} <= {one.name for one in found.result.estimates}
+    fit = identify_path(log, Aircraft())
+    assert len(fit.spans) == 1 and "maneuver 1 to 2" in fit.records[0]
+    assert fit.spans[0] == pytest.approx((7.0, 23.0), abs=0.05)
+    assert {"bias_p", "bias_q", "bias_r"} <= {one.name for one in fit.result.estimates}
 
 
 @pytest.mark.parametrize("gps", [True, False])

@@ -16,7 +16,7 @@ from logs.identification.models.modes import PHUGOID, Mode, short_period_of
 FREQUENCY, DAMPING = short_period_of(model_of(Flight()).a)
 
 
-def found(flight: Flight) -> Mode:
+def identified(flight: Flight) -> Mode:
     return equivalent_system(flight_records(fly(flight)))
 
 
@@ -24,7 +24,7 @@ def test_stroke_averages_give_the_short_period() -> None:
     """GIVEN flights of the linear ornithopter THEN frequency and damping are inside nearly all intervals."""
     hits = []
     for seed in range(10):
-        mode = found(Flight(seed=seed))
+        mode = identified(Flight(seed=seed))
         assert mode.frequency is not None and mode.damping is not None
         hits += [mode.frequency.contains(FREQUENCY), mode.damping.contains(DAMPING)]
     assert np.mean(hits) >= 0.85

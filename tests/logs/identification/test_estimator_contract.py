@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import runpy
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import NamedTuple
@@ -17,7 +18,7 @@ from logs.identification.estimators.registry import ESTIMATORS, Request, estimat
 from logs.identification.models import stability as models
 from logs.identification.models.modes import short_period_of
 from logs.identification.results import EstimationResult
-from tests.logs.identification.coloured_noise import TRUTH, flown
+from tests.logs.identification.colored_noise import TRUTH, simulated
 from tests.logs.identification.test_filter_error import (
     OUTPUTS,
     SHORT_PERIOD,
@@ -61,7 +62,7 @@ class Case(NamedTuple):
 
 
 REGRESSION = Case(
-    Request((flown("white", 400, 1),), (flown("white", 300, 2),), (), ("C",), ("alpha", "q", "delta")), TRUTH
+    Request((simulated("white", 400, 1),), (simulated("white", 300, 2),), (), ("C",), ("alpha", "q", "delta")), TRUTH
 )
 DRIVEN = Case(Request(tuple(map(short_period, range(3))), (short_period(9),), ("delta",), ("alpha", "q")), MODE)
 FREE = Case(
@@ -104,6 +105,12 @@ def constant(request: Request) -> Request:
 
 def test_every_row_has_a_case() -> None:
     assert set(estimators()) - PENDING == set(CASES)
+
+
+def test_reference_of_estimators_is_current() -> None:
+    docs = Path(__file__).parents[3] / "docs"
+    page = runpy.run_path(str(docs / "write_estimators.py"))["reference"]()
+    assert (docs / "reference" / "estimators.md").read_text(encoding="utf-8") == page
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -173,7 +180,7 @@ def test_recursive_least_squares_ends_at_ordinary_least_squares() -> None:
 
 def test_recursive_least_squares_follows_a_change() -> None:
     """GIVEN a derivative that doubles halfway THEN forgetting finds both values, each inside its interval."""
-    one = flown("white", 1000, 3, size=0.3)
+    one = simulated("white", 1000, 3, size=0.3)
     doubled = np.where(one.time < one.time[500], 1.0, 2.0)
     response = one.signals["C"] + (doubled - 1.0) * TRUTH["alpha"] * one.signals["alpha"]
     found = recursive.recursive_least_squares(
@@ -188,7 +195,9 @@ def test_recursive_least_squares_follows_a_change() -> None:
 def test_the_standard_error_with_forgetting_is_the_dispersion_of_the_estimates() -> None:
     values, errors = [], []
     for seed in range(100):
-        found = recursive.recursive_least_squares((flown("white", 300, seed),), "C", ("alpha", "q", "delta"), 0.98)
+        found = recursive.recursive_least_squares(
+            (simulated("white", 300, seed),), "C", ("alpha", "q", "delta"), 0.98
+        )
         values.append(found.histories[1].value[-1])
         errors.append(found.histories[1].standard_error[-1])
     normalized = (np.array(values) - TRUTH["alpha"]) / np.array(errors)

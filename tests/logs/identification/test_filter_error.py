@@ -83,7 +83,7 @@ def test_filter_error_in_calm_air_equals_output_error() -> None:
 
 
 def test_filter_error_through_an_actuator_finds_the_delay() -> None:
-    model = actuated(SHORT_PERIOD, ("delta_e",))._replace(held=("delta_e",))
+    model = actuated(SHORT_PERIOD, ("delta_e",))._replace(zoh_inputs=("delta_e",))
     free = parameters(SHORT_PERIOD_TRUTH) | {"delay_delta_e": Parameter(0.0, low=-0.2, high=0.2)}
     problem = problem_of(turbulent(3, delay=3), turbulent(4, delay=3))._replace(model=model, parameters=free)
     found = {one.name: one for one in filter_error(problem).estimates}

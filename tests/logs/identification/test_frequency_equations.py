@@ -13,7 +13,7 @@ STEP, TIME = 0.02, np.arange(0.0, 16.0, 0.02)
 UNITS = {"alpha": "rad", "q": "rad/s", "delta": "rad"}
 
 
-def flown(seed: int, z_alpha: float = -1.2, m_q: float = -1.5, m_alpha: float = -6.0) -> Experiment:
+def simulated(seed: int, z_alpha: float = -1.2, m_q: float = -1.5, m_alpha: float = -6.0) -> Experiment:
     """A short period after a 3-2-1-1, with noise."""
     given = np.zeros(len(TIME))
     for start, end, size in ((1.0, 2.8, 0.05), (2.8, 4.0, -0.05), (4.0, 4.6, 0.05), (4.6, 5.2, -0.05)):
@@ -31,7 +31,7 @@ def flown(seed: int, z_alpha: float = -1.2, m_q: float = -1.5, m_alpha: float = 
 
 def test_the_error_of_a_delay_that_was_found_is_in_the_intervals() -> None:
     """GIVEN a delay that another method found to 30 ms THEN M_q is as unsure as 30 ms move it, at the least."""
-    records, sure = (flown(1), flown(2)), EquationSettings(("delta",), {"Z_q": 0.0})
+    records, sure = (simulated(1), simulated(2)), EquationSettings(("delta",), {"Z_q": 0.0})
     exact = frequency_equation_error(records, sure)
     unsure = frequency_equation_error(records, sure._replace(delay_error=0.03))
     later = frequency_equation_error(records, sure._replace(delay=0.03))
@@ -43,7 +43,7 @@ def test_the_error_of_a_delay_that_was_found_is_in_the_intervals() -> None:
 
 def test_equations_whose_own_motion_runs_away_give_nothing() -> None:
     """GIVEN a motion that doubles in a third of a second THEN noise in the regressors has no instrument."""
-    short = flown(1, m_alpha=8.0)
+    short = simulated(1, m_alpha=8.0)
     kept = TIME < 4.0
     signals = {name: values[kept] for name, values in short.signals.items()}
     mode = frequency_equation_error((short._replace(time=TIME[kept], signals=signals),), EquationSettings(("delta",)))

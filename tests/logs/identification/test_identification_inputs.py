@@ -25,7 +25,7 @@ def bump(begin: float, length: float, size: float) -> Array:
     return moved
 
 
-def found(elevator: Array, strokes: Array = STROKES) -> list[float]:
+def detected(elevator: Array, strokes: Array = STROKES) -> list[float]:
     """When each input that is found begins (s)."""
     number = detect_inputs(TIME, elevator, strokes)
     moved = np.where(np.abs(number.excitation) > 0.01, number.manoeuvre, 0.0)
@@ -42,7 +42,7 @@ def test_the_doublets_that_were_flown_are_found() -> None:
 
 
 def test_a_stick_moved_by_hand_is_an_input() -> None:
-    assert found(0.03 + bump(8.0, 0.6, 0.1) - bump(20.0, 0.4, 0.1)) == pytest.approx([8.1, 20.1], abs=0.1)
+    assert detected(0.03 + bump(8.0, 0.6, 0.1) - bump(20.0, 0.4, 0.1)) == pytest.approx([8.1, 20.1], abs=0.1)
 
 
 def test_what_a_stabilisation_moves_is_none() -> None:
@@ -60,7 +60,7 @@ def test_rest_trim_and_the_end_of_the_record_are_none(elevator: Array) -> None:
 
 def test_an_input_in_a_glide_is_none() -> None:
     gliding = np.minimum(STROKES, 4.0 * 15.0)
-    assert found(bump(8.0, 0.5, 0.1) + bump(20.0, 0.5, 0.1), gliding) == pytest.approx([8.1], abs=0.1)
+    assert detected(bump(8.0, 0.5, 0.1) + bump(20.0, 0.5, 0.1), gliding) == pytest.approx([8.1], abs=0.1)
 
 
 # --- strokes ----------------------------------------------------------------------------------------------

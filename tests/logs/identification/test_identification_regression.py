@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 
 from logs.identification.estimators.least_squares import regress
 from logs.identification.results import student_factor
-from logs.identification.statistics.residual_autocorrelation import parzen
+from logs.identification.statistics.covariance import parzen
 
 
 def slope_covered(seed: int, pole: float) -> bool:

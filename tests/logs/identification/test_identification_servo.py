@@ -8,16 +8,15 @@ from promised import SEEDS, promise_kept
 from wing_drives import CENTRE, K_TAU, K_TAU0, Drives, exact, law, measure, simulate
 
 from logs.identification.data.flight import DriveData, GaugeErrors
-from logs.identification.estimators.servo import ServoModel, with_gauge_errors
+from logs.identification.estimators.servo import ServoModel, identify_torque, with_gauge_errors
 from logs.identification.estimators.servo_power import identify_power, power_truth, power_with_gauge_errors
-from logs.identification.estimators.servo_torque import identify_torque
 from logs.identification.results import Estimate
 from wingbeat.errors import InputError
 
 SHORT = Drives(duration=25.0)
 
 
-def flown(drives: Drives) -> DriveData:
+def simulated(drives: Drives) -> DriveData:
     return measure(simulate(drives), drives)
 
 
@@ -35,7 +34,7 @@ def study(seeds: range, drives: Drives) -> dict[str, tuple[float, float]]:
     """Share of flights whose interval holds the truth, and median relative error, by an estimate's name."""
     found: dict[str, list[Estimate]] = {}
     for seed in seeds:
-        data = flown(drives._replace(seed=seed, course=True))
+        data = simulated(drives._replace(seed=seed, course=True))
         for estimate in (*identify_torque(data).estimates, *identify_power(data, *CENTRE, TERMS).estimates):
             found.setdefault(estimate.name, []).append(estimate)
     return {
@@ -66,7 +65,7 @@ def test_constants_lie_within_their_intervals_over_many_flights(duration: float)
 
 
 def test_gauges_that_lag_are_found_out() -> None:
-    data = flown(SHORT)
+    data = simulated(SHORT)
     late = by_name(identify_torque(data._replace(torque_time=data.torque_time + 0.0025)))
     assert late["K_tau"].value == pytest.approx(K_TAU, rel=0.005)
     assert late["K_tau0"].value == pytest.approx(K_TAU0, rel=0.005)
@@ -74,7 +73,7 @@ def test_gauges_that_lag_are_found_out() -> None:
 
 def test_what_calibrations_left_is_in_the_intervals() -> None:
     """A scale error shows in no residual: the gauges' accuracy must be told for an interval that holds the truth."""
-    data = flown(SHORT)
+    data = simulated(SHORT)
     wrong = data._replace(current=data.current * 1.01, torque_left=data.torque_left * 1.005)
     told = by_name(with_gauge_errors(identify_torque, wrong, GaugeErrors(torque_scale=0.005, current_scale=0.01)))
     assert not by_name(identify_torque(wrong))["K_tau"].contains(K_TAU)
@@ -83,7 +82,7 @@ def test_what_calibrations_left_is_in_the_intervals() -> None:
 
 
 def test_a_current_that_hardly_varies_between_strokes_gives_no_slope() -> None:
-    model = identify_power(flown(SHORT._replace(throttle=0.002, noise=10.0)))
+    model = identify_power(simulated(SHORT._replace(throttle=0.002, noise=10.0)))
     refused = {entry.name: entry.reason for entry in model.unidentified}
     assert "little but noise" in refused["C_B"]
     assert set(by_name(model)) == {"P_0"}
@@ -91,7 +90,7 @@ def test_a_current_that_hardly_varies_between_strokes_gives_no_slope() -> None:
 
 def test_without_a_slope_over_the_current_the_constant_of_eq_12_is_refused() -> None:
     """It is the power at no current: where the slope is lost it was the power at the centre, printed twice."""
-    model = identify_power(flown(SHORT._replace(throttle=0.002, noise=10.0)))
+    model = identify_power(simulated(SHORT._replace(throttle=0.002, noise=10.0)))
     refused = {entry.name: entry.reason for entry in model.unidentified}
     assert "without C_B" in refused["C_A"]
     data = measure(simulate(LAWFUL), LAWFUL)
@@ -99,14 +98,14 @@ def test_without_a_slope_over_the_current_the_constant_of_eq_12_is_refused() -> 
 
 
 def test_a_constant_whose_interval_spans_zero_is_refused() -> None:
-    model = identify_power(flown(SHORT._replace(law=(0.0, 3.3, 0.0, 0.0, 0.0, 0.0))))
+    model = identify_power(simulated(SHORT._replace(law=(0.0, 3.3, 0.0, 0.0, 0.0, 0.0))))
     refused = {entry.name: entry.reason for entry in model.unidentified}
     assert "spans zero" in refused["C_A"]
     assert {"P_0", "C_B"} <= set(by_name(model))
 
 
 def test_what_the_calibrations_leave_too_wide_is_refused() -> None:
-    data = flown(SHORT._replace(law=(-0.05, 12.3, 0.0, 0.0, 3.4, 0.0), duration=15.0))
+    data = simulated(SHORT._replace(law=(-0.05, 12.3, 0.0, 0.0, 3.4, 0.0), duration=15.0))
     exact_gauges, poor = GaugeErrors(torque_scale=1e-9), GaugeErrors(current_scale=0.3, torque_scale=0.6)
     assert "C_G" in by_name(power_with_gauge_errors(data, exact_gauges))
     model = power_with_gauge_errors(data, poor)
@@ -116,7 +115,7 @@ def test_what_the_calibrations_leave_too_wide_is_refused() -> None:
 
 
 def test_torque_constants_are_within_one_percent() -> None:
-    found = by_name(identify_torque(flown(SHORT)))
+    found = by_name(identify_torque(simulated(SHORT)))
     assert found["K_tau"].value == pytest.approx(K_TAU, rel=0.01)
     assert found["K_tau0"].value == pytest.approx(K_TAU0, rel=0.01)
     assert found["K_tau"].high - found["K_tau"].low < 0.02 * K_TAU
@@ -124,13 +123,13 @@ def test_torque_constants_are_within_one_percent() -> None:
 
 def test_stroke_means_would_be_biased_by_the_floor() -> None:
     """Why the fit is on single samples: the means of torque and current lie off the line."""
-    data = flown(SHORT)
+    data = simulated(SHORT)
     torque = (np.abs(data.torque_left) + np.abs(data.torque_right)).mean() / 2
     assert abs(torque - (K_TAU * data.current.mean() + K_TAU0)) > 0.03
 
 
 def test_current_noise_does_not_flatten_the_slope() -> None:
-    found = by_name(identify_torque(flown(SHORT._replace(noise=6.0))))
+    found = by_name(identify_torque(simulated(SHORT._replace(noise=6.0))))
     assert found["K_tau"].value == pytest.approx(K_TAU, rel=0.03)
 
 
@@ -155,7 +154,7 @@ def test_mean_power_is_within_two_percent() -> None:
 
 
 def test_voltage_that_only_sags_with_the_current_is_refused_with_the_reason() -> None:
-    model = identify_power(flown(Drives(noise=0.2)))
+    model = identify_power(simulated(Drives(noise=0.2)))
     refused = {entry.name: entry.reason for entry in model.unidentified}
     assert "voltage follows the other terms" in refused["C_C"]
     assert "C_B" in by_name(model)
@@ -164,7 +163,7 @@ def test_voltage_that_only_sags_with_the_current_is_refused_with_the_reason() ->
 
 def test_a_voltage_that_matters_on_its_own_is_identified() -> None:
     drives = Drives(wander=0.4)
-    data = flown(drives)
+    data = simulated(drives)
     stronger = data._replace(
         rate_left=data.rate_left * np.interp(data.wing_time, data.power_time, data.voltage) / 8,
         rate_right=data.rate_right * np.interp(data.wing_time, data.power_time, data.voltage) / 8,
@@ -174,13 +173,13 @@ def test_a_voltage_that_matters_on_its_own_is_identified() -> None:
 
 
 def test_given_centres_are_used() -> None:
-    model = identify_power(flown(SHORT), -0.936, -6.877)
+    model = identify_power(simulated(SHORT), -0.936, -6.877)
     assert (model.centre_current, model.centre_voltage) == (-0.936, -6.877)
 
 
 def test_centring_moves_only_the_description() -> None:
     """The same terms about another centre are the same polynomial."""
-    data = flown(SHORT)
+    data = simulated(SHORT)
     terms = ("C_A", "C_B", "C_G")
 
     def value(model: ServoModel, current: float) -> float:
@@ -192,7 +191,7 @@ def test_centring_moves_only_the_description() -> None:
 
 
 def test_wings_at_rest_are_refused() -> None:
-    data = flown(SHORT)
+    data = simulated(SHORT)
     still = data._replace(
         current=np.full_like(data.current, 0.16),
         torque_left=np.zeros_like(data.torque_left),
@@ -206,7 +205,7 @@ def test_wings_at_rest_are_refused() -> None:
 
 
 def test_torque_that_has_nothing_to_do_with_the_current_gives_no_constant() -> None:
-    data = flown(SHORT)
+    data = simulated(SHORT)
     rng = np.random.default_rng(1)
     constant = 0.9 + 0.02 * rng.normal(size=(2, len(data.torque_time)))  # loaded, and blind to the current
     model = identify_torque(data._replace(torque_left=constant[0], torque_right=constant[1]))

@@ -20,7 +20,7 @@ from logs.identification.estimators.flight_modes import (
 from logs.identification.models.modes import ModesResult, short_period_of
 from logs.identification.models.stroke_averaged import LONGITUDINAL, SHORT_PERIOD
 from logs.identification.results import Array
-from logs.identification.statistics.delta_method import propagate
+from logs.identification.statistics.covariance import ParameterUncertainty, propagate
 from logs.strokes import interval_mean
 from wingbeat.constants import STANDARD_GRAVITY
 from wingbeat.errors import InputError
@@ -110,10 +110,8 @@ def moving(time: Array) -> tuple[FlightData, Array]:
     a_z = w_dot - u * q - STANDARD_GRAVITY * np.cos(pitch) - 0.05
     airspeed, still, on = np.hypot(u, w), np.zeros_like(time), np.ones_like(time)
     excited = np.where((time > 2.0) & (time < 2.2), 0.1, 0.0)
-    strokes, sideways = 4.0 * time, [still] * 4
-    data = FlightData(
-        time, q, a_x, a_z, pitch, airspeed, still, excited, strokes, on, on, excited, still, still, *sideways
-    )
+    strokes = 4.0 * time
+    data = FlightData(time, q, a_x, a_z, pitch, airspeed, still, excited, strokes, on, on, excited, still)
     return data, np.column_stack((u, w))
 
 
@@ -177,9 +175,10 @@ def test_frequency_and_damping_of_a_known_system() -> None:
 
 def test_error_propagation_is_linear_in_a_linear_function() -> None:
     covariance = np.array([[0.04, 0.01], [0.01, 0.09]])
-    value, error = propagate(lambda v: np.array([2 * v[0] - v[1]]), np.array([1.0, 5.0]), covariance)
+    uncertainty = ParameterUncertainty(covariance, math.inf)
+    value, found = propagate(lambda v: np.array([2 * v[0] - v[1]]), np.array([1.0, 5.0]), uncertainty)
     assert value[0] == -3
-    assert error[0] == pytest.approx(math.sqrt(4 * 0.04 + 0.09 - 4 * 0.01))
+    assert found.standard_errors[0] == pytest.approx(math.sqrt(4 * 0.04 + 0.09 - 4 * 0.01))
 
 
 def test_filter_error_in_turbulence_covers_the_frequency() -> None:

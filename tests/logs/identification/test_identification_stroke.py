@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.signal import lfilter
 
-from logs.identification.data.stroke_average import averaging_matrix, stroke_average, wing_period
+from logs.identification.data.resampling import averaging_matrix, stroke_average, wing_period
 from logs.strokes import interval_mean, stroke_cuts, stroke_means, strokes_of
 
 TIME = np.arange(0, 10, 0.005)

@@ -26,8 +26,7 @@ from logs.identification.input_design.design import (
     peaks,
 )
 from logs.identification.input_design.prediction import Gust, predict, predicted_covariance
-from logs.identification.input_design.prior import Prior, prior_of
-from logs.identification.input_design.response import respond, waveform
+from logs.identification.input_design.response import Prior, prior_of, respond, waveform
 from logs.identification.models.stroke_averaged import LONGITUDINAL
 from logs.identification.results import Array
 from sim_bridge.tuning.model import load_model
@@ -39,8 +38,8 @@ LIMITS = Limits(0.3, 0.4, 8.0, 0.15, 2.0)
 DOUBLET = Excitation(Channel.ELEVATOR, Shape.DOUBLET, 0.15, 0.2, 1.2, 1)
 
 
-def predicted(prior: Prior, asked: Excitation, repeats: int = 1, gust: Gust | None = None) -> dict[str, float]:
-    planned = waveform(asked, prior.step, 1.0, prior.wing_period)
+def predicted(prior: Prior, requested: Excitation, repeats: int = 1, gust: Gust | None = None) -> dict[str, float]:
+    planned = waveform(requested, prior.step, 1.0, prior.wing_period)
     covariance = predicted_covariance(prior, planned, respond(prior, planned), gust)
     return {one.name: one.standard_error for one in predict(prior, covariance, repeats)}
 
@@ -145,20 +144,20 @@ def test_an_input_goes_to_a_limit_and_not_beyond(shape: Shape) -> None:
 
 
 def test_the_time_unit_is_tuned_to_the_mode() -> None:
-    asked = DesignSpec(Shape.MULTISTEP_3211, LIMITS)
-    best = design_input(PRIOR, asked)
-    slow = design_input(PRIOR._replace(values=PRIOR.values * np.where(np.arange(12) == 9, 0.3, 1.0)), asked)
+    requested = DesignSpec(Shape.MULTISTEP_3211, LIMITS)
+    best = design_input(PRIOR, requested)
+    slow = design_input(PRIOR._replace(values=PRIOR.values * np.where(np.arange(12) == 9, 0.3, 1.0)), requested)
     for width in (best.excitation.width / 2.5, best.excitation.width * 2.5):
-        other = design_input(PRIOR, asked._replace(width=round(width, 2)))
+        other = design_input(PRIOR, requested._replace(width=round(width, 2)))
         assert other.predicted[0].standard_error > best.predicted[0].standard_error
     assert slow.excitation.width > best.excitation.width
 
 
 def test_repeats_reach_the_asked_error_and_no_more() -> None:
-    asked = DesignSpec(Shape.DOUBLET, LIMITS, amplitude=0.05, width=0.2, frequency_error=2e-3)
-    found = design_input(PRIOR, asked)
+    requested = DesignSpec(Shape.DOUBLET, LIMITS, amplitude=0.05, width=0.2, frequency_error=2e-3)
+    found = design_input(PRIOR, requested)
     frequency = found.predicted[0]
-    one_less = design_input(PRIOR, asked._replace(repeats=found.excitation.repeats - 1)).predicted[0]
+    one_less = design_input(PRIOR, requested._replace(repeats=found.excitation.repeats - 1)).predicted[0]
     assert found.excitation.repeats > 1
     assert frequency.standard_error <= 2e-3 * frequency.value < one_less.standard_error
 

@@ -7,8 +7,7 @@ import pytest
 from linear_ornithopter import AIRCRAFT, TRUTH, Flight, by_output_error, fly, model_of
 
 from logs.identification.data.flight import FlightData
-from logs.identification.data.maneuvers import Maneuver, find_maneuvers, reference_of
-from logs.identification.data.split import by_flight
+from logs.identification.data.maneuvers import Maneuver, by_flight, find_maneuvers, reference_of
 from logs.identification.diagnostics.validation import validation
 from logs.identification.estimators.flight_modes import (
     FlightProblem,
@@ -20,7 +19,7 @@ from logs.identification.models.modes import ModesResult, short_period_of
 from logs.identification.report.numbers import Identification, document, rows
 from logs.identification.report.report import method_results
 from logs.identification.results import Array
-from logs.identification.sources.multi_flight import joined_flights
+from logs.identification.sources.full_flight import joined_flights
 from wingbeat.errors import InputError
 
 FLIGHTS = tuple(fly(Flight(seed=seed, modulation=0.2)) for seed in (1, 2))
@@ -123,7 +122,7 @@ def test_modes_of_joined_flights_tell_theils_coefficient_of_the_one_held_out() -
     assert {one.flight.name for one in found.maneuvers if one.flight} == {"monday.mcap"}
     told = Identification(modes=found)
     note = next(row.note for row in rows(told) if row.name == "held out")
-    assert note.startswith("tuesday.mcap (6 manoeuvres), predicted and not fitted: Theil's U q 0.")
+    assert note.startswith("tuesday.mcap (6 maneuvers), predicted and not fitted: Theil's U q 0.")
     entry = document(told)["modes"]["held_out"]
     assert entry["flights"] == ["tuesday.mcap"] and [one["output"] for one in entry["predictions"]] == [
         "q",
@@ -135,7 +134,7 @@ def test_modes_of_joined_flights_tell_theils_coefficient_of_the_one_held_out() -
 
 def test_where_nothing_would_be_left_to_fit_it_is_refused() -> None:
     manoeuvres = find_maneuvers(joined_flights(FLIGHTS, NAMES[:2]))
-    with pytest.raises(InputError, match=r"every flight with a usable manoeuvre is held out"):
+    with pytest.raises(InputError, match=r"every flight with a usable maneuver is held out"):
         by_flight(manoeuvres, NAMES[:2])
-    with pytest.raises(InputError, match=r"friday.mcap is held out and has no complete elevator manoeuvre"):
+    with pytest.raises(InputError, match=r"friday.mcap is held out and has no complete elevator maneuver"):
         by_flight(manoeuvres, ("friday.mcap",))

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from output_error_cases import LATERAL, LATERAL_TRUTH, flown, steps, vector
+from output_error_cases import LATERAL, LATERAL_TRUTH, simulated, steps, vector
 
 from groundstation.command import identify
 from logs.identification.models.lateral_modes import lateral_modes
 from logs.identification.results import Array
-from logs.identification.statistics.parameter_uncertainty import Spread
+from logs.identification.statistics.covariance import ParameterUncertainty
 
 STEP = 0.02
 MAP = """
@@ -48,7 +48,7 @@ def roots() -> tuple[complex, float, float]:
 def identified(folder: Path, capsys: pytest.CaptureFixture[str], mapping: str) -> dict[str, dict[str, float]]:
     time = STEP * np.arange(1500)
     inputs = np.column_stack((steps(time, 9.0, 0.3, 0.05), steps(time, 1.0, 0.4, 0.08)))
-    record = flown(LATERAL, LATERAL_TRUTH, inputs, STEP, 0.03, 2)
+    record = simulated(LATERAL, LATERAL_TRUTH, inputs, STEP, 0.03, 2)
     names = ("beta", "p", "r", "phi", "delta_a", "delta_r")
     rows = zip(*(record.signals[name] for name in names), strict=True)
     table = folder / "run.csv"
@@ -83,7 +83,7 @@ def test_without_the_bank_there_is_no_spiral(tmp_path: Path, capsys: pytest.Capt
 
 
 @pytest.mark.parametrize(
-    ("matrix", "told", "refused"),
+    ("matrix", "expected", "refused"),
     [
         ([[-0.3, 2, 0, 0], [-2, -0.3, 0, 0], [0, 0, -5, 0], [0, 0, 0, 0.05]], "spiral_time_to_double", ()),
         ([[-0.3, 2, 0, 0], [-2, -0.3, 0, 0], [0, 0, -5, 0], [0, 0, 0, 1e-4]], "roll_time_constant", ("spiral",)),
@@ -92,7 +92,7 @@ def test_without_the_bank_there_is_no_spiral(tmp_path: Path, capsys: pytest.Capt
     ],
     ids=["spiral that grows", "neutral spiral", "roll and spiral coupled", "nothing oscillates"],
 )
-def test_other_shapes_of_the_lateral_motion(matrix: Array, told: str, refused: tuple[str, ...]) -> None:
+def test_other_shapes_of_the_lateral_motion(matrix: Array, expected: str, refused: tuple[str, ...]) -> None:
     """GIVEN eigenvalues as told THEN each mode has its name, and errors of a hundredth are carried."""
     base = np.array(matrix, dtype=np.float64)
     values = np.diag(base).copy()
@@ -100,9 +100,9 @@ def test_other_shapes_of_the_lateral_motion(matrix: Array, told: str, refused: t
     def system(at: Array) -> Array:
         return np.asarray(base + np.diag(at - values))
 
-    found = lateral_modes(system, values, Spread(np.diag(np.full(4, 1e-4)), 1000.0))
+    found = lateral_modes(system, values, ParameterUncertainty(np.diag(np.full(4, 1e-4)), 1000.0))
     assert tuple(one.name for one in found.unidentified) == refused
-    assert not told or told in {one.name for one in found.estimates}
+    assert not expected or expected in {one.name for one in found.estimates}
     for one in found.estimates:
         if one.name == "roll_time_constant":
             assert one.standard_error == pytest.approx(0.01 / 25.0, rel=1e-3)

@@ -1,4 +1,4 @@
-"""`wingbeat identify CAPTURE markers`: a simulated capture of the Slow Hawk from files to motion and coefficients."""
+"""`wingbeat identify CAPTURE markers`: a flight capture of the Slow Hawk from files to motion and coefficients."""
 
 from __future__ import annotations
 
@@ -17,18 +17,19 @@ from groundstation.command.main import main
 from logs.identification.motion_capture.coordinates import kinematic_chain
 from logs.identification.motion_capture.markers import find_swap
 from logs.identification.motion_capture.motion import POSITION_ERROR, Speeds
-from logs.identification.tables.markers import (
-    EXAMPLE,
+from logs.identification.sources.table.config import example_map
+from logs.identification.sources.table.markers import (
     clouds_of_tables,
     identify_markers,
     load_markers_map,
 )
-from tests.logs.identification import flown_slow_hawk as hawk
+from tests.logs.identification import slow_hawk_flight as hawk
 from wingbeat.errors import InputError
 from wingbeat.rotation_arrays import dcms_from_quaternions
 
 NOISE = 0.0013
 FRAMES = 600
+EXAMPLE = example_map("markers")
 PLACES: dict[str, dict[str, list[float]]] = tomllib.loads(EXAMPLE)["markers"]["places"]
 NAMES = [name for markers in PLACES.values() for name in markers]
 SECTION = EXAMPLE.partition("# Of a table")[0]
@@ -39,10 +40,12 @@ Capture = dict[str, NDArray[np.float64]]
 
 def capture(frames: int = FRAMES) -> Capture:
     """Positions (N, 3) in mm by marker; one wing tip is lost for 30 frames."""
-    flown = hawk.fly(3.0, 1).cut(0, frames)
-    seen = hawk.seen(flown, NOISE, 6)
+    flight = hawk.fly(3.0, 1).cut(0, frames)
+    observed = hawk.observed(flight, NOISE, 6)
     tracks = {
-        name: 1e3 * seen[body][place] * UP for body, markers in PLACES.items() for place, name in enumerate(markers)
+        name: 1e3 * observed[body][place] * UP
+        for body, markers in PLACES.items()
+        for place, name in enumerate(markers)
     }
     tracks["tip_right"][100:130] = np.nan
     return tracks
@@ -84,16 +87,16 @@ def test_coordinates_of_a_table_are_those_flown_within_their_errors(tmp_path: Pa
     clouds, _ = clouds_of_tables([path], mapped)
     (motion,) = identify_markers(hawk.vehicle(), mapped.markers, clouds).motions
     assert motion.noise.contains(NOISE) and motion.noise.value == pytest.approx(NOISE, rel=0.05)
-    flown = hawk.fly(3.0, 1).cut(0, FRAMES)
-    told = (motion.coordinates.angles - flown.states[:, 13:17]) / motion.errors[:, 6:]
+    flight = hawk.fly(3.0, 1).cut(0, FRAMES)
+    expected = (motion.coordinates.angles - flight.states[:, 13:17]) / motion.errors[:, 6:]
     assert motion.known.all()
-    assert np.std(told, axis=0) == pytest.approx(1.0, abs=0.15)
+    assert np.std(expected, axis=0) == pytest.approx(1.0, abs=0.15)
     lost = motion.errors[100:130, 6].mean()
     # The rest of the wing's markers tell its angle half as well, beside the fuselage's roll, the larger of the two.
     assert lost > 1.1 * motion.errors[130:, 6].mean()
     (speeds,) = motion.speeds
     # What noise makes of a speed at 50 Hz grows with the cut-off to the power 1.5.
-    assert np.std((speeds.speeds - hawk.moved(flown).speeds)[30:-30, 2]) < 0.1
+    assert np.std((speeds.speeds - hawk.moved(flight).speeds)[30:-30, 2]) < 0.1
 
 
 def off(speeds: Speeds, body: str) -> tuple[float, float]:
@@ -128,14 +131,14 @@ def test_an_imported_capture_gives_motion_and_coefficients(
     (record,) = found["markers"]["records"]
     assert record["frames"] == record["told"] == 500 and found["markers"]["vehicle"] == "slow_hawk"
     tracks = {one["name"]: one for one in record["coordinates"]}
-    flown = hawk.fly(3.0, 1).cut(0, 500)
-    down = np.array(tracks["down"]["values"]) - flown.states[:, 2]
+    flight = hawk.fly(3.0, 1).cut(0, 500)
+    down = np.array(tracks["down"]["values"]) - flight.states[:, 2]
     assert np.std(down) < 0.001
     assert np.median(tracks["left_wing"]["standard_errors"]) < 0.01
     assert len(record["speeds"][0]["values"]) == 500
-    told = {one["name"]: one for model in found["aero"]["models"] for one in model["estimates"]}
-    assert told["C_m_omega_y"]["value"] == pytest.approx(hawk.TRUTH["C_m"]["omega_y"], rel=0.1)
-    assert told["C_L_theta_11_rate"]["value"] == pytest.approx(hawk.TRUTH["C_L"]["theta_11_rate"], rel=0.1)
+    expected = {one["name"]: one for model in found["aero"]["models"] for one in model["estimates"]}
+    assert expected["C_m_omega_y"]["value"] == pytest.approx(hawk.TRUTH["C_m"]["omega_y"], rel=0.1)
+    assert expected["C_L_theta_11_rate"]["value"] == pytest.approx(hawk.TRUTH["C_L"]["theta_11_rate"], rel=0.1)
     page = (tmp_path / "r.html").read_text()
     assert "Motion by markers" in page and "capture.mcap" in page and "Wing coefficients" in page
 
@@ -178,7 +181,7 @@ def test_where_a_wing_is_not_seen_speeds_are_told_before_and_behind(
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "told"),
+    ("old", "new", "expected"),
     [
         ("places.rudder]", "places.ruder]", "slow_hawk has no such body; it has: fuselage"),
         ("places.fuselage]", "places.elevator]", "the base has no markers"),
@@ -191,7 +194,7 @@ def test_where_a_wing_is_not_seen_speeds_are_told_before_and_behind(
         ('nose_x = { column = "nose X", unit = "mm" }', "", "signals.nose_x must be there, in a unit of length"),
     ],
 )
-def test_a_map_that_cannot_be_used_is_refused_in_one_line(tmp_path: Path, old: str, new: str, told: str) -> None:
+def test_a_map_that_cannot_be_used_is_refused_in_one_line(tmp_path: Path, old: str, new: str, expected: str) -> None:
     path = table(tmp_path, capture(100))
     mapping = path.with_suffix(".toml")
     text = mapping.read_text()
@@ -199,7 +202,7 @@ def test_a_map_that_cannot_be_used_is_refused_in_one_line(tmp_path: Path, old: s
         text = "\n".join(line for line in text.splitlines() if not line.startswith("axes"))
     assert old in text
     mapping.write_text(text.replace(old, new, 1))
-    with pytest.raises(InputError, match=told) as refused:
+    with pytest.raises(InputError, match=expected) as refused:
         identify.run([str(path), "markers", "--map", str(mapping)])
     assert "\n" not in str(refused.value)
 
@@ -235,9 +238,9 @@ def test_a_body_s_mirror_image_is_told_from_it() -> None:
         "drone": {"nose": (0.1, 0.0, 0.0), "fin": (-0.1, 0.0, -0.08), "left": (0, -0.1, 0), "right": (0, 0.1, 0)}
     }
     rng = np.random.default_rng(0)
-    seen = np.array(list(places["drone"].values()))[:, None] + 0.0008 * rng.normal(size=(4, 50, 3))
-    assert find_swap(places, {"drone": seen}) is None
-    found = find_swap(places, {"drone": seen[[0, 1, 3, 2]]})
+    observed = np.array(list(places["drone"].values()))[:, None] + 0.0008 * rng.normal(size=(4, 50, 3))
+    assert find_swap(places, {"drone": observed}) is None
+    found = find_swap(places, {"drone": observed[[0, 1, 3, 2]]})
     assert found is not None and {found.one, found.other} == {"left", "right"} and found.swapped < 0.0015
     exact = np.repeat(np.array(list(places["drone"].values()))[:, None], 50, axis=1)
     assert find_swap(places, {"drone": exact}) is None

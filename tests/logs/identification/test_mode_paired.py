@@ -18,47 +18,49 @@ from logs.identification.models.modes import (
     paired_mode,
     without_heavy,
 )
-from logs.identification.statistics.parameter_uncertainty import Spread
+from logs.identification.statistics.covariance import ParameterUncertainty
 
 
-def found(pairs: list[float], errors: list[float], kinds: tuple[str, ...] = KINDS) -> Mode:
-    return paired_mode("free response", kinds, np.array(pairs), Spread(np.diag(np.square(errors)), 100.0))
+def identified(pairs: list[float], errors: list[float], kinds: tuple[str, ...] = KINDS) -> Mode:
+    return paired_mode(
+        "free response", kinds, np.array(pairs), ParameterUncertainty(np.diag(np.square(errors)), 100.0)
+    )
 
 
 @pytest.mark.parametrize("damping", [0.005, -0.002, 0.0])
 def test_a_motion_that_does_not_decay_is_no_short_period(damping: float) -> None:
     """GIVEN wings that shake the body WHEN a method is sure of their frequency THEN it is not told as the mode."""
-    mode = found([29.5, damping], [0.1, 0.01], (SHORT_PERIOD,))
+    mode = identified([29.5, damping], [0.1, 0.01], (SHORT_PERIOD,))
     assert mode.frequency is None
     assert [one.reason for one in mode.unidentified] == [FORCED]
 
 
 @pytest.mark.parametrize("damping", [0.055, -0.05])
 def test_one_that_surely_decays_or_grows_is(damping: float) -> None:
-    mode = found([6.28, damping], [0.1, 0.01], (SHORT_PERIOD,))
+    mode = identified([6.28, damping], [0.1, 0.01], (SHORT_PERIOD,))
     assert mode.frequency is not None and mode.damping is not None and mode.damping.value == damping
 
 
 def test_a_phugoid_may_last() -> None:
-    mode = found([3.8, 0.6, 0.2, 0.0], [0.1, 0.1, 0.01, 0.01])
+    mode = identified([3.8, 0.6, 0.2, 0.0], [0.1, 0.1, 0.01, 0.01])
     assert mode.short_period is not None and mode.phugoid is not None
 
 
 def test_pairs_that_turn_alike_are_parts_of_one_motion() -> None:
-    mode = found([0.2, 0.06, 0.24, 0.3], [0.001, 0.01, 0.01, 0.05])
+    mode = identified([0.2, 0.06, 0.24, 0.3], [0.001, 0.01, 0.01, 0.05])
     assert mode.short_period is None and mode.phugoid is None
     assert {one.name for one in mode.unidentified} == {SHORT_PERIOD, PHUGOID}
     assert all("not told apart" in one.reason for one in mode.unidentified)
 
 
 def test_a_phugoid_that_may_be_heavily_damped_takes_no_short_period_with_it() -> None:
-    mode = without_heavy(found([3.8, 0.2, 0.2, 0.3], [0.1, 0.01, 0.01, 0.1]), 0.4)
+    mode = without_heavy(identified([3.8, 0.2, 0.2, 0.3], [0.1, 0.01, 0.01, 0.1]), 0.4)
     assert mode.short_period is not None and mode.phugoid is None
     assert [(one.name, one.reason) for one in mode.unidentified] == [(PHUGOID, HEAVY)]
 
 
 def test_a_short_period_that_may_be_leaves_no_mode() -> None:
-    mode = without_heavy(found([3.8, 0.3, 0.2, 0.1], [0.1, 0.1, 0.01, 0.01]), 0.4)
+    mode = without_heavy(identified([3.8, 0.3, 0.2, 0.1], [0.1, 0.1, 0.01, 0.01]), 0.4)
     assert mode.short_period is None and mode.phugoid is None
     assert [one.reason for one in mode.unidentified] == [HEAVY, HEAVY]
 
@@ -70,7 +72,10 @@ def unstable(parameters: np.ndarray) -> np.ndarray:
 
 def test_an_unstable_aircraft_tells_the_time_in_which_its_motion_doubles() -> None:
     """GIVEN real roots of both signs THEN they are told, with the errors that drawn matrices scatter by."""
-    values, spread = np.array([-1.4, 1.0, 12.0, -3.7]), Spread(np.diag(np.square([0.05, 0.0, 0.2, 0.1])), 1e6)
+    values, spread = (
+        np.array([-1.4, 1.0, 12.0, -3.7]),
+        ParameterUncertainty(np.diag(np.square([0.05, 0.0, 0.2, 0.1])), 1e6),
+    )
     mode = mode_of_system("output error", unstable, values, spread)
     assert mode.short_period is None and "a divergence" in mode.unidentified[0].reason
     double, decay = mode.divergence
@@ -84,11 +89,11 @@ def test_an_unstable_aircraft_tells_the_time_in_which_its_motion_doubles() -> No
 
 def test_what_may_not_grow_has_no_time_to_double() -> None:
     nearly = np.array([-1.0, 1.0, 1.51, -1.5])
-    sure = mode_of_system("output error", unstable, nearly, Spread(np.diag(np.full(4, 1e-8)), 1e6))
-    unsure = mode_of_system("output error", unstable, nearly, Spread(np.diag(np.full(4, 1e-2)), 1e6))
+    sure = mode_of_system("output error", unstable, nearly, ParameterUncertainty(np.diag(np.full(4, 1e-8)), 1e6))
+    unsure = mode_of_system("output error", unstable, nearly, ParameterUncertainty(np.diag(np.full(4, 1e-2)), 1e6))
     assert len(sure.divergence) == 2 and unsure.divergence == ()
     stable = mode_of_system(
-        "output error", unstable, np.array([-1.0, 1.0, -4.0, -1.5]), Spread(np.eye(4) * 1e-6, 1e6)
+        "output error", unstable, np.array([-1.0, 1.0, -4.0, -1.5]), ParameterUncertainty(np.eye(4) * 1e-6, 1e6)
     )
     assert stable.short_period is not None and stable.divergence == ()
 
@@ -101,7 +106,7 @@ def test_a_ring_down_that_may_be_damped_heavily_gives_no_number() -> None:
         wave = np.exp(-0.45 * 2.5 * time) * np.cos(2.5 * np.sqrt(1 - 0.45**2) * time)
         pitch = 0.1 * wave + 0.03 * np.cos(0.6 * time) + 0.002 * rng.normal(size=len(time))
         one = Experiment("ring", time, {"theta": pitch}, {"theta": "rad"})
-        found = {mode.method: mode for mode in modes_of_experiments((one,), None, ("theta",)).modes}
-        told.append(found["free response"].damping)
+        identified = {mode.method: mode for mode in modes_of_experiments((one,), None, ("theta",)).modes}
+        told.append(identified["free response"].damping)
     assert all(one is None or one.high <= 0.4 for one in told)
     assert sum(one is not None for one in told) <= 3

@@ -26,7 +26,7 @@ PROBLEM = Problem(SHORT_PERIOD, (pitching(1),), parameters(SHORT_PERIOD_TRUTH), 
 
 
 def lost(fit: Fit) -> dict[str, str]:
-    return {u.name: u.reason for u in fit.unidentified}
+    return {one.subject: one.text for one in fit.withheld}
 
 
 def test_a_parameter_without_effect_is_named() -> None:
@@ -158,7 +158,7 @@ def gap(name: str, count: int) -> np.ndarray:  # type: ignore[type-arg]
         (with_signal("delta_e", None), "the input delta_e is not among its signals"),
         (with_signal("q", None), "the output q is not among its signals"),
         (with_signal("q", gap("q", 500)), "output q has no sample"),
-        (PROBLEM._replace(experiments=()), "no manoeuvre"),
+        (PROBLEM._replace(experiments=()), "no maneuver"),
         (PROBLEM._replace(outputs=()), "no output"),
         (PROBLEM._replace(outputs=("alpha", "speed")), "no output speed"),
         (PROBLEM._replace(parameters={"M_w": Parameter(1.0)}), "no parameter M_w"),

@@ -53,14 +53,14 @@ def test_linear_flight_is_that_of_scipy_and_control(model: LinearModel, truth: d
 def test_linear_flight_is_exact_at_any_rate(step: float) -> None:
     model = short_period(Steady(20.0), pitch=True)
     p = vector(model, {"Z_alpha": -2.0, "M_alpha": -15.0, "M_q": -3.0, "M_0": 0.3})
-    flown = model.simulate(p, np.array([0.1, 0.0, 0.0]), np.zeros((50, 1)), step)
+    simulated = model.simulate(p, np.array([0.1, 0.0, 0.0]), np.zeros((50, 1)), step)
     a, b, _, _ = model.matrices(p)
     trim = np.linalg.solve(a[:2, :2], -b[:2, 1])
     values, vectors = np.linalg.eig(a[:2, :2])
     shares = np.linalg.solve(vectors, np.array([0.1, 0.0]) - trim)
     times = step * np.arange(50)
     exact = ((vectors * shares) @ np.exp(np.outer(values, times))).real.T + trim
-    np.testing.assert_allclose(flown[:, :2], exact, atol=1e-9)
+    np.testing.assert_allclose(simulated[:, :2], exact, atol=1e-9)
 
 
 def test_short_period_in_w_and_in_alpha_are_one() -> None:
@@ -89,8 +89,8 @@ def test_the_vane_of_a_flight_at_an_angle_of_attack_is_that_of_its_velocity() ->
 def test_measured_sideslip_may_be_an_input() -> None:
     model = lateral(Steady(20.0, accelerometer_x=0.5), ("delta_a", "delta_r", "beta"), ("p", "r"))
     p = vector(model, {"L_beta": -12.0, "N_beta": 9.0, "N_0": 0.2})
-    flown = model.simulate(p, np.zeros(2), np.tile([0.0, 0.0, 0.1], (11, 1)), 0.1)
-    outputs = dict(zip(model.outputs, flown[-1], strict=True))
+    simulated = model.simulate(p, np.zeros(2), np.tile([0.0, 0.0, 0.1], (11, 1)), 0.1)
+    outputs = dict(zip(model.outputs, simulated[-1], strict=True))
     assert outputs["p"] == pytest.approx(-1.2)
     assert outputs["r"] == pytest.approx(0.9 + 0.2)
     assert outputs["a_y"] == pytest.approx(0.5 * (0.9 + 0.2))
@@ -115,11 +115,11 @@ def test_nonlinear_flight_is_that_of_scipy() -> None:
 
 def test_energy_is_kept_without_air_and_thrust() -> None:
     model = nonlinear_longitudinal(JET)
-    flown = model.simulate(np.zeros(19), np.array([105.0, 0.0, 0.3, 0.0]), np.zeros((301, 2)), 0.01)
-    speed, climb = flown[:, 0], flown[:, 0] * np.sin(flown[:, 2] - flown[:, 1])
+    simulated = model.simulate(np.zeros(19), np.array([105.0, 0.0, 0.3, 0.0]), np.zeros((301, 2)), 0.01)
+    speed, climb = simulated[:, 0], simulated[:, 0] * np.sin(simulated[:, 2] - simulated[:, 1])
     height = np.concatenate(([0.0], np.cumsum((climb[1:] + climb[:-1]) / 2 * 0.01)))
     np.testing.assert_allclose(speed**2 / 2 + JET.gravity * height, 105.0**2 / 2, rtol=1e-6)
-    np.testing.assert_allclose(flown[:, 5:], 0.0, atol=1e-12)
+    np.testing.assert_allclose(simulated[:, 5:], 0.0, atol=1e-12)
 
 
 def test_sensors_off_the_centre_of_mass() -> None:
@@ -147,14 +147,14 @@ def test_density_as_number_signal_or_dynamic_pressure_are_one() -> None:
 def test_a_held_elevator_is_that_of_a_fine_simulation_at_any_delay(delay: float) -> None:
     """At 10 Hz: the response to steps between samples; forces show the elevator as it is just before the sample."""
     inner, step, fine = short_period(Steady(8.0), vertical="alpha"), 0.1, 0.0005
-    model = Actuated(inner, (Actuator(("delta_e",), "delay"),), held=("delta_e",))
+    model = Actuated(inner, (Actuator(("delta_e",), "delay"),), zoh_inputs=("delta_e",))
     truth = {"Z_alpha": -4.0, "Z_delta": -0.6, "M_alpha": -40.0, "M_q": -5.0, "M_delta": -60.0}
     command = 0.1 * np.random.default_rng(5).integers(-1, 2, 60).astype(float)
-    flown = model.simulate(vector(model, truth | {"delay": delay}), np.zeros(2), command[:, None], step)
+    simulated = model.simulate(vector(model, truth | {"delay": delay}), np.zeros(2), command[:, None], step)
     time = np.arange(59 * round(step / fine) + 1) * fine
     acting = command[np.clip(np.ceil((time - delay) / step - 1e-6).astype(int) - 1, 0, 59)]
     expected = inner.simulate(vector(inner, truth), np.zeros(2), acting[:, None], fine)[:: round(step / fine)]
-    off = np.abs(flown - expected).max(axis=0) / np.ptp(expected, axis=0)
+    off = np.abs(simulated - expected).max(axis=0) / np.ptp(expected, axis=0)
     assert np.all(off < 0.01), off
 
 
@@ -162,7 +162,7 @@ def test_a_held_input_of_a_nonlinear_model_steps_at_its_samples() -> None:
     inner = nonlinear_longitudinal(JET)
     start, steps_of = np.array([105.0, 0.11, 0.11, 0.0]), np.array([-0.009] * 5 + [-0.03] * 5 + [0.01] * 11)
     coarse = np.column_stack((steps_of, np.full(21, 12000.0)))
-    held = Actuated(inner, (), held=("delta_e",)).simulate(vector(inner, JET_TRUTH), start, coarse, 0.1)
+    held = Actuated(inner, (), zoh_inputs=("delta_e",)).simulate(vector(inner, JET_TRUTH), start, coarse, 0.1)
     fine = np.repeat(coarse, 200, axis=0)[: 20 * 200 + 1]
     exact = inner.simulate(vector(inner, JET_TRUTH), start, fine, 0.0005)[::200]
     states = [list(inner.outputs).index(name) for name in ("V", "alpha", "theta", "q")]
@@ -176,11 +176,11 @@ def test_a_lag_and_a_delay_of_the_elevator_are_those_of_scipy_and_are_found() ->
     truth = {"Z_alpha": -2.0, "M_alpha": -15.0, "M_q": -3.0, "M_delta": -20.0}
     late = {"delay_delta_e": 0.06, "lag_delta_e": 0.05}
     inputs = steps(TIME, 0.5, 0.4, 0.05)[:, None]
-    flown = model.simulate(vector(model, truth | late), np.zeros(2), inputs, 0.02)
+    simulated = model.simulate(vector(model, truth | late), np.zeros(2), inputs, 0.02)
     _, behind, _ = lsim(([1.0], [0.05, 1.0]), np.concatenate((np.zeros(3), inputs[:-3, 0])), TIME)
     expected = inner.simulate(vector(inner, truth), np.zeros(2), np.asarray(behind)[:, None], 0.02)
-    np.testing.assert_allclose(flown, expected, atol=1e-9)
-    noisy = flown + noise(1, flown.shape, 0.02 * flown.std(axis=0))
+    np.testing.assert_allclose(simulated, expected, atol=1e-9)
+    noisy = simulated + noise(1, simulated.shape, 0.02 * simulated.std(axis=0))
     record = measured("late", TIME, model, noisy, inputs)
     free = {name: Parameter(0.8 * value) for name, value in truth.items()}
     free |= {name: Parameter(0.04, low=0.0, high=0.3) for name in late}

@@ -16,11 +16,11 @@ from output_error_cases import (
     SHORT_PERIOD,
     SHORT_PERIOD_TRUTH,
     covered,
-    flown,
     jet,
     noise,
     parameters,
     pitching,
+    simulated,
     steps,
     vector,
 )
@@ -48,7 +48,7 @@ def test_short_period() -> None:
 def test_longitudinal_with_speed() -> None:
     time = 0.05 * np.arange(600)
     inputs = (steps(time, 1.0, 0.5, 0.05) - 0.01 * ((time > 8) & (time < 14)))[:, None]
-    record = flown(LONGITUDINAL, LONGITUDINAL_TRUTH, inputs, 0.05, 0.03, 1)
+    record = simulated(LONGITUDINAL, LONGITUDINAL_TRUTH, inputs, 0.05, 0.03, 1)
     outputs = ("u", "alpha", "q", "theta", "a_x", "a_z")
     fit = output_error(Problem(LONGITUDINAL, (record,), parameters(LONGITUDINAL_TRUTH), outputs))
     assert covered(fit, LONGITUDINAL_TRUTH) >= 7  # of 8
@@ -57,7 +57,7 @@ def test_longitudinal_with_speed() -> None:
 def test_lateral() -> None:
     time = 0.02 * np.arange(600)
     inputs = np.column_stack((steps(time, 5.0, 0.3, 0.05), steps(time, 1.0, 0.4, 0.08)))
-    record = flown(LATERAL, LATERAL_TRUTH, inputs, 0.02, 0.03, 2)
+    record = simulated(LATERAL, LATERAL_TRUTH, inputs, 0.02, 0.03, 2)
     outputs = ("beta", "p", "r", "phi", "a_y")
     fit = output_error(Problem(LATERAL, (record,), parameters(LATERAL_TRUTH), outputs))
     assert covered(fit, LATERAL_TRUTH) >= 9  # of 10
@@ -77,10 +77,12 @@ def jets(seeds: range) -> float:
     return held / (len(seeds) * len(JET_TRUTH))
 
 
-def shares_of(problem: Callable[[int], Problem], truth: dict[str, float]) -> dict[str, float]:
+def shares_of(
+    problem: Callable[[int], Problem], truth: dict[str, float], seeds: range = range(100, 400)
+) -> dict[str, float]:
     """Of each parameter, over many seeds; every fit must be whole."""
-    fits = [output_error(problem(seed)) for seed in range(100, 400)]
-    assert all(fit.status == "converged" and not fit.unidentified for fit in fits)
+    fits = [output_error(problem(seed)) for seed in seeds]
+    assert all(fit.status == "converged" and not fit.withheld for fit in fits)
     return held_shares([fit.estimates for fit in fits], truth)
 
 
@@ -96,8 +98,8 @@ def test_several_manoeuvres_with_windows_biases_and_rates_of_their_own() -> None
     nuisances = Nuisances(output_biases=("alpha", "a_z"))
     fit = output_error(Problem(SHORT_PERIOD, both, parameters(SHORT_PERIOD_TRUTH), SHORT, nuisances))
     assert covered(fit, SHORT_PERIOD_TRUTH) >= 5
-    assert fit.own[0].output_biases["alpha"] == pytest.approx(0.1, abs=2e-3)
-    assert fit.own[1].output_biases["alpha"] == pytest.approx(0.0, abs=2e-3)
+    assert fit.records[0].output_biases["alpha"] == pytest.approx(0.1, abs=2e-3)
+    assert fit.records[1].output_biases["alpha"] == pytest.approx(0.0, abs=2e-3)
     alone = output_error(Problem(SHORT_PERIOD, both[:1], parameters(SHORT_PERIOD_TRUTH), SHORT, nuisances))
     assert fit.estimates[3].standard_error < alone.estimates[3].standard_error
 
@@ -108,11 +110,11 @@ def test_an_input_bias_and_a_local_moment_are_told() -> None:
     nuisances = Nuisances(input_biases=("delta_e",))
     fit = output_error(Problem(SHORT_PERIOD, (moved,), parameters(SHORT_PERIOD_TRUTH), SHORT, nuisances))
     assert covered(fit, SHORT_PERIOD_TRUTH) >= 5
-    assert fit.own[0].input_biases["delta_e"] == pytest.approx(0.02, abs=1e-3)
+    assert fit.records[0].input_biases["delta_e"] == pytest.approx(0.02, abs=1e-3)
     local = parameters(SHORT_PERIOD_TRUTH) | {"M_0": Parameter(0.0, local=True), "Z_0": Parameter(0.0, local=True)}
     fit = output_error(Problem(SHORT_PERIOD, (moved,), local, SHORT))
     assert covered(fit, SHORT_PERIOD_TRUTH) >= 5
-    assert fit.own[0].parameters["M_0"] == pytest.approx(-20.0 * 0.02, abs=0.02)
+    assert fit.records[0].parameters["M_0"] == pytest.approx(-20.0 * 0.02, abs=0.02)
 
 
 @pytest.mark.parametrize("weighting", ["diagonal", "full"])
@@ -132,7 +134,7 @@ def test_a_fixed_parameter_stays_and_helps() -> None:
     free = output_error(short_problem(7))
     fixed = parameters(SHORT_PERIOD_TRUTH) | {"Z_q": Parameter(SHORT_PERIOD_TRUTH["Z_q"], free=False)}
     fit = output_error(short_problem(7)._replace(parameters=fixed))
-    assert fit.own[0].parameters["Z_q"] == SHORT_PERIOD_TRUTH["Z_q"]
+    assert fit.records[0].parameters["Z_q"] == SHORT_PERIOD_TRUTH["Z_q"]
     assert "Z_q" not in fit.names
     assert fit.estimates[0].standard_error <= free.estimates[0].standard_error * 1.05
 
@@ -182,7 +184,9 @@ def test_coverage(pole: float) -> None:
 @pytest.mark.validate
 @pytest.mark.parametrize("pole", [0.0, 0.7, 0.9, 0.99])
 def test_coverage_of_many(pole: float) -> None:
-    promise_kept(f"output error, pole {pole}", shares_of(lambda seed: short_problem(seed, pole), SHORT_PERIOD_TRUTH))
+    """1,000 seeds: the fraction of 300 scatters by 1.7 %, more than its distance from the limit."""
+    shares = shares_of(lambda seed: short_problem(seed, pole), SHORT_PERIOD_TRUTH, range(1000))
+    promise_kept(f"output error, pole {pole}", shares)
 
 
 def gusty_problem(seed: int) -> Problem:

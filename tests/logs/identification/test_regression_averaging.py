@@ -10,7 +10,7 @@ from scipy.signal import savgol_coeffs, savgol_filter
 from test_tables_identified import TRUTH, flight, identified, numbers
 
 from logs.identification.estimators.regressors import LINE, SMOOTH, average_of_slope, averaged
-from logs.identification.statistics.output_fit import output_fits
+from logs.identification.statistics.fit_quality import output_fits
 
 MAPPED = """
 [time]
@@ -19,7 +19,7 @@ column = "t"
 alpha = { column = "alpha", unit = "rad" }
 q = { column = "q", unit = "rad/s" }
 delta_e = { column = "delta_e", unit = "rad" }
-[manoeuvres]
+[maneuvers]
 windows = [[0, 8], [8.1, 15]]
 validate = [2]
 [constants]
@@ -98,7 +98,7 @@ def test_a_measured_acceleration_is_regressed_as_it_is(tmp_path: Path) -> None:
     columns = flight(50.0, noise=0.0)
     pairs = (("alpha", "M_alpha"), ("q", "M_q"), ("delta_e", "M_delta"))
     columns["qd"] = np.sum([TRUTH[d] * (columns[n] - columns[n][0]) for n, d in pairs], axis=0)
-    mapping = mapped("time").replace("[manoeuvres]", 'q_dot = { column = "qd", unit = "rad/s^2" }\n[manoeuvres]')
+    mapping = mapped("time").replace("[maneuvers]", 'q_dot = { column = "qd", unit = "rad/s^2" }\n[maneuvers]')
     (fit,) = identified(tmp_path, columns, mapping, "aero").fits
     assert numbers(fit)["q"].value == pytest.approx(TRUTH["M_q"], rel=1e-9)
     assert fit.samples == np.count_nonzero(columns["t"] <= 8.0)

@@ -9,13 +9,13 @@ import pytest
 
 from logs.identification.data.experiment import Experiment
 from logs.identification.estimators.equation_error import coefficient_regression
-from logs.identification.estimators.orthogonal import orthogonal_regression, orthogonalized
+from logs.identification.estimators.model_structure import orthogonal_regression, orthogonalized
 from logs.identification.estimators.stepwise import Rules, stepwise_regression
 from logs.identification.estimators.terms import pool
 from logs.identification.report.subjects import step_table
 from logs.pages.document import Chapter
 from logs.pages.render import page
-from tests.logs.identification.coloured_noise import flown, noise
+from tests.logs.identification.colored_noise import noise, simulated
 
 CANDIDATES = pool(("alpha", "q", "delta"), 2)
 NEEDED = {"alpha", "q", "alpha^2"}
@@ -23,7 +23,7 @@ NEEDED = {"alpha", "q", "alpha^2"}
 
 def curved(kind: str, seed: int, size: float = 0.3, count: int = 500) -> Experiment:
     """A flight whose coefficient is 1 + 3 alpha - q + 0.8 alpha^2 plus noise."""
-    flight = flown("white", count, seed, 0.0)
+    flight = simulated("white", count, seed, 0.0)
     alpha, q = flight.signals["alpha"], flight.signals["q"]
     coefficient = 1 + 3 * alpha - q + 0.8 * alpha**2 + size * noise(kind, count, np.random.default_rng(seed + 999))
     return flight._replace(signals={**flight.signals, "C": coefficient})
@@ -59,7 +59,7 @@ def test_a_term_too_many_is_as_rare_as_promised(kind: str) -> None:
     """The response is noise alone: 5 % of the flights may have any term."""
     wrong = 0
     for seed in range(100):
-        flight = flown(kind, 250, seed, 1.0)
+        flight = simulated(kind, 250, seed, 1.0)
         alone = noise(kind, 250, np.random.default_rng(seed + 5000))
         wrong += bool(
             stepwise_regression((flight._replace(signals={**flight.signals, "C": alone}),), "C", CANDIDATES).terms
@@ -77,7 +77,7 @@ def test_every_step_tells_its_term_its_reason_and_its_statistics() -> None:
     assert middle[0].term == "alpha" and middle[0].action == "enters"
     assert last.terms == found.terms
     for step in middle:
-        assert np.all(np.isfinite([step.partial_f, step.coloured_f, step.probability, *step.statistics]))
+        assert np.all(np.isfinite([step.partial_f, step.colored_f, step.probability, *step.statistics]))
     rises = [step.statistics.r_squared for step in found.steps if step.action != "leaves"]
     assert rises == sorted(rises)
     final = middle[-1].statistics
@@ -86,7 +86,7 @@ def test_every_step_tells_its_term_its_reason_and_its_statistics() -> None:
 
 def test_a_term_that_became_superfluous_leaves() -> None:
     """The sum of two regressors enters first and leaves when both are there."""
-    flight = flown("white", 400, 3, 0.0)
+    flight = simulated("white", 400, 3, 0.0)
     alpha, delta = flight.signals["alpha"], flight.signals["delta"]
     both = alpha + delta + 0.3 * noise("white", 400, np.random.default_rng(1))
     response = alpha + delta + 0.02 * noise("white", 400, np.random.default_rng(2))
@@ -166,7 +166,7 @@ def test_orthogonalisation_survives_candidates_that_are_almost_alike() -> None:
 
 
 def test_noise_alone_has_no_structure() -> None:
-    flight = flown("white", 300, 10, 0.0)
+    flight = simulated("white", 300, 10, 0.0)
     alone = noise("white", 300, np.random.default_rng(11))
     nothing = flight._replace(signals={**flight.signals, "C": alone})
     assert stepwise_regression((nothing,), "C", CANDIDATES).terms == ()

@@ -15,16 +15,16 @@ from wing_drives import K_TAU, K_TAU0, Drives, measure, simulate
 from logs.identification.estimators import stroke_coefficients as stroke_fits
 from logs.identification.estimators.flapping_frequency import FrequencyModel, Segment
 from logs.identification.estimators.flight_modes import identify_modes
+from logs.identification.estimators.servo import identify_torque
 from logs.identification.estimators.servo_power import identify_power
-from logs.identification.estimators.servo_torque import identify_torque
 from logs.identification.estimators.wing_coefficients import AeroResult, CoefficientModel
 from logs.identification.report import Identification
 from logs.identification.report.numbers import determined
 from logs.identification.report.report import Subject, chapters, write_report
 from logs.identification.results import Estimate, Unidentified, estimate
-from logs.identification.statistics.whiteness import BAND, autocorrelation
-from logs.identification.tables import benches
-from logs.identification.tables import load_cell_tests as stands
+from logs.identification.sources.table import bench as benches
+from logs.identification.sources.table import stand as stands
+from logs.identification.statistics.fit_quality import BAND, autocorrelation
 from logs.pages.document import (
     Bar,
     Chapter,

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from logs.identification.data.contiguous_runs import longest_run, runs
+from logs.identification.data.experiment import longest_run, runs
 
 
 @pytest.mark.parametrize(

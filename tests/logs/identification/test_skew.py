@@ -19,7 +19,7 @@ FINE = 10
 """-; steps of the true motion in a sample"""
 
 
-def say(text: str) -> None:
+def print_result(text: str) -> None:
     sys.stdout.write(text + "\n")
 
 

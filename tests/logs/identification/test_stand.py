@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from logs.identification.models.load_cell import LoadCell, StandRun, stand_coefficients, stand_motion
 from logs.identification.models.multibody import wing_air
-from tests.logs.identification import flown_slow_hawk as hawk
+from tests.logs.identification import slow_hawk_flight as hawk
 from wingbeat.errors import InputError
 
 Floats = NDArray[np.float64]

@@ -12,8 +12,8 @@ from groundstation.command.main import main
 from logs.identification.data.experiment import Experiment
 from logs.identification.estimators.equation_error import Settings, coefficient_regression
 from logs.identification.estimators.stepwise import stepwise_regression
-from logs.identification.statistics.output_fit import output_fits
-from logs.identification.tables.run import identify_tables
+from logs.identification.sources.table.run import identify_tables
+from logs.identification.statistics.fit_quality import output_fits
 from wingbeat.errors import InputError
 
 MAP = """
@@ -88,7 +88,7 @@ torque = { column = "torque", unit = "N m" }
 current = { column = "I", unit = "A" }
 voltage = { column = "U", unit = "V" }
 power = { column = "P", unit = "W" }
-[manoeuvres]
+[maneuvers]
 rows = [[1, 100], [101, 140]]
 validate = [2]
 [servo]

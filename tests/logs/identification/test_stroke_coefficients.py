@@ -14,12 +14,10 @@ from logs.identification.estimators.stroke_coefficients import (
 )
 from logs.identification.models.stroke_averages import (
     Attitude,
-    LiftDerivatives,
-    MomentDerivatives,
     StrokeCoefficients,
     StrokeRecord,
-    lift_coefficient,
-    moment_coefficient,
+    lift_regressors,
+    moment_regressors,
     stroke_record,
 )
 from logs.identification.results import Estimate
@@ -48,27 +46,28 @@ def measured(record: StrokeRecord, random: np.random.Generator, noise: float) ->
     return force + noise * random.normal(size=force.shape)
 
 
-def flown(seed: int, strokes: int = 12) -> tuple[tuple[StrokeRecord, ...], tuple[Floats, ...]]:
+def simulated(seed: int, strokes: int = 12) -> tuple[tuple[StrokeRecord, ...], tuple[Floats, ...]]:
     random = np.random.default_rng(seed)
     records = tuple(stroke(7.0 + 0.5 * random.normal()) for _ in range(strokes))
     return records, tuple(measured(record, random, 0.05) for record in records)
 
 
-def values(found: tuple[Estimate, ...]) -> dict[str, float]:
-    return {one.name: one.value for one in found}
+def values(result: tuple[Estimate, ...]) -> dict[str, float]:
+    return {one.name: one.value for one in result}
 
 
 def test_exact_forces_give_the_exact_coefficients() -> None:
     records = tuple(stroke(speed) for speed in (6.0, 7.0, 8.0))
     forces = tuple(measured(record, np.random.default_rng(0), 0.0) for record in records)
-    found = stroke_coefficients(records, forces)
-    assert values(found.estimates) == pytest.approx(NAMED)
-    assert found.by_stroke == pytest.approx(np.tile(TRUTH, (3, 1)))
+    result = stroke_coefficients(records, forces)
+    assert values(result.estimates) == pytest.approx(NAMED)
+    assert result.by_stroke == pytest.approx(np.tile(TRUTH, (3, 1)))
 
 
 def test_intervals_cover_the_truth_as_often_as_they_promise() -> None:
     inside = [
-        [one.contains(NAMED[one.name]) for one in stroke_coefficients(*flown(seed)).estimates] for seed in range(150)
+        [one.contains(NAMED[one.name]) for one in stroke_coefficients(*simulated(seed)).estimates]
+        for seed in range(150)
     ]
     assert np.shape(inside) == (150, 4)
     assert 0.89 < np.mean(inside) < 0.985
@@ -77,9 +76,9 @@ def test_intervals_cover_the_truth_as_often_as_they_promise() -> None:
 def test_a_wing_at_rest_and_strokes_without_a_half_tell_nothing() -> None:
     record = stroke(7.0)
     still = record._replace(lift_pressure=np.zeros((120, 2)), drag_pressure=np.zeros((120, 2)))
-    found = stroke_coefficients((still,) * 3, (np.ones((120, 2)),) * 3)
-    assert not found.estimates
-    assert "cannot be told apart" in found.unidentified[0].reason
+    result = stroke_coefficients((still,) * 3, (np.ones((120, 2)),) * 3)
+    assert not result.estimates
+    assert "cannot be told apart" in result.unidentified[0].reason
     gliding = record._replace(down=np.ones(120, bool))
     half = stroke_coefficients((gliding,) * 3, (np.ones((120, 2)),) * 3)
     assert {one.name for one in half.unidentified} == {"C_L_up", "C_D_up"}
@@ -89,10 +88,10 @@ def test_a_wing_at_rest_and_strokes_without_a_half_tell_nothing() -> None:
 
 
 def test_too_few_strokes_are_refused() -> None:
-    records, forces = flown(1, 2)
+    records, forces = simulated(1, 2)
     with pytest.raises(InputError, match="3 strokes"):
         stroke_coefficients(records, forces)
-    records, forces = flown(1, 3)
+    records, forces = simulated(1, 3)
     with pytest.raises(InputError, match="another shape"):
         stroke_coefficients(records, tuple(force[:50] for force in forces))
 
@@ -105,14 +104,14 @@ def attitudes(seed: int, count: int = 30) -> Attitude:
 def test_derivatives_of_lift_drag_and_moment_lie_in_their_intervals() -> None:
     random = np.random.default_rng(3)
     attitude, stiffness = attitudes(2), random.uniform(0.5, 2.0, 30)
-    lift = lift_coefficient(LiftDerivatives(2.4, 0.08, 0.3, 0.4), attitude, stiffness) + 0.01 * random.normal(size=30)
-    found = {one.name: one for one in lift_derivatives("up", lift, attitude, stiffness).estimates}
+    lift = lift_regressors(attitude, stiffness) @ (2.4, 0.08, 0.3, 0.4) + 0.01 * random.normal(size=30)
+    result = {one.name: one for one in lift_derivatives("up", lift, attitude, stiffness).estimates}
     for name, truth in {"alpha": 2.4, "alpha_rate": 0.08, "elevator": 0.3, "stiffness": 0.4}.items():
-        assert abs(found[f"C_L_up_{name}"].value - truth) < 3 * found[f"C_L_up_{name}"].standard_error
+        assert abs(result[f"C_L_up_{name}"].value - truth) < 3 * result[f"C_L_up_{name}"].standard_error
     polar = {one.name: one for one in drag_polar("up", lift, 0.05 + 0.2 * lift**2).estimates}
     assert polar["C_D_up_min"].value == pytest.approx(0.05)
     assert polar["K_up"].value == pytest.approx(0.2)
-    moment = moment_coefficient(MomentDerivatives(0.02, -0.6, -0.05, 0.9), attitude)
+    moment = moment_regressors(attitude) @ (0.02, -0.6, -0.05, 0.9)
     exact = values(moment_derivatives(moment, attitude).estimates)
     assert list(exact.values()) == pytest.approx([0.02, -0.6, -0.05, 0.9])
 
@@ -130,8 +129,8 @@ def test_what_did_not_vary_is_not_told() -> None:
 def test_an_angle_of_attack_that_never_changed_gives_no_slope() -> None:
     """GIVEN strokes at one angle THEN their lift is a constant, and C_L_alpha is not that over the angle."""
     lift, alpha = 0.8 + 0.01 * np.random.default_rng(1).normal(size=12), np.full(12, 0.12)
-    found = lift_derivatives("up", lift, Attitude(alpha, np.zeros(12), np.zeros(12)))
-    assert [one.name for one in found.estimates] == ["C_L_up_stiffness"]
-    assert found.estimates[0].contains(0.8)
-    refused = {one.name: one.reason for one in found.unidentified}
+    result = lift_derivatives("up", lift, Attitude(alpha, np.zeros(12), np.zeros(12)))
+    assert [one.name for one in result.estimates] == ["C_L_up_stiffness"]
+    assert result.estimates[0].contains(0.8)
+    refused = {one.name: one.reason for one in result.unidentified}
     assert refused["C_L_up_alpha"] == "its regressor is the same in all strokes"

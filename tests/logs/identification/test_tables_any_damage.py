@@ -15,8 +15,8 @@ from test_tables_identified import BASE, flight, write
 
 from logs.identification.report.result_formatting import notes_of, table_document
 from logs.identification.sources.table.columns import Layout, read_columns
-from logs.identification.sources.table.config import EXAMPLE, load_map
-from logs.identification.tables.run import identify_tables
+from logs.identification.sources.table.config import example_map, load_map
+from logs.identification.sources.table.run import identify_tables
 from wingbeat.errors import InputError
 
 MAP = (
@@ -26,7 +26,7 @@ MAP = (
 response = "q_dot"
 regressors = ["alpha", "q", "delta_e"]
 selection = "stepwise"
-[manoeuvres]
+[maneuvers]
 windows = [[0, 8], [8, 14.9]]
 validate = [2]
 """
@@ -131,7 +131,7 @@ def test_a_thousand_damaged_tables(tmp_path: Path) -> None:
 
 def damaged_map(seed: int) -> str:
     source = random.Random(seed)
-    text = MAP if seed % 2 else EXAMPLE
+    text = MAP if seed % 2 else example_map("modes")
     for _ in range(source.randint(1, 3)):
         at = source.randrange(len(text))
         kind = source.randrange(4)

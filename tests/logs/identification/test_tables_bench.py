@@ -19,7 +19,7 @@ rate = 1.0
 torque = { column = "torque", unit = "mN m" }
 speed = { column = "speed", unit = "deg/s" }
 voltage = { column = "supply", unit = "V" }
-[manoeuvres]
+[maneuvers]
 rows = [[1, 150], [151, 200]]
 validate = [2]
 [torque_speed]
@@ -31,7 +31,7 @@ TWIST_MAP = """
 column = "t"
 [signals]
 twist = { column = "twist", unit = "deg" }
-[manoeuvres]
+[maneuvers]
 windows = [[0.0, 0.6], [1.0, 1.6], [2.0, 2.6]]
 validate = [3]
 [twist]
@@ -99,8 +99,8 @@ def test_a_bench_whose_supply_was_not_told_apart_has_no_number(
 ) -> None:
     words = servo(tmp_path)
     rows = [line.split(",") for line in (tmp_path / "bench.csv").read_text().splitlines()]
-    told = [",".join(rows[0]), *(f"{torque},{speed},0" for torque, speed, _ in rows[1:])]
-    (tmp_path / "bench.csv").write_text("\n".join(told))
+    expected = [",".join(rows[0]), *(f"{torque},{speed},0" for torque, speed, _ in rows[1:])]
+    (tmp_path / "bench.csv").write_text("\n".join(expected))
     assert main(words) == 0
     assert "voltage and rate do not vary apart" in " ".join(capsys.readouterr().out.split())
 
@@ -118,11 +118,11 @@ def test_a_release_tells_frequency_and_damping_and_predicts_another(
             assert abs(found[name]["value"] - true) < 1.8 * (found[name]["high"] - found[name]["value"])
             assert found[name]["value"] == pytest.approx(true, rel=0.03)
     (held,) = [one for fit in fits for one in fit["outputs"] if one["held_out"]]
-    assert held["r_squared"] > 0.99 and held["experiment"].startswith("manoeuvre 3")
+    assert held["r_squared"] > 0.99 and held["experiment"].startswith("maneuver 3")
 
 
 @pytest.mark.parametrize(
-    ("bench", "old", "new", "told"),
+    ("bench", "old", "new", "expected"),
     [
         (servo, "nominal", "nominl", "torque_speed.nominl (meant 'nominal'?)"),
         (servo, 'unit = "deg/s"', 'unit = "N"', "signals.speed is in N; torque_speed.speed must be in rad/s"),
@@ -138,7 +138,7 @@ def test_a_release_tells_frequency_and_damping_and_predicts_another(
     ],
 )
 def test_what_cannot_be_is_refused_in_a_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], bench: object, old: str, new: str, told: str
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], bench: object, old: str, new: str, expected: str
 ) -> None:
     assert callable(bench)
     words = bench(tmp_path)
@@ -147,4 +147,4 @@ def test_what_cannot_be_is_refused_in_a_line(
     (tmp_path / "map.toml").write_text(text.replace(old, new))
     assert main(words) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert told in line
+    assert expected in line

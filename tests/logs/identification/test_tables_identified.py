@@ -17,11 +17,11 @@ from groundstation.command import identify
 from logs.identification.data.experiment import Experiment
 from logs.identification.report.result_formatting import notes_of, table_document
 from logs.identification.results import EstimationResult
-from logs.identification.sources.table.config import EXAMPLE, load_map
-from logs.identification.sources.table.derived import MADE as MADE_OF
+from logs.identification.sources.table.config import example_map, load_map
+from logs.identification.sources.table.derived import DERIVED as MADE_OF
 from logs.identification.sources.table.derived import Source
-from logs.identification.tables.results import TableIdentification
-from logs.identification.tables.run import identify_tables
+from logs.identification.sources.table.results import TableIdentification
+from logs.identification.sources.table.run import identify_tables
 from wingbeat.errors import InputError
 
 EXAMPLES = Path(__file__).parents[3] / "docs" / "examples"
@@ -92,11 +92,12 @@ def slowed(scale: float) -> dict[str, float]:
 
 
 def flight(
-    rate: float = 25.0, duration: float = 15.0, noise: float = 1.0, scale: float = 1.0, actuator: float = 0.0
-) -> dict[str, np.ndarray]:
+    rate: float = 25.0, duration: float = 15.0, noise: float = 1.0, scale: float = 1.0, actuator: float = 0.0,
+    seed: int = 5,
+) -> dict[str, np.ndarray]:  # fmt: skip
     """Columns in SI as a noisy system records them."""
     t, states, delta = motion(rate, duration, scale, actuator)
-    rng, p = np.random.default_rng(5), slowed(scale)
+    rng, p = np.random.default_rng(seed), slowed(scale)
     a_z = 100.0 * (p["Z_alpha"] * states[:, 0] + p["Z_delta"] * delta) - 9.80665
     sizes = (0.002, 0.003 / scale, 0.1 / scale)
     clean = {"alpha": states[:, 0] + 0.05, "q": states[:, 1], "a_z": a_z}
@@ -174,7 +175,7 @@ def test_what_the_page_shows_is_what_is_printed(capsys: pytest.CaptureFixture[st
 def test_the_example_map_is_one(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     identify.run(["--map-example"])
     printed = capsys.readouterr().out
-    assert printed == EXAMPLE
+    assert printed == example_map("modes")
     (tmp_path / "map.toml").write_text(printed)
     assert load_map(tmp_path / "map.toml").modes is not None
 
@@ -233,7 +234,7 @@ def test_a_long_gap_in_the_input_cuts_the_manoeuvre(tmp_path: Path) -> None:
     result = identified(tmp_path, columns)
     assert "50 samples without delta_e left out" in " ".join(notes_of(result.fits[0]))
     assert {one.experiment for one in result.fits[0].series} == {
-        "manoeuvre 1 of run.csv, part 1", "manoeuvre 1 of run.csv, part 2",
+        "maneuver 1 of run.csv, part 1", "maneuver 1 of run.csv, part 2",
     }  # fmt: skip
 
 
@@ -242,8 +243,8 @@ def test_what_is_input_and_output_at_once_is_refused(tmp_path: Path, column: str
     """GIVEN an input that is read from an output's column, in another unit and by its number too."""
     columns = flight()
     assert list(columns)[2] == "q"
-    told = f'column = {json.dumps(column)}, unit = "deg"'
-    same = BASE.replace('column = "delta_e", unit = "rad"', told)
+    expected = f'column = {json.dumps(column)}, unit = "deg"'
+    same = BASE.replace('column = "delta_e", unit = "rad"', expected)
     with pytest.raises(InputError, match="modes: input delta_e and output q are one signal"):
         identified(tmp_path, columns, same)
     both = BASE.replace('outputs = ["alpha"', 'outputs = ["delta_e", "alpha"')
@@ -270,8 +271,8 @@ def test_a_free_delay_is_found_from_where_the_equations_fit_best(tmp_path: Path,
     columns = flight(100.0, scale=0.25)
     columns["delta_e"] = np.interp(columns["t"] + late, columns["t"], columns["delta_e"])
     result = identified(tmp_path, columns, BASE + 'delay = "free"\n')
-    told = {one.name: one for one in result.fits[0].estimates}
-    assert told["delay"].value == pytest.approx(late, abs=0.01)
+    expected = {one.name: one for one in result.fits[0].estimates}
+    assert expected["delay"].value == pytest.approx(late, abs=0.01)
     assert_truth(result.fits[0], 0.25)
     assert result.modes is not None
     for mode in result.modes.modes:
@@ -395,12 +396,12 @@ def test_several_files_are_one_fit(tmp_path: Path) -> None:
     (tmp_path / "map.toml").write_text(BASE)
     files = [write(tmp_path / name, columns) for name in ("a.csv", "b.csv")]
     result = identify_tables(files, tmp_path / "map.toml", "modes")
-    assert result.experiments == ("manoeuvre 1 of a.csv", "manoeuvre 2 of b.csv")
+    assert result.experiments == ("maneuver 1 of a.csv", "maneuver 2 of b.csv")
     json.dumps(table_document(result), allow_nan=False)
 
 
 @pytest.mark.parametrize(
-    ("regressor", "told"),
+    ("regressor", "expected"),
     [
         ("alhpa", r"aero.regressions of a_z: 'alhpa' is neither in \[signals\] nor in \[constants\] \(meant 'alpha'"),
         ("q*cc/2V", "'cc' of 'q\\*cc/2V' is neither"),
@@ -408,17 +409,17 @@ def test_several_files_are_one_fit(tmp_path: Path) -> None:
     ],
 )
 def test_a_regressor_that_is_misspelt_is_told_before_anything_is_fitted(
-    tmp_path: Path, regressor: str, told: str
+    tmp_path: Path, regressor: str, expected: str
 ) -> None:
     """GIVEN a map whose other sections can be had THEN the mistake is the answer, not a line below theirs."""
     mapping = BASE + f'[[aero.regressions]]\nresponse = "a_z"\nregressors = ["{regressor}", "delta_e"]\n'
-    with pytest.raises(InputError, match=told):
+    with pytest.raises(InputError, match=expected):
         identified(tmp_path, flight(), mapping, "all")
     assert identified(tmp_path, flight(), mapping, "modes").fits, "what does not need it is had for itself"
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "expected"),
     [
         (["run.csv"], "tables need --map"),
         ([], "which log or table"),
@@ -430,12 +431,12 @@ def test_a_regressor_that_is_misspelt_is_told_before_anything_is_fitted(
     ],
 )
 def test_a_command_line_that_cannot_be(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: list[str], told: str
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: list[str], expected: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "map.toml").write_text(BASE)
     write(tmp_path / "run.csv", flight())
-    with pytest.raises(InputError, match=told):
+    with pytest.raises(InputError, match=expected):
         identify.run(words)
 
 

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from logs.identification.data.experiment import Experiment
-from logs.identification.sources.table.discontinuities import apart
-from logs.identification.sources.table.maneuvers import Cut
+from logs.identification.sources.table.maneuvers import DataSplit, split_at_discontinuities
 from tests.logs.identification.test_tables_identified import assert_truth, flight
-from tests.logs.identification.test_tables_strangers import THETA, identified, said
+from tests.logs.identification.test_tables_strangers import THETA, identified, texts_of
 
 STEP = 0.04
 TIME = np.arange(0.0, 12.0, STEP)
@@ -35,14 +34,15 @@ def test_two_manoeuvres_under_one_running_time_are_cut_where_the_motion_jumps(tm
     shifted = {"t": second["t"] + 5.0, "alpha": second["alpha"] - 0.01, "theta": second["theta"] - 0.05}
     joined = {name: np.concatenate((first[name][kept], (second | shifted)[name])) for name in first}
     found = identified(tmp_path, joined, THETA)
-    assert "jump at 5 s as no motion does" in said(found)
-    assert found.experiments == ("manoeuvre 1, part 1 of run.csv", "manoeuvre 1, part 2 of run.csv")
+    assert "jump at 5 s; cut there" in texts_of(found)
+    assert found.experiments == ("maneuver 1, part 1 of run.csv", "maneuver 1, part 2 of run.csv")
     assert found.files == ("run.csv",)
     assert_truth(found.fits[0])
 
 
-def cut_of(signals: dict[str, np.ndarray]) -> Cut:
-    return apart(Cut((Experiment("manoeuvre 1 of a.csv", TIME, signals, {}),), (), ()))
+def cut_of(signals: dict[str, np.ndarray]) -> DataSplit:
+    one = Experiment("maneuver 1 of a.csv", TIME, signals, {}, file="a.csv", number=1)
+    return split_at_discontinuities(DataSplit((one,), ()))
 
 
 def noisy(values: np.ndarray, size: float = 0.001) -> np.ndarray:

@@ -16,10 +16,10 @@ from logs.identification.diagnostics.sampling import jumps
 from wingbeat.errors import InputError
 
 
-def methods(folder: Path, mapping: str, capsys: pytest.CaptureFixture[str], **flown: float) -> dict[str, Any]:
+def methods(folder: Path, mapping: str, capsys: pytest.CaptureFixture[str], **simulated: float) -> dict[str, Any]:
     """The modes of a flight by every method, as the command tells them."""
     (folder / "map.toml").write_text(mapping)
-    table = write(folder / "run.csv", flight(**flown))
+    table = write(folder / "run.csv", flight(**simulated))
     assert identify.run([str(table), "modes", "--map", str(folder / "map.toml"), "--json"]) == 0
     return {one["method"]: one for one in json.loads(capsys.readouterr().out)["modes"]["methods"]}
 
@@ -28,20 +28,22 @@ def methods(folder: Path, mapping: str, capsys: pytest.CaptureFixture[str], **fl
 def test_equation_error_in_the_frequency_domain_has_the_truth(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], force: bool
 ) -> None:
-    """GIVEN alpha and q, with a_z or without THEN the two equations tell the mode and its derivatives."""
+    """GIVEN eight noisy records, with a_z or without THEN 85 % of all intervals have the truth, each within 3 %."""
     mapping = BASE + 'model = "none"\n'
     if not force:
         mapping = mapping.replace('a_z = { column = "a_z", unit = "m/s^2" }\n', "").replace(', "a_z"]', "]")
-    found = methods(tmp_path, mapping, capsys)["equation error"]
     frequency = np.sqrt(TRUTH["Z_alpha"] * TRUTH["M_q"] - TRUTH["M_alpha"])
     damping = -(TRUTH["Z_alpha"] + TRUTH["M_q"]) / (2 * frequency)
-    for name, true in (("frequency", frequency), ("damping", damping)):
-        assert found[name]["low"] <= true <= found[name]["high"]
-        assert found[name]["value"] == pytest.approx(true, rel=0.03)
-    names = [one["name"] for one in found["derivatives"]]
-    assert names == ["Z_alpha", "Z_delta", "M_alpha", "M_q", "M_delta"]
-    for one in found["derivatives"]:
-        assert abs(one["value"] - TRUTH[one["name"]]) < 1.7 * (one["high"] - one["value"]), one
+    inside = []
+    for seed in range(8):
+        (tmp_path / str(seed)).mkdir()
+        found = methods(tmp_path / str(seed), mapping, capsys, seed=seed)["equation error"]
+        for name, true in (("frequency", frequency), ("damping", damping)):
+            inside.append(found[name]["low"] <= true <= found[name]["high"])
+            assert found[name]["value"] == pytest.approx(true, rel=0.03)
+        assert [one["name"] for one in found["derivatives"]] == ["Z_alpha", "Z_delta", "M_alpha", "M_q", "M_delta"]
+        inside += [one["low"] <= TRUTH[one["name"]] <= one["high"] for one in found["derivatives"]]
+    assert np.mean(inside) >= 0.85
 
 
 def test_equation_error_says_what_it_lacks_and_keeps_to_its_band(
@@ -52,7 +54,7 @@ def test_equation_error_says_what_it_lacks_and_keeps_to_its_band(
     assert refused["reason"] == "it takes alpha measured"
     narrow = methods(tmp_path, BASE + "band = [0.05, 1.0]\n", capsys)["equation error"]
     assert narrow["frequency"]["value"] == pytest.approx(2.793, rel=0.03)
-    with pytest.raises(InputError, match=r"modes: band = \[2, 1\] Hz holds no frequency"):
+    with pytest.raises(InputError, match=r"modes: frequency_band = \[2, 1\] Hz contains no frequency"):
         methods(tmp_path, BASE + "band = [2.0, 1.0]\n", capsys)
 
 
@@ -65,26 +67,26 @@ def test_held_derivatives_stay_where_the_map_holds_them_in_equation_error(
     assert found["frequency"]["value"] == pytest.approx(2.793, rel=0.02)
 
 
-@pytest.mark.parametrize(("rate", "told"), [(10.0, True), (50.0, False)])
-def test_ramps_of_few_samples_are_named(tmp_path: Path, rate: float, told: bool) -> None:
+@pytest.mark.parametrize(("rate", "expected"), [(10.0, True), (50.0, False)])
+def test_ramps_of_few_samples_are_named(tmp_path: Path, rate: float, expected: bool) -> None:
     """GIVEN an input that goes over in 0.2 s THEN at 10 Hz its course is not known, at 50 Hz it is."""
     columns = flight(rate=rate)
     edges = np.array([1.03, 2.11, 2.83, 3.19, 3.55])
     levels = np.radians([0.0, 3.0, -3.0, 3.0, -3.0, 0.0])
     ramps = [b * np.clip((columns["t"] - e) / 0.2, 0, 1) for e, b in zip(edges, np.diff(levels), strict=True)]
     columns["delta_e"] = np.sum(ramps, axis=0)
-    assert ("sampling" in codes(identified(tmp_path, columns, BASE).fits[0])) is told
+    assert ("sampling" in codes(identified(tmp_path, columns, BASE).fits[0])) is expected
 
 
-@pytest.mark.parametrize(("rate", "told"), [(2.5, False), (10.0, True)])
+@pytest.mark.parametrize(("rate", "expected"), [(2.5, False), (10.0, True)])
 def test_a_mode_that_turns_far_between_samples_of_an_unseen_input_is_not_told(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], rate: float, told: bool
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], rate: float, expected: bool
 ) -> None:
     """GIVEN an actuator's course that 2.5 samples a second do not show, and 5.6 of them in a period."""
     found = methods(tmp_path, BASE, capsys, rate=rate, duration=40.0, actuator=0.15)
     driven = [found[name] for name in ("output error", "equation error", "equivalent system")]
-    assert [one["frequency"] is not None for one in driven] == [told] * 3
-    if not told:
+    assert [one["frequency"] is not None for one in driven] == [expected] * 3
+    if not expected:
         assert sum("samples in a period" in one["unidentified"][0]["reason"] for one in driven) >= 2
 
 
@@ -95,7 +97,7 @@ column = "t"
 alpha = { column = "alpha", unit = "deg" }
 delta_e = { column = "delta_e", unit = "deg" }
 C_m = { column = "C_m", unit = "-" }
-[manoeuvres]
+[maneuvers]
 windows = [[0, 20], [20.02, 30]]
 validate = [2]
 [[aero.regressions]]
@@ -110,8 +112,8 @@ def moments(folder: Path, mapping: str = ORTHOGONAL) -> list[str]:
     rng, t = np.random.default_rng(9), np.arange(0, 30, 0.02)
     alpha = 0.25 * np.sin(0.9 * t) + 0.2 * np.sin(2.3 * t + 1) + 0.05
     delta = 0.15 * np.sign(np.sin(1.7 * t)) + 0.05 * np.sin(3.1 * t)
-    told = 0.05 - 0.9 * alpha + 2.5 * alpha**3 - 1.2 * delta + 0.01 * rng.normal(size=len(t))
-    columns = {"t": t, "alpha": np.degrees(alpha), "delta_e": np.degrees(delta), "C_m": told}
+    expected = 0.05 - 0.9 * alpha + 2.5 * alpha**3 - 1.2 * delta + 0.01 * rng.normal(size=len(t))
+    columns = {"t": t, "alpha": np.degrees(alpha), "delta_e": np.degrees(delta), "C_m": expected}
     (folder / "map.toml").write_text(mapping)
     return [str(write(folder / "run.csv", columns)), "aero", "--map", str(folder / "map.toml")]
 
@@ -133,9 +135,9 @@ def test_orthogonal_functions_choose_the_terms_of_the_truth(
     assert ">Orthogonal functions of <i>C</i><sub>m</sub></h" in (tmp_path / "page.html").read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize(("true", "told"), [(0.0, False), (0.12, True)])
+@pytest.mark.parametrize(("true", "expected"), [(0.0, False), (0.12, True)])
 def test_a_term_that_is_worth_less_than_it_costs_but_no_chance_is_named(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], true: float, told: bool
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], true: float, expected: bool
 ) -> None:
     """Its part is in the others, as what a pitch rate does to the lift is in that of alpha and the elevator."""
     rng, t = np.random.default_rng(3), np.arange(0, 20, 0.02)
@@ -151,7 +153,7 @@ def test_a_term_that_is_worth_less_than_it_costs_but_no_chance_is_named(
     assert identify.run([table, "aero", "--map", str(tmp_path / "map.toml"), "--json"]) == 0
     (fit,) = json.loads(capsys.readouterr().out)["fits"]
     assert "d" not in [one["name"] for one in fit["estimates"]]
-    assert (("omitted_function", "d") in [(o["code"], o["subject"]) for o in fit["findings"]]) is told
+    assert (("omitted_function", "d") in [(o["code"], o["subject"]) for o in fit["findings"]]) is expected
 
 
 def test_orthogonal_functions_take_no_other_choice_beside_them(tmp_path: Path) -> None:
@@ -162,7 +164,7 @@ def test_orthogonal_functions_take_no_other_choice_beside_them(tmp_path: Path) -
         identify.run(moments(tmp_path, ORTHOGONAL.replace('"orthogonal"', '"orthogonl"')))
 
 
-def held_flight() -> dict[str, np.ndarray]:
+def zoh_flight() -> dict[str, np.ndarray]:
     """The flight of an elevator that is held from each sample to the next, exact."""
     columns = flight()
     a = np.array([[TRUTH["Z_alpha"], 1.0], [TRUTH["M_alpha"], TRUTH["M_q"]]])
@@ -181,8 +183,8 @@ def held_flight() -> dict[str, np.ndarray]:
 
 def test_an_input_that_was_held_is_told_with_the_word_that_mends_it(tmp_path: Path) -> None:
     """GIVEN samples 40 ms apart THEN a line between them puts M_q off by per cents; held, all is in its interval."""
-    told = ("", 'hold = ["delta_e"]\n', 'hold = ["delta_e"]\ndelay = "free"\n')
-    plain, *right = (identified(tmp_path, held_flight(), BASE + more).fits[0] for more in told)
+    expected = ("", 'hold = ["delta_e"]\n', 'hold = ["delta_e"]\ndelay = "free"\n')
+    plain, *right = (identified(tmp_path, zoh_flight(), BASE + more).fits[0] for more in expected)
     assert [one.subject for one in plain.findings if one.code == "zoh_input"] == ["delta_e"]
     assert abs({e.name: e.value for e in plain.estimates}["M_q"] / TRUTH["M_q"] - 1.0) > 0.01
     for one in right:
@@ -192,10 +194,10 @@ def test_an_input_that_was_held_is_told_with_the_word_that_mends_it(tmp_path: Pa
 
 
 def test_what_is_held_or_late_must_be_an_input_and_by_a_second_at_most(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"unknown key hold delta \(meant 'delta_e'\?\)"):
-        identified(tmp_path, held_flight(), BASE + 'hold = ["delta"]\n')
+    with pytest.raises(InputError, match=r"unknown key zoh_inputs delta \(meant 'delta_e'\?\)"):
+        identified(tmp_path, zoh_flight(), BASE + 'hold = ["delta"]\n')
     with pytest.raises(InputError, match="delay = 5 s: an input acts at most 1 s late or early"):
-        identified(tmp_path, held_flight(), BASE + "delay = 5\n")
+        identified(tmp_path, zoh_flight(), BASE + "delay = 5\n")
 
 
 def test_a_moved_control_does_not_jump() -> None:

@@ -16,8 +16,7 @@ from avionics import topics
 from groundstation.command import identify
 from groundstation.command.main import main
 from logs.identification.data.experiment import Experiment
-from logs.identification.sources.table.config import load_map
-from logs.identification.tables.fit_registry import EXAMPLES
+from logs.identification.sources.table.config import SUBJECTS, example_map, load_map
 from tests.logs.recorded import record
 
 LONGITUDINAL = ("q", "a_x", "a_z", "airspeed", "alpha", "theta", "altitude")
@@ -30,7 +29,7 @@ MAP = """
 column = "t"
 [signals]
 {signals}
-[manoeuvres]
+[maneuvers]
 validate = {validate}
 [path.places]
 imu = [0.3, 0.05, -0.1]
@@ -40,9 +39,9 @@ alpha = [1.5, 0.4, 0.1]
 """
 
 
-def write(path: Path, flown: Experiment, names: tuple[str, ...]) -> None:
-    columns = {name: flown.signals[name] * FACTORS[UNITS[name]] for name in names}
-    rows = np.column_stack((flown.time, *columns.values()))
+def write(path: Path, simulated: Experiment, names: tuple[str, ...]) -> None:
+    columns = {name: simulated.signals[name] * FACTORS[UNITS[name]] for name in names}
+    rows = np.column_stack((simulated.time, *columns.values()))
     path.write_text(
         ",".join(("t", *names)) + "\n" + "".join(",".join(f"{v:.9g}" for v in row) + "\n" for row in rows)
     )
@@ -113,9 +112,9 @@ def test_a_manoeuvre_without_a_whole_piece_is_left_out_and_the_others_are_fitted
     (tmp_path / "run2.csv").write_text("\n".join(lines))
     assert main(["identify", *words]) == 0
     said = " ".join(capsys.readouterr().out.split())
-    assert "left out: manoeuvre 2 of run2.csv: q, a_x, a_z are nowhere measured together" in said
+    assert "left out: maneuver 2 of run2.csv: q, a_x, a_z are nowhere measured together" in said
     assert main(["identify", words[1], *words[2:]]) == 2
-    assert "left out: manoeuvre 1 of run2.csv" in capsys.readouterr().err
+    assert "left out: maneuver 1 of run2.csv" in capsys.readouterr().err
 
 
 def test_gaps_of_an_input_cut_the_record_and_the_rest_is_told(
@@ -134,7 +133,7 @@ def test_gaps_of_an_input_cut_the_record_and_the_rest_is_told(
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "told"),
+    ("old", "new", "expected"),
     [
         (PLACED, f'[path]\nalso = ["scale_qq"]\n{PLACED}', "path.also scale_qq (meant 'scale_q'?)"),
         (PLACED, f"[path]\nlongitudinl = true\n{PLACED}", "path.longitudinl (meant 'longitudinal'?)"),
@@ -145,7 +144,7 @@ def test_gaps_of_an_input_cut_the_record_and_the_rest_is_told(
     ],
 )
 def test_a_map_that_cannot_be_is_refused_in_a_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], old: str, new: str, told: str
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], old: str, new: str, expected: str
 ) -> None:
     words = tables(tmp_path, count=1, validate="[]")
     text = (tmp_path / "map.toml").read_text()
@@ -153,23 +152,23 @@ def test_a_map_that_cannot_be_is_refused_in_a_line(
     (tmp_path / "map.toml").write_text(text.replace(old, new))
     assert main(["identify", *words]) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert told in line
+    assert expected in line
 
 
-def logged(path: Path, flown: Experiment) -> Path:
+def logged(path: Path, simulated: Experiment) -> Path:
     """A log of the flight as a flight computer writes it."""
-    s, told = flown.signals, []
-    for k, time in enumerate(flown.time):
+    s, expected = simulated.signals, []
+    for k, time in enumerate(simulated.time):
         at = round(time * 1e6) + 1000
         values = {name: float(column[k]) for name, column in s.items()}
-        told += [
+        expected += [
             (topics.IMU, m.ImuSample(at, *(values[name] for name in ("a_x", "a_y", "a_z", "p", "q", "r")), 0, 0, 0)),
             (topics.ATTITUDE, of(m.Attitude, at, roll=values["phi"], pitch=values["theta"], yaw=values["psi"])),
             (topics.AIR_DATA, of(m.AirData, at, airspeed=values["airspeed"])),
             (topics.ALTITUDE, of(m.Altitude, at, altitude=values["altitude"], climb_rate=values["climb_rate"])),
             (topics.POSITION, of(m.Position, at, north=values["north"], east=values["east"])),
         ]
-    return record(path, told)
+    return record(path, expected)
 
 
 def of(message: Any, at: int, **fields: float) -> Any:
@@ -187,7 +186,7 @@ def test_a_log_tells_its_sensors_errors(tmp_path: Path, capsys: pytest.CaptureFi
     path = json.loads(capsys.readouterr().out)["path"]
     truth = {**dict.fromkeys(("bias_a_x", "bias_a_y", "bias_a_z"), 0.0), **flight.errors}
     assert {"bias_p", "bias_q", "bias_r"} <= {one["name"] for one in path["estimates"]}
-    assert sum("attitude filter's bank" in one["reason"] for one in path["unidentified"]) == 2
+    assert sum("bank error" in one["reason"] for one in path["unidentified"]) == 2
     assert "5.0 s to 18.0 s" in path["records"][0]
     assert all(inside(path["estimates"], truth, 1.8))
     assert np.mean(inside(path["estimates"], truth)) >= 0.75
@@ -197,7 +196,7 @@ def test_a_log_tells_its_sensors_errors(tmp_path: Path, capsys: pytest.CaptureFi
 def test_the_example_map_is_one_and_an_unknown_one_is_named(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for subject, example in EXAMPLES.items():
+    for subject, example in ((name, example_map(name)) for name in SUBJECTS):
         assert identify.run(["--map-example", subject]) == 0
         assert capsys.readouterr().out == example
         (tmp_path / "map.toml").write_text(example)
@@ -232,11 +231,11 @@ def test_a_measured_bank_is_a_finding_of_the_longitudinal_motion(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], bank: float, level: bool
 ) -> None:
     """GIVEN bank measured, and p, r and a_y not THEN errors that the bank makes are marked."""
-    flown = measured(Flight(seed=3, longitudinal=True, duration=16))
-    phi = bank * np.sin(0.7 * flown.time) + 0.002 * np.random.default_rng(1).normal(size=len(flown.time))
-    q = flown.signals["q"] + 9.80665 / 20.0 * np.sin(phi) * np.tan(phi)
+    simulated = measured(Flight(seed=3, longitudinal=True, duration=16))
+    phi = bank * np.sin(0.7 * simulated.time) + 0.002 * np.random.default_rng(1).normal(size=len(simulated.time))
+    q = simulated.signals["q"] + 9.80665 / 20.0 * np.sin(phi) * np.tan(phi)
     names = (*LONGITUDINAL, "phi")
-    write(tmp_path / "run.csv", flown._replace(signals={**flown.signals, "phi": phi, "q": q}), names)
+    write(tmp_path / "run.csv", simulated._replace(signals={**simulated.signals, "phi": phi, "q": q}), names)
     (tmp_path / "map.toml").write_text(MAP.format(signals=signals(names), validate="[]", more=""))
     words = [str(tmp_path / "run.csv"), "--map", str(tmp_path / "map.toml"), "path", "--json"]
     assert identify.run(words) == 0
@@ -253,13 +252,13 @@ def test_an_unmeasured_bank_is_a_finding(tmp_path: Path, capsys: pytest.CaptureF
     (level,) = json.loads(capsys.readouterr().out)["fits"]
     (note,) = (one for one in level["notes"] if one.startswith("phi is not measured"))
     bank = np.radians(float(note.partition("steady bank of ")[2].partition(" deg")[0]))
-    flown = measured(Flight(seed=11, longitudinal=True, duration=16))
-    s = flown.signals
+    simulated = measured(Flight(seed=11, longitudinal=True, duration=16))
+    s = simulated.signals
     turned = {
         "q": s["q"] + 9.80665 / s["airspeed"] * np.sin(bank) * np.tan(bank),
         "a_z": s["a_z"] + 9.80665 * (1.0 - np.cos(bank)) * np.cos(s["theta"]),
     }
-    write(tmp_path / "run1.csv", flown._replace(signals={**s, **turned}), LONGITUDINAL)
+    write(tmp_path / "run1.csv", simulated._replace(signals={**s, **turned}), LONGITUDINAL)
     assert main(["identify", *words, "--json"]) == 0
     (banked,) = json.loads(capsys.readouterr().out)["fits"]
     moved = []
@@ -271,11 +270,11 @@ def test_an_unmeasured_bank_is_a_finding(tmp_path: Path, capsys: pytest.CaptureF
 
 def test_signals_that_are_not_of_one_motion_are_a_finding(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """GIVEN a vane that swings by itself THEN its signal is incompatible."""
-    flown = measured(Flight(seed=3, longitudinal=True, duration=16, step=0.04))
-    alpha = 0.08 + 0.05 * np.sin(4.5 * flown.time)
-    write(tmp_path / "run.csv", flown._replace(signals={**flown.signals, "alpha": alpha}), LONGITUDINAL)
-    told = signals(LONGITUDINAL)
-    (tmp_path / "map.toml").write_text(MAP.format(signals=told, validate="[]", more=""))
+    simulated = measured(Flight(seed=3, longitudinal=True, duration=16, step=0.04))
+    alpha = 0.08 + 0.05 * np.sin(4.5 * simulated.time)
+    write(tmp_path / "run.csv", simulated._replace(signals={**simulated.signals, "alpha": alpha}), LONGITUDINAL)
+    expected = signals(LONGITUDINAL)
+    (tmp_path / "map.toml").write_text(MAP.format(signals=expected, validate="[]", more=""))
     words = [str(tmp_path / "run.csv"), "--map", str(tmp_path / "map.toml"), "path", "--json"]
     code = identify.run(words)
     said = capsys.readouterr()

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 from output_error_cases import LATERAL, LATERAL_TRUTH, steps
-from output_error_cases import flown as flown_laterally
+from output_error_cases import simulated as flown_laterally
 
 from logs.identification.data.experiment import Experiment
 from logs.identification.diagnostics.context import Context
@@ -20,7 +20,7 @@ STEP, SPEED = 0.02, 20.0
 UNITS = {"alpha": "rad", "theta": "rad", "q": "rad/s", "a_z": "m/s^2"}
 
 
-def flown(imu_x: float = 0.0, noise: float = 1.0, seed: int = 1, **scales: float) -> Experiment:
+def simulated(imu_x: float = 0.0, noise: float = 1.0, seed: int = 1, **scales: float) -> Experiment:
     """A short period after doublets, level flight; each of ``scales`` multiplies a signal."""
     rng, time = np.random.default_rng(seed), np.arange(0.0, 12.0, STEP)
     delta = 0.1 * np.sign(np.sin(2.0 * np.pi * time / 3.0)) * (np.sin(2.0 * np.pi * time / 6.0) > 0)
@@ -47,7 +47,7 @@ def findings_of(one: Experiment, constants: Mapping[str, float]) -> list[tuple[s
 @pytest.mark.parametrize("scale", [0.85, 1.0, 1.15])
 @pytest.mark.parametrize("imu_x", [0.0, 0.4])
 def test_scale_errors_of_sensors_are_consistent(seed: int, scale: float, imu_x: float) -> None:
-    assert findings_of(flown(imu_x, seed=seed, alpha=scale, a_z=scale), {"V": SPEED}) == []
+    assert findings_of(simulated(imu_x, seed=seed, alpha=scale, a_z=scale), {"V": SPEED}) == []
 
 
 @pytest.mark.parametrize(
@@ -61,19 +61,19 @@ def test_scale_errors_of_sensors_are_consistent(seed: int, scale: float, imu_x: 
     ],
 )
 def test_a_wrong_sign_or_unit_is_reported(scales: dict[str, float], expected: tuple[str, str]) -> None:
-    assert expected in findings_of(flown(**scales), {"V": SPEED})
+    assert expected in findings_of(simulated(**scales), {"V": SPEED})
 
 
 def test_a_time_in_milliseconds_is_reported() -> None:
-    one = flown()
+    one = simulated()
     assert ("unit", "time") in findings_of(one._replace(time=1000.0 * one.time), {"V": SPEED})
 
 
 @pytest.mark.parametrize("unit", [3600.0 / 1852.0, 1.0 / 0.3048, 3.6])
 def test_an_airspeed_in_another_unit_is_reported(unit: float) -> None:
     for speed in (SPEED * unit, SPEED / unit):
-        assert ("unit", "V") in findings_of(flown(noise=0.3), {"V": speed})
-    level = flown()._replace(signals=flown().signals | {"V": np.full(len(flown().time), SPEED)})
+        assert ("unit", "V") in findings_of(simulated(noise=0.3), {"V": speed})
+    level = simulated()._replace(signals=simulated().signals | {"V": np.full(len(simulated().time), SPEED)})
     assert ("unit", "constants.V") in findings_of(level, {"V": SPEED * unit})
     assert findings_of(level, {"V": 14.0}) == [] == findings_of(level, {"V": 30.0})
 

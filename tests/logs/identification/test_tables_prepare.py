@@ -34,7 +34,7 @@ def table(folder: Path, name: str = "run.csv", seed: int = 1, late: float = 0.0)
     return write(folder / name, {"t": t, **columns, "delta_e": delta - 0.02})
 
 
-def told(
+def documented(
     folder: Path, capsys: pytest.CaptureFixture[str], files: list[Path], more: str, base: str = BASE
 ) -> dict[str, Any]:
     (folder / "map.toml").write_text(base + more)
@@ -53,13 +53,13 @@ def test_a_late_signal_is_found_by_another_and_moved(tmp_path: Path, capsys: pyt
     base = BASE.replace("[constants]", 'q2 = { column = "q2", unit = "deg/s" }\n[constants]')
     files = [table(tmp_path, late=LATE)]
     asked = f'[prepare.delay]\nq2 = {{ like = "q", longest = 1.0 }}\nalpha = {LATE}\n'
-    document = told(tmp_path, capsys, files, asked, base)
+    document = documented(tmp_path, capsys, files, asked, base)
     (delay,) = document["delays"]
     assert delay["name"] == "q2" and delay["unit"] == "s"
     assert abs(delay["value"] - LATE) < 2 * (delay["high"] - delay["value"]) < 0.01
     assert any(note.startswith("q2 is 0.08") and "late behind q" in note for note in document["notes"])
     moved = errors(document)
-    plain = errors(told(tmp_path, capsys, files, "", base))
+    plain = errors(documented(tmp_path, capsys, files, "", base))
     assert max(moved.values()) < 0.04
     assert plain["M_alpha"] > 2 * moved["M_alpha"] or plain["Z_alpha"] > 2 * moved["Z_alpha"]
 
@@ -71,13 +71,13 @@ def test_an_angle_is_put_in_place_by_its_slope(tmp_path: Path, capsys: pytest.Ca
     columns["theta"] = np.interp(t - LATE, t, theta) + 0.001 * rng.normal(size=len(t))
     base = BASE.replace("[constants]", 'theta = { column = "theta", unit = "rad" }\n[constants]')
     asked = '[prepare.delay]\ntheta = { like = "q", by = "slope" }\n'
-    (delay,) = told(tmp_path, capsys, [write(tmp_path / "run.csv", columns)], asked, base)["delays"]
+    (delay,) = documented(tmp_path, capsys, [write(tmp_path / "run.csv", columns)], asked, base)["delays"]
     assert delay["low"] - 0.002 <= LATE <= delay["high"] + 0.002
 
 
 def test_smoothing_and_resampling_leave_the_truth(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     asked = '[prepare]\nresample = 25.0\nsmooth = { alpha = "fourier", q = "spline" }\n'
-    document = told(tmp_path, capsys, [table(tmp_path)], asked)
+    document = documented(tmp_path, capsys, [table(tmp_path)], asked)
     assert max(errors(document).values()) < 0.06
     # Smoothing takes the noise of high frequencies off: the variance of M_alpha came out negative once.
     assert not document["fits"][0]["unidentified"]
@@ -88,35 +88,35 @@ def test_smoothing_and_resampling_leave_the_truth(tmp_path: Path, capsys: pytest
 
 def test_files_and_shares_are_held_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     files = [table(tmp_path, name, seed) for seed, name in enumerate(("a.csv", "b.csv", "c.csv"))]
-    named = told(tmp_path, capsys, files, '[manoeuvres]\nvalidate_files = ["b.csv"]\n')
-    assert named["manoeuvres"]["held_out"] == ["manoeuvre 2 of b.csv"]
-    drawn = told(tmp_path, capsys, files, "[manoeuvres]\nvalidate_share = 0.34\n")
+    named = documented(tmp_path, capsys, files, '[maneuvers]\nvalidate_files = ["b.csv"]\n')
+    assert named["manoeuvres"]["held_out"] == ["maneuver 2 of b.csv"]
+    drawn = documented(tmp_path, capsys, files, "[maneuvers]\nvalidation_fraction = 0.34\n")
     (held,) = drawn["manoeuvres"]["held_out"]
-    assert f"held back: 1 of 3 flights ({held.partition(' of ')[2]})" in drawn["notes"]
+    assert f"held out: 1 of 3 flights ({held.partition(' of ')[2]})" in drawn["notes"]
     thiels = [one["theil"] for one in drawn["fits"][0]["outputs"] if one["held_out"]]
     assert len(thiels) == 3 and max(thiels) < 0.1
 
 
 @pytest.mark.parametrize(
-    ("more", "said"),
+    ("more", "expected"),
     [
         ("[prepare.delay]\nalfa = 0.1\n", "prepare.delay.alfa (meant 'alpha'?)"),
-        ('[prepare.delay]\nalpha = { like = "Q" }\n', "prepare.delay.alpha.like Q"),
-        ('[prepare.delay]\nalpha = { lik = "q" }\n', "prepare.delay.alpha.lik (meant 'like'?)"),
-        ('[prepare.delay]\nalpha = { like = "delta_e", longest = 20 }\n', "its skew behind delta_e is not told"),
+        ('[prepare.delay]\nalpha = { like = "Q" }\n', "prepare.delay.alpha.reference Q"),
+        ('[prepare.delay]\nalpha = { lik = "q" }\n', "prepare.delay.alpha.lik"),
+        ('[prepare.delay]\nalpha = { like = "delta_e", longest = 20 }\n', "skew behind delta_e is not determined"),
         ('[prepare]\nsmooth = { alpha = "splin" }\n', "prepare.smooth.alpha = 'splin' is not known; known: local"),
         ("[prepare]\nresample = 500\n", "prepare.resample = 500 Hz is not above 0 and up to the 25 Hz"),
-        ('[manoeuvres]\nvalidate_files = ["rn.csv"]\n',
-         "manoeuvres.validate_files rn.csv (meant 'run.csv'?): no such file is among those given; there are: run"),
-        ("[manoeuvres]\nvalidate_share = 0.5\n", "a single manoeuvre cannot be split"),
-        ("[manoeuvres]\nvalidate_share = 0.5\nvalidate = [1]\n", "manoeuvres.validate_share draws what is held out"),
+        ('[maneuvers]\nvalidate_files = ["rn.csv"]\n',
+         "maneuvers.validate_files rn.csv (meant 'run.csv'?): no such file is among those given; there are: run"),
+        ("[maneuvers]\nvalidation_fraction = 0.5\n", "a single maneuver cannot be split"),
+        ("[maneuvers]\nvalidation_fraction = 0.5\nvalidate = [1]\n", "maneuvers.validation_fraction draws"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_is_refused_in_a_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], more: str, said: str
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], more: str, expected: str
 ) -> None:
     (tmp_path / "map.toml").write_text(BASE + more)
     file = write(tmp_path / "run.csv", flight())
     assert main(["identify", str(file), "aero", "--map", str(tmp_path / "map.toml")]) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert said in line
+    assert expected in line

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from logs.identification.sources.table.columns import Columns, Layout, read_columns
-from logs.identification.sources.table.config import Map, load_map
-from logs.identification.sources.table.maneuvers import Cut, cut
+from logs.identification.sources.table.config import Map, load_map, rename_keys
+from logs.identification.sources.table.maneuvers import DataSplit, data_split
 from wingbeat.errors import InputError
 from wingbeat.schema import read_record
 
@@ -25,10 +25,10 @@ def read(folder: Path, text: str | bytes, **layout: Any) -> Columns:
     return read_columns(path, Layout(**layout))
 
 
-def cut_of(folder: Path, text: str, mapping: str) -> Cut:
+def cut_of(folder: Path, text: str, mapping: str) -> DataSplit:
     chosen: Map = read_record(Map, tomllib.loads(mapping), "")
     chosen.time.check()
-    return cut([read(folder, text)], chosen.signals, chosen.time, chosen.manoeuvres)
+    return data_split([read(folder, text)], chosen.signals, chosen.time, chosen.maneuvers)
 
 
 def wave(time: np.ndarray, digits: int = 6) -> str:
@@ -71,25 +71,27 @@ def test_cells_that_are_no_numbers_and_short_rows_are_told(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "expected"),
     [
         ("", "empty"),
         ("only words\nand more\n", "no row of numbers"),
         (b"t,a\n\x81\xfe1,2\n", "no text in UTF-8"),
     ],
 )
-def test_what_is_no_table_is_refused(tmp_path: Path, text: str | bytes, told: str) -> None:
-    with pytest.raises(InputError, match=told):
+def test_what_is_no_table_is_refused(tmp_path: Path, text: str | bytes, expected: str) -> None:
+    with pytest.raises(InputError, match=expected):
         read(tmp_path, text)
 
 
 @pytest.mark.parametrize(
-    ("column", "told"),
+    ("column", "expected"),
     [("b", "no column 'b'; it has: t, a"), (3, "no column 3; it has 2"), ("x", "several columns 'x'")],
 )
-def test_a_column_that_is_not_there_is_told_with_those_that_are(tmp_path: Path, column: str | int, told: str) -> None:
+def test_a_column_that_is_not_there_is_told_with_those_that_are(
+    tmp_path: Path, column: str | int, expected: str
+) -> None:
     text = "x,x\n0,1\n1,2\n" if column == "x" else "t,a\n0,1\n1,2\n"
-    with pytest.raises(InputError, match=told):
+    with pytest.raises(InputError, match=expected):
         read(tmp_path, text).column(column, "signals.q.column")
 
 
@@ -128,16 +130,16 @@ def test_rows_that_are_missing_are_not_measured_and_a_long_gap_cuts(tmp_path: Pa
 def test_a_time_that_goes_back_begins_a_record_and_rows_tell_them_apart(tmp_path: Path) -> None:
     time = np.concatenate((np.arange(100), np.arange(80))) * 0.1
     assert [len(one.time) for one in cut_of(tmp_path, wave(time), TIMED).fitted] == [100, 80]
-    told = cut_of(tmp_path, wave(time), TIMED + "[manoeuvres]\nrows = [[11, 60], [101, 180]]\nvalidate = [1]")
-    assert [len(one.time) for one in told.held_out] == [50]
-    assert [len(one.time) for one in told.fitted] == [80]
-    with pytest.raises(InputError, match=r"manoeuvres.windows\[0\]: the time of run.csv goes back"):
-        cut_of(tmp_path, wave(time), TIMED + "[manoeuvres]\nwindows = [[1, 5]]")
+    expected = cut_of(tmp_path, wave(time), TIMED + "[maneuvers]\nrows = [[11, 60], [101, 180]]\nvalidate = [1]")
+    assert [len(one.time) for one in expected.held_out] == [50]
+    assert [len(one.time) for one in expected.fitted] == [80]
+    with pytest.raises(InputError, match=r"maneuvers.windows\[0\]: the time of run.csv goes back"):
+        cut_of(tmp_path, wave(time), TIMED + "[maneuvers]\nwindows = [[1, 5]]")
 
 
 def test_manoeuvres_by_the_numbers_of_a_column(tmp_path: Path) -> None:
     text = "a,event\n" + "".join(f"{n},{1 if 20 <= n < 50 else 2 if 60 <= n < 95 else 0}\n" for n in range(100))
-    mapping = "[time]\nrate = 10\n" + WAVE + '[manoeuvres]\ncolumn = "event"\nvalidate = [2]'
+    mapping = "[time]\nrate = 10\n" + WAVE + '[maneuvers]\ncolumn = "event"\nvalidate = [2]'
     found = cut_of(tmp_path, text, mapping)
     assert found.fitted[0].signals["a"].tolist() == list(range(20, 50))
     assert found.held_out[0].signals["a"].tolist() == list(range(60, 95))
@@ -173,7 +175,7 @@ def test_resampling_to_no_whole_share_of_the_rate_gives_the_rate_asked_for(tmp_p
 
 
 @pytest.mark.parametrize(
-    ("mapping", "told"),
+    ("mapping", "expected"),
     [
         ('[time]\ncolumn = "t"\n', "signals is missing"),
         (WAVE, r"\[time\] must have either a column or a rate"),
@@ -182,12 +184,12 @@ def test_resampling_to_no_whole_share_of_the_rate_gives_the_rate_asked_for(tmp_p
         (TIMED.replace('"-"', '"furlong"'), "signals.a: unit 'furlong' is not known"),
         (TIMED.replace("a =", "q =").replace('"-"', '"deg"'), "signals.q is in rad/s; 'deg' cannot be that"),
         (TIMED.replace('column = "a"', 'colum = "a"'), r"unknown key signals.a.colum \(meant 'column'\?\)"),
-        (TIMED + "[manoeuvres]\nwindow = [[1, 2]]", r"unknown key manoeuvres.window \(meant 'windows'\?\)"),
-        (TIMED + "[manoeuvres]\nwindows = [[5, 2]]", r"manoeuvres.windows\[0\] ends at 2, before it begins at 5"),
-        (TIMED + "[manoeuvres]\nwindows = [[0, 5], [2, 8]]", r"windows\[0\] and manoeuvres.windows\[1\] overlap"),
-        (TIMED + "[manoeuvres]\nwindows = [[500, 600]]", r"fewer than 5 samples of any record; there are 0 to 9.9 s"),
-        (TIMED + "[manoeuvres]\nvalidate = [1]", "none is left to fit"),
-        (TIMED + "[manoeuvres]\nvalidate = [7]", "there is no manoeuvre 7; there are 1"),
+        (TIMED + "[maneuvers]\nwindow = [[1, 2]]", r"unknown key maneuvers.window \(meant 'windows'\?\)"),
+        (TIMED + "[maneuvers]\nwindows = [[5, 2]]", r"maneuvers.windows\[0\] ends at 2, before it begins at 5"),
+        (TIMED + "[maneuvers]\nwindows = [[0, 5], [2, 8]]", r"windows\[0\] and maneuvers.windows\[1\] overlap"),
+        (TIMED + "[maneuvers]\nwindows = [[500, 600]]", r"fewer than 5 samples of any record; there are 0 to 9.9 s"),
+        (TIMED + "[maneuvers]\nvalidate = [1]", "none is left to fit"),
+        (TIMED + "[maneuvers]\nvalidate = [7]", "there is no maneuver 7; there are 1"),
         (TIMED.replace("a =", "alpha =").replace('"-"', '"rad", scale = 100'), "signals.alpha reaches .* rad"),
         (TIMED + "[table]\ndecimal = 'x'", "table.decimal = 'x' is not known; known: ., ,"),
         (TIMED + '[modes]\noutputs = "q"', "modes.outputs must be a list"),
@@ -195,8 +197,8 @@ def test_resampling_to_no_whole_share_of_the_rate_gives_the_rate_asked_for(tmp_p
         (TIMED + "[constants]\nmass = { value = 3 }", "constants.mass must be a number in SI or"),
     ],
 )
-def test_a_map_that_cannot_be_is_refused_by_its_key(tmp_path: Path, mapping: str, told: str) -> None:
-    with pytest.raises(InputError, match=told) as refused:
+def test_a_map_that_cannot_be_is_refused_by_its_key(tmp_path: Path, mapping: str, expected: str) -> None:
+    with pytest.raises(InputError, match=expected) as refused:
         cut_of(tmp_path, wave(np.arange(100) * 0.1), mapping)
     assert str(refused.value).isprintable()
 
@@ -224,3 +226,27 @@ def mapped(folder: Path, text: str) -> Map:
 def test_a_model_may_be_spelt_as_its_parts_are_joined_elsewhere(tmp_path: Path, spelt: str) -> None:
     found = mapped(tmp_path, MODES_MAP % "e" + f'model = "{spelt}"\nkinds = ["short period"]\n')
     assert found.modes is not None and found.modes.model == "short period" and found.modes.kinds == ("short_period",)
+
+
+def test_former_keys_of_maps_are_accepted() -> None:
+    """GIVEN every former key THEN the document has the present one; both at once are an error."""
+    document = {
+        "manoeuvres": {"validate_share": 0.3},
+        "stand": {"vehicle": "slow_hawk"},
+        "prepare": {"delay": {"alpha": {"like": "q"}, "q": 0.1}},
+        "modes": {"hold": ["delta_e"], "band": [0.1, 2.0]},
+        "aero": {"regressions": [{"always": ["alpha"], "band": [0.1, 2.0]}], "output_error": [{"hold": []}]},
+    }
+    rename_keys(document)
+    assert document == {
+        "maneuvers": {"validation_fraction": 0.3},
+        "load_cell": {"vehicle": "slow_hawk"},
+        "prepare": {"delay": {"alpha": {"reference": "q"}, "q": 0.1}},
+        "modes": {"zoh_inputs": ["delta_e"], "frequency_band": [0.1, 2.0]},
+        "aero": {
+            "regressions": [{"forced_terms": ["alpha"], "frequency_band": [0.1, 2.0]}],
+            "output_error": [{"zoh_inputs": []}],
+        },
+    }
+    with pytest.raises(InputError, match="hold is the former name of zoh_inputs"):
+        rename_keys({"modes": {"hold": [], "zoh_inputs": []}})

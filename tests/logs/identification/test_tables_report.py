@@ -28,7 +28,7 @@ from logs.identification.report import Identification
 from logs.identification.report.result_formatting import table_document
 from logs.identification.report.tables import Source, table_chapters, write_tables_report
 from logs.identification.results import EstimationResult, estimate
-from logs.identification.tables.results import TableIdentification
+from logs.identification.sources.table.results import TableIdentification
 from logs.pages.labels import number, rich, sentence, symbol
 from sim_bridge.tuning.model import load_model
 from wingbeat.errors import InputError
@@ -244,10 +244,10 @@ def test_the_model_of_a_table_is_the_truth_with_its_nose_up_elevator(
     files: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(files, "--model", str(tmp_path / "bird.toml")) == 0
-    said = capsys.readouterr().out
-    assert "delta_e pitches the nose down: the model's elevator is -delta_e" in said
-    assert "fixed, not estimated: X_q = 0, X_delta = 0, Z_q = 0" in said
-    assert re.search(r"wingbeat tune \S*bird\.toml needs --vehicle V too", said)
+    expected = capsys.readouterr().out
+    assert "delta_e pitches the nose down: the model's elevator is -delta_e" in expected
+    assert "fixed, not estimated: X_q = 0, X_delta = 0, Z_q = 0" in expected
+    assert re.search(r"wingbeat tune \S*bird\.toml needs --vehicle V too", expected)
     model = load_model(tmp_path / "bird.toml")
     truth = matrices(tuple(TRUTH), np.array(list(TRUTH.values())), about(), Aircraft())
     assert (model.airspeed, model.pitch, model.frequency) == (SPEED, PITCH, 4.0)
@@ -263,7 +263,7 @@ def test_the_model_of_a_table_is_the_truth_with_its_nose_up_elevator(
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "expected"),
     [
         ('model = "longitudinal"', 'model = "none"', r"of a fit with model = \"longitudinal\""),
         ("theta = 0.15\n", "", r"the trim is not known: the map lacks constants.theta \(map"),
@@ -274,12 +274,12 @@ def test_the_model_of_a_table_is_the_truth_with_its_nose_up_elevator(
     ],
 )
 def test_what_a_model_lacks_is_told_before_the_table_is_read(
-    files: tuple[Path, Path], tmp_path: Path, old: str, new: str, said: str
+    files: tuple[Path, Path], tmp_path: Path, old: str, new: str, expected: str
 ) -> None:
     files[0].unlink()
     assert old in MAP
     files[1].write_text(MAP.replace(old, new))
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(InputError, match=expected):
         run(files, "--model", str(tmp_path / "bird.toml"))
     assert not (tmp_path / "bird.toml").exists()
 

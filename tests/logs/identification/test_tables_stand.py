@@ -50,8 +50,8 @@ def run(path: Path, airspeed: float, seconds: float = 1.6) -> Path:
     """A run at 5 Hz; the air's load by `TRUTH`, none in still air."""
     time = np.arange(round(seconds / 0.002)) * 0.002
     flap = 0.14 + 0.5 * np.sin(2 * np.pi * 5.0 * time)
-    told = StandRun(path.name, time, np.zeros((len(time), 6)), flap, airspeed, 0.06, 1.225, 5.0 * time)
-    moved = stand_motion(vehicle(), told)
+    expected = StandRun(path.name, time, np.zeros((len(time), 6)), flap, airspeed, 0.06, 1.225, 5.0 * time)
+    moved = stand_motion(vehicle(), expected)
     air, motion = wing_air(vehicle(), moved, 1.225), states(vehicle(), moved)
     size = air.pressure * wing_of(vehicle()).area if airspeed else np.zeros(len(time))
     load = np.zeros((len(time), 6))
@@ -80,7 +80,7 @@ def test_a_stand_tells_the_wings_coefficients(
     assert main([*words, "--report", str(tmp_path / "page.html")]) == 0
     document = json.loads(capsys.readouterr().out)
     fits = document["fits"]
-    assert document["manoeuvres"] == {"fitted": ["manoeuvre 1 of run.csv"], "held_out": []}
+    assert document["manoeuvres"] == {"fitted": ["maneuver 1 of run.csv"], "held_out": []}
     assert [fit["method"].split()[0] for fit in fits] == ["C_L", "C_T", "C_m"]
     found = {one["name"]: one for fit in fits for one in fit["estimates"]}
     for name, true in TRUTH.items():
@@ -88,35 +88,35 @@ def test_a_stand_tells_the_wings_coefficients(
         assert abs(found[name]["value"] - true) < max(2 * half, 0.02 * abs(true)), found[name]
         assert found[name]["value"] == pytest.approx(true, rel=0.1)
     said = fits[0]["notes"]
-    assert said[0].endswith("manoeuvre 2 of tare.csv" if tared else "the vehicle's model") and "mean lift" in said[1]
+    assert said[0].endswith("maneuver 2 of tare.csv" if tared else "the vehicle's model") and "lift" in said[1]
     assert said[0].startswith("tail load subtracted by the vehicle's model")
-    lift, thrust, up, forward = (float(one) for one in re.findall(r"(-?[\d.]+) N", said[1]))
+    lift, thrust, up, forward = (float(one) for one in re.findall(r"(-?[\d.]+) N", said[1] + said[2]))
     assert lift == pytest.approx(up * np.cos(0.06) + forward * np.sin(0.06), rel=1e-3)
     assert thrust == pytest.approx(forward * np.cos(0.06) - up * np.sin(0.06), rel=1e-2)
-    assert up == pytest.approx(4.224, rel=0.01) and "along the stream, body axes" in said[1]
+    assert up == pytest.approx(4.224, rel=0.01) and "along the stream" in said[1] and "body axes" in said[2]
     assert fits[0]["steps"] and fits[0]["outputs"][0]["r_squared"] > 0.98
     assert ">Stepwise regression</h" in (tmp_path / "page.html").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "told"),
+    ("old", "new", "expected"),
     [
         ("slow_hawk", "slow_hauk", "unknown vehicle 'slow_hauk'"),
         ("[1, 0, 0]", "[1, 1, 0]", "the load cell's r_frd_from_cell is no rotation"),
-        ("sign = -1", "sign = 2", "stand.sign must be 1 or -1"),
-        ("sign = -1", "tare = 3", "stand.tare: there is no manoeuvre 3; there are 1"),
-        ("sign = -1", "tare = 1", "no run is left beside the tare run"),
-        ("alpha = 0.06", "", "stand needs signals.alpha or constants.alpha"),
-        ("sign = -1", "sihn = -1", "stand.sihn (meant 'sign'?)"),
-        ("sign = -1", 'candidates = ["theta_1"]', "stand.candidates theta_1 (meant 'theta_11'?)"),
+        ("sign = -1", "sign = 2", "load_cell.sign must be 1 or -1"),
+        ("sign = -1", "tare = 3", "load_cell.tare: there is no maneuver 3; there are 1"),
+        ("sign = -1", "tare = 1", "no run is left besides the tare run"),
+        ("alpha = 0.06", "", "load_cell needs signals.alpha or constants.alpha"),
+        ("sign = -1", "sihn = -1", "load_cell.sihn (meant 'sign'?)"),
+        ("sign = -1", 'candidates = ["theta_1"]', "load_cell.candidates theta_1 (meant 'theta_11'?)"),
     ],
 )
 def test_what_cannot_be_is_refused_in_a_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], old: str, new: str, told: str
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], old: str, new: str, expected: str
 ) -> None:
     assert old in MAP
     (tmp_path / "map.toml").write_text(MAP.replace(old, new))
     file = run(tmp_path / "run.csv", 9.2, 0.8)
     assert main(["identify", str(file), "--map", str(tmp_path / "map.toml"), "stand"]) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert told in line
+    assert expected in line

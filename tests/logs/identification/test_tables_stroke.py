@@ -34,7 +34,7 @@ force_z = { column = "Fz", unit = "gf" }
 V = { column = "V", unit = "km/h" }
 alpha = { column = "alpha", unit = "deg" }
 elevator = { column = "elevator", unit = "deg" }
-[manoeuvres]
+[maneuvers]
 validate = VALIDATE
 [constants]
 rho = 1.2
@@ -86,9 +86,9 @@ def measured(seed: int, rate: float, seconds: float, noise: float, step: float) 
     slope = turning * (0.6 * np.cos(turn) + 0.16 * np.cos(2 * turn + 0.4))
     stream, alpha = np.full(len(t), 9.0), np.full(len(t), 0.1)
     air = forces(flap, slope, stream, alpha, (TRUTH["C_L_up"], TRUTH["C_L_down"]))
-    told = flap + noise * rng.normal(size=len(t))
-    told = np.round(told / step) * step if step else told
-    return Flapped(t, told, stream, alpha, air + 0.1 * rng.normal(size=air.shape), DENSITY)
+    expected = flap + noise * rng.normal(size=len(t))
+    expected = np.round(expected / step) * step if step else expected
+    return Flapped(t, expected, stream, alpha, air + 0.1 * rng.normal(size=air.shape), DENSITY)
 
 
 @pytest.mark.parametrize(
@@ -230,7 +230,7 @@ def test_strokes_with_missing_samples_are_left_out(tmp_path: Path, capsys: pytes
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "told"),
+    ("old", "new", "expected"),
     [
         ("planform = [[0.05, 0.25], [0.35, 0.25], [0.6, 0.0]]", "", "stroke.planform is missing"),
         ("[0.35, 0.25]", "[0.05, 0.25]", "distance from the flapping axis"),
@@ -241,7 +241,7 @@ def test_strokes_with_missing_samples_are_left_out(tmp_path: Path, capsys: pytes
     ],
 )  # fmt: skip
 def test_what_cannot_be_is_refused_in_a_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], old: str, new: str, told: str
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], old: str, new: str, expected: str
 ) -> None:
     asked = words(tmp_path)
     text = (tmp_path / "map.toml").read_text()
@@ -249,4 +249,4 @@ def test_what_cannot_be_is_refused_in_a_line(
     (tmp_path / "map.toml").write_text(text.replace(old, new))
     assert main(asked) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert told in line
+    assert expected in line

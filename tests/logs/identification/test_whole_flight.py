@@ -9,7 +9,7 @@ import pytest
 
 from avionics import topics
 from logs.identification.data.flight import NEUTRAL
-from logs.identification.data.maneuver_detection import excited
+from logs.identification.data.maneuvers import excited
 from logs.identification.results import Array
 from logs.identification.sources.full_flight import whole_flight
 from wingbeat.errors import InputError
@@ -75,7 +75,7 @@ def test_commands_are_held() -> None:
 
 def test_its_manoeuvres_are_cut() -> None:
     found = excited(whole_flight(Recorded(log()), "flight 1"))
-    assert [e.name for e in found] == ["flight 1, manoeuvre 1"]
+    assert [e.name for e in found] == ["flight 1, maneuver 1"]
     assert found[0].time[[0, -1]] == pytest.approx([2.01, 3.995], abs=0.011)
 
 

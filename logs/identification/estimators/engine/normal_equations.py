@@ -1,4 +1,4 @@
-"""The normal equations of all records at once, each record's own numbers eliminated by the Schur complement."""
+"""The normal equations of all records at once, each record's local numbers eliminated by the Schur complement."""
 
 from __future__ import annotations
 
@@ -7,32 +7,31 @@ from typing import NamedTuple
 import numpy as np
 
 from logs.identification.estimators.engine.records import Flags, Indices
-from logs.identification.estimators.engine.simulation import Flight, Unknowns
-from logs.identification.estimators.engine.weights import Whitener
+from logs.identification.estimators.engine.simulation import Flight, Unknowns, Whitener
 from logs.identification.results import Array
 
 DEPENDENT = 1e-10
 """-; squared length of a combination of columns that adds nothing to the others"""
 NO_EFFECT = 1e-6
-"""-; norm, in standard deviations, of what the outputs do when a parameter changes by its own size"""
+"""-; norm, in standard deviations, of what the outputs do when a parameter changes by its local size"""
 SMALLEST_SIZE = 1e-2
 
 
-class Piece(NamedTuple):
+class RecordBlock(NamedTuple):
     """One record's share."""
 
     residuals: Array
     """(N, m); in standard deviations"""
     slopes: Array
     """(N m, p); of the parameters, in standard deviations"""
-    own: Array
-    """(N m, l); of the record's own numbers"""
+    nuisances: Array
+    """(N m, l); of the record's local numbers"""
 
 
 class Normal(NamedTuple):
     """All records about the present unknowns."""
 
-    pieces: tuple[Piece, ...]
+    blocks: tuple[RecordBlock, ...]
     sizes: Array
     """(p,); of the parameters, to tell one that has no effect"""
     precision: Array
@@ -46,8 +45,8 @@ class Step(NamedTuple):
 
     values: Array
     """(p,)"""
-    own: tuple[Array, ...]
-    """(l,) of each record; its own numbers"""
+    local: tuple[Array, ...]
+    """(l,) of each record; its local numbers"""
     errors: Array
     """(p,); standard errors for white residuals, infinite where a parameter is not determined"""
     decrement: float
@@ -55,24 +54,24 @@ class Step(NamedTuple):
 
     def taken(self, unknowns: Unknowns, share: float) -> Unknowns:
         """``unknowns`` after a ``share`` of the step."""
-        moved = tuple(o + share * d for o, d in zip(unknowns.own, self.own, strict=True))
+        moved = tuple(o + share * d for o, d in zip(unknowns.local, self.local, strict=True))
         return Unknowns(unknowns.values + share * self.values, moved)
 
 
 def normal_of(flight: Flight, unknowns: Unknowns, residuals: list[Array], whiteners: tuple[Whitener, ...]) -> Normal:
     """Residuals and slopes of all records, in standard deviations."""
-    pieces, p = [], len(unknowns.values)
-    for record, own, raw, white in zip(flight.records, unknowns.own, residuals, whiteners, strict=True):
-        slopes = white(flight.slopes(record, unknowns.values, own)).reshape(raw.size, -1)
-        pieces.append(Piece(white(raw), slopes[:, :p], slopes[:, p:]))
+    blocks, p = [], len(unknowns.values)
+    for record, local, raw, white in zip(flight.records, unknowns.local, residuals, whiteners, strict=True):
+        slopes = white(flight.slopes(record, unknowns.values, local)).reshape(raw.size, -1)
+        blocks.append(RecordBlock(white(raw), slopes[:, :p], slopes[:, p:]))
     sizes = np.maximum(np.maximum(np.abs(unknowns.values), np.abs(flight.first().values)), SMALLEST_SIZE)
     precision = flight.layout.precision
-    return Normal(tuple(pieces), sizes, precision, precision * (flight.layout.prior_mean - unknowns.values))
+    return Normal(tuple(blocks), sizes, precision, precision * (flight.layout.prior_mean - unknowns.values))
 
 
 def finite(normal: Normal) -> bool:
     """Whether every slope is a number: a perturbed simulation may overflow where the central one does not."""
-    return all(bool(np.all(np.isfinite(p.slopes)) and np.all(np.isfinite(p.own))) for p in normal.pieces)
+    return all(bool(np.all(np.isfinite(p.slopes)) and np.all(np.isfinite(p.nuisances))) for p in normal.blocks)
 
 
 def pseudo_inverse(matrix: Array) -> tuple[Array, int]:
@@ -82,14 +81,14 @@ def pseudo_inverse(matrix: Array) -> tuple[Array, int]:
     scale = np.sqrt(np.diag(matrix))
     scale = np.where(scale > 0, scale, np.inf)
     values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
-    kept = values > DEPENDENT * max(values[-1], 1e-300)
-    part = vectors[:, kept]
-    inverse: Array = (part / values[kept]) @ part.T / np.outer(scale, scale)
-    return inverse, int(kept.sum())
+    determined = values > DEPENDENT * max(values[-1], 1e-300)
+    part = vectors[:, determined]
+    inverse: Array = (part / values[determined]) @ part.T / np.outer(scale, scale)
+    return inverse, int(determined.sum())
 
 
 class Reduced(NamedTuple):
-    """The parameters' own equations, the nuisances eliminated."""
+    """The parameters' local equations, the nuisances eliminated."""
 
     information: Array
     """(p, p)"""
@@ -109,14 +108,14 @@ def reduced(normal: Normal, damping: float = 0.0) -> Reduced:
     """Schur complement of the nuisances; ``damping`` is Levenberg and Marquardt's, in shares of the diagonal."""
     information, gradient = np.diag(normal.precision), normal.prior_gradient.copy()
     alone, rank = normal.precision.copy(), 0
-    for piece in normal.pieces:
-        whole = piece.slopes.T @ piece.slopes
-        inverse, kept = pseudo_inverse(_damped(piece.own.T @ piece.own, damping))
-        cross, r = piece.slopes.T @ piece.own, piece.residuals.ravel()
-        information += whole - cross @ inverse @ cross.T
-        gradient += piece.slopes.T @ r - cross @ (inverse @ (piece.own.T @ r))
-        alone += np.diag(whole)
-        rank += kept
+    for block in normal.blocks:
+        gram = block.slopes.T @ block.slopes
+        inverse, determined = pseudo_inverse(_damped(block.nuisances.T @ block.nuisances, damping))
+        cross, r = block.slopes.T @ block.nuisances, block.residuals.ravel()
+        information += gram - cross @ inverse @ cross.T
+        gradient += block.slopes.T @ r - cross @ (inverse @ (block.nuisances.T @ r))
+        alone += np.diag(gram)
+        rank += determined
     return Reduced(information + damping * np.diag(alone), gradient, alone, rank)
 
 
@@ -134,13 +133,13 @@ class Spectrum(NamedTuple):
     """(p,); of the information in units of `scale`, ascending"""
     vectors: Array
     """(p, p)"""
-    kept: Flags
+    determined: Flags
     """(p,) of bool; determined"""
 
     def inverse(self) -> Array:
         """Inverse (p, p) of the information over what is determined."""
-        part = self.vectors[:, self.kept]
-        scaled: Array = (part / self.values[self.kept]) @ part.T / np.outer(self.scale, self.scale)
+        part = self.vectors[:, self.determined]
+        scaled: Array = (part / self.values[self.determined]) @ part.T / np.outer(self.scale, self.scale)
         return scaled
 
 
@@ -149,24 +148,24 @@ def spectrum_of(reduced: Reduced, sizes: Array) -> Spectrum:
     root = np.sqrt(reduced.alone)
     scale = np.where(root * sizes > NO_EFFECT, root, np.inf)
     values, vectors = np.linalg.eigh(reduced.information / np.outer(scale, scale))
-    kept: Flags = values > DEPENDENT
-    return Spectrum(scale, values, vectors, kept)
+    determined: Flags = values > DEPENDENT
+    return Spectrum(scale, values, vectors, determined)
 
 
-def step_of(normal: Normal, held: Flags, damping: float = 0.0) -> Step:
-    """Gauss-Newton's step, or Levenberg and Marquardt's, of all that is not ``held`` (p,) of bool."""
-    free = np.flatnonzero(~held)
+def step_of(normal: Normal, at_bound: Flags, damping: float = 0.0) -> Step:
+    """Gauss-Newton's step, or Levenberg and Marquardt's, of all that is not ``at_bound`` (p,) of bool."""
+    free = np.flatnonzero(~at_bound)
     part = reduced(normal, damping).only(free)
     spectrum = spectrum_of(part, normal.sizes[free])
     inverse = spectrum.inverse()
-    values, errors = np.zeros(len(held)), np.full(len(held), np.inf)
+    values, errors = np.zeros(len(at_bound)), np.full(len(at_bound), np.inf)
     values[free] = inverse @ part.gradient
     variances = np.diag(inverse)
     errors[free] = np.where(variances > 0, np.sqrt(np.maximum(variances, 0.0)), np.inf)
-    own, decrement = [], float(values[free] @ part.gradient)
-    for piece in normal.pieces:
-        inner, _ = pseudo_inverse(_damped(piece.own.T @ piece.own, damping))
-        share = piece.own.T @ piece.residuals.ravel()
-        own.append(inner @ (share - piece.own.T @ (piece.slopes @ values)))
+    local, decrement = [], float(values[free] @ part.gradient)
+    for block in normal.blocks:
+        inner, _ = pseudo_inverse(_damped(block.nuisances.T @ block.nuisances, damping))
+        share = block.nuisances.T @ block.residuals.ravel()
+        local.append(inner @ (share - block.nuisances.T @ (block.slopes @ values)))
         decrement += float(share @ inner @ share)
-    return Step(values, tuple(own), errors, decrement)
+    return Step(values, tuple(local), errors, decrement)

@@ -9,8 +9,8 @@ from typing import Literal, NamedTuple, Protocol
 import numpy as np
 
 from logs.identification.data.experiment import Experiment
-from logs.identification.findings import Finding
-from logs.identification.results import Array, Estimate, Unidentified
+from logs.identification.findings import Finding, of_severity
+from logs.identification.results import Array, Estimate
 from wingbeat.errors import InputError
 
 Status = Literal["converged", "not converged", "diverged", "not identifiable"]
@@ -26,13 +26,13 @@ class Named(NamedTuple):
     """as `unit`; of a parameter that a problem does not name, of an initial state that no output shows"""
 
 
-class Held(NamedTuple):
-    """Which inputs are held from their sample on, and what the outputs show of them."""
+class Intersample(NamedTuple):
+    """Intersample behavior of the inputs."""
 
-    lines: Array
-    """-; (k,), 0 of an input that is held, 1 of one that is linear between samples"""
-    seen: Array
-    """(N, k); inputs as the outputs at the samples show them: one that changes just then as it was before"""
+    foh: Array
+    """-; (k,), 0 for a zero-order hold, 1 for a first-order hold"""
+    shown: Array
+    """(N, k); inputs in the outputs at the samples: before a change at that instant"""
 
 
 class Model(Protocol):
@@ -55,11 +55,17 @@ class Model(Protocol):
         """By name, in the order of ``parameters``."""
 
     def simulate(
-        self, parameters: Array, start: Array, inputs: Array, step: float, zero_order_hold: Held | None = None, /
+        self,
+        parameters: Array,
+        start: Array,
+        inputs: Array,
+        step: float,
+        intersample: Intersample | None = None,
+        /,
     ) -> Array:
         """Outputs (N, m) from the state ``start`` (n,), driven by ``inputs`` (N, k) every ``step`` s.
 
-        Inputs are linear between samples, except those under ``zero_order_hold``. A simulation that overflows gives
+        Inputs are linear between samples, except those under ``intersample``. A simulation that overflows gives
         values that are not finite from there on.
         """
 
@@ -142,7 +148,7 @@ class Problem(NamedTuple):
     """as the outputs' units; standard deviation of each output's noise where the weighting is given"""
 
 
-class Own(NamedTuple):
+class RecordParameters(NamedTuple):
     """What one experiment has of its own, as fitted."""
 
     name: str
@@ -180,15 +186,13 @@ class Iteration(NamedTuple):
 
 
 class Fit(NamedTuple):
-    """What output error found. Where `failure` is not empty there is no number that may be used."""
+    """Result of a search. If `failure` is not empty there is no number that may be used."""
 
     status: Status
     failure: str
     """-; one clause that says why nothing may be used, empty where it may"""
     estimates: tuple[Estimate, ...]
     """the free parameters that the data gives"""
-    unidentified: tuple[Unidentified, ...]
-    """the free parameters that it does not give, and why"""
     names: tuple[str, ...]
     """-; (p,) of the free parameters, in the order of `values`"""
     values: Array
@@ -202,7 +206,7 @@ class Fit(NamedTuple):
     cost: float
     """-; negative logarithm of the likelihood, without its constant"""
     iterations: tuple[Iteration, ...]
-    own: tuple[Own, ...]
+    records: tuple[RecordParameters, ...]
     """per experiment; empty after a failure"""
     histories: tuple[History, ...]
     """per experiment; empty after a failure"""
@@ -210,6 +214,11 @@ class Fit(NamedTuple):
     """-; (m,)"""
     findings: tuple[Finding, ...] = ()
     """parameters without an estimate, and warnings; of a failure its reason"""
+
+    @property
+    def withheld(self) -> tuple[Finding, ...]:
+        """Free parameters (subject) without an estimate."""
+        return tuple(one for one in of_severity(self.findings, "withheld") if one.subject)
 
 
 def window(experiment: Experiment, start: float, end: float) -> Experiment:

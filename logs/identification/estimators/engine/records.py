@@ -69,7 +69,7 @@ class Layout(NamedTuple):
     """(p,); of the prior, 0 without one"""
 
     @property
-    def own(self) -> int:
+    def nuisances(self) -> int:
         """How many numbers each experiment has of its own."""
         return len(self.local) + len(self.states) + len(self.biased_outputs) + len(self.biased_inputs)
 
@@ -132,7 +132,7 @@ def _biased(nuisances: Nuisances, fitted: list[str]) -> list[str]:
 
 
 def _unknown_output(name: str, fitted: list[str]) -> bool:
-    raise InputError(f"a bias of {name} was asked for, which is not fitted (fitted: {', '.join(fitted)})")
+    raise InputError(f"a bias of {name} was requested for, which is not fitted (fitted: {', '.join(fitted)})")
 
 
 def _within_bounds(parameters: Mapping[str, Parameter]) -> None:
@@ -146,14 +146,14 @@ def _within_bounds(parameters: Mapping[str, Parameter]) -> None:
             )
 
 
-def _known(asked: Iterable[str], names: list[str], noun: str) -> None:
-    for name in asked:
+def _known(requested: Iterable[str], names: list[str], noun: str) -> None:
+    for name in requested:
         if name not in names:
             raise InputError(f"the model has no {noun} {name} (it has {', '.join(names)})")
 
 
-def _places(asked: Iterable[str], names: list[str], noun: str) -> Ints:
-    chosen = tuple(asked)
+def _places(requested: Iterable[str], names: list[str], noun: str) -> Ints:
+    chosen = tuple(requested)
     _known(chosen, names, noun)
     return tuple(names.index(name) for name in chosen)
 
@@ -165,16 +165,16 @@ def records_of(problem: Problem, layout: Layout) -> tuple[Record, ...]:
         InputError: a signal is missing, an input has gaps, an output has no sample, or time is not even.
     """
     if not problem.experiments:
-        raise InputError("output error has no manoeuvre to fit")
+        raise InputError("output error has no maneuver to fit")
     given = problem.initial or tuple({} for _ in problem.experiments)
     if len(given) != len(problem.experiments):
-        raise InputError(f"initial states for {len(given)} of {len(problem.experiments)} manoeuvres")
+        raise InputError(f"initial states for {len(given)} of {len(problem.experiments)} maneuvers")
     records = tuple(_record(problem, e, i) for e, i in zip(problem.experiments, given, strict=True))
     for index, name in enumerate(problem.outputs):
         if not any(np.any(record.used[:, index]) for record in records):
-            raise InputError(f"output {name} has no sample in any of the manoeuvres")
+            raise InputError(f"output {name} has no sample in any of the maneuvers")
     count = sum(float(record.used.sum()) for record in records)
-    wanted = len(layout.free) + layout.own * len(records)
+    wanted = len(layout.free) + layout.nuisances * len(records)
     if count <= wanted:
         raise InputError(f"{count:.0f} measured values are too few for {wanted} unknowns")
     return records

@@ -1,8 +1,11 @@
-"""Tables as strangers write them: delimiter, decimal sign, names and line of units are found out, or told."""
+"""Tables of numbers: delimiter, decimal sign, names and line of units are detected, or given by the map."""
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
 from itertools import product
 from pathlib import Path
 from types import MappingProxyType
@@ -12,7 +15,6 @@ import numpy as np
 
 from logs.identification.findings import Entry, Finding, register
 from logs.identification.results import Array
-from logs.identification.sources.table.clock import clock_column
 from logs.importing.csv_table import WHITESPACE, Table, decoded, number_of, parse_table, split_rows
 from logs.importing.mapping import TableSection
 from wingbeat.errors import InputError
@@ -21,7 +23,7 @@ LOOKED_AT = 200
 """lines from which the delimiter is found out"""
 COMMENT = "#%!"
 BLANK = ("", "nan", "na", "n/a", "null", "none", "-", "inf", "-inf")
-"""what stands where nothing was measured, beside the numbers that a map tells"""
+"""cells without a measurement, besides the numbers that a map gives"""
 
 
 register({
@@ -41,7 +43,7 @@ class Layout(NamedTuple):
     skip: int | None = None
     """-; lines before the one with the names, or before the first row where there are none"""
     encoding: str | None = None
-    """UTF-8 or, by its mark, UTF-16, else Windows' cp1252 where not told"""
+    """UTF-8 or, by its mark, UTF-16, else Windows' cp1252 if not given"""
     missing: tuple[float, ...] = ()
     """as the columns; numbers that stand for "not measured" in any column, such as -9999"""
 
@@ -67,26 +69,26 @@ class Columns(NamedTuple):
     unused_names: int = 0
     """-; names in the line above the numbers if they are fewer than the columns"""
 
-    def column(self, wanted: str | int, key: str) -> Array:
+    def column(self, name: str | int, key: str) -> Array:
         """A column by its name, or by its number from 1.
 
         Raises:
             InputError: there is none, or several.
         """
-        if isinstance(wanted, int):
-            if not 1 <= wanted <= len(self.order):
-                raise InputError(f"{key}: {self.file} has no column {wanted}; it has {len(self.order)}")
-            wanted = self.order[wanted - 1]
-        if wanted not in self.by_name and self.unused_names:
+        if isinstance(name, int):
+            if not 1 <= name <= len(self.order):
+                raise InputError(f"{key}: {self.file} has no column {name}; it has {len(self.order)}")
+            name = self.order[name - 1]
+        if name not in self.by_name and self.unused_names:
             raise InputError(
                 f"{key}: {self.file} has {self.unused_names} names over {len(self.order)} columns: name every column,"
                 " or give its number"
             )
-        if wanted not in self.by_name:
-            raise InputError(f"{key}: {self.file} has no column {wanted!r}; it has: {_listed(self.order)}")
-        if wanted in self.twice:
-            raise InputError(f"{key}: {self.file} has several columns {wanted!r}: give its number")
-        return self.by_name[wanted]
+        if name not in self.by_name:
+            raise InputError(f"{key}: {self.file} has no column {name!r}; it has: {_listed(self.order)}")
+        if name in self.twice:
+            raise InputError(f"{key}: {self.file} has several columns {name!r}: give its number")
+        return self.by_name[name]
 
 
 def _listed(names: Sequence[str]) -> str:
@@ -139,13 +141,13 @@ def _with_clocks(columns: Columns, lines: list[str], form: _Form) -> Columns:
     by_name, clocks, texts = dict(columns.by_name), set(), {}
     for place in silent:
         cells = [row[place] if place < len(row) else "" for row in rows]
-        told = next((cell.strip() for cell in cells if cell.strip()), None)
-        seconds = None if told is None else clock_column(cells, form.decimal)
+        text = next((cell.strip() for cell in cells if cell.strip()), None)
+        seconds = None if text is None else clock_column(cells, form.decimal)
         if seconds is not None:
             by_name[columns.order[place]] = seconds
             clocks.add(columns.order[place])
-        elif told is not None:
-            texts[columns.order[place]] = told
+        elif text is not None:
+            texts[columns.order[place]] = text
     return columns._replace(by_name=by_name, clocks=frozenset(clocks), texts=texts)
 
 
@@ -157,7 +159,7 @@ def _text(data: bytes, encoding: str | None) -> str:
             return decoded(data, guess)
         except InputError:
             continue
-    raise InputError('it is no text in UTF-8 or cp1252: the map can say [table] encoding = "latin-1"')
+    raise InputError('it is no text in UTF-8 or cp1252: set [table] encoding, such as "latin-1"')
 
 
 def _uncommented(line: str) -> str:
@@ -176,10 +178,10 @@ def _form(lines: list[str], layout: Layout) -> _Form:
     filled = [line for line in lines if line]
     if not filled:
         raise InputError("it is empty")
-    told = [layout.delimiter] if layout.delimiter is not None else [",", ";", "\t", WHITESPACE]
+    delimiters = [layout.delimiter] if layout.delimiter is not None else [",", ";", "\t", WHITESPACE]
     signs = [layout.decimal] if layout.decimal is not None else [".", ","]
     sample = filled[len(filled) // 2 :][:LOOKED_AT]
-    return max((_Form(*one) for one in product(told, signs)), key=lambda form: _score(sample, form))
+    return max((_Form(*one) for one in product(delimiters, signs)), key=lambda form: _score(sample, form))
 
 
 def _score(sample: list[str], form: _Form) -> tuple[float, float, bool]:
@@ -204,9 +206,9 @@ def _cells(line: str, form: _Form) -> list[str]:
 
 
 def _is_row(cells: list[str], form: _Form) -> bool:
-    """At least half of the cells that say something are numbers."""
-    told = [cell for cell in cells if cell.lower() not in BLANK]
-    return bool(told) and 2 * sum(np.isfinite(number_of(cell, form.decimal)) for cell in told) >= len(told)
+    """Whether at least half of the cells that are not blank are numbers."""
+    filled = [cell for cell in cells if cell.lower() not in BLANK]
+    return bool(filled) and 2 * sum(np.isfinite(number_of(cell, form.decimal)) for cell in filled) >= len(filled)
 
 
 def _first_row(lines: list[str], form: _Form) -> int:
@@ -218,15 +220,15 @@ def _first_row(lines: list[str], form: _Form) -> int:
     usual = sorted(width for _, width in numeric)[len(numeric) // 2]
     first = next(place for place, width in numeric if width >= usual)
     delimiters = len(_all_cells(lines[first], form))
-    while first and _lacks_some(lines[first - 1], form, delimiters):
+    while first and _has_gaps(lines[first - 1], form, delimiters):
         first -= 1
     return first
 
 
-def _lacks_some(line: str, form: _Form, width: int) -> bool:
+def _has_gaps(line: str, form: _Form, width: int) -> bool:
     """Whether a line is a row with as many delimiters as others and nothing but numbers between them, or nothing."""
-    told = [cell for cell in _all_cells(line, form) if cell.lower() not in BLANK]
-    numbers = bool(told) and all(np.isfinite(number_of(cell, form.decimal)) for cell in told)
+    filled = [cell for cell in _all_cells(line, form) if cell.lower() not in BLANK]
+    numbers = bool(filled) and all(np.isfinite(number_of(cell, form.decimal)) for cell in filled)
     return numbers and len(_all_cells(line, form)) == width
 
 
@@ -261,3 +263,45 @@ def _measured(column: Array, missing: tuple[float, ...]) -> Array:
     """NaN where a number stands for none, or is not finite."""
     kept: Array = np.where(np.isfinite(column) & ~np.isin(column, missing), column, np.nan)
     return kept
+
+
+LOOKED_AT = 50
+"""cells by which a column is known"""
+_CLOCK = re.compile(r"(?:(?:(\d{1,3}):)?(\d{1,2}):)?(\d{1,2}):(\d{1,2}(?:\.\d*)?)")
+_PARTS = (86400.0, 3600.0, 60.0, 1.0)
+_MOST = (math.inf, 24.0, 60.0, 61.0)
+"""each part stays below; a leap second has number 60"""
+
+
+def seconds_of(cell: str, decimal: str = ".") -> float:
+    """Seconds of a clock (``minutes:seconds``, hours before them, the day of the year before those), since midnight
+    or the year's beginning, or of a date with a time since 1970 (UTC without a zone); NaN of anything else."""
+    text = cell.strip().replace(decimal, ".")
+    clock = _CLOCK.fullmatch(text)
+    if clock:
+        return _clock_seconds(clock.groups())
+    try:
+        date = datetime.fromisoformat(text) if ":" in text else None
+    except ValueError:
+        return math.nan
+    if date is None:
+        return math.nan
+    return (date if date.tzinfo else date.replace(tzinfo=UTC)).timestamp()
+
+
+def _clock_seconds(groups: tuple[str | None, ...]) -> float:
+    """Of day, hours, minutes and seconds; what has a larger part before it goes no further than that part begins."""
+    total, above = 0.0, False
+    for part, unit, most in zip(groups, _PARTS, _MOST, strict=True):
+        if part and float(part) >= most and (above or unit == 1.0):
+            return math.nan
+        total, above = total + float(part or 0.0) * unit, above or bool(part)
+    return total
+
+
+def clock_column(cells: Sequence[str], decimal: str) -> Array | None:
+    """Seconds (N,) of a column of clocks or dates, NaN where a cell is none; None where most of them are none."""
+    first = [cell for cell in cells if cell.strip()][:LOOKED_AT]
+    if 2 * sum(math.isfinite(seconds_of(cell, decimal)) for cell in first) <= len(first):
+        return None
+    return np.array([seconds_of(cell, decimal) for cell in cells])

@@ -1,4 +1,4 @@
-"""The map of a table: TOML that says what its columns are, which manoeuvres are in it, and what is to be fitted."""
+"""The map of a table: TOML with the columns, the maneuvers, and the sections that say what to fit."""
 
 from __future__ import annotations
 
@@ -7,64 +7,30 @@ from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
 from logs.identification.models.user import is_user_model, user_inputs
+from logs.identification.sources.table.bench import PowerSection, ServoSection, TorqueSpeedSection, TwistSection
 from logs.identification.sources.table.columns import Layout
-from logs.identification.sources.table.constants import ConstantsSection
-from logs.identification.sources.table.maneuvers import Manoeuvres
+from logs.identification.sources.table.maneuvers import Maneuvers
+from logs.identification.sources.table.path import PathSection
 from logs.identification.sources.table.prepare import PrepareSection
+from logs.identification.sources.table.quantities import ConstantsSection
 from logs.identification.sources.table.signals import SignalEntry, TimeSection
-from logs.identification.tables.benches import TorqueSpeedSection, TwistSection
-from logs.identification.tables.flight_paths import PathSection
-from logs.identification.tables.load_cell_tests import StandSection
-from logs.identification.tables.servos import PowerSection, ServoSection
-from logs.identification.tables.strokes import StrokeSection
+from logs.identification.sources.table.stand import StandSection
+from logs.identification.sources.table.stroke import StrokeSection
 from wingbeat.errors import InputError
 from wingbeat.schema import check_known, read_document, read_number, read_record, read_value
 
-EXAMPLE = """\
-# What the columns of a table are and what is to be fitted: wingbeat identify TABLE.csv --map THIS.toml
-[time]
-column = "t"                 # or rate = 25.0 (Hz) where the rows have no time
-unit = "s"
-
-[signals]                    # SI value: (column * scale + offset) in unit; body axes x forward, y right, z down
-alpha = { column = "alpha", unit = "deg" }
-q = { column = "q", unit = "deg/s" }                 # a column's name, or its number from 1
-a_z = { column = "nz", unit = "g", scale = -1.0 }    # specific force: -9.81 m/s^2 at rest
-V = { column = "tas", unit = "kn" }
-delta_e = { column = "elevator", unit = "deg" }      # any name for controls
-
-[manoeuvres]                 # all of the table is one when not given
-windows = [[2.0, 12.0], [20.0, 32.0]]                # s
-validate = [2]               # numbers of those that are only predicted
-
-[prepare]                    # of whole records, before manoeuvres are cut; nothing when not given
-smooth = { alpha = "spline" }                        # local_quadratic, fourier, spline, rts; alpha_dot comes with it
-[prepare.delay]
-a_z = 0.02                   # s that it is late; { like = "q", by = "slope" } measures it against another signal
-
-[constants]                  # a number in SI, or with a unit
-mass = { value = 10500, unit = "lb" }
-I_y = { value = 23800, unit = "slug ft^2" }
-S = { value = 300, unit = "ft^2" }
-c = { value = 6.5, unit = "ft" }
-V = { value = 200, unit = "kn" }
-altitude = { value = 8000, unit = "ft" }
-
-[modes]                      # the short period, by every method
-inputs = ["delta_e"]         # [] for a free response
-outputs = ["alpha", "q", "a_z"]
-[modes.parameters]           # all of the model's are free when not given; start values are found
-Z_alpha = { start = -1.0 }
-Z_q = 0.0                    # fixed
-
-[[aero.regressions]]         # coefficients by regression, as many as wanted
-response = "C_m"             # a signal, or C_X C_Y C_Z C_L C_D C_l C_m C_n of the measured accelerations
-regressors = ["alpha", "q*c/2V", "delta_e"]
-
-[table]                      # all of it is found out when not given
-missing = [-9999]            # numbers that stand for "not measured"
-"""
-"""What a map looks like: `wingbeat identify --map-example` prints it."""
+ALIASES = (
+    ("", "manoeuvres", "maneuvers"),
+    ("", "stand", "load_cell"),
+    ("maneuvers", "validate_share", "validation_fraction"),
+    ("prepare.delay.*", "like", "reference"),
+    ("modes", "hold", "zoh_inputs"),
+    ("modes", "band", "frequency_band"),
+    ("aero.regressions", "always", "forced_terms"),
+    ("aero.regressions", "band", "frequency_band"),
+    ("aero.output_error", "hold", "zoh_inputs"),
+)
+"""section, former key, key"""
 DELAY = "delay"
 """key, and name of the parameter: the time by which all inputs act later than they were recorded"""
 MODES_MODELS = ("short period", "longitudinal", "none")
@@ -110,20 +76,21 @@ class Parameter(NamedTuple):
             return cls(fixed=read_number(entry, key))
         for name in entry:
             check_known(name, ("fixed", "start", "low", "high"), f"{key}.{name}")
-        told = {name: read_number(value, f"{key}.{name}") for name, value in entry.items()}
-        if "fixed" in told and len(told) > 1:
+        values = {name: read_number(value, f"{key}.{name}") for name, value in entry.items()}
+        if "fixed" in values and len(values) > 1:
             raise InputError(f"{key} is either fixed, or has a start and bounds")
-        made = cls(**told)
-        if not made.low < made.high or not made.low <= (made.low if made.start is None else made.start) <= made.high:
+        one = cls(**values)
+        if not one.low < one.high or not one.low <= (one.low if one.start is None else one.start) <= one.high:
             raise InputError(f"{key}: low must be below high, and start between them")
-        return made
+        return one
 
 
 class ExperimentSection(NamedTuple):
     """Section [experiment]."""
 
-    kind: Annotated[str, "dynamic", "steady"] = "dynamic"
-    """steady: rows are independent steady readings in any order, without time"""
+    kind: Annotated[str, "dynamic", "steady"] | None = None
+    """steady: rows are independent steady readings in any order, without time; if not given, rows without a time
+    column whose signals are not correlated from row to row"""
 
 
 class ModesSection(NamedTuple):
@@ -140,16 +107,16 @@ class ModesSection(NamedTuple):
     method: Annotated[str, "output_error", "filter_error"] | None = None
     """all that apply if not given"""
     kinds: Annotated[tuple[str, ...], "short_period", "phugoid"] | None = None
-    """which modes are in the records; by the outputs when not given"""
+    """modes in the records; by the outputs if not given"""
     parameters: dict[str, Parameter] = {}
     delay: Parameter = Parameter(fixed=0.0)
     """s; of the inputs"""
-    hold: tuple[str, ...] = ()
-    """inputs that are held from each sample to the next; the others are lines between samples"""
+    zoh_inputs: tuple[str, ...] = ()
+    """inputs that are constant between samples (zero-order hold); the others are linear between samples"""
     biases: tuple[str, ...] | None = None
-    """outputs with a bias in every manoeuvre; all when not given"""
-    band: tuple[float, float] | None = None
-    """Hz; of equation error in the frequency domain, by the motion when not given"""
+    """outputs with a bias in every maneuver; all if not given"""
+    frequency_band: tuple[float, float] | None = None
+    """Hz; of equation error in the frequency domain, by the motion if not given"""
 
 
 class Regression(NamedTuple):
@@ -161,9 +128,9 @@ class Regression(NamedTuple):
     method: Annotated[str, "least squares", "orthogonal"] = "least squares"
     """orthogonal: of the regressors those whose orthogonal functions lower the predicted square error"""
     domain: Annotated[str, "time", "frequency"] = "time"
-    always: tuple[str, ...] = ()
-    """regressors that stepwise regression keeps in any case"""
-    band: tuple[float, float] | None = None
+    forced_terms: tuple[str, ...] = ()
+    """regressors that stepwise regression retains in any case"""
+    frequency_band: tuple[float, float] | None = None
     """Hz; of the frequency domain"""
 
 
@@ -176,10 +143,10 @@ class OutputError(NamedTuple):
     inputs: tuple[str, ...] = ()
     parameters: dict[str, Parameter] = {}
     delay: Parameter = Parameter(fixed=0.0)
-    hold: tuple[str, ...] = ()
+    zoh_inputs: tuple[str, ...] = ()
     """as of [modes]"""
     biases: tuple[str, ...] | None = None
-    """as of [modes]; none of a model that is not linear when not given"""
+    """as of [modes]; none of a nonlinear model if not given"""
     search: Annotated[str, "gauss-newton", "nelder-mead", "both"] = "gauss-newton"
     """both: Gauss-Newton from the end of the simplex"""
     method: Annotated[str, "output_error", "filter_error"] = "output_error"
@@ -193,46 +160,80 @@ class AeroSection(NamedTuple):
 
 
 class Map(NamedTuple):
-    """A whole map."""
+    """A complete map."""
 
     signals: dict[str, SignalEntry]
     time: TimeSection = TimeSection()
     experiment: ExperimentSection = ExperimentSection()
     table: Layout = Layout()
-    manoeuvres: Manoeuvres = Manoeuvres()
+    maneuvers: Maneuvers = Maneuvers()
     prepare: PrepareSection | None = None
     constants: ConstantsSection = ConstantsSection()
     modes: ModesSection | None = None
     aero: AeroSection | None = None
     path: PathSection | None = None
     stroke: StrokeSection | None = None
-    stand: StandSection | None = None
+    load_cell: StandSection | None = None
     torque_speed: TorqueSpeedSection | None = None
     twist: TwistSection | None = None
     servo: ServoSection | None = None
     power: PowerSection | None = None
 
 
+SECTIONS = ("modes", "aero", "path", "stroke", "load_cell", "torque_speed", "twist", "servo", "power")
+"""sections that say what to fit; each is a subject of the command"""
+ALL = "all"
+SUBJECTS = (*SECTIONS, ALL)
+FORMER_SUBJECTS = {"stand": "load_cell"}
+"""subject by its former name"""
+EXAMPLES = Path(__file__).parent / "examples"
+
+
+def example_map(subject: str) -> str:
+    """An example map of a subject: text of a file beside this module."""
+    name = "modes" if subject in ("aero", ALL) else subject
+    return (EXAMPLES / f"{name}.toml").read_text(encoding="utf-8")
+
+
 def load_map(path: Path) -> Map:
     """A map, every key of it checked; ``include`` names a TOML file with further sections, relative to the map.
 
     Raises:
-        InputError: it cannot be read, is no TOML, or has a key or value that is not known; the text names the key.
+        InputError: it cannot be read, is no TOML, or has an unknown key or value; the text names the key.
     """
     document = _with_include(read_document(path, "map"), path)
     if "markers" in document:
         raise InputError(f"map {path}: [markers] is read by wingbeat identify FILE --map MAP.toml markers")
     try:
-        found: Map = read_record(Map, document, "")
-        if found.time == TimeSection():
-            if found.experiment.kind != "steady":
+        rename_keys(document)
+        config: Map = read_record(Map, document, "")
+        if config.time == TimeSection():
+            if config.experiment.kind != "steady":
                 raise InputError("time is missing")
-            found = found._replace(time=TimeSection(rate=1.0))
-        found.time.check()
-        found = _with_models(found, path.parent)
+            config = config._replace(time=TimeSection(rate=1.0))
+        config.time.check()
+        config = _with_models(config, path.parent)
     except InputError as error:
         raise InputError(f"map {path}: {error}") from None
-    return found
+    return config
+
+
+def rename_keys(document: dict[str, Any]) -> None:
+    """Replace former keys (`ALIASES`) in place.
+
+    Raises:
+        InputError: a section has both the former and the present key.
+    """
+    for section, old, new in ALIASES:
+        tables: list[Any] = [document]
+        for name in filter(None, section.split(".")):
+            found = [one for table in tables for one in (table.values() if name == "*" else [table.get(name)])]
+            tables = [x for one in found for x in (one if isinstance(one, list) else [one]) if isinstance(x, dict)]
+        for table in tables:
+            if old in table:
+                if new in table:
+                    raise InputError(f"{section or 'map'}: {old} is the former name of {new}: give one")
+                table[new] = table.pop(old)
 
 
 def _with_models(chosen: Map, folder: Path) -> Map:

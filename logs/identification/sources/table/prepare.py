@@ -1,4 +1,4 @@
-"""[prepare] of a map: signals that are late put in place, freed of noise and thinned, before manoeuvres are cut."""
+"""[prepare] of a map: signals that are late put in place, freed of noise and thinned, before maneuvers are cut."""
 
 from __future__ import annotations
 
@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 import numpy as np
 from scipy.signal import detrend
 
-from logs.identification.data.contiguous_runs import runs
-from logs.identification.data.experiment import Experiment
+from logs.identification.data.experiment import Experiment, runs
 from logs.identification.data.resampling import cut, down_sampled, whole_records
 from logs.identification.data.smoothing import RATE_SUFFIX, smoothed
 from logs.identification.data.time_skew import LEAST, shifted, skew_between
@@ -23,10 +22,10 @@ from wingbeat.schema import check_known, read_number, read_record
 from wingbeat.text import pluralize
 
 if TYPE_CHECKING:
-    from logs.identification.sources.table.maneuvers import Cut
+    from logs.identification.sources.table.maneuvers import DataSplit
 
 LONGEST = 0.5
-"""s; skew that is looked for either way where nothing is told"""
+"""s; largest skew that is tried in both directions"""
 LEAST_SMOOTHED = 40
 """-; samples on end that are smoothed"""
 LONGEST_GIVEN = 60.0
@@ -40,7 +39,7 @@ over that of the output; largest share of the inputs' power in the line"""
 register({
     "delay_removed": Entry("{subject}: delay of {value:g} s removed as specified", "[prepare.delay] of the map."),
     "delay_measured": Entry(
-        "{slope}{subject} is {value:.4g} s late behind {like} ({low:.4g} to {high:.4g} s); removed",
+        "{slope}{subject} is {value:.4g} s late behind {reference} ({low:.4g} to {high:.4g} s); removed",
         "The cross-correlation of two signals gives the delay.",
     ),
     "smoothed": Entry(
@@ -54,33 +53,33 @@ register({
 })  # fmt: skip
 
 
-class _Like(NamedTuple):
-    like: str
+class _Reference(NamedTuple):
+    reference: str
     by: Annotated[str, "value", "slope"] = "value"
     longest: float = LONGEST
 
 
-class Late(NamedTuple):
-    """By how much a signal is late: told, or as its cross-correlation with another says."""
+class SignalDelay(NamedTuple):
+    """Delay of a signal: given, or by its cross-correlation with a reference."""
 
     seconds: float | None
-    like: str = ""
+    reference: str = ""
     slope: bool = False
-    """the other signal is like this one's slope"""
+    """-; the reference is compared with this signal's derivative"""
     longest: float = LONGEST
 
     @classmethod
-    def from_entry(cls, entry: Any, key: str) -> Late:
-        """Of a map's entry: seconds, or ``{ like = SIGNAL, by = "value"|"slope", longest = s }``.
+    def from_entry(cls, entry: Any, key: str) -> SignalDelay:
+        """Read a map's entry: seconds, or ``{ reference = SIGNAL, by = "value"|"slope", longest = s }``.
 
         Raises:
-            InputError: it is neither, or a time that cannot be.
+            InputError: neither, or a time out of range.
         """
         if isinstance(entry, dict):
-            told = read_record(_Like, entry, key)
-            if not 0 < told.longest <= LONGEST_GIVEN:
+            one = read_record(_Reference, entry, key)
+            if not 0 < one.longest <= LONGEST_GIVEN:
                 raise InputError(f"{key}.longest must be above 0 and at most {LONGEST_GIVEN:g} s")
-            return cls(None, told.like, told.by == "slope", told.longest)
+            return cls(None, one.reference, one.by == "slope", one.longest)
         seconds = read_number(entry, key)
         if abs(seconds) > LONGEST_GIVEN:
             raise InputError(f"{key} = {seconds:g} s is more than {LONGEST_GIVEN:g} s")
@@ -90,7 +89,7 @@ class Late(NamedTuple):
 class PrepareSection(NamedTuple):
     """Section [prepare], done in this order."""
 
-    delay: dict[str, Late] = {}
+    delay: dict[str, SignalDelay] = {}
     """s; by which a signal is late, by its name"""
     smooth: dict[str, Annotated[str, "local_quadratic", "fourier", "spline", "rts", "stroke"]] = {}
     """method by signal; its slope, called NAME_dot, comes with it where it is not measured"""
@@ -111,68 +110,68 @@ class Prepared(NamedTuple):
     """s; those that were measured, by the signal's name"""
 
 
-def prepared(records: list[Record], units: dict[str, str], asked: PrepareSection) -> Prepared:
-    """The ``records`` with late signals moved, smoothed and resampled as ``asked``.
+def prepared(records: list[Record], units: dict[str, str], section: PrepareSection) -> Prepared:
+    """The ``records`` with late signals moved, smoothed and resampled as ``section``.
 
     Raises:
-        InputError: a signal that is not there, a skew that cannot be told, or a rate above that of a record.
+        InputError: a signal that is not there, a skew that is not determined, or a rate above that of a record.
     """
-    for key, names in (("delay", asked.delay), ("smooth", asked.smooth)):
+    for key, names in (("delay", section.delay), ("smooth", section.smooth)):
         for name in names:
             check_known(name, units, f"prepare.{key}.{name}")
     experiments = [Experiment(record.file, record.time, record.signals, units) for record in records]
     findings: list[Finding] = []
     measured: list[Estimate] = []
-    for name, late in asked.delay.items():
+    for name, late in section.delay.items():
         experiments = _moved(experiments, name, late, findings, measured)
-    for name, method in asked.smooth.items():
+    for name, method in section.smooth.items():
         experiments = [_smoothed(one, name, method, findings) for one in experiments]
-    if asked.resample is not None:
-        experiments = [_resampled(one, asked.resample, findings) for one in experiments]
+    if section.resample is not None:
+        experiments = [_resampled(one, section.resample, findings) for one in experiments]
     pairs = zip(records, experiments, strict=True)
     whole = {name: unit for one in experiments for name, unit in one.units.items()}
     return Prepared([_record(old, one) for old, one in pairs], whole, findings, tuple(measured))
 
 
 def _moved(
-    experiments: list[Experiment], name: str, late: Late, findings: list[Finding], measured: list[Estimate]
+    experiments: list[Experiment], name: str, late: SignalDelay, findings: list[Finding], measured: list[Estimate]
 ) -> list[Experiment]:
     if late.seconds is not None:
         findings.append(Finding("delay_removed", "info", name, late.seconds))
         return [shifted(one, (name,), late.seconds) for one in experiments]
-    check_known(late.like, experiments[0].signals, f"prepare.delay.{name}.like {late.like}")
+    check_known(late.reference, experiments[0].signals, f"prepare.delay.{name}.reference {late.reference}")
     found = _skew(experiments, name, late)
     measured.append(found)
     details = {
         "low": found.low,
         "high": found.high,
-        "like": late.like,
+        "reference": late.reference,
         "slope": "the slope of " if late.slope else "",
     }
     findings.append(Finding("delay_measured", "info", name, found.value, None, details))
     return [shifted(one, (name,), found.value) for one in experiments]
 
 
-def _skew(experiments: list[Experiment], name: str, late: Late) -> Estimate:
+def _skew(experiments: list[Experiment], name: str, late: SignalDelay) -> Estimate:
     """By how much the signal is late, over all records: their mean, weighted with their errors.
 
     Raises:
-        InputError: no record tells it.
+        InputError: no record determines it.
     """
     found: list[Estimate] = []
     reasons: list[str] = []
     for one in experiments:
-        for piece in _whole(one, (name, late.like), 2.0 * late.longest + (LEAST - 1) * one.step):
+        for piece in _whole(one, (name, late.reference), 2.0 * late.longest + (LEAST - 1) * one.step):
             own = piece.signals[name]
             own = slope(own, piece.step) if late.slope else own
-            told = skew_between(np.asarray(piece.signals[late.like]), own, piece.step, late.longest)
-            if isinstance(told, Estimate):
-                found.append(told)
+            skew = skew_between(np.asarray(piece.signals[late.reference]), own, piece.step, late.longest)
+            if isinstance(skew, Estimate):
+                found.append(skew)
             else:
-                reasons.append(told.reason)
+                reasons.append(skew.reason)
     if not found:
         why = reasons[0] if reasons else f"no record has both for {2 * late.longest:g} s on end"
-        raise InputError(f"prepare.delay.{name}: its skew behind {late.like} is not told: {why}")
+        raise InputError(f"prepare.delay.{name}: its skew behind {late.reference} is not determined: {why}")
     weights = np.array([one.standard_error**-2 for one in found])
     values = np.array([one.value for one in found])
     mean = float(weights @ values / weights.sum())
@@ -208,8 +207,8 @@ def _smoothed(one: Experiment, name: str, method: str, findings: list[Finding]) 
     details = {"where": one.name, "method": method, "unit": unit, "lost": lost_text}
     findings.append(Finding("smoothed", "info", name, max(taken), None, details))
     made = {} if slope_name in one.signals else {slope_name: rates}
-    told = {} if slope_name in one.signals else {slope_name: SIGNALS.get(slope_name, f"{unit}/s")}
-    return one._replace(signals={**one.signals, name: clean, **made}, units={**one.units, **told})
+    more = {} if slope_name in one.signals else {slope_name: SIGNALS.get(slope_name, f"{unit}/s")}
+    return one._replace(signals={**one.signals, name: clean, **made}, units={**one.units, **more})
 
 
 def _resampled(one: Experiment, rate: float, findings: list[Finding]) -> Experiment:
@@ -228,21 +227,19 @@ def _record(old: Record, one: Experiment) -> Record:
 
 
 def stroke_averaged(
-    cut: Cut, inputs: Sequence[str], outputs: Sequence[str], frequency: float | None
-) -> tuple[Cut, tuple[Finding, ...]]:
-    """The maneuvers with every signal averaged over one period of ``frequency`` (Hz); as they are for 0.
+    data: DataSplit, inputs: Sequence[str], outputs: Sequence[str], frequency: float | None
+) -> DataSplit:
+    """The maneuvers with every signal averaged over one period of ``frequency`` (Hz); unchanged for 0.
 
     None takes the frequency of a vibration that dominates an output, if there is one.
     """
     if frequency is None:
-        frequency = vibration_frequency(cut.fitted, inputs, outputs)
-    steps = [one.step for one in (*cut.fitted, *cut.held_out)]
-    if not frequency or 1.0 / frequency < 2.0 * max(steps):
-        return cut, ()
-    fitted, held = (tuple(_averaged(one, 1.0 / frequency) for one in part) for part in (cut.fitted, cut.held_out))
-    return cut._replace(fitted=fitted, held_out=held, averaged=True), (
-        Finding("stroke_average", "info", "", frequency),
-    )
+        frequency = vibration_frequency(data.fitted, inputs, outputs)
+    if not frequency or 1.0 / frequency < 2.0 * max(one.step for one in data.all):
+        return data
+    averaged = data.map(lambda one: _averaged(one, 1.0 / frequency))
+    finding = Finding("stroke_average", "info", "", frequency)
+    return averaged._replace(averaged=True, findings=(*data.findings, finding))
 
 
 def vibration_frequency(experiments: Sequence[Experiment], inputs: Sequence[str], outputs: Sequence[str]) -> float:

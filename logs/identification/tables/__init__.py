@@ -1,1 +1,0 @@
-"""Fits that the sections of a map request."""
