@@ -5,6 +5,7 @@ The thread of the link updates the feed, and the thread of the server reads it.
 
 from __future__ import annotations
 
+import math
 import threading
 from itertools import islice
 from typing import Any, NamedTuple
@@ -57,6 +58,7 @@ class Feed:
 
     def update(self, picture: Picture) -> None:
         """Set the latest picture, and add a sample `SPACING` after the previous one."""
+        picture = picture._replace(state=_located(picture.state))
         with self._lock:
             self._picture = picture
             time, last = picture.state.time, self._rows[-1][0] if self._rows else None
@@ -101,6 +103,14 @@ class Feed:
         if picture.mission != cursor.mission:
             document["mission"] = mission(picture)
         return encode(document), Cursor(boot, count, state.text_count, picture.note_count, picture.mission)
+
+
+def _located(state: VehicleState) -> VehicleState:
+    """Return the state with north and east, for vehicles that send global positions only."""
+    if state.north is not None or state.home is None or state.latitude is None or state.longitude is None:
+        return state
+    north, east = to_metres(state.home, math.degrees(state.latitude), math.degrees(state.longitude))
+    return state._replace(north=north, east=east)
 
 
 def _link(picture: Picture) -> dict[str, Any]:

@@ -6,6 +6,10 @@ import contextlib
 import http.client
 import json
 import math
+import os
+import signal
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -18,8 +22,10 @@ from flight_computer import aboard
 from lossy_vehicle import LossyVehicle, on_the_air
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import ClientConnection, connect
+from websockets.typing import Origin
 
 from avionics.link.dialect import mavlink
+from avionics.link.vehicle import Home
 from groundstation.command.main import main
 from groundstation.link.connection import Connection
 from groundstation.link.missions import Item
@@ -89,8 +95,8 @@ def served(vehicle: LossyVehicle | str, feed: Feed | None = None) -> Iterator[Se
 @contextlib.contextmanager
 def viewer(server: WebServer, origin: str = "") -> Iterator[ClientConnection]:
     parts = urlsplit(server.url)
-    origin = origin or f"http://{parts.netloc}"
-    with connect(f"ws://{parts.netloc}{SOCKET}", origin=origin, max_size=None) as link:  # type: ignore[arg-type]
+    known = Origin(origin or f"http://{parts.netloc}")
+    with connect(f"ws://{parts.netloc}{SOCKET}", origin=known, max_size=None) as link:
         yield link
 
 
@@ -145,6 +151,29 @@ def test_port_in_use_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
         assert main(["gcs", url, "--no-record", "web", "--port", "70000"]) == 2
     first, second = capsys.readouterr().err.splitlines()
     assert "use --port" in first and "not a port" in second
+
+
+def test_command_prints_its_address_serves_and_ends_on_ctrl_c(tmp_path: Path) -> None:
+    """GIVEN the command WHEN its page and data were read and Ctrl-C comes THEN it ends with 130 and has recorded."""
+    words = [sys.executable, "-m", "groundstation.command.main", "gcs"]
+    options = ["--json", "--record-to", "kept", "web", "--port", "0"]
+    root = Path(__file__).parents[2]
+    with on_the_air(Flying()) as url:
+        process = subprocess.Popen(
+            [*words, url, *options], cwd=tmp_path, stdout=subprocess.PIPE, text=True,
+            env=os.environ | {"PYTHONPATH": str(root)},
+        )  # fmt: skip
+        try:
+            assert process.stdout is not None
+            parts = urlsplit(json.loads(process.stdout.readline())["url"])
+            with connect(f"ws://{parts.netloc}{SOCKET}", origin=Origin(f"http://{parts.netloc}")) as link:
+                until(link, lambda message: message["name"] != "")
+            process.send_signal(signal.SIGINT)
+            assert process.wait(PATIENCE) == 130
+        finally:
+            process.kill()
+            process.wait()
+    assert list((tmp_path / "kept").glob("*.mcap"))
 
 
 # --- protocol -----------------------------------------------------------------------------------------------------
@@ -293,6 +322,14 @@ def test_each_browser_gets_every_sample_and_text_once() -> None:
     assert third["restart"] and len(third["samples"]) == 1
 
 
+def test_global_positions_become_meters_from_home() -> None:
+    home = Home(math.radians(48.0), math.radians(11.0), 500.0)
+    feed = Feed()
+    feed.update(at(1.0, home=home, latitude=math.radians(48.001), longitude=math.radians(11.0)))
+    message, _ = read(feed, Cursor())
+    assert message["north"] == message["samples"][0][COLUMNS.index("north")] == pytest.approx(111.3, abs=0.1)
+
+
 def test_samples_are_bounded() -> None:
     feed = Feed()
     for n in range(2 * SAMPLES):
@@ -304,8 +341,6 @@ def test_mission_has_places_in_meters_and_hostile_text_is_escaped() -> None:
     """GIVEN a global and a local item, and a notice with control characters THEN both have places in m from home, and
     no control character remains.
     """
-    from avionics.link.vehicle import Home
-
     home = Home(math.radians(48.0), math.radians(11.0), 500.0)
     none = (0.0, 0.0, 0.0, 0.0)
     items = (Item(3, 16, none, 480_010_000, 110_000_000, 40.0), Item(1, 16, none, 300_000, -50_000, -20.0))
