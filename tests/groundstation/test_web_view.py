@@ -187,8 +187,8 @@ def test_pages_of_other_origins_are_refused(origin: str) -> None:
 
 
 def test_two_browsers_get_the_state_and_a_fallen_one_does_not_disturb() -> None:
-    """GIVEN two browsers WHEN one goes away without a farewell THEN the other still gets new data."""
-    with served(Flying()) as view, viewer(view.server) as link:
+    """GIVEN a browser WHEN another never reads and a third goes away without a farewell THEN it gets new data."""
+    with served(Flying()) as view, viewer(view.server), viewer(view.server) as link:
         with viewer(view.server) as other:
             until(other, lambda message: message["roll"] is not None)
             other.socket.close()
