@@ -61,6 +61,8 @@ SLOWEST = 0.8
 """-; greatest airspeed of the protection against stall, over the cruise"""
 SLIDING = 0.45
 """-; greatest airspeed of a vehicle on the ground, over the cruise"""
+NEARBY = (1.0, 0.997, 1.003)
+"""-; airspeeds of the trim, over the predicted one"""
 HOLDS = 2
 """-; of the proof flight"""
 SEARCH_START, SEARCH_STEP, SEARCH_STEPS = -0.7, 0.3, 16
@@ -216,6 +218,20 @@ def _loaded(document: Document, path: Path) -> SimulatedVehicle:
     return load_vehicle(str(path))
 
 
+def _level_flight(world: SimulatedVehicle, airspeed: float) -> Orbit:
+    """Return the trim at ``airspeed``, or within `NEARBY` of it: the search of a trim may stall at single points.
+
+    Raises:
+        InputError: there is none.
+    """
+    for factor in NEARBY[:-1]:
+        try:
+            return trim(world, airspeed * factor, 0.0)
+        except InputError:
+            continue
+    return trim(world, airspeed * NEARBY[-1], 0.0)
+
+
 def _fit_thrust(document: Document, bird: NewBird, airspeed: float, softest: float, path: Path) -> None:
     """Find membrane stiffness and drag for level flight at ``airspeed`` with the given flapping rate.
 
@@ -237,7 +253,7 @@ def _fit_thrust(document: Document, bird: NewBird, airspeed: float, softest: flo
         put(document, "wing.twist_damping", rounded(damping * math.exp(-softness)), sources["membrane"])
         if logarithm > softest:
             put(document, "fuselage.drag_area", rounded(drag * math.exp(logarithm - softest)), sources["drag"])
-        flown = trim(_loaded(document, path), airspeed, 0.0).inputs.frequency
+        flown = _level_flight(_loaded(document, path), airspeed).inputs.frequency
         return float(flown / bird.frequency - 1.0)
 
     below: float | None = None
@@ -263,7 +279,7 @@ def _fit_drive(document: Document, prediction: Prediction, path: Path) -> tuple[
     source = "chosen: cruise draws the power that published flights predict"
     for _ in range(10):
         world = _loaded(document, path)
-        cruise = trim(world, prediction.airspeed, 0.0)
+        cruise = _level_flight(world, prediction.airspeed)
         ratio = cruise.means.electrical_power / prediction.power
         if abs(ratio - 1.0) < POWER_TOLERANCE:
             break

@@ -44,6 +44,8 @@ FLIGHTS: dict[str, PublishedFlight] = dict((
     _gerdes("D", 0.359, 0.762, 0.280, 1.032, 7.75, 3.26),
     ("Slow Hawk", PublishedFlight(NewBird(0.45, 1.2, 0.3, 0.53, 5.91, 0.04, 0.45, 3, 1.32), 9.2, None,
                                   "Grauer, Ulrich, Hubbard, Pines, Humbert 2011, sections II and V.A")),
+    ("0.9 kg with PX4", PublishedFlight(NewBird(0.904, 1.4, 0.3556, 0.5236, 3.81, 0.07, 0.55, 3, 2.2), 6.46, None,
+                                        "dAnte-9029/flap-system-identification and QgcLogs, log 21 of 2026-03-03")),
 ))  # fmt: skip
 """by name"""
 
