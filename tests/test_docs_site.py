@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import importlib
 import re
 import runpy
+import shlex
 import shutil
 import subprocess
 import sys
@@ -11,20 +13,60 @@ from pathlib import Path
 
 import pytest
 
+import wingbeat
+from groundstation.command.main import SUBCOMMANDS
+
 ROOT = Path(__file__).parents[1]
 TUTORIALS = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
+GUIDES = sorted((ROOT / "docs" / "howto").glob("*.md"))
+PYTHON = re.compile(r"^```python\n(.*?)^```", flags=re.S | re.M)
+FENCE = re.compile(r"^```(\w*)\n(.*?)^```", flags=re.S | re.M)
+RUN = [*TUTORIALS, *(page for page in GUIDES if PYTHON.search(page.read_text(encoding="utf-8")))]
+MAX_WORDS = 400
+"""words of a how-to guide, code aside"""
 
 
-@pytest.mark.parametrize("page", TUTORIALS, ids=[page.stem for page in TUTORIALS])
+@pytest.mark.parametrize("page", GUIDES, ids=[page.stem for page in GUIDES])
+def test_guide_is_short_and_its_commands_are_valid(
+    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """GIVEN a how-to guide THEN it is short, and the parsers accept every command that it shows."""
+    (tmp_path / "recordings").mkdir()
+    (tmp_path / "recordings" / "flight.mcap").touch()
+    monkeypatch.chdir(tmp_path)
+    text = page.read_text(encoding="utf-8")
+    assert len(re.sub(r"^```.*?^```", "", text, flags=re.S | re.M).split()) <= MAX_WORDS
+    commands = "".join(code for language, code in FENCE.findall(text) if not language)
+    for line in filter(None, commands.splitlines()):
+        program, name, *arguments = shlex.split(line, comments=True)
+        if program == "wingbeat":
+            module = importlib.import_module(SUBCOMMANDS[name].module)
+            module.build_parser().parse_args(arguments)
+
+
+@pytest.mark.parametrize("page", RUN, ids=[page.stem for page in RUN])
 def test_tutorial_runs(page: Path, tmp_path: Path) -> None:
-    """GIVEN the Python blocks of a tutorial WHEN they run in order in an empty folder THEN none fails."""
-    blocks = re.findall(r"^```python\n(.*?)^```", page.read_text(encoding="utf-8"), flags=re.S | re.M)
+    """GIVEN the Python blocks of a page WHEN they run in order in an empty folder THEN none fails."""
+    blocks = PYTHON.findall(page.read_text(encoding="utf-8"))
     assert blocks
     shutil.copy(ROOT / "tests" / "data" / "logs" / "vtol_bench.ulg", tmp_path / "flight.ulg")
     script = tmp_path / "tutorial.py"
     script.write_text("import matplotlib\nmatplotlib.use('Agg')\n" + "\n".join(blocks), encoding="utf-8")
     done = subprocess.run([sys.executable, script], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr[-2000:]
+
+
+def test_figures_of_the_explanations_are_drawn(tmp_path: Path) -> None:
+    """GIVEN the flight of the explanations THEN their figures can be drawn, and no picture is without its figure."""
+    pytest.importorskip("matplotlib")
+    script = ROOT / "docs" / "draw_explanations.py"
+    flight = wingbeat.fly(seed=1, duration=60.0, log=tmp_path / "flight.mcap")
+    done = subprocess.run(
+        [sys.executable, script, flight.path, tmp_path], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr[-2000:]
+    committed = {path.name for path in (ROOT / "docs" / "explanation").glob("*.png")}
+    assert {path.name for path in tmp_path.glob("*.png")} == committed
 
 
 def test_site_has_every_page_and_no_broken_link(tmp_path: Path) -> None:

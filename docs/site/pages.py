@@ -116,12 +116,18 @@ SECTIONS_OF_THE_SITE = {
     ),
     "How-to guides": (
         "commands", "own_aircraft", "identify_csv", "identification/user_model", "identification/flight_path",
-        "log_check", "vibration", "joystick", "sitl", "reference/serial_board", "reference/razor",
+        "log_check", "vibration", "web_view", "joystick", "howto/ground_stations", "sitl", "howto/hardware",
+        "reference/serial_board", "reference/razor", "howto/add_vehicle", "howto/add_sensor",
+        "howto/add_aerodynamics", "howto/add_control_law", "howto/add_estimator",
     ),
     "Reference": (
         "reference/api", "reference/command_line", "parameters", "reference/topics", "reference/vehicle_keys",
         "reference/mavlink", "reference/avionics", "reference/estimation", "reference/logs", "reference/importing",
         "reference/campaigns", "reference/groundstation", "reference/findings", "reference/estimators",
+    ),
+    "Explanation": (
+        "explanation/flapping_flight", "explanation/short_period", "explanation/ahrs", "explanation/intervals",
+        "explanation/papers",
     ),
     "Validation": (
         "validation/aerodynamics", "validation/estimation", "validation/identification", "validation/gusts",

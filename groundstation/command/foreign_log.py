@@ -8,11 +8,10 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from avionics import topics
+from logs.importing.excitation import FULL_DEFLECTION
 from logs.reader import Log, open_log
 
 SUFFIXES = (".ulg", ".bin", ".tlog")
-FULL_DEFLECTION = 0.5
-"""rad; of an elevator whose travel is not recorded"""
 ELEVATORS = (
     ("/ulg/vehicle_torque_setpoint", "xyz[1]", FULL_DEFLECTION),
     ("/ulg/actuator_controls_0", "control[1]", FULL_DEFLECTION),

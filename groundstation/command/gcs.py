@@ -32,6 +32,7 @@ from wingbeat.errors import InputError
 
 EXAMPLES = (
     "wingbeat gcs udpout:127.0.0.1:14550",
+    "wingbeat gcs udpout:127.0.0.1:14550 web --open",
     "wingbeat gcs udpin:0.0.0.0:14550 mode ALTITUDE_HOLD",
     "wingbeat gcs udpin:0.0.0.0:14550 param set PITCH_P 0.8",
     "wingbeat gcs udpin:0.0.0.0:14550 --signing-key my.key arm",

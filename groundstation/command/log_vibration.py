@@ -24,8 +24,6 @@ SUMMARY = (
     "Analyze the vibration at the IMU: harmonics of the stroke, broadband level, level by stroke phase, clipping,"
     " advice. With --fit write a copy of a vehicle whose structural modes and impacts have this spectrum."
 )
-FITTED = ("reference_rate", "kick_phases", "kick_jitter", "stroke_scatter")
-"""keys of [vibration] that a spectrum determines"""
 WORLD, AVIONICS = "world.toml", "avionics.toml"
 
 
@@ -81,6 +79,7 @@ def run_verb(chosen: argparse.Namespace) -> None:
 def _fitted(name: str, vibration: FlightVibration) -> VibrationFit:
     """Fit the modes of a vehicle, whose drive and sensors are those of its file."""
     from logs.vibration.fit import fit
+    from logs.vibration.vehicle_file import FITTED
     from sim_bridge.vehicles import load_vehicle
 
     vehicle = load_vehicle(options.vehicle_files(name)[0])

@@ -19,9 +19,8 @@ from logs.new_files import check_new
 from sim_bridge.flight.new_vehicle import REFERENCE, NewVehicle, design_vehicle, write_vehicle
 from sim_bridge.flight.tuning.vehicle_file import AVIONICS, WORLD
 from sim_bridge.vehicles import load_vehicle
-from sim_bridge.vehicles.scaling import NewBird
+from sim_bridge.vehicles.scaling import NewBird, checked_bird
 from wingbeat.errors import InputError
-from wingbeat.schema import field_hints, quantity_of
 
 EXAMPLES = (
     "wingbeat new-bird my_bird --mass 0.35 --span 1.0 --area 0.2 --stroke 69 --rate 5 --tail-area 0.04 --tail-arm 0.4"
@@ -144,12 +143,7 @@ def _bird(chosen: argparse.Namespace) -> NewBird:
     if chosen.cells != int(chosen.cells):
         raise InputError(f"--cells {chosen.cells:g} is not a whole number")
     values["cells"] = int(chosen.cells)
-    hints = field_hints(NewBird)
-    for name, value in values.items():
-        quantity = quantity_of(hints[name])
-        if quantity is not None and not quantity.low <= value <= quantity.high:
-            raise InputError(f"{name} = {value:.4g} {quantity.violation_text()}")
-    return NewBird(**values)
+    return checked_bird(NewBird(**values))
 
 
 def _document(vehicle: NewVehicle, written: Sequence[Path]) -> dict[str, Any]:

@@ -408,3 +408,10 @@ def seed(text: str) -> int:
 def speed(text: str) -> float:
     """Parse a speed factor, or ``max`` (infinite), for argparse."""
     return math.inf if text == "max" else positive(text)
+
+
+def port(text: str) -> int:
+    """Parse a TCP port, 0 for any free one, for argparse."""
+    if not (text.isascii() and text.isdigit()) or int(text) > 65535:
+        raise argparse.ArgumentTypeError(f"{text} is not a port (0 to 65535)")
+    return int(text)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 from avionics.link.dialect import mavlink
@@ -67,6 +68,28 @@ def change_to(connection: Connection, name: str) -> ModeChange:
             f"the vehicle has no mode {name!r}{did_you_mean(modes.canonical(name), names)}; it has {told}"
         )
     return change_mode(connection.target, number, modes.uses_main_and_sub(state))
+
+
+class Order(NamedTuple):
+    """Command that a screen offers as a key or a button."""
+
+    build: Callable[[Connection], Exchange]
+    done: str
+    """-; notice of its execution"""
+    question: str
+    """-; of the confirmation"""
+    warning: str = ""
+    """-; consequence, in the confirmation"""
+
+
+ORDERS = {
+    "arm": Order(lambda link: arm(link.target), "armed", "Arm?", "The wings may move at once."),
+    "disarm": Order(lambda link: disarm(link.target), "disarmed", "Disarm?", "A vehicle in flight denies it."),
+    "kill": Order(lambda link: kill(link.target), "killed", "Kill?", "The wings stop at once. In flight it falls."),
+    "return": Order(return_home, "returning", "Return home?"),
+    "land": Order(land, "landing", "Land?"),
+}
+"""commands of the screens by label"""
 
 
 class Place(NamedTuple):

@@ -121,6 +121,8 @@ class VehicleState(NamedTuple):
     """rad; 0 to 2 pi, 0 at the upward crossing of the stroke's middle"""
     flap_amplitude: float | None = None
     """rad; half the peak-to-peak stroke, mean of both wings"""
+    flap_mean: float | None = None
+    """rad; middle of the last stroke, up is positive"""
     stage: Stage | None = None
     """-; stage of the flight"""
     item: int | None = None
@@ -313,6 +315,7 @@ def _wing(state: VehicleState, message: Any) -> VehicleState:
         flap_right=message.angle_right,
         flap_phase=message.phase,
         flap_amplitude=0.5 * (message.amplitude_left + message.amplitude_right),
+        flap_mean=message.mean_angle,
     )
 
 

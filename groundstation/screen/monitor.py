@@ -12,8 +12,9 @@ from textual.binding import Binding, BindingType
 from textual.widgets import Footer, TabbedContent, TabPane
 
 from groundstation.link import modes
+from groundstation.link.connection import Connection
 from groundstation.link.exchange import Exchange
-from groundstation.link.orders import arm, change_to, disarm, kill, land, return_home
+from groundstation.link.orders import ORDERS, change_to
 from groundstation.link.station import Picture, Station, new_notes
 from groundstation.screen.dialogs import Confirmation, ModeChoice
 from groundstation.screen.flight_tab import FlightTab
@@ -135,40 +136,44 @@ class Monitor(App[None]):
         """Leave the input line."""
         self.screen.set_focus(None)
 
-    def _confirmed(self, question: str, warning: str, order: Callable[[], None]) -> None:
+    def _order(self, label: str, confirm: bool = False) -> None:
+        """Start a command of `ORDERS`, with ``confirm`` after a confirmation."""
+        order = ORDERS[label]
+
         def answered(yes: bool | None) -> None:
             if yes:
-                order()
+                self._start(label, order.build, order.done)
 
-        self.push_screen(Confirmation(question, warning), answered)
+        if confirm:
+            self.push_screen(Confirmation(order.question, order.warning), answered)
+        else:
+            answered(True)
 
-    def _order(self, label: str, build: Callable[[Station], Exchange], done: str) -> None:
+    def _start(self, label: str, build: Callable[[Connection], Exchange], done: str) -> None:
         if self.station.connection.state.system is None:
             self.notify("no vehicle is heard", severity="warning")
             return
-        self.station.command(label, build(self.station), done)
+        self.station.command(label, build(self.station.connection), done)
 
     def action_arm(self) -> None:
         """Arm, after a confirmation."""
-        order = lambda: self._order("arm", lambda station: arm(station.connection.target), "armed")  # noqa: E731
-        self._confirmed("Arm?", "The wings may move at once.", order)
+        self._order("arm", confirm=True)
 
     def action_disarm(self) -> None:
         """Disarm; a vehicle in flight denies it."""
-        self._order("disarm", lambda station: disarm(station.connection.target), "disarmed")
+        self._order("disarm")
 
     def action_kill(self) -> None:
         """Stop the wings at once, after a confirmation."""
-        order = lambda: self._order("kill", lambda station: kill(station.connection.target), "killed")  # noqa: E731
-        self._confirmed("Kill?", "The wings stop at once. In flight it falls.", order)
+        self._order("kill", confirm=True)
 
     def action_return_home(self) -> None:
         """Return home and land or loiter, depending on the vehicle."""
-        self._order("return", lambda station: return_home(station.connection), "returning")
+        self._order("return")
 
     def action_land(self) -> None:
         """Land."""
-        self._order("land", lambda station: land(station.connection), "landing")
+        self._order("land")
 
     def action_mode(self) -> None:
         """Choose a mode."""
@@ -177,7 +182,7 @@ class Monitor(App[None]):
 
         def chosen(name: str | None) -> None:
             if name is not None:
-                self._order(f"mode {name}", lambda station: change_to(station.connection, name), f"mode {name}")
+                self._start(f"mode {name}", lambda connection: change_to(connection, name), f"mode {name}")
 
         self.push_screen(ModeChoice(names, modes.mode_key(state)), chosen)
 

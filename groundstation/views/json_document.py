@@ -13,15 +13,16 @@ from groundstation.views.printable import CONTROLS
 
 def print_document(document: Any) -> None:
     """Print one indented JSON document to stdout."""
-    sys.stdout.write(_encode(document, indent=2) + "\n")
+    sys.stdout.write(encode(document, indent=2) + "\n")
 
 
 def print_line(document: Any) -> None:
     """Print one JSON document on one line and flush it."""
-    print(_encode(document), flush=True)
+    print(encode(document), flush=True)
 
 
-def _encode(document: Any, indent: int | None = None) -> str:
+def encode(document: Any, indent: int | None = None) -> str:
+    """Return one JSON document; control characters are escaped."""
     text = json.dumps(plain(document), indent=indent, ensure_ascii=False, allow_nan=False)
     # JSON escapes C0 controls. Other controls occur in strings only, where an escape keeps their value.
     return CONTROLS.sub(lambda match: match[0] if match[0] == "\t" else f"\\u{ord(match[0]):04x}", text)

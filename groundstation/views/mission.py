@@ -218,12 +218,17 @@ def print_mission(items: Sequence[Item], home_first: bool = False) -> None:
         print("the vehicle has no mission")
         return
     table = tables.plain_table(("", "right"), ("what", ""), ("place", ""), ("altitude", "right"), ("how", ""))
-    for number, item in enumerate(items):
-        text = item_view(item)
-        if home_first and number == 0:
-            text = text._replace(does="home")
-        table.add_row(str(number), text.does, _place(text), _altitude(text), _how(text, item))
+    for number, row in enumerate(mission_rows(items, home_first)):
+        table.add_row(str(number), *row)
     open_console().print(table)
+
+
+def mission_rows(items: Sequence[Item], home_first: bool = False) -> list[tuple[str, str, str, str]]:
+    """Return what each item does, its place, its altitude and its other values, as text."""
+    texts = [item_view(item) for item in items]
+    if home_first and texts:
+        texts[0] = texts[0]._replace(does="home")
+    return [(t.does, _place(t), _altitude(t), _how(t, item)) for t, item in zip(texts, items, strict=True)]
 
 
 def _place(text: MissionItemView) -> str:

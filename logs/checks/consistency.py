@@ -11,6 +11,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from logs.checks.findings import Finding
 from logs.checks.log_data import Array, LogData, Signal
+from logs.checks.timing import change_point
 from logs.checks.values import AXES
 from wingbeat.constants import STANDARD_GRAVITY
 
@@ -190,10 +191,7 @@ def _bias_steps(grid: Array, residual: Array, usable: Mask, gyro: Signal) -> Ite
 
 def _step_time(grid: Array, values: Array, center: float, window: float) -> float:
     inside = np.flatnonzero((grid >= center - window) & (grid <= center + window))
-    part, count = values[inside], len(inside)
-    left, n = np.cumsum(part)[:-1], np.arange(1, count)
-    between = (left / n - (part.sum() - left) / (count - n)) ** 2 * n * (count - n)
-    return float(grid[inside[int(between.argmax()) + 1]])
+    return float(grid[inside[change_point(values[inside])]])
 
 
 def _gravity(log: LogData) -> Iterator[Finding]:

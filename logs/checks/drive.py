@@ -44,6 +44,9 @@ def check_drive(log: LogData) -> Iterator[Finding]:
     yield from _sag(log)
     yield from _missing(log)
     yield from _informative(log)
+    if log.boots > 1:
+        text = f"{log.boots} boots in this file; the one with the most data is checked"
+        yield Finding("boots", "info", "", 0.0, log.duration, float(log.boots), text)
 
 
 def _flapping(log: LogData) -> Iterator[Finding]:
@@ -65,7 +68,7 @@ def _flapping(log: LogData) -> Iterator[Finding]:
     if not ratios:
         return
     ratio = float(np.median(ratios))
-    harmonic = min(abs(ratio - one) for one in (0.5, 1.0, 2.0))  # of a bird with two equal halves of a stroke
+    harmonic = min(abs(ratio / one - 1.0) for one in (0.5, 1.0, 2.0))  # of a bird with two equal halves of a stroke
     agree = np.abs(np.array(ratios) - ratio) < 0.02
     if harmonic > MISMATCH and agree.mean() > 0.6:
         text = f"the logged flapping frequency is {ratio:.4g} times that of the acceleration"

@@ -57,6 +57,7 @@ CODES: dict[str, Code] = {
     "saturation": Code("an actuator is at its limit", "use a smaller excitation or retrim"),
     "vibration": Code("strong vibration at the IMU", "mount the IMU softly; see wingbeat log vibration"),
     "battery_sag": Code("the voltage drops under load", "use a battery with less resistance, or a charged one"),
+    "boots": Code("the vehicle booted more than once in the file", "import it, and check each log"),
     "missing_topic": Code("a topic for identification is missing", "log it in the next flight"),
     "not_informative": Code("the inputs tell too little", "fly doublets or a multisine: wingbeat design"),
 }

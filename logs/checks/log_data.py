@@ -63,6 +63,8 @@ class LogData(NamedTuple):
     raw: tuple[RawTopic, ...]
     signals: Mapping[str, Signal]
     """by role, see `ROLES`"""
+    boots: int = 1
+    """of the vehicle in the file; the one with the most data is checked"""
 
 
 ROLES: dict[str, tuple[tuple[Topic[Any], tuple[str, ...]], ...]] = {
@@ -130,6 +132,8 @@ def read_log(paths: Sequence[Path], mapping: Path | None = None) -> LogData:
     Raises:
         InputError: a file cannot be read, or has no data.
     """
+    if not paths:
+        raise InputError("which log?")
     first = paths[0]
     if len(paths) > 1 or (first.suffix.lower() == ".csv" and mapping is None):
         return _of_tables(paths)
@@ -138,7 +142,7 @@ def read_log(paths: Sequence[Path], mapping: Path | None = None) -> LogData:
     data = log_import.read_bytes(first)
     sources = log_import.read_source(log_import.Choice(first, first, mapping), data)
     source = max(sources, key=lambda one: sum(len(series.time_us) for series in one.series.values()))
-    return of_source(first.name, source)
+    return of_source(first.name, source)._replace(boots=len(sources))
 
 
 def of_source(name: str, source: Source) -> LogData:
@@ -208,11 +212,17 @@ def _of_recording(path: Path) -> LogData:
 
 def _of_tables(paths: Sequence[Path]) -> LogData:
     """Read tables: the first column with the name of a time is the clock, the file's stem the topic."""
-    raw: dict[str, Series] = {}
+    tables = []
     for path in paths:
         if path.suffix.lower() != ".csv":
             raise InputError(f"{path}: only tables can be checked together, one log at a time otherwise")
-        raw[path.stem] = _table(path)
+        tables.append(_table(path))
+    common = _unit_of_time([table.clock for table in tables if not table.unit])
+    raw: dict[str, Series] = {}
+    for table in tables:
+        stamps = np.rint(table.clock * _SECONDS[table.unit or common] * 1e6).astype(np.int64)
+        units = {name: unit_of(name.lower()) for name in table.columns}
+        raw[table.name] = Series(table.name, stamps, table.columns, units)
     begin, end = _span([one.time_us for one in raw.values()])
     signals = {role: _shifted(signal, begin) for role, signal in _by_name(raw)}
     topics = tuple(RawTopic(one.name, _seconds(one.time_us, begin), one.columns) for one in raw.values())
@@ -220,7 +230,18 @@ def _of_tables(paths: Sequence[Path]) -> LogData:
     return LogData(name, "table", (end - begin) * 1e-6, topics, signals)
 
 
-def _table(path: Path) -> Series:
+class _Table(NamedTuple):
+    """Columns of one file."""
+
+    name: str
+    clock: Array
+    """(n,); in ``unit``"""
+    unit: str
+    """of the clock, as in its name; empty if that does not tell"""
+    columns: dict[str, NDArray[Any]]
+
+
+def _table(path: Path) -> _Table:
     import pandas as pd
 
     try:
@@ -229,18 +250,24 @@ def _table(path: Path) -> Series:
         raise InputError(f"{path}: {' '.join(str(error).split())}") from None
     numbers = frame.select_dtypes("number")
     clock = next((name for name in numbers if TIME_COLUMNS.fullmatch(str(name).strip())), None)
-    if clock is None or not len(numbers):
+    if clock is None:
         raise InputError(f"{path}: no column with the name of a time (t_s, time, timestamp ...)")
     match = TIME_COLUMNS.fullmatch(str(clock).strip())
-    unit = match[1] if match else None
     values = numbers[clock].to_numpy(float)
-    if unit is None:
-        step = float(np.nanmedian(np.abs(np.diff(values)))) if len(values) > 1 else 1.0
-        unit = "s" if step < 5.0 else "us" if step >= 100.0 else "ms"
     finite = np.isfinite(values)
-    stamps = np.rint(values[finite] * _SECONDS[unit] * 1e6).astype(np.int64)
+    if not finite.any():
+        raise InputError(f"{path}: no row has a time")
     columns = {str(name).strip(): numbers[name].to_numpy()[finite] for name in numbers if name != clock}
-    return Series(path.stem, stamps, columns, {name: unit_of(name.lower()) for name in columns})
+    return _Table(path.stem, values[finite], (match[1] or "").lower() if match else "", columns)
+
+
+def _unit_of_time(clocks: Sequence[Array]) -> str:
+    """Return the common unit of clocks: the largest that puts every period between 0.2 ms and 2 s."""
+    steps = [float(np.median(np.abs(np.diff(clock)))) for clock in clocks if len(clock) > 1]
+    for unit, factor in _SECONDS.items():
+        if all(2e-4 <= step * factor <= 2.0 for step in steps):
+            return unit
+    return "s"
 
 
 def _span(times: Iterable[NDArray[np.int64]]) -> tuple[int, int]:
@@ -309,7 +336,7 @@ def _si(values: NDArray[Any], column: str) -> Array:
     lower = column.lower()
     unit = unit_of(lower)
     if not unit:
-        unit = "deg/s" if lower.endswith(("_deg_s", "_dps")) else "g" if lower.endswith("_g") else ""
+        unit = "g" if lower.endswith("_g") else ""
     known = CONVERSIONS.get(unit, CONVERSIONS[""])
     return np.asarray(np.asarray(values, float) * known.factor + known.offset, np.float64)
 

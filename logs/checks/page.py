@@ -12,8 +12,6 @@ from logs.checks.run import LogReport
 from logs.pages.document import MEASURED, MODEL, OTHER, Chapter, Plot, Remark, Series, Table
 from logs.pages.render import write_page
 
-POINTS_SHOWN = 4000
-"""-; limit of the samples of a line"""
 ROLES = {
     "accel": ("m/s^2", ("x", "y", "z")), "gyro": ("rad/s", ("x", "y", "z")),
     "attitude": ("rad", ("roll", "pitch", "yaw")), "airspeed": ("m/s", ("",)), "flap_frequency": ("Hz", ("",)),
@@ -69,9 +67,8 @@ def _signals(report: LogReport) -> Chapter:
 
 
 def _lines(signal: Signal, names: tuple[str, ...]) -> tuple[Series, ...]:
-    step = max(1, len(signal.time) // POINTS_SHOWN)
     columns = signal.values.T[: len(names)]
     return tuple(
-        Series(name, signal.time[::step], values[::step], color)
+        Series(name, signal.time, values, color)
         for name, values, color in zip(names, columns, (MEASURED, MODEL, OTHER), strict=False)
     )

@@ -144,13 +144,15 @@ def _change_point(moments: Array, steps: Array, center: float, window: float) ->
     """Return the time in a window that divides the periods into the two most different parts."""
     inside = np.flatnonzero((moments >= center - window) & (moments <= center + window))
     values = np.log(np.maximum(steps[inside], 1e-6))
-    count = len(values)
-    if count < 4:
-        return center
-    total, left = values.sum(), np.cumsum(values)[:-1]
+    return center if len(values) < 4 else float(moments[inside[change_point(values)]])
+
+
+def change_point(values: Array) -> int:
+    """Return the index that divides values into the two parts with the most different means."""
+    count, left = len(values), np.cumsum(values)[:-1]
     n = np.arange(1, count)
-    between = (left / n - (total - left) / (count - n)) ** 2 * n * (count - n)
-    return float(moments[inside[int(between.argmax()) + 1]])
+    between = (left / n - (values.sum() - left) / (count - n)) ** 2 * n * (count - n)
+    return int(between.argmax()) + 1
 
 
 def _steady(steps: Array) -> bool:

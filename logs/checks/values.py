@@ -85,7 +85,8 @@ def _clip_counters(topic: RawTopic) -> Iterator[Finding]:
             continue
         values = np.asarray(column, float)
         values = values if values.ndim == 1 else values.sum(axis=1)
-        counter = (bool((np.diff(values) >= 0.0).all()) and "count" in name.lower()) or values.max(initial=0.0) > 7.0
+        bits = any(word in name.lower() for word in ("bit", "flag", "mask"))
+        counter = not bits and bool((np.diff(values) >= 0.0).all())
         active = (
             np.flatnonzero(np.diff(values, prepend=values[:1]) > 0.0) if counter else np.flatnonzero(values > 0.0)
         )
@@ -126,9 +127,7 @@ def _never_valid(topic: RawTopic) -> Iterator[Finding]:
     """A flag of validity that is never set, or a measured column without a number."""
     if len(topic.time) < LEAST:
         return
-    measured = any(
-        word in topic.name.lower() for word in ("flap", "wing", "phase", "hall", "encoder", "airspeed", "rpm")
-    )
+    measured = any(word in topic.name.lower() for word in MEASURED)
     for name, column in topic.columns.items():
         if column.dtype.kind not in "iufb" or column.ndim != 1:
             continue

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import re
 from collections.abc import Mapping
 
@@ -14,8 +15,12 @@ from logs.importing.source import Array, ImportedTopic, Series
 
 TOPICS = re.compile(r"excit|sysid|system_ident|chirp|multisine|^SIDD$", re.I)
 """names of topics with an identification input"""
-COLUMNS = (r"pitch|elev", r"^Targ$|target", r"value|output|amplitude|signal|control|xyz")
+COLUMNS = (r"pitch|elev", r"^Targ$", r"value|output|signal|control|xyz")
 """patterns of the column with the input, in the order of preference"""
+OTHER_AXIS = re.compile(r"roll|yaw|rudder|aileron|thr", re.I)
+"""in the name of a topic whose input is not of the elevator"""
+PITCH_AXES = {2: math.radians(1.0), 5: math.radians(1.0), 8: math.radians(1.0), 11: 0.5}
+"""ArduPilot's SID_AXIS of pitch (angle, recovery angle, rate, mixer), and rad or rad/s per unit of the input"""
 FULL_DEFLECTION = 0.5
 """rad; elevator at an input of 1"""
 PAUSE = 1.0
@@ -24,13 +29,20 @@ BEFORE, AFTER = 1.0, 1.2
 """s; of the motion beside an input that belongs to its maneuver"""
 
 
-def excitation_topic(series: Mapping[str, Series]) -> ImportedTopic | None:
-    """Return the maneuvers of a log; None if it has no topic of an identification input."""
+def excitation_topic(series: Mapping[str, Series], parameters: Mapping[str, float]) -> ImportedTopic | None:
+    """Return the maneuvers of a log; None if it has no topic of an input in pitch.
+
+    Args:
+        series: of the log.
+        parameters: of the log; ArduPilot's SID_AXIS tells the axis of SIDD.
+    """
     for name in sorted(series):
-        if TOPICS.search(name):
-            values = _input(series[name])
-            if values is not None and np.any(values):
-                return _made(name, series[name], values)
+        if not TOPICS.search(name) or OTHER_AXIS.search(name):
+            continue
+        scale = PITCH_AXES.get(int(parameters.get("SID_AXIS", 11)), 0.0) if name == "SIDD" else FULL_DEFLECTION
+        values = _input(series[name])
+        if values is not None and scale > 0.0:
+            return _made(name, series[name], scale * values)
     return None
 
 
@@ -39,6 +51,8 @@ def _input(series: Series) -> Array | None:
         for name, column in series.columns.items():
             if column.dtype.kind == "f" and re.search(pattern, name, re.I):
                 values = column if column.ndim == 1 else column[:, 1 if column.shape[1] > 1 else 0]
+                if not np.nan_to_num(values).any() or np.nanstd(values) == 0.0:
+                    continue  # a setting, not the input
                 return np.asarray(np.nan_to_num(np.asarray(values, float)))
     return None
 
@@ -66,7 +80,7 @@ def _made(name: str, series: Series, values: Array) -> ImportedTopic:
     columns = {
         "active": active,
         "manoeuvre": number,
-        "elevator": FULL_DEFLECTION * held,
+        "elevator": held,
         "aborted": np.zeros(len(at)),
     }
     made = checked(t.EXCITATION, Series(name, stamps, {}, {}), columns)

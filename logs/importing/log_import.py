@@ -270,7 +270,7 @@ def _with_strokes(source: Source, checked: Checked, choice: WingSource) -> tuple
     added, notes = list(checked.imported), dict(source.notes)
     if source.format not in AUTOPILOTS and not choice.topic:
         return source, checked
-    excitation = None if EXCITATION in made else excitation_topic(checked.series)
+    excitation = None if EXCITATION in made else excitation_topic(checked.series, source.parameters)
     if excitation is not None:
         added.append(excitation)
     strokes = None if WING in made else wing_topic(checked.series, made.get(IMU), choice)

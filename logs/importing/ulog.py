@@ -26,6 +26,7 @@ _LONGEST_UPTIME_US = 10**14
 _HEADER = 16
 """bytes; header before the first message"""
 _SUFFIXES = {
+    "_deg_s": "deg/s", "_dps": "deg/s",
     "_m_s2": "m/s^2", "_m_s": "m/s", "_rad_s": "rad/s", "_rad": "rad", "_deg": "deg", "_ga": "gauss", "_pa": "Pa",
     "_celcius": "degC", "_celsius": "degC", "_degc": "degC", "_v": "V", "_a": "A", "_w": "W", "_mah": "mAh",
     "_wh": "Wh", "_m": "m", "_hz": "Hz", "_us": "us", "_ms": "ms", "_s": "s", "_rpm": "rpm",
@@ -100,7 +101,12 @@ def _events(log: Any, zero: int) -> Iterator[Event]:
         yield Event(int(one.timestamp) - zero, _severity(one.log_level), "vehicle", one.message.strip())
     for at, name, value in log.changed_parameters:
         if _is_number(value):
-            yield Event(int(at) - zero, Severity.INFO, "parameters", f"{name} set to {value:.9g}")
+            yield Event(
+                int(at) - zero,
+                Severity.INFO,
+                "parameters",
+                f"{name} set to {value if isinstance(value, int) else format(value, '.9g')}",
+            )
     for lost in log.dropouts:
         yield Event(
             int(lost.timestamp) - zero, Severity.WARNING, "logger", f"{lost.duration} ms of the log were lost"

@@ -1,4 +1,4 @@
-"""Wing strokes of a log of another program: from a wing angle, a frequency, a counter or the acceleration."""
+"""Wing strokes of a log of another program: from a phase, a frequency, a counter, pulses or the acceleration."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def wing_topic(
             raise InputError(f"{choice.topic} has no column with a phase, a frequency, a count or rpm")
         return _made(choice.topic, *found)
     for name in sorted(series):
-        if re.search(r"flap|wing_phase|wing_angle|hall_event", name):
+        if re.search(r"flap|wing_phase|hall_event", name):
             found = _from_topic(series, name, choice)
             if found is not None:
                 return _made(name, *found)
@@ -93,8 +93,10 @@ def _from_topic(series: Mapping[str, Series], name: str, choice: WingSource) -> 
 
 
 def _of_phase(time: Array, phase: Array, choice: WingSource) -> Array | None:
-    turn = 2.0 * np.pi if np.ptp(phase) > 1.5 else 1.0
-    return np.asarray(np.unwrap(phase * 2.0 * np.pi / turn) / (2.0 * np.pi), float)
+    """A phase in turns, rad or degrees, as its range tells."""
+    span = float(np.ptp(phase))
+    turn = 1.0 if span <= 1.5 else 2.0 * np.pi if span <= 7.0 else 360.0
+    return np.asarray(np.unwrap(phase * 2.0 * np.pi / turn) / (2.0 * np.pi) / choice.gear, float)
 
 
 def _of_frequency(time: Array, frequency: Array, choice: WingSource) -> Array | None:
@@ -108,11 +110,11 @@ def _of_rpm(time: Array, rpm: Array, choice: WingSource) -> Array | None:
 def _of_counts(time: Array, counts: Array, choice: WingSource) -> Array | None:
     if choice.counts <= 0.0:
         return None
-    # A counter of 16 or 32 bits may wrap; a step of half its range is none of the wing.
+    # A single-turn encoder wraps at its counts, a counter at 16 or 32 bits; a step of half of it is none of the wing.
     steps = np.diff(counts)
-    for span in (2.0**16, 2.0**32, choice.counts):
+    for span in (choice.counts, 2.0**16, 2.0**32):
         if np.ptp(counts) <= span:
-            steps = (steps + 0.5 * span) % span - 0.5 * span if np.abs(steps).max() > 0.5 * span else steps
+            steps = np.where(np.abs(steps) > 0.5 * span, (steps + 0.5 * span) % span - 0.5 * span, steps)
             break
     return np.concatenate(([0.0], np.cumsum(steps))) / choice.counts / choice.gear
 

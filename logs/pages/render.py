@@ -27,6 +27,8 @@ TEMPLATES = Path(__file__).parent / "templates"
 UPLOT, UPLOT_STYLE = TEMPLATES / "uPlot.iife.min.js", TEMPLATES / "uPlot.min.css"
 AXES = TEMPLATES / "axes.js"
 """colors, numbers and axes of all plots"""
+CONTROLS = TEMPLATES / "controls.css"
+"""buttons, and titles of plots with their values"""
 NUMERIC = re.compile(r"(in )?\(?[-+−]?\d+(\.\d+)?(e[-+−]?\d+)?\)?( ?[%°*]| of \d+( \*)?| \(.* to .*\))?|")
 """number as text: 12, (−0.31), 0.58 (0.44 to 0.71), in 15 of 26"""
 SAME_SIZE = 20.0

@@ -186,6 +186,8 @@ def _ringing(high: Array, phase: Array, start: float, step: float) -> float:
     begins = np.flatnonzero(inside & ~np.roll(inside, 1))
     length = int(inside.sum() / max(1, len(begins)))
     windows = [high[i : i + length] / high.std(axis=0) for i in begins if i + length <= len(high)]
+    if length < 2 or not windows:
+        return 0.25 / step  # too slow to see it
     power = sum(np.abs(np.fft.rfft(window, 1024, axis=0)) ** 2 for window in windows)
     return float(np.fft.rfftfreq(1024, step)[np.asarray(power).sum(axis=1).argmax()])
 
@@ -204,5 +206,11 @@ def high_pass(signals: Array, step: float) -> Array:
 
 def _rms_by(index: NDArray[np.int64], count: int, high: Array) -> Array:
     """Return the RMS (count, 6) of the samples of each index."""
-    rows = [np.sqrt(np.mean(high[index == i] ** 2, axis=0)) for i in range(count)]
-    return np.array(rows)
+    sums = np.column_stack([np.bincount(index, column**2, count)[:count] for column in high.T])
+    counts = np.bincount(index, minlength=count)[:count]
+    filled = np.flatnonzero(counts)
+    # A stroke that takes a whole number of samples leaves phases without any.
+    means = sums[filled] / counts[filled, None]
+    every = np.arange(count)
+    rms: Array = np.sqrt(np.column_stack([np.interp(every, filled, column) for column in means.T]))
+    return rms

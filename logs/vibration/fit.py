@@ -17,9 +17,12 @@ from scipy.signal import freqz
 from logs.vibration.analysis import PHASE_BINS, Array, Spectrum, loudest_bin
 from sim_bridge.sensors.low_pass import corner, low_pass
 from sim_bridge.vehicles.vibration import ModeSpec, VibrationSpec
+from wingbeat.errors import InputError
 
 LOWEST = 20.0
 """Hz; lower end of the fit"""
+HIGHEST = 1500.0
+"""Hz; upper end of the fit, as of `ModeSpec.frequency`"""
 MODE_RATIO = 1.2
 """-; frequency of a mode over the one below"""
 DAMPING = 0.08
@@ -48,8 +51,13 @@ def fit(spectrum: Spectrum, reference_rate: float, bandwidths: tuple[float, floa
         spectrum: of a part of a flight.
         reference_rate: rad/s; RMS flap rate in it.
         bandwidths: Hz; first-order low pass of gyroscopes and accelerometers of the simulated vehicle, 0 for none.
+
+    Raises:
+        InputError: the samples are too slow.
     """
-    nyquist = 0.5 * spectrum.rate
+    nyquist = min(0.5 * spectrum.rate, HIGHEST)
+    if nyquist < 1.5 * LOWEST:
+        raise InputError(f"samples at {spectrum.rate:.4g} Hz are too slow to fit modes above {LOWEST:g} Hz")
     count = max(1, math.ceil(math.log(0.97 * nyquist / LOWEST) / math.log(MODE_RATIO)))
     centers = [*(LOWEST * MODE_RATIO ** (np.arange(count) + 0.5)), spectrum.ringing]
     used = (spectrum.frequency >= LOWEST) & (spectrum.frequency < 0.97 * nyquist)
@@ -72,7 +80,8 @@ def fit(spectrum: Spectrum, reference_rate: float, bandwidths: tuple[float, floa
         omega, period = 2.0 * math.pi * spectrum.ringing, 1.0 / spectrum.stroke_frequency
         kick = impact.buffet * math.sqrt(4.0 * DAMPING * period / omega)
         modes["impact"] = impact._replace(buffet=0.0, kick=round(kick, 6))
-    scatter = float(np.std(np.log(spectrum.by_stroke[:, 3:].mean(axis=1))))
+    # From one stroke to the next: a drift of the stroke rate is no scatter.
+    scatter = float(np.std(np.diff(np.log(spectrum.by_stroke[:, 3:].mean(axis=1))))) / math.sqrt(2.0)
     spec = VibrationSpec(round(reference_rate, 3), phases, JITTER if phases else 0.0, round(scatter, 3))
     return VibrationFit(spec, {name: mode for name, mode in modes.items() if mode.buffet or mode.kick}, share)
 
@@ -138,14 +147,15 @@ def _impacts(spectrum: Spectrum) -> tuple[tuple[float, ...], Array]:
 
 
 def _mode(center: float, rms: Array, number: int) -> ModeSpec:
-    """Return a mode whose largest translation is 1.
+    """Return a mode whose largest translation is 1, or whose largest rotation is 100 rad/m.
 
     Args:
         center: Hz.
         rms: (6,); RMS response of each axis by unit RMS modal acceleration, gyroscopes first.
         number: of the mode, which alternates the signs of its shape.
     """
-    size = float(rms[3:].max()) or float(rms[:3].max()) or 1.0
+    # A rotation of 100 rad/m weighs as much as a translation of 1, which keeps both in their ranges.
+    size = float(max(rms[3:].max(), rms[:3].max() / 100.0)) or 1.0
     signs = np.array([1.0 if (number >> bit) & 1 else -1.0 for bit in range(6)])
     shape = signs * rms / size
     buffet = 0.0 if not rms.any() else size

@@ -15,7 +15,7 @@ from wingbeat.errors import InputError
 IMU_TOPIC, WING_TOPIC = "/sensors/imu", "/main/wing"
 BLOCK = 2.0
 """s; parts that are compared"""
-LONGEST = 30.0
+LONGEST = 12.0
 """s; of the analyzed part"""
 STRONG = 0.5
 """-; share of the largest vertical acceleration at which the wings beat"""
@@ -77,11 +77,13 @@ def flight_vibration(log: Log, start: float | None = None, end: float | None = N
         raise InputError(f"{log.path}: no samples in this part: the IMU covers {time[0]:.1f} to {time[-1]:.1f} s")
     spectrum = analyze(time[chosen], imu[chosen])
     blocks = np.floor((time - time[0]) / BLOCK).astype(int)
-    levels = np.array([high[blocks == i].std(axis=0) for i in range(blocks[-1])])
-    quietest = int(np.nanargmin(levels[:, 3:].sum(axis=1)))
+    places = [i for i in range(blocks[-1] + 1) if np.count_nonzero(blocks == i) > 10]
+    levels = np.array([high[blocks == i].std(axis=0) for i in places])
+    row = int(levels[:, 3:].sum(axis=1).argmin())
+    quietest = places[row]
     first, last = float(time[chosen][0]), float(time[chosen][-1])
     return FlightVibration(
-        first, last, spectrum, float(time[0] + BLOCK * quietest), levels[quietest], _flap_rate(log, first, last),
+        first, last, spectrum, float(time[0] + BLOCK * quietest), levels[row], _flap_rate(log, first, last),
         _advice(spectrum),
     )  # fmt: skip
 
@@ -92,8 +94,8 @@ def _part(time: Array, vertical: Array, start: float | None, end: float | None) 
         between: Mask = time >= (-math.inf if start is None else start)
         return between & (time <= (math.inf if end is None else end))
     blocks = np.floor((time - time[0]) / BLOCK).astype(int)
-    level = np.array([vertical[blocks == i].std() for i in range(blocks[-1] + 1)])
-    strong = level >= STRONG * np.nanpercentile(level, 90)
+    level = np.array([vertical[blocks == i].std() if (blocks == i).any() else 0.0 for i in range(blocks[-1] + 1)])
+    strong = level >= STRONG * np.percentile(level, 90)
     runs = np.flatnonzero(np.diff(np.concatenate(([0], strong.astype(int), [0]))))
     begin, stop = max(zip(runs[::2], runs[1::2], strict=True), key=lambda run: run[1] - run[0])
     middle, half = 0.5 * (begin + stop) * BLOCK, 0.5 * min(LONGEST, (stop - begin) * BLOCK)

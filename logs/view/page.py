@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from logs.attached import simulated_vehicle
 from logs.info import vehicle
 from logs.outline import shape_of
-from logs.pages.render import AXES, UPLOT, UPLOT_STYLE, render, write_text
+from logs.pages.render import AXES, CONTROLS, UPLOT, UPLOT_STYLE, render, write_text
 from logs.reader import Log
 from logs.scene import PLAIN_BIRD, Shape, outlines
 from logs.view.motion import Motion, motion_of
@@ -95,7 +95,10 @@ def flight_document(log: Log, tables: Tables, packer: Packer) -> dict[str, Any]:
 def filled(document: dict[str, Any], numbers: str) -> str:
     """Return the HTML of the page."""
     title = f"{document['vehicle']} – {document['file']}"
-    scripts, styles = [AXES, UPLOT, *(FOLDER / name for name in SCRIPTS)], [UPLOT_STYLE, FOLDER / "page.css"]
+    scripts, styles = (
+        [AXES, UPLOT, *(FOLDER / name for name in SCRIPTS)],
+        [UPLOT_STYLE, CONTROLS, FOLDER / "page.css"],
+    )
     return render("flight.html", styles, scripts, (FOLDER,), title=title, flight=document, numbers=numbers)
 
 

@@ -15,6 +15,7 @@ from typing import Annotated, Any, NamedTuple
 
 from wingbeat.constants import STANDARD_GRAVITY
 from wingbeat.errors import InputError
+from wingbeat.schema import field_hints, quantity_of
 from wingbeat.units import Quantity
 
 Document = dict[str, Any]
@@ -74,6 +75,20 @@ class NewBird(NamedTuple):
     def root_chord(self) -> float:
         """m; of an elliptic wing of this area and span."""
         return 4.0 * self.area / (math.pi * self.span)
+
+
+def checked_bird(bird: NewBird) -> NewBird:
+    """Return the numbers of a new vehicle.
+
+    Raises:
+        InputError: one is out of its range.
+    """
+    hints = field_hints(NewBird)
+    for name, value in bird._asdict().items():
+        quantity = quantity_of(hints[name])
+        if quantity is not None and not quantity.low <= value <= quantity.high:
+            raise InputError(f"{name} = {value:.4g} {quantity.violation_text()}")
+    return bird
 
 
 class Remark(NamedTuple):

@@ -187,7 +187,7 @@ def _advance(force: Vector, flap_rate: float, at: int, bound: Bound) -> None:
         level = memory[LEVEL] * memory[SCATTER]
         periodic = 0.0
         for order in s.mesh_orders:
-            periodic += math.cos(math.tau * order * memory[PHASE])
+            periodic += math.cos(math.tau * order * memory[PHASE]) if memory[PERIOD] > 0.0 else 0.0
         motion = np.zeros(6)
         for j in range(count):
             mode, forces = s.modes[j], s.forces[j]
@@ -222,7 +222,12 @@ def _stroke(rate: float, step: float, at: int, s: Structure) -> int:
     memory = s.memory
     before = memory[PHASE]
     memory[SINCE] += step
+    impacts = 0
     if memory[RATE] > 0.0 and rate <= 0.0:
+        if memory[PERIOD] > 0.0:
+            # The stroke was shorter than the one before: what is left of it happens now.
+            for k in range(s.kick_phases.shape[0]):
+                impacts += int(before < s.kick_phases[k] + s.kick_shifts[k])
         memory[PERIOD] = memory[SINCE] if memory[SINCE] < LONGEST_STROKE else 0.0
         memory[SINCE], before = 0.0, -1.0
         memory[SCATTER] = math.exp(s.settings[3] * s.stroke_normals[at, 0])
@@ -232,7 +237,6 @@ def _stroke(rate: float, step: float, at: int, s: Structure) -> int:
     if memory[PERIOD] == 0.0:
         return 0
     memory[PHASE] = now = memory[SINCE] / memory[PERIOD]
-    impacts = 0
     for k in range(s.kick_phases.shape[0]):
         phase = s.kick_phases[k] + s.kick_shifts[k]
         impacts += int(before < phase <= now)

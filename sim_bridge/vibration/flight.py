@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from sim_bridge.observation import Vector
 from sim_bridge.plant import Plant
 from sim_bridge.sensors.noise import sensor_seed
@@ -16,11 +18,13 @@ GAUSS_PER_MICROTESLA = 0.01
 
 
 def check_vibration(vehicle: SimulatedVehicle, factor: float) -> None:
-    """Check that a vehicle has what a factor above 0 asks for.
+    """Check a factor, and that a vehicle has what one above 0 asks for.
 
     Raises:
-        InputError: the vehicle file has no section [vibration].
+        InputError: the factor is negative, or the vehicle file has no section [vibration].
     """
+    if not 0.0 <= factor < math.inf:
+        raise InputError(f"vibration must be a factor from 0, not {factor:g}")
     if factor > 0.0 and "vibration" not in vehicle.sections:
         raise InputError(f"{vehicle.path}: no section [vibration]: it flies with --vibration none only")
 

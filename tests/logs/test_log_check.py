@@ -291,11 +291,48 @@ def test_command_tells_in_a_table_and_in_json(
     assert math.isfinite(found["start"]) and found["end"] > found["start"]
 
 
+def test_tables_with_one_clock_in_milliseconds_and_degrees(flight: Tables, tmp_path: Path) -> None:
+    """GIVEN tables of two rates on a clock in ms WHEN checked THEN their length and units are right."""
+    stamps, columns = flight["sensor_combined"]
+    imu = {"time": stamps * 1e-3}
+    imu |= {f"gyro_{axis}_deg_s": np.degrees(columns["gyro_rad"][:, i]) for i, axis in enumerate("xyz")}
+    imu |= {f"accel_{axis}_m_s2": columns["accelerometer_m_s2"][:, i] for i, axis in enumerate("xyz")}
+    slow, power = flight["battery_status"]
+    battery = {"TIME": slow * 1e-3, "voltage_V": power["voltage_v"], "current_A": power["current_a"]}
+    paths = [tmp_path / "imu.csv", tmp_path / "battery.csv"]
+    for path, table in zip(paths, (imu, battery), strict=True):
+        np.savetxt(path, np.column_stack(list(table.values())), delimiter=",", header=",".join(table), comments="")
+    report = check_log(paths)
+    assert report.log.duration == pytest.approx((stamps[-1] - stamps[0]) * 1e-6, abs=0.2)
+    assert [one for one in report.findings if one.severity != "info"] == []
+    assert report.log.signals["gyro"].values == pytest.approx(columns["gyro_rad"], abs=1e-6)
+
+
+def test_clip_counters_count_from_where_they_rise(flight: Tables) -> None:
+    """GIVEN a counter that reaches 3, and bits WHEN checked THEN the moments of clipping."""
+    stamps = flight["battery_status"][0]
+    at = begin(flight) + 20.0
+    counter = 3 * (stamps > at * 1e6).astype(np.int64)
+    (found,) = findings(flight | {"vehicle_imu_status": (stamps, {"accel_clipping": counter})})
+    assert found.code == "clipping" and abs(found.start - 20.0) < 0.3 and found.end - found.start < 0.5
+
+
+@pytest.mark.parametrize("vehicle", ["robo_raven_ii_d", "ulg_ornithopter"])
+def test_flights_with_vibration_have_no_error(vehicle: str, tmp_path: Path) -> None:
+    """GIVEN flights with the vibration of the vehicle WHEN checked THEN no other warning than theirs."""
+    path = tmp_path / "flight.mcap"
+    wingbeat.fly(vehicle, vibration=1.0, duration=40.0, log=path)
+    codes = {one.code for one in check_log([path]).findings if one.severity != "info"}
+    assert codes <= {"vibration", "magnetic_interference"}  # both are in the vehicle file
+
+
 def test_bad_input_is_one_line(tmp_path: Path) -> None:
     """GIVEN a table without a time, or a missing file WHEN checked THEN one line says so."""
     table = tmp_path / "x.csv"
     table.write_text("a,b\n1,2\n", encoding="utf-8")
-    for path in (table, tmp_path / "missing.ulg"):
+    empty = tmp_path / "empty.csv"
+    empty.write_text("time,a\n", encoding="utf-8")
+    for path in (table, empty, tmp_path / "missing.ulg"):
         with pytest.raises(InputError) as error:
             check_log([path])
         assert "\n" not in str(error.value)

@@ -81,6 +81,15 @@ def test_impact_rings_once_a_stroke_at_its_phase_with_the_energy_of_its_velocity
     assert energy.sum() * PERIOD == pytest.approx(expected * average, rel=0.25)
 
 
+def test_no_impact_is_lost_at_the_end_of_a_stroke() -> None:
+    """GIVEN impacts at 0.99 of a stroke with jitter WHEN the wings beat THEN one happens in every stroke."""
+    mode = ModeSpec(100.0, 0.5, (0.0, 0.0, 1.0), (0.0, 0.0, 0.0), kick=0.1)
+    spec = VibrationSpec(reference_rate=5.0, kick_phases=(0.99,), kick_jitter=0.01)
+    seen = shaken(build(spec, mode), beating(20.0))[400:, 5] + STANDARD_GRAVITY
+    strokes = seen[25 : len(seen) // 50 * 50 - 25].reshape(-1, 50)  # an impact is in the middle of a row
+    assert (np.abs(strokes).max(axis=1) > 1.0).all()
+
+
 def test_periodic_force_has_its_order() -> None:
     """GIVEN a force of order 9 WHEN the wings beat at 4 Hz THEN its line stands at 36 Hz."""
     mode = ModeSpec(36.0, 0.05, (0.0, 0.0, 1.0), (0.0, 0.0, 0.0), mesh=1.0)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from groundstation.command.foreign_log import opened_log
 from groundstation.command.identify import identified, identified_together
 from groundstation.command.identify_out import sha256, write_outputs
 from logs.identification.findings import Finding
@@ -198,7 +199,7 @@ def identify(
     The results are those of ``wingbeat identify`` with the same inputs.
 
     Args:
-        source: flight, log, MCAP file or several of one aircraft; with ``map`` one or several tables.
+        source: flight, log, file (.mcap, .ulg, .bin, .tlog) or several of one aircraft; with ``map`` tables.
         what: subject, see ``wingbeat identify --help``: all, servo, power, modes, aero, path, ...
         map: columns of the tables and what to fit.
         vehicle: name, file or folder of the vehicle, for a log of another program.
@@ -218,8 +219,10 @@ def identify(
         one = identified(log, what, named, words)
         return Identification(_of_log(one), one.truths, _Flights((log.path,), one))
     paths = tuple(Path(one) for one in ([source] if isinstance(source, str | Path) else source))
+    if not paths:
+        raise InputError("no log to identify from")
     with ExitStack() as stack:
-        logs = [stack.enter_context(open_log(path)) for path in paths]
+        logs = [stack.enter_context(opened_log(path)) for path in paths]
         one = identified(logs[0], what, named, words) if len(logs) == 1 else identified_together(logs, named, words)
     return Identification(_of_log(one), one.truths, _Flights(paths, one))
 

@@ -11,7 +11,7 @@ from sim_bridge.flight.tuning.cascade import Design, Loop, design
 from sim_bridge.flight.tuning.proof import SCENARIO, Proof, fly_quality
 from sim_bridge.flight.tuning.vehicle_file import places, write
 from sim_bridge.tuning.model import LinearModel, is_model_file, load_model
-from sim_bridge.vehicles.scaling import NewBird
+from sim_bridge.vehicles.scaling import NewBird, checked_bird
 from wingbeat.api.steady import LinearMotion, linearize
 from wingbeat.api.vehicles import Vehicle, load_vehicle
 from wingbeat.errors import InputError
@@ -160,9 +160,8 @@ def new_bird(
     """
     folder = Path(folder)
     places(folder)
-    bird = NewBird(
-        mass, span, area, math.radians(stroke_deg) / 2.0, rate, tail_area, tail_arm, cells, capacity
-    )  # fmt: skip
+    given = NewBird(mass, span, area, math.radians(stroke_deg) / 2.0, rate, tail_area, tail_arm, cells, capacity)
+    bird = checked_bird(given)
     vehicle = design_vehicle(bird, folder.resolve().name, airspeed)
     write_vehicle(vehicle, folder)
     return vehicle

@@ -37,11 +37,14 @@ def frequency_error(made: ImportedTopic) -> float:
     [
         ("wing_phase", {"phase_rad": 2.0 * np.pi * (STROKES % 1.0)}, WingSource(), 0.01),
         ("wing_phase", {"phase": STROKES % 1.0, "valid": np.ones(len(TIME), np.uint8)}, WingSource(), 0.01),
+        ("wing_phase", {"phase_deg": 360.0 * (STROKES % 1.0)}, WingSource(), 0.01),
+        ("shaft_phase", {"phase": 2.0 * np.pi * (8.0 * STROKES % 1.0)}, WingSource("shaft_phase", gear=8.0), 0.01),
+        ("encoder", {"count": np.floor(STROKES * 4096) % 4096}, WingSource("encoder", 4096), 0.1),
         ("flap_frequency", {"frequency_hz": FREQUENCY}, WingSource(), 0.01),
         ("encoder_count", {"count": np.rint(STROKES * 32768) % 65536}, WingSource("encoder_count", 4096, 8.0), 0.05),
         ("rpm", {"rpm_estimate": FREQUENCY * 60.0 * 8.0}, WingSource("rpm", gear=8.0), 0.01),
     ],
-    ids=["phase", "phase in turns", "frequency", "encoder that wraps", "rpm"],
+    ids=["phase", "turns", "degrees", "shaft phase", "single-turn encoder", "frequency", "counter that wraps", "rpm"],
 )  # fmt: skip
 def test_strokes_from_a_topic(name: str, columns: dict[str, np.ndarray], choice: WingSource, limit: float) -> None:
     """GIVEN a topic of the wing WHEN imported THEN frequency, strokes and the text name it."""

@@ -1,0 +1,1 @@
+"""Live view of a vehicle in a browser: page, WebSocket server and its data."""
