@@ -10,7 +10,7 @@ from avionics.parameters import Parameter, get, grounded, parameter_table
 from avionics.vehicles import load_vehicle
 from avionics.vehicles.loader import SECTIONS
 
-VEHICLES = ("robo_raven_ii_d", "arizona_100cm")
+VEHICLES = ("robo_raven_ii_d", "arizona_100cm", "ulg_ornithopter")
 HEAD = """# Parameters
 
 Every parameter of the built-in vehicles, as ground stations list it. Written by `make docs/parameters.md` from the

@@ -51,6 +51,8 @@ def parts_of(recording: Path) -> list[Path]:
     return [part for part in files_of(recording)[1:] if part.is_file()]
 
 
+GROUND = "gcs-"
+"""beginning of the names of a ground station's recordings"""
 LATEST = "latest"
 """Name of the newest recording in place of a path."""
 
@@ -67,7 +69,9 @@ def recording_path(name: str, folder: Path = RECORDINGS) -> Path:
     flights = [one for one in folder.glob("*.mcap") if not one.name.endswith(PARTS)]
     if not flights:
         raise InputError(f"no recording in {folder}/: record one with wingbeat fly, or name a file")
-    return max(flights, key=lambda one: one.stat().st_mtime_ns)
+    # A ground station records beside the flight that it watches.
+    own = [one for one in flights if not one.name.startswith(GROUND)]
+    return max(own or flights, key=lambda one: one.stat().st_mtime_ns)
 
 
 @contextlib.contextmanager

@@ -91,7 +91,7 @@ def build_parser() -> options.Parser:
         "subject", nargs="?", metavar="MODEL|VEHICLE", help="file of a linear model, or vehicle to linearize"
     )
     parser.add_argument(
-        "--from", dest="log", type=options.recording_path, metavar="LOG", help="identify the model from this flight"
+        "--from", dest="log", type=options.recording_file, metavar="LOG", help="identify the model from this flight"
     )
     parser.add_argument(
         "--want",

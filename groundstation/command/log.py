@@ -89,7 +89,7 @@ def build_parser() -> options.Parser:
     for verb, text in TEXTS.items():
         one = verbs.add_parser(verb, help=text, description=text)
         one.add_argument(
-            "file", type=options.recording_path, metavar="FILE", help="path, or latest: the newest of recordings/"
+            "file", type=options.recording_file, metavar="FILE", help="path, or latest: the newest of recordings/"
         )
         options.add_json(one)
         if verb in ("info", "view", "export", "recover"):

@@ -32,7 +32,7 @@ def add_verb(verbs: Any) -> None:
     one.add_argument(
         "file",
         nargs="+",
-        type=options.recording_path,
+        type=options.recording_file,
         metavar="FILE",
         help="path, or latest: the newest of recordings/; several tables with a common clock",
     )

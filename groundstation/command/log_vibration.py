@@ -33,7 +33,7 @@ def add_verb(verbs: Any) -> None:
         "vibration", help="spectrum at the IMU, and a vehicle that vibrates so", description=SUMMARY
     )
     one.add_argument(
-        "file", type=options.recording_path, metavar="FILE", help="path, or latest: the newest of recordings/"
+        "file", type=options.recording_file, metavar="FILE", help="path, or latest: the newest of recordings/"
     )
     one.add_argument("--start", type=options.number, metavar="S", help="from so many seconds since boot on")
     one.add_argument("--end", type=options.number, metavar="S", help="to so many seconds since boot")

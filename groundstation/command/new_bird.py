@@ -41,6 +41,7 @@ JSON_KEYS = {
 }
 FAILED = 1
 """exit code: the proof flight did not complete its holds; the files are written"""
+METAVARS = {"stroke": "DEG", "cells": "N", "capacity": "AH"}
 QUESTIONS = {
     "mass": "all-up mass in kg",
     "span": "span from tip to tip in m",
@@ -67,7 +68,7 @@ def build_parser() -> options.Parser:
     parser.add_argument("name", metavar="NAME", help="new folder; its last part is the name of the vehicle")
     for option, text in QUESTIONS.items():
         parser.add_argument(
-            f"--{option.replace('_', '-')}", type=options.positive, metavar=text.rpartition(" in ")[2][:4].upper(),
+            f"--{option.replace('_', '-')}", type=options.positive, metavar=METAVARS.get(option, text.rpartition(" in ")[2].upper()),
             help=text,
         )  # fmt: skip
     parser.add_argument("--chord", type=options.positive, metavar="M", help="mean chord in m, instead of --area")

@@ -392,6 +392,14 @@ def level(text: str) -> str:
     return text
 
 
+def recording_file(text: str) -> Path:
+    """Parse the path of a recording, or ``latest``, for argparse."""
+    try:
+        return recording_path(text)
+    except InputError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+
+
 def vibration(text: str) -> float:
     """Parse a vibration: ``none`` (0), ``vehicle`` (1), or a factor from 0, for argparse."""
     named = {"none": 0.0, "vehicle": 1.0}

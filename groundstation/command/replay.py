@@ -55,7 +55,7 @@ def build_parser() -> options.Parser:
     parser.add_argument(
         "file",
         nargs="?",
-        type=options.recording_path,
+        type=options.recording_file,
         metavar="FILE",
         help="a log of a Wingbeat flight computer, or latest: the newest of recordings/",
     )

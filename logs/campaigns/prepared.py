@@ -109,6 +109,8 @@ def _changed(gains: FlightGains, name: str, key: str, value: Any) -> FlightGains
 
 def _scenario(values: Values, of_mission: tuple[Fault, ...], sticks: Script | None) -> Scenario:
     duration = float(plain(values, "duration", DURATION))
+    if not 0.0 < duration < math.inf:
+        raise InputError(f"duration must be above 0 s, not {duration:g}")
     faults = (*_faults(values), *of_mission)
     for fault in faults:
         if fault.at >= duration:

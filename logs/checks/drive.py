@@ -44,6 +44,8 @@ def check_drive(log: LogData) -> Iterator[Finding]:
     yield from _sag(log)
     yield from _missing(log)
     yield from _informative(log)
+    for line in log.damage:
+        yield Finding("damaged", "error", "", 0.0, log.duration, math.nan, line)
     if log.boots > 1:
         text = f"{log.boots} boots in this file; the one with the most data is checked"
         yield Finding("boots", "info", "", 0.0, log.duration, float(log.boots), text)

@@ -63,6 +63,8 @@ class LogData(NamedTuple):
     raw: tuple[RawTopic, ...]
     signals: Mapping[str, Signal]
     """by role, see `ROLES`"""
+    damage: tuple[str, ...] = ()
+    """of the file, one line each"""
     boots: int = 1
     """of the vehicle in the file; the one with the most data is checked"""
 
@@ -140,7 +142,10 @@ def read_log(paths: Sequence[Path], mapping: Path | None = None) -> LogData:
     if first.suffix.lower() == LOG_SUFFIX:
         return _of_recording(first)
     data = log_import.read_bytes(first)
-    sources = log_import.read_source(log_import.Choice(first, first, mapping), data)
+    try:
+        sources = log_import.read_source(log_import.Choice(first, first, mapping), data)
+    except InputError as error:
+        raise InputError(f"{first}: {error} (also .mcap, and .csv without a map)") from None
     source = max(sources, key=lambda one: sum(len(series.time_us) for series in one.series.values()))
     return of_source(first.name, source)._replace(boots=len(sources))
 
@@ -164,7 +169,7 @@ def of_source(name: str, source: Source) -> LogData:
     signals = {role: _shifted(signal, begin) for role, signal in by_role}
     for role, signal in _of_autopilot(whole):
         signals.setdefault(role, _shifted(signal, begin))
-    return LogData(name, known.name, (end - begin) * 1e-6, tuple(raw), signals)
+    return LogData(name, known.name, (end - begin) * 1e-6, tuple(raw), signals, source.damage)
 
 
 def _of_autopilot(series: Mapping[str, Series]) -> Iterator[tuple[str, Signal]]:
@@ -186,6 +191,7 @@ def _of_recording(path: Path) -> LogData:
     wanted = {topic.name for fields in ROLES.values() for topic, _ in fields}
     raw, found = [], []
     with open_log(path) as log:
+        damage = tuple(map(str, log.damage))
         for name, info in log.topics.items():
             if info.messages == 0 or not name.startswith("/") or name.startswith(("/view/", "/truth/")):
                 continue
@@ -207,7 +213,7 @@ def _of_recording(path: Path) -> LogData:
     for role, signal in _of_autopilot(foreign):
         signals.setdefault(role, _shifted(signal, begin))
     topics = tuple(RawTopic(name, _seconds(stamps, begin), plain) for name, stamps, plain in raw)
-    return LogData(path.name, "Wingbeat", (end - begin) * 1e-6, topics, signals)
+    return LogData(path.name, "Wingbeat", (end - begin) * 1e-6, topics, signals, damage)
 
 
 def _of_tables(paths: Sequence[Path]) -> LogData:

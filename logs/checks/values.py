@@ -10,16 +10,13 @@ import numpy as np
 from logs.checks.findings import Finding
 from logs.checks.log_data import Array, LogData, RawTopic, Signal
 from logs.checks.timing import clusters, runs
+from logs.vibration.analysis import clipped
 
 AXES = "xyz"
 LEAST = 50
 """rows of a signal that is checked"""
 FROZEN_TIME, FROZEN_ROWS, FROZEN_FACTOR = 0.8, 20, 8
 """s, rows, multiple of the usual longest repetition of a value"""
-CLIPPED = 3
-"""samples at the largest value"""
-PILED, FAR = 0.6, 20
-"""share of the samples near the largest value that are exactly there; its distance from the median in steps"""
 REST_TIME = 1.5
 """s; at rest"""
 REST_SHAKE, REST_TURN = 0.5, 0.02
@@ -58,16 +55,9 @@ def _clipping(signal: Signal) -> Iterator[Finding]:
     if len(signal.time) < LEAST:
         return
     for axis in range(signal.values.shape[1]):
-        values = signal.values[:, axis]
-        steps = np.diff(np.unique(values))
-        resolution = float(steps[steps > 1e-9].min(initial=np.inf))
-        for limit in (values.max(), values.min()):
-            at = np.flatnonzero(np.isclose(values, limit, rtol=1e-7, atol=1e-9))
-            near = np.flatnonzero(np.abs(values - limit) < 0.02 * abs(limit))
-            far = abs(limit - np.median(values)) > max(0.5 * float(values.std()), FAR * resolution)
-            if len(at) < CLIPPED or not far or len(at) < PILED * len(near):
-                continue
-            yield from _clipped(signal, axis, signal.time[at], abs(float(limit)))
+        at = clipped(signal.values[:, axis])
+        if len(at):
+            yield from _clipped(signal, axis, signal.time[at], float(np.abs(signal.values[at, axis]).max()))
 
 
 def _clipped(signal: Signal, axis: int, times: Array, limit: float) -> Iterator[Finding]:

@@ -29,6 +29,10 @@ SEGMENT = 256
 LEAST_STROKES = 8
 FREQUENCIES = (0.8, 40.0)
 """Hz; of a stroke"""
+CLIPPED = 5
+"""samples at the largest value"""
+PILED, FAR = 0.6, 20
+"""share of the samples near the largest value that are exactly there; its distance from the median in steps"""
 BAND_EDGES = (0.0, 10.0, 20.0, 40.0, 70.0, 100.0, 200.0, 400.0, 800.0, 1600.0)
 """Hz"""
 
@@ -156,15 +160,26 @@ def stroke_phase(time: Array, vertical: Array) -> Array:
     return result
 
 
-def clipped_share(accelerometers: Array) -> Array:
-    """Return the share of samples at the range of each accelerometer (n, 3).
+def clipped(values: Array) -> NDArray[np.int64]:
+    """Return the samples of a signal (n,) that are at the range of its sensor.
 
-    A range is reached where at least three samples have exactly the largest magnitude.
+    A clipped signal has many samples at exactly its largest or smallest value, and few beside it.
     """
-    largest = np.abs(accelerometers).max(axis=0)
-    at = np.isclose(np.abs(accelerometers), largest, rtol=1e-6)
-    share: Array = np.where(at.sum(axis=0) >= 3, at.mean(axis=0), 0.0)
-    return share
+    found: list[NDArray[np.int64]] = [np.zeros(0, np.int64)]
+    steps = np.diff(np.unique(values))
+    resolution = float(steps[steps > 1e-9].min(initial=np.inf))
+    for limit in (float(values.max()), float(values.min())):
+        at = np.flatnonzero(np.isclose(values, limit, rtol=1e-7, atol=1e-9))
+        near = np.count_nonzero(np.abs(values - limit) < 0.02 * abs(limit))
+        distance = abs(limit - float(np.median(values)))
+        if len(at) >= CLIPPED and len(at) >= PILED * near and distance > max(0.5 * values.std(), FAR * resolution):
+            found.append(at)
+    return np.sort(np.concatenate(found))
+
+
+def clipped_share(accelerometers: Array) -> Array:
+    """Return the share of samples at the range of each accelerometer (n, 3)."""
+    return np.array([len(clipped(column)) / len(column) for column in accelerometers.T])
 
 
 def _harmonics(signals: Array, phase: Array, count: int) -> tuple[Array, Array]:

@@ -10,15 +10,16 @@ from logs.importing.log_import import Choice
 from logs.importing.log_import import import_log as convert
 from logs.importing.wing import WingSource
 from logs.reader import Log, open_log
+from wingbeat.api.flights import Flight
 
 __all__ = ["LogReport", "check_log", "import_log"]
 
 
-def check_log(*files: Path | str, map: Path | str | None = None) -> LogReport:
+def check_log(*files: Path | str | Flight | Log, map: Path | str | None = None) -> LogReport:
     """Find faults of a log: clocks, sensors, drive, battery, content.
 
     Args:
-        files: one log (.mcap, .ulg, .bin, .tlog, .csv), or several tables with a common clock.
+        files: one flight or log (.mcap, .ulg, .bin, .tlog, .csv), or several tables with a common clock.
         map: columns of a table, see ``wingbeat log import --help``.
 
     Returns:
@@ -27,7 +28,8 @@ def check_log(*files: Path | str, map: Path | str | None = None) -> LogReport:
     Raises:
         InputError: a file cannot be read, or has no data.
     """
-    return check_paths([Path(file) for file in files], None if map is None else Path(map))
+    paths = [file.path if isinstance(file, Flight | Log) else Path(file) for file in files]
+    return check_paths(paths, None if map is None else Path(map))
 
 
 def import_log(
