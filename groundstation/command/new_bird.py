@@ -67,10 +67,8 @@ def build_parser() -> options.Parser:
     parser = options.build_parser("new-bird", summary, EXAMPLES, JSON_KEYS)
     parser.add_argument("name", metavar="NAME", help="new folder; its last part is the name of the vehicle")
     for option, text in QUESTIONS.items():
-        parser.add_argument(
-            f"--{option.replace('_', '-')}", type=options.positive, metavar=METAVARS.get(option, text.rpartition(" in ")[2].upper()),
-            help=text,
-        )  # fmt: skip
+        metavar = METAVARS.get(option, text.rpartition(" in ")[2].upper())
+        parser.add_argument(f"--{option.replace('_', '-')}", type=options.positive, metavar=metavar, help=text)
     parser.add_argument("--chord", type=options.positive, metavar="M", help="mean chord in m, instead of --area")
     parser.add_argument(
         "--airspeed", type=options.positive, metavar="M/S", help="cruise airspeed (default: from the Strouhal number)"

@@ -36,9 +36,7 @@ class Code(NamedTuple):
 
 
 CODES: dict[str, Code] = {
-    "damaged": Code(
-        "the file is damaged or cut off", "wingbeat log recover repairs a recording; look for a whole copy"
-    ),
+    "damaged": Code("the file is damaged or cut off", "repair a recording by wingbeat log recover"),
     "gap": Code("messages are missing", "check the logger's rate and storage; split the record there"),
     "rate_change": Code("the rate of a topic changes", "use the time stamps, not a constant rate"),
     "time_backwards": Code("time stamps decrease", "sort by time stamp; check the source of the stamps"),

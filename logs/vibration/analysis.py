@@ -29,7 +29,7 @@ SEGMENT = 256
 LEAST_STROKES = 8
 FREQUENCIES = (0.8, 40.0)
 """Hz; of a stroke"""
-CLIPPED = 5
+CLIPPED = 8
 """samples at the largest value"""
 PILED, FAR = 0.6, 20
 """share of the samples near the largest value that are exactly there; its distance from the median in steps"""

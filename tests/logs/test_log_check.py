@@ -326,6 +326,15 @@ def test_flights_with_vibration_have_no_error(vehicle: str, tmp_path: Path) -> N
     assert codes <= {"vibration", "magnetic_interference"}  # both are in the vehicle file
 
 
+def test_a_file_that_is_cut_off_is_an_error(tmp_path: Path) -> None:
+    """GIVEN a recording without its end WHEN checked THEN the damage is told."""
+    path = tmp_path / "flight.mcap"
+    wingbeat.fly("arizona_100cm", duration=12.0, log=path)
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(path.read_bytes()[:-200_000])
+    assert "damaged" in {one.code for one in check_log([cut]).findings if one.severity == "error"}
+
+
 def test_bad_input_is_one_line(tmp_path: Path) -> None:
     """GIVEN a table without a time, or a missing file WHEN checked THEN one line says so."""
     table = tmp_path / "x.csv"

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 import wingbeat
 from groundstation.command.main import dispatch
-from logs.vibration.analysis import AXES, analyze
+from logs.vibration.analysis import AXES, analyze, clipped
 from logs.vibration.fit import fit, modeled_density
 from sim_bridge.observation import Observation
 from sim_bridge.sensors.noise import sensor_seed
@@ -93,6 +93,16 @@ def test_density_of_fitted_modes_is_that_of_the_flight() -> None:
         rms = np.sqrt(density[inside].sum(axis=0) * spacing)
         strong = measured.band_rms[band] > 0.1 * measured.band_rms[2:].max(axis=0)
         assert np.abs(20.0 * np.log10(rms / measured.band_rms[band]))[strong].max() < 3.0
+
+
+def test_a_repeated_largest_value_is_no_clipping() -> None:
+    """GIVEN a periodic signal of a coarse sensor, and one that is limited WHEN looked at THEN the second is found."""
+    time = np.arange(0.0, 20.0, 0.005)
+    noise = np.random.default_rng(1).normal(0.0, 0.1, len(time))
+    coarse = 0.038 * np.round((-9.8 + 14.0 * np.sin(2.0 * np.pi * 4.0 * time) + noise) / 0.038)
+    assert len(clipped(coarse)) == 0
+    limited = np.minimum(coarse, 0.038 * 80)
+    assert len(clipped(limited)) == np.count_nonzero(limited == limited.max())
 
 
 def test_too_few_strokes_and_no_strokes_are_rejected() -> None:
