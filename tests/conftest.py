@@ -25,8 +25,11 @@ settings.load_profile("unhurried")
 
 LONG = (
     "tests/sim_bridge/test_aerodynamics.py",
+    "tests/test_docs_site.py",
     "tests/logs/identification/test_identification_short_period.py",
     "tests/groundstation/test_fly.py",
+    "tests/wingbeat/test_api.py",
+    "tests/groundstation/test_new_bird.py",
     "tests/sitl/",
     "tests/clients/",
     "tests/sim_bridge/test_validation.py",

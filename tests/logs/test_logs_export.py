@@ -288,10 +288,12 @@ def test_what_installs_a_package_is_the_pip_of_the_python_that_runs(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "executable", str(tmp_path / ".venv" / "bin" / "python"))
-    rerun = next(line for line in metadata.requires("wingbeat") or [] if line.startswith("rerun-sdk"))
-    rerun = rerun.partition(";")[0].strip()
-    assert ">=" in rerun
-    assert pip_install(["rerun-sdk", "polars"]) == f".venv/bin/python -m pip install '{rerun}' polars"
+    rerun, polars = (
+        next(line for line in metadata.requires("wingbeat") or [] if line.startswith(name)).partition(";")[0].strip()
+        for name in ("rerun-sdk", "polars")
+    )
+    assert ">=" in rerun and ">=" in polars
+    assert pip_install(["rerun-sdk", "polars"]) == f".venv/bin/python -m pip install '{rerun}' '{polars}'"
     monkeypatch.setattr(sys, "executable", "/opt/a place/python3")
     assert pip_install(["dask"]) == "'/opt/a place/python3' -m pip install dask", "not dask[distributed]"
 

@@ -243,9 +243,10 @@ def test_csv_holds_every_digit(tmp_path: Path) -> None:
     assert {path.name for path in paths} >= {"sensors_imu.csv", "truth_state.csv"}
     with (tmp_path / "out" / "attitude_ahrs.csv").open() as file:
         rows = list(csv.reader(file))
-    assert rows[0][:3] == ["time_us [us]", "roll [rad]", "pitch [rad]"]
+    assert rows[0][:4] == ["time [s]", "time_us [us]", "roll [rad]", "pitch [rad]"]
     recorded = [message for topic, message in messages if topic is topics.ATTITUDE]
-    assert [tuple(map(float, row)) for row in rows[1:]] == [tuple(map(float, message)) for message in recorded]
+    assert [tuple(map(float, row[1:])) for row in rows[1:]] == [tuple(map(float, message)) for message in recorded]
+    assert [float(row[0]) for row in rows[1:]] == pytest.approx([1e-6 * message.time_us for message in recorded])
     assert len(csv_header(log.columns(topics.ADC))) == 121
 
 

@@ -18,7 +18,12 @@ from sim_bridge.flight.tuning.autopilots import ARDUPLANE, FIRMWARE, PX4, AxisLo
 from sim_bridge.tuning.margins import LIMITS, response
 from wingbeat.errors import InputError
 
-CASES = [(name, key) for name in VEHICLES for key in FIRMWARE]
+CASES = [
+    pytest.param(name, key, marks=pytest.mark.validate if (i + j) % 2 else ())
+    for i, name in enumerate(VEHICLES)
+    for j, key in enumerate(FIRMWARE)
+]
+"""vehicle and firmware; each of them once in the short tests"""
 
 
 @cache
