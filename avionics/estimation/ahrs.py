@@ -307,8 +307,10 @@ def align(gains: AhrsGains, imu: ImuSample, span: float) -> AhrsState:
     """
     state = start(gains, imu)
     rate = state.rates
-    correction = state.correction._replace(bias=rate, offset=rate, age=span, window=span)
-    return state._replace(correction=correction)
+    aid, errors = velocity_aiding.weighed(state.aid, (imu.accel_x, imu.accel_y, imu.accel_z))
+    correction = state.correction._replace(bias=rate, offset=rate, age=span, window=span, accel_offset=errors.accel)
+    r = orthonormalize(multiply(dcm_from_rotation_vector(*errors.turn), state.r))
+    return state._replace(r=r, correction=correction, aid=aid)
 
 
 def aligned(gains: AhrsGains, state: AhrsState, rate: Vector) -> bool:
@@ -530,6 +532,11 @@ def _corrected(
     view = _view(gains, last, block, flight)
     if flight.aided:
         turn, errors, aid = _by_compass(gains, r, view, aid, p)
+        aid, straight = _by_side_force(r, last, block, aid, p)
+        turn, errors = (
+            multiply(dcm_from_rotation_vector(*straight.turn), turn),
+            velocity_aiding.total(errors, straight),
+        )
         bias = _sum(last.bias, errors.bias)
     else:
         turn, bias, p = _by_view(gains, r, last, view, p)
@@ -595,6 +602,17 @@ def _by_compass(
     compass = _compass(gains, view.reference)
     aid, errors = velocity_aiding.headed(aid, p, r, compass, view.heading_error, gains.field_noise)
     return dcm_from_rotation_vector(*errors.turn), errors, aid
+
+
+def _by_side_force(
+    r: Matrix, last: Correction, block: Block, aid: velocity_aiding.State, p: velocity_aiding.Array
+) -> tuple[velocity_aiding.State, velocity_aiding.Errors]:
+    """Return the errors of the side force in straight flight; the covariance ``p`` is updated in place."""
+    share = 1.0 / block.span
+    _, side_force, _ = rotate_back(r, _scaled(block.force, share))
+    rates = _scaled(block.turn, share)
+    _, _, turn_rate = rotate(r, _sum(rates, _scaled(last.bias, -1.0)))
+    return velocity_aiding.in_straight_flight(aid, p, side_force, turn_rate, block.span)
 
 
 def _by_view(
