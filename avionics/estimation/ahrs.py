@@ -533,10 +533,8 @@ def _corrected(
     if flight.aided:
         turn, errors, aid = _by_compass(gains, r, view, aid, p)
         aid, straight = _by_side_force(r, last, block, aid, p)
-        turn, errors = (
-            multiply(dcm_from_rotation_vector(*straight.turn), turn),
-            velocity_aiding.total(errors, straight),
-        )
+        turn = multiply(dcm_from_rotation_vector(*straight.turn), turn)
+        errors = velocity_aiding.total(errors, straight)
         bias = _sum(last.bias, errors.bias)
     else:
         turn, bias, p = _by_view(gains, r, last, view, p)

@@ -12,7 +12,9 @@ Multisensor Integrated Navigation Systems, 2nd ed., 14.2) without the rotation o
 
 At rest the accelerometer offset is equivalent to a tilt, and the hard iron dm to a heading error: neither is
 observable. Both rotate with the vehicle, tilt and heading errors do not, so that a change of heading separates them.
-A launch makes only the heading observable.
+A launch makes the heading observable, and the tilt about the right axis of the body, which turns the launch
+acceleration out of the horizontal. A symmetric aircraft in straight flight has no side force, which makes the offset
+along body y observable. Either raises the variance of the offset if it contradicts a calibrated accelerometer.
 
 Unlike the airspeed, the ground velocity is valid in gusts, sideslip and during the launch. Flapping requires no
 averaging, because the force between two fixes is integrated sample by sample.
@@ -57,11 +59,11 @@ START_ACCEL, START_IRON = 0.12, 0.015
 UNCALIBRATED_ACCEL = 0.6
 """m/s^2; standard deviation of the accelerometer offset after a test has found more than the calibration leaves"""
 CLIMB_TEST, LAUNCH_FIXES = 0.35, 4
-"""m/s, -; mean innovation of the climb rate over the fixes after a launch, after which the offset along body x is such:
-over twice the greatest of calibrated sensors"""
-SIDE_TEST = 0.8
-"""m/s^2; mean side force over `SIDE_TIME` of straight flight after which that along body y is such: twice the
-greatest in gusts"""
+"""m/s, -; mean innovation of the climb rate over the fixes after a launch, after which the offset along body x is
+such: over twice the greatest of calibrated sensors"""
+SIDE_TEST = 1.0
+"""m/s^2; mean side force over `SIDE_TIME` of straight flight after which that along body y is such: four standard
+deviations of the greatest scatter in gusts"""
 SIDE_FORCE, SIDE_TIME = 0.3, 2.0
 """m/s^2, s; standard deviation and correlation time of the side force of an aircraft that flies straight"""
 GRAVITY_NOISE = 0.05
@@ -76,6 +78,8 @@ SPEED_AGREEMENT = 0.25
 """-; maximum relative difference between the propagated speed and the speed of a fix if only the heading is wrong"""
 TURN_AGREEMENT = 0.2
 """rad; maximum difference between the heading errors of two successive fixes"""
+TILT_IRON = 0.03
+"""gauss; standard deviation of a hard iron estimated with a tilt error of `UNCALIBRATED_ACCEL`, each axis"""
 SET_IRON = 0.005
 """gauss; standard deviation of a hard iron set from a mean field, each axis"""
 LEAST_HORIZONTAL = 0.05
@@ -173,7 +177,11 @@ NOTHING = Errors(ZERO, ZERO, ZERO, ZERO)
 
 def total(a: Errors, b: Errors) -> Errors:
     """Return the sum of two small corrections."""
-    return Errors(*((x + u, y + v, z + w) for (x, y, z), (u, v, w) in zip(a[:4], b[:4], strict=True)))
+    return Errors(_sum(a.turn, b.turn), _sum(a.bias, b.bias), _sum(a.accel, b.accel), _sum(a.iron, b.iron))
+
+
+def _sum(a: Vector, b: Vector) -> Vector:
+    return (a[0] + b[0], a[1] + b[1], a[2] + b[2])
 
 
 def start(time_us: int, r: Matrix) -> State:
@@ -315,12 +323,15 @@ def _launched(state: State, p: Array, variance: float) -> Array:
 def _uncalibrated(p: Array, index: int) -> None:
     """Raise the variance of one accelerometer offset in place to that without a calibration.
 
-    The other errors are raised by their regression on it, as if the variance had been larger from the start.
+    The other errors are raised by their regression on it, as if the variance had been larger from the start. The hard
+    iron estimated so far contains the vertical field that the tilt turned into the horizontal plane.
     """
     more = UNCALIBRATED_ACCEL**2 - p.item(index, index)
     if more > 0.0:
         along = p[index] / p.item(index, index)
         p += more * np.outer(along, along)
+        p[IRON, :] = p[:, IRON] = 0.0
+        p[IRON, IRON] = np.eye(2) * TILT_IRON**2
 
 
 def _turned(state: State, p: Array, noise: Noise, fix: GpsFix, impulse: Vector, down: float) -> tuple[State, Errors]:
