@@ -172,6 +172,15 @@ def test_accelerometer_offset_is_learned_in_a_turn(axis: str) -> None:
     assert estimate.rms_deg(flying(estimate, 12.0))[:2].max() < 1.5
 
 
+@pytest.mark.parametrize("offset", [-1.47, 1.47])
+@pytest.mark.parametrize("axis", ["accel_x", "accel_y"])
+def test_accelerometer_offset_is_learned_in_straight_flight(axis: str, offset: float) -> None:
+    """GIVEN 150 mg along the horizon WHEN it is launched THEN the attitude is right 5 s later, without a turn."""
+    estimate = estimated(*altered(flight(0.0), imu_error(**{axis: offset})))
+    assert estimate.rms_deg(flying(estimate, -1.0, 0.0))[:2].max() > 8.0
+    assert estimate.rms_deg(flying(estimate, 5.0))[:2].max() < 1.5
+
+
 def test_accelerometer_offset_is_not_learned_from_calibrated_sensors() -> None:
     _, given = flight(25.0)
     state = ahrs.start(GAINS, given[0].imu)
