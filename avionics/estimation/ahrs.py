@@ -307,7 +307,7 @@ def align(gains: AhrsGains, imu: ImuSample, span: float) -> AhrsState:
     """
     state = start(gains, imu)
     rate = state.rates
-    aid, errors = velocity_aiding.weighed(state.aid, (imu.accel_x, imu.accel_y, imu.accel_z))
+    aid, errors = velocity_aiding.gravity_updated(state.aid, (imu.accel_x, imu.accel_y, imu.accel_z))
     correction = state.correction._replace(bias=rate, offset=rate, age=span, window=span, accel_offset=errors.accel)
     r = orthonormalize(multiply(dcm_from_rotation_vector(*errors.turn), state.r))
     return state._replace(r=r, correction=correction, aid=aid)

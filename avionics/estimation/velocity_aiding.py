@@ -208,7 +208,7 @@ def _tilt_of_offset(r: Matrix) -> Array:
     return np.array(((ex, ey), (-nx, -ny))) / STANDARD_GRAVITY
 
 
-def weighed(state: State, force: Vector) -> tuple[State, Errors]:
+def gravity_updated(state: State, force: Vector) -> tuple[State, Errors]:
     """Update the state with the mean specific force (m/s^2, body axes) of a standstill.
 
     At rest its magnitude is that of gravity, so that the difference is the accelerometer offset along the vertical.
