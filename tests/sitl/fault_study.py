@@ -51,8 +51,8 @@ LONGEST_WAIT = 320.0
 LIMITS = (
     "The Robo Raven rolls by its two wing drives: it stays upright with 22 deg of rudder. One motor drives both"
     " wings of the Arizona. Once its rudder is jammed nothing rolls it, and more than about 2 deg of rudder hold it"
-    " in a turn of 35 to 60 deg of bank. In gusts the roll loop moves the rudder by up to 26 deg, in still air by less"
-    " than 1 deg. A descent without thrust was tried: the Arizona then swings to 70 to 110 deg of bank."
+    " in a turn of 35 to 60 deg of bank. In gusts the roll loop moves the rudder by up to 26 deg, in still air by"
+    " less than 1 deg. A descent without thrust was tried: the Arizona then swings to 70 to 110 deg of bank."
 )
 """what limits a landing with a jammed tail"""
 
