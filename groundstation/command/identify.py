@@ -33,6 +33,7 @@ from logs.attached import aircraft_of, airframe_of, flight_vehicle, simulated_ve
 from logs.identification.data.flight import Aircraft, FlightData
 from logs.identification.data.maneuvers import holdout_sample
 from logs.identification.estimators.flight_modes import identify_modes
+from logs.identification.findings import note
 from logs.identification.report import SUBJECTS, Identification, document, identify
 from logs.identification.sources.flight import flight_data
 from logs.identification.sources.full_flight import joined_flights
@@ -276,10 +277,10 @@ def identified_together(
     held_out = tuple(names[place] for place in validation)
     modes = identify_modes(joined_flights(flights, names), aircraft[0], held_out=held_out)
     unknown = vehicle is None and any(flight_vehicle(log) is None for log in logs)
-    notes = (*modes.notes, *dict.fromkeys(one.note for one in made if one), *((UNKNOWN,) if unknown else ()))
+    notes = (*dict.fromkeys(one.note for one in made if one), *((UNKNOWN,) if unknown else ()))
     fitted = [place for place in range(len(logs)) if place not in validation]
     truths = _mean_truths([logs[place] for place in fitted], [flights[place] for place in fitted])
-    return Identification(modes=modes._replace(notes=notes), truths=truths)
+    return Identification(modes=modes._replace(findings=(*modes.findings, *map(note, notes))), truths=truths)
 
 
 def _mean_truths(logs: Sequence[Log], flights: Sequence[FlightData]) -> dict[str, float]:
@@ -344,7 +345,8 @@ def identified(
     if estimates.modes is not None:
         unknown = vehicle is None and flight_vehicle(log) is None
         notes = ([made.note] if made else []) + ([UNKNOWN] if unknown else [])
-        estimates = estimates._replace(modes=estimates.modes._replace(notes=(*estimates.modes.notes, *notes)))
+        findings = (*estimates.modes.findings, *map(note, notes))
+        estimates = estimates._replace(modes=estimates.modes._replace(findings=findings))
     known = known_truths(log, modes=estimates.modes is not None)
     if estimates.frequency is not None:
         known |= throttle_truths(log, estimates.frequency)

@@ -10,6 +10,7 @@ from rich.text import Text
 
 from groundstation.views import tables, wording
 from groundstation.views.identification import identification_table
+from logs.identification.findings import not_estimated
 from logs.identification.models.modes import Mode, ModesResult
 from logs.identification.report import Identification
 from logs.identification.report.result_formatting import finding_line, heading, notes_of, number_rows
@@ -40,8 +41,8 @@ def _withheld(modes: ModesResult, fits: Sequence[EstimationResult]) -> ModesResu
 
 
 def _referring(mode: Mode, listed: Collection[str]) -> Mode:
-    lost = (one._replace(reason=ABOVE) if one.reason in listed else one for one in mode.unidentified)
-    return mode._replace(unidentified=tuple(lost))
+    lost = (not_estimated(one.subject, ABOVE) if one.text in listed else one for one in mode.withheld)
+    return mode._replace(withheld=tuple(lost))
 
 
 def _data(estimates: TableIdentification) -> str:

@@ -75,6 +75,16 @@ def register(entries: Mapping[str, Entry]) -> None:
     CATALOG.update(entries)
 
 
+def not_estimated(subject: str, reason: str) -> Finding:
+    """The finding of a parameter without an estimate."""
+    return Finding("not_estimated", "withheld", subject, details={"reason": reason})
+
+
+def note(text: str) -> Finding:
+    """A remark on what was read, filled or decided."""
+    return Finding("note", "info", details={"note": text})
+
+
 def of_severity(findings: Iterable[Finding], severity: Severity) -> tuple[Finding, ...]:
     """Those of one severity, in their order."""
     return tuple(one for one in findings if one.severity == severity)

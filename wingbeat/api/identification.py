@@ -19,7 +19,7 @@ from logs.identification.models.linear import LinearModel as AffineModel
 from logs.identification.models.modes import Mode, ModesResult
 from logs.identification.report import model_file
 from logs.identification.report.tables import Source, write_tables_report
-from logs.identification.results import Estimate, EstimationResult, withheld_finding
+from logs.identification.results import Estimate, EstimationResult
 from logs.identification.sources.table.config import Map, OutputError, load_map
 from logs.identification.sources.table.models import MODELS, chosen_model
 from logs.identification.sources.table.results import TableIdentification
@@ -253,18 +253,12 @@ def _of_tables(estimates: TableIdentification) -> dict[str, EstimationResult]:
 
 
 def _of_log(estimates: Any) -> dict[str, EstimationResult]:
-    """Convert the results of a log that are not `EstimationResult` yet."""
     results: dict[str, EstimationResult] = {}
     for field, title in DRIVES.items():
         model = getattr(estimates, field)
         if model is not None:
-            lost = tuple(withheld_finding(one) for one in model.unidentified)
-            results[title] = EstimationResult(field, field, estimates=model.estimates, findings=lost, title=title)
-    for model in estimates.aero.models if estimates.aero is not None else ():
-        lost = tuple(withheld_finding(one) for one in model.unidentified)
-        results[model.name] = EstimationResult(
-            "stepwise", "aero", estimates=model.estimates, findings=lost, title=model.name
-        )
+            results[title] = getattr(model, "result", model)
+    results |= {model.title: model for model in (estimates.aero.models if estimates.aero is not None else ())}
     if estimates.path is not None:
         results[estimates.path.result.title] = estimates.path.result
     if estimates.modes is not None:
@@ -276,10 +270,10 @@ def _of_log(estimates: Any) -> dict[str, EstimationResult]:
 
 
 def _of_mode(mode: Mode) -> EstimationResult:
-    lost = tuple(withheld_finding(one) for one in mode.unidentified)
     return EstimationResult(
-        mode.method, "modes", estimates=mode.derivatives, derived=_derived(mode), findings=lost, title=mode.method
-    )
+        mode.method, "modes", estimates=mode.derivatives, derived=_derived(mode), findings=mode.withheld,
+        title=mode.method,
+    )  # fmt: skip
 
 
 def _derived(mode: Mode) -> tuple[Estimate, ...]:

@@ -18,7 +18,8 @@ from logs.identification.data.experiment import Experiment
 from logs.identification.data.resampling import interpolated
 from logs.identification.data.smoothing import Smoothed, fourier_smoothing, whole
 from logs.identification.estimators.least_squares import regress
-from logs.identification.results import Array, Estimate, Unidentified, estimate
+from logs.identification.findings import Finding, not_estimated
+from logs.identification.results import Array, Estimate, estimate
 from wingbeat.errors import InputError
 
 LEAST = 40
@@ -41,7 +42,7 @@ class _Peak(NamedTuple):
     """-; why it is not usable; empty if it is"""
 
 
-def skew_between(first: Array, second: Array, step: float, longest: float) -> Estimate | Unidentified:
+def skew_between(first: Array, second: Array, step: float, longest: float) -> Estimate | Finding:
     """Delay (s) of ``second`` (N,) behind ``first`` (N,), both sampled every ``step`` s.
 
     The signals agree up to a positive gain, an offset and noise. Skews up to ``longest`` s in both directions are
@@ -58,9 +59,9 @@ def skew_between(first: Array, second: Array, step: float, longest: float) -> Es
     smooth = fourier_smoothing(whole(first, LEAST), step).smoothed
     whole(second, LEAST)
     if np.ptp(first) == 0 or np.ptp(second) == 0:
-        return Unidentified(NAME, "a signal does not change")
+        return not_estimated(NAME, "a signal does not change")
     peak = _highest(smooth.values, second, reach)
-    return Unidentified(NAME, peak.reason) if peak.reason else _refined(smooth, second, step, peak)
+    return not_estimated(NAME, peak.reason) if peak.reason else _refined(smooth, second, step, peak)
 
 
 def shifted(experiment: Experiment, names: tuple[str, ...], skew: float) -> Experiment:
@@ -123,7 +124,7 @@ def _correlation(values: Array) -> Array:
     return correlation
 
 
-def _refined(smooth: Smoothed, second: Array, step: float, peak: _Peak) -> Estimate | Unidentified:
+def _refined(smooth: Smoothed, second: Array, step: float, peak: _Peak) -> Estimate | Finding:
     """Gauss-Newton on the shift, gain and offset from the ``peak``, staying on it."""
     time = step * np.arange(len(second))
     curve = CubicHermiteSpline(time, smooth.values, smooth.rates)
@@ -139,4 +140,4 @@ def _refined(smooth: Smoothed, second: Array, step: float, peak: _Peak) -> Estim
             break
         if abs(change) < 1e-3 * max(error, 1e-6 * step):
             return estimate(NAME, "s", skew, error, fit.degrees)
-    return Unidentified(NAME, "the shift of the one signal onto the other did not converge")
+    return not_estimated(NAME, "the shift of the one signal onto the other did not converge")

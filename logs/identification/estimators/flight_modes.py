@@ -33,7 +33,7 @@ from logs.identification.estimators.filter_error import Filtered, filter_error_s
 from logs.identification.estimators.nonparametric import modes_of_records
 from logs.identification.estimators.output_error import Search, fitted_series, output_error, predicted
 from logs.identification.estimators.records import Records, records_of
-from logs.identification.findings import Entry, Finding, register
+from logs.identification.findings import Entry, Finding, note, register
 from logs.identification.models.actuators import Actuated, Actuator
 from logs.identification.models.modes import SHORT_PERIOD, Mode, ModesResult, mode_of_system, nothing
 from logs.identification.models.stroke_averaged import LONGITUDINAL, TAIL_DELAY, TAIL_LAG, UNITS, model_of
@@ -315,7 +315,7 @@ def identify_modes(
         agree, statement = None, IN_TURBULENCE
         if modes[2].short_period is not None:
             modes = (modes[2], *modes[:2], *modes[3:])
-    notes = (*data.notes, *dropped_maneuvers(data, every), *(one.text for one in findings))
+    findings = (*map(note, (*data.notes, *dropped_maneuvers(data, every))), *findings)
     if agree is False:
         findings += (Finding("methods_disagree", "warning", details={"statement": statement}),)
     period = float(np.mean([one.period for one in maneuvers]))
@@ -326,7 +326,6 @@ def identify_modes(
         flight.reference,
         len(maneuvers),
         period,
-        notes,
         maneuvers,
         results,
         locked,

@@ -109,7 +109,7 @@ class ModalMethod(NamedTuple):
         if finding is not None:
             findings = (*findings, *(finding._replace(subject=kind) for kind in kinds))
         else:
-            reasons = {one.name: {"reason": one.reason} for one in mode.unidentified}
+            reasons = {one.subject: {"reason": one.text} for one in mode.withheld}
             findings = (*findings, *(Finding("no_mode", "withheld", n, details=d) for n, d in reasons.items()))
         if request.held_out:
             findings = (*findings, Finding("no_prediction", "info"))

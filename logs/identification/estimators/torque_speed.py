@@ -17,12 +17,18 @@ from scipy.interpolate import CubicSpline
 from logs.identification.data.flight import DriveData, GaugeErrors
 from logs.identification.data.resampling import GAP_STEPS, Channel, even
 from logs.identification.estimators.least_squares import Fit, regress
-from logs.identification.estimators.servo import ServoModel, with_gauge_errors
-from logs.identification.results import Array, Estimate, Unidentified, estimate, student_factor
+from logs.identification.estimators.servo import with_gauge_errors
+from logs.identification.findings import Finding, not_estimated
+from logs.identification.results import Array, Estimate, EstimationResult, estimate, linear_result, student_factor
 from logs.identification.statistics.covariance import ParameterUncertainty, propagate
 from logs.strokes import stroke_cuts
 from wingbeat.errors import InputError
 
+EQUATIONS = (
+    "At full drive torque = stall_torque V / nominal - torque_speed_slope speed, both in the direction of the drive"
+    " (Gerdes Fig. 9)",
+    "no_load_speed = stall_torque / torque_speed_slope, at the nominal voltage",
+)
 LEAST_SAMPLES = 20
 LEAST_STROKES = 10
 """-; of wings whose load is to be told: held in a hand, or thrown with still drives, they tell nothing of it"""
@@ -41,7 +47,9 @@ EXACT = GaugeErrors()
 LOAD = ("wing_torque_constant", "wing_inertia")
 
 
-def identify_torque_speed(torque: Array, rate: Array, voltage: Array, nominal: float | None = None) -> ServoModel:
+def identify_torque_speed(
+    torque: Array, rate: Array, voltage: Array, nominal: float | None = None
+) -> EstimationResult:
     """Stall torque, no-load speed and slope of a servo at full drive, at ``nominal`` volts (the mean without).
 
     Args:
@@ -100,7 +108,7 @@ def _opposed(torque: Array, rate: Array) -> bool:
     return bool(np.sum(torque[clear] * rate[clear] < 0.0) > 0.5 * np.sum(clear))
 
 
-def _constants(fit: Fit, samples: int) -> ServoModel:
+def _constants(fit: Fit, samples: int) -> EstimationResult:
     stall, slope = fit.values
     errors = np.sqrt(np.diag(fit.covariance))
     spread = float(np.std(fit.residuals))
@@ -115,15 +123,24 @@ def _constants(fit: Fit, samples: int) -> ServoModel:
         estimate(name, unit, value, error, fit.degrees)
         for (name, unit), value, error in zip(CONSTANTS.items(), values, deviations, strict=True)
     )
-    return ServoModel(found, (), 0.0, 0.0, spread, samples)
+    return _line(found, (), spread, samples)
 
 
-def _refused(why: str, torque: Array) -> ServoModel:
-    lost = tuple(Unidentified(name, why) for name in CONSTANTS)
-    return ServoModel((), lost, 0.0, 0.0, float(np.std(torque)), len(torque))
+def _refused(why: str, torque: Array) -> EstimationResult:
+    lost = tuple(not_estimated(name, why) for name in CONSTANTS)
+    return _line((), lost, float(np.std(torque)), len(torque))
 
 
-def identify_load(data: DriveData, gauges: GaugeErrors = EXACT) -> ServoModel:
+def _line(
+    parameters: tuple[Estimate, ...], withheld: tuple[Finding, ...], spread: float, samples: int
+) -> EstimationResult:
+    return linear_result(
+        "torque_speed", parameters, withheld, residual_deviation=spread, samples=samples, title="torque-speed line",
+        equations=EQUATIONS,
+    )  # fmt: skip
+
+
+def identify_load(data: DriveData, gauges: GaugeErrors = EXACT) -> EstimationResult:
     """The torque constant of Gerdes Table 5 and the wing's inertia, from both wings' torques and motion.
 
     ``tau = c omega + J omega' + k (angle) + tau_0``: the angle is the rate's integral without its drift. Inertia is
@@ -140,8 +157,8 @@ def identify_load(data: DriveData, gauges: GaugeErrors = EXACT) -> ServoModel:
     if samples < LEAST_SAMPLES:
         raise InputError(f"torque and motion of the wings are known together for {samples} samples while they flap")
     if min(float(np.ptp(row.regressors[:, 0])) for row in rows) < 1.0:
-        lost = tuple(Unidentified(name, "the wings do not move") for name in LOAD)
-        return ServoModel((), lost, 0.0, 0.0, 0.0, samples)
+        lost = tuple(not_estimated(name, "the wings do not move") for name in LOAD)
+        return _load_result((), lost, 0.0, samples)
     torques = GaugeErrors(torque_zero=gauges.torque_zero, torque_scale=gauges.torque_scale)
     model = with_gauge_errors(lambda changed: _load(_sides(changed, flapping, pace)), data, torques)
     alike = max(_inflation(row) for row in rows) > HIGHEST_INFLATION
@@ -151,7 +168,16 @@ def identify_load(data: DriveData, gauges: GaugeErrors = EXACT) -> ServoModel:
         if one.contains(0.0) or (alike and one.name == LOAD[1])
     }
     kept = tuple(one for one in model.estimates if one.name not in reasons)
-    return model._replace(estimates=kept, unidentified=tuple(starmap(Unidentified, reasons.items())))
+    return _load_result(kept, tuple(starmap(not_estimated, reasons.items())), model.residual_deviation, samples)
+
+
+def _load_result(
+    parameters: tuple[Estimate, ...], withheld: tuple[Finding, ...], spread: float, samples: int
+) -> EstimationResult:
+    return linear_result(
+        "load", parameters, withheld, residual_deviation=spread, samples=samples, title="wing load",
+        equations=("torque = c omega + J omega' + k angle + tau_0 (Gerdes Table 5)",),
+    )  # fmt: skip
 
 
 def _while_flapping(data: DriveData) -> tuple[NDArray[np.bool_], float]:
@@ -178,7 +204,7 @@ class _Side(NamedTuple):
     """-; (N,), 1.0 where all are known, 0.0 elsewhere, where they are zero"""
 
 
-def _load(rows: list[_Side]) -> ServoModel:
+def _load(rows: list[_Side]) -> EstimationResult:
     """Both numbers, whatever they are worth."""
     samples = int(min(row.used.sum() for row in rows))
     return _mean_load([regress(row.regressors, row.torque, row.used) for row in rows], samples)
@@ -221,7 +247,7 @@ def _side(data: DriveData, torque: Array, rate: Array, flapping: NDArray[np.bool
     return _Side(known[0], np.column_stack((*known[1:], used)), used.astype(float))
 
 
-def _mean_load(fits: list[Fit], samples: int) -> ServoModel:
+def _mean_load(fits: list[Fit], samples: int) -> EstimationResult:
     """Mean of the two wings; their difference is part of the error."""
     found: list[Estimate] = []
     for index, (name, unit) in enumerate(zip(LOAD, ("N m s/rad", "kg m^2"), strict=True)):
@@ -230,10 +256,10 @@ def _mean_load(fits: list[Fit], samples: int) -> ServoModel:
         error = np.sqrt(own + float(np.var(values, ddof=1)) / 2.0)
         found.append(estimate(name, unit, float(values.mean()), float(error), min(fit.degrees for fit in fits)))
     spread = float(np.sqrt(np.mean([np.var(fit.residuals) for fit in fits])))
-    return ServoModel(tuple(found), (), 0.0, 0.0, spread, samples)
+    return _load_result(tuple(found), (), spread, samples)
 
 
-def load_truth(data: DriveData, measured: ServoModel) -> dict[str, float]:
+def load_truth(data: DriveData, measured: EstimationResult) -> dict[str, float]:
     """What ``measured`` tells of the wings' load, by the same regression on true drive ``data``: name to value.
 
     Raises:

@@ -15,12 +15,16 @@ from scipy.special import fdtrc
 from logs.identification.data.experiment import Experiment
 from logs.identification.data.noise_level import noise_with_steps
 from logs.identification.estimators.separable import SeparableRecord, log_squares, orthonormal, solve
-from logs.identification.estimators.servo import ServoModel
-from logs.identification.results import Array, Unidentified
+from logs.identification.findings import Finding, not_estimated
+from logs.identification.results import Array, Estimate, EstimationResult, linear_result
 from logs.identification.statistics.covariance import ParameterUncertainty, colored_covariance, information, propagate
 from wingbeat.errors import InputError
 
 DAMPING, NATURAL = "twist_damping", "twist_natural_frequency"
+EQUATIONS = (
+    "twist = exp(-zeta omega t) (A cos(omega_d t) + B sin(omega_d t)) + rest, omega_d = omega sqrt(1 - zeta^2)"
+    " (Gerdes Eq. 16)",
+)
 MIN_SAMPLES = 16
 FREQUENCIES, DAMPINGS = 80, (0.05, 0.2, 0.5, 0.8)
 """-; grid of start values"""
@@ -41,7 +45,7 @@ class Swing(NamedTuple):
     """as the signal; (N,)"""
 
 
-def identify_twist(test: Experiment, signal: str = "twist") -> ServoModel:
+def identify_twist(test: Experiment, signal: str = "twist") -> EstimationResult:
     """Natural frequency, damping ratio and damped frequency from a release or step; NaN samples are left out.
 
     Raises:
@@ -85,7 +89,7 @@ def identify_twist(test: Experiment, signal: str = "twist") -> ServoModel:
 
     names = {NATURAL: "rad/s", DAMPING: "-", "twist_damped_frequency": "rad/s"}
     central, worth = propagate(numbers, fit.values, spread)
-    return ServoModel(worth.estimates(names, central), (), 0.0, 0.0, deviation, count)
+    return _result(worth.estimates(names, central), (), deviation, count)
 
 
 def swing_of(test: Experiment, signal: str, natural: float, damping: float) -> Swing:
@@ -117,6 +121,14 @@ def _columns(time: Array, natural: float, damping: float) -> Array:
     return np.column_stack((decay * np.cos(damped * time), decay * np.sin(damped * time), np.ones_like(time)))
 
 
-def _withheld(reason: str, deviation: float, count: int) -> ServoModel:
-    lost = tuple(Unidentified(name, reason) for name in (NATURAL, DAMPING))
-    return ServoModel((), lost, 0.0, 0.0, deviation, count)
+def _withheld(reason: str, deviation: float, count: int) -> EstimationResult:
+    lost = tuple(not_estimated(name, reason) for name in (NATURAL, DAMPING))
+    return _result((), lost, deviation, count)
+
+
+def _result(
+    parameters: tuple[Estimate, ...], withheld: tuple[Finding, ...], deviation: float, count: int
+) -> EstimationResult:
+    return linear_result(
+        "twist", parameters, withheld, residual_deviation=deviation, samples=count, title="twist", equations=EQUATIONS
+    )

@@ -10,12 +10,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 
+from logs.identification.findings import Finding, not_estimated
 from logs.identification.models.modes import Oscillation, computed, oscillation, over, pair_of
-from logs.identification.results import Array, Estimate, Unidentified
+from logs.identification.results import Array, Estimate
 from logs.identification.statistics.covariance import ParameterUncertainty, propagate
 
 DUTCH_ROLL, ROLL, SPIRAL, LATERAL_PHUGOID = "dutch_roll", "roll", "spiral", "lateral_phugoid"
@@ -24,14 +24,9 @@ TURNING = 1e-9
 System = Callable[[Array], Array]
 
 
-class LateralModes(NamedTuple):
-    """The modes of a lateral model."""
-
-    estimates: tuple[Estimate, ...]
-    """frequency (rad/s), damping ratio, period, time and cycles to half of what oscillates; time constants (s) of
-    roll, and time to half or to double (s) of the spiral"""
-    unidentified: tuple[Unidentified, ...]
-    """what the model does not tell, and why"""
+LateralModes = tuple[tuple[Estimate, ...], tuple[Finding, ...]]
+"""frequency (rad/s), damping ratio, period, time and cycles to half of what oscillates; time constants (s) of roll;
+time to half or to double (s) of the spiral; and the modes that are withheld"""
 
 
 def lateral_modes(system: System, values: Array, spread: ParameterUncertainty) -> LateralModes:
@@ -42,11 +37,11 @@ def lateral_modes(system: System, values: Array, spread: ParameterUncertainty) -
     roots = np.linalg.eigvals(system(values)).astype(complex)
     if len(roots) != 4:
         why = "it takes sideslip, roll rate, yaw rate and bank among the model's states"
-        return LateralModes((), tuple(Unidentified(kind, why) for kind in (DUTCH_ROLL, ROLL, SPIRAL)))
+        return (), (*(not_estimated(kind, why) for kind in (DUTCH_ROLL, ROLL, SPIRAL)),)
     pairs = int(np.sum(roots.imag > TURNING))
     if pairs == 0:
         why = "no eigenvalues of the fitted model are a complex pair: it does not oscillate"
-        return LateralModes((), tuple(Unidentified(kind, why) for kind in (DUTCH_ROLL, ROLL, SPIRAL)))
+        return (), (*(not_estimated(kind, why) for kind in (DUTCH_ROLL, ROLL, SPIRAL)),)
     found = [_oscillation(DUTCH_ROLL, 0, system, values, spread)]
     if pairs == 2:
         found.append(_oscillation(LATERAL_PHUGOID, 1, system, values, spread))
@@ -55,18 +50,18 @@ def lateral_modes(system: System, values: Array, spread: ParameterUncertainty) -
     return _collected(found, [_constant(ROLL, rates[0]), _halving(SPIRAL, rates[1])])
 
 
-def _collected(pairs: list[Oscillation | Unidentified], single: list[Estimate | Unidentified]) -> LateralModes:
+def _collected(pairs: list[Oscillation | Finding], single: list[Estimate | Finding]) -> LateralModes:
     """All of it, sorted into what is known and what is not."""
     estimates: list[Estimate] = []
     for pair in pairs:
         estimates += pair.estimates if isinstance(pair, Oscillation) else ()
     estimates += [one for one in single if isinstance(one, Estimate)]
-    return LateralModes(tuple(estimates), tuple(one for one in (*pairs, *single) if isinstance(one, Unidentified)))
+    return tuple(estimates), tuple(one for one in (*pairs, *single) if isinstance(one, Finding))
 
 
 def _oscillation(
     kind: str, place: int, system: System, values: Array, spread: ParameterUncertainty
-) -> Oscillation | Unidentified:
+) -> Oscillation | Finding:
     """The complex pair that is the ``place``-th fastest."""
 
     def pair(at: Array) -> Array:
@@ -85,16 +80,16 @@ def _decay(system: System, place: int, at: Array) -> float:
     return float(-still[np.argsort(-np.abs(still))][place]) if len(still) > place else math.nan
 
 
-def _constant(kind: str, rate: Estimate) -> Estimate | Unidentified:
+def _constant(kind: str, rate: Estimate) -> Estimate | Finding:
     """The time in which a mode falls to 1/e."""
     found = over(f"{kind}_time_constant", "s", 1.0, rate)
-    return Unidentified(kind, _neutral(rate)) if found is None or rate.value < 0 else found
+    return not_estimated(kind, _neutral(rate)) if found is None or rate.value < 0 else found
 
 
-def _halving(kind: str, rate: Estimate) -> Estimate | Unidentified:
+def _halving(kind: str, rate: Estimate) -> Estimate | Finding:
     """The time in which a mode halves or doubles."""
     change = "half" if rate.value > 0 else "double"
-    return over(f"{kind}_time_to_{change}", "s", math.log(2), rate) or Unidentified(kind, _neutral(rate))
+    return over(f"{kind}_time_to_{change}", "s", math.log(2), rate) or not_estimated(kind, _neutral(rate))
 
 
 def _neutral(rate: Estimate) -> str:

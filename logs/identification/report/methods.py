@@ -9,7 +9,7 @@ import numpy as np
 
 from logs.identification.findings import CATALOG, Finding
 from logs.identification.report.result_formatting import finding_line
-from logs.identification.results import Array, Estimate, EstimationResult, FitSeries, Unidentified
+from logs.identification.results import Array, Estimate, EstimationResult, FitSeries
 from logs.identification.statistics.collinearity import STRONG, strong_pairs
 from logs.identification.statistics.fit_quality import BAND, autocorrelation, theil
 from logs.pages.document import (
@@ -60,10 +60,10 @@ def remarks(findings: Iterable[Finding]) -> tuple[Remark, ...]:
     )
 
 
-def missing_remarks(missing: Iterable[Unidentified]) -> tuple[Remark, ...]:
+def missing_remarks(missing: Iterable[Finding]) -> tuple[Remark, ...]:
     """Return parameters without an estimate as shown on a page."""
     return tuple(
-        Remark("withheld", "not_estimated", sentence(f"{spaced(one.name)}: {one.reason}")) for one in missing
+        Remark("withheld", "not_estimated", sentence(f"{spaced(one.subject)}: {one.text}")) for one in missing
     )
 
 

@@ -92,7 +92,7 @@ def _whole_mode(modes: ModesResult) -> Mode:
     for mode in modes.modes:
         if mode.short_period is not None and set(LONGITUDINAL) <= {e.name for e in mode.derivatives}:
             return mode
-    why = "; ".join(f"{mode.method}: {one.reason}" for mode in modes.modes for one in mode.unidentified[:1])
+    why = "; ".join(f"{mode.method}: {one.text}" for mode in modes.modes for one in mode.withheld[:1])
     raise InputError(f"no model is written: no method gives all longitudinal derivatives{why and f' ({why})'}")
 
 

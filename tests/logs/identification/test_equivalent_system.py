@@ -65,4 +65,4 @@ def test_a_phugoid_of_few_periods_has_no_number() -> None:
     short = piece._replace(input=None if piece.input is None else piece.input[:400], outputs=piece.outputs[:400])
     mode = equivalent_system(whole._replace(pieces=(short,)), (PHUGOID,))
     assert mode.phugoid is None
-    assert mode.unidentified
+    assert mode.withheld

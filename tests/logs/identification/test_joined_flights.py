@@ -33,7 +33,7 @@ def held_out(last: FlightData) -> ModesResult:
     kept, locked = by_flight(find_maneuvers(together), ("friday.mcap",))
     problem = FlightProblem(kept, reference_of(together, kept), AIRCRAFT)
     results = results_of(problem, fit_derivatives(problem), locked)
-    return ModesResult((), None, "", problem.reference, len(kept), 0.25, (), kept, results, locked, (), problem)
+    return ModesResult((), None, "", problem.reference, len(kept), 0.25, kept, results, locked, (), problem)
 
 
 def columns(one: Maneuver) -> Array:

@@ -30,7 +30,7 @@ from logs.identification.estimators.frequency_equations import (
 from logs.identification.estimators.initial_values import acting_at
 from logs.identification.estimators.nonparametric import modes_of_experiments
 from logs.identification.estimators.records import away
-from logs.identification.findings import Entry, Finding, register
+from logs.identification.findings import Entry, Finding, not_estimated, register
 from logs.identification.models.lateral_modes import DUTCH_ROLL, LateralModes, lateral_modes
 from logs.identification.models.modes import (
     KINDS,
@@ -42,7 +42,7 @@ from logs.identification.models.modes import (
     nothing,
 )
 from logs.identification.models.user import is_user_model
-from logs.identification.results import SURE, EstimationResult, Unidentified, withheld_finding
+from logs.identification.results import SURE, EstimationResult
 from logs.identification.sources.table.config import DELAY, ModesSection, OutputError, Parameter
 from logs.identification.sources.table.derived import band_frequencies, check_distinct
 from logs.identification.sources.table.maneuvers import DataSplit
@@ -348,17 +348,15 @@ def with_lateral_modes(one: ModelFit) -> EstimationResult:
         return result
     why = _withheld_mode(one)
     if why:
-        found = LateralModes((), (Unidentified(DUTCH_ROLL, why),))
+        found: LateralModes = ((), (not_estimated(DUTCH_ROLL, why),))
     else:
         spread = ParameterUncertainty(np.asarray(one.fit.covariance), one.fit.degrees)
         found = lateral_modes(one.chosen.system_of(one.fit), one.fit.values, spread)
-    lost = tuple(map(withheld_finding, found.unidentified))
+    derived, lost = found
     notes = tuple(f"{lost.subject} not identified: {lost.text}" for lost in lost)
-    bars = tuple(Bar(one.name, one) for one in found.estimates)
+    bars = tuple(Bar(one.name, one) for one in derived)
     chapter = Chapter("Lateral modes", notes, plots=(Intervals("", bars),) if bars else ())
-    return result._replace(
-        derived=found.estimates, findings=(*result.findings, *lost), chapters=(*result.chapters, chapter)
-    )
+    return result._replace(derived=derived, findings=(*result.findings, *lost), chapters=(*result.chapters, chapter))
 
 
 # --- equation error in the frequency domain --------------------------------------------------------------------

@@ -168,7 +168,7 @@ def _skew(experiments: list[Experiment], name: str, late: SignalDelay) -> Estima
             if isinstance(skew, Estimate):
                 found.append(skew)
             else:
-                reasons.append(skew.reason)
+                reasons.append(skew.text)
     if not found:
         why = reasons[0] if reasons else f"no record has both for {2 * late.longest:g} s on end"
         raise InputError(f"prepare.delay.{name}: its skew behind {late.reference} is not determined: {why}")
