@@ -191,7 +191,7 @@ def run(arguments: Sequence[str]) -> int:
     check_outputs(chosen)
     with opened_log(files[0]) as log, announced(chosen.json), damage_notices([log], "identified"):
         estimates = identified(log, what, chosen.vehicle, chosen.elevator)
-        _show(chosen, estimates, lambda: write_outputs(chosen, [log], estimates))
+        _show(chosen, estimates, lambda: write_outputs([log], estimates, chosen.report, chosen.model, chosen.vehicle))
     return 0
 
 
@@ -224,7 +224,7 @@ def _run_together(files: Sequence[Path], what: str, chosen: argparse.Namespace) 
         logs = [stack.enter_context(opened_log(file)) for file in every]
         stack.enter_context(damage_notices(logs, "identified"))
         estimates = identified_together(logs, chosen.vehicle, chosen.elevator, validation)
-        _show(chosen, estimates, lambda: write_outputs(chosen, logs, estimates))
+        _show(chosen, estimates, lambda: write_outputs(logs, estimates, chosen.report, chosen.model, chosen.vehicle))
     return 0
 
 

@@ -55,24 +55,31 @@ def check_outputs(chosen: argparse.Namespace) -> None:
         model_file.places(chosen.model)
 
 
-def write_outputs(chosen: argparse.Namespace, logs: Sequence[Log], estimates: Identification) -> list[str]:
+def write_outputs(
+    logs: Sequence[Log],
+    estimates: Identification,
+    report: Path | None,
+    model: Path | None = None,
+    vehicle: str | None = None,
+) -> list[str]:
     """Write the requested files; return lines about them and about parameters that are not identified.
 
-    ``logs`` are the fitted ones, of one aircraft, followed by those for validation.
+    ``logs`` are the fitted ones, of one aircraft, followed by those for validation. ``vehicle`` is the base of the
+    model if the log has none.
 
     Raises:
         InputError: a file exists or cannot be written, or there is no model to write.
     """
     lines: list[str] = []
-    if chosen.report is None and chosen.model is None:
+    if report is None and model is None:
         return lines
     digests = [sha256(log.path) for log in logs]
-    if chosen.report is not None:
+    if report is not None:
         with ProgressBar("writing the report"):
-            write_report(chosen.report, _subject(logs, digests), estimates, _drive(logs[0], estimates))
-        lines.append(f"written {chosen.report}")
-    if chosen.model is not None:
-        lines += _model(chosen, logs, estimates, digests)
+            write_report(report, _subject(logs, digests), estimates, _drive(logs[0], estimates))
+        lines.append(f"written {report}")
+    if model is not None:
+        lines += _model(model, vehicle, logs, estimates, digests)
     return lines
 
 
@@ -131,11 +138,11 @@ def _drive(log: Log, estimates: Identification) -> DriveData | None:
 
 
 def _model(
-    chosen: argparse.Namespace, logs: Sequence[Log], estimates: Identification, digests: Sequence[str]
+    path: Path, vehicle: str | None, logs: Sequence[Log], estimates: Identification, digests: Sequence[str]
 ) -> list[str]:
     if estimates.modes is None:
         why = "; ".join(one.text for one in estimates.missing)
-        raise InputError(f"--model {chosen.model}: no modes were identified{why and f': {why}'}")
+        raise InputError(f"--model {path}: no modes were identified{why and f': {why}'}")
     locked_name = {one.flight.name for one in estimates.modes.held_out if one.flight is not None}
     fitted = [
         (one, name, sum_)
@@ -146,7 +153,7 @@ def _model(
     log, names, sums = fitted[0][0], (name for _, name, _ in fitted), (sum_ for _, _, sum_ in fitted)
     about = model_file.Log(" ".join(names), " ".join(sums), float(np.mean(densities)) if densities else None)
     with ProgressBar("linearising what was not identified") as bar:
-        written = model_file.write_model(chosen.model, estimates.modes, about, _base(chosen.vehicle, log), bar.show)
+        written = model_file.write_model(path, estimates.modes, about, _base(vehicle, log), bar.show)
     return [f"written {' and '.join(str(path) for path in written.paths)}", *written.notes]
 
 

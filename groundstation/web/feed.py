@@ -44,6 +44,7 @@ class Cursor(NamedTuple):
     texts: int = 0
     notes: int = 0
     mission: tuple[Item, ...] | None = None
+    spectrum: dict[str, Any] | None = None
 
 
 class Feed:
@@ -55,6 +56,12 @@ class Feed:
         self._rows: list[Row] = []
         self._count = 0
         self._boot = 0
+        self._spectrum: dict[str, Any] | None = None
+
+    def update_spectrum(self, document: dict[str, Any] | None) -> None:
+        """Set the latest `ImuSpectrum.document`."""
+        with self._lock:
+            self._spectrum = document
 
     def update(self, picture: Picture) -> None:
         """Set the latest picture, and add a sample `SPACING` after the previous one."""
@@ -78,10 +85,10 @@ class Feed:
 
         Keys: those of `state_record` (SI, radians), and ``name``, ``link`` (`quality_record`, ``url``, ``silence`` in
         s, ``lost``), ``busy``, ``fix``; new ``samples`` (rows of `COLUMNS`), ``events`` and ``notes``; ``restart`` if
-        earlier ones are void; ``mission`` if it has changed.
+        earlier ones are void; ``mission`` and ``spectrum`` if they have changed.
         """
         with self._lock:
-            picture, boot, count = self._picture, self._boot, self._count
+            picture, boot, count, spectrum = self._picture, self._boot, self._count, self._spectrum
             new = count if boot != cursor.boot else count - cursor.samples
             rows = list(islice(self._rows, max(len(self._rows) - new, 0), None))
         state = picture.state
@@ -102,7 +109,9 @@ class Feed:
         }
         if picture.mission != cursor.mission:
             document["mission"] = mission(picture)
-        return encode(document), Cursor(boot, count, state.text_count, picture.note_count, picture.mission)
+        if spectrum is not cursor.spectrum:
+            document["spectrum"] = spectrum
+        return encode(document), Cursor(boot, count, state.text_count, picture.note_count, picture.mission, spectrum)
 
 
 def _located(state: VehicleState) -> VehicleState:

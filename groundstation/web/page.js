@@ -71,6 +71,51 @@ document.addEventListener("DOMContentLoaded", () => {
     }
   }
 
+  // --- vibration --------------------------------------------------------------------------------------------------
+  // Amplitude on a logarithmic scale; the legend has the RMS of each axis.
+  const AXES = [["x", "left"], ["y", "good"], ["z", "estimate"]];
+  const LEASE = 4000;
+  const LEAST = 1e-3;
+  let spectrum = null, spectrumPlot = null;
+
+  const decade = (value) => (Math.abs(Math.log10(value) - Math.round(Math.log10(value))) < 1e-6 ? String(value) : null);
+
+  function drawSpectrum() {
+    if (!$("vibration").open) return;
+    $("spectrum").replaceChildren();
+    spectrumPlot = null;
+    const head = document.createElement("div");
+    head.className = "title dim";
+    $("spectrum").append(head);
+    if (!spectrum) {
+      head.textContent = token ? "waiting for HIGHRES_IMU" : "starts when a browser with the token opens it";
+      return;
+    }
+    head.append(`acceleration [m/s²] over frequency [Hz], ${spectrum.rate.toFixed(0)} samples/s; RMS `);
+    for (const [name, role] of AXES) {
+      const key = document.createElement("b");
+      key.style.color = `var(--${role})`;
+      key.textContent = ` ${name} ${spectrum.rms[name].toFixed(2)}`;
+      head.append(key);
+    }
+    spectrumPlot = new uPlot({
+      width: $("spectrum").clientWidth || 320,
+      height: 200,
+      scales: { x: { time: false }, y: { distr: 3 } },
+      axes: [axis("x"), { ...axis("y"), size: 52, values: (u, splits) => splits.map(decade) }],
+      series: [{}, ...AXES.map(([, role]) => ({ stroke: () => color(role), width: 1.3, points: { show: false } }))],
+      legend: { show: false },
+      padding: [4, 10, 0, 0],
+    }, [spectrum.frequency, ...AXES.map(([name]) => spectrum.amplitude[name].map((value) => Math.max(value, LEAST)))], $("spectrum"));
+  }
+
+  function wantSpectrum() {
+    if ($("vibration").open && token && link?.readyState === WebSocket.OPEN) send("spectrum");
+  }
+
+  $("vibration").addEventListener("toggle", () => { wantSpectrum(); drawSpectrum(); });
+  setInterval(wantSpectrum, LEASE);
+
   // --- numbers ----------------------------------------------------------------------------------------------------
   const percent = (value) => text(100 * value, 0, " %");
   const NUMBERS = [
@@ -250,6 +295,7 @@ document.addEventListener("DOMContentLoaded", () => {
     drawModes();
     addMessages(message);
     if (message.mission) drawMission();
+    if (message.spectrum !== undefined) { spectrum = message.spectrum; drawSpectrum(); }
     markItem(false);
     if (message.samples.length || isNew) drawPlots();
     isNew = false;
@@ -282,6 +328,7 @@ document.addEventListener("DOMContentLoaded", () => {
 
   new ResizeObserver(() => {
     for (const { plot, box } of plots) plot.setSize({ width: box.clientWidth || 320, height: 104 });
+    spectrumPlot?.setSize({ width: $("spectrum").clientWidth || 320, height: 200 });
     isDue = true;
   }).observe($("plots"));
   window.addEventListener("hashchange", () => location.reload());

@@ -52,7 +52,7 @@ class WebCommand(NamedTuple):
     """Command of a browser."""
 
     name: str
-    """-; ``mode``, ``mission`` or a label of `orders.ORDERS`"""
+    """-; ``mode``, ``mission``, ``spectrum`` or a label of `orders.ORDERS`"""
     argument: str = ""
     """-; name of the mode"""
 

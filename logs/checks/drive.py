@@ -11,6 +11,7 @@ from scipy.ndimage import binary_closing
 from logs.checks.findings import Finding
 from logs.checks.log_data import Array, LogData, Signal
 from logs.checks.timing import runs
+from logs.spectral_line import strongest_line
 from logs.vibration.analysis import high_pass
 
 WINDOW = 5.0
@@ -84,15 +85,8 @@ def _fundamental(accel: Signal) -> float:
     if len(accel.time) < 100:
         return 0.0
     step = float(accel.time[-1] - accel.time[0]) / (len(accel.time) - 1)
-    values = accel.values[:, 2] - accel.values[:, 2].mean()
-    count = 16 * len(values)
-    power = np.abs(np.fft.rfft(values * np.hanning(len(values)), count)) ** 2
-    frequency = np.fft.rfftfreq(count, step)
-    band = (frequency > BAND[0]) & (frequency < min(BAND[1], 0.4 / step))
-    place = int(power[band].argmax())
-    if power[band][place] < DISTINCT * power[band].mean():
-        return 0.0
-    return float(frequency[band][place])
+    line = strongest_line(accel.values[:, 2], step, BAND)
+    return line.frequency if line.distinction >= DISTINCT else 0.0
 
 
 def _vibration(log: LogData) -> Iterator[Finding]:

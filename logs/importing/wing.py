@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from avionics import topics as t
 from logs.importing.counterparts import checked
 from logs.importing.source import Array, ImportedTopic, Series
+from logs.spectral_line import strongest_line
 from wingbeat.errors import InputError
 
 RATE = 50.0
@@ -149,16 +150,13 @@ def _of_acceleration(imu: Series) -> Strokes | None:
     grid = np.arange(time[0], time[-1], step)
     values = np.interp(grid, time, force)
     length, hop = int(WINDOW / step), max(1, int(HOP / step))
-    window, lines = np.hanning(length), np.fft.rfftfreq(8 * length, step)
-    band = (lines > BAND[0]) & (lines < min(BAND[1], 0.4 / step))
     centers, frequencies = [], []
     for begin in range(0, len(values) - length, hop):
         part = values[begin : begin + length]
-        power = np.abs(np.fft.rfft((part - part.mean()) * window, 8 * length))[band] ** 2
-        place = int(power.argmax())
-        beats = part.std() > 1.0 and power[place] > DISTINCT * power.mean()
+        line = strongest_line(part, step, BAND)
+        beats = part.std() > 1.0 and line.distinction > DISTINCT
         centers.append(grid[begin] + 0.5 * WINDOW)
-        frequencies.append(float(lines[band][place]) if beats else 0.0)
+        frequencies.append(line.frequency if beats else 0.0)
     if not frequencies or np.mean(np.array(frequencies) > 0.0) < 0.1:
         return None
     even = np.arange(time[0], time[-1], 1.0 / RATE)

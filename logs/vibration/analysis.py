@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt, welch
 
+from logs.spectral_line import strongest_line
 from wingbeat.errors import InputError
 
 Array = NDArray[np.float64]
@@ -139,13 +140,9 @@ def stroke_phase(time: Array, vertical: Array) -> Array:
         InputError: no line in the spectrum between 0.8 and 40 Hz.
     """
     step, force = float(time[1] - time[0]), vertical - vertical.mean()
-    window = np.hanning(len(force))
-    lines = np.fft.rfftfreq(8 * len(force), step)
-    power = np.abs(np.fft.rfft(force * window, 8 * len(force))) ** 2
-    band = (lines > FREQUENCIES[0]) & (lines < min(FREQUENCIES[1], 0.45 / step))
-    if not band.any() or force.std() == 0.0:
+    first = strongest_line(vertical, step, FREQUENCIES, highest=0.45).frequency
+    if first == 0.0:
         raise InputError("no stroke in the vertical acceleration: is this a part with beating wings?")
-    first = lines[band][power[band].argmax()]
     phase = first * time
     length = min(max(1, round(2.0 / first / step)), (len(time) - 1) // 2)
     for _ in range(3):

@@ -275,16 +275,22 @@ def _fit_thrust(document: Document, bird: NewBird, airspeed: float, softest: flo
 
 
 def _fit_drive(document: Document, prediction: Prediction, path: Path) -> tuple[SimulatedVehicle, Orbit]:
-    """Set the torque constant so that level cruise draws the predicted power; return the vehicle and its cruise."""
+    """Set the torque constant so that level cruise draws the predicted power; return the vehicle and its cruise.
+
+    Raises:
+        InputError: no torque constant does.
+    """
     source = "chosen: cruise draws the power that published flights predict"
     for _ in range(10):
         world = _loaded(document, path)
         cruise = _level_flight(world, prediction.airspeed)
         ratio = cruise.means.electrical_power / prediction.power
         if abs(ratio - 1.0) < POWER_TOLERANCE:
-            break
+            return world, cruise
         put(document, "drive.torque_constant", rounded(world.drive.torque_constant * ratio), source)
-    return world, cruise
+    raise InputError(
+        f"no drive draws the predicted {prediction.power:.2g} W in cruise: the last one is {ratio:.0%} of it"
+    )
 
 
 def _short_periods(

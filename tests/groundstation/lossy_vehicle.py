@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import random
 import socket
 import threading
@@ -185,3 +186,25 @@ def _serve(vehicle: LossyVehicle, port: socket.socket, over: threading.Event) ->
             for message in (vehicle.heartbeat(), *answers):
                 port.sendto(message.pack(packer), station)
                 packer.seq = (packer.seq + 1) % 256
+
+
+class VibratingVehicle(LossyVehicle):
+    """Sends HIGHRES_IMU at 100 Hz by its clock while asked: 4 Hz of 2 m/s^2 on z, 25 Hz of 0.5 m/s^2 on x."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.intervals: list[float] = []
+        self.sent = 0
+
+    def answers(self, message: Any) -> list[Any]:
+        command = getattr(message, "command", None)
+        if command == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL and message.param1 == mavlink.MAVLINK_MSG_ID_HIGHRES_IMU:
+            self.intervals.append(message.param2)
+        samples = 100 if self.intervals and self.intervals[-1] > 0 else 0
+        return [*super().answers(message), *(self._sample() for _ in range(samples))]
+
+    def _sample(self) -> Any:
+        self.sent += 1
+        time = 0.01 * self.sent
+        accel = (0.5 * math.sin(math.tau * 25.0 * time), 0.0, 2.0 * math.sin(math.tau * 4.0 * time) - 9.8)
+        return mavlink.MAVLink_highres_imu_message(10_000 * self.sent, *accel, *[0.0] * 10, 0x1FF)

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 from browser import Browser, find_browser, opened
-from lossy_vehicle import LossyVehicle
+from lossy_vehicle import LossyVehicle, VibratingVehicle
 from test_web_view import served
 
 from avionics.link.dialect import mavlink
@@ -96,6 +96,18 @@ def test_page_shows_the_vehicle_and_commands_after_a_confirmation(browser: Brows
         )
         browser.value("document.querySelector('dialog [value=yes]').click()")
         until(browser, "document.getElementById('mode').textContent === 'ALTITUDE HOLD'")
+        assert not errors(browser)
+
+
+def test_vibration_is_drawn_while_its_panel_is_open(browser: Browser) -> None:
+    """GIVEN a vibrating vehicle WHEN the panel is opened THEN the page has the RMS of each axis and a plot."""
+    with served(VibratingVehicle()) as view:
+        visit(browser, view.server.url)
+        until(browser, "document.getElementById('vehicle')?.textContent === 'flapping wing 1'")
+        browser.value("document.querySelector('#vibration summary').click()")
+        until(browser, "document.getElementById('spectrum').textContent.includes('z 1.4')")
+        assert browser.value("document.querySelectorAll('#spectrum canvas').length") == 1
+        assert browser.value("document.documentElement.scrollWidth") <= 1400
         assert not errors(browser)
 
 

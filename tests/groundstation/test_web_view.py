@@ -19,7 +19,7 @@ from urllib.parse import urlsplit
 
 import pytest
 from flight_computer import aboard
-from lossy_vehicle import LossyVehicle, on_the_air
+from lossy_vehicle import LossyVehicle, VibratingVehicle, on_the_air
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin
@@ -286,6 +286,39 @@ def test_a_command_without_a_vehicle_is_a_notice() -> None:
         order(view.server, link, "arm")
         found = until(link, lambda message: bool(message["notes"]))
         assert notes(found) == ["arm: no vehicle on the link"] and found[-1]["name"] == ""
+
+
+def test_spectrum_has_the_amplitudes_of_a_vibrating_vehicle(monkeypatch: pytest.MonkeyPatch) -> None:
+    """GIVEN sine waves on two axes WHEN a browser wants the spectrum THEN both peaks have their frequency and
+    amplitude, and the messages are stopped when no browser asks again.
+    """
+    monkeypatch.setattr("groundstation.web.spectrum.LEASE", 2.0)
+    vehicle = VibratingVehicle()
+    with served(vehicle) as view, viewer(view.server) as link:
+        until(link, lambda message: message["name"] != "")
+        assert not vehicle.intervals
+        order(view.server, link, "spectrum")
+        found = until(link, lambda message: bool(message.get("spectrum")))[-1]["spectrum"]
+        assert found["rate"] == pytest.approx(100.0)
+        for axis, frequency, amplitude in (("z", 4.0, 2.0), ("x", 25.0, 0.5)):
+            peak = max(range(len(found["frequency"])), key=found["amplitude"][axis].__getitem__)
+            assert found["frequency"][peak] == pytest.approx(frequency, abs=0.6)
+            # A Hann window loses at most 1.4 dB between two lines.
+            assert 0.84 * amplitude < found["amplitude"][axis][peak] < 1.01 * amplitude
+            assert found["rms"][axis] == pytest.approx(amplitude / math.sqrt(2.0), rel=0.05)
+        assert max(found["amplitude"]["y"]) == 0.0
+        until(link, lambda message: "spectrum" in message and message["spectrum"] is None)
+        assert vehicle.intervals == [10_000.0, 0.0] and not view.failures
+
+
+def test_a_vehicle_without_the_message_is_a_notice() -> None:
+    vehicle = Flying()
+    vehicle.results[mavlink.MAV_CMD_SET_MESSAGE_INTERVAL] = mavlink.MAV_RESULT_DENIED
+    with served(vehicle) as view, viewer(view.server) as link:
+        until(link, lambda message: message["name"] != "")
+        order(view.server, link, "spectrum")
+        found = until(link, lambda message: any(note["failed"] for note in message["notes"]))
+        assert any(text.startswith("vibration: SET_MESSAGE_INTERVAL denied") for text in notes(found))
 
 
 # --- data ---------------------------------------------------------------------------------------------------------

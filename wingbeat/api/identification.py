@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -118,7 +117,7 @@ class Identification(Mapping[str, EstimationResult]):
             return path
         with ExitStack() as stack:
             logs = [stack.enter_context(open_log(one)) for one in source.logs]
-            write_outputs(argparse.Namespace(report=path, model=None), logs, source.estimates)
+            write_outputs(logs, source.estimates, path)
         return path
 
     def to_control(self, name: str | None = None) -> StateSpace:
