@@ -31,7 +31,7 @@ def run(files: Sequence[Path], what: str, chosen: argparse.Namespace) -> int:
     """
     _check(what, chosen)
     with announced(chosen.json):
-        estimates = identify_tables(files, chosen.map, what)
+        estimates = identify_tables(files, chosen.map, what, chosen.method)
     if chosen.json:
         print_document(table_document(estimates))
     else:

@@ -192,6 +192,7 @@ def identify(
     map: Path | str | None = None,
     vehicle: str | Path | None = None,
     elevator: tuple[str, float] | None = None,
+    method: str | None = None,
 ) -> Identification:
     """Identify drives, modes and coefficients from a flight, or what a map asks for from tables.
 
@@ -202,6 +203,7 @@ def identify(
         what: subject, see ``wingbeat identify --help``: all, servo, power, modes, aero, path, ...
         map: columns of the tables and what to fit.
         vehicle: name, file or folder of the vehicle, for a log of another program.
+        method: row of the registry that alone identifies the modes; all that apply if not given.
         elevator: ``topic.field`` of the elevator command and its scale in rad per unit, for a log without the angle.
 
     Raises:
@@ -209,20 +211,24 @@ def identify(
     """
     if map is not None:
         tables = tuple(Path(one) for one in ([source] if isinstance(source, str | Path) else source))  # type: ignore[union-attr]
-        estimates = identify_tables(tables, Path(map), what)
+        estimates = identify_tables(tables, Path(map), what, method)
         return Identification(_of_tables(estimates), {}, _Tables(tables, Path(map), what, estimates))
     named = None if vehicle is None else str(vehicle)
     words = None if elevator is None else (elevator[0], repr(elevator[1]))
     if isinstance(source, Flight | Log):
         log = source.log if isinstance(source, Flight) else source
-        one = identified(log, what, named, words)
+        one = identified(log, what, named, words, method=method)
         return Identification(_of_log(one), one.truths, _Flights((log.path,), one))
     paths = tuple(Path(one) for one in ([source] if isinstance(source, str | Path) else source))
     if not paths:
         raise InputError("no log to identify from")
     with ExitStack() as stack:
         logs = [stack.enter_context(opened_log(path)) for path in paths]
-        one = identified(logs[0], what, named, words) if len(logs) == 1 else identified_together(logs, named, words)
+        one = (
+            identified(logs[0], what, named, words, method=method)
+            if len(logs) == 1
+            else identified_together(logs, named, words, method=method)
+        )
     return Identification(_of_log(one), one.truths, _Flights(paths, one))
 
 

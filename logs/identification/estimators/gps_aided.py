@@ -24,7 +24,7 @@ from scipy.spatial.transform import Rotation
 
 from logs.identification.data.noise_level import noise_level
 from logs.identification.estimators.flight_path import EQUATIONS, LARGE_ERRORS, SENSORS
-from logs.identification.estimators.registry import ESTIMATORS, Estimator, Request
+from logs.identification.estimators.registry import Request
 from logs.identification.findings import Entry, Finding, register
 from logs.identification.models.rigid_body import INPUTS, UNITS, integrate, linearize, with_middles
 from logs.identification.results import Array, EstimationResult, FitSeries, estimates
@@ -333,12 +333,6 @@ def estimate_gps_aided(request: Request) -> EstimationResult:
         failed = Finding("not_converged", "withheld", METHOD, details=details)
         return EstimationResult(METHOD, "path", status="not converged", findings=(failed,))
     return aided_result(flight, fit)
-
-
-ESTIMATORS[METHOD] = Estimator(
-    METHOD, "IMU errors by GPS velocities (iterated Kalman smoother)", "Groves 2013, ch. 14; Bell 1994",
-    estimate_gps_aided, "path of a flight", {"arm": "from the antenna to the IMU, FRD, m"},
-)  # fmt: skip
 
 
 # --- compiled ------------------------------------------------------------------------------------------------

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from logs.identification.estimators.records import Records, records_of
-from logs.identification.estimators.registry import ESTIMATORS, Estimator, Request
+from logs.identification.estimators.registry import Request
 from logs.identification.findings import Entry, Finding, register
 from logs.identification.models.modes import KINDS, SHORT_PERIOD, Mode, nothing, paired_mode, without_heavy
 from logs.identification.results import Array, Estimate, EstimationResult
@@ -75,7 +75,6 @@ class ModalMethod(NamedTuple):
     """-; key of the registry"""
     title: str
     """-; heading in texts"""
-    reference: str
     fit: Callable[[Records, tuple[str, ...]], ModalFit]
     """raises `NotIdentified`"""
     inputs: bool
@@ -132,12 +131,3 @@ class ModalMethod(NamedTuple):
             return nothing(self.title, finding.text, kinds), None, finding
         mode = paired_mode(self.title, kinds, fit.pairs, fit.spread, fit.parameters)
         return (mode if math.isinf(self.max_damping) else without_heavy(mode, self.max_damping)), fit, None
-
-
-def add_row(method: ModalMethod) -> ModalMethod:
-    """Enter a method into the registry."""
-    ESTIMATORS[method.name] = Estimator(
-        method.name, method.title.capitalize(), method.reference, method.result,
-        "modes; [modes]", {"kinds": "short_period, phugoid"},
-    )  # fmt: skip
-    return method

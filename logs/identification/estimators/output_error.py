@@ -28,7 +28,7 @@ from logs.identification.estimators.engine.simulation import (
     variation,
     whitener_of,
 )
-from logs.identification.estimators.registry import ESTIMATORS, Estimator, Request
+from logs.identification.estimators.registry import Request
 from logs.identification.findings import Finding, of_severity
 from logs.identification.results import Array, EstimationResult, FitSeries, estimate
 from wingbeat.errors import InputError
@@ -296,17 +296,3 @@ def estimate_by_output_error(request: Request) -> EstimationResult:
     problem = problem_of(request)
     fit = output_error(problem, request.options.get("search", DEFAULT_SEARCH))
     return result_of("output_error", request, problem, fit)
-
-
-OPTIONS = {
-    "nuisances": "initial states and biases of each maneuver: `Nuisances`", "initial": "initial states by maneuver",
-    "weighting": "of the outputs: diagonal, full or given", "deviations": "of the outputs' noise if given",
-}  # fmt: skip
-ESTIMATORS["output_error"] = Estimator(
-    "output_error",
-    "Output error (maximum likelihood)",
-    "Klein & Morelli, Aircraft System Identification, 2006, ch. 6; Jategaonkar, 2006, ch. 4",
-    estimate_by_output_error,
-    'modes; [modes], [[aero.output_error]] method = "output_error"',
-    OPTIONS | {"search": "start values, simplex, number of starts: `Search`"},
-)

@@ -123,6 +123,21 @@ def nothing(method: str, why: str, kinds: tuple[str, ...] = (SHORT_PERIOD,)) -> 
     return Mode(method, None, None, (), (), tuple(not_estimated(kind, why) for kind in kinds))
 
 
+def mode_of_result(title: str, result: EstimationResult) -> Mode:
+    """The mode of a result whose numbers are ``<kind>_frequency`` and ``<kind>_damping``, if it has them."""
+    pairs: dict[str, Oscillation | None] = dict.fromkeys(KINDS)
+    rest = {one.name: one for one in (*result.estimates, *result.derived)}
+    for kind in KINDS:
+        if f"{kind}_frequency" in rest and f"{kind}_damping" in rest:
+            frequency, damping = rest.pop(f"{kind}_frequency"), rest.pop(f"{kind}_damping")
+            period, half, cycles = (
+                rest.pop(f"{kind}_{name}", None) for name in ("period", "time_to_half", "cycles_to_half")
+            )
+            pairs[kind] = Oscillation(frequency, damping, period, half, cycles, ())
+    short, slow = pairs.values()
+    return Mode(title, short, slow, (), tuple(rest.values()), result.withheld)
+
+
 def without_heavy(mode: Mode, most: float) -> Mode:
     """The mode, less what may be damped by more than ``most`` (-): of such a one decay and drift are not told apart.
 

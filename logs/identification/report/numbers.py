@@ -96,8 +96,9 @@ def identify(
     aircraft: Aircraft | None = None,
     truths: Mapping[str, float] | None = None,
     bodies: SimulatedVehicle | None = None,
+    method: str | None = None,
 ) -> Identification:
-    """Identify ``what`` (`SUBJECTS`; servo is torque and power) from a log.
+    """Identify ``what`` (`SUBJECTS`; servo is torque and power) from a log, the modes by one ``method`` if given.
 
     ``truths`` are known true values by name: K_tau, K_tau0, short_period_frequency, short_period_damping.
     Those of the power model are taken from the log itself where it is of a simulated flight. The wings' coefficients
@@ -112,7 +113,7 @@ def identify(
     known, aircraft, missing = dict(truths or {}), aircraft or Aircraft(), list[Finding]()
     torque = power = load = frequency = None
     unknown_modes = list[Finding]()
-    modes = _start_modes(source, what, aircraft, unknown_modes)
+    modes = _start_modes(source, what, aircraft, unknown_modes, method)
     if what in ("servo", "power", "all"):
         torque, power = _servo(source, what, aircraft, missing)
     if what in ("servo", "all"):
@@ -133,7 +134,7 @@ def identify(
 
 
 def _start_modes(
-    source: ColumnSource, what: str, aircraft: Aircraft, missing: list[Finding]
+    source: ColumnSource, what: str, aircraft: Aircraft, missing: list[Finding], method: str | None
 ) -> Callable[[], ModesResult | None]:
     """Start the modes in the background; the returned function waits for them. The log is read before.
 
@@ -146,7 +147,9 @@ def _start_modes(
         return lambda: None
 
     def work() -> ModesResult | None:
-        found: ModesResult | None = _attempt(lambda: identify_modes(data, aircraft), "short period", missing)
+        found: ModesResult | None = _attempt(
+            lambda: identify_modes(data, aircraft, method=method), "short period", missing
+        )
         return found
 
     return work if what == "modes" else run_in_background(work)

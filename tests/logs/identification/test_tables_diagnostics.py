@@ -20,7 +20,7 @@ from logs.identification.estimators.equivalent_system import equivalent_system
 from logs.identification.estimators.era import realization
 from logs.identification.estimators.nonparametric import modes_of_experiments, modes_of_records
 from logs.identification.estimators.records import records_of
-from logs.identification.estimators.registry import Request, estimators
+from logs.identification.estimators.registry import ESTIMATORS, Request
 from logs.identification.report.result_formatting import notes_of as said_of
 from logs.identification.report.result_formatting import table_document
 from logs.identification.results import EstimationResult, FitSeries, estimate
@@ -134,7 +134,7 @@ def noisy_moment(seed: int, level: float) -> Experiment:
 
 
 def regressed(flights: tuple[Experiment, ...], names: tuple[str, ...]) -> EstimationResult:
-    return estimators()["equation_error_time"].estimate(Request(flights, outputs=("C",), regressors=names))
+    return ESTIMATORS["equation_error_time"].estimate(Request(flights, outputs=("C",), regressors=names))
 
 
 @pytest.mark.parametrize(("level", "reported"), [(0.15, True), (0.005, False)])

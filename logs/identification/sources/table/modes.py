@@ -30,6 +30,7 @@ from logs.identification.estimators.frequency_equations import (
 from logs.identification.estimators.initial_values import acting_at
 from logs.identification.estimators.nonparametric import modes_of_experiments
 from logs.identification.estimators.records import away
+from logs.identification.estimators.registry import ESTIMATORS, Request
 from logs.identification.findings import Entry, Finding, not_estimated, register
 from logs.identification.models.lateral_modes import DUTCH_ROLL, LateralModes, lateral_modes
 from logs.identification.models.modes import (
@@ -79,13 +80,23 @@ register({
 })  # fmt: skip
 
 
-def modes_fit(section: ModesSection, data: DataSplit) -> tuple[list[EstimationResult], ModesResult]:
+def modes_fit(section: ModesSection, data: DataSplit) -> tuple[list[EstimationResult], ModesResult | None]:
     """The fits of the model, and the modes by them and by all other methods that the records allow.
+
+    A method of the registry that fits no model is alone.
 
     Raises:
         InputError: a signal that is not there, or no record is long enough.
     """
     _check(section, data)
+    if section.method is not None and section.method not in METHODS:
+        kinds = {} if section.kinds is None else {"kinds": section.kinds}
+        acting = data.map(lambda one: acting_at(one, section.inputs, section.delay.fixed or 0.0))
+        request = Request(
+            acting.fitted, acting.held_out, section.inputs, section.outputs, constants=data.constants, options=kinds
+        )
+        row = ESTIMATORS[section.method]
+        return [row.estimate(request)._replace(subject="modes", title=row.title)], None
     fits, rejected = _model_fits(section, data)
     results, known = [one.result for one in fits], (*(_mode(one, data) for one in fits), *rejected)
     if (not fits or fits[0].result.model == TWO_STATES or section.model is None) and _has_equations(section):

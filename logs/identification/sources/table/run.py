@@ -30,7 +30,7 @@ from logs.identification.sources.table.config import (
 )
 from logs.identification.sources.table.derived import SLOPES, at_center_of_mass
 from logs.identification.sources.table.maneuvers import DataSplit, data_split, files_of, split_at_discontinuities
-from logs.identification.sources.table.model_fit import model_fit
+from logs.identification.sources.table.model_fit import METHODS, fit_by_row, model_fit
 from logs.identification.sources.table.modes import modes_fit, with_lateral_modes
 from logs.identification.sources.table.path import path_fit
 from logs.identification.sources.table.prepare import stroke_averaged
@@ -68,8 +68,10 @@ register({
 })  # fmt: skip
 
 
-def identify_tables(files: Sequence[Path], mapping: Path, what: str = ALL) -> TableIdentification:
-    """Identify ``what`` (`SUBJECTS`) from tables by their map.
+def identify_tables(
+    files: Sequence[Path], mapping: Path, what: str = ALL, method: str | None = None
+) -> TableIdentification:
+    """Identify ``what`` (`SUBJECTS`) from tables by their map, the modes by ``method`` instead of the map's.
 
     Raises:
         InputError: a file or map that cannot be used, or a map without a section for ``what``.
@@ -82,6 +84,8 @@ def identify_tables(files: Sequence[Path], mapping: Path, what: str = ALL) -> Ta
         *others, last = (f"[{name}]" for name in (SECTIONS if what == ALL else (what,)))
         names = f"{', '.join(others)} or {last}" if others else last
         raise InputError(f"map {mapping}: it has no section {names} that says what to fit")
+    if method is not None and config.modes is not None:
+        config = config._replace(modes=config.modes._replace(method=method))
     dynamic = [name for name in DYNAMIC if name in requested]
     if dynamic and config.experiment.kind == "steady":
         raise InputError(f"map {mapping}: [{dynamic[0]}] needs a motion, not steady readings ([experiment] kind)")
@@ -223,7 +227,9 @@ def _check_outputs(names: Sequence[str], data: DataSplit) -> None:
             )
 
 
-def _modes(section: ModesSection, data: DataSplit, raw: DataSplit) -> tuple[list[EstimationResult], ModesResult]:
+def _modes(
+    section: ModesSection, data: DataSplit, raw: DataSplit
+) -> tuple[list[EstimationResult], ModesResult | None]:
     _check_outputs(section.outputs, raw)
     return modes_fit(section, data)
 
@@ -238,6 +244,8 @@ def _aero_fits(
 
         def fit(model: Any = model) -> EstimationResult:
             _check_outputs(model.outputs, raw)
+            if model.method not in METHODS:
+                return fit_by_row("aero", model, data)
             return with_lateral_modes(model_fit("aero", model, data))
 
         yield f"output error, {model.model}", fit
