@@ -29,7 +29,7 @@ from logs.pages.document import (
     Series,
     Table,
 )
-from logs.pages.labels import sentence
+from logs.pages.labels import REGRESSORS, sentence
 from logs.strokes import interval_mean, stroke_cuts, stroke_means
 
 TORQUE_MODEL = "Mean |torque| of both drives (Gerdes Eq. 11): K_tau I + K_tau0, with the current I of both."
@@ -189,9 +189,15 @@ def _stroke_means(data: DriveData) -> tuple[Array, Array, Array]:
 
 
 def aero_chapter(result: AeroResult, truths: Mapping[str, float]) -> Chapter:
-    """Return the sources and a part for each of C_L, C_T and C_m."""
+    """Return the sources, the regressors and a part for each of C_L, C_T and C_m."""
+    regressors = Table(
+        ("regressor", "unit", "meaning"), tuple((name, *row) for name, row in REGRESSORS.items()),
+        "Slopes are per regressor, or per product of regressors.",
+    )  # fmt: skip
     notes = (COEFFICIENT_MODEL, f"From {', '.join(result.records)}.", *map(sentence, result.notes))
-    return Chapter("Wing coefficients", notes, parts=tuple(_coefficient(one, truths) for one in result.models))
+    return Chapter(
+        "Wing coefficients", notes, (regressors,), parts=tuple(_coefficient(one, truths) for one in result.models)
+    )
 
 
 def _coefficient(model: EstimationResult, truths: Mapping[str, float]) -> Chapter:

@@ -286,7 +286,7 @@ def test_readme_example_is_a_method_of_map_command_and_page(
 
 @pytest.mark.usefixtures("added")
 def test_readme_example_works_on_a_flight() -> None:
-    """GIVEN a flight with short maneuvers WHEN the added method is requested THEN the reason is that of the method."""
+    """GIVEN a flight with short maneuvers WHEN the added method is requested THEN its reason is given."""
     with pytest.raises(InputError, match="q: 2 peaks; three are needed"):
         identify_modes(fly(Flight(seed=1)), AIRCRAFT, method="decrement")
 

@@ -21,8 +21,9 @@ from logs.identification.estimators.model_structure import Statistics
 from logs.identification.estimators.servo import identify_torque
 from logs.identification.estimators.servo_power import identify_power
 from logs.identification.estimators.stepwise import Step
-from logs.identification.estimators.wing_coefficients import AeroResult
+from logs.identification.estimators.wing_coefficients import CANDIDATES, AeroResult
 from logs.identification.findings import not_estimated
+from logs.identification.models.inverse_dynamics import STATES
 from logs.identification.report import Identification
 from logs.identification.report.numbers import determined
 from logs.identification.report.report import Subject, chapters, write_report
@@ -34,7 +35,7 @@ from logs.pages.document import (
     Chapter,
     Intervals,
 )
-from logs.pages.labels import meaning, number, rich, sentence, spaced, symbol, unit
+from logs.pages.labels import REGRESSORS, meaning, number, rich, sentence, spaced, symbol, text_symbol, unit
 from logs.pages.render import page, refuse_existing
 from wingbeat.errors import InputError
 
@@ -207,7 +208,7 @@ def test_symbols_have_subscripts_and_file_names_have_none() -> None:
     assert symbol("process_noise_alpha") == "<i>σ</i><sub>α</sub>" and unit("(rad)/s^0.5") == "rad/√s"
     assert [spaced(name) for name in ("bias_a_x", "C_H", "dead_zone")] == ["bias of a_x", "C_H", "dead zone"]
     assert symbol("C_T_0") == "<i>C</i><sub>T0</sub>"
-    slope = "<i>C</i><sub>L</sub> by <i>v</i><sub>z</sub> <i>θ\u0307</i><sub>11</sub><sup>2</sup>"
+    slope = "<i>C</i><sub>L, <i>v</i><sub>z</sub> <i>θ\u0307</i><sub>11</sub><sup>2</sup></sub>"
     assert symbol("C_L_v_z*theta_11_rate^2") == slope
     assert symbol("v_z*theta_11_rate") == "<i>v</i><sub>z</sub> <i>θ\u0307</i><sub>11</sub>"
     assert rich("short_period_damping of v_z^2") == "short period damping of <i>v</i><sub>z</sub><sup>2</sup>"
@@ -275,3 +276,14 @@ def test_wings_and_their_coefficients_have_chapters_with_every_number_and_step()
     words = page("t", (), chapters(SUBJECT, identified))
     for said in ("0.31", "0.197", "R² = 0.9340", "its terms tell 20 % of it", "Twist: not measured", "9.96"):
         assert said in words
+
+
+def test_every_regressor_of_the_wing_coefficients_has_symbol_unit_and_meaning() -> None:
+    """GIVEN the terms of Grauer's model THEN labels, the guide and the terminal define each of them."""
+    guide = (Path(__file__).parents[3] / "docs" / "identify_csv.md").read_text(encoding="utf-8")
+    for name, si in STATES.items():
+        assert REGRESSORS[name][0] == si and f"| `{name}` |" in guide
+    for term in CANDIDATES:
+        assert meaning(f"C_L_{term}").startswith("lift coefficient by ")
+        assert not {"theta", "omega", "*"} & set(text_symbol(f"C_L_{term}").split("_"))
+    assert text_symbol("C_m_theta_11*theta_11_rate") == "C_m θ₁₁ θ\u0307₁₁" and text_symbol("C_m_0") == "C_m_0"
