@@ -17,6 +17,7 @@ from logs.identification.estimators.terms import evaluate, parse
 from logs.identification.findings import Entry, Finding, register
 from logs.identification.results import CONFIDENCE, Array, Estimate, EstimationResult
 from logs.identification.sources.table.quantities import SIGNALS
+from logs.identification.statistics.covariance import unbiased_pole
 
 SIGNS = {
     "Z_alpha": -1, "M_q": -1, "X_u": -1, "Y_beta": -1, "L_p": -1, "N_r": -1, "C_D_0": 1, "C_L_alpha": 1,
@@ -30,6 +31,8 @@ NOISE_SHIFT, NOISE_SHARE = 0.25, 1e-4
 LARGEST_NOISE, MOSTLY_NOISE = 0.9, 0.5
 """-; largest share of noise in a combination of regressors that is corrected for, and that is reported"""
 LEAST_SAMPLES = 32
+COLORED, FEWEST_SAMPLES = 0.5, 30.0
+"""-; autocorrelation of residuals at lag 1 from which, and effective samples below which they are reported"""
 
 register({
     "unusual_sign": Entry(
@@ -46,6 +49,12 @@ register({
         "noise in regressors biases {subject} by {percent:+.2g} %; intervals widened",
         "White noise in a regressor biases least squares (Klein & Morelli 2006, sec. 5.1; Fuller 1987).",
         'smooth in [prepare], or use domain = "frequency"',
+    ),
+    "few_independent_samples": Entry(
+        "residuals have {value:.1f} independent samples (correlation {pole:.2f}): interval too narrow",
+        "The correlation time of the residuals is long beside the record: n (1 - r) / (1 + r) effective samples. The"
+        " interval of a constant term covers the truth less often than stated; those of derivatives do not change.",
+        "record longer, or add the regressor that the residuals lack",
     ),
     "noisy_regressor": Entry(
         "{subject} is mostly noise ({percent:.0f} %)",
@@ -64,6 +73,27 @@ def unusual_signs(context: Context) -> tuple[Finding, ...]:
         for name, one in derivatives_of(context.result)
         if (sign := SIGNS.get(name)) and max(sign * one.low, sign * one.high) < 0.0
     )
+
+
+def few_independent_samples(context: Context) -> tuple[Finding, ...]:
+    """Residuals that are correlated over a large part of the record: effective number of samples of their mean.
+
+    It is n (1 - r) / (1 + r) with the autocorrelation r at lag 1 (Bayley & Hammersley, J. R. Stat. Soc. Suppl. 8,
+    1946).
+    """
+    series = () if context.result is None else [one for one in context.result.series if not one.held_out]
+    records = [one.measured - one.model for one in series if not one.independent and np.isfinite(one.model).all()]
+    records = [one[np.isfinite(one)] - np.nanmean(one) for one in records if np.isfinite(one).sum() > 1]
+    squares = sum(float(one[:-1] @ one[:-1]) for one in records)
+    if not squares > 0.0:
+        return ()
+    count = sum(len(one) for one in records)
+    pole = min(unbiased_pole(sum(float(one[1:] @ one[:-1]) for one in records) / squares, count), 1.0)
+    effective = count * (1.0 - pole) / (1.0 + pole)
+    if pole < COLORED or effective >= FEWEST_SAMPLES:
+        return ()
+    details = {"pole": pole}
+    return (Finding("few_independent_samples", "warning", INTERCEPT, effective, FEWEST_SAMPLES, details),)
 
 
 def derivatives_of(result: EstimationResult) -> list[tuple[str, Estimate]]:

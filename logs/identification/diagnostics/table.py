@@ -41,6 +41,7 @@ CHECKS: tuple[Check, ...] = (
     Check(("operating_point",), ("model",), model_structure.operating_points),
     Check(("trim_assumed", "trim_from_vane"), ("model",), model_structure.assumed_trim),
     Check(("unusual_sign",), ("model", "regression"), estimates.unusual_signs),
+    Check(("few_independent_samples",), ("regression",), estimates.few_independent_samples),
     Check(("disagreement",), ("comparison",), estimates.disagreements),
 )
 
