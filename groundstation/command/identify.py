@@ -37,10 +37,9 @@ from logs.identification.estimators.registry import methods
 from logs.identification.findings import note
 from logs.identification.report import SUBJECTS, Identification, document, identify
 from logs.identification.sources.flight import flight_data
-from logs.identification.sources.full_flight import joined_flights
 from logs.identification.sources.table.config import ALL, FORMER_SUBJECTS, example_map
 from logs.identification.sources.table.config import SUBJECTS as TABLE_SUBJECTS
-from logs.identification.sources.topic_table import ElevatorFromField
+from logs.identification.sources.topic_table import ElevatorFromField, joined_flights
 from logs.reader import Log
 from logs.truth import known_truths, throttle_truths
 from sim_bridge.vehicles import SimulatedVehicle

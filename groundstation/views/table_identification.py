@@ -13,9 +13,9 @@ from groundstation.views.identification import identification_table
 from logs.identification.findings import not_estimated
 from logs.identification.models.modes import Mode, ModesResult
 from logs.identification.report import Identification
-from logs.identification.report.result_formatting import finding_line, heading, notes_of, number_rows
+from logs.identification.report.tables import heading, notes_of, number_rows
 from logs.identification.results import EstimationResult
-from logs.identification.sources.table.results import TableIdentification
+from logs.identification.sources.table.run import TableIdentification
 from logs.identification.statistics.fit_quality import output_fits
 
 ABOVE = "as said above"
@@ -30,7 +30,7 @@ def table_identification(estimates: TableIdentification) -> RenderableType:
     if estimates.modes is not None:
         parts += [identification_table(Identification(modes=_withheld(estimates.modes, estimates.fits))), Text()]
     last = [f"{one.subject}: {one.text.removeprefix(f'{one.subject}: ')}" for one in estimates.missing]
-    last += map(finding_line, estimates.findings)
+    last += (one.line for one in estimates.findings)
     return Group(*(parts if last else parts[:-1]), *(Text(note, style="dim") for note in last))
 
 

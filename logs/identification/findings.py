@@ -37,6 +37,14 @@ class Finding(NamedTuple):
         """What to do, made from the catalog; empty if nothing is to be done."""
         return self._filled(CATALOG[self.code].remedy)
 
+    @property
+    def line(self) -> str:
+        """The subject, text and remedy; the subject of a withheld one stands elsewhere."""
+        remedy = self.remedy
+        text = f"{self.text}; {remedy}" if remedy and self.severity != "info" else self.text
+        named = not self.subject or self.subject in text or self.severity == "withheld"
+        return text if named else f"{self.subject}: {text}"
+
     def _filled(self, template: str) -> str:
         values = {"subject": self.subject, "value": self.value, "limit": self.limit} | dict(self.details)
         return template.format_map(values)

@@ -21,8 +21,7 @@ from logs.identification.report.tables import Source, write_tables_report
 from logs.identification.results import Estimate, EstimationResult
 from logs.identification.sources.table.config import Map, OutputError, load_map
 from logs.identification.sources.table.models import MODELS, chosen_model
-from logs.identification.sources.table.results import TableIdentification
-from logs.identification.sources.table.run import identify_tables
+from logs.identification.sources.table.run import TableIdentification, identify_tables
 from logs.reader import Log, open_log
 from wingbeat.api.flights import Flight
 from wingbeat.api.steady import LONGITUDINAL, state_space

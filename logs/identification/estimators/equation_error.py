@@ -19,7 +19,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from logs.identification.data.experiment import Experiment
-from logs.identification.data.fourier import check_frequencies, in_band, transform
+from logs.identification.data.resampling import check_frequencies, in_band, transform
 from logs.identification.estimators.least_squares import CovarianceKind, Fit, RecordBlock, regress_records
 from logs.identification.estimators.registry import Request
 from logs.identification.estimators.regressors import (
@@ -37,7 +37,7 @@ from logs.identification.estimators.regressors import (
 from logs.identification.estimators.terms import parse
 from logs.identification.findings import Entry, Finding, of_severity, register
 from logs.identification.results import Array, Estimate, EstimationResult, FitSeries, estimate
-from logs.identification.statistics.collinearity import DEPENDENT, NOTABLE, Collinearity, collinearity
+from logs.identification.statistics.fit_quality import DEPENDENT, NOTABLE, Collinearity, collinearity
 from wingbeat.errors import InputError
 
 Domain = Literal["time", "frequency"]

@@ -20,8 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from logs.identification.estimators.modal import ModalFit, ModalMethod, NotIdentified
-from logs.identification.estimators.records import Record, Records
+from logs.identification.estimators.modal import ModalFit, ModalMethod, NotIdentified, Record, Records
 from logs.identification.estimators.separable import (
     Build,
     SeparableFit,

@@ -15,8 +15,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from logs.identification.estimators.modal import ModalFit, ModalMethod, NotIdentified
-from logs.identification.estimators.records import Record, Records
+from logs.identification.estimators.modal import ModalFit, ModalMethod, NotIdentified, Record, Records
 from logs.identification.findings import Entry, register
 from logs.identification.models.modes import eigenvalues_of
 from logs.identification.results import Array

@@ -30,9 +30,9 @@ from logs.identification.diagnostics.agreement import agreement
 from logs.identification.estimators.engine.problem import Fit, Nuisances, Parameter, Problem
 from logs.identification.estimators.equation_error import Settings, coefficient_regression
 from logs.identification.estimators.filter_error import Filtered, filter_error_search
+from logs.identification.estimators.modal import Records, records_of
 from logs.identification.estimators.nonparametric import modes_of_records
 from logs.identification.estimators.output_error import Search, fitted_series, output_error, predicted
-from logs.identification.estimators.records import Records, records_of
 from logs.identification.estimators.registry import ESTIMATORS, Request
 from logs.identification.findings import Entry, Finding, note, register
 from logs.identification.models.actuators import Actuated, Actuator

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from logs.identification.data.experiment import Experiment
-from logs.identification.data.noise_level import noise_level
+from logs.identification.data.signal_errors import noise_level
 from logs.identification.estimators.engine.problem import (
     Fit,
     Model,

@@ -10,8 +10,7 @@ import math
 
 import numpy as np
 
-from logs.identification.estimators.modal import ModalFit, ModalMethod, NotIdentified
-from logs.identification.estimators.records import LEAST_SAMPLES, Record, Records
+from logs.identification.estimators.modal import LEAST_SAMPLES, ModalFit, ModalMethod, NotIdentified, Record, Records
 from logs.identification.estimators.separable import (
     Build,
     SeparableFit,

@@ -3,10 +3,10 @@
 The attitude in a log is a filter's estimate from the same gyros, with errors slower than a record. Here rates and
 specific forces propagate velocity and attitude from fix to fix (`models.rigid_body`); an error of a rate tilts
 gravity, so the velocity error grows with the square of time. The path of largest posterior probability is found by
-Gauss-Newton steps (Bell, The Iterated Kalman Smoother as a Gauss-Newton Method, SIAM J. Optimization 4(3), 1994); their
-normal equations are banded, since a fix is joined to the next one only. Noise of the IMU, random walks of its biases
-and noise of the fixes maximize the likelihood; scales and misalignments have priors (Groves, Principles of GNSS,
-Inertial, and Multisensor Integrated Navigation Systems, 2nd ed., ch. 14).
+Gauss-Newton steps (Bell, The Iterated Kalman Smoother as a Gauss-Newton Method, SIAM J. Optimization 4(3), 1994).
+Their normal equations are banded, since a fix is joined to the next one only. Noise of the IMU, random walks of its
+biases and noise of the fixes maximize the likelihood; scales and misalignments have priors (Groves, Principles of
+GNSS, Inertial, and Multisensor Integrated Navigation Systems, 2nd ed., ch. 14).
 
 States: u, v, w (m/s, over ground), phi, theta, psi (rad) at the IMU's position; the biases of the six inputs (rad/s,
 m/s^2); two 3 x 3 matrices (-) of scales and misalignments, of rates and of forces, row by row, which are constant.
@@ -23,7 +23,7 @@ from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
-from logs.identification.data.noise_level import noise_level
+from logs.identification.data.signal_errors import noise_level
 from logs.identification.estimators.flight_path import EQUATIONS, LARGE_ERRORS, SENSORS
 from logs.identification.estimators.registry import Request
 from logs.identification.findings import Entry, Finding, register

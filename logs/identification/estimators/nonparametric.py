@@ -7,7 +7,7 @@ from logs.identification.diagnostics.agreement import agreement
 from logs.identification.estimators.equivalent_system import EQUIVALENT_SYSTEM
 from logs.identification.estimators.era import ERA
 from logs.identification.estimators.free_response import FREE_RESPONSE
-from logs.identification.estimators.records import Records, records_of
+from logs.identification.estimators.modal import Records, records_of
 from logs.identification.estimators.spectrum import SPECTRUM
 from logs.identification.findings import note
 from logs.identification.models.modes import PHUGOID, SHORT_PERIOD, Mode, ModesResult

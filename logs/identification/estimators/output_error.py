@@ -8,7 +8,6 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from logs.identification.data.experiment import Experiment
-from logs.identification.estimators.engine.accuracy import accuracy_of
 from logs.identification.estimators.engine.normal_equations import SMALLEST_SIZE
 from logs.identification.estimators.engine.problem import (
     Fit,
@@ -19,7 +18,12 @@ from logs.identification.estimators.engine.problem import (
     RecordParameters,
 )
 from logs.identification.estimators.engine.records import Record, layout_of, records_of
-from logs.identification.estimators.engine.search import OptimizerResult, gauss_newton, nelder_mead
+from logs.identification.estimators.engine.search import (
+    OptimizerResult,
+    accuracy_of,
+    gauss_newton,
+    nelder_mead,
+)
 from logs.identification.estimators.engine.simulation import (
     Flight,
     Unknowns,

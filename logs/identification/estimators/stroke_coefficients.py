@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from logs.identification.findings import Entry, Finding, not_estimated, register
-from logs.identification.models.stroke_averages import (
+from logs.identification.models.stroke_averaged import (
     WORST_CONDITION,
     Attitude,
     StrokeCoefficients,

@@ -8,10 +8,8 @@ from types import MappingProxyType
 import numpy as np
 
 from logs.identification.findings import CATALOG, Finding
-from logs.identification.report.result_formatting import finding_line
 from logs.identification.results import Array, Estimate, EstimationResult, FitSeries
-from logs.identification.statistics.collinearity import STRONG, strong_pairs
-from logs.identification.statistics.fit_quality import BAND, autocorrelation, theil
+from logs.identification.statistics.fit_quality import BAND, STRONG, autocorrelation, strong_pairs, theil
 from logs.pages.document import (
     DASHED,
     MEASURED,
@@ -53,7 +51,7 @@ def remarks(findings: Iterable[Finding]) -> tuple[Remark, ...]:
     order = ("withheld", "warning", "info")
     groups: dict[tuple[str, str, str], list[Finding]] = {}
     for one in sorted(findings, key=lambda one: order.index(one.severity)):
-        groups.setdefault((one.severity, one.code, finding_line(one)), []).append(one)
+        groups.setdefault((one.severity, one.code, one.line), []).append(one)
     return tuple(
         remark(same[0] if len(same) == 1 else same[0]._replace(subject=", ".join(one.subject for one in same)))
         for same in groups.values()

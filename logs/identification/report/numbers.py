@@ -8,13 +8,13 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from logs.identification.data.flight import Aircraft, GaugeErrors
-from logs.identification.diagnostics.validation import Validation, validation
+from logs.identification.diagnostics.agreement import Validation, validation
+from logs.identification.estimators.bench import identify_load, load_truth
 from logs.identification.estimators.flapping_frequency import FrequencyResult, identify_frequency
 from logs.identification.estimators.flight_modes import identify_modes
 from logs.identification.estimators.servo import identify_torque, with_gauge_errors
 from logs.identification.estimators.servo_power import power_truth, power_with_gauge_errors
 from logs.identification.estimators.stepwise import Step
-from logs.identification.estimators.torque_speed import identify_load, load_truth
 from logs.identification.estimators.wing_coefficients import AeroResult, coefficient_r_squared, coefficient_terms
 from logs.identification.findings import Finding, not_estimated
 from logs.identification.models.modes import KINDS, Mode, ModesResult, Oscillation

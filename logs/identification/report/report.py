@@ -11,7 +11,7 @@ import numpy as np
 
 from logs.identification.data.flight import DriveData
 from logs.identification.data.maneuvers import Maneuver
-from logs.identification.diagnostics.validation import validation
+from logs.identification.diagnostics.agreement import validation
 from logs.identification.estimators.flight_modes import OUTPUT_ERROR, cross_validated
 from logs.identification.models.modes import KINDS, ModesResult
 from logs.identification.report.markers import markers_chapter

@@ -25,7 +25,7 @@ from logs.identification.models.rigid_body import INPUTS
 from logs.identification.report.subjects import log_path_chapter
 from logs.identification.results import Array, estimate
 from logs.identification.sources.flight_path import aided_flight, identify_path, imu_truths
-from logs.identification.sources.full_flight import whole_flight
+from logs.identification.sources.topic_table import whole_flight
 from sim_bridge import topics as truth_topics
 from wingbeat.errors import InputError
 from wingbeat.topic import Topic

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from logs.identification.data.flight import DriveData, GaugeErrors
-from logs.identification.estimators.torque_speed import identify_load, identify_torque_speed, load_truth
+from logs.identification.estimators.bench import identify_load, identify_torque_speed, load_truth
 from logs.identification.results import Array, Estimate, EstimationResult
 from sim_bridge.actuators.drives import torque_bound
 from wingbeat.errors import InputError

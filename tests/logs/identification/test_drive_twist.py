@@ -7,7 +7,7 @@ import pytest
 from promised import SEEDS, covered, promise_kept
 
 from logs.identification.data.experiment import Experiment
-from logs.identification.estimators.twist import identify_twist
+from logs.identification.estimators.bench import identify_twist
 from logs.identification.results import Estimate, EstimationResult
 from sim_bridge.flight_mechanics.wing_twist import free_twist
 from wingbeat.errors import InputError

@@ -10,7 +10,7 @@ from scipy.signal import lsim
 
 from logs.identification.data.experiment import Experiment
 from logs.identification.estimators.equivalent_system import equivalent_system
-from logs.identification.estimators.records import Records, records_of
+from logs.identification.estimators.modal import Records, records_of
 from logs.identification.models.modes import PHUGOID, Mode, short_period_of
 
 FREQUENCY, DAMPING = short_period_of(model_of(Flight()).a)

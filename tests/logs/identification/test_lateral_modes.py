@@ -10,7 +10,7 @@ import pytest
 from output_error_cases import LATERAL, LATERAL_TRUTH, simulated, steps, vector
 
 from groundstation.command import identify
-from logs.identification.models.lateral_modes import lateral_modes
+from logs.identification.models.lateral import lateral_modes
 from logs.identification.results import Array
 from logs.identification.statistics.covariance import ParameterUncertainty
 

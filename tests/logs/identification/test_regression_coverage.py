@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from promised import SEEDS
 
-from logs.identification.diagnostics.context import Context
+from logs.identification.diagnostics import Context
 from logs.identification.diagnostics.estimates import few_independent_samples
 from logs.identification.estimators.equation_error import Settings, coefficient_regression
 from logs.identification.estimators.registry import ESTIMATORS, Request

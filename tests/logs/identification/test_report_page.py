@@ -13,8 +13,8 @@ import pytest
 from linear_ornithopter import AIRCRAFT, Flight, fly
 from wing_drives import K_TAU, K_TAU0, Drives, measure, simulate
 
+from logs.identification.estimators import bench as bench_fits
 from logs.identification.estimators import stroke_coefficients as stroke_fits
-from logs.identification.estimators import torque_speed, twist
 from logs.identification.estimators.flapping_frequency import FrequencyResult, Segment
 from logs.identification.estimators.flight_modes import identify_modes
 from logs.identification.estimators.model_structure import Statistics
@@ -226,8 +226,8 @@ def test_an_equation_is_set_in_one_kind_of_type() -> None:
 
 @pytest.mark.parametrize(
     "text",
-    [*stands.EQUATIONS, *stroke_fits.EQUATIONS, *stroke_fits.LAWS, stroke_fits.MOMENT_LAW, *torque_speed.EQUATIONS,
-     *twist.EQUATIONS],
+    [*stands.EQUATIONS, *stroke_fits.EQUATIONS, *stroke_fits.LAWS, stroke_fits.MOMENT_LAW, *bench_fits.EQUATIONS,
+     *bench_fits.RELEASE],
 )  # fmt: skip
 def test_words_with_an_apostrophe_stay_words_in_what_begins_as_an_equation(text: str) -> None:
     assert "&#x27;<i>" not in rich(text)

@@ -10,7 +10,7 @@ from promised import SEEDS, promise_kept
 from scipy.signal import lfilter
 
 from logs.identification.data.experiment import Experiment
-from logs.identification.data.time_skew import shifted, skew_between
+from logs.identification.data.signal_errors import shifted, skew_between
 from logs.identification.findings import Finding
 from logs.identification.results import Estimate
 from wingbeat.errors import InputError

@@ -12,7 +12,7 @@ from logs.identification.estimators.stroke_coefficients import (
     moment_derivatives,
     stroke_coefficients,
 )
-from logs.identification.models.stroke_averages import (
+from logs.identification.models.stroke_averaged import (
     Attitude,
     StrokeCoefficients,
     StrokeRecord,

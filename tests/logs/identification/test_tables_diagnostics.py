@@ -12,17 +12,17 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.signal import lsim
 
 from logs.identification.data.experiment import Experiment
-from logs.identification.diagnostics.context import Context
+from logs.identification.diagnostics import Context
 from logs.identification.diagnostics.estimates import disagreements, with_regressor_noise
 from logs.identification.diagnostics.model_structure import lack_of_fit, poor_fit
 from logs.identification.estimators.equation_error import Settings
 from logs.identification.estimators.equivalent_system import equivalent_system
 from logs.identification.estimators.era import realization
+from logs.identification.estimators.modal import records_of
 from logs.identification.estimators.nonparametric import modes_of_experiments, modes_of_records
-from logs.identification.estimators.records import records_of
 from logs.identification.estimators.registry import ESTIMATORS, Request
-from logs.identification.report.result_formatting import notes_of as said_of
-from logs.identification.report.result_formatting import table_document
+from logs.identification.report.tables import notes_of as said_of
+from logs.identification.report.tables import table_document
 from logs.identification.results import EstimationResult, FitSeries, estimate
 from logs.identification.sources.table.run import identify_tables
 from tests.logs.identification.test_frequency_equations import SLOW, exact

@@ -10,13 +10,12 @@ import numpy as np
 import pytest
 
 from logs.identification.data.experiment import Experiment
+from logs.identification.estimators.modal import records_of
 from logs.identification.estimators.nonparametric import modes_of_experiments
-from logs.identification.estimators.records import records_of
 from logs.identification.estimators.spectrum import spectrum
 from logs.identification.models.modes import PHUGOID
 from logs.identification.sources.table.columns import seconds_of
-from logs.identification.sources.table.results import TableIdentification
-from logs.identification.sources.table.run import identify_tables
+from logs.identification.sources.table.run import TableIdentification, identify_tables
 from tests.logs.identification.test_tables_identified import BASE, assert_truth, codes, flight, numbers
 from tests.logs.identification.test_tables_reading import read
 from wingbeat.errors import InputError

@@ -11,7 +11,7 @@ import pytest
 
 from groundstation.command.main import main
 from logs.identification.estimators.stroke_coefficients import HIDDEN, Flight, stroke_fit
-from logs.identification.models.stroke_averages import Attitude
+from logs.identification.models.stroke_averaged import Attitude
 from logs.identification.models.wing_strokes import (
     Flapped,
     measured_strokes,

@@ -10,10 +10,16 @@ import numpy as np
 
 from logs.identification.data.experiment import Experiment
 from logs.identification.diagnostics.signals import moves
+from logs.identification.estimators.bench import (
+    DAMPING,
+    NATURAL,
+    identify_torque_speed,
+    identify_twist,
+    swing_of,
+    turning,
+)
 from logs.identification.estimators.servo import torque_of_readings
 from logs.identification.estimators.servo_power import power_of, power_of_readings
-from logs.identification.estimators.torque_speed import identify_torque_speed, turning
-from logs.identification.estimators.twist import DAMPING, NATURAL, identify_twist, swing_of
 from logs.identification.findings import Entry, Finding, register
 from logs.identification.results import Array, EstimationResult, FitSeries, linear_result
 from logs.identification.sources.table.derived import signal

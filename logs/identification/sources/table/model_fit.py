@@ -11,14 +11,14 @@ import numpy as np
 
 from logs.identification.data.experiment import Experiment
 from logs.identification.data.resampling import bridged, measured_pieces
-from logs.identification.diagnostics.context import Context
+from logs.identification.diagnostics import Context
+from logs.identification.diagnostics.estimates import FASTEST_TURN, LEAST_RUN, aliased_mode, coarse_inputs
 from logs.identification.diagnostics.model_structure import (
     conditional_estimates,
     has_lack_of_fit,
     omitted_effects,
     widened,
 )
-from logs.identification.diagnostics.sampling import FASTEST_TURN, LEAST_RUN, aliased_mode, coarse_inputs
 from logs.identification.diagnostics.table import diagnose
 from logs.identification.estimators.engine.problem import Fit, Nuisances, Problem
 from logs.identification.estimators.engine.problem import Parameter as FitParameter

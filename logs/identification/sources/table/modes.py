@@ -9,16 +9,16 @@ from collections.abc import Sequence
 import numpy as np
 
 from logs.identification.data.experiment import Experiment
+from logs.identification.diagnostics import Context
 from logs.identification.diagnostics.agreement import agreement
-from logs.identification.diagnostics.context import Context
-from logs.identification.diagnostics.model_structure import has_lack_of_fit
-from logs.identification.diagnostics.sampling import (
+from logs.identification.diagnostics.estimates import (
     FASTEST_TURN,
     LEAST_RUN,
     aliased_mode,
     coarse_inputs,
     short_records,
 )
+from logs.identification.diagnostics.model_structure import has_lack_of_fit
 from logs.identification.estimators.equivalent_system import METHOD as EQUIVALENT
 from logs.identification.estimators.free_response import METHOD as FREE_RESPONSE
 from logs.identification.estimators.frequency_equations import (
@@ -28,11 +28,11 @@ from logs.identification.estimators.frequency_equations import (
     frequency_equation_error,
 )
 from logs.identification.estimators.initial_values import acting_at
+from logs.identification.estimators.modal import away
 from logs.identification.estimators.nonparametric import modes_of_experiments
-from logs.identification.estimators.records import away
 from logs.identification.estimators.registry import ESTIMATORS, Request
 from logs.identification.findings import Entry, Finding, not_estimated, register
-from logs.identification.models.lateral_modes import DUTCH_ROLL, LateralModes, lateral_modes
+from logs.identification.models.lateral import DUTCH_ROLL, LateralModes, lateral_modes
 from logs.identification.models.modes import (
     KINDS,
     PHUGOID,

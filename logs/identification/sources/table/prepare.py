@@ -10,8 +10,8 @@ from scipy.signal import detrend
 
 from logs.identification.data.experiment import Experiment, runs
 from logs.identification.data.resampling import cut, down_sampled, whole_records
+from logs.identification.data.signal_errors import LEAST, shifted, skew_between
 from logs.identification.data.smoothing import RATE_SUFFIX, smoothed
-from logs.identification.data.time_skew import LEAST, shifted, skew_between
 from logs.identification.findings import Entry, Finding, register
 from logs.identification.results import Array, Estimate, estimate
 from logs.identification.sources.table.derived import slope

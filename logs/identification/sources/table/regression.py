@@ -7,7 +7,7 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from logs.identification.data.experiment import Experiment
-from logs.identification.diagnostics.context import Context
+from logs.identification.diagnostics import Context
 from logs.identification.diagnostics.estimates import with_input_sampling, with_regressor_noise
 from logs.identification.diagnostics.signals import joined, measured, moves
 from logs.identification.diagnostics.table import diagnose

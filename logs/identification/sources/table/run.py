@@ -6,16 +6,17 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from logs.identification.diagnostics.context import Context
+from logs.identification.data.experiment import Experiment
+from logs.identification.diagnostics import Context
 from logs.identification.diagnostics.signals import joined, measured, moves
 from logs.identification.diagnostics.table import diagnose
 from logs.identification.findings import Entry, Finding, register
 from logs.identification.models.modes import ModesResult
-from logs.identification.results import EstimationResult
+from logs.identification.results import Estimate, EstimationResult
 from logs.identification.sources.table import bench
 from logs.identification.sources.table.columns import read_columns
 from logs.identification.sources.table.config import (
@@ -36,10 +37,35 @@ from logs.identification.sources.table.path import path_fit
 from logs.identification.sources.table.prepare import stroke_averaged
 from logs.identification.sources.table.quantities import read_constants
 from logs.identification.sources.table.regression import check_names, regression_fit
-from logs.identification.sources.table.results import TableIdentification
 from logs.identification.sources.table.stand import stand_fits, tare_of
 from logs.identification.sources.table.stroke import stroke_fits
 from wingbeat.errors import InputError
+
+
+class TableIdentification(NamedTuple):
+    """Everything that was identified from one or several tables."""
+
+    files: tuple[str, ...]
+    experiments: tuple[str, ...]
+    """-; names of the maneuvers that were fitted"""
+    held_out: tuple[str, ...]
+    """-; names of those that were only predicted"""
+    fits: tuple[EstimationResult, ...]
+    modes: ModesResult | None
+    """by every method; None if not requested"""
+    findings: tuple[Finding, ...] = ()
+    """on the data and on the results together"""
+    missing: tuple[Finding, ...] = ()
+    """sections or fits of the map (subject) without a result"""
+    records: tuple[Experiment, ...] = ()
+    """the maneuvers, fitted ones first"""
+    inputs: tuple[str, ...] = ()
+    """-; signals that the map calls inputs"""
+    constants: Mapping[str, float] = {}
+    """SI; of the map"""
+    delays: tuple[Estimate, ...] = ()
+    """s; measured delays of signals, by name"""
+
 
 T = TypeVar("T")
 DYNAMIC = ("modes", "path", "stroke", "load_cell", "twist")

@@ -16,7 +16,7 @@ from logs.identification.estimators.stroke_coefficients import (
     stroke_fit,
 )
 from logs.identification.findings import Entry, Finding, register
-from logs.identification.models.stroke_averages import Attitude
+from logs.identification.models.stroke_averaged import Attitude
 from logs.identification.models.wing_strokes import (
     Flapped,
     Planform,
