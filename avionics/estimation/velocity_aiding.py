@@ -62,9 +62,9 @@ CLIMB_TEST, LAUNCH_FIXES = 0.35, 4
 """m/s, -; mean innovation of the climb rate over the fixes after a launch, after which the offset along body x is
 such: over twice the greatest of calibrated sensors"""
 SIDE_TEST = 1.0
-"""m/s^2; mean side force over `SIDE_TIME` of straight flight after which that along body y is such: four standard
-deviations of the greatest scatter in gusts"""
-SIDE_FORCE, SIDE_TIME = 0.3, 2.0
+"""m/s^2; mean side force over two successive `SIDE_TIME` of straight flight after which that along body y is such: one
+mean reaches it in moderate gusts, two of one sign do not"""
+SIDE_FORCE, SIDE_TIME = 0.3, 1.5
 """m/s^2, s; standard deviation and correlation time of the side force of an aircraft that flies straight"""
 GRAVITY_NOISE = 0.05
 """m/s^2; standard deviation of the magnitude of the specific force at rest, from the accelerometer's scale"""
@@ -142,6 +142,8 @@ class State(NamedTuple):
     """m/s; integral of the side force in straight flight"""
     side_time: float = 0.0
     """s; duration of that integral"""
+    side_mean: float = 0.0
+    """m/s^2; mean side force over the `SIDE_TIME` before"""
     launch_fixes: int = 0
     """-; fixes since the launch, at most `LAUNCH_FIXES`"""
     climb: float = 0.0
@@ -429,9 +431,9 @@ def in_straight_flight(
     if time < SIDE_TIME:
         return state._replace(side_time=time, side_impulse=impulse), NOTHING
     mean = impulse / time
-    if abs(mean) > SIDE_TEST:
+    if min(abs(mean), abs(state.side_mean)) > SIDE_TEST and mean * state.side_mean > 0.0:
         _uncalibrated(p, SIDE_ACCEL)
-    state = state._replace(side_time=0.0, side_impulse=0.0)
+    state = state._replace(side_time=0.0, side_impulse=0.0, side_mean=mean)
     return _applied(state, _updated(p, SIDE_ACCEL, mean, SIDE_FORCE**2))
 
 
