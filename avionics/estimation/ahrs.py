@@ -53,6 +53,7 @@ AVERAGES, RAZOR = 0, 1
 """Values of `AhrsGains.method`."""
 
 ZERO: Vector = (0.0, 0.0, 0.0)
+NO_TIME: Matrix = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 IDENTITY: Matrix = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 
 
@@ -161,6 +162,8 @@ class Block(NamedTuple):
     """rad^2/s; integral of the squared rates"""
     force_square: float = 0.0
     """m^2/s^3; integral of the squared specific force"""
+    attitude: Matrix = NO_TIME
+    """s; integral of r_ned_from_frd"""
 
 
 class Correction(NamedTuple):
@@ -180,6 +183,8 @@ class Correction(NamedTuple):
     """s; time for which the tilt residual has exceeded its limit"""
     impulse: Vector = ZERO
     """m/s; integral of the specific force over all blocks, earth axes"""
+    attitude: Matrix = NO_TIME
+    """s; integral of r_ned_from_frd over all blocks"""
     field: Vector = ZERO
     """gauss, rad, -; reference of the magnetic field: strength (0: no magnetometer), dip, 0"""
     refused: Vector = ZERO
@@ -363,9 +368,9 @@ def step(
     force, velocity, field = vectors = _in_earth_axes(gains.accel_delay, r, angles, imu, correction, airspeed)
     length = 1.0 / frequency if frequency > 0.0 else gains.fixed_block
     if state.block.span + dt < length:
-        block = _extended(state.block, dt, _between(state.force, force, 0.5), velocity, field, rates)
+        block = _extended(state.block, dt, _between(state.force, force, 0.5), velocity, field, rates, r)
     else:
-        full, block = _divided(state, length, dt, vectors, rates)
+        full, block = _divided(state, length, dt, vectors, rates, r)
         flight = Flight(imu.time_us, frequency > 0.0, airspeed)
         r, correction, aid = _corrected(gains, r, correction, full, flight, aid)
     if fix is not None:
@@ -390,7 +395,7 @@ def _in_earth_axes(
 
 
 def _divided(
-    state: AhrsState, length: float, dt: float, vectors: tuple[Vector, Vector, Vector], rates: Vector
+    state: AhrsState, length: float, dt: float, vectors: tuple[Vector, Vector, Vector], rates: Vector, r: Matrix
 ) -> tuple[Block, Block]:
     """Return the block completed to ``length`` (s) and the next block.
 
@@ -401,8 +406,8 @@ def _divided(
     before_end = _between(state.force, force, 0.5 * share)
     after_end = _between(state.force, force, 0.5 + 0.5 * share)
     return (
-        _extended(state.block, share * dt, before_end, velocity, field, rates),
-        _extended(Block(), (1.0 - share) * dt, after_end, velocity, field, rates),
+        _extended(state.block, share * dt, before_end, velocity, field, rates, r),
+        _extended(Block(), (1.0 - share) * dt, after_end, velocity, field, rates, r),
     )
 
 
@@ -425,8 +430,9 @@ def _razor_step(
 def _resumed(state: AhrsState) -> AhrsState:
     """Return the state after a gap; the incomplete block is discarded."""
     impulse = _sum(state.correction.impulse, state.block.force)
+    attitude = _grown(state.correction.attitude, state.block.attitude, 1.0)
     aid = state.aid._replace(accepted_us=-1, agreed=0, past=())
-    return state._replace(block=Block(), correction=state.correction._replace(joined=0.0, impulse=impulse), aid=aid)
+    return state._replace(block=Block(), correction=state.correction._replace(joined=0.0, impulse=impulse, attitude=attitude), aid=aid)
 
 
 def _angles(lead: float, old: Vector, rates: Vector, bias: Vector, dt: float) -> Vector:
@@ -451,9 +457,11 @@ def _between(a: Vector, b: Vector, share: float) -> Vector:
 _new_block = constructor(Block)
 
 
-def _extended(block: Block, dt: float, force: Vector, velocity: Vector, field: Vector, rates: Vector) -> Block:
+def _extended(
+    block: Block, dt: float, force: Vector, velocity: Vector, field: Vector, rates: Vector, attitude: Matrix
+) -> Block:
     """Extend the block by ``dt`` (s) with the mean specific force ``force``."""
-    span, impulse, moment, travel, magnetic, turn, rate_square, force_square = block
+    span, impulse, moment, travel, magnetic, turn, rate_square, force_square, turned = block
     x, y, z = force
     fx, fy, fz = x * dt, y * dt, z * dt
     time = span + 0.5 * dt
@@ -467,6 +475,17 @@ def _extended(block: Block, dt: float, force: Vector, velocity: Vector, field: V
         (turn[0] + p * dt, turn[1] + q * dt, turn[2] + r * dt),
         rate_square + (p * p + q * q + r * r) * dt,
         force_square + (x * x + y * y + z * z) * dt,
+        _grown(turned, attitude, dt),
+    )  # fmt: skip
+
+
+def _grown(sum_: Matrix, r: Matrix, dt: float) -> Matrix:
+    """Return ``sum_ + r dt``."""
+    a, b, c, d, e, f, g, h, i = r
+    s0, s1, s2, s3, s4, s5, s6, s7, s8 = sum_
+    return (
+        s0 + a * dt, s1 + b * dt, s2 + c * dt, s3 + d * dt, s4 + e * dt, s5 + f * dt, s6 + g * dt, s7 + h * dt,
+        s8 + i * dt,
     )  # fmt: skip
 
 
@@ -474,20 +493,20 @@ def _fixed(
     gains: AhrsGains, r: Matrix, last: Correction, block: Block, aid: velocity_aiding.State, fix: GpsFix
 ) -> tuple[Matrix, Correction, Block, velocity_aiding.State]:
     """Return the matrix and the filter state after a GPS fix."""
-    impulse = _sum(last.impulse, block.force)
+    impulse, attitude = _sum(last.impulse, block.force), _grown(last.attitude, block.attitude, 1.0)
     aid = velocity_aiding.remember(aid, gains.gps_delay, fix.time_us, impulse)
     if last.age < gains.settling:
         return r, last, block, aid
     noise = _noise(gains)
-    p = velocity_aiding.carried(aid, noise, fix.time_us, impulse, r)
+    p = velocity_aiding.carried(aid, noise, fix.time_us, impulse, attitude)
     aid, errors = velocity_aiding.fixed(aid, p, noise, fix)
     r = orthonormalize(multiply(dcm_from_rotation_vector(*errors.turn), r))
     iron = _sum(last.iron, errors.iron)
     if errors.realigned:
         iron = _sum(iron, _iron(gains, r, last, block, errors.turn[2]))
         velocity_aiding.iron_known(p, r, _compass(gains, last.field))
-        last, block = last._replace(joined=0.0, impulse=impulse), Block()
-    aid = velocity_aiding.kept(aid, p, fix.time_us, impulse)
+        last, block = last._replace(joined=0.0, impulse=impulse, attitude=attitude), Block()
+    aid = velocity_aiding.kept(aid, p, fix.time_us, impulse, attitude)
     bias = _limited(_sum(last.bias, errors.bias), last.offset, gains.bias_limit)
     accel = _sum(last.accel_offset, errors.accel)
     return r, last._replace(bias=bias, accel_offset=accel, iron=iron), block, aid
@@ -522,8 +541,8 @@ def _corrected(
     gains: AhrsGains, r: Matrix, last: Correction, block: Block, flight: Flight, aid: velocity_aiding.State
 ) -> tuple[Matrix, Correction, velocity_aiding.State]:
     """Return the matrix and the filter state at the end of a block."""
-    impulse = _sum(last.impulse, block.force)
-    p = velocity_aiding.carried(aid, _noise(gains), flight.time_us, impulse, r)
+    impulse, attitude = _sum(last.impulse, block.force), _grown(last.attitude, block.attitude, 1.0)
+    p = velocity_aiding.carried(aid, _noise(gains), flight.time_us, impulse, attitude)
     if velocity_aiding.agreeing(aid, gains.gps_timeout, flight.time_us):
         limit = gains.heading_limit + 3.0 * aid.heading_sigma
         flight = Flight(flight.time_us, flight.flapping, flight.airspeed, True, limit)
@@ -538,12 +557,12 @@ def _corrected(
         gain = _gain(view.length, gains.rest_time, view.age)
         bias = _between(last.bias, _scaled(block.turn, 1.0 / view.length), gain)
         p = velocity_aiding.rested(p, gain, gains.rest_noise)
-    aid = velocity_aiding.kept(aid, p, flight.time_us, impulse)
+    aid = velocity_aiding.kept(aid, p, flight.time_us, impulse, attitude)
     tilt_sigma, heading_sigma = _sigmas(gains, view.reference[1], aid)
     disturbed = int(view.reference[0] > 0.0 and view.refused[2] >= gains.disturbed_time)
     sure = (tilt_sigma, heading_sigma, disturbed, int(flight.aided))
     limited = _limited(bias, last.offset, gains.bias_limit)
-    corrected = _cached(gains, last.is_degraded, view, turn, (limited, impulse, sure))
+    corrected = _cached(gains, last.is_degraded, view, turn, (limited, impulse, attitude, sure))
     return (
         orthonormalize(multiply(turn, r)),
         corrected._replace(
@@ -632,20 +651,20 @@ def _cached(
     is_degraded: float,
     view: View,
     turn: Matrix,
-    known: tuple[Vector, Vector, tuple[float, float, int, int]],
+    known: tuple[Vector, Vector, Matrix, tuple[float, float, int, int]],
 ) -> Correction:
     """Return the correction record for the next block.
 
     Vectors are in axes after the correction. ``is_degraded`` is the value of the last block. ``known`` contains bias,
     impulse, and the last fields of `Correction`: sigmas, disturbed, aided.
     """
-    size, (bias, impulse, sure) = hypot(view.north, view.east), known
+    size, (bias, impulse, attitude, sure) = hypot(view.north, view.east), known
     is_degraded = is_degraded + view.length if view.trust > 0.0 and size >= gains.tilt_limit else 0.0
     # Do not combine blocks if the attitude error exceeds tilt_limit.
     joined = view.length if view.gain * size < gains.tilt_limit else 0.0
     return Correction(
         bias, joined, rotate(turn, view.rising), rotate(turn, view.velocity), view.age, is_degraded, impulse,
-        view.reference, view.refused, size, view.heading_error, view.length, *sure,
+        attitude, view.reference, view.refused, size, view.heading_error, view.length, *sure,
     )  # fmt: skip
 
 

@@ -102,6 +102,8 @@ class State(NamedTuple):
     """us; time of the covariance"""
     impulse: Vector = ZERO
     """m/s; integral of the specific force up to that time, earth axes"""
+    attitude: Matrix = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    """s; integral of r_ned_from_frd up to that time"""
     past: tuple[Moment, ...] = ()
     """impulse history, oldest first; empty before the first fix"""
     offset: tuple[float, float] = (0.0, 0.0)
@@ -177,17 +179,18 @@ def remember(state: State, gps_delay: float, time_us: int, impulse: Vector) -> S
     return state._replace(past=(*state.past, Moment(time_us, impulse))[-kept:])
 
 
-def carried(state: State, noise: Noise, time_us: int, impulse: Vector, r: Matrix) -> Array:
+def carried(state: State, noise: Noise, time_us: int, impulse: Vector, attitude: Matrix) -> Array:
     """Return the covariance propagated to ``time_us`` (us).
 
-    ``impulse`` (m/s) is the integral of the specific force at that time.
+    ``impulse`` (m/s) and ``attitude`` (s) are the integrals of the specific force and of r_ned_from_frd at that time:
+    a vehicle that turns through 90 degrees has its bias about another earth axis at the end than at the start.
     """
     p = np.array(state.covariance).reshape(STATES, STATES)
     dt = (time_us - state.time_us) * 1e-6
     (x, y, z), (x0, y0, z0) = impulse, state.impulse
     f = UNITY.copy()
     f[0, 3], f[0, 4], f[1, 2], f[1, 4] = z - z0, -(y - y0), -(z - z0), x - x0
-    turned = np.array(r).reshape(3, 3) * -dt
+    turned = np.subtract(state.attitude, attitude).reshape(3, 3)
     f[ROTATION, BIAS], f[VELOCITY, ACCEL] = turned, turned[0:2, 0:2]
     p = f.dot(p).dot(f.T)
     attitude, bias = noise.gyro_walk**2 * dt, noise.bias_walk**2 * dt
@@ -198,12 +201,12 @@ def carried(state: State, noise: Noise, time_us: int, impulse: Vector, r: Matrix
     return np.asarray(p)
 
 
-def kept(state: State, p: Array, time_us: int, impulse: Vector) -> State:
+def kept(state: State, p: Array, time_us: int, impulse: Vector, attitude: Matrix) -> State:
     """Return the state with the covariance ``p`` at ``time_us`` (us)."""
     flat = tuple((0.5 * (p + p.T)).ravel().tolist())
     tilt, heading = sqrt(0.5 * (p.item(2, 2) + p.item(3, 3))), sqrt(p.item(4, 4))
-    _, _, _, past, offset, accepted_us, agreed, _, _, turn, speed = state
-    return State(flat, time_us, impulse, past, offset, accepted_us, agreed, tilt, heading, turn, speed)
+    _, _, _, _, past, offset, accepted_us, agreed, _, _, turn, speed = state
+    return State(flat, time_us, impulse, attitude, past, offset, accepted_us, agreed, tilt, heading, turn, speed)
 
 
 def fixed(state: State, p: Array, noise: Noise, fix: GpsFix) -> tuple[State, Errors]:
