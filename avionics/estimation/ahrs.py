@@ -625,25 +625,15 @@ def _by_view(
     """
     compass = _gain(view.length, gains.heading_time, view.age) if view.refused[2] == 0.0 else 0.0
     turn = multiply(dcm_from_rotation_vector(0.0, 0.0, compass * view.heading_error), view.tilt)
-    learned = 0.0 if view.age < gains.settling else view.length / gains.bias_time
-    tilt_rate, heading_rate = learned * view.trust / view.time, learned / gains.heading_time
-    error = (tilt_rate * view.north, tilt_rate * view.east, heading_rate * view.heading_error)
-    bias = _sum(last.bias, _scaled(rotate_back(multiply(turn, r), error), -1.0))
+    learned = view.age >= gains.settling
+    error = (view.north, view.east, view.heading_error)
     is_degraded = hypot(gains.tilt_noise, TILT_DOUBT * hypot(view.north, view.east))
     shares = (view.gain, view.gain, compass)
-    rates = (tilt_rate, tilt_rate, heading_rate if compass > 0.0 else 0.0)
-    return (
-        turn,
-        bias,
-        velocity_aiding.relaxed(
-            p,
-            r,
-            _compass(gains, view.reference),
-            shares,
-            rates,
-            (is_degraded, is_degraded, gains.field_noise),
-        ),
+    weights = (view.trust * learned, view.trust * learned, float(compass > 0.0 and learned))
+    p, x = velocity_aiding.relaxed(
+        p, r, _compass(gains, view.reference), shares, weights, error, (is_degraded, is_degraded, gains.field_noise)
     )
+    return turn, _sum(last.bias, x), p
 
 
 def _cached(

@@ -307,24 +307,33 @@ def _heading_row(r: Matrix, compass: Compass) -> Array:
     return h
 
 
-def relaxed(p: Array, r: Matrix, compass: Compass, shares: Vector, bias_rates: Vector, sigmas: Vector) -> Array:
-    """Return the covariance after corrections with suboptimal gains (Joseph form).
+def relaxed(
+    p: Array, r: Matrix, compass: Compass, shares: Vector, weights: Vector, error: Vector, sigmas: Vector
+) -> tuple[Array, Vector]:
+    """Return the covariance and the gyro bias correction after attitude corrections with fixed gains (Joseph form).
+
+    The bias has the gain of the Kalman filter: the covariance between attitude and bias tells about which body axis
+    the rate was that an attitude error came from, which the attitude at the end of a turn does not.
 
     Args:
         p: covariance before.
         r: r_ned_from_frd.
         compass: reference of the magnetic heading.
         shares: corrected fractions of the measured rotation about north, east and down.
-        bias_rates: 1/s; corrections of the gyro bias per measured rotation.
+        weights: of the three measurements for the bias, 0 to 1.
+        error: rad; measured rotation about north, east and down.
         sigmas: rad; noise of the three measurements.
     """
-    k = np.zeros((STATES, 3))
-    k[ROTATION] = np.diag(shares)
-    k[BIAS] = np.array(r).reshape(3, 3).T * np.negative(bias_rates)
     h = UNITY[ROTATION].copy()
     h[0:2, ACCEL] = -_tilt_of_offset(r)
     h[2] = _heading_row(r, compass)
-    return _joseph(p, h, k, np.array(sigmas))
+    noise = np.array(sigmas)
+    k = np.zeros((STATES, 3))
+    k[ROTATION] = np.diag(shares)
+    ph = p.dot(h.T)
+    k[BIAS] = ph[BIAS] / (np.einsum("ij,ji->i", h, ph) + noise**2) * weights
+    x, y, z = k[BIAS].dot(error).tolist()
+    return _joseph(p, h, k, noise), (x, y, z)
 
 
 def rested(p: Array, share: float, sigma: float) -> Array:
