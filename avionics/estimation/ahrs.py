@@ -15,7 +15,7 @@ The direction cosine matrix is that of the instrumentation suite of Gerdes et al
 
 from __future__ import annotations
 
-from math import atan2, cos, exp, hypot, isfinite, pi, sin, sqrt, tan
+from math import atan2, cos, exp, hypot, isfinite, pi, sin, sqrt
 from typing import Annotated, NamedTuple
 
 from avionics.estimation import razor, velocity_aiding
@@ -62,9 +62,9 @@ class AhrsGains(NamedTuple):
 
     method: Annotated[int, Quantity("-", 0, 1)] = 0
     """-; 0: averages over blocks and GPS; 1: the corrections of `razor`, for comparison"""
-    fixed_block: Annotated[float, Quantity("s", 0.1, 10.0)] = 1.5
+    fixed_block: Annotated[float, Quantity("s", 0.1, 10.0)] = 0.5
     """s; block length without a measured wing period"""
-    tilt_time: Annotated[float, Quantity("s", 0.5, 60.0)] = 2.0
+    tilt_time: Annotated[float, Quantity("s", 0.5, 60.0)] = 3.0
     """s; time constant of the tilt correction with fixed blocks"""
     flapping_tilt_time: Annotated[float, Quantity("s", 0.5, 60.0)] = 4.0
     """s; time constant of the tilt correction while flapping; averages over gusts and maneuvers"""
@@ -119,8 +119,8 @@ class AhrsGains(NamedTuple):
     """s; duration of rejection after which the magnetometer is reported as disturbed"""
     level_error: Annotated[float, Quantity("rad", 0.0, 0.2)] = 0.007
     """rad; one sigma of unobservable tilt errors: mounting and calibration of the accelerometer"""
-    compass_error: Annotated[float, Quantity("rad", 0.0, 0.5)] = 0.025
-    """rad; one sigma of unobservable heading errors: hard iron, declination"""
+    compass_error: Annotated[float, Quantity("rad", 0.0, 0.5)] = 0.01
+    """rad; one sigma of unobservable heading errors: mounting, declination; the hard iron is in the covariance"""
     gps_noise: Annotated[float, Quantity("m/s", 0.01, 10.0)] = 0.15
     """m/s; one sigma of the GPS velocity, each axis"""
     gps_gate: Annotated[float, Quantity("-", 1.0, 100.0)] = 5.0
@@ -209,6 +209,8 @@ class Correction(NamedTuple):
     """m/s^2; estimated accelerometer offset, body axes"""
     iron: Vector = ZERO
     """gauss; estimated hard iron, body axes"""
+    lean: Vector = ZERO
+    """m/s^2; low-passed difference between the mean specific force and 1 g upward, earth axes"""
 
 
 class AhrsState(NamedTuple):
@@ -262,6 +264,8 @@ class View(NamedTuple):
     """-; weight of the tilt, from 0 to 1"""
     gain: float
     """-; fraction of the tilt error that is corrected"""
+    lean: Vector
+    """rad; as `Correction.lean`"""
     tilt: Matrix
     """-; rotation by the corrected fraction"""
     rising: Vector
@@ -373,7 +377,7 @@ def step(
         full, block = _divided(state, length, dt, vectors, rates, r)
         flight = Flight(imu.time_us, frequency > 0.0, airspeed)
         r, correction, aid = _corrected(gains, r, correction, full, flight, aid)
-    if fix is not None:
+    if fix is not None and velocity_aiding.is_usable(fix):
         r, correction, block, aid = _fixed(gains, r, correction, block, aid, fix)
     elif aid.past and imu.time_us - aid.past[-1].time_us >= velocity_aiding.HISTORY_STEP_US:
         aid = velocity_aiding.remember(aid, gains.gps_delay, imu.time_us, _sum(correction.impulse, block.force))
@@ -432,7 +436,7 @@ def _resumed(state: AhrsState) -> AhrsState:
     impulse = _sum(state.correction.impulse, state.block.force)
     attitude = _grown(state.correction.attitude, state.block.attitude, 1.0)
     aid = state.aid._replace(accepted_us=-1, agreed=0, past=())
-    return state._replace(block=Block(), correction=state.correction._replace(joined=0.0, impulse=impulse, attitude=attitude), aid=aid)
+    return state._replace(block=Block(), correction=state.correction._replace(joined=0.0, impulse=impulse, attitude=attitude, lean=ZERO), aid=aid)
 
 
 def _angles(lead: float, old: Vector, rates: Vector, bias: Vector, dt: float) -> Vector:
@@ -505,7 +509,7 @@ def _fixed(
     if errors.realigned:
         iron = _sum(iron, _iron(gains, r, last, block, errors.turn[2]))
         velocity_aiding.iron_known(p, r, _compass(gains, last.field))
-        last, block = last._replace(joined=0.0, impulse=impulse, attitude=attitude), Block()
+        last, block = last._replace(joined=0.0, impulse=impulse, attitude=attitude, lean=ZERO), Block()
     aid = velocity_aiding.kept(aid, p, fix.time_us, impulse, attitude)
     bias = _limited(_sum(last.bias, errors.bias), last.offset, gains.bias_limit)
     accel = _sum(last.accel_offset, errors.accel)
@@ -528,7 +532,7 @@ def _iron(gains: AhrsGains, r: Matrix, last: Correction, block: Block, turn: flo
 
 def _compass(gains: AhrsGains, reference: Vector) -> velocity_aiding.Compass:
     strength, dip, _ = reference
-    return velocity_aiding.Compass(gains.declination, strength * cos(dip))
+    return velocity_aiding.Compass(gains.declination, strength * cos(dip), strength * sin(dip))
 
 
 def _noise(gains: AhrsGains) -> velocity_aiding.Noise:
@@ -558,7 +562,7 @@ def _corrected(
         bias = _between(last.bias, _scaled(block.turn, 1.0 / view.length), gain)
         p = velocity_aiding.rested(p, gain, gains.rest_noise)
     aid = velocity_aiding.kept(aid, p, flight.time_us, impulse, attitude)
-    tilt_sigma, heading_sigma = _sigmas(gains, view.reference[1], aid)
+    tilt_sigma, heading_sigma = _sigmas(gains, aid)
     disturbed = int(view.reference[0] > 0.0 and view.refused[2] >= gains.disturbed_time)
     sure = (tilt_sigma, heading_sigma, disturbed, int(flight.aided))
     limited = _limited(bias, last.offset, gains.bias_limit)
@@ -569,18 +573,19 @@ def _corrected(
             offset=last.offset,
             accel_offset=_sum(last.accel_offset, errors.accel),
             iron=_sum(last.iron, errors.iron),
+            lean=view.lean,
         ),
         aid,
     )
 
 
-def _sigmas(gains: AhrsGains, dip: float, aid: velocity_aiding.State) -> tuple[float, float]:
+def _sigmas(gains: AhrsGains, aid: velocity_aiding.State) -> tuple[float, float]:
     """Return one sigma of tilt and heading (rad).
 
-    The heading includes the tilt error, which the dip of the field projects into heading.
+    The covariance includes the hard iron, and the tilt error that the dip of the field projects into heading.
     """
     tilt = hypot(aid.tilt_sigma, gains.level_error)
-    return tilt, hypot(aid.heading_sigma, gains.compass_error, tan(dip) * tilt)
+    return tilt, hypot(aid.heading_sigma, gains.compass_error)
 
 
 def _view(gains: AhrsGains, last: Correction, block: Block, flight: Flight) -> View:
@@ -589,7 +594,9 @@ def _view(gains: AhrsGains, last: Correction, block: Block, flight: Flight) -> V
     rising, velocity = _scaled(block.force_moment, 1.0 / length), _scaled(block.travel, 1.0 / length)
     time = gains.flapping_tilt_time if flight.flapping else gains.tilt_time
     trusting = age > gains.settling and last.is_degraded < time
-    x, y, trust = _tilt(gains, _gravity(last, block, rising, velocity), trusting)
+    north, east, down = _gravity(last, block, rising, velocity)
+    lean = _between(last.lean, (north, east, down + STANDARD_GRAVITY), _gain(length, 0.5 * time, age))
+    x, y, trust = _tilt(gains, (lean[0], lean[1], lean[2] - STANDARD_GRAVITY), trusting)
     gain = 0.0 if flight.aided else trust * _gain(length, time, age)
     tilt = dcm_from_rotation_vector(gain * x, gain * y, 0.0)
     field = rotate(tilt, _scaled(block.field, 1.0 / length))
@@ -599,7 +606,7 @@ def _view(gains: AhrsGains, last: Correction, block: Block, flight: Flight) -> V
         reference, refused = last.field, (refused[0], refused[1], last.refused[2] + length)
     if refused[2] > 0.0:
         heading_error = 0.0
-    return View(length, age, time, x, y, trust, gain, tilt, rising, velocity, reference, refused, heading_error)
+    return View(length, age, time, x, y, trust, gain, lean, tilt, rising, velocity, reference, refused, heading_error)
 
 
 def _by_compass(
@@ -627,7 +634,9 @@ def _by_view(
     turn = multiply(dcm_from_rotation_vector(0.0, 0.0, compass * view.heading_error), view.tilt)
     learned = view.age >= gains.settling
     error = (view.north, view.east, view.heading_error)
-    is_degraded = hypot(gains.tilt_noise, TILT_DOUBT * hypot(view.north, view.east))
+    # The covariance takes the errors of blocks as independent, which those of short blocks are not.
+    correlation = sqrt(max(1.0, gains.fixed_block / view.length))
+    is_degraded = correlation * hypot(gains.tilt_noise, TILT_DOUBT * hypot(view.north, view.east))
     shares = (view.gain, view.gain, compass)
     weights = (view.trust * learned, view.trust * learned, float(compass > 0.0 and learned))
     p, x = velocity_aiding.relaxed(

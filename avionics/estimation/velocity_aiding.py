@@ -35,7 +35,7 @@ from wingbeat.rotations import Matrix, Vector
 
 Array = NDArray[np.float64]
 
-VELOCITY, ROTATION, HEADING, BIAS = slice(0, 2), slice(2, 5), 4, slice(5, 8)
+VELOCITY, ROTATION, TILT, HEADING, BIAS = slice(0, 2), slice(2, 5), slice(2, 4), 4, slice(5, 8)
 ACCEL, IRON = slice(8, 10), slice(10, 12)
 CONSIDERED = slice(8, 12)
 STATES = 12
@@ -144,6 +144,8 @@ class Compass(NamedTuple):
     """rad; east is positive"""
     horizontal: float
     """gauss; horizontal field strength"""
+    vertical: float = 0.0
+    """gauss; vertical field, positive down"""
 
 
 NOTHING = Errors(ZERO, ZERO, ZERO, ZERO)
@@ -209,16 +211,19 @@ def kept(state: State, p: Array, time_us: int, impulse: Vector, attitude: Matrix
     return State(flat, time_us, impulse, attitude, past, offset, accepted_us, agreed, tilt, heading, turn, speed)
 
 
+def is_usable(fix: GpsFix) -> bool:
+    """Return whether a fix has a finite velocity and a position."""
+    return isfinite(fix.v_north + fix.v_east) and fix.fix_type >= POSITION_FIX
+
+
 def fixed(state: State, p: Array, noise: Noise, fix: GpsFix) -> tuple[State, Errors]:
     """Update the state with a fix; ``p`` at its arrival is updated in place.
 
-    A fix that is not finite, without a position, or beyond the gate has no effect. After ``gps_timeout`` without an
+    A fix beyond the gate has no effect. After ``gps_timeout`` without an
     accepted fix the next one resets the velocity. After a launch from rest, two rejected fixes with the propagated
     speed and the same difference of course rotate the heading by that difference (similar to the yaw reset of EKF2 to
     the GPS course).
     """
-    if not isfinite(fix.v_north + fix.v_east) or fix.fix_type < POSITION_FIX:
-        return state, NOTHING
     impulse = _impulse_at(state, fix.time_us - round(noise.gps_delay * 1e6))
     velocity, variance = (fix.v_north - impulse[0], fix.v_east - impulse[1]), noise.gps_noise**2
     speed = hypot(fix.v_north, fix.v_east)
@@ -286,23 +291,28 @@ def headed(
 ) -> tuple[State, Errors]:
     """Update the state with a magnetic heading; ``p`` is updated in place.
 
-    ``heading_error`` (rad) is the measured rotation about down, ``sigma`` (rad) its noise.
+    ``heading_error`` (rad) is the measured rotation about down, ``sigma`` (rad) its noise. Tilt and accelerometer
+    offset are considered but not corrected (Schmidt-Kalman): a disturbed field must not tilt the vehicle.
     """
     h = _heading_row(r, compass)
     ph = p.dot(h)
     k = ph / (float(h.dot(ph)) + sigma**2)
-    p -= np.outer(k, ph)
+    k[TILT] = 0.0
+    k[ACCEL] = 0.0
+    p[:] = _joseph(p, h[np.newaxis], k[:, np.newaxis], np.array((sigma,)))
     return _applied(state, k * heading_error)
 
 
 def _heading_row(r: Matrix, compass: Compass) -> Array:
     """Return the measurement row of the magnetic heading.
 
-    The effect of a tilt by the dip of the field is included in the hard iron.
+    A tilt about magnetic north rotates the vertical field into the east direction.
     """
     h = np.zeros(STATES)
     h[HEADING] = 1.0
     if compass.horizontal >= LEAST_HORIZONTAL:
+        slope = compass.vertical / compass.horizontal
+        h[TILT] = -slope * cos(compass.declination), -slope * sin(compass.declination)
         h[IRON] = _iron_row(r, compass) / -compass.horizontal
     return h
 

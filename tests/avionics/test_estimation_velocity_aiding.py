@@ -224,14 +224,15 @@ def test_tilt_is_found_from_the_velocity_alone() -> None:
     aid = velocity_aiding.start(0, r)
     north, turned = 0.0, 0.0
     for k in range(60):
-        time_us = 200_000 * (k + 1)
+        time_us, time = 200_000 * (k + 1), 0.2 * (k + 1)
         # The force points up; the estimate holds it turned about east, so that it seems to push north.
         north += 9.81 * math.sin(tilt - turned) * 0.2
         impulse = (north, 0.0, -9.81 * 0.2 * (k + 1))
         aid = velocity_aiding.remember(aid, 0.0, time_us, impulse)
-        p = velocity_aiding.carried(aid, noise, time_us, impulse, r)
+        attitude = (time, 0.0, 0.0, 0.0, time, 0.0, 0.0, 0.0, time)
+        p = velocity_aiding.carried(aid, noise, time_us, impulse, attitude)
         fix = GpsFix(time_us, 0.68, -1.34, 20.0, 0.0, 0.0, 0.0, 3.0, 4.0, 3, 9)
         aid, errors = velocity_aiding.fixed(aid, p, noise, fix)
-        aid = velocity_aiding.kept(aid, p, time_us, impulse)
+        aid = velocity_aiding.kept(aid, p, time_us, impulse, attitude)
         turned += errors.turn[1]
     assert turned == pytest.approx(tilt, abs=math.radians(0.1))
