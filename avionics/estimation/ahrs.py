@@ -119,8 +119,8 @@ class AhrsGains(NamedTuple):
     """s; duration of rejection after which the magnetometer is reported as disturbed"""
     level_error: Annotated[float, Quantity("rad", 0.0, 0.2)] = 0.007
     """rad; one sigma of unobservable tilt errors: mounting and calibration of the accelerometer"""
-    compass_error: Annotated[float, Quantity("rad", 0.0, 0.5)] = 0.01
-    """rad; one sigma of unobservable heading errors: mounting, declination; the hard iron is in the covariance"""
+    compass_error: Annotated[float, Quantity("rad", 0.0, 0.5)] = 0.005
+    """rad; one sigma of unobservable heading errors: mounting of the inertial sensors, 0.3 degrees"""
     gps_noise: Annotated[float, Quantity("m/s", 0.01, 10.0)] = 0.15
     """m/s; one sigma of the GPS velocity, each axis"""
     gps_gate: Annotated[float, Quantity("-", 1.0, 100.0)] = 5.0
@@ -211,6 +211,8 @@ class Correction(NamedTuple):
     """gauss; estimated hard iron, body axes"""
     lean: Vector = ZERO
     """m/s^2; low-passed difference between the mean specific force and 1 g upward, earth axes"""
+    flapping: int = 0
+    """-; 1 if the last block was a wing period"""
 
 
 class AhrsState(NamedTuple):
@@ -436,7 +438,11 @@ def _resumed(state: AhrsState) -> AhrsState:
     impulse = _sum(state.correction.impulse, state.block.force)
     attitude = _grown(state.correction.attitude, state.block.attitude, 1.0)
     aid = state.aid._replace(accepted_us=-1, agreed=0, past=())
-    return state._replace(block=Block(), correction=state.correction._replace(joined=0.0, impulse=impulse, attitude=attitude, lean=ZERO), aid=aid)
+    return state._replace(
+        block=Block(),
+        correction=state.correction._replace(joined=0.0, impulse=impulse, attitude=attitude, lean=ZERO),
+        aid=aid,
+    )
 
 
 def _angles(lead: float, old: Vector, rates: Vector, bias: Vector, dt: float) -> Vector:
@@ -550,6 +556,8 @@ def _corrected(
     if velocity_aiding.agreeing(aid, gains.gps_timeout, flight.time_us):
         limit = gains.heading_limit + 3.0 * aid.heading_sigma
         flight = Flight(flight.time_us, flight.flapping, flight.airspeed, True, limit)
+    if flight.flapping != bool(last.flapping):
+        velocity_aiding.disturb(p)
     view = _view(gains, last, block, flight)
     if flight.aided:
         turn, errors, aid = _by_compass(gains, r, view, aid, p)
@@ -574,6 +582,7 @@ def _corrected(
             accel_offset=_sum(last.accel_offset, errors.accel),
             iron=_sum(last.iron, errors.iron),
             lean=view.lean,
+            flapping=int(flight.flapping),
         ),
         aid,
     )

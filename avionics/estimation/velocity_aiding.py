@@ -50,10 +50,13 @@ CONFIRMATIONS = 3
 """-; number of fixes that must agree with a new velocity before they replace the block averages"""
 START_TILT, START_HEADING, START_BIAS = 0.05, 0.15, 0.01
 """rad, rad, rad/s; standard deviations after the first sample"""
-START_ACCEL, START_IRON = 0.12, 0.015
+START_ACCEL, START_IRON = 0.12, 0.006
 """m/s^2, gauss; standard deviations of accelerometer offset and hard iron, each axis"""
 ACCEL_WALK, IRON_WALK = 0.002, 0.0001
 """m/s^2.5, gauss/s^0.5; random walk of both"""
+FLAPPING_ACCEL, FLAPPING_IRON = 0.1, 0.01
+"""m/s^2, gauss; standard deviations of the changes of both when flapping begins or ends, each axis: sculling of the
+airframe's vibration, and the field of the drive current (0.4 uT/A at 2.5 A)"""
 LAUNCH_SPEED = 3.0
 """m/s; ground speed that separates rest and flight: after a launch from rest the course indicates the heading"""
 SPEED_AGREEMENT = 0.25
@@ -209,6 +212,11 @@ def kept(state: State, p: Array, time_us: int, impulse: Vector, attitude: Matrix
     tilt, heading = sqrt(0.5 * (p.item(2, 2) + p.item(3, 3))), sqrt(p.item(4, 4))
     _, _, _, _, past, offset, accepted_us, agreed, _, _, turn, speed = state
     return State(flat, time_us, impulse, attitude, past, offset, accepted_us, agreed, tilt, heading, turn, speed)
+
+
+def disturb(p: Array) -> None:
+    """Add the variance of the offsets that change when flapping begins or ends to the covariance, in place."""
+    p.reshape(-1)[:: STATES + 1][CONSIDERED] += (*2 * [FLAPPING_ACCEL**2], *2 * [FLAPPING_IRON**2])
 
 
 def is_usable(fix: GpsFix) -> bool:
