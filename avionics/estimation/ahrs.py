@@ -78,7 +78,7 @@ class AhrsGains(NamedTuple):
     heading_time: Annotated[float, Quantity("s", 0.5, 120.0)] = 10.0
     """s; time constant of the heading correction"""
     bias_time: Annotated[float, Quantity("s", 5.0, 10000.0)] = 25.0
-    """s; integral time of the gyro bias for tilt and heading corrections"""
+    """s; shortest integral time of the gyro bias for tilt and heading corrections"""
     bias_limit: Annotated[float, Quantity("rad/s", 0.0, 0.2)] = 0.05
     """rad/s; maximum difference of the gyro bias from the offset of the last alignment, each axis"""
     gyro_delay: Annotated[float, Quantity("-", 0.0, 2.0)] = 0.5
@@ -641,15 +641,16 @@ def _by_view(
     """
     compass = _gain(view.length, gains.heading_time, view.age) if view.refused[2] == 0.0 else 0.0
     turn = multiply(dcm_from_rotation_vector(0.0, 0.0, compass * view.heading_error), view.tilt)
-    learned = view.age >= gains.settling
+    learned = 0.0 if view.age < gains.settling else view.length / gains.bias_time
     error = (view.north, view.east, view.heading_error)
     # The covariance takes the errors of blocks as independent, which those of short blocks are not.
     correlation = sqrt(max(1.0, gains.fixed_block / view.length))
     is_degraded = correlation * hypot(gains.tilt_noise, TILT_DOUBT * hypot(view.north, view.east))
     shares = (view.gain, view.gain, compass)
-    weights = (view.trust * learned, view.trust * learned, float(compass > 0.0 and learned))
+    tilt_limit = learned * view.trust / view.time
+    limits = (tilt_limit, tilt_limit, learned / gains.heading_time if compass > 0.0 else 0.0)
     p, x = velocity_aiding.relaxed(
-        p, r, _compass(gains, view.reference), shares, weights, error, (is_degraded, is_degraded, gains.field_noise)
+        p, r, _compass(gains, view.reference), shares, limits, error, (is_degraded, is_degraded, gains.field_noise)
     )
     return turn, _sum(last.bias, x), p
 

@@ -326,7 +326,7 @@ def _heading_row(r: Matrix, compass: Compass) -> Array:
 
 
 def relaxed(
-    p: Array, r: Matrix, compass: Compass, shares: Vector, weights: Vector, error: Vector, sigmas: Vector
+    p: Array, r: Matrix, compass: Compass, shares: Vector, limits: Vector, error: Vector, sigmas: Vector
 ) -> tuple[Array, Vector]:
     """Return the covariance and the gyro bias correction after attitude corrections with fixed gains (Joseph form).
 
@@ -338,7 +338,7 @@ def relaxed(
         r: r_ned_from_frd.
         compass: reference of the magnetic heading.
         shares: corrected fractions of the measured rotation about north, east and down.
-        weights: of the three measurements for the bias, 0 to 1.
+        limits: 1/s; greatest gain of the bias for each of the three measurements.
         error: rad; measured rotation about north, east and down.
         sigmas: rad; noise of the three measurements.
     """
@@ -349,7 +349,8 @@ def relaxed(
     k = np.zeros((STATES, 3))
     k[ROTATION] = np.diag(shares)
     ph = p.dot(h.T)
-    k[BIAS] = ph[BIAS] / (np.einsum("ij,ji->i", h, ph) + noise**2) * weights
+    gain = ph[BIAS] / (np.einsum("ij,ji->i", h, ph) + noise**2)
+    k[BIAS] = gain * np.minimum(1.0, np.array(limits) / np.maximum(np.linalg.norm(gain, axis=0), 1e-9))
     x, y, z = k[BIAS].dot(error).tolist()
     return _joseph(p, h, k, noise), (x, y, z)
 
