@@ -8,7 +8,10 @@ gyro bias once a block. The magnetometer, averaged in the same frame, corrects t
 
 The mean has triangular weights over two blocks: rising over the last one, falling over the present one. A block is
 one measured wing period, or a fixed time if the wings are at rest. In comparison with a plain mean over one block,
-this squares the attenuation of components that are not periodic in the block.
+this squares the attenuation of components that are not periodic in the block. The mean passes a first-order low-pass
+of half the time constant of the tilt correction, so that both together are a Butterworth filter of second order. A
+low-pass of the force in the frame of the gyroscope is the method of VQF (Laidig and Seel, Information Fusion 91,
+2023); here it is a part of the proportional and integral correction of Mahony et al. 2008.
 
 The direction cosine matrix is that of the instrumentation suite of Gerdes et al. 2017; the averaging is original.
 """

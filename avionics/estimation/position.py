@@ -10,8 +10,8 @@ error that is new in each fix, and the variance of the slow error is added to th
 noise of the wind is estimated from the velocity innovations, because a constant value would be wrong by a factor of
 ten in either calm air or gusts. At frequencies above V / L the Dryden spectrum is that of a random walk of
 2 sigma^2 V / L, with the airspeed V, the scale length L and the variance sigma^2 of the gusts, so that the estimated
-value is that of the spectrum at the present airspeed. Airspeed, heading and sideslip errors add to the variance of the
-wind; they are common to all fixes and cancel in the ground velocity.
+value is that of the spectrum at the present airspeed. Airspeed, heading and sideslip errors add to the variance of
+the wind; they are common to all fixes and cancel in the ground velocity.
 """
 
 from __future__ import annotations

@@ -198,10 +198,10 @@ def carried(state: State, noise: Noise, time_us: int, impulse: Vector, attitude:
     turned = np.subtract(state.attitude, attitude).reshape(3, 3)
     f[ROTATION, BIAS], f[VELOCITY, ACCEL] = turned, turned[0:2, 0:2]
     p = f.dot(p).dot(f.T)
-    attitude, bias = noise.gyro_walk**2 * dt, noise.bias_walk**2 * dt
+    rotation, bias = noise.gyro_walk**2 * dt, noise.bias_walk**2 * dt
     accel, iron = ACCEL_WALK**2 * dt, IRON_WALK**2 * dt
     p.reshape(-1)[:: STATES + 1] += (
-        0.0, 0.0, attitude, attitude, attitude, bias, bias, bias, accel, accel, iron, iron
+        0.0, 0.0, rotation, rotation, rotation, bias, bias, bias, accel, accel, iron, iron
     )  # fmt: skip
     return np.asarray(p)
 
