@@ -71,11 +71,10 @@ class Gains(NamedTuple):
     """-; fraction of the reported accuracy that is new in each fix; the remainder is slow. Default: 0.2 m of 2.1 m;
     the remaining error of the receiver is slow"""
     sideslip: Annotated[float, Quantity("rad", 0.0, 1.0)] = 0.04
-    """rad; one sigma of the sideslip in still air: turns and unequal wings. Default: 0.03 to 0.06 in the flights of
-    docs/validation/estimation.md"""
+    """rad; one sigma of the sideslip in still air: turns and unequal wings. Default: fitted, with
+    `sideslip_time`, to wind errors in light gusts, see docs/validation/estimation.md"""
     sideslip_time: Annotated[float, Quantity("s", 0.0, 10.0)] = 0.5
-    """s; time in which the heading follows a gust from the side. Default: half a second of the yaw mode of both
-    vehicles, see docs/validation/estimation.md"""
+    """s; time in which the heading follows a gust from the side. Default: fitted with `sideslip`"""
     gps_delay: Annotated[float, Quantity("s", 0.0, 2.0)] = 0.15
     """s; time from measurement to arrival of a fix (MTK3339: solution and serial line)"""
     gate: Annotated[float, Quantity("-", 1.0, 100.0)] = 5.0

@@ -55,8 +55,8 @@ START_ACCEL, START_IRON = 0.12, 0.006
 ACCEL_WALK, IRON_WALK = 0.002, 0.0001
 """m/s^2.5, gauss/s^0.5; random walk of both"""
 FLAPPING_ACCEL, FLAPPING_IRON = 0.1, 0.006
-"""m/s^2, gauss; standard deviations of the changes of both when flapping begins or ends, each axis: sculling of the
-airframe's vibration, and the field of the drive current (0.4 uT/A at 1.5 A)"""
+"""m/s^2, gauss; standard deviations of the changes of both when flapping begins or ends, each axis: vibration, and
+the field of the drive current; chosen on flights with vibration, see docs/validation/estimation.md"""
 LAUNCH_SPEED = 3.0
 """m/s; ground speed that separates rest and flight: after a launch from rest the course indicates the heading"""
 SPEED_AGREEMENT = 0.25
