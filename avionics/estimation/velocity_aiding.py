@@ -13,8 +13,8 @@ Multisensor Integrated Navigation Systems, 2nd ed., 14.2) without the rotation o
 At rest the accelerometer offset is equivalent to a tilt, and the hard iron dm to a heading error: neither is
 observable. Both rotate with the vehicle, tilt and heading errors do not, so that a change of heading separates them.
 A launch makes the heading observable, and the tilt about the right axis of the body, which turns the launch
-acceleration out of the horizontal. A symmetric aircraft in straight flight has no side force, which makes the offset
-along body y observable. Either raises the variance of the offset if it contradicts a calibrated accelerometer.
+acceleration out of the horizontal. It raises the variance of the offset along body x if it contradicts a calibrated
+accelerometer.
 
 Unlike the airspeed, the ground velocity is valid in gusts, sideslip and during the launch. Flapping requires no
 averaging, because the force between two fixes is integrated sample by sample.
@@ -38,7 +38,7 @@ from wingbeat.rotations import Matrix, Vector, norm
 Array = NDArray[np.float64]
 
 VELOCITY, DOWN, ROTATION, TILT, HEADING, BIAS = slice(0, 3), 2, slice(3, 6), slice(3, 5), 5, slice(6, 9)
-ACCEL, LEVEL_ACCEL, FORWARD_ACCEL, SIDE_ACCEL, IRON = slice(9, 12), slice(9, 11), 9, 10, slice(12, 14)
+ACCEL, LEVEL_ACCEL, FORWARD_ACCEL, IRON = slice(9, 12), slice(9, 11), 9, slice(12, 14)
 OFFSETS, ALL_BUT_DOWN = list(range(9, 14)), [0, 1, *range(3, 14)]
 STATES = 14
 """u north, east and down in m/s; theta about north, east and down in rad; db about the body axes in rad/s; da along
@@ -54,24 +54,20 @@ CONFIRMATION_GATE = 3.0
 """-; innovation gate of those fixes in standard deviations"""
 START_TILT, START_HEADING, START_BIAS = 0.05, 0.15, 0.01
 """rad, rad, rad/s; standard deviations after the first sample"""
-START_ACCEL, START_IRON = 0.12, 0.015
+START_ACCEL, START_IRON = 0.12, 0.006
 """m/s^2, gauss; standard deviations of accelerometer offset and hard iron, each axis"""
 UNCALIBRATED_ACCEL = 0.6
-"""m/s^2; standard deviation of the accelerometer offset after a test has found more than the calibration leaves"""
+"""m/s^2; standard deviation of the accelerometer offset after a launch has shown more than the calibration leaves"""
 CLIMB_TEST, LAUNCH_FIXES = 0.35, 4
 """m/s, -; mean innovation of the climb rate over the fixes after a launch, after which the offset along body x is
 such: over twice the greatest of calibrated sensors"""
-SIDE_TEST = 1.0
-"""m/s^2; mean side force over two successive `SIDE_TIME` of straight flight after which that along body y is such: one
-mean reaches it in moderate gusts, two of one sign do not"""
-SIDE_FORCE, SIDE_TIME = 0.3, 1.5
-"""m/s^2, s; standard deviation and correlation time of the side force of an aircraft that flies straight"""
 GRAVITY_NOISE = 0.05
 """m/s^2; standard deviation of the magnitude of the specific force at rest, from the accelerometer's scale"""
-STRAIGHT = 0.1
-"""rad/s; turn rate below which the flight counts as straight"""
 ACCEL_WALK, IRON_WALK = 0.002, 0.0001
 """m/s^2.5, gauss/s^0.5; random walk of both"""
+FLAPPING_ACCEL, FLAPPING_IRON = 0.1, 0.006
+"""m/s^2, gauss; standard deviations of the changes of both when flapping begins or ends, each axis: vibration, and
+the field of the drive current; chosen on flights with vibration, see docs/validation/estimation.md"""
 LAUNCH_SPEED = 3.0
 """m/s; ground speed that separates rest and flight: after a launch from rest the course indicates the heading"""
 SPEED_AGREEMENT = 0.25
@@ -122,6 +118,8 @@ class State(NamedTuple):
     """us; time of the covariance"""
     impulse: Vector = ZERO
     """m/s; integral of the specific force up to that time, earth axes"""
+    attitude: Matrix = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    """s; integral of r_ned_from_frd up to that time"""
     past: tuple[Moment, ...] = ()
     """impulse history, oldest first; empty before the first fix"""
     offset: Vector = ZERO
@@ -138,12 +136,6 @@ class State(NamedTuple):
     """rad; heading error indicated by the last rejected fix, 0 if none"""
     speed: float = 0.0
     """m/s; ground speed of the last accepted fix"""
-    side_impulse: float = 0.0
-    """m/s; integral of the side force in straight flight"""
-    side_time: float = 0.0
-    """s; duration of that integral"""
-    side_mean: float = 0.0
-    """m/s^2; mean side force over the `SIDE_TIME` before"""
     launch_fixes: int = 0
     """-; fixes since the launch, at most `LAUNCH_FIXES`"""
     climb: float = 0.0
@@ -172,18 +164,11 @@ class Compass(NamedTuple):
     """rad; east is positive"""
     horizontal: float
     """gauss; horizontal field strength"""
+    vertical: float = 0.0
+    """gauss; vertical field, positive down"""
 
 
 NOTHING = Errors(ZERO, ZERO, ZERO, ZERO)
-
-
-def total(a: Errors, b: Errors) -> Errors:
-    """Return the sum of two small corrections."""
-    return Errors(_sum(a.turn, b.turn), _sum(a.bias, b.bias), _sum(a.accel, b.accel), _sum(a.iron, b.iron))
-
-
-def _sum(a: Vector, b: Vector) -> Vector:
-    return (a[0] + b[0], a[1] + b[1], a[2] + b[2])
 
 
 def start(time_us: int, r: Matrix) -> State:
@@ -232,10 +217,11 @@ def remember(state: State, gps_delay: float, time_us: int, impulse: Vector) -> S
     return state._replace(past=(*state.past, Moment(time_us, impulse))[-kept:])
 
 
-def carried(state: State, noise: Noise, time_us: int, impulse: Vector, r: Matrix) -> Array:
+def carried(state: State, noise: Noise, time_us: int, impulse: Vector, attitude: Matrix) -> Array:
     """Return the covariance propagated to ``time_us`` (us).
 
-    ``impulse`` (m/s) is the integral of the specific force at that time.
+    ``impulse`` (m/s) and ``attitude`` (s) are the integrals of the specific force and of r_ned_from_frd at that time:
+    a vehicle that turns through 90 degrees has its bias about another earth axis at the end than at the start.
     """
     p = np.array(state.covariance).reshape(STATES, STATES)
     dt = (time_us - state.time_us) * 1e-6
@@ -243,33 +229,49 @@ def carried(state: State, noise: Noise, time_us: int, impulse: Vector, r: Matrix
     f = UNITY.copy()
     dx, dy, dz = x - x0, y - y0, z - z0
     f[VELOCITY, ROTATION] = ((0.0, dz, -dy), (-dz, 0.0, dx), (dy, -dx, 0.0))
-    f[ROTATION, BIAS] = f[VELOCITY, ACCEL] = np.array(r).reshape(3, 3) * -dt
+    f[ROTATION, BIAS] = f[VELOCITY, ACCEL] = np.subtract(state.attitude, attitude).reshape(3, 3)
     p = f.dot(p).dot(f.T)
-    attitude, bias = noise.gyro_walk**2 * dt, noise.bias_walk**2 * dt
+    rotation, bias = noise.gyro_walk**2 * dt, noise.bias_walk**2 * dt
     accel, iron = ACCEL_WALK**2 * dt, IRON_WALK**2 * dt
     p.reshape(-1)[:: STATES + 1] += (
-        0.0, 0.0, 0.0, attitude, attitude, attitude, bias, bias, bias, accel, accel, accel, iron, iron
+        0.0, 0.0, 0.0, rotation, rotation, rotation, bias, bias, bias, accel, accel, accel, iron, iron
     )  # fmt: skip
     return np.asarray(p)
 
 
-def kept(state: State, p: Array, time_us: int, impulse: Vector) -> State:
+def kept(state: State, p: Array, time_us: int, impulse: Vector, attitude: Matrix) -> State:
     """Return the state with the covariance ``p`` at ``time_us`` (us)."""
     flat = tuple((0.5 * (p + p.T)).ravel().tolist())
     tilt, heading = sqrt(0.5 * (p.item(3, 3) + p.item(4, 4))), sqrt(p.item(HEADING, HEADING))
-    return state._replace(covariance=flat, time_us=time_us, impulse=impulse, tilt_sigma=tilt, heading_sigma=heading)
+    return state._replace(
+        covariance=flat, time_us=time_us, impulse=impulse, attitude=attitude, tilt_sigma=tilt, heading_sigma=heading
+    )
+
+
+def disturb(state: State, p: Array) -> None:
+    """Add the variance of the offsets that change when flapping begins or ends to the covariance, in place.
+
+    Before the end of the test of a launch, which adds it, the accelerometer keeps its correlation with the tilt.
+    """
+    variances = p.reshape(-1)[:: STATES + 1]
+    variances[IRON] += FLAPPING_IRON**2
+    if state.launch_fixes >= LAUNCH_FIXES:
+        variances[ACCEL] += FLAPPING_ACCEL**2
+
+
+def is_usable(fix: GpsFix) -> bool:
+    """Return whether a fix has a finite velocity and a position."""
+    return isfinite(fix.v_north + fix.v_east) and fix.fix_type >= POSITION_FIX
 
 
 def fixed(state: State, p: Array, noise: Noise, fix: GpsFix) -> tuple[State, Errors]:
     """Update the state with a fix; ``p`` at its arrival is updated in place.
 
-    A fix that is not finite, without a position, or beyond the gate has no effect. After ``gps_timeout`` without an
+    A fix beyond the gate has no effect. After ``gps_timeout`` without an
     accepted fix the next one resets the velocity. After a launch from rest, two rejected fixes with the propagated
     speed and the same difference of course rotate the heading by that difference (similar to the yaw reset of EKF2 to
     the GPS course).
     """
-    if not isfinite(fix.v_north + fix.v_east) or fix.fix_type < POSITION_FIX:
-        return state, NOTHING
     measured_us = fix.time_us - round(noise.gps_delay * 1e6)
     impulse, variance = _impulse_at(state, measured_us), noise.gps_noise**2
     fall = STANDARD_GRAVITY * measured_us * 1e-6
@@ -315,11 +317,12 @@ def _climbed(state: State, p: Array, innovation: float, variance: float, speed: 
 
 def _launched(state: State, p: Array, variance: float) -> Array:
     """Return the errors from the mean innovation of the climb rate since a launch."""
-    mean = state.climb / state.launch_fixes
-    if abs(mean) < CLIMB_TEST:
-        return np.zeros(STATES)
-    _uncalibrated(p, FORWARD_ACCEL)
-    return _updated(p, DOWN, mean, variance / state.launch_fixes)
+    mean, x = state.climb / state.launch_fixes, np.zeros(STATES)
+    if abs(mean) >= CLIMB_TEST:
+        _uncalibrated(p, FORWARD_ACCEL)
+        x = _updated(p, DOWN, mean, variance / state.launch_fixes)
+    p.reshape(-1)[:: STATES + 1][ACCEL] += FLAPPING_ACCEL**2
+    return x
 
 
 def _uncalibrated(p: Array, index: int) -> None:
@@ -401,72 +404,60 @@ def headed(
 ) -> tuple[State, Errors]:
     """Update the state with a magnetic heading; ``p`` is updated in place.
 
-    ``heading_error`` (rad) is the measured rotation about down, ``sigma`` (rad) its noise.
+    ``heading_error`` (rad) is the measured rotation about down, ``sigma`` (rad) its noise. Tilt and accelerometer
+    offset are considered but not corrected (Schmidt-Kalman): a disturbed field must not tilt the vehicle.
     """
     h = _heading_row(r, compass)
     ph = p.dot(h)
     k = ph / (float(h.dot(ph)) + sigma**2)
-    p -= np.outer(k, ph)
+    k[TILT] = 0.0
+    k[ACCEL] = 0.0
+    p[:] = _joseph(p, h[np.newaxis], k[:, np.newaxis], np.array((sigma,)))
     return _applied(state, k * heading_error)
-
-
-def in_straight_flight(
-    state: State, p: Array, side_force: float, turn_rate: float, length: float
-) -> tuple[State, Errors]:
-    """Update the state with the mean side force of a block; ``p`` is updated in place.
-
-    In coordinated flight a symmetric aircraft has no side force, so that the mean lateral specific force is the
-    accelerometer offset. This is the zero-sideslip measurement of ECL EKF2.
-
-    Args:
-        state: state.
-        p: covariance.
-        side_force: m/s^2; mean specific force along body y.
-        turn_rate: rad/s; mean turn rate about down.
-        length: s; length of the block.
-    """
-    if state.speed < LAUNCH_SPEED or abs(turn_rate) > STRAIGHT:
-        return state, NOTHING
-    time, impulse = state.side_time + length, state.side_impulse + side_force * length
-    if time < SIDE_TIME:
-        return state._replace(side_time=time, side_impulse=impulse), NOTHING
-    mean = impulse / time
-    if min(abs(mean), abs(state.side_mean)) > SIDE_TEST and mean * state.side_mean > 0.0:
-        _uncalibrated(p, SIDE_ACCEL)
-    state = state._replace(side_time=0.0, side_impulse=0.0, side_mean=mean)
-    return _applied(state, _updated(p, SIDE_ACCEL, mean, SIDE_FORCE**2))
 
 
 def _heading_row(r: Matrix, compass: Compass) -> Array:
     """Return the measurement row of the magnetic heading.
 
-    The effect of a tilt by the dip of the field is included in the hard iron.
+    A tilt about magnetic north rotates the vertical field into the east direction.
     """
     h = np.zeros(STATES)
     h[HEADING] = 1.0
     if compass.horizontal >= LEAST_HORIZONTAL:
+        slope = compass.vertical / compass.horizontal
+        h[TILT] = -slope * cos(compass.declination), -slope * sin(compass.declination)
         h[IRON] = _iron_row(r, compass) / -compass.horizontal
     return h
 
 
-def relaxed(p: Array, r: Matrix, compass: Compass, shares: Vector, bias_rates: Vector, sigmas: Vector) -> Array:
-    """Return the covariance after corrections with suboptimal gains (Joseph form).
+def relaxed(
+    p: Array, r: Matrix, compass: Compass, shares: Vector, limits: Vector, error: Vector, sigmas: Vector
+) -> tuple[Array, Vector]:
+    """Return the covariance and the gyro bias correction after attitude corrections with fixed gains (Joseph form).
+
+    The bias has the gain of the Kalman filter: the covariance between attitude and bias tells about which body axis
+    the rate was that an attitude error came from, which the attitude at the end of a turn does not.
 
     Args:
         p: covariance before.
         r: r_ned_from_frd.
         compass: reference of the magnetic heading.
         shares: corrected fractions of the measured rotation about north, east and down.
-        bias_rates: 1/s; corrections of the gyro bias per measured rotation.
+        limits: 1/s; greatest gain of the bias for each of the three measurements.
+        error: rad; measured rotation about north, east and down.
         sigmas: rad; noise of the three measurements.
     """
-    k = np.zeros((STATES, 3))
-    k[ROTATION] = np.diag(shares)
-    k[BIAS] = np.array(r).reshape(3, 3).T * np.negative(bias_rates)
     h = UNITY[ROTATION].copy()
     h[0:2, LEVEL_ACCEL] = -_tilt_of_offset(r)
     h[2] = _heading_row(r, compass)
-    return _joseph(p, h, k, np.array(sigmas))
+    noise = np.array(sigmas)
+    k = np.zeros((STATES, 3))
+    k[ROTATION] = np.diag(shares)
+    ph = p.dot(h.T)
+    gain = ph[BIAS] / (np.einsum("ij,ji->i", h, ph) + noise**2)
+    k[BIAS] = gain * np.minimum(1.0, np.array(limits) / np.maximum(np.linalg.norm(gain, axis=0), 1e-9))
+    x, y, z = k[BIAS].dot(error).tolist()
+    return _joseph(p, h, k, noise), (x, y, z)
 
 
 def rested(p: Array, share: float, sigma: float) -> Array:
