@@ -54,6 +54,8 @@ def test_another_aerodynamic_model_trims_elsewhere(capsys: Capture) -> None:
         assert main(["trim", BIRD, "--json", *words]) == 0
         found.append(json.loads(capsys.readouterr().out))
     assert [told["aerodynamics"] for told in found] == ["strip_theory", "quasi_steady"]
+    outside = [[(one["code"], one["limit"]) for one in told["findings"]] for told in found]
+    assert outside == [[], [("outside_range", 2e4)]]
     assert found[1]["inputs"]["frequency"] > 1.5 * found[0]["inputs"]["frequency"]
 
 
