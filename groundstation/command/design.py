@@ -31,8 +31,7 @@ from logs.identification.input_design.design import (
     design_input,
     mission_item,
 )
-from logs.identification.input_design.prediction import MODE_UNITS, Gust
-from logs.identification.input_design.response import Prior, prior_of, sensor_noise
+from logs.identification.input_design.prediction import MODE_UNITS, Gust, Prior, prior_of, sensor_noise
 from logs.identification.models.stroke_averaged import LONGITUDINAL
 from logs.new_files import check_new
 from sim_bridge.tuning.model import LinearModel, is_model_file, load_model

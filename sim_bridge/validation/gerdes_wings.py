@@ -157,7 +157,7 @@ def wing_rows(wing: str, computed: Measures) -> list[Row]:
 
 
 def coupled_rows(wing: str, computed: Measures) -> list[Row]:
-    """Compare power, torque and plunge speed of the paper's coupled model, which Table 7 prints beside the flights."""
+    """Compare power, torque and plunge speed of the coupled model of Table 7."""
     printed = WINGS[wing].coupled
     values = (
         ("power", "W", printed.power, computed.positive_power),
