@@ -132,7 +132,7 @@ SECTIONS_OF_THE_SITE = {
     ),
     "Validation": (
         "validation/aerodynamics", "validation/estimation", "validation/identification", "validation/gusts",
-        "validation/faults", "validation/new_bird", "validation/benchmarks",
+        "validation/faults", "validation/new_bird", "validation/robo_raven", "validation/benchmarks",
     ),
 }  # fmt: skip
 """pages by section, in the order of the navigation"""

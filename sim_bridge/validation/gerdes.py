@@ -10,7 +10,7 @@ from sim_bridge.actuators.drives import drive_current
 from sim_bridge.aerodynamics.surfaces import SEPARATED_NORMAL_FORCE
 from sim_bridge.flight_mechanics.wind_tunnel import DENSITY
 from sim_bridge.mechanism import wing_strips
-from sim_bridge.validation import gerdes_wings
+from sim_bridge.validation import gerdes_flight, gerdes_wings
 from sim_bridge.validation.gerdes_servo import servo_power, steady_power
 from sim_bridge.validation.gerdes_tables import WINGS, WingFigures
 from sim_bridge.validation.row import Check, Row, Study, compare, compare_share, figure, fitted, unreproducible
@@ -111,5 +111,8 @@ CHECKS = (
     Check("torque constants and damping ratios", bench_rows),
     Check("drives", drive_rows),
     Check("wings in a wind tunnel", gerdes_wings.rows, slow=True),
+    Check("balances of the flights", gerdes_flight.balance_rows),
+    Check("one set in the stream", gerdes_flight.bench_set_rows, slow=True),
+    Check("trims at Table 4", gerdes_flight.flight_rows, slow=True),
 )
 STUDIES = (Study("each wing left out of the fit that it is flown with", gerdes_wings.left_out_rows),)
