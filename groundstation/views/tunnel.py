@@ -37,7 +37,7 @@ def forces_table(
     for name, unit in zip(COLUMNS, UNITS, strict=True):
         values = getattr(forces, name)
         mean, told = float(values.mean()), measured.get(name)
-        cells = [f"{round(float(one), 12):.4g} {unit}" for one in (mean, values.min(), values.max())]
+        cells = [f"{round(float(one), 12) + 0.0:.4g} {unit}" for one in (mean, values.min(), values.max())]
         if told is not None:
             cells += [f"{told:.4g} {unit}", f"{100.0 * (mean / told - 1.0):+.0f} %" if told else f"{mean - told:.4g}"]
         grid.add_row(name.replace("_", " "), *cells)

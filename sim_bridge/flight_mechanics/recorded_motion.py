@@ -100,6 +100,8 @@ def load_motion(
         InputError: unreadable file, unknown or missing column, too few samples, or time that does not increase.
     """
     if path.suffix == ".toml":
+        if frequency is not None or harmonics is not None:
+            raise InputError(f"{path} states frequency and harmonics itself")
         return _fourier_motion(path)
     with error_context(path):
         return _table_motion(path, wings, frequency, harmonics)

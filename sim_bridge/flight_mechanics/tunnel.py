@@ -40,6 +40,8 @@ SETTLING = 3
 """strokes of a periodic motion until a model's memory is periodic; the last one counts"""
 SIDES = {"both": (0.0, 1.0), "left": (0.0,), "right": (1.0,)}
 """indices of the wings of a pair"""
+WAKE_STEPS = 20
+"""fewest steps of a wake per stroke"""
 MINUTE = 1e-12
 """N, N m; loads that count as none"""
 
@@ -216,8 +218,13 @@ def tunnel_forces(file: WingFile, motion: RecordedMotion, model_name: str, strea
     if model.name not in file.settings:
         known = ", ".join(file.settings) or "none"
         raise InputError(f"{file.source} has no section [{model.name}]; it has {known}")
-    if model.keeps_wake:
-        raise InputError(f"{model.name} has a wake of its own time step: use another model in the tunnel")
+    if (model.with_tail or model.with_fuselage) and len(file.wings) > 1:
+        raise InputError(f"{model.name} gives the loads of a whole vehicle: it takes one pair of wings")
+    if model.keeps_wake and file.settings[model.name].rate < WAKE_STEPS * motion.stroke_rate:
+        raise InputError(
+            f"{model.name}.rate = {file.settings[model.name].rate:g} Hz is less than {WAKE_STEPS} steps of the wake"
+            f" per stroke of {motion.stroke_rate:g} Hz"
+        )
     missing = [name for name in file.wings if name not in motion.angles]
     if missing:
         raise InputError(f"{motion.source} has no motion of {', '.join(missing)}; it has {', '.join(motion.angles)}")

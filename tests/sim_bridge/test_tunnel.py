@@ -13,17 +13,21 @@ import pytest
 import wingbeat
 from groundstation.command import tunnel as command
 from groundstation.command.main import main
-from sim_bridge.flight_mechanics.prescribed import Harmonics, series
-from sim_bridge.flight_mechanics.recorded_motion import load_motion
+from sim_bridge.aerodynamics.strip_theory import StripTheory
+from sim_bridge.flight_mechanics.prescribed import Harmonics, JointAngles, series
+from sim_bridge.flight_mechanics.recorded_motion import RecordedMotion, load_motion
 from sim_bridge.flight_mechanics.similarity import range_excesses, similarity_numbers
 from sim_bridge.flight_mechanics.tunnel import (
     AirStream,
     TunnelForces,
+    TunnelWing,
+    WingFile,
     load_wings,
     strips_of_pair,
     tunnel_forces,
     wings_of_vehicle,
 )
+from sim_bridge.validation import yeo
 from sim_bridge.validation.insect_motion import FOLDER
 from sim_bridge.vectors import Floats
 from sim_bridge.vehicles import load_vehicle
@@ -99,6 +103,34 @@ def test_single_wings_add_up_to_the_pair(tmp_path: Path) -> None:
     assert singles.lift == pytest.approx(pair.lift, rel=1e-9)
     assert singles.pitch_moment == pytest.approx(pair.pitch_moment, abs=1e-15)
     assert singles.by_wing["left"] == pytest.approx(singles.by_wing["right"])
+
+
+def test_yeo_wing_has_the_lift_of_the_validation() -> None:
+    """GIVEN the measured motion and outline WHEN the tunnel computes the lift THEN it is that of the reference."""
+    phases, still = np.arange(200) / 200, np.zeros((3, 200))
+    flap = series(Harmonics(0.0354, (0.0, -0.0322), (0.3793, 0.0, -0.0035)), phases, yeo.FREQUENCY)
+    leading, trailing = yeo.edges(np.linspace(0.0, yeo.SEMISPAN, 61))
+    chords = tuple((leading - trailing).tolist())
+    wing = TunnelWing(yeo.SEMISPAN, 0.072, math.pi / 2, chords=chords, axis=0.5, strips=yeo.STRIPS)
+    settings = StripTheory(0.0, 1.0, yeo.STALL_ANGLE, 1.0, "fixed")
+    angles = {"wing": JointAngles(flap, still, still, still)}
+    period = 1.0 / yeo.FREQUENCY
+    motion = RecordedMotion(phases * period, period, yeo.FREQUENCY, True, angles, {}, np.zeros(0), "yeo")
+    file = WingFile("yeo", {"wing": wing}, {"strip_theory": settings}, "yeo")
+    found = tunnel_forces(file, motion, "strip_theory", AirStream(yeo.AIRSPEED)).lift
+    reference = yeo.modelled_lift(yeo.section("fixed"), 200)
+    assert yeo.rms(found - reference) < 0.002 * yeo.rms(reference)
+
+
+def test_models_of_a_whole_vehicle_take_one_pair_and_wakes_enough_steps(tmp_path: Path) -> None:
+    motion = load_motion(write_table(tmp_path / "a.csv", np.arange(40) / 40), ["wing"], FREQUENCY)
+    with pytest.raises(InputError, match=r"rate = 200 Hz is less than 20 steps of the wake per stroke of 25 Hz"):
+        tunnel_forces(wings_of_vehicle(load_vehicle("arizona_100cm")), motion, "vortex_lattice", STREAM)
+    hawk = wings_of_vehicle(load_vehicle("slow_hawk"))
+    pairs = motion._replace(angles=dict.fromkeys(("fore", "hind"), motion.angles["wing"]))
+    two = hawk._replace(wings=dict.fromkeys(("fore", "hind"), hawk.wings["wing"]))
+    with pytest.raises(InputError, match="it takes one pair of wings"):
+        tunnel_forces(two, pairs, "regression", STREAM)
 
 
 def test_similarity_numbers_follow_their_definitions() -> None:
@@ -177,6 +209,11 @@ def test_bad_input_is_one_line(text: str, words: list[str], part: str, tmp_path:
     assert main(["tunnel", str(path), "--vehicle", "hawkmoth", *words]) == 2
     said = capsys.readouterr()
     assert said.out == "" and part in said.err and said.err.count("\n") == 1
+
+
+def test_fourier_file_rejects_a_second_frequency() -> None:
+    with pytest.raises(InputError, match="states frequency and harmonics itself"):
+        load_motion(FLY_MOTION, ["wing"], 3.0)
 
 
 def test_motion_of_another_wing_is_rejected() -> None:
