@@ -27,6 +27,7 @@ from logs.identification.data.maneuvers import (
 )
 from logs.identification.data.resampling import behind
 from logs.identification.diagnostics.agreement import agreement
+from logs.identification.estimators.closed_loop import EFFECTIVENESS, ClosedLoop, control_effectiveness
 from logs.identification.estimators.engine.problem import Fit, Nuisances, Parameter, Problem
 from logs.identification.estimators.equation_error import Settings, coefficient_regression
 from logs.identification.estimators.filter_error import Filtered, filter_error_search
@@ -37,7 +38,7 @@ from logs.identification.findings import Entry, Finding, register
 from logs.identification.models.actuators import Actuated, Actuator
 from logs.identification.models.modes import SHORT_PERIOD, Mode, ModesResult, mode_of_system, nothing
 from logs.identification.models.stroke_averaged import LONGITUDINAL, TAIL_DELAY, TAIL_LAG, UNITS, model_of
-from logs.identification.results import Array, Estimate, EstimationResult, FitSeries
+from logs.identification.results import Array, Estimate, EstimationResult, FitSeries, Unidentified
 from logs.identification.statistics.covariance import ParameterUncertainty
 from wingbeat.constants import STANDARD_GRAVITY
 
@@ -292,16 +293,24 @@ def identify_modes(
 ) -> ModesResult:
     """The modes of a flight by all methods.
 
-    Of joined flights those named by ``held_out`` are not fitted but predicted.
+    Of joined flights those named by ``held_out`` are not fitted but predicted. In closed loop the control
+    effectiveness is also estimated by instrumental variables; without maneuvers, by these alone.
 
     Raises:
         InputError: no usable elevator maneuver, in all flights or in one that is held out.
     """
+    closed = control_effectiveness(data, aircraft)
+    if closed is not None and not data.active.any():
+        alone = _mode_of(closed)
+        return ModesResult(
+            (alone,), None, "no maneuver: no mode", None, 0, None, data.notes,
+            results=(closed.result,), findings=(closed.finding,),
+        )  # fmt: skip
     every = find_maneuvers(data)
     maneuvers, locked = by_flight(every, held_out)
     flight = FlightProblem(maneuvers, reference_of(data, maneuvers), aircraft, names, outputs)
     fits = fit_derivatives(flight)
-    results = results_of(flight, fits, locked)
+    results: tuple[EstimationResult, ...] = results_of(flight, fits, locked)
     modes = (
         mode_of(OUTPUT_ERROR, flight, fits.output),
         mode_of(EQUATION_ERROR, flight, fits.equation),
@@ -315,6 +324,10 @@ def identify_modes(
         agree, statement = None, IN_TURBULENCE
         if modes[2].short_period is not None:
             modes = (modes[2], *modes[:2], *modes[3:])
+    if closed is not None:
+        modes = (*(consistent_mode(one, closed) for one in modes), _mode_of(closed))
+        results = (*(consistent_result(one, closed) for one in results), closed.result)
+        findings = (*findings, closed.finding)
     notes = (*data.notes, *dropped_maneuvers(data, every), *(one.text for one in findings))
     if agree is False:
         findings += (Finding("methods_disagree", "warning", details={"statement": statement}),)
@@ -332,6 +345,38 @@ def identify_modes(
         locked,
         findings,
         flight,
+    )
+
+
+def _mode_of(closed: ClosedLoop) -> Mode:
+    """The control effectiveness as a method without a mode."""
+    lost = [Unidentified(one.subject, one.text) for one in closed.result.withheld]
+    return Mode(closed.result.method, None, None, (), closed.result.estimates, tuple(lost))
+
+
+def consistent_mode(mode: Mode, closed: ClosedLoop) -> Mode:
+    """Withhold the control effectiveness of a method if closed-loop data do not tell it, or tell another sign."""
+    estimate = next((one for one in mode.derivatives if one.name == EFFECTIVENESS), None)
+    reason = None if estimate is None else closed.contradiction(estimate)
+    if reason is None:
+        return mode
+    kept = tuple(one for one in mode.derivatives if one.name != EFFECTIVENESS)
+    return mode._replace(
+        derivatives=kept, unidentified=(*mode.unidentified, Unidentified(EFFECTIVENESS, reason.text))
+    )
+
+
+def consistent_result(result: EstimationResult, closed: ClosedLoop) -> EstimationResult:
+    """`consistent_mode` of an `EstimationResult`."""
+    estimate = result.estimate(EFFECTIVENESS)
+    reason = None if estimate is None else closed.contradiction(estimate)
+    if reason is None:
+        return result
+    kept = [place for place, one in enumerate(result.estimates) if one.name != EFFECTIVENESS]
+    return result._replace(
+        estimates=tuple(result.estimates[place] for place in kept),
+        covariance=None if result.covariance is None else result.covariance[np.ix_(kept, kept)],
+        findings=(*result.findings, reason),
     )
 
 

@@ -256,6 +256,8 @@ def rows(result: Identification) -> tuple[Row, ...]:
             table += _estimate_rows(mode.method, sure, result.truths, "")
             table += [Row(mode.method, one.name, "", None, None, f"not determined: {one.reason}") for one in wide]
         table += _estimate_rows(mode.method, mode.divergence, result.truths, "")
+        if not any(mode.of_kind(kind) for kind in KINDS) and not mode.unidentified:
+            table += _estimate_rows(mode.method, mode.derivatives, result.truths, "")  # a method without modes
         table += _refusals(mode.method, mode.unidentified)
     if result.modes:
         table.append(Row("modes", "agreement", "", None, None, result.modes.statement))
