@@ -286,7 +286,7 @@ def _position_jumps(log: LogData) -> Iterator[Finding]:
     speed = np.zeros((len(times), 2))
     if velocity is not None and len(velocity.time) > 1:
         middle = 0.5 * (position.time[1:] + position.time[:-1])
-        speed = np.column_stack([np.interp(middle, velocity.time, column) for column in velocity.values.T])
+        speed = np.column_stack([np.interp(middle, velocity.time, column) for column in velocity.values[:, :2].T])
     rest = np.linalg.norm(steps - speed * times[:, None], axis=1)
     usual = float(np.percentile(rest, 95))
     for row in np.flatnonzero((rest > max(JUMP, 8.0 * usual)) & (times < 2.0)).tolist():

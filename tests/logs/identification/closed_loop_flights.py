@@ -15,6 +15,8 @@ from wingbeat.constants import STANDARD_GRAVITY
 Array = NDArray[np.float64]
 STEP = 0.005
 AIRSPEED, FLAPPING = 7.0, 4.0
+FLYING = 4.0
+"""m/s; airspeed after the launch"""
 SYSTEM = np.array([[-6.0, 7.0], [-6.0, -4.0]])
 M_DELTA = 55.0
 MISSION = """name = "hold"
@@ -69,17 +71,19 @@ def linear_flight(amplitude: float, gust: float, seed: int, duration: float = 60
     )  # fmt: skip
 
 
-def px4_tables(seed: int, excited: bool, mission: Any, duration: float = 62.0) -> tuple[str, dict[str, Any]]:
-    """Fly one bird in gusts in closed loop; return its name and topics of PX4."""
+def px4_tables(seed: int, excited: bool, mission: Any, duration: float = 54.0) -> tuple[str, dict[str, Any]]:
+    """Fly one bird in gusts in closed loop for ``duration`` s; return its name and topics of PX4."""
     random = np.random.default_rng(seed)
     vehicle = VEHICLES[seed % 2]
     amplitude = math.radians(random.uniform(1.0, 10.0)) if excited else 0.0
     width, every = random.uniform(0.15, 0.5), random.uniform(3.0, 6.0)
     turbulence, wind = LEVELS[random.integers(len(LEVELS))], random.uniform(0.0, 2.5)
-    sim = wingbeat.Simulation(vehicle, mission, turbulence=turbulence, wind=wind, seed=seed, duration=duration)
-    stamps, added, total = [], [], []
-    while not sim.finished:
-        pulse = float(doublets(np.array(sim.time - 20.0), amplitude, width, every))
+    sim = wingbeat.Simulation(vehicle, mission, turbulence=turbulence, wind=wind, seed=seed)
+    launch, stamps, added, total = math.inf, [], [], []
+    while not sim.finished and sim.time < launch + duration:
+        if launch == math.inf and sim.state.airspeed > FLYING:  # the launcher waits for steady air
+            launch = sim.time
+        pulse = float(doublets(np.array(sim.time - launch - 10.0), amplitude, width, every))
         command = sim.command._replace(elevator=sim.command.elevator + pulse)
         stamps.append(round(sim.time * 1e6))
         sim.step(command)
