@@ -39,7 +39,7 @@ class Signal(NamedTuple):
 
     def between(self, start: float, end: float) -> Signal:
         """Return the part between two times."""
-        inside = (self.time >= start) & (self.time <= end)
+        inside = slice(np.searchsorted(self.time, start), np.searchsorted(self.time, end, side="right"))
         return self._replace(time=self.time[inside], values=self.values[inside])
 
 

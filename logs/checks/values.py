@@ -154,12 +154,14 @@ def rest(log: LogData) -> list[tuple[float, float]]:
 def _steady_parts(signal: Signal, limit: float) -> list[tuple[float, float]]:
     window = 0.5
     index = np.floor((signal.time - signal.time[0]) / window).astype(int)
-    steady_blocks = np.zeros(index[-1] + 1, bool)
-    means = np.zeros((index[-1] + 1, signal.values.shape[1]))
-    for i in np.unique(index).tolist():
-        part = signal.values[index == i]
-        steady_blocks[i] = len(part) >= 3 and float(part.std(axis=0).max()) < limit
-        means[i] = part.mean(axis=0)
+    counts = np.bincount(index)
+    filled = np.maximum(counts, 1)
+    about = signal.values - signal.values.mean(axis=0)  # against cancellation in the squares
+    sums, squares = (np.column_stack([np.bincount(index, c) for c in v.T]) for v in (about, about**2))
+    means = sums / filled[:, None]
+    deviations = np.sqrt(np.maximum(squares / filled[:, None] - means**2, 0.0))
+    steady_blocks = (counts >= 3) & (deviations.max(axis=1) < limit)
+    means = np.where(counts[:, None] > 0, means + signal.values.mean(axis=0), 0.0)
     steady = np.concatenate(([True], np.abs(np.diff(means, axis=0)).max(axis=1) < limit))
     begin = float(signal.time[0])
     return [(begin + first * window, begin + last * window) for first, last in runs(steady_blocks & steady)]

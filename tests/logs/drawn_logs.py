@@ -257,7 +257,7 @@ OWN = {
 }  # fmt: skip
 
 
-def write_own(tables: Tables, folder: Path) -> list[Path]:
+def write_wingbeat(tables: Tables, folder: Path) -> list[Path]:
     """Write a log of Wingbeat; the order of the file is that of the running maximum of the times."""
     rows: list[tuple[int, Any, Any]] = []
     for name, (time, c) in tables.items():
@@ -312,7 +312,7 @@ FORMATS = {
     "ardupilot": Format(write_ardupilot, DATAFLASH, (*FAULTS[:-1], CURRENT)),
     "tables": Format(write_tables, {}),
     "own": Format(
-        write_own,
+        write_wingbeat,
         {name: topic.name for name, topic in OWN.items()},
         (*(one for one in FAULTS if one.code != "time_backwards"), CURRENT),
     ),
