@@ -8,15 +8,16 @@ by the aircraft's motion; their covariance is that of a stationary gust through 
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import expm, solve_continuous_lyapunov
 from scipy.sparse import csr_array, eye_array
 
-from logs.identification.data.maneuvers import OUTPUT_STEP
+from logs.identification.data.maneuvers import OUTPUT_STEP, Maneuver
 from logs.identification.data.resampling import averaging_matrix
-from logs.identification.input_design.response import OUTPUTS, Prior, Response, Waveform
+from logs.identification.input_design.response import OUTPUTS, Prior, Response, Waveform, respond
 from logs.identification.models.modes import short_period_of
 from logs.identification.models.stroke_averaged import LONGITUDINAL, UNITS, matrices
 from logs.identification.results import Array
@@ -62,6 +63,8 @@ def predicted_covariance(prior: Prior, planned: Waveform, response: Response, gu
     Raises:
         InputError: the maneuver does not tell all derivatives apart, or gusts on an aircraft whose motion grows.
     """
+    if prior.residuals is not None and prior.wing_period and gust is None:
+        return _covariance_by_residuals(prior, [(planned, response)], prior.residuals)
     averaging, windy = _averaging(prior, planned), gust is not None and gust.sigma > 0.0
     gusts = _gust_autocovariance(prior, gust, len(planned.time)) if gust is not None and windy else None
     noise = np.array(prior.noise) * np.sqrt(float(np.mean(averaging.power(2).sum(axis=1))))
@@ -69,17 +72,68 @@ def predicted_covariance(prior: Prior, planned: Waveform, response: Response, gu
         noise = np.sqrt(noise**2 + np.diag(gusts.lags[0]))
     averaged = _averaged(averaging, response.sensitivities) / noise[:, None]
     free = _without(_nuisances(averaging, response.starts, noise), averaged)
-    information = np.einsum("nip,niq->pq", free, free)
-    size = np.sqrt(np.diag(information))
-    if not np.all(size > 0) or np.linalg.cond(information / np.outer(size, size)) > WORST_CONDITION:
-        raise InputError("this input does not tell all derivatives apart: make it longer, or of more frequencies")
-    inverse = np.linalg.inv(information / np.outer(size, size)) / np.outer(size, size)
+    inverse = _inverse_information(free)
     weights = np.stack([averaging.T @ free[:, i] for i in range(len(OUTPUTS))], axis=1) / noise[:, None]
     core = np.einsum("nip,i,niq->pq", weights, np.square(prior.noise), weights)
     if gusts is not None:
         core = core + colored_information([_coarser(weights, _stride(prior))], gusts)
     covariance: Array = inverse @ core @ inverse
     return covariance
+
+
+def _inverse_information(free: Array) -> Array:
+    """Inverse (p, p) of the information of sensitivities (M, m, p).
+
+    Raises:
+        InputError: it is singular.
+    """
+    information = np.einsum("nip,niq->pq", free, free)
+    size = np.sqrt(np.diag(information))
+    if not np.all(size > 0) or np.linalg.cond(information / np.outer(size, size)) > WORST_CONDITION:
+        raise InputError("this input does not tell all derivatives apart: make it longer, or of more frequencies")
+    inverse: Array = np.linalg.inv(information / np.outer(size, size)) / np.outer(size, size)
+    return inverse
+
+
+def _covariance_by_residuals(
+    prior: Prior, maneuvers: Sequence[tuple[Waveform, Response]], residuals: Autocovariance
+) -> Array:
+    """Covariance (12, 12) of least squares with colored residuals of an earlier flight (Morelli & Klein, 1997)."""
+    noise, free = np.sqrt(np.diag(residuals.lags[0])), []
+    for planned, response in maneuvers:
+        averaging = _averaging(prior, planned)
+        averaged = _averaged(averaging, response.sensitivities) / noise[:, None]
+        free.append(_without(_nuisances(averaging, response.starts, noise), averaged))
+    inverse = _inverse_information(np.concatenate(free))
+    core = colored_information([one / noise[:, None] for one in free], residuals)
+    covariance: Array = prior.inflation**2 * inverse @ core @ inverse
+    return covariance
+
+
+def inflation(prior: Prior, maneuvers: Sequence[Maneuver], errors: Mapping[str, float]) -> float:
+    """Standard errors of a flight over those predicted for its own inputs, quadratic mean over the derivatives.
+
+    It contains what the prediction neglects: differences between maneuvers beyond the residuals' autocovariance.
+
+    Args:
+        prior: of the flight, with its residuals.
+        maneuvers: of the flight.
+        errors: standard errors by derivative that the flight left.
+    """
+    names = [name for name in LONGITUDINAL if errors.get(name, 0.0) > 0.0]
+    if prior.residuals is None or not prior.wing_period or not names:
+        return 1.0
+    flown = []
+    for one in maneuvers:
+        margin = prior.wing_period / 2 + 2 * prior.step
+        planned = Waveform(one.command_time, one.command, margin, float(one.command_time[-1]) - margin)
+        flown.append((planned, respond(prior, planned)))
+    try:
+        covariance = _covariance_by_residuals(prior._replace(inflation=1.0), flown, prior.residuals)
+    except InputError:
+        return 1.0
+    bounds = dict(zip(LONGITUDINAL, np.sqrt(np.diag(covariance)), strict=True))
+    return float(np.sqrt(np.mean([(errors[name] / bounds[name]) ** 2 for name in names])))
 
 
 def predict(prior: Prior, covariance: Array, repeats: int = 1) -> tuple[Predicted, ...]:

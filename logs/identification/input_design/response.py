@@ -21,7 +21,8 @@ from logs.identification.estimators.engine.problem import Parameter, Problem
 from logs.identification.estimators.output_error import flight_of
 from logs.identification.models.actuators import Actuated
 from logs.identification.models.stroke_averaged import LONGITUDINAL, Matrices, matrices, model_of
-from logs.identification.results import Array
+from logs.identification.results import Array, EstimationResult
+from logs.identification.statistics.covariance import LAG_FRACTION, Autocovariance, autocovariance
 from sim_bridge.tuning.model import LinearModel
 from sim_bridge.vehicles import SimulatedVehicle
 from wingbeat.constants import STANDARD_GRAVITY
@@ -29,6 +30,8 @@ from wingbeat.errors import InputError
 
 OUTPUTS = ("q", "a_x", "a_z")
 """fitted outputs, in the order of `Prior.noise`"""
+NUISANCES = 7
+"""-; of a maneuver: initial states and biases of the outputs"""
 ROUNDING = 1.0 / math.sqrt(12.0)
 """-; standard deviation of a reading within one count"""
 
@@ -48,6 +51,11 @@ class Prior(NamedTuple):
     """rad/s, m/s^2, m/s^2; standard deviation of one sample of q, a_x and a_z"""
     step: float
     """s; between samples"""
+    residuals: Autocovariance | None = None
+    """of the stroke averages of `OUTPUTS` in an earlier flight, `OUTPUT_STEP` apart: noise, gusts and all else that
+    its model left; None without one"""
+    inflation: float = 1.0
+    """-; of standard errors predicted by the residuals, see `prediction.inflation`"""
 
     def model(self) -> Matrices:
         """Its state space."""
@@ -82,6 +90,26 @@ def sensor_noise(vehicle: SimulatedVehicle) -> tuple[float, float, float]:
     q = math.radians(math.hypot(gyro.noise_deg_s, ROUNDING / gyro.sensitivity))
     x, z = (math.hypot(accel.noise[i], ROUNDING) / accel.sensitivity * STANDARD_GRAVITY for i in (0, 2))
     return q, x, z
+
+
+def residuals_of(result: EstimationResult, nuisances: int = NUISANCES) -> Autocovariance | None:
+    """The autocovariance of the residuals of output error over the fitted maneuvers; None without any.
+
+    It is scaled up by the degrees of freedom that the fit took, ``nuisances`` in each maneuver.
+    """
+    parts: dict[str, dict[str, Array]] = {}
+    for one in result.series:
+        if not one.held_out and one.output in OUTPUTS:
+            parts.setdefault(one.experiment, {})[one.output] = one.measured - one.model
+    records = [np.column_stack([found[name] for name in OUTPUTS]) for found in parts.values() if len(found) == 3]
+    if not records:
+        return None
+    used = [np.isfinite(one).astype(float) for one in records]
+    lags = max(int(LAG_FRACTION * max(map(len, records))), 1) + 1
+    pooled = autocovariance([np.nan_to_num(one) for one in records], used, lags)
+    left = pooled.effective - len(result.estimates) - nuisances * len(records)
+    factor = pooled.effective / max(left, 0.25 * pooled.effective)
+    return pooled._replace(lags=pooled.lags * factor)
 
 
 STATES = ("u", "w", "q", "theta")
