@@ -44,8 +44,9 @@ SETTLED = 2.0
 """s; after which the filters are settled"""
 MIN_DURATION = 8.0
 """s; of flapping flight without interruption"""
-FEEDBACK = 0.05
-"""-; of the elevator's variance in the maneuvers: above it, what is not excitation is feedback"""
+FEEDBACK = 0.25
+"""-; of the elevator's variance in the inputs: above it, what is not excitation is feedback; less than it is the
+sampling of a logged excitation"""
 MIN_STRENGTH = 10.0
 """-; first-stage F, below which an instrument is weak"""
 MIN_AIRSPEED, FLAPPING = 2.0, 0.6
@@ -128,9 +129,13 @@ class ClosedLoop(NamedTuple):
 
 
 def is_closed_loop(data: FlightData) -> bool:
-    """Whether the elevator moves by more than the excitation in the maneuvers, or there is no maneuver."""
+    """Whether the elevator moves by more than the excitation during the inputs, or there is no input."""
     feedback = total = 0.0
-    for span in runs(data.active > 0):
+    for maneuver in runs(data.active > 0):
+        moved = np.flatnonzero(data.excitation[maneuver]) + maneuver.start
+        if len(moved) < 2:
+            continue
+        span = slice(int(moved[0]), int(moved[-1]) + 1)  # the records of other programs begin and end in the loop
         elevator = data.elevator[span] - data.elevator[span].mean()
         rest = data.elevator[span] - data.excitation[span]
         feedback += float(np.sum((rest - rest.mean()) ** 2))

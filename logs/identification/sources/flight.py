@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from typing import NamedTuple
 
 import numpy as np
@@ -176,6 +177,9 @@ def _airspeed(source: ColumnSource, time: Array, climb: Array) -> _Signal:
 
 def _stroke_count(source: ColumnSource, time: Array, accel_z: Array) -> _Signal:
     """Strokes by the wing's phase, its angle, or what flapping does to the body."""
+    with contextlib.suppress(InputError):  # a log of another program has a phase without angles
+        wing = TopicTable(source, topics.WING, "phase")
+        return _Signal(np.interp(time, wing.time, strokes_of(wing["phase"])))
     try:
         wing, strokes = _strokes(source)
         return _Signal(np.interp(time, wing.time, strokes))
