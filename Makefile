@@ -64,7 +64,7 @@ bench: $(VENV)/.installed-bench
 	$(BIN)/python -m pytest -q -s -m bench --bench-table docs/validation/benchmarks.md tests
 
 validate: $(VENV)/.installed-dev
-	$(BIN)/python -m pytest -q -s -m validate tests
+	$(BIN)/python -m pytest -q -s -m "validate or hypothesis" --hypothesis-profile=thorough tests
 
 $(BIN)/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || \

@@ -5,15 +5,16 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from logs.identification.estimators.registry import estimators
+from logs.identification.estimators.registry import ESTIMATORS, Estimator
 
 HEAD = """# Estimators of identification
 
 Each row is one entry of the registry (`logs/identification/estimators/registry.py`). *Selected by* names the subject
-of `wingbeat identify FLIGHT.mcap` or the keys of a [map](../identify_csv.md); rows without it are for programs:
+of `wingbeat identify FLIGHT.mcap` or the keys of a [map](../identify_csv.md). The command, the map and this page take
+the methods from the registry; a program calls a row:
 
-    from logs.identification.estimators.registry import Request, estimators
-    result = estimators()["recursive_least_squares"].estimate(Request(...))
+    from logs.identification.estimators.registry import ESTIMATORS, Request
+    result = ESTIMATORS["recursive_least_squares"].estimate(Request(...))
 
 This page is written from the registry (`python docs/write_estimators.py`).
 
@@ -31,18 +32,21 @@ Options of `Request.options` by estimator.
 
 def reference() -> str:
     """The page: one row for each estimator, and one for each of its options."""
-    every = [one for _, one in sorted(estimators().items())]
-    rows = [f"| `{one.name}` | {one.title} | {one.reference} | {_code(one.selection)} |" for one in every]
+    every = sorted(ESTIMATORS.items())
+    rows = [f"| `{key}` | {one.title} | {one.reference} | {_code(key, one)} |" for key, one in every]
     options = [
-        f"| `{one.name}` | `{name}` | {meaning} |"
-        for one in every for name, meaning in one.options.items()
+        f"| `{key}` | `{name}` | {meaning} |"
+        for key, one in every for name, meaning in one.options.items()
     ]  # fmt: skip
     return HEAD + "\n".join(rows) + "\n" + OPTIONS + "\n".join(options) + "\n"
 
 
-def _code(selection: str) -> str:
-    """Each alternative of a selection as code."""
-    return ", ".join(f"`{part.strip()}`" for part in selection.split(";") if part)
+def _code(key: str, row: Estimator) -> str:
+    """Each alternative of the selection as code."""
+    keys = [f'[{part}] method = "{key}"' for part in row.sections]
+    if "modes" in row.sections:
+        keys.append(f"modes --method {key}")
+    return ", ".join(f"`{part.strip()}`" for part in (*keys, *row.selection.split(";")) if part)
 
 
 if __name__ == "__main__":

@@ -194,6 +194,8 @@ def decode_text(data: bytes) -> Text:
 
 
 MAX_EVENT_BYTES = 1 << 20
+MAX_EVENT_TEXT = 4000
+"""-; characters of an event that are kept: a traceback has fewer"""
 
 
 def encode_event(message: Event) -> bytes:
@@ -222,7 +224,11 @@ def decode_event(data: bytes) -> Event:
     except DecodeError:
         raise Damage("an event cannot be read") from None
     time_us = log.timestamp.seconds * 1_000_000 + log.timestamp.nanos // 1000
-    return Event(time_us, _severity(log), log.name, log.message)
+    return Event(time_us, _severity(log), _shown(log.name), _shown(log.message))
+
+
+def _shown(text: str) -> str:
+    return text if len(text) <= MAX_EVENT_TEXT else f"{text[:MAX_EVENT_TEXT]}… ({len(text)} characters)"
 
 
 def _severity(log: FoxgloveLog) -> Severity:

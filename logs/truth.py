@@ -6,7 +6,7 @@ import numpy as np
 
 from avionics import topics
 from logs.attached import simulated_vehicle
-from logs.identification.estimators.flapping_frequency import FrequencyModel, frequency_truth
+from logs.identification.estimators.flapping_frequency import FrequencyResult, frequency_truth
 from logs.reader import Log
 from sim_bridge import topics as truth
 from sim_bridge.flight_mechanics.averaged import short_period_of, stroke_averaged_model
@@ -40,7 +40,7 @@ def known_truths(log: Log, modes: bool = True) -> dict[str, float]:
     return truths | {"short_period_frequency": mode.natural_frequency, "short_period_damping": mode.damping}
 
 
-def throttle_truths(log: Log, model: FrequencyModel) -> dict[str, float]:
+def throttle_truths(log: Log, model: FrequencyResult) -> dict[str, float]:
     """Return the truth for ``model``, fitted to the true frequencies of a vehicle with throttle-driven motor.
 
     Empty for any other vehicle, and for a flight that was not simulated.

@@ -19,9 +19,11 @@ os.environ["MAVLINK20"] = "1"
 # times the processor time of the work, from the other workers. Processes that tests start inherit it.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-# A machine that is busy with something else makes a test late, not wrong.
-settings.register_profile("unhurried", deadline=None)
-settings.load_profile("unhurried")
+# A machine that is busy with something else makes a test late, not wrong. `make validate` draws ten times as many
+# examples of each property (`--hypothesis-profile=thorough`).
+settings.register_profile("quick", deadline=None, max_examples=25)
+settings.register_profile("thorough", deadline=None, max_examples=250)
+settings.load_profile("quick")
 
 LONG = (
     "tests/sim_bridge/test_aerodynamics.py",

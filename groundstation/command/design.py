@@ -33,8 +33,15 @@ from logs.identification.input_design.design import (
     design_input,
     mission_item,
 )
-from logs.identification.input_design.prediction import MODE_UNITS, Gust, inflation
-from logs.identification.input_design.response import Prior, prior_of, residuals_of, sensor_noise
+from logs.identification.input_design.prediction import (
+    MODE_UNITS,
+    Gust,
+    Prior,
+    inflation,
+    prior_of,
+    residuals_of,
+    sensor_noise,
+)
 from logs.identification.models.modes import ModesResult
 from logs.identification.models.stroke_averaged import LONGITUDINAL
 from logs.importing.excitation import FULL_DEFLECTION

@@ -6,9 +6,10 @@ import argparse
 import math
 import socket
 import sys
+import threading
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -270,6 +271,7 @@ def _fly(plan: Plan, chosen: argparse.Namespace, console: Console, faults: dict[
     try:
         with Children() as children:
             _start(children, plan, chosen, connection.url)
+            threading.Thread(target=_load_identification, daemon=True).start()
             isolation = Isolation()
             if console.is_terminal and not chosen.json:
                 isolation.guard("view").run(_watch_picture, children, connection, plan, console)
@@ -409,9 +411,15 @@ def _report_kept(kept: Sequence[Kept]) -> None:
         print(f"wingbeat: a recording ended early: {part.path}: {part.damage}", file=sys.stderr)
 
 
+def _load_identification() -> None:
+    """Import what the report needs while the flight lasts: a second that nobody then waits for."""
+    with suppress(ImportError):  # which the report raises again, where it is told
+        from groundstation.command import identify  # noqa: F401
+
+
 def _identified(log: Log) -> Identification | str:
     """Identify from the log, or return why that is not possible, as for a flight without an excitation."""
-    from groundstation.command import identify  # takes a second, which the start of a flight need not wait for
+    from groundstation.command import identify  # see _load_identification
 
     try:
         return identify.identified(log, wings=False)  # whose coefficients take as long as all the rest

@@ -33,12 +33,13 @@ from logs.attached import aircraft_of, airframe_of, flight_vehicle, simulated_ve
 from logs.identification.data.flight import Aircraft, FlightData
 from logs.identification.data.maneuvers import holdout_sample
 from logs.identification.estimators.flight_modes import identify_modes
+from logs.identification.estimators.registry import methods
+from logs.identification.findings import note
 from logs.identification.report import SUBJECTS, Identification, document, identify
 from logs.identification.sources.flight import flight_data
-from logs.identification.sources.full_flight import joined_flights
 from logs.identification.sources.table.config import ALL, FORMER_SUBJECTS, example_map
 from logs.identification.sources.table.config import SUBJECTS as TABLE_SUBJECTS
-from logs.identification.sources.topic_table import ElevatorFromField
+from logs.identification.sources.topic_table import ElevatorFromField, joined_flights
 from logs.reader import Log
 from logs.truth import known_truths, throttle_truths
 from sim_bridge.vehicles import SimulatedVehicle
@@ -139,6 +140,12 @@ def build_parser() -> options.Parser:
         help="elevator command to use if no deflection was recorded, and its scale in rad per unit",
     )
     parser.add_argument(
+        "--method",
+        choices=methods("modes"),
+        metavar="METHOD",
+        help=f"modes by one method alone: {', '.join(methods('modes'))}",
+    )
+    parser.add_argument(
         "--validate",
         action="append",
         type=Path,
@@ -189,7 +196,7 @@ def run(arguments: Sequence[str]) -> int:
         raise InputError(f"a log gives {', '.join(SUBJECTS)}; {what} is of tables, which need --map MAP.toml")
     check_outputs(chosen)
     with opened_log(files[0]) as log, announced(chosen.json), damage_notices([log], "identified"):
-        estimates = identified(log, what, chosen.vehicle, chosen.elevator)
+        estimates = identified(log, what, chosen.vehicle, chosen.elevator, method=chosen.method)
         _show(chosen, estimates, lambda: write_outputs([log], estimates, chosen.report, chosen.model, chosen.vehicle))
     return 0
 
@@ -222,7 +229,7 @@ def _run_together(files: Sequence[Path], what: str, chosen: argparse.Namespace) 
         stack.enter_context(announced(chosen.json))
         logs = [stack.enter_context(opened_log(file)) for file in every]
         stack.enter_context(damage_notices(logs, "identified"))
-        estimates = identified_together(logs, chosen.vehicle, chosen.elevator, validation)
+        estimates = identified_together(logs, chosen.vehicle, chosen.elevator, validation, chosen.method)
         _show(chosen, estimates, lambda: write_outputs(logs, estimates, chosen.report, chosen.model, chosen.vehicle))
     return 0
 
@@ -257,6 +264,7 @@ def identified_together(
     vehicle: str | None = None,
     elevator: Sequence[str] | None = None,
     validation: Sequence[int] = (),
+    method: str | None = None,
 ) -> Identification:
     """Identify the modes from the maneuvers of all ``logs``, with the mean of the truths.
 
@@ -274,12 +282,12 @@ def identified_together(
     flights = tuple(flight_data(source, one.imu) for source, one in zip(sources, aircraft, strict=True))
     names = names_of(logs)
     held_out = tuple(names[place] for place in validation)
-    modes = identify_modes(joined_flights(flights, names), aircraft[0], held_out=held_out)
+    modes = identify_modes(joined_flights(flights, names), aircraft[0], held_out=held_out, method=method)
     unknown = vehicle is None and any(flight_vehicle(log) is None for log in logs)
-    notes = (*modes.notes, *dict.fromkeys(one.note for one in made if one), *((UNKNOWN,) if unknown else ()))
+    notes = (*dict.fromkeys(one.note for one in made if one), *((UNKNOWN,) if unknown else ()))
     fitted = [place for place in range(len(logs)) if place not in validation]
     truths = _mean_truths([logs[place] for place in fitted], [flights[place] for place in fitted])
-    return Identification(modes=modes._replace(notes=notes), truths=truths)
+    return Identification(modes=modes._replace(findings=(*modes.findings, *map(note, notes))), truths=truths)
 
 
 def _mean_truths(logs: Sequence[Log], flights: Sequence[FlightData]) -> dict[str, float]:
@@ -322,6 +330,7 @@ def identified(
     vehicle: str | None = None,
     elevator: Sequence[str] | None = None,
     wings: bool = True,
+    method: str | None = None,
 ) -> Identification:
     """Identify ``what`` from an open log, with the truth if the flight was simulated.
 
@@ -331,6 +340,7 @@ def identified(
         vehicle: name or file of the vehicle, if the log has none.
         elevator: elevator command, ``topic.field``, and its scale in rad per unit, if the log has no angle.
         wings: whether all subjects include the wing coefficients.
+        method: row of the registry that identifies the modes; all if not given.
 
     Raises:
         InputError: the log has no data for the subject, has a vehicle file in addition to the given one,
@@ -340,11 +350,12 @@ def identified(
     bodies = _bodies(log, vehicle) if what == "aero" else None
     if what == "all" and wings:
         bodies = _bodies_if_given(log, vehicle)
-    estimates = identify(made or log, what, _aircraft(log, vehicle), bodies=bodies)
+    estimates = identify(made or log, what, _aircraft(log, vehicle), bodies=bodies, method=method)
     if estimates.modes is not None:
         unknown = vehicle is None and flight_vehicle(log) is None
         notes = ([made.note] if made else []) + ([UNKNOWN] if unknown else [])
-        estimates = estimates._replace(modes=estimates.modes._replace(notes=(*estimates.modes.notes, *notes)))
+        findings = (*estimates.modes.findings, *map(note, notes))
+        estimates = estimates._replace(modes=estimates.modes._replace(findings=findings))
     known = known_truths(log, modes=estimates.modes is not None)
     if estimates.frequency is not None:
         known |= throttle_truths(log, estimates.frequency)

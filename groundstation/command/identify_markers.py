@@ -11,10 +11,10 @@ from groundstation.command.compiling import announced
 from groundstation.command.identify_out import check_outputs, sha256
 from groundstation.views.progress import ProgressBar
 from logs.attached import simulated_vehicle
+from logs.identification.findings import not_estimated
 from logs.identification.motion_capture.motion import Cloud
 from logs.identification.report import Identification
 from logs.identification.report.report import Subject, write_report
-from logs.identification.results import Unidentified
 from logs.identification.sources.table.markers import (
     MarkersMap,
     MarkersSection,
@@ -96,7 +96,7 @@ def _identified(
     try:
         return Identification(markers=estimates, aero=wings_by_markers(vehicle, requested, estimates))
     except InputError as error:
-        return Identification(markers=estimates, missing=(Unidentified("wing coefficients", str(error)),))
+        return Identification(markers=estimates, missing=(not_estimated("wing coefficients", str(error)),))
 
 
 def _subject(files: Sequence[Path], estimates: Identification, clouds: Sequence[Cloud]) -> Subject:

@@ -141,7 +141,7 @@ def _model(
     path: Path, vehicle: str | None, logs: Sequence[Log], estimates: Identification, digests: Sequence[str]
 ) -> list[str]:
     if estimates.modes is None:
-        why = "; ".join(one.reason for one in estimates.missing)
+        why = "; ".join(one.text for one in estimates.missing)
         raise InputError(f"--model {path}: no modes were identified{why and f': {why}'}")
     locked_name = {one.flight.name for one in estimates.modes.held_out if one.flight is not None}
     fitted = [

@@ -13,13 +13,10 @@ from groundstation.views.json_document import print_document
 from groundstation.views.progress import ProgressBar
 from groundstation.views.table_identification import table_identification
 from groundstation.views.terminal import open_console
-from logs.identification.report.model_file import write_linear
-from logs.identification.report.result_formatting import table_document
-from logs.identification.report.table_model import check_model, has_model, table_model
-from logs.identification.report.tables import Source, write_tables_report
+from logs.identification.report.model_file import check_model, has_model, table_model, write_linear
+from logs.identification.report.tables import Source, table_document, write_tables_report
 from logs.identification.sources.table.config import load_map
-from logs.identification.sources.table.results import TableIdentification
-from logs.identification.sources.table.run import identify_tables
+from logs.identification.sources.table.run import TableIdentification, identify_tables
 from wingbeat.errors import InputError
 
 
@@ -31,7 +28,7 @@ def run(files: Sequence[Path], what: str, chosen: argparse.Namespace) -> int:
     """
     _check(what, chosen)
     with announced(chosen.json):
-        estimates = identify_tables(files, chosen.map, what)
+        estimates = identify_tables(files, chosen.map, what, chosen.method)
     if chosen.json:
         print_document(table_document(estimates))
     else:

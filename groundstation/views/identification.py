@@ -11,6 +11,7 @@ from rich.text import Text
 from groundstation.views import tables, wording
 from logs.identification.report import Identification, Row, rows
 from logs.identification.results import Estimate
+from logs.pages.labels import text_symbol
 from wingbeat.text import pluralize
 
 HEADLINES = {
@@ -77,7 +78,7 @@ def _name(row: Row) -> str:
     kind, _, sensor = row.name.partition("_")
     if kind in ("bias", "scale"):
         return f"{kind} of {sensor}"
-    return wording.words(row.name.removeprefix("short_period_")) if row.name.islower() else row.name
+    return wording.words(row.name.removeprefix("short_period_")) if row.name.islower() else text_symbol(row.name)
 
 
 def _truth(truth: float | None, estimate: Estimate, half: float) -> Text:

@@ -17,7 +17,7 @@ from logs.identification.input_design.design import (
     command_line,
     mission_item,
 )
-from logs.identification.input_design.response import Prior
+from logs.identification.input_design.prediction import Prior
 from sim_bridge.tuning.model import LinearModel
 
 WHITE = "of white sensor noise alone; gusts, and what the wing's shaking leaves after averaging, come on top (--gust)"

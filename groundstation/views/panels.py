@@ -8,6 +8,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from avionics.link.dialect import mavlink
 from avionics.messages import Stage
 from groundstation.link import modes
 from groundstation.link.station import Picture
@@ -68,10 +69,14 @@ def _fix(state: VehicleState) -> str:
 
 
 def vehicle_name(state: VehicleState) -> str:
-    """Return type and number of a vehicle, such as ``flapping wing 1``; empty before its heartbeat."""
+    """Return type and number of a vehicle, such as ``flapping wing 1``; empty before its heartbeat.
+
+    A Wingbeat vehicle is one, also where its heartbeat reports a fixed wing for the sake of other stations.
+    """
     if state.system is None:
         return ""
-    return f"{modes.type_name(state.vehicle_type)} {state.system}"
+    kind = mavlink.MAV_TYPE_FLAPPING_WING if state.is_wingbeat else state.vehicle_type
+    return f"{modes.type_name(kind)} {state.system}"
 
 
 def _rows(columns: int, *rows: tuple[str, Text | str]) -> Table:

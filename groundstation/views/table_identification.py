@@ -10,11 +10,12 @@ from rich.text import Text
 
 from groundstation.views import tables, wording
 from groundstation.views.identification import identification_table
+from logs.identification.findings import not_estimated
 from logs.identification.models.modes import Mode, ModesResult
 from logs.identification.report import Identification
-from logs.identification.report.result_formatting import finding_line, heading, notes_of, number_rows
+from logs.identification.report.tables import heading, notes_of, number_rows
 from logs.identification.results import EstimationResult
-from logs.identification.sources.table.results import TableIdentification
+from logs.identification.sources.table.run import TableIdentification
 from logs.identification.statistics.fit_quality import output_fits
 
 ABOVE = "as said above"
@@ -29,7 +30,7 @@ def table_identification(estimates: TableIdentification) -> RenderableType:
     if estimates.modes is not None:
         parts += [identification_table(Identification(modes=_withheld(estimates.modes, estimates.fits))), Text()]
     last = [f"{one.subject}: {one.text.removeprefix(f'{one.subject}: ')}" for one in estimates.missing]
-    last += map(finding_line, estimates.findings)
+    last += (one.line for one in estimates.findings)
     return Group(*(parts if last else parts[:-1]), *(Text(note, style="dim") for note in last))
 
 
@@ -40,8 +41,8 @@ def _withheld(modes: ModesResult, fits: Sequence[EstimationResult]) -> ModesResu
 
 
 def _referring(mode: Mode, listed: Collection[str]) -> Mode:
-    lost = (one._replace(reason=ABOVE) if one.reason in listed else one for one in mode.unidentified)
-    return mode._replace(unidentified=tuple(lost))
+    lost = (not_estimated(one.subject, ABOVE) if one.text in listed else one for one in mode.withheld)
+    return mode._replace(withheld=tuple(lost))
 
 
 def _data(estimates: TableIdentification) -> str:

@@ -37,6 +37,14 @@ class Finding(NamedTuple):
         """What to do, made from the catalog; empty if nothing is to be done."""
         return self._filled(CATALOG[self.code].remedy)
 
+    @property
+    def line(self) -> str:
+        """The subject, text and remedy; the subject of a withheld one stands elsewhere."""
+        remedy = self.remedy
+        text = f"{self.text}; {remedy}" if remedy and self.severity != "info" else self.text
+        named = not self.subject or self.subject in text or self.severity == "withheld"
+        return text if named else f"{self.subject}: {text}"
+
     def _filled(self, template: str) -> str:
         values = {"subject": self.subject, "value": self.value, "limit": self.limit} | dict(self.details)
         return template.format_map(values)
@@ -73,6 +81,16 @@ def register(entries: Mapping[str, Entry]) -> None:
     if twice:
         raise ValueError(f"finding codes are registered twice: {', '.join(sorted(twice))}")
     CATALOG.update(entries)
+
+
+def not_estimated(subject: str, reason: str) -> Finding:
+    """The finding of a parameter without an estimate."""
+    return Finding("not_estimated", "withheld", subject, details={"reason": reason})
+
+
+def note(text: str) -> Finding:
+    """A remark on what was read, filled or decided."""
+    return Finding("note", "info", details={"note": text})
 
 
 def of_severity(findings: Iterable[Finding], severity: Severity) -> tuple[Finding, ...]:

@@ -1,9 +1,13 @@
-"""Results of identification: estimates with intervals, fit of each output, findings."""
+"""Results of identification: estimates with intervals, fit of each output, findings.
+
+Each method returns one `EstimationResult`. Sets of results are `ModesResult` (every method), `AeroResult` (C_L, C_T,
+C_m), `PathResult` and `FrequencyResult` (with their data), `Identification` (a log), `TableIdentification` (a map).
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -128,6 +132,8 @@ class EstimationResult(NamedTuple):
     """each fitted or predicted output and its measurement"""
     samples: int = 0
     """-; fitted, over all experiments"""
+    residual_deviation: float = math.nan
+    """as the response; standard deviation of the residuals of a regression"""
     findings: tuple[Finding, ...] = ()
     initial: Mapping[str, float] = {}
     """SI; start values of the search by parameter; empty if there was no search"""
@@ -181,62 +187,14 @@ class EstimationResult(NamedTuple):
         return next((one for one in (*self.estimates, *self.derived) if one.name == name), None)
 
 
-class Unidentified(NamedTuple):
-    """A parameter without an estimate, of modules that do not report a `Finding` yet."""
-
-    name: str
-    """-; the symbol in the source's equation"""
-    reason: str
-    """-; one clause"""
-
-
-class Information(str):
-    """A note without doubt about a number, of modules that do not report a `Finding` yet."""
-
-    __slots__ = ()
-
-
-class Fitted(NamedTuple):
-    """Result of modules that do not return an `EstimationResult` yet; `from_fitted` converts it."""
-
-    method: str
-    """-; heading of the result in texts"""
-    equations: tuple[str, ...]
-    """-; the model, one equation in symbols or one sentence each"""
-    estimates: tuple[Estimate, ...]
-    unidentified: tuple[Unidentified, ...] = ()
-    correlation: Array | None = None
-    """-; (p, p), of the estimates in their order"""
-    series: tuple[FitSeries, ...] = ()
-    notes: tuple[str, ...] = ()
-    validation: str = ""
-    """-; how the held-out maneuvers were predicted"""
-
-
-def withheld_finding(one: Unidentified | Finding) -> Finding:
-    """The finding of a parameter without an estimate."""
-    if isinstance(one, Finding):
-        return one
-    return Finding("not_estimated", "withheld", one.name, details={"reason": one.reason})
-
-
-def note_finding(note: str | Finding) -> Finding:
-    """The finding of a note."""
-    if isinstance(note, Finding):
-        return note
-    return Finding("note", "info" if isinstance(note, Information) else "warning", details={"note": str(note)})
-
-
-def from_fitted(fitted: Fitted, method: str, failure: str = "", **more: Any) -> EstimationResult:
-    """The `EstimationResult` of a `Fitted`; ``more`` are its other fields."""
-    covariance = None
-    if fitted.correlation is not None:
-        errors = np.array([one.standard_error for one in fitted.estimates])
-        covariance = fitted.correlation * np.outer(errors, errors)
-    failed = (Finding("not_estimated", "withheld", details={"reason": failure}),) if failure else ()
-    lost = (withheld_finding(one) for one in fitted.unidentified if one.reason != failure)
+def linear_result(
+    method: str, parameters: tuple[Estimate, ...], withheld: Iterable[Finding] = (), **more: Any
+) -> EstimationResult:
+    """Result of a regression; without ``parameters`` its failure is the first of the ``withheld``."""
+    lost = tuple(withheld)
+    if lost and not parameters:
+        lost = (lost[0]._replace(subject=""), *lost)
+    status: Status = "converged" if parameters else "not identifiable"
     return EstimationResult(
-        method, equations=fitted.equations, status="not converged" if failure else "converged",
-        estimates=fitted.estimates, covariance=covariance, series=fitted.series,
-        findings=(*failed, *lost, *map(note_finding, fitted.notes)), title=fitted.method, **more,
-    )  # fmt: skip
+        method, more.pop("subject", method), status=status, estimates=parameters, findings=lost, **more
+    )

@@ -14,6 +14,11 @@ AXES = {"X": "forward force per mass", "Z": "downward force per mass", "M": "nos
 VARIABLES = {"u": "forward airspeed", "w": "downward airspeed", "q": "pitch rate", "delta": "tail angle",
              "v": "sideways airspeed", "p": "roll rate", "r": "yaw rate", "alpha": "angle of attack",
              "beta": "sideslip", "theta": "pitch", "phi": "bank"}  # fmt: skip
+REGRESSORS = {"v_x": ("m/s", "forward airspeed"), "v_z": ("m/s", "heave speed (down positive)"),
+              "u": ("m/s", "forward airspeed less its mean"), "omega_y": ("rad/s", "pitch rate"),
+              "theta_11": ("rad", "stroke angle (down positive)"),
+              "theta_11_rate": ("rad/s", "stroke rate")}  # fmt: skip
+"""regressors of the wing coefficients (Grauer et al. 2011, Eq. 17 to 19): SI unit and meaning"""
 SUBSCRIPT = "[A-Za-z0-9δα]{1,2}|delta(?:_[A-Za-z0-9]{1,2})?|alpha|beta|theta|phi|tau0?|rudder"
 LETTERS = "|".join(GREEK)
 BELOW = r"(?:[A-Za-z]_)?[A-Za-z0-9δα]+|delta_[A-Za-z0-9]{1,2}"
@@ -109,7 +114,7 @@ def sentence(clause: str) -> str:
 
 
 def symbol(name: str) -> str:
-    """Name as HTML: ``X_delta`` with its subscript, ``C_L_v_z*omega_y`` by its term, ``dead_zone`` as words."""
+    """Name as HTML: ``X_delta`` with its subscript, ``C_L_v_z*omega_y`` with its term, ``dead_zone`` as words."""
     head, _, rest = name.partition("_")
     if name in SYMBOLS:
         return SYMBOLS[name]
@@ -122,7 +127,7 @@ def symbol(name: str) -> str:
     if rest and (len(head) <= 2 or head in GREEK) and re.fullmatch(BELOW, rest):
         return f"<i>{html.escape(GREEK.get(head, head))}</i><sub>{html.escape(_below(rest))}</sub>"
     if slope := COEFFICIENT.fullmatch(name):
-        return f"{symbol(slope[1])} by {symbol(slope[2])}"
+        return symbol(slope[1]).replace("</sub>", f", {symbol(slope[2])}</sub>")
     if "*" not in name and (power := re.fullmatch(r"(.+)\^(\d)", name)):
         return f"{symbol(power[1])}<sup>{power[2]}</sup>"
     if "*" not in name and name.endswith("_rate") and (stem := symbol(name.removesuffix("_rate"))).startswith("<i>"):
@@ -132,6 +137,15 @@ def symbol(name: str) -> str:
     if re.fullmatch(r"[A-Za-z]\w?", name) or name in GREEK:
         return f"<i>{html.escape(GREEK.get(name, name))}</i>"
     return html.escape(name.replace("_", " "))
+
+
+def text_symbol(name: str) -> str:
+    """Name of a slope on a terminal: ``C_L_v_z*theta_11_rate`` is C_L v_z θ̇₁₁; any other unchanged."""
+    slope = COEFFICIENT.fullmatch(name)
+    if slope is None or not set(re.split(r"\*|\^\d", slope[2])) <= {*REGRESSORS, ""}:
+        return name
+    term = slope[2].replace("theta_11_rate", f"θ{DOT}₁₁").replace("theta_11", "θ₁₁").replace("omega", "ω")
+    return f"{slope[1]} {term.replace('*', ' ').replace('^2', '²')}"
 
 
 def _below(rest: str) -> str:
@@ -181,7 +195,11 @@ def meaning(name: str, controls: Sequence[str] = ()) -> str:
     if axis in AXES and variable in VARIABLES:
         return f"{AXES[axis]} by {VARIABLES[variable]}"
     if (slope := COEFFICIENT.fullmatch(name)) and slope[1] in MEANINGS:
-        return MEANINGS[slope[1]] + (" at zero" if slope[2] == "0" else "")
+        factors = [part.removesuffix("^2") for part in slope[2].split("*")]
+        term = " times ".join(REGRESSORS[one][1] for one in factors if one in REGRESSORS)
+        term += " squared" if slope[2].endswith("^2") else ""
+        by = " at zero" if slope[2] == "0" else f" by {term}" if factors[0] in REGRESSORS else ""
+        return MEANINGS[slope[1]] + by
     return ""
 
 

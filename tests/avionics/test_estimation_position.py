@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from avionics.estimation import position
@@ -208,7 +208,6 @@ def test_state_survives_json() -> None:
     north=st.floats(-5000.0, 5000.0),
     east=st.floats(-5000.0, 5000.0),
 )
-@settings(max_examples=200, deadline=None)
 def test_flat_earth_comes_back(latitude: float, longitude: float, north: float, east: float) -> None:
     home = (latitude, longitude)
     assert to_local(home, *to_geodetic(home, north, east)) == pytest.approx((north, east), abs=1e-5)

@@ -225,7 +225,6 @@ def test_suction_and_broken_thermometer_are_survived() -> None:
     ),
     st.booleans(),
 )
-@settings(max_examples=100, deadline=None)
 def test_any_counts_give_finite_messages(steps: list[tuple[int, int, int, int]], on_ground: bool) -> None:
     state = air_data.State()
     time_us = 0

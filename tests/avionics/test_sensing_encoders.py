@@ -307,7 +307,6 @@ counts = st.integers(-(2**31), 2**31 - 1)
     ),
     st.floats(0.0, 20.0),
 )
-@settings(max_examples=100, deadline=None)
 def test_any_samples_give_finite_counts(steps: list[tuple[int, ...]], commanded: float) -> None:
     state, wings, time_us = encoders.State(), wing_angle.State(), 0
     for dt, left, right, left_index, right_index, pulses in steps:

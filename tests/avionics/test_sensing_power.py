@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from avionics.messages import AdcBurst, PowerState
@@ -43,7 +43,6 @@ def test_mean_of_the_product_is_the_truth(duty: float, peak: float) -> None:
 
 
 @given(duty=st.sampled_from([0.1, 0.35, 0.6, 0.9]), phase=st.floats(0.0, 1.0), peak=st.floats(1.0, 9.0))
-@settings(max_examples=60, deadline=None)
 def test_sums_over_counts_are_the_sums_over_values(duty: float, phase: float, peak: float) -> None:
     sample = burst(*pulses(duty, peak, phase))
     lsb = GAINS.reference / GAINS.full_scale
@@ -54,7 +53,6 @@ def test_sums_over_counts_are_the_sums_over_values(duty: float, phase: float, pe
 
 
 @given(samples=st.integers(1, 300), pwm=st.floats(20.0, 3000.0))
-@settings(max_examples=100, deadline=None)
 def test_window_is_the_largest_whole_number_of_periods(samples: int, pwm: float) -> None:
     count = power.whole_periods(GAINS._replace(pwm_frequency=pwm), samples)
     periods = samples * pwm / GAINS.sample_rate

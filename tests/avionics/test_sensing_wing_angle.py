@@ -56,7 +56,6 @@ def phase_error(message: WingState, frequency: float, start: float) -> float:
     mean=st.floats(-0.3, 0.3),
     start=st.floats(0.0, 6.28),
 )
-@settings(max_examples=60, deadline=None)
 def test_phase_and_frequency_after_one_stroke(frequency: float, amplitude: float, mean: float, start: float) -> None:
     """Within 2 degrees and 1 % from the first full stroke on, at 1 to 15 Hz, 200 samples a second."""
     messages = measured(sine(frequency, amplitude, mean, start), seconds=5.0 / frequency + 1.0)
@@ -116,7 +115,6 @@ beats = st.builds(
 @given(beat=beats)
 @example(Beat(10.48, 0.2664, -0.07914, 0.56957, 0.71028))
 @example(Beat(11.906, 0.479, -0.2067, 0.5897, 0.60087))
-@settings(max_examples=80, deadline=None)
 def test_phase_and_frequency_of_unequal_halves_after_one_stroke(beat: Beat) -> None:
     """Within 2 degrees and 1 %; the ratio within 0.05: the encoder's steps blur when a flat top is passed."""
     settled = [m for m in measured(beat.angle, seconds=4.0 / beat.frequency + 1.0) if m.strokes >= 1]
@@ -200,7 +198,6 @@ def test_a_motor_that_is_cut_runs_on_by_its_crossings() -> None:
 
 
 @given(beat=beats, change=st.floats(0.6, 1.6))
-@settings(max_examples=60, deadline=None)
 def test_a_new_frequency_is_known_one_stroke_after_the_change(beat: Beat, change: float) -> None:
     """GIVEN a frequency that steps at a top THEN after the first stroke flown with it all is right."""
     tops = math.ceil(beat.start + 3.0)
@@ -299,7 +296,6 @@ def test_time_that_does_not_advance_changes_nothing() -> None:
         st.tuples(st.integers(-3, 400000), st.integers(-(2**31), 2**31 - 1), st.integers(-5000, 5000)), max_size=60
     )
 )
-@settings(max_examples=100, deadline=None)
 def test_any_counts_give_finite_messages(steps: list[tuple[int, int, int]]) -> None:
     state = wing_angle.State()
     time_us = 0

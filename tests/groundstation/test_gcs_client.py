@@ -7,7 +7,7 @@ import struct
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from lossy_vehicle import LossyVehicle, converse
 
@@ -383,7 +383,6 @@ def test_a_command_in_progress_is_waited_for() -> None:
     st.data(),
     st.booleans(),
 )
-@settings(max_examples=200)
 def test_integers_survive_both_encodings(kind: tuple[int, int, int], data: st.DataObject, bytewise: bool) -> None:
     value = data.draw(st.integers(kind[1], kind[2]))
     if bytewise and math.isnan(struct.unpack("<f", struct.pack("<i", value if value < 2**31 else 0))[0]):

@@ -61,7 +61,7 @@ def test_a_damaged_log_says_so_beside_what_it_gives(
         for time_us in range(0, 10_000_000, 10_000):
             recorder.record(topics.EVENTS, Event(time_us, Severity.INFO, "test", "on it goes"))
     whole = path.read_bytes()
-    monkeypatch.setattr(identify, "identified", lambda log, what, vehicle, elevator: Identification())
+    monkeypatch.setattr(identify, "identified", lambda *_, **__: Identification())
     assert identify.run([str(path), "servo", "--json"]) == 0
     assert capsys.readouterr().err == ""
     path.write_bytes(whole[: len(whole) // 2])

@@ -76,6 +76,7 @@ def test_each_value_is_given_scaled_default_or_tuned(made: tuple[Path, dict[str,
     assert (folder / "world.toml").read_text().count("\n# ") > 15
 
 
+@pytest.mark.validate
 def test_new_bird_flies_the_standard_mission(made: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
     check_flight(made[0], tmp_path / "flight.mcap")
 

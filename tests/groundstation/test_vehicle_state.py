@@ -11,6 +11,7 @@ from avionics.link.dialect import mavlink
 from avionics.messages import Stage
 from groundstation.link import modes
 from groundstation.link.vehicle_state import EVENTS_KEPT, VehicleState, new_events, receive
+from groundstation.views.panels import vehicle_name
 from wingbeat.message import Severity
 
 
@@ -142,6 +143,8 @@ def test_our_vehicle_is_known_by_its_id_and_by_its_words() -> None:
     words = mavlink.MAVLink_wingbeat_excitation_message(1, 0, 0, 0, 0, 0, 0)
     assert received(beat, version).is_wingbeat and received(beat, words).is_wingbeat
     assert not received(beat, other).is_wingbeat and not received(beat).is_wingbeat
+    assert vehicle_name(received(beat, version)).startswith("flapping wing ")
+    assert vehicle_name(received(beat)).startswith("fixed wing ")
 
 
 def test_an_unknown_stage_is_no_crash() -> None:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
@@ -66,7 +66,6 @@ def recorded_times(name: str) -> list[int]:
     return [message.time_us for message in EXPECTED[name]]
 
 
-@settings(max_examples=120, deadline=None)
 @given(share=st.floats(0.0, 1.0))
 def test_a_file_cut_anywhere_gives_its_whole_chunks(
     tmp_path_factory: pytest.TempPathFactory, whole: bytes, share: float
@@ -99,7 +98,6 @@ def messages_in(data: bytes, chunk: Span) -> int:
     return count
 
 
-@settings(max_examples=150, deadline=None)
 @given(place=st.floats(0.0, 1.0, exclude_max=True), bit=st.integers(0, 7))
 def test_a_flipped_bit_never_gives_a_wrong_number(
     tmp_path_factory: pytest.TempPathFactory, whole: bytes, place: float, bit: int
@@ -266,7 +264,6 @@ def test_a_chunk_that_claims_to_be_enormous_is_not_allocated(tmp_path: Path, who
     assert len(log.columns(topics.IMU).time) < len(recorded_times("/sensors/imu")) and log.damage
 
 
-@settings(max_examples=60, deadline=None)
 @given(tail=st.binary(max_size=300))
 def test_garbage_behind_the_magic_never_gives_a_traceback(
     tmp_path_factory: pytest.TempPathFactory, whole: bytes, tail: bytes

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from logs.identification.models.stroke_averages import (
+from logs.identification.models.stroke_averaged import (
     Attitude,
     StrokeCoefficients,
     StrokeRecord,

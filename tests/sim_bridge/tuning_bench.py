@@ -21,7 +21,7 @@ from sim_bridge.tuning.model import LinearModel, load_model
 
 MODELS = Path(__file__).parents[1] / "data" / "models"
 VEHICLES = ("robo_raven_ii_d", "arizona_100cm")
-OMEGA = np.geomspace(0.005, 300.0, 40_000)
+OMEGA = np.geomspace(0.005, 300.0, 5_000)
 S = 1j * OMEGA
 
 Complex = NDArray[np.complex128]

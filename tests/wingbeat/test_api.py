@@ -134,7 +134,7 @@ def test_gymnasium_environment_passes_the_checker() -> None:
     gymnasium = pytest.importorskip("gymnasium")
     from gymnasium.utils.env_checker import check_env
 
-    env = gymnasium.make("wingbeat.gym:wingbeat/Flapping-v0", time_limit=2.0)
+    env = gymnasium.make("wingbeat.gym:wingbeat/Flapping-v0", time_limit=2.0, handover=0.5)
     check_env(env.unwrapped, skip_render_check=True)
     seen, info = env.reset(seed=5)
     again, _ = env.reset(seed=5)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -44,7 +44,6 @@ def test_euler_angles_and_quaternions_are_inverses(roll: float, pitch: float, ya
 
 
 @given(v=vectors)
-@settings(max_examples=200, deadline=None)
 def test_rotation_is_orthonormal_and_keeps_its_axis(v: tuple[float, float, float]) -> None:
     r = dcm_from_rotation_vector(*v)
     assert np.array(multiply(r, _transposed(r))) == pytest.approx(np.eye(3).ravel(), abs=1e-12)
@@ -52,7 +51,6 @@ def test_rotation_is_orthonormal_and_keeps_its_axis(v: tuple[float, float, float
 
 
 @given(v=vectors, w=vectors)
-@settings(max_examples=200, deadline=None)
 def test_rotations_compose_and_come_back(v: tuple[float, float, float], w: tuple[float, float, float]) -> None:
     r = multiply(dcm_from_rotation_vector(*v), dcm_from_rotation_vector(*w))
     assert rotate_back(r, rotate(r, v)) == pytest.approx(v, abs=1e-9)
@@ -67,7 +65,6 @@ def test_rotations_compose_and_come_back(v: tuple[float, float, float], w: tuple
 
 
 @given(v=vectors, stretch=st.floats(0.99, 1.01))
-@settings(max_examples=100, deadline=None)
 def test_orthonormalize_removes_a_scale(v: tuple[float, float, float], stretch: float) -> None:
     r = dcm_from_rotation_vector(*v)
     stretched = tuple(stretch * value for value in r)

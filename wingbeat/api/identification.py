@@ -18,11 +18,10 @@ from logs.identification.models.linear import LinearModel as AffineModel
 from logs.identification.models.modes import Mode, ModesResult
 from logs.identification.report import model_file
 from logs.identification.report.tables import Source, write_tables_report
-from logs.identification.results import Estimate, EstimationResult, withheld_finding
+from logs.identification.results import Estimate, EstimationResult
 from logs.identification.sources.table.config import Map, OutputError, load_map
 from logs.identification.sources.table.models import MODELS, chosen_model
-from logs.identification.sources.table.results import TableIdentification
-from logs.identification.sources.table.run import identify_tables
+from logs.identification.sources.table.run import TableIdentification, identify_tables
 from logs.reader import Log, open_log
 from wingbeat.api.flights import Flight
 from wingbeat.api.steady import LONGITUDINAL, state_space
@@ -192,6 +191,7 @@ def identify(
     map: Path | str | None = None,
     vehicle: str | Path | None = None,
     elevator: tuple[str, float] | None = None,
+    method: str | None = None,
 ) -> Identification:
     """Identify drives, modes and coefficients from a flight, or what a map asks for from tables.
 
@@ -202,6 +202,7 @@ def identify(
         what: subject, see ``wingbeat identify --help``: all, servo, power, modes, aero, path, ...
         map: columns of the tables and what to fit.
         vehicle: name, file or folder of the vehicle, for a log of another program.
+        method: row of the registry that alone identifies the modes; all that apply if not given.
         elevator: ``topic.field`` of the elevator command and its scale in rad per unit, for a log without the angle.
 
     Raises:
@@ -209,20 +210,24 @@ def identify(
     """
     if map is not None:
         tables = tuple(Path(one) for one in ([source] if isinstance(source, str | Path) else source))  # type: ignore[union-attr]
-        estimates = identify_tables(tables, Path(map), what)
+        estimates = identify_tables(tables, Path(map), what, method)
         return Identification(_of_tables(estimates), {}, _Tables(tables, Path(map), what, estimates))
     named = None if vehicle is None else str(vehicle)
     words = None if elevator is None else (elevator[0], repr(elevator[1]))
     if isinstance(source, Flight | Log):
         log = source.log if isinstance(source, Flight) else source
-        one = identified(log, what, named, words)
+        one = identified(log, what, named, words, method=method)
         return Identification(_of_log(one), one.truths, _Flights((log.path,), one))
     paths = tuple(Path(one) for one in ([source] if isinstance(source, str | Path) else source))
     if not paths:
         raise InputError("no log to identify from")
     with ExitStack() as stack:
         logs = [stack.enter_context(opened_log(path)) for path in paths]
-        one = identified(logs[0], what, named, words) if len(logs) == 1 else identified_together(logs, named, words)
+        one = (
+            identified(logs[0], what, named, words, method=method)
+            if len(logs) == 1
+            else identified_together(logs, named, words, method=method)
+        )
     return Identification(_of_log(one), one.truths, _Flights(paths, one))
 
 
@@ -252,18 +257,12 @@ def _of_tables(estimates: TableIdentification) -> dict[str, EstimationResult]:
 
 
 def _of_log(estimates: Any) -> dict[str, EstimationResult]:
-    """Convert the results of a log that are not `EstimationResult` yet."""
     results: dict[str, EstimationResult] = {}
     for field, title in DRIVES.items():
         model = getattr(estimates, field)
         if model is not None:
-            lost = tuple(withheld_finding(one) for one in model.unidentified)
-            results[title] = EstimationResult(field, field, estimates=model.estimates, findings=lost, title=title)
-    for model in estimates.aero.models if estimates.aero is not None else ():
-        lost = tuple(withheld_finding(one) for one in model.unidentified)
-        results[model.name] = EstimationResult(
-            "stepwise", "aero", estimates=model.estimates, findings=lost, title=model.name
-        )
+            results[title] = getattr(model, "result", model)
+    results |= {model.title: model for model in (estimates.aero.models if estimates.aero is not None else ())}
     if estimates.path is not None:
         results[estimates.path.result.title] = estimates.path.result
     if estimates.modes is not None:
@@ -275,10 +274,10 @@ def _of_log(estimates: Any) -> dict[str, EstimationResult]:
 
 
 def _of_mode(mode: Mode) -> EstimationResult:
-    lost = tuple(withheld_finding(one) for one in mode.unidentified)
     return EstimationResult(
-        mode.method, "modes", estimates=mode.derivatives, derived=_derived(mode), findings=lost, title=mode.method
-    )
+        mode.method, "modes", estimates=mode.derivatives, derived=_derived(mode), findings=mode.withheld,
+        title=mode.method,
+    )  # fmt: skip
 
 
 def _derived(mode: Mode) -> tuple[Estimate, ...]:

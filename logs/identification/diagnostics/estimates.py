@@ -1,22 +1,118 @@
-"""Diagnostics of estimates: signs, disagreement of methods, noise and sampling of regressors."""
+"""Diagnostics of estimates: signs, disagreement of methods, noise and sampling."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from itertools import combinations
 from math import hypot
 
 import numpy as np
 
 from logs.identification.data.experiment import Experiment
-from logs.identification.data.noise_level import noise_of_differences, third_differences
-from logs.identification.diagnostics.context import Context
-from logs.identification.diagnostics.sampling import coarse_inputs, sampling_finding
+from logs.identification.data.signal_errors import noise_of_differences, third_differences
+from logs.identification.diagnostics import Context
 from logs.identification.estimators.equation_error import Settings, coefficient_regression
 from logs.identification.estimators.regressors import INTERCEPT, as_regressed
 from logs.identification.estimators.terms import evaluate, parse
 from logs.identification.findings import Entry, Finding, register
 from logs.identification.results import CONFIDENCE, Array, Estimate, EstimationResult
 from logs.identification.sources.table.quantities import SIGNALS
+from logs.identification.statistics.covariance import unbiased_pole
+
+LEAST_RUN = 16
+"""-; samples in a row with every input"""
+STEP_CHANGE, REST = 0.2, 0.03
+"""-; of an input's range: change between two samples, and the changes next to it, of an input held by a computer"""
+FASTEST_TURN = 1.0
+"""rad; phase that a mode may turn between two samples if the input between them is unknown"""
+LEAST_PERIODS = 4.9
+"""-; of the mode in all records together (Klein & Morelli 2006, ch. 9: record length of SIDPAC)"""
+
+register({
+    "zoh_input": Entry(
+        "{subject} changes in steps but is interpolated linearly",
+        "A command of a computer is constant between samples (zero-order hold).",
+        "set zoh_inputs = [...] if it is constant between samples",
+    ),
+    "sampling": Entry(
+        "{subject} changes by {percent:.0f} % of its range between samples; intervals widened",
+        "The input is sampled too slowly: a line and a cubic between its samples give different estimates.",
+        "record at a higher rate",
+    ),
+    "aliased_mode": Entry(
+        "a mode at {value:.3g} rad/s has only {samples:.1f} samples in a period",
+        "The mode is faster than half the sampling rate, or too fast for an input unknown between samples.",
+        "record at a higher rate",
+    ),
+    "short_record": Entry(
+        "the records hold {value:.2g} periods of the mode (recommended: {limit:.2g})",
+        "Frequency and damping of a short record have wide intervals that may be too narrow still.",
+        "record longer, or several maneuvers",
+    ),
+})  # fmt: skip
+
+
+def jumps(values: Array) -> bool:
+    """Whether an input (N,) changes in steps between two samples and rests before and after, as with a hold."""
+    known = values[np.isfinite(values)]
+    if len(known) < LEAST_RUN or not np.ptp(known) > 0:
+        return False
+    changes = np.abs(np.diff(known)) / float(np.ptp(known))
+    places = np.flatnonzero(changes[1:-1] > STEP_CHANGE) + 1
+    return len(places) > 0 and bool(np.all(changes[places - 1] < REST) and np.all(changes[places + 1] < REST))
+
+
+def largest_change(name: str, experiments: Sequence[Experiment]) -> float:
+    """Largest change of an input between two measured samples, as a fraction of its range; 0 of a held one."""
+    largest = 0.0
+    for one in experiments:
+        values = np.asarray(one.signals.get(name, np.zeros(0)), dtype=np.float64)
+        if jumps(values):
+            return 0.0
+        known = values[np.isfinite(values)]
+        span = float(np.ptp(known)) if len(known) > 1 else 0.0
+        largest = max(largest, float(np.max(np.abs(np.diff(known)))) / span if span else 0.0)
+    return largest
+
+
+def coarse_inputs(names: Sequence[str], experiments: Sequence[Experiment], least: float = STEP_CHANGE) -> list[str]:
+    """Inputs whose course between samples is unknown: they change by more than ``least`` of their range."""
+    return [name for name in names if largest_change(name, experiments) > least]
+
+
+def sampling_finding(name: str, experiments: Sequence[Experiment]) -> Finding:
+    """The finding of an input whose course between samples changes the estimates."""
+    change = largest_change(name, experiments)
+    return Finding("sampling", "warning", name, change, STEP_CHANGE, {"percent": 100.0 * change})
+
+
+def aliased_mode(frequency: float, step: float) -> Finding:
+    """Why a mode of ``frequency`` (rad/s), sampled every ``step`` s, has no number."""
+    samples = 2.0 * math.pi / (frequency * step)
+    return Finding("aliased_mode", "withheld", "", frequency, math.pi / step, {"samples": samples})
+
+
+def stepwise_inputs(context: Context) -> tuple[Finding, ...]:
+    """Inputs that change in steps but are interpolated linearly."""
+    lines = [name for name in context.inputs if name not in context.zoh_inputs]
+    return tuple(
+        Finding("zoh_input", "warning", name)
+        for name in lines
+        if any(name in one.signals and jumps(one.signals[name]) for one in context.experiments)
+    )
+
+
+def short_records(context: Context) -> tuple[Finding, ...]:
+    """Records that hold less than `LEAST_PERIODS` of the mode found."""
+    derived = () if context.result is None else context.result.derived
+    frequency = next((one.value for one in derived if one.name == "short_period_frequency"), 0.0)
+    length = sum(float(one.time[-1] - one.time[0]) for one in context.experiments)
+    periods = frequency * length / (2.0 * math.pi)
+    if 0.0 < periods < LEAST_PERIODS:
+        return (Finding("short_record", "warning", "", periods, LEAST_PERIODS),)
+    return ()
+
 
 SIGNS = {
     "Z_alpha": -1, "M_q": -1, "X_u": -1, "Y_beta": -1, "L_p": -1, "N_r": -1, "C_D_0": 1, "C_L_alpha": 1,
@@ -30,6 +126,8 @@ NOISE_SHIFT, NOISE_SHARE = 0.25, 1e-4
 LARGEST_NOISE, MOSTLY_NOISE = 0.9, 0.5
 """-; largest share of noise in a combination of regressors that is corrected for, and that is reported"""
 LEAST_SAMPLES = 32
+COLORED, FEWEST_SAMPLES = 0.5, 30.0
+"""-; autocorrelation of residuals at lag 1 from which, and effective samples below which they are reported"""
 
 register({
     "unusual_sign": Entry(
@@ -46,6 +144,12 @@ register({
         "noise in regressors biases {subject} by {percent:+.2g} %; intervals widened",
         "White noise in a regressor biases least squares (Klein & Morelli 2006, sec. 5.1; Fuller 1987).",
         'smooth in [prepare], or use domain = "frequency"',
+    ),
+    "few_independent_samples": Entry(
+        "residuals have {value:.1f} independent samples (correlation {pole:.2f}): interval too narrow",
+        "The correlation time of the residuals is long beside the record: n (1 - r) / (1 + r) effective samples. The"
+        " interval of a constant term covers the truth less often than stated; those of derivatives do not change.",
+        "record longer, or add the regressor that the residuals lack",
     ),
     "noisy_regressor": Entry(
         "{subject} is mostly noise ({percent:.0f} %)",
@@ -64,6 +168,27 @@ def unusual_signs(context: Context) -> tuple[Finding, ...]:
         for name, one in derivatives_of(context.result)
         if (sign := SIGNS.get(name)) and max(sign * one.low, sign * one.high) < 0.0
     )
+
+
+def few_independent_samples(context: Context) -> tuple[Finding, ...]:
+    """Residuals that are correlated over a large part of the record: effective number of samples of their mean.
+
+    It is n (1 - r) / (1 + r) with the autocorrelation r at lag 1 (Bayley & Hammersley, J. R. Stat. Soc. Suppl. 8,
+    1946).
+    """
+    series = () if context.result is None else [one for one in context.result.series if not one.held_out]
+    records = [one.measured - one.model for one in series if not one.independent and np.isfinite(one.model).all()]
+    records = [one[np.isfinite(one)] - np.nanmean(one) for one in records if np.isfinite(one).sum() > 1]
+    squares = sum(float(one[:-1] @ one[:-1]) for one in records)
+    if not squares > 0.0:
+        return ()
+    count = sum(len(one) for one in records)
+    pole = min(unbiased_pole(sum(float(one[1:] @ one[:-1]) for one in records) / squares, count), 1.0)
+    effective = count * (1.0 - pole) / (1.0 + pole)
+    if pole < COLORED or effective >= FEWEST_SAMPLES:
+        return ()
+    details = {"pole": pole}
+    return (Finding("few_independent_samples", "warning", INTERCEPT, effective, FEWEST_SAMPLES, details),)
 
 
 def derivatives_of(result: EstimationResult) -> list[tuple[str, Estimate]]:

@@ -15,9 +15,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from logs.identification.data.experiment import Experiment
-from logs.identification.data.noise_level import noise_with_steps
-from logs.identification.diagnostics.context import Context
-from logs.identification.diagnostics.sampling import coarse_inputs, largest_change, sampling_finding
+from logs.identification.data.signal_errors import noise_with_steps
+from logs.identification.diagnostics import Context
+from logs.identification.diagnostics.estimates import coarse_inputs, largest_change, sampling_finding
 from logs.identification.estimators.engine.problem import Fit, Problem, RecordParameters
 from logs.identification.findings import Entry, Finding, register
 from logs.identification.results import Array, Estimate, FitSeries

@@ -11,8 +11,8 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from logs.identification.data.experiment import Experiment, longest_run, runs
-from logs.identification.data.noise_level import MEDIAN_TO_DEVIATION, noise_with_steps
-from logs.identification.diagnostics.context import Context
+from logs.identification.data.signal_errors import MEDIAN_TO_DEVIATION, noise_with_steps
+from logs.identification.diagnostics import Context
 from logs.identification.findings import Entry, Finding, register
 from logs.identification.results import Array
 from wingbeat.constants import STANDARD_GRAVITY

@@ -8,8 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Literal, NamedTuple
 
-from logs.identification.diagnostics import estimates, model_structure, sampling, signals
-from logs.identification.diagnostics.context import Context
+from logs.identification.diagnostics import Context, estimates, model_structure, signals
 from logs.identification.findings import Finding
 
 Stage = Literal["data", "regression", "model", "comparison"]
@@ -34,13 +33,14 @@ CHECKS: tuple[Check, ...] = (
     Check(("outliers",), ("model",), signals.outliers),
     Check(("missing_samples",), ("model",), signals.missing_samples),
     Check(("noisy_input",), ("model",), signals.noisy_inputs),
-    Check(("zoh_input",), ("model",), sampling.stepwise_inputs),
-    Check(("short_record",), ("model",), sampling.short_records),
+    Check(("zoh_input",), ("model",), estimates.stepwise_inputs),
+    Check(("short_record",), ("model",), estimates.short_records),
     Check(("poor_fit",), ("model", "regression"), model_structure.poor_fit),
     Check(("lack_of_fit",), ("model",), model_structure.lack_of_fit),
     Check(("operating_point",), ("model",), model_structure.operating_points),
     Check(("trim_assumed", "trim_from_vane"), ("model",), model_structure.assumed_trim),
     Check(("unusual_sign",), ("model", "regression"), estimates.unusual_signs),
+    Check(("few_independent_samples",), ("regression",), estimates.few_independent_samples),
     Check(("disagreement",), ("comparison",), estimates.disagreements),
 )
 

@@ -13,16 +13,15 @@ Intercepts and trends of a maneuver are regressors of their own.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import partial
 from types import MappingProxyType
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
 from logs.identification.data.experiment import Experiment
-from logs.identification.data.fourier import check_frequencies, in_band, transform
+from logs.identification.data.resampling import check_frequencies, in_band, transform
 from logs.identification.estimators.least_squares import CovarianceKind, Fit, RecordBlock, regress_records
-from logs.identification.estimators.registry import ESTIMATORS, Estimator, Request
+from logs.identification.estimators.registry import Request
 from logs.identification.estimators.regressors import (
     INTERCEPT,
     Averaging,
@@ -38,7 +37,7 @@ from logs.identification.estimators.regressors import (
 from logs.identification.estimators.terms import parse
 from logs.identification.findings import Entry, Finding, of_severity, register
 from logs.identification.results import Array, Estimate, EstimationResult, FitSeries, estimate
-from logs.identification.statistics.collinearity import DEPENDENT, NOTABLE, Collinearity, collinearity
+from logs.identification.statistics.fit_quality import DEPENDENT, NOTABLE, Collinearity, collinearity
 from wingbeat.errors import InputError
 
 Domain = Literal["time", "frequency"]
@@ -402,22 +401,17 @@ def regression_result(method: str, request: Request, result: CoefficientRegressi
     )  # fmt: skip
 
 
-def _row(domain: Domain, request: Request) -> EstimationResult:
+def in_time_domain(request: Request) -> EstimationResult:
+    """Equation error of a request in the time domain."""
+    return _estimate("time", request)
+
+
+def in_frequency_domain(request: Request) -> EstimationResult:
+    """Equation error of a request in the frequency domain."""
+    return _estimate("frequency", request)
+
+
+def _estimate(domain: Domain, request: Request) -> EstimationResult:
     settings = settings_of(request)
     result = coefficient_regression(request.experiments, one_response(request), request.regressors, domain, settings)
     return regression_result(f"equation_error_{domain}", request, result)
-
-
-OPTIONS = {
-    "intercept": "common, each (maneuver) or none", "trend": "order of each maneuver's polynomial in time",
-    "frequencies": "Hz, of the transform", "covariance": "of the residuals: autocorrelated or white",
-    "units": "SI unit by the constant's name",
-}  # fmt: skip
-ESTIMATORS["equation_error_time"] = Estimator(
-    "equation_error_time", "Equation error, time domain", "Klein & Morelli 2006, ch. 5; Grauer Eq. 17 to 19",
-    partial(_row, "time"), '[[aero.regression]] domain = "time"', OPTIONS,
-)  # fmt: skip
-ESTIMATORS["equation_error_frequency"] = Estimator(
-    "equation_error_frequency", "Equation error, frequency domain", "Klein & Morelli 2006, ch. 7; Grauer Eq. 20, 21",
-    partial(_row, "frequency"), '[[aero.regression]] domain = "frequency"; modes', OPTIONS,
-)  # fmt: skip

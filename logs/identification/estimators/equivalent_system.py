@@ -20,8 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from logs.identification.estimators.modal import ModalFit, ModalMethod, NotIdentified, add_row
-from logs.identification.estimators.records import Record, Records
+from logs.identification.estimators.modal import ModalFit, ModalMethod, NotIdentified, Record, Records
 from logs.identification.estimators.separable import (
     Build,
     SeparableFit,
@@ -377,8 +376,6 @@ def _level(derived: list[Estimate], values: Array) -> tuple[Finding, ...]:
     return (Finding("handling_level", "info", SHORT_PERIOD, level, details=details),)
 
 
-EQUIVALENT_SYSTEM = add_row(
-    ModalMethod("equivalent_system", "equivalent system", "Morelli, NASA/TM-2000-210117", fit, inputs=True)
-)
+EQUIVALENT_SYSTEM = ModalMethod("equivalent_system", "equivalent system", fit, inputs=True)
 METHOD = EQUIVALENT_SYSTEM.title
 equivalent_system = EQUIVALENT_SYSTEM.mode

@@ -15,8 +15,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from logs.identification.estimators.modal import ModalFit, ModalMethod, NotIdentified, add_row
-from logs.identification.estimators.records import Record, Records
+from logs.identification.estimators.modal import ModalFit, ModalMethod, NotIdentified, Record, Records
 from logs.identification.findings import Entry, register
 from logs.identification.models.modes import eigenvalues_of
 from logs.identification.results import Array
@@ -272,8 +271,6 @@ def _shuffled(rest: Array, rng: np.random.Generator) -> Array:
     return shuffled
 
 
-ERA = add_row(
-    ModalMethod("era", "eigensystem realization", "Juang & Pappa, J. Guidance 8(5), 1985", fit, True, MAX_DAMPING)
-)
+ERA = ModalMethod("era", "eigensystem realization", fit, True, MAX_DAMPING)
 METHOD = ERA.title
 realization = ERA.mode

@@ -26,13 +26,12 @@ from logs.identification.estimators.engine.problem import (
 )
 from logs.identification.estimators.output_error import (
     DEFAULT_SEARCH,
-    OPTIONS,
     Search,
     output_error,
     problem_of,
     result_of,
 )
-from logs.identification.estimators.registry import ESTIMATORS, Estimator, Request
+from logs.identification.estimators.registry import Request
 from logs.identification.models.actuators import Actuated
 from logs.identification.models.linear import LinearModel, exponential
 from logs.identification.results import Array, EstimationResult
@@ -388,13 +387,3 @@ def estimate_by_filter_error(request: Request) -> EstimationResult:
         derived=tuple(one for one in result.estimates if one.name.startswith(PREFIX)),
         findings=tuple(one for one in result.findings if not one.subject.startswith(PREFIX)),
     )
-
-
-ESTIMATORS["filter_error"] = Estimator(
-    "filter_error",
-    "Filter error (maximum likelihood with process noise)",
-    "Jategaonkar, Flight Vehicle System Identification, 2006, ch. 5; Klein & Morelli, 2006, ch. 6",
-    estimate_by_filter_error,
-    'modes; [modes], [[aero.output_error]] method = "filter_error"',
-    OPTIONS | {"noisy": "states with process noise"},
-)

@@ -13,11 +13,13 @@ import numpy as np
 from scipy.special import fdtri
 
 from logs.identification.estimators.least_squares import Fit, regress
-from logs.identification.results import Array, Estimate, Unidentified, estimates
+from logs.identification.findings import Finding, not_estimated
+from logs.identification.results import Array, Estimate, EstimationResult, estimates, linear_result
 from logs.identification.statistics.covariance import at_least, heteroscedastic_covariance
 from logs.strokes import stroke_cuts
 from wingbeat.errors import InputError
 
+EQUATION = "f = f_0 + s (T - T_c) + c (T - T_c)^2 + v (V - V_c)"
 BAND = 0.02
 """-; within which a throttle stands still"""
 SETTLE = 0.6
@@ -66,17 +68,11 @@ class Segment(NamedTuple):
     """V; NaN where it was not measured"""
 
 
-class FrequencyModel(NamedTuple):
+class FrequencyResult(NamedTuple):
     """Frequency against throttle."""
 
-    estimates: tuple[Estimate, ...]
-    unidentified: tuple[Unidentified, ...]
-    centre_throttle: float
-    """-; T_c"""
-    centre_voltage: float
-    """V; V_c, 0 where the voltage is not in the model"""
-    residual: float
-    """Hz; standard deviation between stretches"""
+    result: EstimationResult
+    """fixed: T_c (-) and, with the voltage in the model, V_c (V)"""
     segments: tuple[Segment, ...]
 
 
@@ -123,7 +119,7 @@ def _counted(data: ThrottleData, cuts: Array, begin: float, end: float, throttle
     return Segment(begin, end, throttle, count / float(inside[-1] - inside[0]), count, voltage)
 
 
-def identify_frequency(data: ThrottleData) -> FrequencyModel:
+def identify_frequency(data: ThrottleData) -> FrequencyResult:
     """Frequency at the mean throttle, its slope, and what else the record tells.
 
     Raises:
@@ -145,7 +141,7 @@ def identify_frequency(data: ThrottleData) -> FrequencyModel:
     return fit_segments(segments)
 
 
-def fit_segments(segments: tuple[Segment, ...], terms: tuple[str, ...] | None = None) -> FrequencyModel:
+def fit_segments(segments: tuple[Segment, ...], terms: tuple[str, ...] | None = None) -> FrequencyResult:
     """The model of ``segments``; ``terms`` are fitted, or those with a significant partial F.
 
     Raises:
@@ -166,15 +162,19 @@ def fit_segments(segments: tuple[Segment, ...], terms: tuple[str, ...] | None = 
     except np.linalg.LinAlgError:
         raise InputError("the stretches of throttle do not tell these terms apart") from None
     found = list(estimates({name: TERMS[name] for name in chosen}, fit.values, fit.covariance, fit.degrees))
-    lost = [Unidentified(name, reason) for name, reason in reasons.items()]
+    lost = [not_estimated(name, reason) for name, reason in reasons.items()]
     dead = _dead_zone(segments)
     if isinstance(dead, Estimate):
         found.append(dead)
     else:
         lost.append(dead)
     deviation = float(np.sqrt(fit.residuals @ fit.residuals / fit.degrees))
-    known = centers[1] if "voltage_slope" in chosen else 0.0
-    return FrequencyModel(tuple(found), tuple(lost), centers[0], known, deviation, segments)
+    fixed = {"T_c": centers[0]} | ({"V_c": centers[1]} if "voltage_slope" in chosen else {})
+    result = linear_result(
+        "frequency", tuple(found), lost, residual_deviation=deviation, samples=len(flapping),
+        title="flapping frequency", equations=(EQUATION,), fixed=fixed,
+    )  # fmt: skip
+    return FrequencyResult(result, segments)
 
 
 class _Regression(NamedTuple):
@@ -195,14 +195,14 @@ class _Regression(NamedTuple):
         return fit._replace(covariance=at_least(fit.covariance, scatter))
 
 
-def frequency_truth(model: FrequencyModel, throttles: Array, frequencies: Array) -> dict[str, float]:
+def frequency_truth(model: FrequencyResult, throttles: Array, frequencies: Array) -> dict[str, float]:
     """The same fit on the true frequencies (Hz; (k,)) at ``throttles`` (k,), linear between: name to value."""
-    terms = tuple(found.name for found in model.estimates if found.name in TERMS)
+    terms = tuple(found.name for found in model.result.estimates if found.name in TERMS)
     true = tuple(
         s._replace(frequency=float(np.interp(s.throttle, throttles, frequencies))) if s.frequency else s
         for s in model.segments
     )
-    return {found.name: found.value for found in fit_segments(true, terms).estimates if found.name in TERMS}
+    return {found.name: found.value for found in fit_segments(true, terms).result.estimates if found.name in TERMS}
 
 
 def _chosen(regression: _Regression, reach: float) -> tuple[tuple[str, ...], dict[str, str]]:
@@ -238,12 +238,12 @@ def _insignificant(regression: _Regression, terms: tuple[str, ...]) -> str:
     return "" if ratio > needed else f"its partial F of {ratio:.2g} is below {needed:.2g}"
 
 
-def _dead_zone(segments: tuple[Segment, ...]) -> Estimate | Unidentified:
+def _dead_zone(segments: tuple[Segment, ...]) -> Estimate | Finding:
     """Between the greatest throttle at which the wings stood and the least at which they flapped."""
     flapping = [s.throttle for s in segments if s.frequency > 0]
     still = [s.throttle for s in segments if s.frequency == 0 and (not flapping or s.throttle < min(flapping))]
     if not still or not flapping:
-        return Unidentified(DEAD, "no throttle was held at which the wings stood still")
+        return not_estimated(DEAD, "no throttle was held at which the wings stood still")
     low, high = max(still), min(flapping)
     # Nothing is known of where between the two it lies: a uniform distribution.
     return Estimate(DEAD, "-", (low + high) / 2, (high - low) / np.sqrt(12.0), low, high)

@@ -31,14 +31,15 @@ from logs.identification.estimators.closed_loop import EFFECTIVENESS, ClosedLoop
 from logs.identification.estimators.engine.problem import Fit, Nuisances, Parameter, Problem
 from logs.identification.estimators.equation_error import Settings, coefficient_regression
 from logs.identification.estimators.filter_error import Filtered, filter_error_search
+from logs.identification.estimators.modal import Records, records_of
 from logs.identification.estimators.nonparametric import modes_of_records
 from logs.identification.estimators.output_error import Search, fitted_series, output_error, predicted
-from logs.identification.estimators.records import Records, records_of
-from logs.identification.findings import Entry, Finding, register
+from logs.identification.estimators.registry import ESTIMATORS, Request
+from logs.identification.findings import Entry, Finding, note, register
 from logs.identification.models.actuators import Actuated, Actuator
-from logs.identification.models.modes import SHORT_PERIOD, Mode, ModesResult, mode_of_system, nothing
+from logs.identification.models.modes import SHORT_PERIOD, Mode, ModesResult, mode_of_result, mode_of_system, nothing
 from logs.identification.models.stroke_averaged import LONGITUDINAL, TAIL_DELAY, TAIL_LAG, UNITS, model_of
-from logs.identification.results import Array, Estimate, EstimationResult, FitSeries, Unidentified
+from logs.identification.results import Array, Estimate, EstimationResult, FitSeries
 from logs.identification.statistics.covariance import ParameterUncertainty
 from wingbeat.constants import STANDARD_GRAVITY
 
@@ -290,8 +291,9 @@ def identify_modes(
     names: tuple[str, ...] = LONGITUDINAL,
     outputs: tuple[str, ...] = OUTPUTS,
     held_out: tuple[str, ...] = (),
+    method: str | None = None,
 ) -> ModesResult:
-    """The modes of a flight by all methods.
+    """The modes of a flight by all methods, or by one row of the registry.
 
     Of joined flights those named by ``held_out`` are not fitted but predicted. In closed loop the control
     effectiveness is also estimated by instrumental variables; without maneuvers, by these alone.
@@ -303,12 +305,14 @@ def identify_modes(
     if closed is not None and not data.active.any():
         alone = _mode_of(closed)
         return ModesResult(
-            (alone,), None, "no maneuver: no mode", None, 0, None, data.notes,
-            results=(closed.result,), findings=(closed.finding,),
+            (alone,), None, "no maneuver: no mode", None, 0, None,
+            results=(closed.result,), findings=(*map(note, data.notes), closed.finding),
         )  # fmt: skip
     every = find_maneuvers(data)
     maneuvers, locked = by_flight(every, held_out)
     flight = FlightProblem(maneuvers, reference_of(data, maneuvers), aircraft, names, outputs)
+    if method is not None:
+        return _consistent(_by_row(method, data, flight, every, locked), closed)
     fits = fit_derivatives(flight)
     results: tuple[EstimationResult, ...] = results_of(flight, fits, locked)
     modes = (
@@ -324,13 +328,17 @@ def identify_modes(
         agree, statement = None, IN_TURBULENCE
         if modes[2].short_period is not None:
             modes = (modes[2], *modes[:2], *modes[3:])
-    if closed is not None:
-        modes = (*(consistent_mode(one, closed) for one in modes), _mode_of(closed))
-        results = (*(consistent_result(one, closed) for one in results), closed.result)
-        findings = (*findings, closed.finding)
-    notes = (*data.notes, *dropped_maneuvers(data, every), *(one.text for one in findings))
+    findings = (*map(note, (*data.notes, *dropped_maneuvers(data, every))), *findings)
     if agree is False:
         findings += (Finding("methods_disagree", "warning", details={"statement": statement}),)
+    return _consistent(_modes_result(modes, agree, statement, flight, results, locked, findings), closed)
+
+
+def _modes_result(
+    modes: tuple[Mode, ...], agree: bool | None, statement: str, flight: FlightProblem,
+    results: tuple[EstimationResult, ...], locked: tuple[Maneuver, ...], findings: tuple[Finding, ...],
+) -> ModesResult:  # fmt: skip
+    maneuvers = flight.maneuvers
     period = float(np.mean([one.period for one in maneuvers]))
     return ModesResult(
         modes,
@@ -339,7 +347,6 @@ def identify_modes(
         flight.reference,
         len(maneuvers),
         period,
-        notes,
         maneuvers,
         results,
         locked,
@@ -350,8 +357,18 @@ def identify_modes(
 
 def _mode_of(closed: ClosedLoop) -> Mode:
     """The control effectiveness as a method without a mode."""
-    lost = [Unidentified(one.subject, one.text) for one in closed.result.withheld]
-    return Mode(closed.result.method, None, None, (), closed.result.estimates, tuple(lost))
+    return Mode(closed.result.method, None, None, (), closed.result.estimates, closed.result.withheld)
+
+
+def _consistent(result: ModesResult, closed: ClosedLoop | None) -> ModesResult:
+    """Add the control effectiveness by instrumental variables, and withhold what contradicts it."""
+    if closed is None:
+        return result
+    return result._replace(
+        modes=(*(consistent_mode(one, closed) for one in result.modes), _mode_of(closed)),
+        results=(*(consistent_result(one, closed) for one in result.results), closed.result),
+        findings=(*result.findings, closed.finding),
+    )
 
 
 def consistent_mode(mode: Mode, closed: ClosedLoop) -> Mode:
@@ -361,9 +378,7 @@ def consistent_mode(mode: Mode, closed: ClosedLoop) -> Mode:
     if reason is None:
         return mode
     kept = tuple(one for one in mode.derivatives if one.name != EFFECTIVENESS)
-    return mode._replace(
-        derivatives=kept, unidentified=(*mode.unidentified, Unidentified(EFFECTIVENESS, reason.text))
-    )
+    return mode._replace(derivatives=kept, withheld=(*mode.withheld, reason))
 
 
 def consistent_result(result: EstimationResult, closed: ClosedLoop) -> EstimationResult:
@@ -378,6 +393,26 @@ def consistent_result(result: EstimationResult, closed: ClosedLoop) -> Estimatio
         covariance=None if result.covariance is None else result.covariance[np.ix_(kept, kept)],
         findings=(*result.findings, reason),
     )
+
+
+def _by_row(
+    method: str, data: FlightData, flight: FlightProblem, every: tuple[Maneuver, ...], locked: tuple[Maneuver, ...]
+) -> ModesResult:
+    """The modes by one row of the registry: angle of the tail to pitch rate and normal specific force."""
+    titles = {"output_error": OUTPUT_ERROR, "filter_error": FILTER_ERROR}
+    title = titles.get(method, ESTIMATORS[method].title)
+    if method in titles:
+        fits = fit_derivatives(flight)
+        result = next(one for one in results_of(flight, fits, locked) if one.method == title)
+        mode = mode_of(title, flight, fits.output if method == "output_error" else fits.filter.fit)
+    else:
+        lag = flight.aircraft.tail_time_constant or 0.0
+        fitted, held = (tail_driven(flight._replace(maneuvers=some), lag) for some in (flight.maneuvers, locked))
+        request = Request(fitted, held, (ELEVATOR,), ("q", "a_z"))
+        result = ESTIMATORS[method].estimate(request)._replace(title=title)
+        mode = mode_of_result(title, result)
+    notes = tuple(map(note, (*data.notes, *dropped_maneuvers(data, every))))
+    return _modes_result((mode,), None, f"by {title} alone", flight, (result,), locked, notes)
 
 
 def motion_findings(flight: FlightProblem, result: EstimationResult) -> tuple[Finding, ...]:
@@ -417,14 +452,19 @@ def _lag(flight: FlightProblem, by_output: Fit) -> float:
     return 0.0 if by_output.failure else float(by_output.values[by_output.names.index(TAIL_LAG)])
 
 
-def records_of_flight(flight: FlightProblem, lag: float) -> Records:
-    """Angle of a tail with this ``lag`` (s), pitch rate and normal specific force, for methods without a model."""
+def tail_driven(flight: FlightProblem, lag: float) -> tuple[Experiment, ...]:
+    """Maneuvers with the angle of a tail with this ``lag`` (s) in place of the command, every second sample."""
     experiments = []
     for one in (maneuver.experiment for maneuver in flight.maneuvers):
         tail = behind(one.signals[ELEVATOR], one.step, flight.aircraft.tail_delay, lag, zoh=False)
         signals = {name: values[::2] for name, values in {**one.signals, ELEVATOR: tail}.items()}
         experiments.append(one._replace(time=one.time[::2], signals=signals))
-    return records_of(tuple(experiments), ELEVATOR, ("q", "a_z"), smooth_input=True)
+    return tuple(experiments)
+
+
+def records_of_flight(flight: FlightProblem, lag: float) -> Records:
+    """Angle of the tail, pitch rate and normal specific force, for methods without a model."""
+    return records_of(tail_driven(flight, lag), ELEVATOR, ("q", "a_z"), smooth_input=True)
 
 
 def results_of(

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from logs.identification.data.experiment import Experiment
-from logs.identification.data.noise_level import noise_level
+from logs.identification.data.signal_errors import noise_level
 from logs.identification.estimators.engine.problem import (
     Fit,
     Model,
@@ -28,7 +28,7 @@ from logs.identification.estimators.engine.problem import (
     RecordParameters,
 )
 from logs.identification.estimators.output_error import Search, fitted_series, output_error, predicted
-from logs.identification.estimators.registry import ESTIMATORS, Estimator, Request
+from logs.identification.estimators.registry import Request
 from logs.identification.findings import Entry, Finding, register
 from logs.identification.models.rigid_body import (
     INPUTS,
@@ -199,17 +199,6 @@ def reconstruct(
 def estimate_flight_path(request: Request) -> EstimationResult:
     """Row of the registry; options as the fields of `PathOptions`."""
     return reconstruct(request.experiments, PathOptions(**request.options), request.held_out).result
-
-
-ESTIMATORS[METHOD] = Estimator(
-    METHOD, "Flight-path reconstruction (data compatibility check)", "Klein & Morelli 2006, ch. 10",
-    estimate_flight_path, "[path]; path of a flight without velocities of the GPS",
-    {
-        "longitudinal": "u, w, theta and altitude alone", "also": "further errors: scale_q, bias_theta, ...",
-        "known": "errors that are zero", "positions": "of the sensors, FRD, m: `SensorPositions`",
-        "input_noise": "standard deviation by input",
-    },
-)  # fmt: skip
 
 
 # --- preparation --------------------------------------------------------------------------------------------

@@ -10,8 +10,7 @@ import math
 
 import numpy as np
 
-from logs.identification.estimators.modal import ModalFit, ModalMethod, NotIdentified, add_row
-from logs.identification.estimators.records import LEAST_SAMPLES, Record, Records
+from logs.identification.estimators.modal import LEAST_SAMPLES, ModalFit, ModalMethod, NotIdentified, Record, Records
 from logs.identification.estimators.separable import (
     Build,
     SeparableFit,
@@ -138,10 +137,6 @@ def explained_by(solution: SeparableFit, rings: tuple[Record, ...]) -> float:
     return float(np.max(1 - left / np.maximum(total, 1e-300)))
 
 
-FREE_RESPONSE = add_row(
-    ModalMethod(
-        "free_response", "free response", "Jategaonkar 2006, ch. 3", fit, inputs=False, max_damping=MAX_DAMPING
-    )
-)
+FREE_RESPONSE = ModalMethod("free_response", "free response", fit, inputs=False, max_damping=MAX_DAMPING)
 METHOD = FREE_RESPONSE.title
 free_response = FREE_RESPONSE.mode

@@ -16,8 +16,7 @@ import numpy as np
 from scipy.linalg import expm
 
 from logs.identification.data.experiment import Experiment
-from logs.identification.data.fourier import in_band
-from logs.identification.data.resampling import whole_records
+from logs.identification.data.resampling import in_band, whole_records
 from logs.identification.estimators.equation_error import Settings, default_frequencies, equations
 from logs.identification.estimators.least_squares import regress_records
 from logs.identification.estimators.regressors import SMOOTH, Design, Record, common_step

@@ -2,29 +2,30 @@
 
 The attitude in a log is a filter's estimate from the same gyros, with errors slower than a record. Here rates and
 specific forces propagate velocity and attitude from fix to fix (`models.rigid_body`); an error of a rate tilts
-gravity, so the velocity error grows with the square of time. Extended Kalman filter and Rauch-Tung-Striebel smoother,
-iterated about the smoothed path (Bell, The Iterated Kalman Smoother as a Gauss-Newton Method, SIAM J. Optimization
-4(3), 1994). Noise of the IMU, random walks of its biases and noise of the fixes maximize the likelihood; scales and
-misalignments have priors (Groves, Principles of GNSS, Inertial, and Multisensor Integrated Navigation Systems, 2nd
-ed., ch. 14).
+gravity, so the velocity error grows with the square of time. The path of largest posterior probability is found by
+Gauss-Newton steps (Bell, The Iterated Kalman Smoother as a Gauss-Newton Method, SIAM J. Optimization 4(3), 1994).
+Their normal equations are banded, since a fix is joined to the next one only. Noise of the IMU, random walks of its
+biases and noise of the fixes maximize the likelihood; scales and misalignments have priors (Groves, Principles of
+GNSS, Inertial, and Multisensor Integrated Navigation Systems, 2nd ed., ch. 14).
 
 States: u, v, w (m/s, over ground), phi, theta, psi (rad) at the IMU's position; the biases of the six inputs (rad/s,
-m/s^2); two 3 x 3 matrices (-) of scales and misalignments, of rates and of forces, row by row. For their means the
-inputs' errors are integrated over time in six more.
+m/s^2); two 3 x 3 matrices (-) of scales and misalignments, of rates and of forces, row by row, which are constant.
 """
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
-from logs.identification.data.noise_level import noise_level
+from logs.identification.data.signal_errors import noise_level
 from logs.identification.estimators.flight_path import EQUATIONS, LARGE_ERRORS, SENSORS
-from logs.identification.estimators.registry import ESTIMATORS, Estimator, Request
+from logs.identification.estimators.registry import Request
 from logs.identification.findings import Entry, Finding, register
 from logs.identification.models.rigid_body import INPUTS, UNITS, integrate, linearize, with_middles
 from logs.identification.results import Array, EstimationResult, FitSeries, estimates
@@ -50,7 +51,7 @@ LEVEL_DEVIATIONS = np.array([1.0, 1.0, 1.0, 1.0, 5.0])
 ITERATIONS, LEVEL_ITERATIONS = 12, (1, 3)
 """-; iterations at most, and those before which the noise levels are estimated"""
 CONVERGED = 0.1
-"""-; largest step of the motion, in standard errors"""
+"""-; length of the last step in standard errors, which bounds that of every state"""
 SHIFT = 1e-5
 """SI; half width of central differences"""
 
@@ -121,21 +122,30 @@ class _Linearized(NamedTuple):
     """Motion and fixes linearized about a path, n states."""
 
     transition: Array
-    """(K - 1, c, n); from fix to fix, of the first c states; the others stay"""
+    """(K - 1, 12, n); motion and biases at a fix by the states at the one before"""
     integrals: Array
-    """(K - 1, 6, n); growth of the integrated errors by the states"""
+    """(K - 1, 6, n); integrated errors by the states"""
     shifts: Array
-    """(K - 1, n); added to the deviations from the path"""
+    """(K - 1, 12); added to the deviations from the path"""
     unit_noise: Array
-    """(4, K - 1, 12, 12); process noise of motion and biases by unit levels of rates, forces and their walks"""
+    """(4, K - 1, 12, 12); process noise by unit levels of rates, forces and their walks"""
     slopes: Array
-    """(K, 3, n); Jacobian of the fixes"""
+    """(K, 3, 12); Jacobian of the fixes"""
     innovations: Array
     """m/s; (K, 3), measured minus predicted fixes"""
 
-    def process_noise(self, levels: NoiseLevels) -> Array:
-        """Process noise (K - 1, 12, 12)."""
-        return np.ascontiguousarray(np.tensordot(np.square(levels[:4]), self.unit_noise, 1))
+
+class _Step(NamedTuple):
+    """Solution of the normal equations of one linearization."""
+
+    states: Array
+    """(K, n); deviations from the path"""
+    length: float
+    """-; of these, in standard errors (Newton decrement)"""
+    likelihood: float
+    """-; logarithm of the marginal likelihood of the noise levels, up to a constant"""
+    covariance: Array
+    """(6, 6); of the integrated errors"""
 
 
 def aided_fit(flight: AidedFlight) -> AidedFit | None:
@@ -144,21 +154,24 @@ def aided_fit(flight: AidedFlight) -> AidedFit | None:
     path[:, 3:MOTION] = flight.attitude[flight.at]
     path[:, :3] = np.einsum("nji,nj->ni", ned_from_frd(path[:, 3:MOTION]), flight.velocity)
     first, levels = path[0].copy(), typical_levels(flight)
-    prior = np.diag(PRIOR_DEVIATIONS**2)
     for number in range(ITERATIONS):
         linear = _linearized(flight, path)
         if number in LEVEL_ITERATIONS:
             levels = _maximum_likelihood(linear, first - path[0], levels, typical_levels(flight))
-        noise = linear.process_noise(levels)
-        means, covariances, _ = _filter(linear, noise, levels.fixes, first - path[0], prior)
-        steps = _smoothed(linear, noise, means, covariances)
-        path = path + steps
-        variances = np.diagonal(covariances, 0, 1, 2)[:, :MOTION]
-        if not np.all(np.isfinite(path)) or np.min(variances) <= 0:
+        try:
+            step = _solved(linear, levels, first - path[0])
+        except np.linalg.LinAlgError:
             return None
-        if number > max(LEVEL_ITERATIONS) and np.max(np.abs(steps[:, :MOTION]) / np.sqrt(variances)) < CONVERGED:
-            return _mean_errors(flight, path, first, levels)
-    return None
+        if number > max(LEVEL_ITERATIONS) and step.length < CONVERGED:
+            break
+        path = path + step.states
+    else:
+        return None
+    path = path + step.states
+    total = float(flight.at[-1] - flight.at[0]) * flight.step
+    errors = np.einsum("kan,kn->a", linear.integrals, path[:-1]) / total
+    predicted = _predicted_fixes(flight, path)
+    return AidedFit(errors, step.covariance / total**2, path[:, :MOTION], predicted, levels)
 
 
 def typical_levels(flight: AidedFlight) -> NoiseLevels:
@@ -184,20 +197,21 @@ def _predicted_fixes(flight: AidedFlight, path: Array) -> Array:
 def _linearized(flight: AidedFlight, path: Array) -> _Linearized:
     dense, count = with_middles(flight.inputs), len(path) - 1
     seconds = np.diff(flight.at) * flight.step
-    transition, integrals = np.zeros((count, MOTION, STATES)), np.zeros((count, 6, STATES))
-    unit_noise, shifts = np.zeros((4, count, MATRICES, MATRICES)), path[:-1] - path[1:]
+    transition, integrals = np.zeros((count, MATRICES, STATES)), np.zeros((count, 6, STATES))
+    transition[:, MOTION:, MOTION:MATRICES] = np.eye(MATRICES - MOTION)
+    unit_noise, shifts = np.zeros((4, count, MATRICES, MATRICES)), (path[:-1] - path[1:])[:, :MATRICES]
     for k in range(count):
         inside = slice(2 * int(flight.at[k]), 2 * int(flight.at[k + 1]) + 1)
         inputs = dense[inside] - path[k, MOTION:MATRICES] - dense[inside] @ _matrix(path[k]).T
         integrals[k] = seconds[k] * _errors_by_states(dense[inside][1::2].mean(axis=0))
         states = integrate(np.append(path[k, :MOTION], np.zeros(3)), inputs, flight.step, STANDARD_GRAVITY)
         steps = linearize(states, inputs, flight.step, STANDARD_GRAVITY)
-        _accumulate(*steps, dense[inside], transition[k], unit_noise[:2, k])
+        _accumulate(*steps, dense[inside], transition[k, :MOTION], unit_noise[:2, k])
         shifts[k, :MOTION] = states[-1, :MOTION] - path[k + 1, :MOTION]
     for kind in range(2):
         places = MOTION + 3 * kind + np.arange(3)
         unit_noise[2 + kind][:, places, places] = seconds[:, None]
-    slopes = np.zeros((count + 1, 3, STATES))
+    slopes = np.zeros((count + 1, 3, MATRICES))
     for column in range(MOTION + 3):
         shift = np.zeros(STATES)
         shift[column] = SHIFT
@@ -226,68 +240,69 @@ def _errors_by_states(inputs: Array) -> Array:
 def _maximum_likelihood(linear: _Linearized, first: Array, levels: NoiseLevels, typical: NoiseLevels) -> NoiseLevels:
     """The noise levels of the largest posterior likelihood, with priors about the typical ones."""
     about, least = np.log(typical), np.log((*MIN_NOISE, *(0.1 * walk for walk in TYPICAL_WALKS), MIN_FIX_NOISE))
-    prior = np.diag(PRIOR_DEVIATIONS**2)
 
     def cost(logs: Array) -> float:
         tried = NoiseLevels(*np.exp(np.maximum(logs, least)))
-        likelihood = _filter(linear, linear.process_noise(tried), tried.fixes, first, prior)[2]
-        return float(0.5 * np.sum(((logs - about) / LEVEL_DEVIATIONS) ** 2) - likelihood)
+        return float(
+            0.5 * np.sum(((logs - about) / LEVEL_DEVIATIONS) ** 2) - _solved(linear, tried, first).likelihood
+        )
 
     options = {"maxfev": 300, "xatol": 0.05, "fatol": 0.05}
     best = minimize(cost, np.log(levels), method="Nelder-Mead", options=options).x
     return NoiseLevels(*np.exp(np.maximum(best, least)).tolist())
 
 
-def _filter(
-    linear: _Linearized, noise: Array, fix_noise: float, first: Array, prior: Array
-) -> tuple[Array, Array, float]:
-    """Deviations (K, n) from the path after each fix, their covariances, and the logarithm of the likelihood."""
-    means, covariances = (
-        np.empty((len(linear.innovations), len(first))),
-        np.empty((len(linear.innovations), *prior.shape)),
-    )
-    likelihood = _kalman_filter(
-        linear.transition, linear.shifts, noise, linear.slopes, linear.innovations, fix_noise**2, first.copy(),
-        prior.copy(), means, covariances,
-    )  # fmt: skip
-    return means, covariances, likelihood
+def _solved(linear: _Linearized, levels: NoiseLevels, first: Array) -> _Step:
+    """The most probable deviations from the path; ``first`` (n,) are those of the prior mean.
+
+    Motion and biases at the fixes have banded normal equations; the matrices, which border them, are eliminated.
+
+    Raises:
+        numpy.linalg.LinAlgError: the process noise or the normal equations are singular.
+    """
+    count, m = len(linear.innovations), MATRICES
+    noise = np.linalg.cholesky(np.tensordot(np.square(levels[:4]), linear.unit_noise, 1))
+    ahead = np.linalg.solve(noise, np.broadcast_to(np.eye(m), noise.shape))
+    white, shift = ahead @ linear.transition, np.einsum("kij,kj->ki", ahead, linear.shifts)
+    behind, matrices = -white[:, :, :m], -white[:, :, m:]
+    slopes, innovations = linear.slopes / levels.fixes, linear.innovations / levels.fixes
+    prior, goal = PRIOR_DEVIATIONS**-2.0, first * PRIOR_DEVIATIONS**-2.0
+    diagonal, border = _products(slopes, slopes), np.zeros((count, m, STATES - m))
+    gradient = np.einsum("kri,kr->ki", slopes, innovations)
+    diagonal[0] += np.diag(prior[:m])
+    gradient[0] += goal[:m]
+    for places, part in ((slice(1, None), ahead), (slice(None, -1), behind)):
+        diagonal[places] += _products(part, part)
+        border[places] += _products(part, matrices)
+        gradient[places] += np.einsum("kri,kr->ki", part, shift)
+    corner = np.diag(prior[m:]) + _products(matrices, matrices).sum(axis=0)
+    rest = goal[m:] + np.einsum("kri,kr->i", matrices, shift)
+    band = np.zeros((2 * m, count, m))
+    for below, blocks in ((0, diagonal), (m, _products(ahead, behind))):
+        for column in range(m):
+            rows = np.arange(column if below == 0 else 0, m)
+            band[below + rows - column, : len(blocks), column] = blocks[:, rows, column].T
+    factor = cholesky_banded(band.reshape(2 * m, -1), lower=True, check_finite=False)
+    wanted = np.concatenate((linear.integrals[:, :, :m], np.zeros((1, 6, m)))).transpose(0, 2, 1)
+    sides = np.concatenate((border, gradient[:, :, None], wanted), axis=2).reshape(count * m, -1)
+    solved = cho_solve_banded((factor, True), sides, check_finite=False)
+    edge, sides = solved[:, : STATES - m], sides.T
+    complement = corner - sides[: STATES - m] @ edge
+    lost = linear.integrals[:, :, m:].sum(axis=0) - sides[STATES - m + 1 :] @ edge
+    constants = np.linalg.solve(complement, rest - sides[: STATES - m] @ solved[:, STATES - m])
+    moved = solved[:, STATES - m] - edge @ constants
+    decrement = float(gradient.ravel() @ moved + rest @ constants)
+    squares = float(np.sum(shift**2) + np.sum(innovations**2) + first @ goal) - decrement
+    logs = 2.0 * np.sum(np.log(np.diagonal(noise, 0, 1, 2))) + 3.0 * count * np.log(levels.fixes**2)
+    logs += 2.0 * np.sum(np.log(factor[0])) + np.linalg.slogdet(complement)[1]
+    states = np.hstack((moved.reshape(count, m), np.tile(constants, (count, 1))))
+    covariance = sides[STATES - m + 1 :] @ solved[:, STATES - m + 1 :] + lost @ np.linalg.solve(complement, lost.T)
+    return _Step(states, math.sqrt(max(decrement, 0.0)), -0.5 * (squares + float(logs)), covariance)
 
 
-def _smoothed(linear: _Linearized, noise: Array, means: Array, covariances: Array) -> Array:
-    """Smoothed deviations (K, n) from the path."""
-    smooth, step, scale = means.copy(), np.eye(STATES), np.outer(PRIOR_DEVIATIONS, PRIOR_DEVIATIONS)
-    for k in range(len(means) - 2, -1, -1):
-        step[:MOTION] = linear.transition[k]
-        across = step @ covariances[k]
-        ahead = across @ step.T
-        ahead[:MATRICES, :MATRICES] += noise[k]
-        gain = np.linalg.solve(ahead / scale, across / scale).T * PRIOR_DEVIATIONS[:, None] / PRIOR_DEVIATIONS
-        smooth[k] += gain @ (smooth[k + 1] - step @ means[k] - linear.shifts[k])
-    return smooth
-
-
-def _mean_errors(flight: AidedFlight, path: Array, first: Array, levels: NoiseLevels) -> AidedFit:
-    """The errors' means over the segment, by their integrals at its end, which follow the motion in the state."""
-    linear = _linearized(flight, path)
-    after = [MOTION] * 6
-    changing = np.concatenate((linear.transition, linear.integrals), axis=1)
-    changing = np.insert(changing, after, 0.0, axis=2)
-    changing[:, MOTION : 2 * MOTION, MOTION : 2 * MOTION] = np.eye(6)
-    grown = np.einsum("kan,kn->ka", linear.integrals, path[:-1])
-    extended = linear._replace(
-        transition=changing,
-        shifts=np.hstack((linear.shifts[:, :MOTION], grown, linear.shifts[:, MOTION:])),
-        slopes=np.insert(linear.slopes, after, 0.0, axis=2),
-    )
-    noise = np.insert(np.insert(linear.process_noise(levels), after, 0.0, axis=1), after, 0.0, axis=2)
-    prior = np.diag(np.insert(PRIOR_DEVIATIONS**2, after, 0.0))
-    start = np.insert(first - path[0], after, 0.0)
-    means, covariances, _ = _filter(extended, noise, levels.fixes, start, prior)
-    integrated, total = slice(MOTION, 2 * MOTION), float(flight.at[-1] - flight.at[0]) * flight.step
-    covariance = covariances[-1, integrated, integrated] / total**2
-    return AidedFit(
-        means[-1, integrated] / total, covariance, path[:, :MOTION], _predicted_fixes(flight, path), levels
-    )
+def _products(left: Array, right: Array) -> Array:
+    """Products (K, i, j) of ``left`` (K, r, i) transposed and ``right`` (K, r, j)."""
+    return np.asarray(np.swapaxes(left, 1, 2) @ right)
 
 
 # --- result -------------------------------------------------------------------------------------------------
@@ -335,12 +350,6 @@ def estimate_gps_aided(request: Request) -> EstimationResult:
     return aided_result(flight, fit)
 
 
-ESTIMATORS[METHOD] = Estimator(
-    METHOD, "IMU errors by GPS velocities (iterated Kalman smoother)", "Groves 2013, ch. 14; Bell 1994",
-    estimate_gps_aided, "path of a flight", {"arm": "from the antenna to the IMU, FRD, m"},
-)  # fmt: skip
-
-
 # --- compiled ------------------------------------------------------------------------------------------------
 
 
@@ -366,33 +375,3 @@ def _accumulate(carry: Array, gain: Array, inputs: Array, transition: Array, uni
             noise[kind] = step @ noise[kind] @ step.T + part @ part.T
     transition[:] = reach
     unit_noise[:, :6, :6] = noise
-
-
-@njit(cache=True)
-def _kalman_filter(
-    transition: Array, shifts: Array, noise: Array, slopes: Array, innovations: Array, variance: float, mean: Array,
-    covariance: Array, means: Array, covariances: Array,
-) -> float:  # fmt: skip
-    """Kalman filter over K fixes, from ``mean`` (n,) and ``covariance`` (n, n) before the first, which it changes.
-
-    Returns the logarithm of the likelihood, up to a constant; ``means`` and ``covariances`` are those after each fix.
-    """
-    likelihood, c, noisy = 0.0, transition.shape[1], noise.shape[1]
-    for k in range(innovations.shape[0]):
-        if k > 0:
-            rows = transition[k - 1] @ covariance
-            mean[:c] = transition[k - 1] @ mean
-            mean += shifts[k - 1]
-            block = rows @ transition[k - 1].T
-            covariance[:c], covariance[:, :c] = rows, rows.T
-            covariance[:c, :c] = block
-            covariance[:noisy, :noisy] += noise[k - 1]
-        for row in range(innovations.shape[1]):
-            reach = covariance @ slopes[k, row]
-            total = slopes[k, row] @ reach + variance
-            innovation = innovations[k, row] - slopes[k, row] @ mean
-            mean += reach * (innovation / total)
-            covariance -= np.outer(reach, reach / total)
-            likelihood -= 0.5 * (np.log(total) + innovation**2 / total)
-        means[k], covariances[k] = mean, covariance
-    return likelihood

@@ -28,7 +28,7 @@ from logs.identification.estimators.equation_error import (
     solve,
 )
 from logs.identification.estimators.least_squares import CovarianceKind, Noise, RecordBlock, regress_records
-from logs.identification.estimators.registry import ESTIMATORS, Estimator, Request
+from logs.identification.estimators.registry import Request
 from logs.identification.estimators.regressors import Design
 from logs.identification.results import Array, EstimationResult
 
@@ -317,15 +317,10 @@ def _functions(names: list[str], amplitudes: Array, pool: Candidates) -> tuple[F
     )
 
 
-def _row(request: Request) -> EstimationResult:
+def estimate_orthogonal(request: Request) -> EstimationResult:
+    """Orthogonal functions of a request; option ``most_terms``."""
     most = int(request.options.get("most_terms", 12))
     found = orthogonal_regression(
         request.experiments, one_response(request), request.regressors, most, settings_of(request)
     )
     return regression_result("orthogonal", request, found.model, steps=found.functions)
-
-
-ESTIMATORS["orthogonal"] = Estimator(
-    "orthogonal", "Multivariate orthogonal functions", "Morelli, J. Aircraft 32(2), 1995", _row,
-    '[[aero.regression]] method = "orthogonal"', {"most_terms": "orthogonal functions at most"},
-)  # fmt: skip

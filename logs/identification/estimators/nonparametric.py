@@ -7,10 +7,10 @@ from logs.identification.diagnostics.agreement import agreement
 from logs.identification.estimators.equivalent_system import EQUIVALENT_SYSTEM
 from logs.identification.estimators.era import ERA
 from logs.identification.estimators.free_response import FREE_RESPONSE
-from logs.identification.estimators.records import Records, records_of
+from logs.identification.estimators.modal import Records, records_of
 from logs.identification.estimators.spectrum import SPECTRUM
+from logs.identification.findings import note
 from logs.identification.models.modes import PHUGOID, SHORT_PERIOD, Mode, ModesResult
-from logs.identification.results import Information
 
 METHODS = (EQUIVALENT_SYSTEM, ERA, FREE_RESPONSE, SPECTRUM)
 
@@ -36,8 +36,9 @@ def modes_of_experiments(
     pairs = [method.mode_with_findings(records, kinds or _likely(records)) for method in METHODS]
     modes = (*known, *(mode for mode, _ in pairs))
     agree, statement = agreement(modes)
-    reported = [Information(f"{mode.method}: {one.text}") for mode, findings in pairs for one in findings]
-    return ModesResult(modes, agree, statement, None, len(records.pieces), None, (*records.notes, *reported))
+    reported = [note(f"{mode.method}: {one.text}") for mode, findings in pairs for one in findings]
+    findings = (*map(note, records.notes), *reported)
+    return ModesResult(modes, agree, statement, None, len(records.pieces), None, findings=findings)
 
 
 def modes_of_records(records: Records, kinds: tuple[str, ...]) -> tuple[Mode, ...]:

@@ -8,7 +8,6 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from logs.identification.data.experiment import Experiment
-from logs.identification.estimators.engine.accuracy import accuracy_of
 from logs.identification.estimators.engine.normal_equations import SMALLEST_SIZE
 from logs.identification.estimators.engine.problem import (
     Fit,
@@ -19,7 +18,12 @@ from logs.identification.estimators.engine.problem import (
     RecordParameters,
 )
 from logs.identification.estimators.engine.records import Record, layout_of, records_of
-from logs.identification.estimators.engine.search import OptimizerResult, gauss_newton, nelder_mead
+from logs.identification.estimators.engine.search import (
+    OptimizerResult,
+    accuracy_of,
+    gauss_newton,
+    nelder_mead,
+)
 from logs.identification.estimators.engine.simulation import (
     Flight,
     Unknowns,
@@ -28,7 +32,7 @@ from logs.identification.estimators.engine.simulation import (
     variation,
     whitener_of,
 )
-from logs.identification.estimators.registry import ESTIMATORS, Estimator, Request
+from logs.identification.estimators.registry import Request
 from logs.identification.findings import Finding, of_severity
 from logs.identification.results import Array, EstimationResult, FitSeries, estimate
 from wingbeat.errors import InputError
@@ -296,17 +300,3 @@ def estimate_by_output_error(request: Request) -> EstimationResult:
     problem = problem_of(request)
     fit = output_error(problem, request.options.get("search", DEFAULT_SEARCH))
     return result_of("output_error", request, problem, fit)
-
-
-OPTIONS = {
-    "nuisances": "initial states and biases of each maneuver: `Nuisances`", "initial": "initial states by maneuver",
-    "weighting": "of the outputs: diagonal, full or given", "deviations": "of the outputs' noise if given",
-}  # fmt: skip
-ESTIMATORS["output_error"] = Estimator(
-    "output_error",
-    "Output error (maximum likelihood)",
-    "Klein & Morelli, Aircraft System Identification, 2006, ch. 6; Jategaonkar, 2006, ch. 4",
-    estimate_by_output_error,
-    'modes; [modes], [[aero.output_error]] method = "output_error"',
-    OPTIONS | {"search": "start values, simplex, number of starts: `Search`"},
-)

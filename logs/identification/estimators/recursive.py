@@ -22,7 +22,7 @@ from logs.identification.estimators.equation_error import (
     settings_of,
 )
 from logs.identification.estimators.least_squares import MAX_CONDITION
-from logs.identification.estimators.registry import ESTIMATORS, Estimator, Request
+from logs.identification.estimators.registry import Request
 from logs.identification.estimators.regressors import INTERCEPT, as_regressed
 from logs.identification.estimators.terms import parse
 from logs.identification.findings import of_severity
@@ -114,7 +114,8 @@ def _weighted_sums(values: Array, factor: float) -> Array:
     return np.asarray(lfilter([1.0], [1.0, -factor], values, axis=0))
 
 
-def _row(request: Request) -> EstimationResult:
+def estimate_recursively(request: Request) -> EstimationResult:
+    """Recursive least squares of a request, the values at the end; option ``forgetting``."""
     response, settings = one_response(request), settings_of(request)
     batch = coefficient_regression(request.experiments, response, request.regressors, "time", settings)
     withheld = of_severity(batch.findings, "withheld")
@@ -146,9 +147,3 @@ def _row(request: Request) -> EstimationResult:
         degrees=found.degrees, series=tuple(series), samples=batch.samples, findings=batch.findings,
         steps=found.histories,
     )  # fmt: skip
-
-
-ESTIMATORS["recursive_least_squares"] = Estimator(
-    "recursive_least_squares", "Recursive least squares", "Klein & Morelli 2006, ch. 8", _row,
-    options={"forgetting": "factor of a sample's weight per later sample, above 0 and at most 1"},
-)  # fmt: skip

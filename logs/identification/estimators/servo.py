@@ -1,4 +1,4 @@
-"""Result of a servo fit, and the effect of the sensors' calibration errors on its intervals.
+"""Torque model of the drive servos (Gerdes Eq. 11), and the effect of calibration errors on intervals.
 
 A scale or a zero that is wrong throughout leaves no trace in the residuals. Its effect is one by fitting again with
 each sensor changed by one standard deviation (GUM, JCGM 100:2008, 5.1.3 with finite differences); the squares are
@@ -17,10 +17,20 @@ from scipy.interpolate import CubicSpline
 
 from logs.identification.data.flight import DriveData, GaugeErrors
 from logs.identification.estimators.least_squares import CovarianceKind, regress
-from logs.identification.results import Array, Estimate, Unidentified, estimate, estimates, student_factor
+from logs.identification.findings import Finding, not_estimated
+from logs.identification.results import (
+    Array,
+    Estimate,
+    EstimationResult,
+    estimate,
+    estimates,
+    linear_result,
+    student_factor,
+)
 from wingbeat.errors import InputError
 
 Mask = NDArray[np.bool_]
+METHOD, EQUATIONS = "servo", ("torque = K_tau I + K_tau0 (Gerdes Eq. 11)",)
 LEAST_SAMPLES = 40
 MIN_READINGS = 20
 FINE = 8
@@ -31,34 +41,10 @@ SMOOTH = 0.5
 """-; share of the loaded samples that is used"""
 
 
-class ServoModel(NamedTuple):
-    """One fitted servo model."""
-
-    estimates: tuple[Estimate, ...]
-    """what the data gives"""
-    unidentified: tuple[Unidentified, ...]
-    """what it does not, and why"""
-    centre_current: float
-    """A; C_D, added to the current of one servo (0 for the torque)"""
-    centre_voltage: float
-    """V; C_E, added to the voltage (0 for the torque)"""
-    residual: float
-    """N m or W; standard deviation"""
-    samples: int
-    """-; bursts or strokes"""
+Fit = Callable[[DriveData], EstimationResult]
 
 
-class ServoResult(NamedTuple):
-    """Torque and power model of the drive servos; None for one that was not asked for."""
-
-    torque: ServoModel | None
-    power: ServoModel | None
-
-
-Fit = Callable[[DriveData], ServoModel]
-
-
-def with_gauge_errors(fit: Fit, data: DriveData, gauges: GaugeErrors) -> ServoModel:
+def with_gauge_errors(fit: Fit, data: DriveData, gauges: GaugeErrors) -> EstimationResult:
     """The model that ``fit`` makes of ``data``, its intervals widened by what the calibrations left.
 
     ``fit`` must fit the same terms every time.
@@ -72,7 +58,7 @@ def with_gauge_errors(fit: Fit, data: DriveData, gauges: GaugeErrors) -> ServoMo
     return model._replace(estimates=widened)
 
 
-def _shift(model: ServoModel, other: ServoModel) -> list[float]:
+def _shift(model: EstimationResult, other: EstimationResult) -> list[float]:
     """By how much each estimate moved; an estimate that was lost counts as not moved."""
     moved = {one.name: one.value for one in other.estimates}
     return [moved.get(one.name, one.value) - one.value for one in model.estimates]
@@ -154,7 +140,7 @@ def _bend(data: DriveData, at: Array) -> Array:
     return bend
 
 
-def identify_torque(data: DriveData) -> ServoModel:
+def identify_torque(data: DriveData) -> EstimationResult:
     """K_tau and K_tau0 of Gerdes Eq. 11.
 
     Raises:
@@ -168,7 +154,7 @@ def identify_torque(data: DriveData) -> ServoModel:
 class _Fitted(NamedTuple):
     """The model, and what must be added to the torques' times to make them those of the current."""
 
-    model: ServoModel
+    model: EstimationResult
     lead: float
     """s"""
 
@@ -238,15 +224,31 @@ def _torque_model(bursts: _Bursts, torque: Array, used: Array) -> _Fitted:
         estimate("K_tau0", "N m", float(offset), float(errors[1]), fit.degrees),
     )
     lead = float(fit.values[2]) if lagging else 0.0
-    return _Fitted(ServoModel(found, (), 0.0, 0.0, spread, int(used.sum())), lead)
+    return _Fitted(_result(found, (), spread, int(used.sum())), lead)
 
 
-def _blind(spread: float, samples: int) -> ServoModel:
-    refused = Unidentified("K_tau", "the torque does not follow the current in this log")
-    return ServoModel((), (refused,), 0.0, 0.0, spread, samples)
+def _blind(spread: float, samples: int) -> EstimationResult:
+    return _result(
+        (), (not_estimated("K_tau", "the torque does not follow the current in this log"),), spread, samples
+    )
 
 
-def torque_of_readings(current: Array, torque: Array, steady: bool = True) -> ServoModel:
+def _result(
+    parameters: tuple[Estimate, ...], withheld: tuple[Finding, ...], spread: float, samples: int
+) -> EstimationResult:
+    """The result of `METHOD`; ``spread`` of the residuals in N m."""
+    return linear_result(
+        METHOD,
+        parameters,
+        withheld,
+        residual_deviation=spread,
+        samples=samples,
+        title="servo torque",
+        equations=EQUATIONS,
+    )
+
+
+def torque_of_readings(current: Array, torque: Array, steady: bool = True) -> EstimationResult:
     """K_tau and K_tau0 of Gerdes Eq. 11 from readings (N,) of one loaded servo on a bench, in A and N m.
 
     ``steady`` readings are independent of one another.
@@ -262,9 +264,7 @@ def torque_of_readings(current: Array, torque: Array, steady: bool = True) -> Se
     try:
         fit = regress(design, torque[known], np.ones(len(design)), covariance=kind)
     except np.linalg.LinAlgError:
-        reason = "the current does not vary"
-        return ServoModel(
-            (), (Unidentified("K_tau", reason), Unidentified("K_tau0", reason)), 0.0, 0.0, 0.0, len(design)
-        )
+        lost = tuple(not_estimated(name, "the current does not vary") for name in ("K_tau", "K_tau0"))
+        return _result((), lost, 0.0, len(design))
     values = estimates({"K_tau": "N m/A", "K_tau0": "N m"}, fit.values, fit.covariance, fit.degrees)
-    return ServoModel(values, (), 0.0, 0.0, float(np.std(fit.residuals)), len(design))
+    return _result(values, (), float(np.std(fit.residuals)), len(design))

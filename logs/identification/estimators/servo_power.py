@@ -12,12 +12,18 @@ import numpy as np
 
 from logs.identification.data.flight import DriveData, GaugeErrors
 from logs.identification.estimators.least_squares import CovarianceKind, Fit, regress
-from logs.identification.estimators.servo import ServoModel, with_gauge_errors
-from logs.identification.results import Array, Estimate, Unidentified, estimate, student_factor
+from logs.identification.estimators.servo import with_gauge_errors
+from logs.identification.findings import Finding, not_estimated
+from logs.identification.results import Array, Estimate, EstimationResult, estimate, linear_result, student_factor
 from logs.identification.statistics.covariance import at_least, heteroscedastic_covariance
 from logs.strokes import interval_mean, stroke_cuts, stroke_means
 from wingbeat.errors import InputError
 
+METHOD = "power"
+EQUATIONS = (
+    "P = C_A + C_B I + C_C V + C_F (I + C_D)(V + C_E) + C_G (I + C_D)^2 + C_H (V + C_E)^2 (Gerdes Eq. 12)",
+    "P_0 is the power at the mean current and voltage, -C_D and -C_E",
+)
 LEAST_STROKES = 40
 MIN_READINGS = 20
 HIGHEST_INFLATION = 25.0
@@ -93,7 +99,7 @@ def identify_power(
     centre_current: float | None = None,
     centre_voltage: float | None = None,
     terms: tuple[str, ...] | None = None,
-) -> ServoModel:
+) -> EstimationResult:
     """The identifiable coefficients of Gerdes Eq. 12, centered on C_D and C_E as given or on the data's own means.
 
     ``terms`` fixes the coefficients that are fitted and told; without it those are left out that the regressors'
@@ -106,7 +112,7 @@ def identify_power(
     return _power_model(_stroke_means(data), centre_current, centre_voltage, terms)
 
 
-def power_of_readings(current: Array, voltage: Array, power: Array, steady: bool = True) -> ServoModel:
+def power_of_readings(current: Array, voltage: Array, power: Array, steady: bool = True) -> EstimationResult:
     """The coefficients of Gerdes Eq. 12 from readings (N,) of one servo on a bench, in A, V and W.
 
     ``steady`` readings are independent of one another.
@@ -127,11 +133,11 @@ def _power_model(
     centre_voltage: float | None,
     terms: tuple[str, ...] | None,
     covariance: CovarianceKind = "autocorrelated",
-) -> ServoModel:
+) -> EstimationResult:
     c_d = -float(strokes.current.mean()) if centre_current is None else centre_current
     c_e = -float(strokes.voltage.mean()) if centre_voltage is None else centre_voltage
-    columns = _regressors(strokes, c_d, c_e)
-    dropped: tuple[Unidentified, ...] = ()
+    columns = _regressors(strokes.current + c_d, strokes.voltage + c_e)
+    dropped: tuple[Finding, ...] = ()
     chosen = terms
     if chosen is None:
         chosen, noisy = _measured(strokes)
@@ -139,51 +145,54 @@ def _power_model(
         dropped = (*noisy, *weak)
     fit = _fit(columns, strokes.power, chosen, covariance)
     estimates = _coefficients(fit, chosen, c_d, c_e)
-    model = ServoModel(estimates, dropped, c_d, c_e, float(np.std(fit.residuals)), len(strokes.power))
+    model = linear_result(
+        METHOD, estimates, dropped, residual_deviation=float(np.std(fit.residuals)), samples=len(strokes.power),
+        title="servo power", equations=EQUATIONS, fixed={"C_D": c_d, "C_E": c_e},
+    )  # fmt: skip
     return _without_vague(model) if terms is None else model
 
 
 def power_with_gauge_errors(
     data: DriveData, gauges: GaugeErrors, centre_current: float | None = None, centre_voltage: float | None = None
-) -> ServoModel:
+) -> EstimationResult:
     """`identify_power` with intervals that hold what the sensors' calibrations left.
 
     Raises:
         InputError: too few strokes.
     """
     model = identify_power(data, centre_current, centre_voltage)
-    center, dropped = (model.centre_current, model.centre_voltage), list(model.unidentified)
+    center, dropped = (model.fixed["C_D"], model.fixed["C_E"]), list(model.withheld)
     terms = _terms(model)
     while True:
         fit = partial(identify_power, centre_current=center[0], centre_voltage=center[1], terms=terms)
         widened = with_gauge_errors(fit, data, gauges)
         vague = [one for one in widened.estimates if one.name in terms[1:] and one.contains(0.0)]
         if not vague:
-            refused = tuple(one for one in dropped if one.name not in CONSTANTS)
-            return _without_vague(widened._replace(unidentified=refused))
+            refused = tuple(one for one in dropped if one.subject not in CONSTANTS)
+            return _without_vague(widened._replace(findings=refused))
         worst = min(vague, key=lambda one: abs(one.value) / one.standard_error).name
-        dropped.append(Unidentified(worst, GAUGES_VAGUE))
+        dropped.append(not_estimated(worst, GAUGES_VAGUE))
         terms = tuple(term for term in terms if term != worst)
 
 
-def _terms(model: ServoModel) -> tuple[str, ...]:
+def _terms(model: EstimationResult) -> tuple[str, ...]:
     """What was fitted, of `TERMS`: the constant always is, told or not."""
     return ("C_A", *(one.name for one in model.estimates if one.name in TERMS and one.name != "C_A"))
 
 
-def _without_vague(model: ServoModel) -> ServoModel:
+def _without_vague(model: EstimationResult) -> EstimationResult:
     """The model without the constants that the data does not tell: with none of C_B there is nothing along which to
     go from the center's power to that at no current."""
-    refused = [Unidentified(e.name, VAGUE) for e in model.estimates if e.name in CONSTANTS and e.contains(0.0)]
+    refused = [not_estimated(e.name, VAGUE) for e in model.estimates if e.name in CONSTANTS and e.contains(0.0)]
     if "C_B" not in _terms(model):
-        refused = [*(one for one in refused if one.name != "C_A"), Unidentified("C_A", NO_SLOPE)]
-    lost = {one.name for one in refused}
+        refused = [*(one for one in refused if one.subject != "C_A"), not_estimated("C_A", NO_SLOPE)]
+    lost = {one.subject for one in refused}
     kept = tuple(one for one in model.estimates if one.name not in lost)
-    return model._replace(estimates=kept, unidentified=(*model.unidentified, *refused))
+    return model._replace(estimates=kept, findings=(*model.findings, *refused))
 
 
-def _regressors(strokes: _Strokes, c_d: float, c_e: float) -> dict[str, Array]:
-    i, v = strokes.current + c_d, strokes.voltage + c_e
+def _regressors(i: Array, v: Array) -> dict[str, Array]:
+    """Columns of the terms by current ``i`` (A) and voltage ``v`` (V) about the center."""
     return {"C_A": np.ones_like(i), "C_B": i, "C_C": v, "C_F": i * v, "C_G": i * i, "C_H": v * v}
 
 
@@ -211,30 +220,30 @@ def _inflation(columns: dict[str, Array], terms: tuple[str, ...], term: str) -> 
     return np.inf if left <= 1e-12 * float(column @ column) else spread / left
 
 
-def _measured(strokes: _Strokes) -> tuple[tuple[str, ...], tuple[Unidentified, ...]]:
+def _measured(strokes: _Strokes) -> tuple[tuple[str, ...], tuple[Finding, ...]]:
     """Terms whose current and voltage differ between strokes by more than their noise, which flattens slopes."""
     needs = {"C_B": (0,), "C_G": (0,), "C_C": (1,), "C_H": (1,), "C_F": (0, 1)}
     bad = [index for index in (0, 1) if not strokes.noise[index] <= NOISE_SHARE]
     dropped = tuple(
-        Unidentified(term, f"the {('current', 'voltage')[lost[0]]} varies from stroke to stroke by little but noise")
+        not_estimated(term, f"the {('current', 'voltage')[lost[0]]} varies from stroke to stroke by little but noise")
         for term, need in needs.items()
         if (lost := [index for index in need if index in bad])
     )
-    refused = {entry.name for entry in dropped}
+    refused = {entry.subject for entry in dropped}
     return tuple(term for term in TERMS if term not in refused), dropped
 
 
 def _identifiable(
     columns: dict[str, Array], power: Array, kept: tuple[str, ...], covariance: CovarianceKind
-) -> tuple[tuple[str, ...], tuple[Unidentified, ...]]:
+) -> tuple[tuple[str, ...], tuple[Finding, ...]]:
     """Backward elimination, highest terms first: collinear ones, then those whose interval spans zero."""
-    dropped: list[Unidentified] = []
+    dropped: list[Finding] = []
     while True:
         candidates = [term for term in reversed(kept) if term != "C_A"]
         worst = max(candidates, key=lambda t: _rank(columns, kept, t), default=None)
         if worst is None or _inflation(columns, kept, worst) <= HIGHEST_INFLATION:
             break
-        dropped.append(Unidentified(worst, _collinear(worst, _inflation(columns, kept, worst))))
+        dropped.append(not_estimated(worst, _collinear(worst, _inflation(columns, kept, worst))))
         kept = tuple(term for term in kept if term != worst)
     while True:
         fit = _fit(columns, power, kept, covariance)
@@ -243,7 +252,7 @@ def _identifiable(
         if not weak:
             return kept, tuple(dropped)
         term = min(weak)[1]
-        dropped.append(Unidentified(term, VAGUE))
+        dropped.append(not_estimated(term, VAGUE))
         kept = tuple(other for other in kept if other != term)
 
 
@@ -276,8 +285,16 @@ def _coefficients(fit: Fit, terms: tuple[str, ...], c_d: float, c_e: float) -> t
     return (centered, *one)
 
 
-def power_truth(data: DriveData, measured: ServoModel) -> dict[str, float]:
+def power_of(model: EstimationResult, current: Array, voltage: Array) -> Array:
+    """Eq. 12 in W about its center by ``current`` (A) and ``voltage`` (V) of one servo (N,); NaN without P_0."""
+    values = {one.name: one.value for one in model.estimates}
+    columns = {"P_0": np.ones(len(current))} | _regressors(current + model.fixed["C_D"], voltage + model.fixed["C_E"])
+    total = sum(values.get(name, 0.0) * column for name, column in columns.items() if name != "C_A")
+    return np.asarray(total if "P_0" in values else np.full(len(current), np.nan))
+
+
+def power_truth(data: DriveData, measured: EstimationResult) -> dict[str, float]:
     """The coefficients that ``measured`` has, by the same regression on true drive ``data``: name to value."""
-    model = identify_power(data, measured.centre_current, measured.centre_voltage, _terms(measured))
+    model = identify_power(data, measured.fixed["C_D"], measured.fixed["C_E"], _terms(measured))
     told = {e.name for e in measured.estimates}
     return {e.name: e.value for e in model.estimates if e.name in told}

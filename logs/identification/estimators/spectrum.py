@@ -13,8 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from logs.identification.estimators.modal import ModalFit, ModalMethod, NotIdentified, add_row
-from logs.identification.estimators.records import Record, Records
+from logs.identification.estimators.modal import ModalFit, ModalMethod, NotIdentified, Record, Records
 from logs.identification.estimators.separable import (
     Build,
     SeparableFit,
@@ -241,6 +240,6 @@ def _uncertainty(fit: SeparableFit) -> ParameterUncertainty:
     return ParameterUncertainty(np.asarray(np.linalg.inv(total)) * squares / degrees, degrees)
 
 
-SPECTRUM = add_row(ModalMethod("spectrum", "spectrum", "Bendat & Piersol 2010, ch. 6 and 9", fit, inputs=True))
+SPECTRUM = ModalMethod("spectrum", "spectrum", fit, inputs=True)
 METHOD = SPECTRUM.title
 spectrum = SPECTRUM.mode

@@ -39,7 +39,7 @@ from logs.identification.estimators.model_structure import (
     partial_f,
     statistics_of,
 )
-from logs.identification.estimators.registry import ESTIMATORS, Estimator, Request
+from logs.identification.estimators.registry import Request
 from logs.identification.results import EstimationResult
 
 
@@ -259,20 +259,10 @@ def _with_statistics(
     )
 
 
-def _row(request: Request) -> EstimationResult:
+def estimate_stepwise(request: Request) -> EstimationResult:
+    """Stepwise regression of a request; options as the fields of `Rules`."""
     rules = Rules(**{name: value for name, value in request.options.items() if name in Rules._fields})
     found = stepwise_regression(
         request.experiments, one_response(request), request.regressors, rules, settings_of(request)
     )
     return regression_result("stepwise", request, found.model, steps=found.steps)
-
-
-ESTIMATORS["stepwise"] = Estimator(
-    "stepwise", "Stepwise regression", "Klein & Morelli 2006, ch. 5.4; Grauer V.C", _row,
-    "[aero.regression.stepwise]; aero of a flight",
-    {
-        "stop": "rule: F, PSE or PRESS", "significance": "largest p-value of a term",
-        "least_gain": "of R^2 by a term",
-        "most_terms": "in the model", "always": "terms that are forced into the model",
-    },
-)  # fmt: skip

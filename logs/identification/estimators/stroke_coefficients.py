@@ -14,7 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from logs.identification.models.stroke_averages import (
+from logs.identification.findings import Entry, Finding, not_estimated, register
+from logs.identification.models.stroke_averaged import (
     WORST_CONDITION,
     Attitude,
     StrokeCoefficients,
@@ -24,7 +25,15 @@ from logs.identification.models.stroke_averages import (
     moment_regressors,
 )
 from logs.identification.models.wing_strokes import MeasuredStrokes
-from logs.identification.results import Array, Estimate, FitSeries, Fitted, Unidentified, estimate, estimates
+from logs.identification.results import (
+    Array,
+    Estimate,
+    EstimationResult,
+    FitSeries,
+    estimate,
+    estimates,
+    linear_result,
+)
 from logs.pages.document import DASHED, MODEL, POINTS, Chapter, Plot, Series
 from wingbeat.errors import InputError
 
@@ -37,17 +46,24 @@ EQUATIONS = (
 AXES = ("force_x", "force_z")
 """mean forces of half strokes forward and, against the up of the strokes' axes, down"""
 BY_STROKE = ("C_L_up", "C_L_down", "C_D_up", "C_D_down")
-"""columns of `MeanCoefficients.by_stroke`"""
+"""coefficients of a single stroke; NaN if it does not determine them"""
 LAWS = (
     "C_L of a half = C_L_alpha alpha + C_L_alpha_rate alpha' + C_L_elevator elevator + C_L_stiffness E (Eq. 20, 21);"
     " where the spar's stiffness E is not told its term is the constant C_L_0",
     "C_D of a half = C_D_min + K C_L^2 (Eq. 22, 23)",
 )
-NOISY = "C_D_min and K rest on C_L of single strokes: noise in it takes of K what the interval does not hold"
 FLAT = "the interval of K spans zero: C_L varies too little between the strokes for a polar"
 MOMENT_LAW = "C_m = C_m_0 + C_m_alpha alpha + C_m_alpha_rate alpha' + C_m_elevator elevator (Eq. 25)"
 
 
+register(
+    {
+        "polar_noise": Entry(
+            "C_D_min and K rest on C_L of single strokes, whose noise biases K beyond its interval",
+            "The regressor of the polar is an estimate: errors in variables attenuate K.",
+        )
+    }
+)
 LEAST_STROKES = 3
 HALVES = ("up", "down")
 INTERCEPTS = ("stiffness", "0", "min")
@@ -60,29 +76,12 @@ LIFT_UNITS = {"alpha": "1/rad", "alpha_rate": "s/rad", "elevator": "1/rad", "sti
 MOMENT_UNITS = {"0": "-", "alpha": "1/rad", "alpha_rate": "s/rad", "elevator": "1/rad"}
 
 
-class MeanCoefficients(NamedTuple):
-    """C_L and C_D of both halves over all strokes, and of every stroke."""
-
-    estimates: tuple[Estimate, ...]
-    """C_L_up, C_D_up, C_L_down, C_D_down"""
-    unidentified: tuple[Unidentified, ...]
-    by_stroke: Array
-    """-; (strokes, 4), C_L up, C_L down, C_D up, C_D down of each alone; NaN where it does not tell them"""
-
-
-class Derivatives(NamedTuple):
-    """Parameters of one of Eq. 20 to 23 or 25."""
-
-    estimates: tuple[Estimate, ...]
-    unidentified: tuple[Unidentified, ...]
-
-
 def stroke_coefficients(
     records: tuple[StrokeRecord, ...],
     forces: tuple[Array, ...],
     others: tuple[tuple[StrokeRecord, ...], ...] = (),
-) -> MeanCoefficients:
-    """Coefficients of Eq. 19 from M strokes.
+) -> tuple[EstimationResult, Array]:
+    """C_L and C_D of both halves of M strokes by Eq. 19, and those of each stroke (M, 4) in the order of `BY_STROKE`.
 
     Args:
         records: of each stroke.
@@ -101,18 +100,19 @@ def stroke_coefficients(
         if force.shape != record.lift_pressure.shape:
             raise InputError("a stroke's force has another shape than its dynamic pressure")
     found: list[Estimate] = []
-    refused: list[Unidentified] = []
+    refused: list[Finding] = []
     for name in HALVES:
         outcome = _half(records, forces, name, others)
         if isinstance(outcome, str):
-            refused += [Unidentified(f"{c}_{name}", outcome) for c in ("C_L", "C_D")]
+            refused += [not_estimated(f"{c}_{name}", outcome) for c in ("C_L", "C_D")]
         else:
             found += outcome
     alone = [_alone(record, force) for record, force in zip(records, forces, strict=True)]
-    return MeanCoefficients(tuple(found), tuple(refused), np.array(alone))
+    result = linear_result("stroke", tuple(found), refused, title=METHOD, equations=EQUATIONS, samples=len(records))
+    return result, np.array(alone)
 
 
-def lift_derivatives(name: str, lift: Array, attitude: Attitude, stiffness: Array | None = None) -> Derivatives:
+def lift_derivatives(name: str, lift: Array, attitude: Attitude, stiffness: Array | None = None) -> EstimationResult:
     """Eq. 20 or 21: C_L (M,) of one half of M strokes on angle of attack, its rate, elevator and spar's stiffness.
 
     ``name`` is what the half is called, "up" or "down". Where the stiffness E did not vary its term is a constant.
@@ -122,13 +122,13 @@ def lift_derivatives(name: str, lift: Array, attitude: Attitude, stiffness: Arra
     return _regressed({f"C_L_{name}_{term}": unit for term, unit in units.items()}, regressors, lift)
 
 
-def drag_polar(name: str, lift: Array, drag: Array) -> Derivatives:
+def drag_polar(name: str, lift: Array, drag: Array) -> EstimationResult:
     """Eq. 22 or 23: C_D (M,) of one half of M strokes on the square of its C_L (M,)."""
     columns = np.column_stack([np.ones(len(lift)), np.square(lift)])
     return _regressed({f"C_D_{name}_min": "-", f"K_{name}": "-"}, columns, drag)
 
 
-def moment_derivatives(moment: Array, attitude: Attitude) -> Derivatives:
+def moment_derivatives(moment: Array, attitude: Attitude) -> EstimationResult:
     """Eq. 25: C_m (M,) of M strokes, made by Eq. 24, on angle of attack, its rate and elevator."""
     return _regressed(
         {f"C_m_{term}": unit for term, unit in MOMENT_UNITS.items()}, moment_regressors(attitude), moment
@@ -191,14 +191,14 @@ def _alone(record: StrokeRecord, force: NDArray[np.float64]) -> Array:
         return np.full(4, np.nan)
 
 
-def _regressed(units: dict[str, str], columns: Array, response: Array) -> Derivatives:
+def _regressed(units: dict[str, str], columns: Array, response: Array) -> EstimationResult:
     """Least squares over strokes; what does not vary, or varies as another does, is refused."""
     good = np.isfinite(columns).all(axis=1) & np.isfinite(response)
     columns, response, names = columns[good], response[good], list(units)
     kept, refused = _independent(columns, names)
     degrees = len(response) - len(kept)
     if degrees < 1 or not kept:
-        return Derivatives((), tuple(Unidentified(name, f"{len(response)} strokes are too few") for name in names))
+        return linear_result("stroke", (), (not_estimated(n, f"{len(response)} strokes are too few") for n in names))
     taken = columns[:, kept]
     values = np.linalg.lstsq(taken, response, rcond=None)[0]
     left = response - taken @ values
@@ -208,29 +208,29 @@ def _regressed(units: dict[str, str], columns: Array, response: Array) -> Deriva
         estimate(names[column], units[names[column]], float(value), float(error), float(degrees))
         for column, value, error in zip(kept, values, errors, strict=True)
     )
-    return Derivatives(found, refused)
+    return linear_result("stroke", found, refused)
 
 
 def _is_constant(column: Array) -> bool:
     return bool(np.ptp(column) < LEAST_VARIED * np.max(np.abs(column)))
 
 
-def _independent(columns: Array, names: list[str]) -> tuple[list[int], tuple[Unidentified, ...]]:
+def _independent(columns: Array, names: list[str]) -> tuple[list[int], tuple[Finding, ...]]:
     """Columns each of which is not made of those before it, and what is said of the others."""
     kept: list[int] = []
-    refused: list[Unidentified] = []
+    refused: list[Finding] = []
     for index, name in enumerate(names):
         size = float(np.linalg.norm(columns[:, index]))
         rest = columns[:, index]
         if kept:
             rest = rest - columns[:, kept] @ np.linalg.lstsq(columns[:, kept], rest, rcond=None)[0]
         if size == 0.0:
-            refused.append(Unidentified(name, "its regressor is zero in all strokes"))
+            refused.append(not_estimated(name, "its regressor is zero in all strokes"))
         elif not name.endswith(INTERCEPTS) and _is_constant(columns[:, index]):
-            refused.append(Unidentified(name, "its regressor is the same in all strokes"))
+            refused.append(not_estimated(name, "its regressor is the same in all strokes"))
         elif float(np.linalg.norm(rest)) < size / WORST_CONDITION:
             others = ", ".join(names[i] for i in kept)
-            refused.append(Unidentified(name, f"its regressor varies as those of {others} do"))
+            refused.append(not_estimated(name, f"its regressor varies as those of {others} do"))
         else:
             kept.append(index)
     return kept, tuple(refused)
@@ -249,9 +249,8 @@ class Flight(NamedTuple):
     """-; (M,), C_m of every stroke by Eq. 24"""
 
 
-def stroke_fit(flights: Sequence[Flight], validation: Sequence[Flight] = ()) -> tuple[Fitted, MeanCoefficients]:
-    """C_L and C_D of both halves over all strokes ``flights``, beside the halves' mean forces of these and of those
-    ``validation``.
+def stroke_fit(flights: Sequence[Flight], validation: Sequence[Flight] = ()) -> tuple[EstimationResult, Array]:
+    """`stroke_coefficients` of all ``flights``, with the halves' mean forces of these and of those ``validation``.
 
     Raises:
         InputError: fewer than three strokes.
@@ -260,14 +259,14 @@ def stroke_fit(flights: Sequence[Flight], validation: Sequence[Flight] = ()) -> 
     forces = tuple(force for one in flights for force in one.strokes.forces)
     versions = [one.strokes.others for one in flights if one.strokes.records]
     others = tuple(tuple(record for part in parts for record in part) for parts in zip(*versions, strict=True))
-    found = stroke_coefficients(records, forces, others)
+    found, by_stroke = stroke_coefficients(records, forces, others)
     values = {one.name: one.value for one in found.estimates}
     series: list[FitSeries] = []
-    if not found.unidentified:
+    if not found.withheld:
         told = StrokeCoefficients(values["C_L_up"], values["C_L_down"], values["C_D_up"], values["C_D_down"])
         series = [one for flight in flights for one in _series(flight, told, held_out=False)]
         series += [one for flight in validation for one in _series(flight, told, held_out=True)]
-    return Fitted(METHOD, EQUATIONS, found.estimates, found.unidentified, None, tuple(series)), found
+    return found._replace(series=tuple(series)), by_stroke
 
 
 def _series(flight: Flight, coefficients: StrokeCoefficients, held_out: bool) -> list[FitSeries]:
@@ -302,13 +301,13 @@ def _force(coefficients: StrokeCoefficients, record: StrokeRecord) -> Array:
     return np.asarray(lift * record.lift_pressure - drag * record.drag_pressure)
 
 
-def derivative_fit(flights: Sequence[Flight], by_stroke: Array) -> Fitted:
+def derivative_fit(flights: Sequence[Flight], by_stroke: Array) -> EstimationResult:
     """Eq. 20 to 23 on the coefficients of every stroke (M, 4), and Eq. 25 where the moment is known."""
     attitude = Attitude(
         *(np.concatenate(columns) for columns in zip(*(one.attitude for one in flights), strict=True))
     )
     stiffness = _joined([one.stiffness for one in flights])
-    laws: list[Derivatives] = []
+    laws: list[EstimationResult] = []
     for place, half in enumerate(HALVES):
         laws.append(lift_derivatives(half, by_stroke[:, place], attitude, stiffness))
         laws.append(_polar(half, by_stroke[:, place], by_stroke[:, 2 + place]))
@@ -316,20 +315,21 @@ def derivative_fit(flights: Sequence[Flight], by_stroke: Array) -> Fitted:
     if moment is not None:
         laws.append(moment_derivatives(moment, attitude))
     found = tuple(one for law in laws for one in law.estimates)
-    refused = tuple(one for law in laws for one in law.unidentified)
+    refused = tuple(one for law in laws for one in law.withheld)
     equations = (*LAWS, *((MOMENT_LAW,) if moment is not None else ()))
     if stiffness is None:
         found = tuple(one._replace(name=one.name.replace("_stiffness", "_0")) for one in found)
-        refused = tuple(one._replace(name=one.name.replace("_stiffness", "_0")) for one in refused)
-    return Fitted("derivatives of the strokes' coefficients", equations, found, refused, notes=(NOISY,))
+        refused = tuple(one._replace(subject=one.subject.replace("_stiffness", "_0")) for one in refused)
+    title, noisy = "derivatives of the strokes' coefficients", Finding("polar_noise", "warning")
+    return linear_result("stroke", found, (*refused, noisy), title=title, equations=equations, samples=len(by_stroke))
 
 
-def _polar(half: str, lift: Array, drag: Array) -> Derivatives:
+def _polar(half: str, lift: Array, drag: Array) -> EstimationResult:
     """Eq. 22 or 23, refused where C_L varies too little for its square to be told from the constant."""
     found = drag_polar(half, lift, drag)
     if any(one.name.startswith("K_") and one.contains(0.0) for one in found.estimates):
-        lost = tuple(Unidentified(one.name, FLAT) for one in found.estimates)
-        return Derivatives((), (*found.unidentified, *lost))
+        lost = tuple(not_estimated(one.name, FLAT) for one in found.estimates)
+        return linear_result("stroke", (), (*found.withheld, *lost))
     return found
 
 
@@ -338,15 +338,15 @@ def _joined(columns: list[Array | None]) -> Array | None:
     return np.concatenate(there) if there and len(there) == len(columns) else None
 
 
-def stroke_chapter(coefficients: MeanCoefficients, method: str = "Strokes") -> Chapter:
+def stroke_chapter(mean: EstimationResult, by_stroke: Array) -> Chapter:
     """The coefficients of every stroke alone, beside those of all together."""
-    number = np.arange(1, len(coefficients.by_stroke) + 1, dtype=np.float64)
-    together = {one.name: one.value for one in coefficients.estimates}
+    number = np.arange(1, len(by_stroke) + 1, dtype=np.float64)
+    together = {one.name: one.value for one in mean.estimates}
     plots = []
-    for name, column in zip(BY_STROKE, coefficients.by_stroke.T, strict=True):
+    for name, column in zip(BY_STROKE, by_stroke.T, strict=True):
         lines = [Series("each stroke alone", number, column, style=POINTS)]
         if name in together:
             lines.append(Series("all together", number, np.full(len(number), together[name]), MODEL, DASHED))
         plots.append(Plot("", "stroke", "-", name, "-", tuple(lines)))
     said = "Of one stroke alone: its two halves tell two coefficients each, so that what it has of noise is in them."
-    return Chapter(method, (said,), plots=tuple(plots))
+    return Chapter("Strokes", (said,), plots=tuple(plots))

@@ -15,8 +15,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from logs.identification.estimators.stepwise import Rules, Step, stepwise_regression
+from logs.identification.findings import not_estimated
 from logs.identification.models.inverse_dynamics import COEFFICIENTS, STATES, WingCoefficients, product_units
-from logs.identification.results import Estimate, Unidentified
+from logs.identification.results import EstimationResult, linear_result
 from wingbeat.errors import InputError
 
 RULES = Rules(stop="PRESS", least_gain=0.001, most_terms=8)
@@ -25,28 +26,11 @@ LEAST_R_SQUARED = 0.5
 """-; a model that tells less of its coefficient is none"""
 
 
-class CoefficientModel(NamedTuple):
-    """One of C_L, C_T, C_m as a sum of terms."""
-
-    name: str
-    """-; of the coefficient"""
-    terms: tuple[str, ...]
-    """-; without the constant, in the order in which they entered"""
-    estimates: tuple[Estimate, ...]
-    """named as the coefficient and its term: C_L_0, C_L_v_x"""
-    unidentified: tuple[Unidentified, ...]
-    steps: tuple[Step, ...]
-    """of the choice of terms"""
-    r_squared: float
-    """-; share of the coefficient's variance that the model tells"""
-    samples: int
-    """-; used"""
-
-
 class AeroResult(NamedTuple):
     """Aerodynamic model of the wings from one or several records."""
 
-    models: tuple[CoefficientModel, ...]
+    models: tuple[EstimationResult, ...]
+    """C_L, C_T and C_m, each by its title; parameters are named by coefficient and term: C_L_0, C_L_v_x"""
     records: tuple[str, ...]
     """-; what it was taken from"""
     notes: tuple[str, ...]
@@ -70,23 +54,28 @@ def identify_coefficients(
 
 def _model(
     records: tuple[WingCoefficients, ...], name: str, candidates: tuple[str, ...], rules: Rules
-) -> CoefficientModel:
+) -> EstimationResult:
     outcome = stepwise_regression(tuple(one.experiment for one in records), name, candidates, rules)
-    model, told = outcome.model, outcome.steps[-1].statistics.r_squared if outcome.steps else 0.0
+    model, r_squared = outcome.model, coefficient_r_squared(outcome.steps)
     failure = outcome.failure or model.failure
-    if not failure and told < LEAST_R_SQUARED:
-        failure = f"the chosen terms tell {100 * told:.0f} % of its variance"
-    if failure:
-        return CoefficientModel(name, (), (), (Unidentified(name, failure),), outcome.steps, told, model.samples)
-    return CoefficientModel(
-        name,
-        outcome.terms,
-        tuple(one._replace(name=named(name, one.name)) for one in model.estimates),
-        tuple(Unidentified(named(name, one.subject), one.text) for one in model.withheld),
-        outcome.steps,
-        told,
-        model.samples,
-    )
+    if not failure and r_squared < LEAST_R_SQUARED:
+        failure = f"the chosen terms tell {100 * r_squared:.0f} % of its variance"
+    found = tuple(one._replace(name=named(name, one.name)) for one in model.estimates)
+    lost = tuple(one._replace(subject=named(name, one.subject)) for one in model.withheld)
+    return linear_result(
+        "stepwise", () if failure else found, (not_estimated(name, failure),) if failure else lost, subject="aero",
+        steps=outcome.steps, samples=model.samples, title=name, response=name,
+    )  # fmt: skip
+
+
+def coefficient_terms(model: EstimationResult) -> tuple[str, ...]:
+    """Terms of one of C_L, C_T, C_m in the order of their entry, without the constant; empty without estimates."""
+    return model.steps[-1].terms if model.estimates else ()
+
+
+def coefficient_r_squared(steps: tuple[Step, ...]) -> float:
+    """Fraction of the variance that the terms chosen in ``steps`` explain."""
+    return steps[-1].statistics.r_squared if steps else 0.0
 
 
 def named(coefficient: str, term: str) -> str:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from avionics.guidance import excitation as shapes
 from avionics.guidance.mission import Excitation
-from logs.identification.input_design.response import waveform
+from logs.identification.input_design.prediction import waveform
 
 FORMATS = ("wingbeat", "ardupilot", "px4")
 MIXER_PITCH = 11

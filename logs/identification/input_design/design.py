@@ -17,8 +17,17 @@ import numpy as np
 from avionics.guidance import excitation as shapes
 from avionics.guidance.mission import Channel, Excitation, Shape
 from avionics.missions.excitations import check_excitation
-from logs.identification.input_design.prediction import Gust, Predicted, predict, predicted_covariance
-from logs.identification.input_design.response import Prior, Response, Waveform, respond, waveform
+from logs.identification.input_design.prediction import (
+    Gust,
+    Predicted,
+    Prior,
+    Response,
+    Waveform,
+    predict,
+    predicted_covariance,
+    respond,
+    waveform,
+)
 from logs.identification.models.modes import short_period_of
 from logs.identification.results import Array
 from wingbeat.errors import InputError

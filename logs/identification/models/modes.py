@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from logs.identification.data.maneuvers import Maneuver, Reference
-from logs.identification.findings import Finding
-from logs.identification.results import Array, Estimate, EstimationResult, Unidentified
+from logs.identification.findings import Finding, not_estimated
+from logs.identification.results import Array, Estimate, EstimationResult
 from logs.identification.statistics.covariance import ParameterUncertainty, propagate
 
 SHORT_PERIOD, PHUGOID = KINDS = ("short_period", "phugoid")
@@ -61,7 +61,7 @@ class Mode(NamedTuple):
     """1/s; of the whole model"""
     derivatives: tuple[Estimate, ...]
     """the model's parameters"""
-    unidentified: tuple[Unidentified, ...]
+    withheld: tuple[Finding, ...]
     """what this method does not give, and why"""
     divergence: tuple[Estimate, ...] = ()
     """s; time in which a real mode doubles and time constant of the one that decays beside it, where the faster two
@@ -102,8 +102,6 @@ class ModesResult(NamedTuple):
     """-; how many inputs or records were used"""
     wing_period: float | None
     """s; mean in the maneuvers, None without flapping wings"""
-    notes: tuple[str, ...] = ()
-    """-; what the log does not tell and was taken from elsewhere"""
     maneuvers: tuple[Maneuver, ...] = ()
     """of a flight; empty of experiments"""
     results: tuple[EstimationResult, ...] = ()
@@ -114,10 +112,30 @@ class ModesResult(NamedTuple):
     flight: Any = None
     """`estimators.flight_modes.FlightProblem` that was fitted; None of experiments"""
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was replaced or decided, and what casts doubt on the modes; the statement has the disagreement."""
+        return tuple(one.text for one in self.findings if one.code != "methods_disagree")
+
 
 def nothing(method: str, why: str, kinds: tuple[str, ...] = (SHORT_PERIOD,)) -> Mode:
     """A method without a number, and why."""
-    return Mode(method, None, None, (), (), tuple(Unidentified(kind, why) for kind in kinds))
+    return Mode(method, None, None, (), (), tuple(not_estimated(kind, why) for kind in kinds))
+
+
+def mode_of_result(title: str, result: EstimationResult) -> Mode:
+    """The mode of a result whose numbers are ``<kind>_frequency`` and ``<kind>_damping``, if it has them."""
+    pairs: dict[str, Oscillation | None] = dict.fromkeys(KINDS)
+    rest = {one.name: one for one in (*result.estimates, *result.derived)}
+    for kind in KINDS:
+        if f"{kind}_frequency" in rest and f"{kind}_damping" in rest:
+            frequency, damping = rest.pop(f"{kind}_frequency"), rest.pop(f"{kind}_damping")
+            period, half, cycles = (
+                rest.pop(f"{kind}_{name}", None) for name in ("period", "time_to_half", "cycles_to_half")
+            )
+            pairs[kind] = Oscillation(frequency, damping, period, half, cycles, ())
+    short, slow = pairs.values()
+    return Mode(title, short, slow, (), tuple(rest.values()), result.withheld)
 
 
 def without_heavy(mode: Mode, most: float) -> Mode:
@@ -129,10 +147,10 @@ def without_heavy(mode: Mode, most: float) -> Mode:
     if not heavy:
         return mode
     gone = [kind for kind in (KINDS if SHORT_PERIOD in heavy else heavy) if mode.of_kind(kind) is not None]
-    missing = (*mode.unidentified, *(Unidentified(kind, HEAVY) for kind in gone))
+    missing = (*mode.withheld, *(not_estimated(kind, HEAVY) for kind in gone))
     if SHORT_PERIOD in heavy or mode.short_period is None:
-        return nothing(mode.method, HEAVY)._replace(unidentified=missing)
-    return mode._replace(phugoid=None, unidentified=missing)
+        return nothing(mode.method, HEAVY)._replace(withheld=missing)
+    return mode._replace(phugoid=None, withheld=missing)
 
 
 def pair_of(first: complex, second: complex) -> tuple[float, float]:
@@ -190,7 +208,7 @@ def split_pairs(system: Array, fastest_phugoid: float = math.inf) -> tuple[Array
     return roots[chosen], roots[~chosen]
 
 
-def oscillation(kind: str, pair: Array, spread: ParameterUncertainty) -> Oscillation | Unidentified:
+def oscillation(kind: str, pair: Array, spread: ParameterUncertainty) -> Oscillation | Finding:
     """A mode from its ``pair`` (2,) of frequency (rad/s) and damping ratio and what they are worth.
 
     Times and cycles are monotone in the decay rate, the damped frequency and their ratio: the ends of their
@@ -198,7 +216,7 @@ def oscillation(kind: str, pair: Array, spread: ParameterUncertainty) -> Oscilla
     """
     frequency, damping = spread.estimates({f"{kind}_frequency": "rad/s", f"{kind}_damping": "-"}, pair)
     if not np.all(np.isfinite(spread.standard_errors)) or frequency.low < (1 - WIDEST) * frequency.value:
-        return Unidentified(kind, UNSURE)
+        return not_estimated(kind, UNSURE)
     rate = computed(lambda p: float(p[0] * p[1]), pair, spread)
     half = over(f"{kind}_time_to_{_change(rate)}", "s", math.log(2), rate)
     constants = _time_constants(pair, spread) if pair[1] >= 1 else ()
@@ -260,10 +278,10 @@ def paired_mode(
     for kind, index in zip(kinds, np.argsort(-pairs[::2]), strict=True):
         chosen = slice(2 * index, 2 * index + 2)
         outcome = oscillation(kind, pairs[chosen], spread.part(chosen))
-        if isinstance(outcome, Unidentified):
+        if isinstance(outcome, Finding):
             missing.append(outcome)
         elif kind == SHORT_PERIOD and outcome.damping.low <= 0.0 <= outcome.damping.high:
-            missing.append(Unidentified(kind, FORCED))
+            missing.append(not_estimated(kind, FORCED))
         else:
             found[kind] = outcome
     roots = tuple(root for pair in pairs.reshape(-1, 2).tolist() for root in eigenvalues_of(*pair))
@@ -297,7 +315,7 @@ def mode_of_system(
     missing = []
     for kind, of in PAIRS[: len(eigenvalues) // 2]:
         outcome = _carried(kind, partial(of, fastest_phugoid=fastest_phugoid), system, values, spread)
-        if isinstance(outcome, Unidentified):
+        if isinstance(outcome, Finding):
             missing.append(outcome)
         else:
             found[kind] = outcome
@@ -329,9 +347,9 @@ def _carried(
     system: Callable[[Array], Array],
     values: Array,
     spread: ParameterUncertainty,
-) -> Oscillation | Unidentified:
+) -> Oscillation | Finding:
     try:
         pair, worth = propagate(lambda v: np.array(of(system(v))), values, spread)
     except ValueError as error:
-        return Unidentified(kind, str(error))
+        return not_estimated(kind, str(error))
     return oscillation(kind, pair, worth)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from logs.identification.data.experiment import longest_run, runs
 from logs.identification.data.smoothing import MIN_FOURIER, POWER, fourier_smoothing
-from logs.identification.models.stroke_averages import StrokeRecord, stroke_record
+from logs.identification.models.stroke_averaged import StrokeRecord, stroke_record
 from logs.identification.results import Array
 from logs.strokes import strokes_of, time_at
 from wingbeat.errors import InputError

@@ -8,10 +8,8 @@ from types import MappingProxyType
 import numpy as np
 
 from logs.identification.findings import CATALOG, Finding
-from logs.identification.report.result_formatting import finding_line
-from logs.identification.results import Array, Estimate, EstimationResult, FitSeries, Unidentified
-from logs.identification.statistics.collinearity import STRONG, strong_pairs
-from logs.identification.statistics.fit_quality import BAND, autocorrelation, theil
+from logs.identification.results import Array, Estimate, EstimationResult, FitSeries
+from logs.identification.statistics.fit_quality import BAND, STRONG, autocorrelation, strong_pairs, theil
 from logs.pages.document import (
     DASHED,
     MEASURED,
@@ -53,17 +51,17 @@ def remarks(findings: Iterable[Finding]) -> tuple[Remark, ...]:
     order = ("withheld", "warning", "info")
     groups: dict[tuple[str, str, str], list[Finding]] = {}
     for one in sorted(findings, key=lambda one: order.index(one.severity)):
-        groups.setdefault((one.severity, one.code, finding_line(one)), []).append(one)
+        groups.setdefault((one.severity, one.code, one.line), []).append(one)
     return tuple(
         remark(same[0] if len(same) == 1 else same[0]._replace(subject=", ".join(one.subject for one in same)))
         for same in groups.values()
     )
 
 
-def missing_remarks(missing: Iterable[Unidentified]) -> tuple[Remark, ...]:
+def missing_remarks(missing: Iterable[Finding]) -> tuple[Remark, ...]:
     """Return parameters without an estimate as shown on a page."""
     return tuple(
-        Remark("withheld", "not_estimated", sentence(f"{spaced(one.name)}: {one.reason}")) for one in missing
+        Remark("withheld", "not_estimated", sentence(f"{spaced(one.subject)}: {one.text}")) for one in missing
     )
 
 

@@ -8,18 +8,19 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from logs.identification.data.flight import Aircraft, GaugeErrors
-from logs.identification.diagnostics.validation import Validation, validation
-from logs.identification.estimators.flapping_frequency import FrequencyModel, identify_frequency
+from logs.identification.diagnostics.agreement import Validation, validation
+from logs.identification.estimators.bench import identify_load, load_truth
+from logs.identification.estimators.flapping_frequency import FrequencyResult, identify_frequency
 from logs.identification.estimators.flight_modes import identify_modes
-from logs.identification.estimators.servo import ServoModel, ServoResult, identify_torque, with_gauge_errors
+from logs.identification.estimators.servo import identify_torque, with_gauge_errors
 from logs.identification.estimators.servo_power import power_truth, power_with_gauge_errors
 from logs.identification.estimators.stepwise import Step
-from logs.identification.estimators.torque_speed import identify_load, load_truth
-from logs.identification.estimators.wing_coefficients import AeroResult
+from logs.identification.estimators.wing_coefficients import AeroResult, coefficient_r_squared, coefficient_terms
+from logs.identification.findings import Finding, not_estimated
 from logs.identification.models.modes import KINDS, Mode, ModesResult, Oscillation
 from logs.identification.report.background import run_in_background
 from logs.identification.report.markers import marker_document, marker_lines
-from logs.identification.results import Estimate, EstimationResult, Unidentified, withheld_finding
+from logs.identification.results import Estimate, EstimationResult
 from logs.identification.sources.flight import drive_data, flight_data, throttle_data, true_drive_data
 from logs.identification.sources.flight_path import PathResult, identify_path, imu_truths
 from logs.identification.sources.motion import identify_aero
@@ -29,6 +30,8 @@ from sim_bridge.vehicles import SimulatedVehicle
 from wingbeat.errors import InputError
 
 SUBJECTS = ("servo", "power", "modes", "aero", "path", "all")
+Servo = tuple[EstimationResult | None, EstimationResult | None]
+"""torque and power model of the drive servos; None for one that was not requested"""
 POWER_TRUTH = "the same regression on this flight's noise-free drive; they vary with the flight"
 """Eq. 12 has no constants of the vehicle: its terms are fitted to the currents and voltages that were flown."""
 
@@ -44,17 +47,17 @@ THEIL = ("coefficient", "bias", "variance", "covariance")
 class Identification(NamedTuple):
     """What was identified from one log; None for what was not asked for or not to be had."""
 
-    torque: ServoModel | None = None
+    torque: EstimationResult | None = None
     """Gerdes Eq. 11"""
-    power: ServoModel | None = None
+    power: EstimationResult | None = None
     """Gerdes Eq. 12"""
-    load: ServoModel | None = None
+    load: EstimationResult | None = None
     """the wings' load on the drives, Gerdes Table 5"""
-    frequency: FrequencyModel | None = None
+    frequency: FrequencyResult | None = None
     """flapping frequency against throttle"""
     modes: ModesResult | None = None
     """short period"""
-    missing: tuple[Unidentified, ...] = ()
+    missing: tuple[Finding, ...] = ()
     """what the log does not give, and why"""
     truths: Mapping[str, float] = {}
     """as the estimate, by its name; true values, where they are known (`power.` before those of Eq. 12)"""
@@ -78,7 +81,7 @@ class Row(NamedTuple):
     note: str
 
 
-def servo_truth(source: ColumnSource, measured: ServoModel) -> dict[str, float]:
+def servo_truth(source: ColumnSource, measured: EstimationResult) -> dict[str, float]:
     """Coefficients of Gerdes Eq. 12 from the world's noise-free topics, the same regression as ``measured``.
 
     Raises:
@@ -93,8 +96,9 @@ def identify(
     aircraft: Aircraft | None = None,
     truths: Mapping[str, float] | None = None,
     bodies: SimulatedVehicle | None = None,
+    method: str | None = None,
 ) -> Identification:
-    """Identify ``what`` (`SUBJECTS`; servo is torque and power) from a log.
+    """Identify ``what`` (`SUBJECTS`; servo is torque and power) from a log, the modes by one ``method`` if given.
 
     ``truths`` are known true values by name: K_tau, K_tau0, short_period_frequency, short_period_damping.
     Those of the power model are taken from the log itself where it is of a simulated flight. The wings' coefficients
@@ -106,10 +110,10 @@ def identify(
     if what not in SUBJECTS:
         raise InputError(f"cannot identify {what!r}; known: {', '.join(SUBJECTS)}")
     source = CachedSource(source)
-    known, aircraft, missing = dict(truths or {}), aircraft or Aircraft(), list[Unidentified]()
+    known, aircraft, missing = dict(truths or {}), aircraft or Aircraft(), list[Finding]()
     torque = power = load = frequency = None
-    unknown_modes = list[Unidentified]()
-    modes = _start_modes(source, what, aircraft, unknown_modes)
+    unknown_modes = list[Finding]()
+    modes = _start_modes(source, what, aircraft, unknown_modes, method)
     if what in ("servo", "power", "all"):
         torque, power = _servo(source, what, aircraft, missing)
     if what in ("servo", "all"):
@@ -121,16 +125,16 @@ def identify(
     if what == "path":
         path = identify_path(source, aircraft)
         return Identification(truths=known | imu_truths(source, aircraft, path.spans), path=path)
-    unknown_wings = list[Unidentified]()
+    unknown_wings = list[Finding]()
     aero, found = _wings(source, what, aircraft, bodies, unknown_wings), modes()
     missing += [*unknown_modes, *unknown_wings]
     if all(each is None for each in (torque, power, load, frequency, found, aero)):
-        raise InputError("; ".join(entry.reason for entry in missing))
+        raise InputError("; ".join(entry.text for entry in missing))
     return Identification(torque, power, load, frequency, found, tuple(missing), known, aero)
 
 
 def _start_modes(
-    source: ColumnSource, what: str, aircraft: Aircraft, missing: list[Unidentified]
+    source: ColumnSource, what: str, aircraft: Aircraft, missing: list[Finding], method: str | None
 ) -> Callable[[], ModesResult | None]:
     """Start the modes in the background; the returned function waits for them. The log is read before.
 
@@ -143,14 +147,16 @@ def _start_modes(
         return lambda: None
 
     def work() -> ModesResult | None:
-        found: ModesResult | None = _attempt(lambda: identify_modes(data, aircraft), "short period", missing)
+        found: ModesResult | None = _attempt(
+            lambda: identify_modes(data, aircraft, method=method), "short period", missing
+        )
         return found
 
     return work if what == "modes" else run_in_background(work)
 
 
 def _wings(
-    source: ColumnSource, what: str, aircraft: Aircraft, bodies: SimulatedVehicle | None, missing: list[Unidentified]
+    source: ColumnSource, what: str, aircraft: Aircraft, bodies: SimulatedVehicle | None, missing: list[Finding]
 ) -> AeroResult | None:
     """The wings' coefficients, alone or beside all else; there nothing is asked of a vehicle that is not known.
 
@@ -167,33 +173,33 @@ def _wings(
     return found
 
 
-def _attempt(work: Any, name: str, missing: list[Unidentified]) -> Any:
+def _attempt(work: Any, name: str, missing: list[Finding]) -> Any:
     try:
         return work()
     except InputError as error:
-        missing.append(Unidentified(name, str(error)))
+        missing.append(not_estimated(name, str(error)))
         return None
 
 
-def _servo(source: ColumnSource, what: str, aircraft: Aircraft, missing: list[Unidentified]) -> ServoResult:
+def _servo(source: ColumnSource, what: str, aircraft: Aircraft, missing: list[Finding]) -> Servo:
     """Each of the two models for itself: a stand that lacks what the one needs gives the other."""
     data = _attempt(lambda: drive_data(source), "servo model", missing)
     if data is None:
-        return ServoResult(None, None)
-    centre = aircraft.centre_current, aircraft.centre_voltage
+        return None, None
+    center = aircraft.centre_current, aircraft.centre_voltage
     gauges = aircraft.gauges
     torque = (
         None
         if what == "power"
         else _attempt(lambda: with_gauge_errors(identify_torque, data, gauges), "servo torque", missing)
     )
-    power = _attempt(lambda: power_with_gauge_errors(data, gauges, *centre), "servo power", missing)
-    return ServoResult(torque, power)
+    power = _attempt(lambda: power_with_gauge_errors(data, gauges, *center), "servo power", missing)
+    return torque, power
 
 
 def _load_and_frequency(
-    source: ColumnSource, gauges: GaugeErrors, missing: list[Unidentified]
-) -> tuple[ServoModel | None, FrequencyModel | None]:
+    source: ColumnSource, gauges: GaugeErrors, missing: list[Finding]
+) -> tuple[EstimationResult | None, FrequencyResult | None]:
     """What the wings ask of the drives, and how fast they beat by the throttle, where the log has what they need."""
     load = frequency = None
     drive, throttle = (_attempt(lambda read=read: read(source), "", []) for read in (drive_data, throttle_data))
@@ -204,7 +210,7 @@ def _load_and_frequency(
     return load, frequency
 
 
-def _power_truths(source: ColumnSource, power: ServoModel) -> dict[str, float]:
+def _power_truths(source: ColumnSource, power: EstimationResult) -> dict[str, float]:
     try:
         truth = servo_truth(source, power)
     except InputError:
@@ -212,7 +218,7 @@ def _power_truths(source: ColumnSource, power: ServoModel) -> dict[str, float]:
     return {f"power.{name}": value for name, value in truth.items()}
 
 
-def _load_truths(source: ColumnSource, load: ServoModel) -> dict[str, float]:
+def _load_truths(source: ColumnSource, load: EstimationResult) -> dict[str, float]:
     try:
         return load_truth(true_drive_data(source), load)
     except InputError:
@@ -225,11 +231,12 @@ def rows(result: Identification) -> tuple[Row, ...]:
     for subject, model, prefix in (("servo torque", result.torque, ""), ("servo power", result.power, "power.")):
         if model is not None:
             table += _estimate_rows(subject, model.estimates, result.truths, prefix)
-            table += _refusals(subject, model.unidentified)
-    for subject, more in (("wing load", result.load), ("flapping frequency", result.frequency)):
+            table += _refusals(subject, model.withheld)
+    frequency = None if result.frequency is None else result.frequency.result
+    for subject, more in (("wing load", result.load), ("flapping frequency", frequency)):
         if more is not None:
             table += _estimate_rows(subject, more.estimates, result.truths, "")
-            table += _refusals(subject, more.unidentified)
+            table += _refusals(subject, more.withheld)
     if any(name.startswith("power.") for name in result.truths):
         table.append(Row("servo power", "true values", "", None, None, POWER_TRUTH))
     for motion in result.markers.motions if result.markers else ():
@@ -238,27 +245,28 @@ def rows(result: Identification) -> tuple[Row, ...]:
     if result.markers:
         table += [Row("markers", "taken", "", None, None, note) for note in result.markers.notes]
     for aero in result.aero.models if result.aero else ():
-        table += _estimate_rows(aero.name, aero.estimates, result.truths, "")
-        table += _refusals(aero.name, aero.unidentified)
+        table += _estimate_rows(aero.title, aero.estimates, result.truths, "")
+        table += _refusals(aero.title, aero.withheld)
         if aero.estimates:
-            told = f"{100 * aero.r_squared:.1f} % of its variance by these terms, {aero.samples} samples"
-            table.append(Row(aero.name, "told", "", None, None, told))
+            percent = 100 * coefficient_r_squared(aero.steps)
+            told = f"{percent:.1f} % of its variance by these terms, {aero.samples} samples"
+            table.append(Row(aero.title, "told", "", None, None, told))
     if result.aero:
         table += [Row("wing coefficients", "taken", "", None, None, note) for note in result.aero.notes]
     if result.path:
         path = result.path.result
         table += _estimate_rows(path.title, path.estimates, result.truths, "")
-        table += _refusals(path.title, (Unidentified(one.subject, one.text) for one in path.withheld))
+        table += _refusals(path.title, path.withheld)
         table += [Row(path.title, "taken", "", None, None, note) for note in _notes(path)]
     for mode in result.modes.modes if result.modes else ():
         for pair in (mode.of_kind(kind) for kind in KINDS):
             sure, wide = determined(() if pair is None else pair.estimates)
             table += _estimate_rows(mode.method, sure, result.truths, "")
-            table += [Row(mode.method, one.name, "", None, None, f"not determined: {one.reason}") for one in wide]
+            table += [Row(mode.method, one.subject, "", None, None, f"not determined: {one.text}") for one in wide]
         table += _estimate_rows(mode.method, mode.divergence, result.truths, "")
-        if not any(mode.of_kind(kind) for kind in KINDS) and not mode.unidentified:
+        if not any(mode.of_kind(kind) for kind in KINDS) and not mode.withheld:
             table += _estimate_rows(mode.method, mode.derivatives, result.truths, "")  # a method without modes
-        table += _refusals(mode.method, mode.unidentified)
+        table += _refusals(mode.method, mode.withheld)
     if result.modes:
         table.append(Row("modes", "agreement", "", None, None, result.modes.statement))
         tried = validation(result.modes)
@@ -270,18 +278,18 @@ def rows(result: Identification) -> tuple[Row, ...]:
     return (*table, *_refusals("", result.missing))
 
 
-def determined(estimates: Sequence[Estimate]) -> tuple[list[Estimate], list[Unidentified]]:
+def determined(estimates: Sequence[Estimate]) -> tuple[list[Estimate], list[Finding]]:
     """A mode's numbers, and those that follow from its frequency and damping and that these leave open.
 
     Where the damping may be next to none, a time to half may be anything: more than a decade says nothing.
     """
     told: list[Estimate] = []
-    wide: list[Unidentified] = []
+    wide: list[Finding] = []
     for one in estimates:
         if FOLLOWS.search(one.name) and one.high > DECADE * one.low:
             unit = "" if one.unit == "-" else f" {one.unit}"
             bounds = f"{one.low:.2g} to {one.high:.3g}{unit}"
-            wide.append(Unidentified(one.name, f"the data allow {bounds}"))
+            wide.append(not_estimated(one.name, f"the data allow {bounds}"))
         else:
             told.append(one)
     return told, wide
@@ -293,9 +301,9 @@ def _estimate_rows(
     return [Row(subject, e.name, e.unit, e, truths.get(prefix + e.name), "") for e in estimates]
 
 
-def _refusals(subject: str, refused: Iterable[Unidentified]) -> list[Row]:
+def _refusals(subject: str, refused: Iterable[Finding]) -> list[Row]:
     return [
-        Row(subject or entry.name, entry.name, "", None, None, f"not identified: {entry.reason}") for entry in refused
+        Row(subject or one.subject, one.subject, "", None, None, f"not identified: {one.text}") for one in refused
     ]
 
 
@@ -310,14 +318,14 @@ def document(result: Identification) -> dict[str, Any]:
         "aero": None if result.aero is None else _aero(result.aero, result.truths),
         "path": None if result.path is None else _path(result.path, result.truths),
         "markers": None if result.markers is None else marker_document(result.markers),
-        "missing": [entry._asdict() for entry in result.missing],
+        "missing": _unidentified(result.missing),
     }
 
 
 def _path(result: PathResult, truths: Mapping[str, float]) -> dict[str, Any]:
     return {
         "estimates": [_estimate(found, truths) for found in result.result.estimates],
-        "unidentified": [{"name": one.subject, "reason": one.text} for one in result.result.withheld],
+        "unidentified": _unidentified(result.result.withheld),
         "records": list(result.records),
         "notes": _notes(result.result),
         "findings": [one.document() for one in result.result.findings],
@@ -332,14 +340,14 @@ def _aero(result: AeroResult, truths: Mapping[str, float]) -> dict[str, Any]:
     return {
         "models": [
             {
-                "name": model.name,
-                "terms": list(model.terms),
+                "name": model.title,
+                "terms": list(coefficient_terms(model)),
                 "estimates": [_estimate(found, truths) for found in model.estimates],
-                "unidentified": [entry._asdict() for entry in model.unidentified],
+                "unidentified": _unidentified(model.withheld),
                 "steps": step_entries(model.steps),
-                "r_squared": _number(model.r_squared),
+                "r_squared": _number(coefficient_r_squared(model.steps)),
                 "samples": model.samples,
-                "findings": _withheld(model.unidentified),
+                "findings": _withheld(model.withheld),
             }
             for model in result.models
         ],
@@ -365,32 +373,38 @@ def _estimate(one: Estimate, truths: Mapping[str, float], prefix: str = "") -> d
     return entry | {"truth": truths.get(prefix + one.name)}
 
 
-def _model(model: ServoModel, truths: Mapping[str, float], prefix: str) -> dict[str, Any]:
+def _model(model: EstimationResult, truths: Mapping[str, float], prefix: str) -> dict[str, Any]:
     return {
         "estimates": [_estimate(found, truths, prefix) for found in model.estimates],
-        "unidentified": [entry._asdict() for entry in model.unidentified],
-        "centre_current": model.centre_current,
-        "centre_voltage": model.centre_voltage,
-        "residual": _number(model.residual),
+        "unidentified": _unidentified(model.withheld),
+        "centre_current": model.fixed.get("C_D", 0.0),
+        "centre_voltage": model.fixed.get("C_E", 0.0),
+        "residual": _number(model.residual_deviation),
         "samples": model.samples,
-        "findings": _withheld(model.unidentified),
+        "findings": _withheld(model.withheld),
     }
 
 
-def _withheld(lost: Iterable[Unidentified]) -> list[dict[str, Any]]:
+def _unidentified(lost: Iterable[Finding]) -> list[dict[str, str]]:
+    """Name and reason of each parameter without an estimate."""
+    return [{"name": one.subject, "reason": one.text} for one in lost]
+
+
+def _withheld(lost: Iterable[Finding]) -> list[dict[str, Any]]:
     """Findings of parameters without an estimate."""
-    return [withheld_finding(one).document() for one in lost]
+    return [one.document() for one in lost]
 
 
-def _frequency(model: FrequencyModel, truths: Mapping[str, float]) -> dict[str, Any]:
+def _frequency(frequency: FrequencyResult, truths: Mapping[str, float]) -> dict[str, Any]:
+    model, segments = frequency
     return {
         "estimates": [_estimate(found, truths) for found in model.estimates],
-        "unidentified": [entry._asdict() for entry in model.unidentified],
-        "centre_throttle": model.centre_throttle,
-        "centre_voltage": model.centre_voltage,
-        "residual": _number(model.residual),
-        "findings": _withheld(model.unidentified),
-        "segments": [{key: _number(value) for key, value in segment._asdict().items()} for segment in model.segments],
+        "unidentified": _unidentified(model.withheld),
+        "centre_throttle": model.fixed["T_c"],
+        "centre_voltage": model.fixed.get("V_c", 0.0),
+        "residual": _number(model.residual_deviation),
+        "findings": _withheld(model.withheld),
+        "segments": [{key: _number(value) for key, value in segment._asdict().items()} for segment in segments],
     }
 
 
@@ -438,7 +452,7 @@ def _mode(mode: Mode, truths: Mapping[str, float]) -> dict[str, Any]:
         ],
         "divergence": [_estimate(found, truths) for found in mode.divergence],
         "derivatives": [_estimate(found, truths) for found in mode.derivatives],
-        "unidentified": [entry._asdict() for entry in mode.unidentified],
+        "unidentified": _unidentified(mode.withheld),
     }
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from logs.identification.data.flight import DriveData
 from logs.identification.data.maneuvers import Maneuver
-from logs.identification.diagnostics.validation import validation
+from logs.identification.diagnostics.agreement import validation
 from logs.identification.estimators.flight_modes import OUTPUT_ERROR, cross_validated
 from logs.identification.models.modes import KINDS, ModesResult
 from logs.identification.report.markers import markers_chapter
@@ -107,12 +107,8 @@ def _summary(results: Identification) -> Chapter:
     """Return the estimates of each subject and the findings on them."""
     method, modal = modal_summary(results.modes)
     listed = [(one, "") for one in modal]
-    for part, prefix in (
-        (results.torque, ""),
-        (results.power, "power."),
-        (results.load, ""),
-        (results.frequency, ""),
-    ):
+    frequency = None if results.frequency is None else results.frequency.result
+    for part, prefix in ((results.torque, ""), (results.power, "power."), (results.load, ""), (frequency, "")):
         listed += [(one, prefix) for one in (part.estimates if part is not None else ())]
     listed += [(one, "") for one in (results.path.result.estimates if results.path is not None else ())]
     models = results.aero.models if results.aero is not None else ()
@@ -128,7 +124,7 @@ def _summary(results: Identification) -> Chapter:
 
 def _findings(results: Identification) -> tuple[Remark, ...]:
     """Return what is not identified, then the findings on modes and flight path."""
-    modes = results.modes.findings if results.modes is not None else ()
+    modes = [one for one in results.modes.findings if one.code != "note"] if results.modes is not None else ()
     path = results.path.result.findings if results.path is not None else ()
     return (*missing_remarks(results.missing), *remarks((*modes, *path)))
 
@@ -154,8 +150,7 @@ def _data(subject: Subject, results: Identification) -> Chapter:
     notes: tuple[str, ...] = ()
     plots: tuple[Plot, ...] = ()
     if results.modes is not None:
-        listed = {one.text for one in results.modes.findings}
-        notes = tuple(sentence(note) for note in results.modes.notes if note not in listed)
+        notes = tuple(sentence(one.text) for one in results.modes.findings if one.code == "note")
         predicted = validation(results.modes)
         notes += () if predicted is None else (sentence(f"held out: {predicted.statement}"),)
         if results.modes.maneuvers:
@@ -209,7 +204,7 @@ def modes_chapter(result: ModesResult, truths: Mapping[str, float]) -> Chapter:
         pairs = [(mode.method, pair) for mode in result.modes if (pair := mode.of_kind(kind)) is not None]
         split = [(method, *determined(pair.estimates)) for method, pair in pairs]
         for method, _, wide in split:
-            withheld += missing_remarks(one._replace(name=f"{method}, {one.name}") for one in wide)
+            withheld += missing_remarks(one._replace(subject=f"{method}, {one.subject}") for one in wide)
         names = dict.fromkeys(e.name for _, pair in pairs for e in pair.estimates)
         bars = [
             Bar(method, e, truths.get(name))
@@ -223,7 +218,7 @@ def modes_chapter(result: ModesResult, truths: Mapping[str, float]) -> Chapter:
     bars = [Bar(mode.method, e, truths.get(e.name)) for mode in result.modes for e in mode.divergence]
     if bars:
         parts.append(Chapter("Divergence", plots=_compared(bars)))
-    lost = (one._replace(name=f"{mode.method}, {one.name}") for mode in result.modes for one in mode.unidentified)
+    lost = (one._replace(subject=f"{mode.method}, {one.subject}") for mode in result.modes for one in mode.withheld)
     findings = (*missing_remarks(lost), *withheld)
     return Chapter("Modes", (sentence(result.statement),), parts=tuple(parts), findings=findings)
 

@@ -8,15 +8,15 @@ import numpy as np
 
 from logs.identification.data.experiment import Experiment
 from logs.identification.data.flight import DriveData
-from logs.identification.estimators.flapping_frequency import FrequencyModel
+from logs.identification.estimators.flapping_frequency import FrequencyResult
 from logs.identification.estimators.flight_path import WRAPPED, FlightPath, unwrapped
 from logs.identification.estimators.gps_aided import ATTITUDE, VELOCITIES
-from logs.identification.estimators.servo import ServoModel
+from logs.identification.estimators.servo_power import power_of
 from logs.identification.estimators.stepwise import Step
-from logs.identification.estimators.wing_coefficients import AeroResult, CoefficientModel
+from logs.identification.estimators.wing_coefficients import AeroResult, coefficient_r_squared
 from logs.identification.models.rigid_body import UNITS
 from logs.identification.report.methods import intervals, missing_remarks
-from logs.identification.results import Array
+from logs.identification.results import Array, EstimationResult
 from logs.identification.sources.flight_path import PathResult
 from logs.pages.document import (
     DASHED,
@@ -29,7 +29,7 @@ from logs.pages.document import (
     Series,
     Table,
 )
-from logs.pages.labels import sentence
+from logs.pages.labels import REGRESSORS, sentence
 from logs.strokes import interval_mean, stroke_cuts, stroke_means
 
 TORQUE_MODEL = "Mean |torque| of both drives (Gerdes Eq. 11): K_tau I + K_tau0, with the current I of both."
@@ -54,7 +54,10 @@ PLOTTED_RECORDS = 6
 
 
 def drives_chapter(
-    torque: ServoModel | None, power: ServoModel | None, data: DriveData | None, truths: Mapping[str, float]
+    torque: EstimationResult | None,
+    power: EstimationResult | None,
+    data: DriveData | None,
+    truths: Mapping[str, float],
 ) -> Chapter | None:
     """Return the servo models; None if there are none. Without ``data`` there are no scatter plots."""
     parts = []
@@ -69,86 +72,84 @@ def drives_chapter(
 
 
 def wings_chapter(
-    load: ServoModel | None, frequency: FrequencyModel | None, truths: Mapping[str, float]
+    load: EstimationResult | None, frequency: FrequencyResult | None, truths: Mapping[str, float]
 ) -> Chapter | None:
     """Return load of the wings on the drives and flapping frequency by throttle; None if there are none."""
     parts: list[Chapter] = []
     if load is not None:
         parts.append(_part("Load", LOAD_MODEL, load, truths, "N m", ()))
-    if frequency is not None and (frequency.estimates or frequency.segments):
+    if frequency is not None and (frequency.result.estimates or frequency.segments):
         parts.append(_frequency(frequency, truths))
     return Chapter("Wing load and flapping frequency", parts=tuple(parts)) if parts else None
 
 
-def _frequency(model: FrequencyModel, truths: Mapping[str, float]) -> Chapter:
-    voltage = f" and {model.centre_voltage:.4g} V" if model.centre_voltage else ""
+def _frequency(frequency: FrequencyResult, truths: Mapping[str, float]) -> Chapter:
+    model, segments = frequency
+    voltage = f" and {model.fixed['V_c']:.4g} V" if "V_c" in model.fixed else ""
     text = (
-        f"{len(model.segments)} segments of steady throttle, standard deviation {model.residual:.3g} Hz."
-        f" Center: throttle {model.centre_throttle:.3g}{voltage}."
+        f"{len(segments)} segments of steady throttle, standard deviation {model.residual_deviation:.3g} Hz."
+        f" Center: throttle {model.fixed['T_c']:.3g}{voltage}."
     )
     return Chapter(
         "Flapping frequency by throttle", (THROTTLE_MODEL, text),
-        plots=(*intervals(model.estimates, truths), _frequency_plot(model)),
-        findings=missing_remarks(model.unidentified),
+        plots=(*intervals(model.estimates, truths), _frequency_plot(frequency)),
+        findings=missing_remarks(model.withheld),
     )  # fmt: skip
 
 
-def _frequency_plot(model: FrequencyModel) -> Plot:
+def _frequency_plot(model: FrequencyResult) -> Plot:
     """Return every segment and the model at the central voltage."""
     throttle, measured = (
         np.array([getattr(one, key) for one in model.segments]) for key in ("throttle", "frequency")
     )
     series = [Series("steady segments", throttle, measured, MEASURED, POINTS)]
-    values = {e.name: e.value for e in model.estimates}
+    values = {e.name: e.value for e in model.result.estimates}
     flapping = throttle[measured > 0]
     if {"flapping_frequency", "throttle_slope"} <= values.keys() and len(flapping):
         grid = np.linspace(flapping.min(), flapping.max(), 50)
-        change = grid - model.centre_throttle
+        change = grid - model.result.fixed["T_c"]
         slope = values["throttle_slope"] + values.get("throttle_curvature", 0.0) * change
         series.insert(0, Series("model", grid, values["flapping_frequency"] + slope * change, MODEL))
     return Plot("Flapping frequency", "throttle", "-", "frequency", "Hz", tuple(series))
 
 
 def _part(
-    title: str, equation: str, model: ServoModel, truths: Mapping[str, float], unit: str, plots: tuple[Plot, ...]
+    title: str,
+    equation: str,
+    model: EstimationResult,
+    truths: Mapping[str, float],
+    unit: str,
+    plots: tuple[Plot, ...],
 ) -> Chapter:
     """Return one model: equation, estimates, findings and scatter plots."""
-    center = (
-        f" Center: {-model.centre_current:.3g} A and {-model.centre_voltage:.3g} V per drive."
-        if model.centre_voltage
-        else ""
-    )
-    text = f"{model.samples} samples, residual standard deviation {model.residual:.3g} {unit}.{center}"
+    center = f" Center: {-model.fixed['C_D']:.3g} A and {-model.fixed['C_E']:.3g} V per drive." if model.fixed else ""
+    text = f"{model.samples} samples, residual standard deviation {model.residual_deviation:.3g} {unit}.{center}"
     return Chapter(
         title, (equation, text), plots=(*intervals(model.estimates, truths), *plots),
-        findings=missing_remarks(model.unidentified),
+        findings=missing_remarks(model.withheld),
     )  # fmt: skip
 
 
-def _values(model: ServoModel) -> dict[str, float]:
-    return {e.name: e.value for e in model.estimates}
-
-
-def _torque_plot(model: ServoModel, data: DriveData) -> Plot:
+def _torque_plot(model: EstimationResult, data: DriveData) -> Plot:
     """Return the mean |torque| of both drives in the middle of each burst over its current, and the line."""
     middle = data.power_time - data.window / 2
     inside = (middle >= data.torque_time[0]) & (middle <= data.torque_time[-1])
     sides = [np.abs(np.interp(middle[inside], data.torque_time, t)) for t in (data.torque_left, data.torque_right)]
     current, torque = data.current[inside], (sides[0] + sides[1]) / 2
     series = [Series("measured", current, torque, MEASURED, POINTS)]
-    values = _values(model)
+    values = {one.name: one.value for one in model.estimates}
     if {"K_tau", "K_tau0"} <= set(values) and len(current):
         ends = np.array([current.min(), current.max()])
         series.append(Series("model", ends, values["K_tau0"] + values["K_tau"] * ends, MODEL))
     return Plot("Torque by current", "current of both drives", "A", "torque", "N m", tuple(series))
 
 
-def _power_plots(model: ServoModel, data: DriveData) -> tuple[Plot, ...]:
+def _power_plots(model: EstimationResult, data: DriveData) -> tuple[Plot, ...]:
     """Return stroke means: power over current, and measured over modeled power."""
     current, voltage, power = _stroke_means(data)
     if len(power) < 2:
         return ()
-    modeled = _power(model, current, voltage)
+    modeled = power_of(model, current, voltage)
     by_current = Plot(
         "Power by current, stroke means", "current of one drive", "A", "output power of one drive", "W",
         (Series("measured", current, power, MEASURED, POINTS), Series("model", current, modeled, MODEL, POINTS)),
@@ -161,19 +162,6 @@ def _power_plots(model: ServoModel, data: DriveData) -> tuple[Plot, ...]:
         (Series("strokes", modeled, power, MEASURED, POINTS), Series("equal", ends, ends, MODEL, DASHED)),
     )  # fmt: skip
     return by_current, comparison
-
-
-def _power(model: ServoModel, current: Array, voltage: Array) -> Array:
-    """Evaluate Eq. 12 about its center with the estimated coefficients; NaN without the power at the center."""
-    values = _values(model)
-    i, v = current + model.centre_current, voltage + model.centre_voltage
-    terms = {"C_B": i, "C_C": v, "C_F": i * v, "C_G": i * i, "C_H": v * v}
-    if "P_0" not in values:
-        return np.full(len(current), np.nan)
-    total = np.full(len(current), values["P_0"])
-    for name, column in terms.items():
-        total += values.get(name, 0.0) * column
-    return total
 
 
 def _stroke_means(data: DriveData) -> tuple[Array, Array, Array]:
@@ -201,17 +189,23 @@ def _stroke_means(data: DriveData) -> tuple[Array, Array, Array]:
 
 
 def aero_chapter(result: AeroResult, truths: Mapping[str, float]) -> Chapter:
-    """Return the sources and a part for each of C_L, C_T and C_m."""
+    """Return the sources, the regressors and a part for each of C_L, C_T and C_m."""
+    regressors = Table(
+        ("regressor", "unit", "meaning"), tuple((name, *row) for name, row in REGRESSORS.items()),
+        "Slopes are per regressor, or per product of regressors.",
+    )  # fmt: skip
     notes = (COEFFICIENT_MODEL, f"From {', '.join(result.records)}.", *map(sentence, result.notes))
-    return Chapter("Wing coefficients", notes, parts=tuple(_coefficient(one, truths) for one in result.models))
+    return Chapter(
+        "Wing coefficients", notes, (regressors,), parts=tuple(_coefficient(one, truths) for one in result.models)
+    )
 
 
-def _coefficient(model: CoefficientModel, truths: Mapping[str, float]) -> Chapter:
-    text = f"R² = {model.r_squared:.4f}, {model.samples} samples."
+def _coefficient(model: EstimationResult, truths: Mapping[str, float]) -> Chapter:
+    text = f"R² = {coefficient_r_squared(model.steps):.4f}, {model.samples} samples."
     tables = (step_table(model.steps),) if model.steps else ()
     return Chapter(
-        model.name, (text,), tables, intervals(model.estimates, truths),
-        findings=missing_remarks(model.unidentified),
+        model.title, (text,), tables, intervals(model.estimates, truths),
+        findings=missing_remarks(model.withheld),
     )  # fmt: skip
 
 

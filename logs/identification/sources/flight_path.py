@@ -33,8 +33,7 @@ from logs.identification.estimators.gps_aided import (
 from logs.identification.findings import Entry, Finding, register
 from logs.identification.models.rigid_body import INPUTS, WINDS, SensorPositions
 from logs.identification.results import Array, EstimationResult
-from logs.identification.sources.full_flight import LONGEST_GAP, whole_flight
-from logs.identification.sources.topic_table import ColumnSource, TopicTable
+from logs.identification.sources.topic_table import LONGEST_GAP, ColumnSource, TopicTable, whole_flight
 from sim_bridge import topics as truth
 from wingbeat.constants import STANDARD_GRAVITY
 from wingbeat.errors import InputError

@@ -124,7 +124,8 @@ def _prewhitened(residuals: Arrays, used: Arrays, sensitivities: Arrays) -> tupl
             continue
         products = sum(float(np.sum(r[1:] * r[:-1])) for r, _ in pairs)
         squares = sum(float(np.sum(r[:-1] ** 2 * u[1:])) for r, u in pairs)
-        pole = float(np.clip(products / max(squares, 1e-300), -MAX_POLE, MAX_POLE))
+        count = sum(float(np.sum(u[1:] * u[:-1])) for _, u in pairs)
+        pole = float(np.clip(unbiased_pole(products / max(squares, 1e-300), count), -MAX_POLE, MAX_POLE))
         for r, u, s in zip(residuals, used, sensitivities, strict=True):
             if not len(r):
                 continue
@@ -133,6 +134,14 @@ def _prewhitened(residuals: Arrays, used: Arrays, sensitivities: Arrays) -> tupl
             r[0, output], u[0, output], u[1:, output] = 0.0, 0.0, both
             s[:, output] = lfilter([1.0], [1.0, -pole], s[::-1, output], axis=0)[::-1]
     return residuals, used, sensitivities
+
+
+def unbiased_pole(pole: float, samples: float) -> float:
+    """Autocorrelation at lag 1 of residuals about a mean, without the bias of a short record.
+
+    A positive one is low by (1 + 3 pole) / samples (Marriott & Pope, Biometrika 41, 1954).
+    """
+    return (samples * pole + 1.0) / (samples - 3.0) if pole > 0.0 and samples > 3.0 else pole
 
 
 def cluster_covariance(residuals: Arrays, sensitivities: Arrays, prior: Array | None = None) -> Array | None:

@@ -20,8 +20,8 @@ from logs.identification.estimators.flight_modes import (
     mode_of,
     records_of_flight,
 )
+from logs.identification.estimators.modal import Records
 from logs.identification.estimators.output_error import output_error
-from logs.identification.estimators.records import Records
 from logs.identification.models.modes import Mode
 from logs.identification.models.stroke_averaged import LONGITUDINAL, Matrices, matrices
 from logs.identification.results import Array

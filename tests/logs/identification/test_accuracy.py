@@ -8,9 +8,8 @@ from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
 from logs.identification.estimators.least_squares import regress
-from logs.identification.statistics.collinearity import strong_pairs
 from logs.identification.statistics.covariance import autocovariance, colored_information, parzen
-from logs.identification.statistics.fit_quality import autocorrelation, goodness, theil, whiteness_of
+from logs.identification.statistics.fit_quality import autocorrelation, goodness, strong_pairs, theil, whiteness_of
 
 LAGS = 31
 

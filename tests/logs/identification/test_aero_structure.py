@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 from logs.identification.estimators.equation_error import coefficient_regression
-from logs.identification.estimators.wing_coefficients import AeroResult, identify_coefficients, named
+from logs.identification.estimators.wing_coefficients import (
+    AeroResult,
+    coefficient_r_squared,
+    coefficient_terms,
+    identify_coefficients,
+    named,
+)
 from logs.identification.models.inverse_dynamics import (
     LOW_PASS,
     WingCoefficients,
@@ -39,7 +45,7 @@ def tracked(
 
 
 def structure(result: AeroResult) -> dict[str, set[str]]:
-    return {model.name: set(model.terms) for model in result.models}
+    return {model.title: set(coefficient_terms(model)) for model in result.models}
 
 
 EXPECTED = {name: set(terms) for name, terms in hawk.TRUTH.items()}
@@ -49,7 +55,7 @@ def test_structure_and_coefficients_of_a_tracked_flight_are_found() -> None:
     result = identify_coefficients((tracked(hawk.fly(4.0, 2), NOISE, 3),))
     assert structure(result) == EXPECTED
     found = [one for model in result.models for one in model.estimates]
-    assert min(model.r_squared for model in result.models) > 0.98
+    assert min(coefficient_r_squared(model.steps) for model in result.models) > 0.98
     assert {one.name for one in found} == set(TRUTH)
     assert sum(one.contains(TRUTH[one.name]) for one in found) >= len(TRUTH) - 2
     assert max(abs(one.value - TRUTH[one.name]) / one.standard_error for one in found) < 3.5
@@ -71,7 +77,7 @@ def test_noise_alone_has_no_model() -> None:
     signals = dict(found.experiment.signals) | {"C_L": random.normal(size=len(found.experiment.time))}
     result = identify_coefficients((found._replace(experiment=found.experiment._replace(signals=signals)),))
     assert not result.models[0].estimates
-    assert "% of its variance" in result.models[0].unidentified[0].reason
+    assert "% of its variance" in result.models[0].withheld[0].text
 
 
 def test_without_a_record_there_is_nothing_to_identify() -> None:

@@ -13,8 +13,7 @@ from logs.identification.data.flight import FlightData
 from logs.identification.estimators.flight_modes import OUTPUT_ERROR, FlightProblem, first_problem, mode_of
 from logs.identification.estimators.output_error import fitted_series, output_error
 from logs.identification.input_design.design import DesignSpec, InputDesign, Limits, design_input
-from logs.identification.input_design.prediction import inflation
-from logs.identification.input_design.response import Prior, residuals_of
+from logs.identification.input_design.prediction import Prior, inflation, residuals_of
 from logs.identification.models.modes import Mode, short_period_of
 from logs.identification.models.stroke_averaged import LONGITUDINAL
 from logs.identification.results import EstimationResult

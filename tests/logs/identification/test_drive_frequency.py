@@ -7,7 +7,7 @@ import pytest
 from promised import SEEDS, covered, promise_kept
 
 from logs.identification.estimators.flapping_frequency import (
-    FrequencyModel,
+    FrequencyResult,
     ThrottleData,
     frequency_truth,
     identify_frequency,
@@ -44,8 +44,8 @@ def record(
     return ThrottleData(time, throttle, time, strokes, time[slow], 8.0 + sag[slow])
 
 
-def by_name(model: FrequencyModel) -> dict[str, Estimate]:
-    return {found.name: found for found in model.estimates}
+def by_name(model: FrequencyResult) -> dict[str, Estimate]:
+    return {found.name: found for found in model.result.estimates}
 
 
 def test_the_slope_is_found_and_nothing_is_made_of_noise() -> None:
@@ -54,12 +54,12 @@ def test_the_slope_is_found_and_nothing_is_made_of_noise() -> None:
     assert sum("throttle_curvature" in by_name(model) for model in slopes) <= 4
     model = slopes[0]
     centre = by_name(model)["flapping_frequency"]
-    assert centre.value == pytest.approx(4.0 + 8.0 * (model.centre_throttle - 0.5), abs=0.1)
+    assert centre.value == pytest.approx(4.0 + 8.0 * (model.result.fixed["T_c"] - 0.5), abs=0.1)
 
 
 @pytest.mark.validate
 def test_intervals_of_the_slope_over_many_records() -> None:
-    found = [identify_frequency(record(seed)).estimates for seed in SEEDS]
+    found = [identify_frequency(record(seed)).result.estimates for seed in SEEDS]
     promise_kept("flapping against throttle", covered(found, {"throttle_slope": 8.0}))
 
 
@@ -74,7 +74,7 @@ def test_curvature_and_voltage_are_taken_up_where_they_are() -> None:
 def test_the_dead_zone_lies_between_what_was_seen() -> None:
     dead = by_name(identify_frequency(record()))["dead_zone"]
     assert (dead.low, dead.high) == pytest.approx((0.1, 0.3))
-    refused = {entry.name: entry.reason for entry in identify_frequency(record(levels=LEVELS[2:])).unidentified}
+    refused = {entry.subject: entry.text for entry in identify_frequency(record(levels=LEVELS[2:])).result.withheld}
     assert "wings stood still" in refused["dead_zone"]
 
 
@@ -103,7 +103,7 @@ def test_without_voltage_the_rest_is_found() -> None:
     nothing = np.zeros(0)
     model = identify_frequency(record()._replace(voltage_time=nothing, voltage=nothing))
     assert "throttle_slope" in by_name(model)
-    assert {entry.name: entry.reason for entry in model.unidentified}[
+    assert {entry.subject: entry.text for entry in model.result.withheld}[
         "voltage_slope"
     ] == "the voltage was not measured"
 

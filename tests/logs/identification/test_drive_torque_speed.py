@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from logs.identification.data.flight import DriveData, GaugeErrors
-from logs.identification.estimators.servo import ServoModel
-from logs.identification.estimators.torque_speed import identify_load, identify_torque_speed, load_truth
-from logs.identification.results import Array, Estimate
+from logs.identification.estimators.bench import identify_load, identify_torque_speed, load_truth
+from logs.identification.results import Array, Estimate, EstimationResult
 from sim_bridge.actuators.drives import torque_bound
 from wingbeat.errors import InputError
 
@@ -27,7 +26,7 @@ def bench(seed: int = 0, noise: float = 0.02, sag: float = 0.5) -> tuple[Array, 
     return torque + noise * rng.normal(size=200), rate, voltage
 
 
-def by_name(model: ServoModel) -> dict[str, Estimate]:
+def by_name(model: EstimationResult) -> dict[str, Estimate]:
     return {found.name: found for found in model.estimates}
 
 
@@ -52,9 +51,9 @@ def test_a_servo_that_is_not_at_its_bound_is_refused() -> None:
     rng = np.random.default_rng(1)
     model = identify_torque_speed(0.5 * np.sign(rate) + 0.1 * rng.normal(size=len(rate)), rate, voltage)
     assert model.estimates == ()
-    assert "not at its bound" in model.unidentified[0].reason
+    assert "not at its bound" in model.withheld[0].text
     still = identify_torque_speed(np.full(40, 2.0), np.full(40, 5.0), np.full(40, 8.0))
-    assert "rate does not vary" in still.unidentified[0].reason
+    assert "rate does not vary" in still.withheld[0].text
     with pytest.raises(InputError, match="samples together"):
         identify_torque_speed(np.full(40, np.nan), rate[:40], voltage[:40])
     with pytest.raises(InputError, match="same number"):
@@ -80,7 +79,7 @@ def test_torque_against_the_speed_is_refused_by_its_sign() -> None:
     torque, rate, voltage = bench()
     model = identify_torque_speed(torque, -rate, voltage, NOMINAL)
     assert model.estimates == ()
-    assert "opposite signs" in model.unidentified[0].reason
+    assert "opposite signs" in model.withheld[0].text
 
 
 def flapping(seed: int = 0, amplitude: float = 0.4, wander: float = 1.0, ripple: float = 0.0) -> DriveData:
@@ -117,7 +116,7 @@ def test_a_servo_s_ripple_is_not_taken_for_inertia() -> None:
 def test_at_one_frequency_inertia_and_stiffness_look_alike() -> None:
     model = identify_load(flapping(wander=0.0))
     assert by_name(model)["wing_torque_constant"].value == pytest.approx(0.2, rel=0.01)
-    assert [(one.name, "look alike" in one.reason) for one in model.unidentified] == [("wing_inertia", True)]
+    assert [(one.subject, "look alike" in one.text) for one in model.withheld] == [("wing_inertia", True)]
 
 
 def test_wings_that_hardly_flapped_tell_nothing() -> None:
@@ -157,7 +156,7 @@ def test_what_calibrations_leave_of_the_torque_is_in_the_interval() -> None:
 
 def test_one_wing_that_stands_still_leaves_no_load_to_tell() -> None:
     one = flapping()
-    assert "do not move" in identify_load(one._replace(rate_right=0.0 * one.rate_right)).unidentified[0].reason
+    assert "do not move" in identify_load(one._replace(rate_right=0.0 * one.rate_right)).withheld[0].text
 
 
 def test_the_truth_is_the_same_regression_on_true_drives() -> None:
@@ -165,7 +164,7 @@ def test_the_truth_is_the_same_regression_on_true_drives() -> None:
 
 
 def test_wings_at_rest_have_no_load_that_could_be_told() -> None:
-    assert "do not move" in identify_load(flapping(amplitude=0.0)).unidentified[0].reason
+    assert "do not move" in identify_load(flapping(amplitude=0.0)).withheld[0].text
     nothing = np.zeros(0)
     with pytest.raises(InputError, match="no motion of the wings"):
         identify_load(flapping()._replace(wing_time=nothing))

@@ -7,9 +7,8 @@ import pytest
 from promised import SEEDS, covered, promise_kept
 
 from logs.identification.data.experiment import Experiment
-from logs.identification.estimators.servo import ServoModel
-from logs.identification.estimators.twist import identify_twist
-from logs.identification.results import Estimate
+from logs.identification.estimators.bench import identify_twist
+from logs.identification.results import Estimate, EstimationResult
 from sim_bridge.flight_mechanics.wing_twist import free_twist
 from wingbeat.errors import InputError
 
@@ -30,7 +29,7 @@ def release(seed: int = 0, damping: float = 0.31, noise: float = 0.005, hole: bo
     return Experiment("release", time[locked], {"twist": twist[locked]}, {"twist": "rad"})
 
 
-def by_name(model: ServoModel) -> dict[str, Estimate]:
+def by_name(model: EstimationResult) -> dict[str, Estimate]:
     return {found.name: found for found in model.estimates}
 
 
@@ -97,7 +96,7 @@ def test_a_wing_that_does_not_swing_is_refused() -> None:
     creeping = Experiment("creep", time, {"twist": 0.4 * np.exp(-time / 0.3)}, {"twist": "rad"})
     assert identify_twist(creeping).estimates == ()
     still = Experiment("still", time, {"twist": np.full_like(time, 0.1)}, {"twist": "rad"})
-    assert "does not move" in identify_twist(still).unidentified[0].reason
+    assert "does not move" in identify_twist(still).withheld[0].text
     rng = np.random.default_rng(1)
     noise = Experiment("noise", time, {"twist": 0.01 * rng.normal(size=len(time))}, {"twist": "rad"})
     assert identify_twist(noise).estimates == ()

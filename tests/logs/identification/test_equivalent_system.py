@@ -10,7 +10,7 @@ from scipy.signal import lsim
 
 from logs.identification.data.experiment import Experiment
 from logs.identification.estimators.equivalent_system import equivalent_system
-from logs.identification.estimators.records import Records, records_of
+from logs.identification.estimators.modal import Records, records_of
 from logs.identification.models.modes import PHUGOID, Mode, short_period_of
 
 FREQUENCY, DAMPING = short_period_of(model_of(Flight()).a)
@@ -65,4 +65,4 @@ def test_a_phugoid_of_few_periods_has_no_number() -> None:
     short = piece._replace(input=None if piece.input is None else piece.input[:400], outputs=piece.outputs[:400])
     mode = equivalent_system(whole._replace(pieces=(short,)), (PHUGOID,))
     assert mode.phugoid is None
-    assert mode.unidentified
+    assert mode.withheld

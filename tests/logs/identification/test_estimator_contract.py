@@ -6,15 +6,19 @@ import json
 import runpy
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
+from linear_ornithopter import AIRCRAFT, Flight, fly
 from scipy.signal import lsim
 
+from groundstation.command import identify as identify_command
+from logs.identification import estimators as package
 from logs.identification.data.experiment import Experiment
-from logs.identification.estimators import recursive
-from logs.identification.estimators.registry import ESTIMATORS, Request, estimators
+from logs.identification.estimators import recursive, registry
+from logs.identification.estimators.flight_modes import identify_modes
+from logs.identification.estimators.registry import ESTIMATORS, Request, methods
 from logs.identification.models import stability as models
 from logs.identification.models.modes import short_period_of
 from logs.identification.results import EstimationResult
@@ -104,7 +108,7 @@ def constant(request: Request) -> Request:
 
 
 def test_every_row_has_a_case() -> None:
-    assert set(estimators()) - PENDING == set(CASES)
+    assert set(ESTIMATORS) - PENDING == set(CASES)
 
 
 def test_reference_of_estimators_is_current() -> None:
@@ -116,7 +120,7 @@ def test_reference_of_estimators_is_current() -> None:
 @pytest.mark.parametrize("name", CASES)
 def test_the_truth_is_inside_the_interval(name: str) -> None:
     case = CASES[name]
-    result = estimators()[name].estimate(case.request)
+    result = ESTIMATORS[name].estimate(case.request)
     assert result.method == name and result.status == "converged" and result.samples > 0
     found = {one.name: one for one in result.estimates}
     assert set(found) >= set(case.truth)
@@ -128,7 +132,7 @@ def test_the_truth_is_inside_the_interval(name: str) -> None:
 @pytest.mark.parametrize("name", CASES)
 def test_a_constant_record_gives_no_number(name: str) -> None:
     try:
-        result = estimators()[name].estimate(constant(CASES[name].request))
+        result = ESTIMATORS[name].estimate(constant(CASES[name].request))
     except InputError:
         return
     assert not result.estimates and result.status != "converged"
@@ -137,7 +141,7 @@ def test_a_constant_record_gives_no_number(name: str) -> None:
 
 @pytest.mark.parametrize("name", CASES)
 def test_held_out_data_are_predicted_or_the_method_has_no_prediction(name: str) -> None:
-    result = estimators()[name].estimate(CASES[name].request)
+    result = ESTIMATORS[name].estimate(CASES[name].request)
     predicted = [one for one in result.series if one.held_out]
     if any(one.code == "no_prediction" for one in result.findings):
         assert not predicted
@@ -150,7 +154,7 @@ def test_held_out_data_are_predicted_or_the_method_has_no_prediction(name: str) 
 
 @pytest.mark.parametrize("name", CASES)
 def test_a_result_survives_json(name: str) -> None:
-    result = estimators()[name].estimate(CASES[name].request)
+    result = ESTIMATORS[name].estimate(CASES[name].request)
     document = json.loads(json.dumps(
         {
             "estimates": [one._asdict() for one in result.estimates],
@@ -170,8 +174,8 @@ def by_name(result: EstimationResult) -> dict[str, float]:
 def test_recursive_least_squares_ends_at_ordinary_least_squares() -> None:
     """GIVEN no forgetting THEN values and standard errors after the last sample are those of the batch."""
     request = REGRESSION.request._replace(options={"covariance": "white"})
-    batch = estimators()["equation_error_time"].estimate(request)
-    last = estimators()["recursive_least_squares"].estimate(request)
+    batch = ESTIMATORS["equation_error_time"].estimate(request)
+    last = ESTIMATORS["recursive_least_squares"].estimate(request)
     for one, other in zip(last.estimates, batch.estimates, strict=True):
         assert (one.name, one.unit) == (other.name, other.unit)
         assert one.value == pytest.approx(other.value, rel=1e-9)
@@ -207,7 +211,7 @@ def test_the_standard_error_with_forgetting_is_the_dispersion_of_the_estimates()
 def test_the_equivalent_system_reports_handling_qualities() -> None:
     """GIVEN pitch rate and airspeed THEN T_theta2, CAP and dropback are those of the model, and the level follows."""
     request = DRIVEN.request
-    result = estimators()["equivalent_system"].estimate(request)
+    result = ESTIMATORS["equivalent_system"].estimate(request)
     found = {one.name: one for one in result.derived}
     zero = (A[0, 0] * B[1] - A[1, 0] * B[0]) / -B[1]
     load = AIRSPEED / 9.80665 * zero
@@ -224,18 +228,75 @@ def test_the_equivalent_system_reports_handling_qualities() -> None:
     assert level.value == 2.0 and level.details["delay_level"] == 1
 
 
-def test_readme_example_is_an_estimator() -> None:
-    """GIVEN the estimator in the README WHEN it runs on a ring-down THEN its interval holds the damping."""
-    page = (Path(__file__).parents[3] / "logs" / "identification" / "README.md").read_text(encoding="utf-8")
-    code = page.split("```python\n")[1].split("```")[0]
-    exec(compile(code, "README.md", "exec"), {})
-    row = ESTIMATORS.pop("decrement")
+def ring_down() -> Experiment:
+    """A free oscillation of 6 rad/s with a damping ratio of 0.1."""
     time = np.arange(0.0, 10.0, 0.01)
     noise = 0.002 * np.random.default_rng(1).normal(size=len(time))
     ringing = np.exp(-0.1 * 6.0 * time) * np.cos(6.0 * np.sqrt(0.99) * time) + noise
     smooth = np.convolve(ringing, np.ones(21) / 21.0, mode="same")
-    record = Experiment("ring-down", time, {"q": smooth}, {"q": "rad/s"})
-    (found,) = row.estimate(Request((record,), outputs=("q",))).estimates
+    return Experiment("ring-down", time, {"q": smooth}, {"q": "rad/s"})
+
+
+@pytest.fixture
+def added(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Add the estimator of the README: its file and its row."""
+    page = (Path(__file__).parents[3] / "logs" / "identification" / "README.md").read_text(encoding="utf-8")
+    file, row = (part.split("```")[0] for part in page.split("```python\n")[1:3])
+    (tmp_path / "decrement.py").write_text(file, encoding="utf-8")
+    monkeypatch.setattr(package, "__path__", [*package.__path__, str(tmp_path)])
+    rows: dict[str, Any] = {"ESTIMATORS": {}, "Estimator": registry.Estimator}
+    exec(compile(row, "README.md", "exec"), rows)
+    monkeypatch.setitem(registry.ESTIMATORS, "decrement", rows["ESTIMATORS"]["decrement"])
+
+
+@pytest.mark.usefixtures("added")
+def test_readme_example_is_an_estimator() -> None:
+    """GIVEN the estimator in the README WHEN it runs on a ring-down THEN its interval holds the damping."""
+    record = ring_down()
+    (found,) = ESTIMATORS["decrement"].estimate(Request((record,), outputs=("q",))).estimates
     assert found.contains(0.1), found
     with pytest.raises(InputError, match="peaks"):
-        row.estimate(Request((record._replace(signals={"q": np.ones(len(time))}),), outputs=("q",)))
+        constant_rate = {"q": np.ones(len(record.time))}
+        ESTIMATORS["decrement"].estimate(Request((record._replace(signals=constant_rate),), outputs=("q",)))
+
+
+@pytest.mark.usefixtures("added")
+def test_readme_example_is_a_method_of_map_command_and_page(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """GIVEN the file and the row of the README THEN a map, the command and the documentation have the method."""
+    record = ring_down()
+    np.savetxt(
+        tmp_path / "ring.csv", np.column_stack((record.time, record.signals["q"])), delimiter=",", header="t,q",
+        comments="",
+    )  # fmt: skip
+    signals = '[time]\ncolumn = "t"\n[signals]\nq = { column = "q", unit = "rad/s" }\n[modes]\noutputs = ["q"]\n'
+    for name, text in (("by_map", 'method = "decrement"\n'), ("by_command", "")):
+        (tmp_path / f"{name}.toml").write_text(signals + text, encoding="utf-8")
+        words = [] if text else ["--method", "decrement"]
+        table, mapping = str(tmp_path / "ring.csv"), str(tmp_path / f"{name}.toml")
+        assert identify_command.run([table, "--map", mapping, "--json", *words]) == 0
+        (fit,) = json.loads(capsys.readouterr().out)["fits"]
+        (damping,) = fit["estimates"]
+        assert damping["low"] < 0.1 < damping["high"]
+    assert "decrement" in identify_command.build_parser().format_help()
+    page = runpy.run_path(str(Path(__file__).parents[3] / "docs" / "write_estimators.py"))["reference"]()
+    assert "| `decrement` | Logarithmic decrement | Klein & Morelli, 2016, ch. 7 |" in page
+
+
+@pytest.mark.usefixtures("added")
+def test_readme_example_works_on_a_flight() -> None:
+    """GIVEN a flight with short maneuvers WHEN the added method is requested THEN its reason is given."""
+    with pytest.raises(InputError, match="q: 2 peaks; three are needed"):
+        identify_modes(fly(Flight(seed=1)), AIRCRAFT, method="decrement")
+
+
+def test_a_flight_by_one_method_has_the_numbers_of_all_together() -> None:
+    flight = fly(Flight(seed=1))
+    every = {one.method: one.frequency for one in identify_modes(flight, AIRCRAFT).modes}
+    for method in methods("modes"):
+        (mode,) = identify_modes(flight, AIRCRAFT, method=method).modes
+        other = every[mode.method.lower()]
+        assert (mode.frequency is None) == (other is None)
+        if mode.frequency is not None and other is not None:
+            assert abs(mode.frequency.value / other.value - 1.0) < 0.02

@@ -198,7 +198,7 @@ def test_a_real_flight_has_no_truth(drive: RecordedTopics) -> None:
 
 def test_all_gives_what_there_is_and_says_what_is_missing(everything: Identification) -> None:
     assert everything.modes is not None and everything.torque is None
-    assert "/main/drive_torque" in everything.missing[0].reason
+    assert "/main/drive_torque" in everything.missing[0].text
 
 
 def test_a_row_has_its_number_with_the_truth_or_the_reason_why_there_is_none(everything: Identification) -> None:
@@ -280,7 +280,7 @@ def test_a_stand_without_encoders_gives_the_torque_and_says_why_no_power(drive: 
         "K_tau": True,
         "K_tau0": True,
     }
-    assert [(one.name, "/main/wing" in one.reason) for one in result.missing] == [("servo power", True)]
+    assert [(one.subject, "/main/wing" in one.text) for one in result.missing] == [("servo power", True)]
 
 
 def test_a_stand_that_tells_the_wings_angle_alone_gives_the_power_too(drive: RecordedTopics) -> None:

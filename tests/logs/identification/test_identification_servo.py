@@ -8,9 +8,9 @@ from promised import SEEDS, promise_kept
 from wing_drives import CENTRE, K_TAU, K_TAU0, Drives, exact, law, measure, simulate
 
 from logs.identification.data.flight import DriveData, GaugeErrors
-from logs.identification.estimators.servo import ServoModel, identify_torque, with_gauge_errors
+from logs.identification.estimators.servo import identify_torque, with_gauge_errors
 from logs.identification.estimators.servo_power import identify_power, power_truth, power_with_gauge_errors
-from logs.identification.results import Estimate
+from logs.identification.results import Estimate, EstimationResult
 from wingbeat.errors import InputError
 
 SHORT = Drives(duration=25.0)
@@ -20,7 +20,7 @@ def simulated(drives: Drives) -> DriveData:
     return measure(simulate(drives), drives)
 
 
-def by_name(model: ServoModel) -> dict[str, Estimate]:
+def by_name(model: EstimationResult) -> dict[str, Estimate]:
     return {estimate.name: estimate for estimate in model.estimates}
 
 
@@ -83,7 +83,7 @@ def test_what_calibrations_left_is_in_the_intervals() -> None:
 
 def test_a_current_that_hardly_varies_between_strokes_gives_no_slope() -> None:
     model = identify_power(simulated(SHORT._replace(throttle=0.002, noise=10.0)))
-    refused = {entry.name: entry.reason for entry in model.unidentified}
+    refused = {entry.subject: entry.text for entry in model.withheld}
     assert "little but noise" in refused["C_B"]
     assert set(by_name(model)) == {"P_0"}
 
@@ -91,7 +91,7 @@ def test_a_current_that_hardly_varies_between_strokes_gives_no_slope() -> None:
 def test_without_a_slope_over_the_current_the_constant_of_eq_12_is_refused() -> None:
     """It is the power at no current: where the slope is lost it was the power at the centre, printed twice."""
     model = identify_power(simulated(SHORT._replace(throttle=0.002, noise=10.0)))
-    refused = {entry.name: entry.reason for entry in model.unidentified}
+    refused = {entry.subject: entry.text for entry in model.withheld}
     assert "without C_B" in refused["C_A"]
     data = measure(simulate(LAWFUL), LAWFUL)
     assert power_truth(data, model).keys() == {"P_0"}
@@ -99,7 +99,7 @@ def test_without_a_slope_over_the_current_the_constant_of_eq_12_is_refused() -> 
 
 def test_a_constant_whose_interval_spans_zero_is_refused() -> None:
     model = identify_power(simulated(SHORT._replace(law=(0.0, 3.3, 0.0, 0.0, 0.0, 0.0))))
-    refused = {entry.name: entry.reason for entry in model.unidentified}
+    refused = {entry.subject: entry.text for entry in model.withheld}
     assert "spans zero" in refused["C_A"]
     assert {"P_0", "C_B"} <= set(by_name(model))
 
@@ -109,7 +109,7 @@ def test_what_the_calibrations_leave_too_wide_is_refused() -> None:
     exact_gauges, poor = GaugeErrors(torque_scale=1e-9), GaugeErrors(current_scale=0.3, torque_scale=0.6)
     assert "C_G" in by_name(power_with_gauge_errors(data, exact_gauges))
     model = power_with_gauge_errors(data, poor)
-    refused = {entry.name: entry.reason for entry in model.unidentified}
+    refused = {entry.subject: entry.text for entry in model.withheld}
     assert all(not found.contains(0.0) for found in model.estimates)
     assert "calibrations" in refused["C_G"]
 
@@ -155,7 +155,7 @@ def test_mean_power_is_within_two_percent() -> None:
 
 def test_voltage_that_only_sags_with_the_current_is_refused_with_the_reason() -> None:
     model = identify_power(simulated(Drives(noise=0.2)))
-    refused = {entry.name: entry.reason for entry in model.unidentified}
+    refused = {entry.subject: entry.text for entry in model.withheld}
     assert "voltage follows the other terms" in refused["C_C"]
     assert "C_B" in by_name(model)
     assert not {"C_C", "C_F", "C_H"} & set(by_name(model))
@@ -174,7 +174,7 @@ def test_a_voltage_that_matters_on_its_own_is_identified() -> None:
 
 def test_given_centres_are_used() -> None:
     model = identify_power(simulated(SHORT), -0.936, -6.877)
-    assert (model.centre_current, model.centre_voltage) == (-0.936, -6.877)
+    assert (model.fixed["C_D"], model.fixed["C_E"]) == (-0.936, -6.877)
 
 
 def test_centring_moves_only_the_description() -> None:
@@ -182,9 +182,9 @@ def test_centring_moves_only_the_description() -> None:
     data = simulated(SHORT)
     terms = ("C_A", "C_B", "C_G")
 
-    def value(model: ServoModel, current: float) -> float:
+    def value(model: EstimationResult, current: float) -> float:
         c = {e.name: e.value for e in model.estimates}
-        return c["C_A"] + c["C_B"] * current + c["C_G"] * (current + model.centre_current) ** 2
+        return c["C_A"] + c["C_B"] * current + c["C_G"] * (current + model.fixed["C_D"]) ** 2
 
     one, other = identify_power(data, terms=terms), identify_power(data, -0.3, -7.0, terms)
     assert value(one, 0.9) == pytest.approx(value(other, 0.9), rel=1e-9)
@@ -210,4 +210,4 @@ def test_torque_that_has_nothing_to_do_with_the_current_gives_no_constant() -> N
     constant = 0.9 + 0.02 * rng.normal(size=(2, len(data.torque_time)))  # loaded, and blind to the current
     model = identify_torque(data._replace(torque_left=constant[0], torque_right=constant[1]))
     assert model.estimates == ()
-    assert "does not follow" in model.unidentified[0].reason
+    assert "does not follow" in model.withheld[0].text

@@ -27,8 +27,15 @@ from logs.identification.input_design.design import (
     mission_item,
     peaks,
 )
-from logs.identification.input_design.prediction import Gust, predict, predicted_covariance
-from logs.identification.input_design.response import Prior, prior_of, respond, waveform
+from logs.identification.input_design.prediction import (
+    Gust,
+    Prior,
+    predict,
+    predicted_covariance,
+    prior_of,
+    respond,
+    waveform,
+)
 from logs.identification.models.stroke_averaged import LONGITUDINAL
 from logs.identification.results import Array
 from sim_bridge.tuning.model import load_model

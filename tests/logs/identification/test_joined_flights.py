@@ -8,7 +8,7 @@ from linear_ornithopter import AIRCRAFT, TRUTH, Flight, by_output_error, fly, mo
 
 from logs.identification.data.flight import FlightData
 from logs.identification.data.maneuvers import Maneuver, by_flight, find_maneuvers, reference_of
-from logs.identification.diagnostics.validation import validation
+from logs.identification.diagnostics.agreement import validation
 from logs.identification.estimators.flight_modes import (
     FlightProblem,
     fit_derivatives,
@@ -19,7 +19,7 @@ from logs.identification.models.modes import ModesResult, short_period_of
 from logs.identification.report.numbers import Identification, document, rows
 from logs.identification.report.report import method_results
 from logs.identification.results import Array
-from logs.identification.sources.full_flight import joined_flights
+from logs.identification.sources.topic_table import joined_flights
 from wingbeat.errors import InputError
 
 FLIGHTS = tuple(fly(Flight(seed=seed, modulation=0.2)) for seed in (1, 2))
@@ -33,7 +33,7 @@ def held_out(last: FlightData) -> ModesResult:
     kept, locked = by_flight(find_maneuvers(together), ("friday.mcap",))
     problem = FlightProblem(kept, reference_of(together, kept), AIRCRAFT)
     results = results_of(problem, fit_derivatives(problem), locked)
-    return ModesResult((), None, "", problem.reference, len(kept), 0.25, (), kept, results, locked, (), problem)
+    return ModesResult((), None, "", problem.reference, len(kept), 0.25, kept, results, locked, (), problem)
 
 
 def columns(one: Maneuver) -> Array:

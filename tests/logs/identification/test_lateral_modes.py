@@ -10,7 +10,7 @@ import pytest
 from output_error_cases import LATERAL, LATERAL_TRUTH, simulated, steps, vector
 
 from groundstation.command import identify
-from logs.identification.models.lateral_modes import lateral_modes
+from logs.identification.models.lateral import lateral_modes
 from logs.identification.results import Array
 from logs.identification.statistics.covariance import ParameterUncertainty
 
@@ -100,9 +100,9 @@ def test_other_shapes_of_the_lateral_motion(matrix: Array, expected: str, refuse
     def system(at: Array) -> Array:
         return np.asarray(base + np.diag(at - values))
 
-    found = lateral_modes(system, values, ParameterUncertainty(np.diag(np.full(4, 1e-4)), 1000.0))
-    assert tuple(one.name for one in found.unidentified) == refused
-    assert not expected or expected in {one.name for one in found.estimates}
-    for one in found.estimates:
+    found, lost = lateral_modes(system, values, ParameterUncertainty(np.diag(np.full(4, 1e-4)), 1000.0))
+    assert tuple(one.subject for one in lost) == refused
+    assert not expected or expected in {one.name for one in found}
+    for one in found:
         if one.name == "roll_time_constant":
             assert one.standard_error == pytest.approx(0.01 / 25.0, rel=1e-3)

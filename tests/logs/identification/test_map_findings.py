@@ -11,15 +11,14 @@ import pytest
 from four_state_flapper import record
 
 from groundstation.command.main import main
-from logs.identification.diagnostics.context import Context
+from logs.identification.diagnostics import Context
 from logs.identification.diagnostics.model_structure import lack_of_fit
 from logs.identification.findings import CATALOG
 from logs.identification.models.modes import split_pairs
-from logs.identification.report.result_formatting import correlation_lines, finding_line, notes_of
+from logs.identification.report.tables import correlation_lines, notes_of
 from logs.identification.results import EstimationResult, FitSeries, estimate
-from logs.identification.sources.table.results import TableIdentification
-from logs.identification.sources.table.run import identify_tables
-from logs.identification.statistics.collinearity import Pair
+from logs.identification.sources.table.run import TableIdentification, identify_tables
+from logs.identification.statistics.fit_quality import Pair
 from tests.logs.identification.test_tables_four_states import MAP
 from tests.logs.identification.test_tables_identified import BASE, codes, flight, identified, write
 from wingbeat.errors import InputError
@@ -122,7 +121,7 @@ def test_the_remedy_of_a_lack_of_fit_is_not_what_is_used(model: str, method: str
     measured = np.sin(3 * time) + 0.001 * rng.normal(size=500)
     series = (FitSeries("maneuver 1", "q", "rad/s", time, measured, 0.5 * np.sin(3 * time)),)
     (one,) = lack_of_fit(Context((), result=EstimationResult(method, model=model, series=series), linear=True))
-    text = finding_line(one)
+    text = one.line
     assert {word for word in ("states = 4", "filter_error") if word in text} == remedies
 
 

@@ -67,7 +67,7 @@ def test_period_and_time_to_half_are_those_of_the_paper() -> None:
 def test_what_needs_an_input_says_so() -> None:
     missing = modes(0).modes[0]
     assert missing.frequency is None
-    assert [entry.reason for entry in missing.unidentified] == ["the input does not move in the records"]
+    assert [entry.text for entry in missing.withheld] == ["the input does not move in the records"]
 
 
 def test_a_gap_is_bridged_or_cut_and_told() -> None:

@@ -32,7 +32,7 @@ def test_a_motion_that_does_not_decay_is_no_short_period(damping: float) -> None
     """GIVEN wings that shake the body WHEN a method is sure of their frequency THEN it is not told as the mode."""
     mode = identified([29.5, damping], [0.1, 0.01], (SHORT_PERIOD,))
     assert mode.frequency is None
-    assert [one.reason for one in mode.unidentified] == [FORCED]
+    assert [one.text for one in mode.withheld] == [FORCED]
 
 
 @pytest.mark.parametrize("damping", [0.055, -0.05])
@@ -49,20 +49,20 @@ def test_a_phugoid_may_last() -> None:
 def test_pairs_that_turn_alike_are_parts_of_one_motion() -> None:
     mode = identified([0.2, 0.06, 0.24, 0.3], [0.001, 0.01, 0.01, 0.05])
     assert mode.short_period is None and mode.phugoid is None
-    assert {one.name for one in mode.unidentified} == {SHORT_PERIOD, PHUGOID}
-    assert all("not told apart" in one.reason for one in mode.unidentified)
+    assert {one.subject for one in mode.withheld} == {SHORT_PERIOD, PHUGOID}
+    assert all("not told apart" in one.text for one in mode.withheld)
 
 
 def test_a_phugoid_that_may_be_heavily_damped_takes_no_short_period_with_it() -> None:
     mode = without_heavy(identified([3.8, 0.2, 0.2, 0.3], [0.1, 0.01, 0.01, 0.1]), 0.4)
     assert mode.short_period is not None and mode.phugoid is None
-    assert [(one.name, one.reason) for one in mode.unidentified] == [(PHUGOID, HEAVY)]
+    assert [(one.subject, one.text) for one in mode.withheld] == [(PHUGOID, HEAVY)]
 
 
 def test_a_short_period_that_may_be_leaves_no_mode() -> None:
     mode = without_heavy(identified([3.8, 0.3, 0.2, 0.1], [0.1, 0.1, 0.01, 0.01]), 0.4)
     assert mode.short_period is None and mode.phugoid is None
-    assert [one.reason for one in mode.unidentified] == [HEAVY, HEAVY]
+    assert [one.text for one in mode.withheld] == [HEAVY, HEAVY]
 
 
 def unstable(parameters: np.ndarray) -> np.ndarray:
@@ -77,7 +77,7 @@ def test_an_unstable_aircraft_tells_the_time_in_which_its_motion_doubles() -> No
         ParameterUncertainty(np.diag(np.square([0.05, 0.0, 0.2, 0.1])), 1e6),
     )
     mode = mode_of_system("output error", unstable, values, spread)
-    assert mode.short_period is None and "a divergence" in mode.unidentified[0].reason
+    assert mode.short_period is None and "a divergence" in mode.withheld[0].text
     double, decay = mode.divergence
     slow, fast = np.sort(np.linalg.eigvals(unstable(values)).real)[::-1]
     assert double.value == pytest.approx(np.log(2) / slow) and decay.value == pytest.approx(-1 / fast)

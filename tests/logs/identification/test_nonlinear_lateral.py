@@ -14,7 +14,7 @@ from groundstation.command import identify
 from logs.identification.data.experiment import Experiment
 from logs.identification.estimators.engine.problem import Parameter, Problem
 from logs.identification.estimators.output_error import output_error
-from logs.identification.models.nonlinear_lateral import LateralAirframe, nonlinear_lateral
+from logs.identification.models.lateral import LateralAirframe, nonlinear_lateral
 from logs.identification.models.stability import Steady, lateral
 from logs.identification.results import Array
 from wingbeat.errors import InputError

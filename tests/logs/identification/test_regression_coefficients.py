@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from logs.identification.data.experiment import Experiment
-from logs.identification.data.fourier import in_band, transform
+from logs.identification.data.resampling import in_band, transform
 from logs.identification.estimators.equation_error import (
     CoefficientRegression,
     Settings,

@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 from promised import SEEDS
 
+from logs.identification.diagnostics import Context
+from logs.identification.diagnostics.estimates import few_independent_samples
 from logs.identification.estimators.equation_error import Settings, coefficient_regression
+from logs.identification.estimators.registry import ESTIMATORS, Request
 from tests.logs.identification.colored_noise import KINDS, TRUTH, simulated
 
 COUNTS = (100, 250, 1000)
@@ -30,6 +33,20 @@ def covered(kind: str, count: int, seeds: range, domain: str, settings: Settings
 @pytest.mark.parametrize(("kind", "domain"), [("white", "time"), ("AR 0.97", "time"), ("flapping", "frequency")])
 def test_intervals_hold_on_a_hundred_samples(kind: str, domain: str) -> None:
     assert min(covered(kind, 100, range(12), domain, Settings())) >= 9
+
+
+@pytest.mark.parametrize(
+    ("kind", "expected"), [("white", ()), ("AR 0.5", ()), ("AR 0.97", ("few_independent_samples",))]
+)
+def test_few_independent_samples_are_reported(kind: str, expected: tuple[str, ...]) -> None:
+    """GIVEN 250 samples THEN residuals that are correlated over much of the record are found, others are not."""
+    record = simulated(kind, 250, 1)
+    result = ESTIMATORS["equation_error_time"].estimate(
+        Request((record,), outputs=("C",), regressors=("alpha", "q", "delta"))
+    )
+    found = few_independent_samples(Context((record,), result=result))
+    assert tuple(one.code for one in found) == expected
+    assert all(one.value is not None and one.value < 30.0 for one in found)
 
 
 def check(cell: str, hits: list[int]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import math
 import re
 from html.parser import HTMLParser
 from pathlib import Path
@@ -12,17 +13,21 @@ import pytest
 from linear_ornithopter import AIRCRAFT, Flight, fly
 from wing_drives import K_TAU, K_TAU0, Drives, measure, simulate
 
+from logs.identification.estimators import bench as bench_fits
 from logs.identification.estimators import stroke_coefficients as stroke_fits
-from logs.identification.estimators.flapping_frequency import FrequencyModel, Segment
+from logs.identification.estimators.flapping_frequency import FrequencyResult, Segment
 from logs.identification.estimators.flight_modes import identify_modes
+from logs.identification.estimators.model_structure import Statistics
 from logs.identification.estimators.servo import identify_torque
 from logs.identification.estimators.servo_power import identify_power
-from logs.identification.estimators.wing_coefficients import AeroResult, CoefficientModel
+from logs.identification.estimators.stepwise import Step
+from logs.identification.estimators.wing_coefficients import CANDIDATES, AeroResult
+from logs.identification.findings import not_estimated
+from logs.identification.models.inverse_dynamics import STATES
 from logs.identification.report import Identification
 from logs.identification.report.numbers import determined
 from logs.identification.report.report import Subject, chapters, write_report
-from logs.identification.results import Estimate, Unidentified, estimate
-from logs.identification.sources.table import bench as benches
+from logs.identification.results import Estimate, estimate, linear_result
 from logs.identification.sources.table import stand as stands
 from logs.identification.statistics.fit_quality import BAND, autocorrelation
 from logs.pages.document import (
@@ -30,7 +35,7 @@ from logs.pages.document import (
     Chapter,
     Intervals,
 )
-from logs.pages.labels import meaning, number, rich, sentence, spaced, symbol, unit
+from logs.pages.labels import REGRESSORS, meaning, number, rich, sentence, spaced, symbol, text_symbol, unit
 from logs.pages.render import page, refuse_existing
 from wingbeat.errors import InputError
 
@@ -162,8 +167,8 @@ def test_what_was_not_found_is_said_with_its_reason(identified: Identification) 
     words = page("t", (), chapters(SUBJECT, Identification(modes=alone)))
     assert "Validation on" not in words and "Drive servos" not in words
     for mode in modes.modes:
-        for one in mode.unidentified:
-            assert html.escape(sentence(one.reason))[1:] in words
+        for one in mode.withheld:
+            assert html.escape(sentence(one.text))[1:] in words
 
 
 def test_an_existing_file_is_refused_before_and_after_the_work(tmp_path: Path, identified: Identification) -> None:
@@ -186,7 +191,7 @@ def test_what_follows_from_a_damping_that_may_be_next_to_none_is_not_determined(
     frequency = Estimate("phugoid_frequency", "rad/s", 1.0, 0.5, 0.05, 2.0)
     told, wide = determined([frequency, sure, open_one])
     assert told == [frequency, sure]
-    assert wide == [Unidentified("phugoid_cycles_to_half", "the data allow 0.33 to 19.2")]
+    assert wide == [not_estimated("phugoid_cycles_to_half", "the data allow 0.33 to 19.2")]
 
 
 def test_numbers_have_the_digits_that_their_error_leaves() -> None:
@@ -203,7 +208,7 @@ def test_symbols_have_subscripts_and_file_names_have_none() -> None:
     assert symbol("process_noise_alpha") == "<i>σ</i><sub>α</sub>" and unit("(rad)/s^0.5") == "rad/√s"
     assert [spaced(name) for name in ("bias_a_x", "C_H", "dead_zone")] == ["bias of a_x", "C_H", "dead zone"]
     assert symbol("C_T_0") == "<i>C</i><sub>T0</sub>"
-    slope = "<i>C</i><sub>L</sub> by <i>v</i><sub>z</sub> <i>θ\u0307</i><sub>11</sub><sup>2</sup>"
+    slope = "<i>C</i><sub>L, <i>v</i><sub>z</sub> <i>θ\u0307</i><sub>11</sub><sup>2</sup></sub>"
     assert symbol("C_L_v_z*theta_11_rate^2") == slope
     assert symbol("v_z*theta_11_rate") == "<i>v</i><sub>z</sub> <i>θ\u0307</i><sub>11</sub>"
     assert rich("short_period_damping of v_z^2") == "short period damping of <i>v</i><sub>z</sub><sup>2</sup>"
@@ -221,8 +226,8 @@ def test_an_equation_is_set_in_one_kind_of_type() -> None:
 
 @pytest.mark.parametrize(
     "text",
-    [*stands.EQUATIONS, *stroke_fits.EQUATIONS, *stroke_fits.LAWS, stroke_fits.MOMENT_LAW, *benches.LINE,
-     *benches.RELEASE],
+    [*stands.EQUATIONS, *stroke_fits.EQUATIONS, *stroke_fits.LAWS, stroke_fits.MOMENT_LAW, *bench_fits.EQUATIONS,
+     *bench_fits.RELEASE],
 )  # fmt: skip
 def test_words_with_an_apostrophe_stay_words_in_what_begins_as_an_equation(text: str) -> None:
     assert "&#x27;<i>" not in rich(text)
@@ -251,18 +256,34 @@ def test_white_residuals_stay_in_the_band_and_coloured_ones_leave_it() -> None:
 
 def test_wings_and_their_coefficients_have_chapters_with_every_number_and_step() -> None:
     lift = tuple(estimate(f"C_L_{term}", "-", value, 0.01) for term, value in (("0", 0.31), ("v_x", 0.197)))
-    refused = Unidentified("C_T", "its terms tell 20 % of it")
+    refused = not_estimated("C_T", "its terms tell 20 % of it")
+    nothing = (math.nan,) * 4
+    entered = Step("enters", "v_x", "", *nothing, ("v_x",), Statistics(*(0.934 for _ in Statistics._fields)))
     aero = AeroResult(
         (
-            CoefficientModel("C_L", ("v_x",), lift, (), (), 0.934, 1200),
-            CoefficientModel("C_T", (), (), (refused,), (), 0.2, 1200),
+            linear_result("stepwise", lift, title="C_L", steps=(entered,), samples=1200),
+            linear_result("stepwise", (), (refused,), title="C_T", samples=1200),
         ),
         ("flight.mcap",),
         ("twist: not measured, taken for none",),
     )
     stretches = tuple(Segment(k, k + 1.0, 0.3 + 0.1 * k, 3.0 + k, 5, 8.0) for k in range(4))
-    frequency = FrequencyModel((estimate("throttle_slope", "Hz", 9.96, 0.1),), (), 0.45, 8.0, 0.02, stretches)
+    frequency = FrequencyResult(
+        linear_result("frequency", (estimate("throttle_slope", "Hz", 9.96, 0.1),), fixed={"T_c": 0.45, "V_c": 8.0}),
+        stretches,
+    )
     identified = Identification(frequency=frequency, aero=aero)
     words = page("t", (), chapters(SUBJECT, identified))
     for said in ("0.31", "0.197", "R² = 0.9340", "its terms tell 20 % of it", "Twist: not measured", "9.96"):
         assert said in words
+
+
+def test_every_regressor_of_the_wing_coefficients_has_symbol_unit_and_meaning() -> None:
+    """GIVEN the terms of Grauer's model THEN labels, the guide and the terminal define each of them."""
+    guide = (Path(__file__).parents[3] / "docs" / "identify_csv.md").read_text(encoding="utf-8")
+    for name, si in STATES.items():
+        assert REGRESSORS[name][0] == si and f"| `{name}` |" in guide
+    for term in CANDIDATES:
+        assert meaning(f"C_L_{term}").startswith("lift coefficient by ")
+        assert not {"theta", "omega", "*"} & set(text_symbol(f"C_L_{term}").split("_"))
+    assert text_symbol("C_m_theta_11*theta_11_rate") == "C_m θ₁₁ θ\u0307₁₁" and text_symbol("C_m_0") == "C_m_0"

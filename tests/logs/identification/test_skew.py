@@ -10,8 +10,9 @@ from promised import SEEDS, promise_kept
 from scipy.signal import lfilter
 
 from logs.identification.data.experiment import Experiment
-from logs.identification.data.time_skew import shifted, skew_between
-from logs.identification.results import Estimate, Unidentified
+from logs.identification.data.signal_errors import shifted, skew_between
+from logs.identification.findings import Finding
+from logs.identification.results import Estimate
 from wingbeat.errors import InputError
 
 STEP = 0.02
@@ -74,25 +75,25 @@ def test_a_periodic_motion_is_ambiguous() -> None:
     time = STEP * np.arange(500)
     noise = 0.05 * np.random.default_rng(1).normal(size=(2, 500))
     found = skew_between(np.sin(6 * time) + noise[0], np.sin(6 * time - 0.3) + noise[1], STEP, 2.0)
-    assert isinstance(found, Unidentified)
-    assert "ambiguous" in found.reason
+    assert isinstance(found, Finding)
+    assert "ambiguous" in found.text
 
 
 def test_signals_that_do_not_belong_together_have_no_skew() -> None:
     noise = np.random.default_rng(2).normal(size=(2, 500))
     found = skew_between(noise[0], noise[1], STEP, 2.0)
-    assert isinstance(found, Unidentified)
+    assert isinstance(found, Finding)
     still = skew_between(noise[0], np.zeros(500), STEP, 2.0)
-    assert isinstance(still, Unidentified)
-    assert still.reason == "a signal does not change"
+    assert isinstance(still, Finding)
+    assert still.text == "a signal does not change"
 
 
 def test_a_skew_beyond_the_search_is_not_told() -> None:
     time = STEP * np.arange(600)
     first, second = (np.exp(-(((time - at) / 0.8) ** 2)) for at in (5.0, 6.5))
     found = skew_between(first, second, STEP, 0.5)
-    assert isinstance(found, Unidentified)
-    assert "longest skew" in found.reason
+    assert isinstance(found, Finding)
+    assert "longest skew" in found.text
 
 
 def test_a_late_signal_is_moved_back_and_nothing_is_made_up() -> None:

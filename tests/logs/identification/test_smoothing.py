@@ -10,7 +10,7 @@ import pytest
 from scipy.signal import lfilter
 
 from logs.identification.data.experiment import Experiment
-from logs.identification.data.noise_level import noise_level
+from logs.identification.data.signal_errors import noise_level
 from logs.identification.data.smoothing import (
     METHODS,
     Smoothed,

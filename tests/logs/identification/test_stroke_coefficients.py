@@ -12,7 +12,7 @@ from logs.identification.estimators.stroke_coefficients import (
     moment_derivatives,
     stroke_coefficients,
 )
-from logs.identification.models.stroke_averages import (
+from logs.identification.models.stroke_averaged import (
     Attitude,
     StrokeCoefficients,
     StrokeRecord,
@@ -59,14 +59,14 @@ def values(result: tuple[Estimate, ...]) -> dict[str, float]:
 def test_exact_forces_give_the_exact_coefficients() -> None:
     records = tuple(stroke(speed) for speed in (6.0, 7.0, 8.0))
     forces = tuple(measured(record, np.random.default_rng(0), 0.0) for record in records)
-    result = stroke_coefficients(records, forces)
+    result, by_stroke = stroke_coefficients(records, forces)
     assert values(result.estimates) == pytest.approx(NAMED)
-    assert result.by_stroke == pytest.approx(np.tile(TRUTH, (3, 1)))
+    assert by_stroke == pytest.approx(np.tile(TRUTH, (3, 1)))
 
 
 def test_intervals_cover_the_truth_as_often_as_they_promise() -> None:
     inside = [
-        [one.contains(NAMED[one.name]) for one in stroke_coefficients(*simulated(seed)).estimates]
+        [one.contains(NAMED[one.name]) for one in stroke_coefficients(*simulated(seed))[0].estimates]
         for seed in range(150)
     ]
     assert np.shape(inside) == (150, 4)
@@ -76,15 +76,15 @@ def test_intervals_cover_the_truth_as_often_as_they_promise() -> None:
 def test_a_wing_at_rest_and_strokes_without_a_half_tell_nothing() -> None:
     record = stroke(7.0)
     still = record._replace(lift_pressure=np.zeros((120, 2)), drag_pressure=np.zeros((120, 2)))
-    result = stroke_coefficients((still,) * 3, (np.ones((120, 2)),) * 3)
+    result = stroke_coefficients((still,) * 3, (np.ones((120, 2)),) * 3)[0]
     assert not result.estimates
-    assert "cannot be told apart" in result.unidentified[0].reason
+    assert "cannot be told apart" in result.withheld[0].text
     gliding = record._replace(down=np.ones(120, bool))
-    half = stroke_coefficients((gliding,) * 3, (np.ones((120, 2)),) * 3)
-    assert {one.name for one in half.unidentified} == {"C_L_up", "C_D_up"}
+    half = stroke_coefficients((gliding,) * 3, (np.ones((120, 2)),) * 3)[0]
+    assert {one.subject for one in half.withheld} == {"C_L_up", "C_D_up"}
     holed = np.ones((120, 2))
     holed[5] = np.nan
-    assert "not a number" in stroke_coefficients((record,) * 3, (holed,) * 3).unidentified[0].reason
+    assert "not a number" in stroke_coefficients((record,) * 3, (holed,) * 3)[0].withheld[0].text
 
 
 def test_too_few_strokes_are_refused() -> None:
@@ -119,11 +119,11 @@ def test_derivatives_of_lift_drag_and_moment_lie_in_their_intervals() -> None:
 def test_what_did_not_vary_is_not_told() -> None:
     attitude = attitudes(4)._replace(elevator=np.zeros(30))
     outcome = moment_derivatives(0.02 - 0.6 * attitude.alpha, attitude)
-    assert [one.name for one in outcome.unidentified] == ["C_m_elevator"]
+    assert [one.subject for one in outcome.withheld] == ["C_m_elevator"]
     tied = attitude._replace(alpha_rate=2.0 * attitude.alpha)
-    assert "varies as" in moment_derivatives(np.ones(30), tied).unidentified[0].reason
+    assert "varies as" in moment_derivatives(np.ones(30), tied).withheld[0].text
     few = Attitude(*(column[:3] for column in attitudes(5)))
-    assert "too few" in moment_derivatives(np.ones(3), few).unidentified[0].reason
+    assert "too few" in moment_derivatives(np.ones(3), few).withheld[0].text
 
 
 def test_an_angle_of_attack_that_never_changed_gives_no_slope() -> None:
@@ -132,5 +132,5 @@ def test_an_angle_of_attack_that_never_changed_gives_no_slope() -> None:
     result = lift_derivatives("up", lift, Attitude(alpha, np.zeros(12), np.zeros(12)))
     assert [one.name for one in result.estimates] == ["C_L_up_stiffness"]
     assert result.estimates[0].contains(0.8)
-    refused = {one.name: one.reason for one in result.unidentified}
+    refused = {one.subject: one.text for one in result.withheld}
     assert refused["C_L_up_alpha"] == "its regressor is the same in all strokes"

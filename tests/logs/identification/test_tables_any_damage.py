@@ -13,7 +13,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from test_tables_identified import BASE, flight, write
 
-from logs.identification.report.result_formatting import notes_of, table_document
+from logs.identification.report.tables import notes_of, table_document
 from logs.identification.sources.table.columns import Layout, read_columns
 from logs.identification.sources.table.config import example_map, load_map
 from logs.identification.sources.table.run import identify_tables

@@ -12,17 +12,17 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.signal import lsim
 
 from logs.identification.data.experiment import Experiment
-from logs.identification.diagnostics.context import Context
+from logs.identification.diagnostics import Context
 from logs.identification.diagnostics.estimates import disagreements, with_regressor_noise
 from logs.identification.diagnostics.model_structure import lack_of_fit, poor_fit
 from logs.identification.estimators.equation_error import Settings
 from logs.identification.estimators.equivalent_system import equivalent_system
 from logs.identification.estimators.era import realization
+from logs.identification.estimators.modal import records_of
 from logs.identification.estimators.nonparametric import modes_of_experiments, modes_of_records
-from logs.identification.estimators.records import records_of
-from logs.identification.estimators.registry import Request, estimators
-from logs.identification.report.result_formatting import notes_of as said_of
-from logs.identification.report.result_formatting import table_document
+from logs.identification.estimators.registry import ESTIMATORS, Request
+from logs.identification.report.tables import notes_of as said_of
+from logs.identification.report.tables import table_document
 from logs.identification.results import EstimationResult, FitSeries, estimate
 from logs.identification.sources.table.run import identify_tables
 from tests.logs.identification.test_frequency_equations import SLOW, exact
@@ -112,9 +112,7 @@ def test_a_constant_output_and_a_short_record_are_refused_in_words() -> None:
     short = one._replace(time=TIME[45:65], signals={name: v[45:65] for name, v in one.signals.items()})
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        expected = [
-            realization(records_of((e,), "delta_e", ("q", "theta"))).unidentified[0].reason for e in (still, short)
-        ]
+        expected = [realization(records_of((e,), "delta_e", ("q", "theta"))).withheld[0].text for e in (still, short)]
     assert expected == ["an output is constant", "the records are too short: 20 of 30 samples needed"]
 
 
@@ -122,7 +120,7 @@ def test_an_input_that_rests_is_not_called_unmeasured() -> None:
     one = driven()
     resting = one._replace(signals={**one.signals, "delta_e": np.zeros(len(TIME))})
     modes = modes_of_experiments((resting,), "delta_e", ("q",)).modes
-    assert modes[0].unidentified[0].reason == "the input does not move in the records"
+    assert modes[0].withheld[0].text == "the input does not move in the records"
 
 
 def noisy_moment(seed: int, level: float) -> Experiment:
@@ -136,7 +134,7 @@ def noisy_moment(seed: int, level: float) -> Experiment:
 
 
 def regressed(flights: tuple[Experiment, ...], names: tuple[str, ...]) -> EstimationResult:
-    return estimators()["equation_error_time"].estimate(Request(flights, outputs=("C",), regressors=names))
+    return ESTIMATORS["equation_error_time"].estimate(Request(flights, outputs=("C",), regressors=names))
 
 
 @pytest.mark.parametrize(("level", "reported"), [(0.15, True), (0.005, False)])
@@ -189,7 +187,7 @@ def test_a_fast_motion_without_noise_is_not_called_noise(noise: float) -> None:
 def test_realization_of_noise_that_no_input_moves_is_refused(seeds: tuple[int, ...]) -> None:
     """One record that once passed for a mode, and three at a time."""
     records = records_of(tuple(noise(seed, 0.0) for seed in seeds), "delta_e", ("alpha", "q"))
-    assert "less than 50%" in realization(records).unidentified[0].reason
+    assert "less than 50%" in realization(records).withheld[0].text
 
 
 def test_a_realization_faster_than_the_input_is_no_mode() -> None:
@@ -203,7 +201,7 @@ def test_a_realization_faster_than_the_input_is_no_mode() -> None:
         one = Experiment("one", time, signals, {"alpha": "rad", "delta_e": "rad"})
         found = realization(records_of((one,), "delta_e", ("alpha",)))
         assert found.frequency is None or found.frequency.contains(math.sqrt(60.0)), seed
-        reported |= {each.reason for each in found.unidentified}
+        reported |= {each.text for each in found.withheld}
     assert any("above the input's bandwidth" in one for one in reported)
 
 
@@ -215,7 +213,7 @@ def test_an_equivalent_system_needs_some_periods_of_the_mode() -> None:
     whole = driven()
     short = whole._replace(time=TIME[:225], signals={name: values[:225] for name, values in whole.signals.items()})
     given = [equivalent_system(records_of((one,), "delta_e", ("q", "theta"))) for one in (short, whole)]
-    assert given[0].frequency is None and "of 4.9 periods of the mode" in given[0].unidentified[0].reason
+    assert given[0].frequency is None and "of 4.9 periods of the mode" in given[0].withheld[0].text
     assert given[1].frequency is not None
     twice = equivalent_system(records_of((short, short, short), "delta_e", ("q", "theta")))
     assert twice.frequency is not None, "several short records are as good as a long one"
@@ -257,7 +255,7 @@ def test_methods_that_know_one_input_are_left_out_where_a_second_moves() -> None
     found = modes_of_experiments((both,), "delta_e", ("q",), others=("flap",)).modes
     expected = {mode.method: mode for mode in found}
     for name in ("equivalent system", "eigensystem realization", "spectrum"):
-        assert expected[name].unidentified[0].reason == "flap moves as well: the method has one input"
+        assert expected[name].withheld[0].text == "flap moves as well: the method has one input"
     assert records_of((both,), "delta_e", ("q",), ("flap",)).pieces[0].free_from >= np.searchsorted(TIME, 11.0)
     plain = modes_of_experiments((resting,), "delta_e", ("q",)).modes
     assert [m.frequency for m in modes_of_experiments((resting,), "delta_e", ("q",), others=("flap",)).modes] == [

@@ -10,7 +10,7 @@ from four_state_flapper import record, truth
 from test_tables_identified import codes, identified
 
 from logs.identification.results import Estimate
-from logs.identification.sources.table.results import TableIdentification
+from logs.identification.sources.table.run import TableIdentification
 
 MAP = """
 [time]

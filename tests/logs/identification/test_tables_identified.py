@@ -15,13 +15,12 @@ from scipy.signal import lfilter
 
 from groundstation.command import identify
 from logs.identification.data.experiment import Experiment
-from logs.identification.report.result_formatting import notes_of, table_document
+from logs.identification.report.tables import notes_of, table_document
 from logs.identification.results import EstimationResult
 from logs.identification.sources.table.config import example_map, load_map
 from logs.identification.sources.table.derived import DERIVED as MADE_OF
 from logs.identification.sources.table.derived import Source
-from logs.identification.sources.table.results import TableIdentification
-from logs.identification.sources.table.run import identify_tables
+from logs.identification.sources.table.run import TableIdentification, identify_tables
 from wingbeat.errors import InputError
 
 EXAMPLES = Path(__file__).parents[3] / "docs" / "examples"

@@ -12,7 +12,7 @@ from scipy.signal import cont2discrete
 from test_tables_identified import BASE, TRUTH, codes, flight, identified, write
 
 from groundstation.command import identify
-from logs.identification.diagnostics.sampling import jumps
+from logs.identification.diagnostics.estimates import jumps
 from wingbeat.errors import InputError
 
 

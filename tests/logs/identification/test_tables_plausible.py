@@ -10,7 +10,7 @@ from output_error_cases import LATERAL, LATERAL_TRUTH, steps
 from output_error_cases import simulated as flown_laterally
 
 from logs.identification.data.experiment import Experiment
-from logs.identification.diagnostics.context import Context
+from logs.identification.diagnostics import Context
 from logs.identification.diagnostics.estimates import unusual_signs
 from logs.identification.diagnostics.table import diagnose
 from logs.identification.results import Estimate, EstimationResult, estimate

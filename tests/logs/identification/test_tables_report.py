@@ -25,10 +25,9 @@ from logs.identification.findings import Finding
 from logs.identification.models.modes import Mode, ModesResult, Oscillation, nothing
 from logs.identification.models.stroke_averaged import matrices
 from logs.identification.report import Identification
-from logs.identification.report.result_formatting import table_document
-from logs.identification.report.tables import Source, table_chapters, write_tables_report
+from logs.identification.report.tables import Source, table_chapters, table_document, write_tables_report
 from logs.identification.results import EstimationResult, estimate
-from logs.identification.sources.table.results import TableIdentification
+from logs.identification.sources.table.run import TableIdentification
 from logs.pages.labels import number, rich, sentence, symbol
 from sim_bridge.tuning.model import load_model
 from wingbeat.errors import InputError

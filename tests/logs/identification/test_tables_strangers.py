@@ -10,13 +10,12 @@ import numpy as np
 import pytest
 
 from logs.identification.data.experiment import Experiment
+from logs.identification.estimators.modal import records_of
 from logs.identification.estimators.nonparametric import modes_of_experiments
-from logs.identification.estimators.records import records_of
 from logs.identification.estimators.spectrum import spectrum
 from logs.identification.models.modes import PHUGOID
 from logs.identification.sources.table.columns import seconds_of
-from logs.identification.sources.table.results import TableIdentification
-from logs.identification.sources.table.run import identify_tables
+from logs.identification.sources.table.run import TableIdentification, identify_tables
 from tests.logs.identification.test_tables_identified import BASE, assert_truth, codes, flight, numbers
 from tests.logs.identification.test_tables_reading import read
 from wingbeat.errors import InputError
@@ -214,7 +213,7 @@ def ringing(rate: float, duration: float) -> Experiment:
 def test_a_spectrum_of_a_ring_down_that_is_cut_off_is_refused() -> None:
     cut_off, whole = (spectrum(records_of((ringing(200.0, span),), None, ("q",))) for span in (4.0, 12.0))
     assert cut_off.frequency is None
-    assert "leak" in cut_off.unidentified[0].reason
+    assert "leak" in cut_off.withheld[0].text
     assert whole.damping is not None
     assert whole.damping.contains(0.055)
 
@@ -226,7 +225,7 @@ def test_a_record_with_the_speed_in_it_holds_a_phugoid_as_well() -> None:
     signals = {"u": 5.0 * slow + 0.1 * noise[0], "q": 0.001 * np.gradient(slow, time) + 1e-6 * noise[1]}
     one = Experiment("one", time, signals, {"u": "m/s", "q": "rad/s"})
     for mode in modes_of_experiments((one,), None, ("u", "q")).modes:
-        assert mode.phugoid is not None or PHUGOID in {lost.name for lost in mode.unidentified}, mode.method
+        assert mode.phugoid is not None or PHUGOID in {lost.subject for lost in mode.withheld}, mode.method
 
 
 def test_an_input_of_two_levels_is_no_gap(tmp_path: Path) -> None:

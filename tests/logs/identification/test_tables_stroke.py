@@ -11,7 +11,7 @@ import pytest
 
 from groundstation.command.main import main
 from logs.identification.estimators.stroke_coefficients import HIDDEN, Flight, stroke_fit
-from logs.identification.models.stroke_averages import Attitude
+from logs.identification.models.stroke_averaged import Attitude
 from logs.identification.models.wing_strokes import (
     Flapped,
     measured_strokes,
@@ -124,8 +124,8 @@ def test_an_angle_of_noise_alone_is_said_to_hide_the_halves() -> None:
     noisy = flown._replace(flap=np.random.default_rng(0).normal(0.0, 0.5, len(flown.time)))
     strokes = measured_strokes(noisy, planform_of(OUTLINE), strokes_by_angle(flown.time, flown.flap))
     still = np.zeros(len(strokes.begin))
-    lost = stroke_fit([Flight("run", strokes, Attitude(still, still, still))])[0].unidentified
-    assert len(lost) == 4 and {one.reason for one in lost} == {HIDDEN}
+    lost = stroke_fit([Flight("run", strokes, Attitude(still, still, still))])[0].withheld
+    assert len(lost) == 4 and {one.text for one in lost} == {HIDDEN}
 
 
 def test_the_flap_rate_is_right_within_what_it_says() -> None:

@@ -11,7 +11,7 @@ from avionics import topics
 from logs.identification.data.flight import NEUTRAL
 from logs.identification.data.maneuvers import excited
 from logs.identification.results import Array
-from logs.identification.sources.full_flight import whole_flight
+from logs.identification.sources.topic_table import whole_flight
 from wingbeat.errors import InputError
 from wingbeat.topic import Topic
 

@@ -1,4 +1,4 @@
-"""Search for the maximum of the likelihood: Gauss-Newton with step control, and a simplex for poor start values.
+"""Search for the maximum of the likelihood, and the covariance of what it finds.
 
 A Gauss-Newton step that does not reduce the cost is halved, then damped (Levenberg, Marquardt). The noise covariance
 is estimated after every step (relaxation). Jategaonkar, Flight Vehicle System Identification, 2006, ch. 4; Klein &
@@ -16,24 +16,29 @@ import numpy as np
 
 from logs.identification.estimators.engine.normal_equations import (
     Normal,
+    Spectrum,
     Step,
     finite,
     normal_of,
     pseudo_inverse,
     reduced,
+    spectrum_of,
     step_of,
 )
 from logs.identification.estimators.engine.problem import Iteration, Problem, Status
-from logs.identification.estimators.engine.records import Flags, Record
+from logs.identification.estimators.engine.records import Flags, Indices, Record
 from logs.identification.estimators.engine.simulation import (
     Flight,
     Unknowns,
     Whitener,
+    about_mean,
     noise_of,
     variation,
     whitener_of,
 )
-from logs.identification.results import Array
+from logs.identification.findings import Entry, Finding, register
+from logs.identification.results import Array, student_factor
+from logs.identification.statistics.covariance import record_covariance
 
 SHARES = (1.0, 0.5, 0.25, 0.125)
 DAMPINGS = (1e-3, 1e-2, 1e-1, 1.0, 10.0, 1e3, 1e5)
@@ -252,3 +257,102 @@ def _bordered(flight: Flight, record: Record, local: Array, values: Array) -> Bo
     slopes = white(flight.slopes(record, values, local, len(values))).reshape(-1, len(local))
     slopes = slopes if np.all(np.isfinite(slopes)) else np.zeros_like(slopes)
     return Bordered(record, white, slopes, pseudo_inverse(slopes.T @ slopes)[0])
+
+
+MIXED = 1e-2
+"""-; share of a parameter in a direction that the data does not determine"""
+WIDEST = 1.0
+"""-; of a value: half an interval, from which on it must also move the outputs less than they moved"""
+
+register({
+    "wide_interval": Entry(
+        "half of its interval, {value:.3g}, exceeds the value",
+        "The 95 % interval contains zero, and its ends change the outputs more than the measured motion.",
+        "fly larger inputs or more of them, or fix the parameter",
+    ),
+    "not_significant": Entry(
+        "the model explains no more of the outputs than chance",
+        "An F test of the model against constant outputs is not significant at 99 %.",
+        "fly larger inputs; compare the model with the aircraft",
+    ),
+})  # fmt: skip
+
+
+class Accuracy(NamedTuple):
+    """What the estimates are worth."""
+
+    covariance: Array
+    """(p, p); zero in the rows of what is not identified"""
+    degrees: Array
+    """-; (p,), effective degrees of freedom of each variance"""
+    findings: tuple[Finding, ...]
+    """withheld: the parameters without an estimate; warnings: those with a wide interval"""
+
+
+def accuracy_of(flight: Flight, optimum: OptimizerResult, names: tuple[str, ...]) -> Accuracy:
+    """Errors of the parameters that are not at a bound, for colored residuals and with nuisance parameters."""
+    assert optimum.normal is not None
+    free, p = np.flatnonzero(~optimum.at_bound), len(names)
+    equations = reduced(optimum.normal).only(free)
+    spectrum = spectrum_of(equations, optimum.normal.sizes[free])
+    inner, each = _covariance(flight, optimum.normal, free, spectrum.inverse(), equations.rank)
+    covariance = np.zeros((p, p))
+    covariance[np.ix_(free, free)] = inner
+    degrees = np.ones(p)
+    degrees[free] = each
+    values = optimum.unknowns.values
+    lost = {
+        names[i]: Finding("at_bound", "withheld", names[i], float(values[i]))
+        for i in np.flatnonzero(optimum.at_bound)
+    }
+    lost |= _undetermined(spectrum, [names[i] for i in free])
+    for index in (names.index(name) for name in lost):
+        covariance[index], covariance[:, index] = 0.0, 0.0
+    halves = np.sqrt(np.diag(covariance)) * [student_factor(float(one)) for one in degrees]
+    wide = [one for one in _wide(flight, optimum, halves, names) if one.subject not in lost]
+    return Accuracy(covariance, degrees, (*(lost[name] for name in names if name in lost), *wide))
+
+
+def _covariance(flight: Flight, normal: Normal, free: Indices, inverse: Array, rank: int) -> tuple[Array, Array]:
+    """Covariance (p, p) of the ``free`` parameters and effective degrees of freedom (p,)."""
+    sensitivities = []
+    for block in normal.blocks:
+        inner, _ = pseudo_inverse(block.nuisances.T @ block.nuisances)
+        rest = block.slopes[:, free] - block.nuisances @ (inner @ (block.nuisances.T @ block.slopes[:, free]))
+        sensitivities.append(rest.reshape(*block.residuals.shape, len(free)))
+    residuals, used = [block.residuals for block in normal.blocks], [record.used for record in flight.records]
+    prior = np.diag(normal.precision[free])
+    return record_covariance(residuals, used, sensitivities, inverse, len(free) + rank, prior)
+
+
+def _undetermined(spectrum: Spectrum, names: list[str]) -> dict[str, Finding]:
+    """Parameters in directions without information, by name, with those that they are correlated with."""
+    lost: dict[str, Finding] = {}
+    null = spectrum.vectors[:, ~spectrum.determined]
+    share = np.sqrt(np.sum(null**2, axis=1))
+    for index, name in enumerate(names):
+        if not np.isfinite(spectrum.scale[index]):
+            lost[name] = Finding("no_effect", "withheld", name)
+        elif share[index] > MIXED:
+            related = np.abs(null @ null[index]) > MIXED * share[index]
+            others = [other for i, other in enumerate(names) if related[i] and other != name]
+            details = {"others": ", ".join(others) or "the initial states and biases"}
+            lost[name] = Finding("not_identifiable", "withheld", name, details=details)
+    return lost
+
+
+def _wide(flight: Flight, end: OptimizerResult, halves: Array, names: tuple[str, ...]) -> list[Finding]:
+    """Parameters whose half interval exceeds them and would move the outputs more than they moved."""
+    assert end.normal is not None
+    motion, effects = _motion(flight, end.weights), np.sqrt(reduced(end.normal).alone)
+    return [
+        Finding("wide_interval", "warning", name, float(half), abs(float(value)))
+        for name, half, value, effect in zip(names, halves, end.unknowns.values, effects, strict=True)
+        if not np.isfinite(half) or (half > WIDEST * abs(value) and half * effect > motion)
+    ]
+
+
+def _motion(flight: Flight, weights: Array) -> float:
+    """Norm of the outputs' own motion about their means, as the search weighs it."""
+    squares = [float(np.sum(whitener_of(r, weights)(about_mean(r)) ** 2)) for r in flight.records]
+    return float(np.sqrt(sum(squares)))

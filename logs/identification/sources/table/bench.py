@@ -3,38 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from logs.identification.data.experiment import Experiment
 from logs.identification.diagnostics.signals import moves
-from logs.identification.estimators.servo import ServoModel, torque_of_readings
-from logs.identification.estimators.servo_power import power_of_readings
-from logs.identification.estimators.torque_speed import identify_torque_speed, turning
-from logs.identification.estimators.twist import DAMPING, NATURAL, identify_twist, swing_of
+from logs.identification.estimators.bench import (
+    DAMPING,
+    NATURAL,
+    identify_torque_speed,
+    identify_twist,
+    swing_of,
+    turning,
+)
+from logs.identification.estimators.servo import torque_of_readings
+from logs.identification.estimators.servo_power import power_of, power_of_readings
 from logs.identification.findings import Entry, Finding, register
-from logs.identification.results import Array, EstimationResult, FitSeries, withheld_finding
+from logs.identification.results import Array, EstimationResult, FitSeries, linear_result
 from logs.identification.sources.table.derived import signal
 from logs.identification.sources.table.maneuvers import DataSplit, files_of
 from logs.identification.sources.table.quantities import Measure
 from logs.pages.document import MEASURED, MODEL, POINTS, Chapter, Plot, Series
 from wingbeat.errors import InputError
-
-TORQUE = ("torque = K_tau I + K_tau0 (Gerdes Eq. 11)",)
-POWER = (
-    "P = C_A + C_B I + C_C V + C_F (I + C_D)(V + C_E) + C_G (I + C_D)^2 + C_H (V + C_E)^2 (Gerdes Eq. 12)",
-    "P_0 is the power at the mean current and voltage, -C_D and -C_E",
-)
-LINE = (
-    "At full drive torque = stall_torque V / nominal - torque_speed_slope speed, both in the direction of the drive"
-    " (Gerdes Fig. 9)",
-    "no_load_speed = stall_torque / torque_speed_slope, at the nominal voltage",
-)
-RELEASE = (
-    "twist = exp(-zeta omega t) (A cos(omega_d t) + B sin(omega_d t)) + rest, omega_d = omega sqrt(1 - zeta^2)"
-    " (Gerdes Eq. 16)",
-)
 
 register({
     "nominal_voltage": Entry("the numbers are for {value:.4g} V", "Voltage of the torque-speed line."),
@@ -127,10 +119,6 @@ def _readings(subject: str, section: Any, data: DataSplit, units: Mapping[str, s
     return Readings(data, subject, units, parts)
 
 
-def _values(model: ServoModel) -> dict[str, float]:
-    return {one.name: one.value for one in model.estimates}
-
-
 def servo_fit(section: ServoSection, data: DataSplit) -> list[EstimationResult]:
     """The torque model over all readings, and its torque in those held out.
 
@@ -140,13 +128,12 @@ def servo_fit(section: ServoSection, data: DataSplit) -> list[EstimationResult]:
     readings = _readings("servo", section, data, {"torque": "N m", "current": "A"})
     constant = readings.constant(("K_tau", "K_tau0"))
     if constant:
-        return [_result("servo", "torque model of a servo", TORQUE, None, (), findings=constant)]
+        return [linear_result("servo", (), constant[1:])]
     torque, current = readings.columns
     model = torque_of_readings(current, torque, data.fitted[0].steady)
-    values = _values(model)
+    values = {one.name: one.value for one in model.estimates}
     series = readings.series(lambda i: values["K_tau"] * i + values["K_tau0"]) if values else ()
-    scatter = Finding("residual_deviation", "info", "", model.residual, None, {"unit": "N m"})
-    return [_result("servo", "torque model of a servo", TORQUE, model, series, findings=(scatter,))]
+    return [_with_scatter(model, "N m", series)]
 
 
 def power_fit(section: PowerSection, data: DataSplit) -> list[EstimationResult]:
@@ -158,20 +145,18 @@ def power_fit(section: PowerSection, data: DataSplit) -> list[EstimationResult]:
     readings = _readings("power", section, data, {"power": "W", "current": "A", "voltage": "V"})
     constant = readings.constant(("P_0",))
     if constant:
-        return [_result("power", "power model of a servo", POWER, None, (), findings=constant)]
+        return [linear_result("power", (), constant[1:])]
     power, current, voltage = readings.columns
     model = power_of_readings(current, voltage, power, data.fitted[0].steady)
-    values = _values(model)
+    known = any(one.name == "P_0" for one in model.estimates)
+    series = readings.series(partial(power_of, model)) if known else ()
+    return [_with_scatter(model, "W", series)]
 
-    def predict(current: Array, voltage: Array) -> Array:
-        i, v = current + model.centre_current, voltage + model.centre_voltage
-        terms = {"P_0": np.ones(len(i)), "C_B": i, "C_C": v, "C_F": i * v, "C_G": i * i, "C_H": v * v}
-        return np.asarray(np.sum([values.get(name, 0.0) * term for name, term in terms.items()], axis=0))
 
-    series = readings.series(predict) if "P_0" in values else ()
-    scatter = Finding("residual_deviation", "info", "", model.residual, None, {"unit": "W"})
-    result = _result("power", "power model of a servo", POWER, model, series, findings=(scatter,))
-    return [result._replace(fixed={"C_D": model.centre_current, "C_E": model.centre_voltage})]
+def _with_scatter(model: EstimationResult, unit: str, series: tuple[FitSeries, ...]) -> EstimationResult:
+    """The model of readings with its ``series`` and the scatter of the residuals in ``unit``."""
+    scatter = Finding("residual_deviation", "info", "", model.residual_deviation, None, {"unit": unit})
+    return model._replace(series=series, findings=(*model.findings, scatter))
 
 
 def torque_speed_fit(section: TorqueSpeedSection, data: DataSplit) -> list[EstimationResult]:
@@ -193,7 +178,7 @@ def torque_speed_fit(section: TorqueSpeedSection, data: DataSplit) -> list[Estim
     torque, speed, voltage = readings.columns
     volts = float(np.nanmean(voltage)) if nominal is None else nominal
     model = identify_torque_speed(torque, speed, voltage, volts)
-    values = _values(model)
+    values = {one.name: one.value for one in model.estimates}
     series: list[FitSeries] = []
     chapters: tuple[Chapter, ...] = ()
     if values:
@@ -214,7 +199,7 @@ def torque_speed_fit(section: TorqueSpeedSection, data: DataSplit) -> list[Estim
         )
         chapters = (Chapter("Torque and speed", plots=(Plot("", "speed", "rad/s", "torque", "N m", lines),)),)
     finding = Finding("nominal_voltage", "info", "", volts)
-    return [_result("torque_speed", "torque-speed line", LINE, model, tuple(series), chapters, (finding,))]
+    return [model._replace(series=tuple(series), chapters=chapters, findings=(*model.findings, finding))]
 
 
 def twist_fits(section: TwistSection, data: DataSplit) -> list[EstimationResult]:
@@ -231,9 +216,9 @@ def twist_fits(section: TwistSection, data: DataSplit) -> list[EstimationResult]
     fits = []
     for one in data.fitted:
         model = identify_twist(one, name)
-        values = _values(model)
+        values = {one.name: one.value for one in model.estimates}
         series = (_swing(one, name, values[NATURAL], values[DAMPING], held_out=False),) if values else ()
-        fits.append(_result("twist", f"twist, {one.name}", RELEASE, model, series))
+        fits.append(model._replace(title=f"twist, {one.name}", series=series))
     known = [fit for fit in fits if fit.estimates]
     if known and data.held_out:
         natural, damping = (float(np.mean([fit.value(key) for fit in known])) for key in (NATURAL, DAMPING))
@@ -246,23 +231,3 @@ def _swing(one: Experiment, name: str, natural: float, damping: float, held_out:
     """The release as measured and by Eq. 16; initial angle, rate and rest are per record."""
     swing = swing_of(one, name, natural, damping)
     return FitSeries(one.name, name, one.units[name], swing.time, swing.measured, swing.model, held_out)
-
-
-def _result(
-    subject: str,
-    title: str,
-    equations: tuple[str, ...],
-    model: ServoModel | None,
-    series: tuple[FitSeries, ...],
-    chapters: tuple[Chapter, ...] = (),
-    findings: tuple[Finding, ...] = (),
-) -> EstimationResult:
-    """The result of a bench model; without a model the findings have the reason."""
-    estimates = () if model is None else model.estimates
-    lost = [withheld_finding(one) for one in model.unidentified] if model is not None else []
-    if lost and not estimates:
-        lost.insert(0, lost[0]._replace(subject=""))
-    return EstimationResult(
-        subject, subject, "", equations, "converged" if estimates else "not identifiable", estimates, series=series,
-        samples=0 if model is None else model.samples, findings=(*lost, *findings), title=title, chapters=chapters,
-    )  # fmt: skip

@@ -6,6 +6,7 @@ import math
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
+from logs.identification.estimators.registry import methods
 from logs.identification.models.user import is_user_model, user_inputs
 from logs.identification.sources.table.bench import PowerSection, ServoSection, TorqueSpeedSection, TwistSection
 from logs.identification.sources.table.columns import Layout
@@ -31,6 +32,7 @@ ALIASES = (
     ("aero.output_error", "hold", "zoh_inputs"),
 )
 """section, former key, key"""
+LEAST_SQUARES = "least squares"
 DELAY = "delay"
 """key, and name of the parameter: the time by which all inputs act later than they were recorded"""
 MODES_MODELS = ("short period", "longitudinal", "none")
@@ -104,8 +106,8 @@ class ModesSection(NamedTuple):
     states: Annotated[int, 2, 4] | None = None
     """-; 2: angle of attack and pitch rate; 4: speed and pitch too; if not given 4 if u or a_x is an output or if the
     likelihood ratio requires it, else 2"""
-    method: Annotated[str, "output_error", "filter_error"] | None = None
-    """all that apply if not given"""
+    method: str | None = None
+    """row of the registry; all that apply if not given"""
     kinds: Annotated[tuple[str, ...], "short_period", "phugoid"] | None = None
     """modes in the records; by the outputs if not given"""
     parameters: dict[str, Parameter] = {}
@@ -125,8 +127,9 @@ class Regression(NamedTuple):
     response: str
     regressors: tuple[str, ...]
     selection: Annotated[str, "all", "stepwise"] = "all"
-    method: Annotated[str, "least squares", "orthogonal"] = "least squares"
-    """orthogonal: of the regressors those whose orthogonal functions lower the predicted square error"""
+    """stepwise: the same as that method"""
+    method: str = "least squares"
+    """row of the registry; least squares is equation error in the ``domain``"""
     domain: Annotated[str, "time", "frequency"] = "time"
     forced_terms: tuple[str, ...] = ()
     """regressors that stepwise regression retains in any case"""
@@ -149,7 +152,8 @@ class OutputError(NamedTuple):
     """as of [modes]; none of a nonlinear model if not given"""
     search: Annotated[str, "gauss-newton", "nelder-mead", "both"] = "gauss-newton"
     """both: Gauss-Newton from the end of the simplex"""
-    method: Annotated[str, "output_error", "filter_error"] = "output_error"
+    method: str = "output_error"
+    """row of the registry"""
 
 
 class AeroSection(NamedTuple):
@@ -212,7 +216,7 @@ def load_map(path: Path) -> Map:
                 raise InputError("time is missing")
             config = config._replace(time=TimeSection(rate=1.0))
         config.time.check()
-        config = _with_models(config, path.parent)
+        config = _with_methods(_with_models(config, path.parent))
     except InputError as error:
         raise InputError(f"map {path}: {error}") from None
     return config
@@ -248,6 +252,37 @@ def _with_models(chosen: Map, folder: Path) -> Map:
         )
         aero = aero._replace(output_error=fits)
     return chosen._replace(modes=modes, aero=aero)
+
+
+def _with_methods(chosen: Map) -> Map:
+    """Check the methods; equation error and stepwise regression by the words of the former keys too.
+
+    Raises:
+        InputError: a method that the registry does not have for the section.
+    """
+    aero = chosen.aero
+    if chosen.modes is not None and chosen.modes.method is not None:
+        _check_method("modes", chosen.modes.method)
+    if aero is None:
+        return chosen
+    for one in aero.output_error:
+        _check_method("aero.output_error", one.method)
+    return chosen._replace(aero=aero._replace(regressions=tuple(map(_with_method, aero.regressions))))
+
+
+def _with_method(one: Regression) -> Regression:
+    for domain in ("time", "frequency"):
+        if one.method == f"equation_error_{domain}":
+            return one._replace(method=LEAST_SQUARES, domain=domain)
+    if one.method == "stepwise":
+        return one._replace(method=LEAST_SQUARES, selection="stepwise")
+    if one.method != LEAST_SQUARES:
+        _check_method("aero.regressions", one.method, LEAST_SQUARES)
+    return one
+
+
+def _check_method(section: str, name: str, *more: str) -> None:
+    read_value(Annotated[str, *methods(section), *more], name, f"{section}.method")
 
 
 def _model(name: str, inputs: tuple[str, ...], models: tuple[str, ...], key: str, folder: Path) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from scipy.signal import savgol_coeffs
 
 from logs.identification.data.experiment import Experiment, runs
 from logs.identification.data.smoothing import MIN_WIDTH, local_quadratic
-from logs.identification.diagnostics.sampling import jumps
+from logs.identification.diagnostics.estimates import jumps
 from logs.identification.estimators.regressors import LINE, Averaging, average_of_slope
 from logs.identification.models.rigid_body import acceleration_at_center
 from logs.identification.results import Array

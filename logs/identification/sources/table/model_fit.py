@@ -11,20 +11,21 @@ import numpy as np
 
 from logs.identification.data.experiment import Experiment
 from logs.identification.data.resampling import bridged, measured_pieces
-from logs.identification.diagnostics.context import Context
+from logs.identification.diagnostics import Context
+from logs.identification.diagnostics.estimates import FASTEST_TURN, LEAST_RUN, aliased_mode, coarse_inputs
 from logs.identification.diagnostics.model_structure import (
     conditional_estimates,
     has_lack_of_fit,
     omitted_effects,
     widened,
 )
-from logs.identification.diagnostics.sampling import FASTEST_TURN, LEAST_RUN, aliased_mode, coarse_inputs
 from logs.identification.diagnostics.table import diagnose
 from logs.identification.estimators.engine.problem import Fit, Nuisances, Problem
 from logs.identification.estimators.engine.problem import Parameter as FitParameter
 from logs.identification.estimators.filter_error import filter_error_search
 from logs.identification.estimators.initial_values import SPANS, best_delay, start_values
 from logs.identification.estimators.output_error import Method, Search, fitted_series, output_error, predicted
+from logs.identification.estimators.registry import ESTIMATORS, Request
 from logs.identification.estimators.terms import quotient
 from logs.identification.findings import Entry, Finding, register
 from logs.identification.results import Estimate, EstimationResult, FitSeries
@@ -135,6 +136,29 @@ def model_fit(subject: str, section: OutputError, data: DataSplit) -> ModelFit:
         *fitted.findings, *held.findings,
     )  # fmt: skip
     return ModelFit(result._replace(findings=findings), fit, chosen)
+
+
+def fit_by_row(subject: str, section: OutputError, data: DataSplit) -> EstimationResult:
+    """The fit of a model by another row of the registry, from the start values of equation error.
+
+    Raises:
+        InputError: as `model_fit`.
+    """
+    check_distinct(data.fitted, section.inputs, section.outputs, subject)
+    chosen = chosen_model(section, data.constants, data.fitted)
+    fitted = driven(data.fitted, chosen, data.fill).experiments
+    held = driven(data.held_out, chosen, data.fill).experiments if data.held_out else ()
+    starts = start_values(chosen.model, chosen.parameters, fitted, data.constants, chosen.linear)
+    parameters = _problem(section, chosen, fitted, starts).parameters
+    row = ESTIMATORS[section.method]
+    request = Request(
+        fitted, held, tuple(chosen.model.inputs), section.outputs, (), chosen.model, parameters, data.constants
+    )
+    found = row.estimate(request)
+    return found._replace(
+        subject=subject, model=section.model, equations=found.equations or chosen.equations,
+        title=f"{row.title}, {section.model}", fixed=chosen.fixed,
+    )  # fmt: skip
 
 
 def _covariance(fit: Fit) -> np.ndarray | None:

@@ -13,8 +13,8 @@ from logs.identification.estimators.engine.problem import Fit, Model
 from logs.identification.findings import Finding
 from logs.identification.models.actuators import Actuated, Actuator
 from logs.identification.models.compiled import CompiledModel
+from logs.identification.models.lateral import AXES, MEASURED, LateralAirframe, nonlinear_lateral
 from logs.identification.models.linear import LinearModel
-from logs.identification.models.nonlinear_lateral import AXES, MEASURED, LateralAirframe, nonlinear_lateral
 from logs.identification.models.nonlinear_longitudinal import Airframe, nonlinear_longitudinal
 from logs.identification.models.stability import Steady, lateral, longitudinal, short_period
 from logs.identification.models.user import is_user_model, load_user_model

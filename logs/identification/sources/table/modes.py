@@ -9,16 +9,16 @@ from collections.abc import Sequence
 import numpy as np
 
 from logs.identification.data.experiment import Experiment
+from logs.identification.diagnostics import Context
 from logs.identification.diagnostics.agreement import agreement
-from logs.identification.diagnostics.context import Context
-from logs.identification.diagnostics.model_structure import has_lack_of_fit
-from logs.identification.diagnostics.sampling import (
+from logs.identification.diagnostics.estimates import (
     FASTEST_TURN,
     LEAST_RUN,
     aliased_mode,
     coarse_inputs,
     short_records,
 )
+from logs.identification.diagnostics.model_structure import has_lack_of_fit
 from logs.identification.estimators.equivalent_system import METHOD as EQUIVALENT
 from logs.identification.estimators.free_response import METHOD as FREE_RESPONSE
 from logs.identification.estimators.frequency_equations import (
@@ -28,10 +28,11 @@ from logs.identification.estimators.frequency_equations import (
     frequency_equation_error,
 )
 from logs.identification.estimators.initial_values import acting_at
+from logs.identification.estimators.modal import away
 from logs.identification.estimators.nonparametric import modes_of_experiments
-from logs.identification.estimators.records import away
-from logs.identification.findings import Entry, Finding, register
-from logs.identification.models.lateral_modes import DUTCH_ROLL, LateralModes, lateral_modes
+from logs.identification.estimators.registry import ESTIMATORS, Request
+from logs.identification.findings import Entry, Finding, not_estimated, register
+from logs.identification.models.lateral import DUTCH_ROLL, LateralModes, lateral_modes
 from logs.identification.models.modes import (
     KINDS,
     PHUGOID,
@@ -42,7 +43,7 @@ from logs.identification.models.modes import (
     nothing,
 )
 from logs.identification.models.user import is_user_model
-from logs.identification.results import SURE, EstimationResult, Unidentified, withheld_finding
+from logs.identification.results import SURE, EstimationResult
 from logs.identification.sources.table.config import DELAY, ModesSection, OutputError, Parameter
 from logs.identification.sources.table.derived import band_frequencies, check_distinct
 from logs.identification.sources.table.maneuvers import DataSplit
@@ -79,13 +80,23 @@ register({
 })  # fmt: skip
 
 
-def modes_fit(section: ModesSection, data: DataSplit) -> tuple[list[EstimationResult], ModesResult]:
+def modes_fit(section: ModesSection, data: DataSplit) -> tuple[list[EstimationResult], ModesResult | None]:
     """The fits of the model, and the modes by them and by all other methods that the records allow.
+
+    A method of the registry that fits no model is alone.
 
     Raises:
         InputError: a signal that is not there, or no record is long enough.
     """
     _check(section, data)
+    if section.method is not None and section.method not in METHODS:
+        kinds = {} if section.kinds is None else {"kinds": section.kinds}
+        acting = data.map(lambda one: acting_at(one, section.inputs, section.delay.fixed or 0.0))
+        request = Request(
+            acting.fitted, acting.held_out, section.inputs, section.outputs, constants=data.constants, options=kinds
+        )
+        row = ESTIMATORS[section.method]
+        return [row.estimate(request)._replace(subject="modes", title=row.title)], None
     fits, rejected = _model_fits(section, data)
     results, known = [one.result for one in fits], (*(_mode(one, data) for one in fits), *rejected)
     if (not fits or fits[0].result.model == TWO_STATES or section.model is None) and _has_equations(section):
@@ -348,17 +359,15 @@ def with_lateral_modes(one: ModelFit) -> EstimationResult:
         return result
     why = _withheld_mode(one)
     if why:
-        found = LateralModes((), (Unidentified(DUTCH_ROLL, why),))
+        found: LateralModes = ((), (not_estimated(DUTCH_ROLL, why),))
     else:
         spread = ParameterUncertainty(np.asarray(one.fit.covariance), one.fit.degrees)
         found = lateral_modes(one.chosen.system_of(one.fit), one.fit.values, spread)
-    lost = tuple(map(withheld_finding, found.unidentified))
+    derived, lost = found
     notes = tuple(f"{lost.subject} not identified: {lost.text}" for lost in lost)
-    bars = tuple(Bar(one.name, one) for one in found.estimates)
+    bars = tuple(Bar(one.name, one) for one in derived)
     chapter = Chapter("Lateral modes", notes, plots=(Intervals("", bars),) if bars else ())
-    return result._replace(
-        derived=found.estimates, findings=(*result.findings, *lost), chapters=(*result.chapters, chapter)
-    )
+    return result._replace(derived=derived, findings=(*result.findings, *lost), chapters=(*result.chapters, chapter))
 
 
 # --- equation error in the frequency domain --------------------------------------------------------------------

@@ -10,8 +10,8 @@ from scipy.signal import detrend
 
 from logs.identification.data.experiment import Experiment, runs
 from logs.identification.data.resampling import cut, down_sampled, whole_records
+from logs.identification.data.signal_errors import LEAST, shifted, skew_between
 from logs.identification.data.smoothing import RATE_SUFFIX, smoothed
-from logs.identification.data.time_skew import LEAST, shifted, skew_between
 from logs.identification.findings import Entry, Finding, register
 from logs.identification.results import Array, Estimate, estimate
 from logs.identification.sources.table.derived import slope
@@ -168,7 +168,7 @@ def _skew(experiments: list[Experiment], name: str, late: SignalDelay) -> Estima
             if isinstance(skew, Estimate):
                 found.append(skew)
             else:
-                reasons.append(skew.reason)
+                reasons.append(skew.text)
     if not found:
         why = reasons[0] if reasons else f"no record has both for {2 * late.longest:g} s on end"
         raise InputError(f"prepare.delay.{name}: its skew behind {late.reference} is not determined: {why}")

@@ -7,21 +7,21 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from logs.identification.data.experiment import Experiment
-from logs.identification.diagnostics.context import Context
+from logs.identification.diagnostics import Context
 from logs.identification.diagnostics.estimates import with_input_sampling, with_regressor_noise
 from logs.identification.diagnostics.signals import joined, measured, moves
 from logs.identification.diagnostics.table import diagnose
 from logs.identification.estimators.equation_error import Settings
-from logs.identification.estimators.registry import Request, estimators
+from logs.identification.estimators.registry import ESTIMATORS, Request
 from logs.identification.estimators.regressors import INTERCEPT, LOCAL_POLYNOMIAL, filtered_like_derivative
 from logs.identification.estimators.terms import parse
 from logs.identification.findings import Entry, Finding, register
 from logs.identification.results import Array, EstimationResult
-from logs.identification.sources.table.config import Regression
+from logs.identification.sources.table.config import LEAST_SQUARES, Regression
 from logs.identification.sources.table.derived import DERIVED, averaging_of, band_frequencies, with_derived
 from logs.identification.sources.table.maneuvers import DataSplit, files_of
 from logs.identification.sources.table.quantities import UNITS
-from logs.pages.document import Chapter, Table
+from logs.pages.document import Band, Chapter, Plot, Series, Table
 from wingbeat.errors import InputError
 from wingbeat.text import did_you_mean
 
@@ -86,7 +86,7 @@ def regression_fit(section: Regression, data: DataSplit) -> EstimationResult:
     if not steady:
         result, sampling = with_input_sampling(result, complete.fitted, settings, section.domain)
         noise = (*noise, *sampling)
-    way = "orthogonal functions" if section.method == "orthogonal" else f"{section.domain} domain"
+    way = f"{section.domain} domain" if section.method == LEAST_SQUARES else ESTIMATORS[section.method].title.lower()
     result = result._replace(
         subject="aero", response=section.response, title=f"regression of {section.response}, {way}",
         equations=(*result.equations, NAMED),
@@ -111,7 +111,7 @@ def _estimated(section: Regression, names: tuple[str, ...], data: DataSplit, set
         request = Request(
             data.fitted, data.held_out, (), (section.response,), regressors, None, {}, data.constants, every
         )
-        return estimators()[row].estimate(request)
+        return ESTIMATORS[row].estimate(request)
 
     def selected(result: EstimationResult) -> tuple[str, ...]:
         terms = tuple(one.name for one in result.estimates if one.name != INTERCEPT)
@@ -119,9 +119,10 @@ def _estimated(section: Regression, names: tuple[str, ...], data: DataSplit, set
             raise InputError(f"{key}: no term was selected: {_reason(result)}")
         return terms
 
+    alone = section.method != LEAST_SQUARES
+    if alone and (section.selection != "all" or section.forced_terms or section.domain != "time"):
+        raise InputError(f'{key}: method = "{section.method}" is in the time domain, without selection of terms')
     if section.method == "orthogonal":
-        if section.selection != "all" or section.forced_terms or section.domain != "time":
-            raise InputError(f'{key}: method = "orthogonal" chooses its terms itself, in the time domain')
         result = estimate("orthogonal", names, most_terms=len(names))
         selected(result)
         functions, count = result.steps, len(names)
@@ -142,7 +143,10 @@ def _estimated(section: Regression, names: tuple[str, ...], data: DataSplit, set
         if section.domain == "time":
             return result
         return estimate("equation_error_frequency", terms)._replace(method="stepwise", steps=result.steps)
-    result = estimate(f"equation_error_{section.domain}", names)
+    row = section.method if section.method in ESTIMATORS else f"equation_error_{section.domain}"
+    result = estimate(row, names)
+    if result.steps:
+        result = result._replace(steps=(), chapters=(*result.chapters, _histories(result.steps)))
     if not result.estimates:
         failed = Finding("not_estimated", "withheld", details={"reason": _reason(result)})
         result = result._replace(findings=(failed, *result.findings))
@@ -234,6 +238,18 @@ def _functions(response: str, functions: Sequence[Any]) -> Chapter:
         "Each function is a term without its part along those before it; kept up to the least predicted square error."
     )
     return Chapter(f"Orthogonal functions of {response}", (note,), (table,))
+
+
+def _histories(histories: Sequence[Any]) -> Chapter:
+    """Each parameter against time with two standard errors (Klein & Morelli 2006, ch. 8)."""
+    plots = tuple(
+        Plot(
+            one.name, "time", "s", one.name, one.unit, (Series(one.name, one.time, one.value),),
+            (Band("two standard errors", one.time, *(one.value + f * one.standard_error for f in (-2.0, 2.0))),),
+        )
+        for one in histories
+    )  # fmt: skip
+    return Chapter("Parameters against time", ("Estimates after every sample.",), plots=plots)
 
 
 def product_of(name: str) -> str:

@@ -6,16 +6,17 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from logs.identification.diagnostics.context import Context
+from logs.identification.data.experiment import Experiment
+from logs.identification.diagnostics import Context
 from logs.identification.diagnostics.signals import joined, measured, moves
 from logs.identification.diagnostics.table import diagnose
 from logs.identification.findings import Entry, Finding, register
 from logs.identification.models.modes import ModesResult
-from logs.identification.results import EstimationResult
+from logs.identification.results import Estimate, EstimationResult
 from logs.identification.sources.table import bench
 from logs.identification.sources.table.columns import read_columns
 from logs.identification.sources.table.config import (
@@ -30,16 +31,41 @@ from logs.identification.sources.table.config import (
 )
 from logs.identification.sources.table.derived import SLOPES, at_center_of_mass
 from logs.identification.sources.table.maneuvers import DataSplit, data_split, files_of, split_at_discontinuities
-from logs.identification.sources.table.model_fit import model_fit
+from logs.identification.sources.table.model_fit import METHODS, fit_by_row, model_fit
 from logs.identification.sources.table.modes import modes_fit, with_lateral_modes
 from logs.identification.sources.table.path import path_fit
 from logs.identification.sources.table.prepare import stroke_averaged
 from logs.identification.sources.table.quantities import read_constants
 from logs.identification.sources.table.regression import check_names, regression_fit
-from logs.identification.sources.table.results import TableIdentification
 from logs.identification.sources.table.stand import stand_fits, tare_of
 from logs.identification.sources.table.stroke import stroke_fits
 from wingbeat.errors import InputError
+
+
+class TableIdentification(NamedTuple):
+    """Everything that was identified from one or several tables."""
+
+    files: tuple[str, ...]
+    experiments: tuple[str, ...]
+    """-; names of the maneuvers that were fitted"""
+    held_out: tuple[str, ...]
+    """-; names of those that were only predicted"""
+    fits: tuple[EstimationResult, ...]
+    modes: ModesResult | None
+    """by every method; None if not requested"""
+    findings: tuple[Finding, ...] = ()
+    """on the data and on the results together"""
+    missing: tuple[Finding, ...] = ()
+    """sections or fits of the map (subject) without a result"""
+    records: tuple[Experiment, ...] = ()
+    """the maneuvers, fitted ones first"""
+    inputs: tuple[str, ...] = ()
+    """-; signals that the map calls inputs"""
+    constants: Mapping[str, float] = {}
+    """SI; of the map"""
+    delays: tuple[Estimate, ...] = ()
+    """s; measured delays of signals, by name"""
+
 
 T = TypeVar("T")
 DYNAMIC = ("modes", "path", "stroke", "load_cell", "twist")
@@ -68,8 +94,10 @@ register({
 })  # fmt: skip
 
 
-def identify_tables(files: Sequence[Path], mapping: Path, what: str = ALL) -> TableIdentification:
-    """Identify ``what`` (`SUBJECTS`) from tables by their map.
+def identify_tables(
+    files: Sequence[Path], mapping: Path, what: str = ALL, method: str | None = None
+) -> TableIdentification:
+    """Identify ``what`` (`SUBJECTS`) from tables by their map, the modes by ``method`` instead of the map's.
 
     Raises:
         InputError: a file or map that cannot be used, or a map without a section for ``what``.
@@ -82,6 +110,8 @@ def identify_tables(files: Sequence[Path], mapping: Path, what: str = ALL) -> Ta
         *others, last = (f"[{name}]" for name in (SECTIONS if what == ALL else (what,)))
         names = f"{', '.join(others)} or {last}" if others else last
         raise InputError(f"map {mapping}: it has no section {names} that says what to fit")
+    if method is not None and config.modes is not None:
+        config = config._replace(modes=config.modes._replace(method=method))
     dynamic = [name for name in DYNAMIC if name in requested]
     if dynamic and config.experiment.kind == "steady":
         raise InputError(f"map {mapping}: [{dynamic[0]}] needs a motion, not steady readings ([experiment] kind)")
@@ -223,7 +253,9 @@ def _check_outputs(names: Sequence[str], data: DataSplit) -> None:
             )
 
 
-def _modes(section: ModesSection, data: DataSplit, raw: DataSplit) -> tuple[list[EstimationResult], ModesResult]:
+def _modes(
+    section: ModesSection, data: DataSplit, raw: DataSplit
+) -> tuple[list[EstimationResult], ModesResult | None]:
     _check_outputs(section.outputs, raw)
     return modes_fit(section, data)
 
@@ -238,6 +270,8 @@ def _aero_fits(
 
         def fit(model: Any = model) -> EstimationResult:
             _check_outputs(model.outputs, raw)
+            if model.method not in METHODS:
+                return fit_by_row("aero", model, data)
             return with_lateral_modes(model_fit("aero", model, data))
 
         yield f"output error, {model.model}", fit

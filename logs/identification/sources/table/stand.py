@@ -10,13 +10,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from logs.identification.data.experiment import Experiment
-from logs.identification.estimators.wing_coefficients import CANDIDATES, CoefficientModel, identify_coefficients
+from logs.identification.estimators.wing_coefficients import CANDIDATES, coefficient_terms, identify_coefficients
 from logs.identification.findings import Entry, Finding, register
 from logs.identification.models.inverse_dynamics import COEFFICIENTS, WingCoefficients
 from logs.identification.models.load_cell import LoadCell, StandRun, stand_coefficients
 from logs.identification.models.wing_strokes import strokes_by_angle
 from logs.identification.motion_capture.motion import CUTOFF
-from logs.identification.results import EstimationResult, FitSeries, withheld_finding
+from logs.identification.results import EstimationResult, FitSeries
 from logs.identification.sources.table.derived import Source, signal
 from logs.identification.sources.table.maneuvers import DataSplit
 from sim_bridge.vehicles import load_vehicle
@@ -165,27 +165,23 @@ def _means(maneuvers: WingCoefficients) -> tuple[Finding, Finding]:
 
 
 def _result(
-    model: CoefficientModel,
+    model: EstimationResult,
     fitted: list[WingCoefficients],
     predicted: list[WingCoefficients],
     notes: tuple[Finding, ...],
 ) -> EstimationResult:
     sides = [(one, False) for one in fitted] + [(one, True) for one in predicted]
     series = tuple(_series(model, one.experiment, side) for one, side in sides) if model.estimates else ()
-    lost = [withheld_finding(one) for one in model.unidentified]
-    if not model.estimates:
-        lost.insert(0, lost[0]._replace(subject=""))
-    terms = " + ".join(("C_0", *(f"[{term}] {term}" for term in model.terms)))
-    return EstimationResult(
-        "load_cell", "load_cell", "", (*EQUATIONS, f"{model.name} = {terms}"),
-        "converged" if model.estimates else "not identifiable", model.estimates, series=series,
-        samples=model.samples, findings=(*lost, *notes), steps=model.steps, title=f"{model.name} on the load cell",
+    terms = " + ".join(("C_0", *(f"[{term}] {term}" for term in coefficient_terms(model))))
+    return model._replace(
+        method="load_cell", subject="load_cell", equations=(*EQUATIONS, f"{model.title} = {terms}"), series=series,
+        findings=(*model.findings, *notes), title=f"{model.title} on the load cell", response="",
     )  # fmt: skip
 
 
-def _series(model: CoefficientModel, one: Experiment, held_out: bool) -> FitSeries:
+def _series(model: EstimationResult, one: Experiment, held_out: bool) -> FitSeries:
     values: dict[str, Any] = {maneuvers.name: maneuvers.value for maneuvers in model.estimates}
-    made = np.full(len(one.time), values.get(f"{model.name}_0", np.nan))
-    for term in model.terms:
-        made = made + values.get(f"{model.name}_{term}", np.nan) * one.signals[term]
-    return FitSeries(one.name, model.name, "-", one.time, np.asarray(one.signals[model.name]), made, held_out)
+    made = np.full(len(one.time), values.get(f"{model.title}_0", np.nan))
+    for term in coefficient_terms(model):
+        made = made + values.get(f"{model.title}_{term}", np.nan) * one.signals[term]
+    return FitSeries(one.name, model.title, "-", one.time, np.asarray(one.signals[model.title]), made, held_out)

@@ -16,7 +16,7 @@ from logs.identification.estimators.stroke_coefficients import (
     stroke_fit,
 )
 from logs.identification.findings import Entry, Finding, register
-from logs.identification.models.stroke_averages import Attitude
+from logs.identification.models.stroke_averaged import Attitude
 from logs.identification.models.wing_strokes import (
     Flapped,
     Planform,
@@ -25,7 +25,7 @@ from logs.identification.models.wing_strokes import (
     strokes_by_angle,
     strokes_by_count,
 )
-from logs.identification.results import Array, EstimationResult, Fitted, from_fitted
+from logs.identification.results import Array, EstimationResult
 from logs.identification.sources.table.derived import Source, signal
 from logs.identification.sources.table.maneuvers import DataSplit
 from logs.identification.sources.table.quantities import need
@@ -90,22 +90,16 @@ def stroke_fits(section: StrokeSection, data: DataSplit) -> list[EstimationResul
         raise InputError(
             f"stroke: {pluralize(count, 'complete stroke')}; {LEAST_STROKES} are needed ({findings[0].text})"
         )
-    mean, each = stroke_fit(fitted, held)
+    mean, by_stroke = stroke_fit(fitted, held)
     for one in mean.estimates:
         if one.low > LARGEST or one.high < -LARGEST:
             findings.append(Finding("large_coefficient", "warning", one.name, one.value, LARGEST))
         if one.name.startswith("C_D") and one.high < 0.0:
             findings.append(Finding("negative_drag", "warning", one.name, one.value, 0.0))
-    first = _result(mean, count)
-    fits = [first._replace(findings=(*first.findings, *findings), chapters=(stroke_chapter(each),))]
+    fits = [mean._replace(findings=(*mean.findings, *findings), chapters=(stroke_chapter(mean, by_stroke),))]
     if section.derivatives and mean.estimates:
-        fits.append(_result(derivative_fit(fitted, each.by_stroke), count))
+        fits.append(derivative_fit(fitted, by_stroke))
     return fits
-
-
-def _result(fitted: Fitted, count: int) -> EstimationResult:
-    failure = "" if fitted.estimates else "; ".join(dict.fromkeys(one.reason for one in fitted.unidentified))
-    return from_fitted(fitted, "stroke", failure, subject="stroke", samples=count)
 
 
 def _flight(

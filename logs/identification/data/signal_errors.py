@@ -1,14 +1,19 @@
-"""Time skew between two signals of the same motion, such as one rate by two recorders.
+"""Measurement errors of signals: time skew between two, noise level of one.
 
 Cross-correlation finds the skew to a sample (Bendat & Piersol, Random Data, 4th ed., 2010, chapters 5 and 8; the
 variance of a correlation between colored signals is Bartlett's, J. Royal Statistical Society 98, 1935). Between the
 samples it is the shift of the first signal, smoothed by `fourier_smoothing`, that fits the second by least squares
 with a gain and an offset: the maximum of the correlation again, but with a standard error, corrected for colored
 residuals.
+
+Tintner, The Variate Difference Method, 1940; the variances of the differences as in Anderson, The Statistical
+Analysis of Time Series, 1971, chapter 3. The k-th difference of white noise has binomial(2k, k) times its
+variance; the smooth part of the signal vanishes as k increases.
 """
 
 from __future__ import annotations
 
+from math import comb, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -18,7 +23,8 @@ from logs.identification.data.experiment import Experiment
 from logs.identification.data.resampling import interpolated
 from logs.identification.data.smoothing import Smoothed, fourier_smoothing, whole
 from logs.identification.estimators.least_squares import regress
-from logs.identification.results import Array, Estimate, Unidentified, estimate
+from logs.identification.findings import Finding, not_estimated
+from logs.identification.results import Array, Estimate, estimate
 from wingbeat.errors import InputError
 
 LEAST = 40
@@ -41,7 +47,7 @@ class _Peak(NamedTuple):
     """-; why it is not usable; empty if it is"""
 
 
-def skew_between(first: Array, second: Array, step: float, longest: float) -> Estimate | Unidentified:
+def skew_between(first: Array, second: Array, step: float, longest: float) -> Estimate | Finding:
     """Delay (s) of ``second`` (N,) behind ``first`` (N,), both sampled every ``step`` s.
 
     The signals agree up to a positive gain, an offset and noise. Skews up to ``longest`` s in both directions are
@@ -58,9 +64,9 @@ def skew_between(first: Array, second: Array, step: float, longest: float) -> Es
     smooth = fourier_smoothing(whole(first, LEAST), step).smoothed
     whole(second, LEAST)
     if np.ptp(first) == 0 or np.ptp(second) == 0:
-        return Unidentified(NAME, "a signal does not change")
+        return not_estimated(NAME, "a signal does not change")
     peak = _highest(smooth.values, second, reach)
-    return Unidentified(NAME, peak.reason) if peak.reason else _refined(smooth, second, step, peak)
+    return not_estimated(NAME, peak.reason) if peak.reason else _refined(smooth, second, step, peak)
 
 
 def shifted(experiment: Experiment, names: tuple[str, ...], skew: float) -> Experiment:
@@ -123,7 +129,7 @@ def _correlation(values: Array) -> Array:
     return correlation
 
 
-def _refined(smooth: Smoothed, second: Array, step: float, peak: _Peak) -> Estimate | Unidentified:
+def _refined(smooth: Smoothed, second: Array, step: float, peak: _Peak) -> Estimate | Finding:
     """Gauss-Newton on the shift, gain and offset from the ``peak``, staying on it."""
     time = step * np.arange(len(second))
     curve = CubicHermiteSpline(time, smooth.values, smooth.rates)
@@ -139,4 +145,71 @@ def _refined(smooth: Smoothed, second: Array, step: float, peak: _Peak) -> Estim
             break
         if abs(change) < 1e-3 * max(error, 1e-6 * step):
             return estimate(NAME, "s", skew, error, fit.degrees)
-    return Unidentified(NAME, "the shift of the one signal onto the other did not converge")
+    return not_estimated(NAME, "the shift of the one signal onto the other did not converge")
+
+
+HIGHEST = 8
+"""-; order of differences"""
+THIRD = 3
+"""-; order of the difference that has only noise and steps of a motion"""
+MEDIAN_TO_DEVIATION = 1.4826
+"""-; standard deviation of a normal variable over its median size"""
+SETTLED = 2.0
+"""-; standard deviations: decrease of the estimate by the next order, below which the order is sufficient"""
+
+
+def noise_level(values: Array) -> float:
+    """Standard deviation of the white noise in equally spaced ``values`` (N,), in their unit.
+
+    Of correlated noise only the part that differs between adjacent samples counts.
+
+    Raises:
+        InputError: too few samples, or some are missing.
+    """
+    whole(values, 2 * HIGHEST)
+    before = _variance(values, 1)
+    for order in range(1, HIGHEST):
+        after = _variance(values, order + 1)
+        if before - after <= SETTLED * before * sqrt(_spread_of_change(order) / (len(values) - order)):
+            return sqrt(before)
+        before = after
+    return sqrt(before)
+
+
+def noise_with_steps(values: Array) -> float:
+    """The same for ``values`` (N,) with steps, as of a control, or NaN: by the median of the third difference.
+
+    A step is in four of them, which changes the median little. It needs nearly three times the samples for the same
+    accuracy. 0 if no four adjacent samples were measured.
+    """
+    return noise_of_differences(third_differences(values))
+
+
+def third_differences(values: Array) -> Array:
+    """Of ``values`` (N,) or (N, k): (N - 3, ...), none if there are fewer than four."""
+    return np.asarray(np.diff(values, THIRD, axis=0))
+
+
+def noise_of_differences(differences: Array) -> float:
+    """Standard deviation of the white noise whose `third_differences` (N,) these are, NaN left out."""
+    known = np.abs(differences[np.isfinite(differences)])
+    return MEDIAN_TO_DEVIATION * float(np.median(known)) / sqrt(_growth(THIRD)) if len(known) else 0.0
+
+
+def _growth(order: int) -> int:
+    """Variance of the difference of white noise with variance 1."""
+    return comb(2 * order, order)
+
+
+def _variance(values: Array, order: int) -> float:
+    return float(np.mean(np.diff(values, order) ** 2)) / _growth(order)
+
+
+def _spread_of_change(order: int) -> float:
+    """N times the variance of the change from one order to the next, for white noise of variance 1."""
+    here, there = _growth(order), _growth(order + 1)
+    return 2 * (
+        comb(4 * order, 2 * order) / here**2
+        - 2 * comb(4 * order + 2, 2 * order + 1) / (here * there)
+        + comb(4 * order + 4, 2 * order + 2) / there**2
+    )

@@ -1,28 +1,42 @@
-"""Torque against speed: the line that bounds a servo (Gerdes Fig. 9), and the wing's load on it (Table 5).
+"""Bench of a drive and a wing: torque-speed line, damped oscillation of the twist.
 
 A motor at full drive gives ``tau = (tau_s V - tau_s / omega_0 V_n omega) / V_n``: linear in voltage and rate, its
 stall torque and no-load speed both in proportion to the voltage. A wing asks for ``tau = c omega`` at a steady rate
 (the torque constant of Table 5, N m s/rad); while it flaps, its inertia takes part.
+
+Separable least squares of a damped oscillation; amplitude, phase and rest position are nuisance parameters. In the
+second term of Eq. 16 the print has theta_0 for the rate.
 """
 
 from __future__ import annotations
 
+import math
 from itertools import starmap
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
+from scipy.special import fdtrc
 
+from logs.identification.data.experiment import Experiment
 from logs.identification.data.flight import DriveData, GaugeErrors
 from logs.identification.data.resampling import GAP_STEPS, Channel, even
+from logs.identification.data.signal_errors import noise_with_steps
 from logs.identification.estimators.least_squares import Fit, regress
-from logs.identification.estimators.servo import ServoModel, with_gauge_errors
-from logs.identification.results import Array, Estimate, Unidentified, estimate, student_factor
-from logs.identification.statistics.covariance import ParameterUncertainty, propagate
+from logs.identification.estimators.separable import SeparableRecord, log_squares, orthonormal, solve
+from logs.identification.estimators.servo import with_gauge_errors
+from logs.identification.findings import Finding, not_estimated
+from logs.identification.results import Array, Estimate, EstimationResult, estimate, linear_result, student_factor
+from logs.identification.statistics.covariance import ParameterUncertainty, colored_covariance, information, propagate
 from logs.strokes import stroke_cuts
 from wingbeat.errors import InputError
 
+EQUATIONS = (
+    "At full drive torque = stall_torque V / nominal - torque_speed_slope speed, both in the direction of the drive"
+    " (Gerdes Fig. 9)",
+    "no_load_speed = stall_torque / torque_speed_slope, at the nominal voltage",
+)
 LEAST_SAMPLES = 20
 LEAST_STROKES = 10
 """-; of wings whose load is to be told: held in a hand, or thrown with still drives, they tell nothing of it"""
@@ -41,7 +55,9 @@ EXACT = GaugeErrors()
 LOAD = ("wing_torque_constant", "wing_inertia")
 
 
-def identify_torque_speed(torque: Array, rate: Array, voltage: Array, nominal: float | None = None) -> ServoModel:
+def identify_torque_speed(
+    torque: Array, rate: Array, voltage: Array, nominal: float | None = None
+) -> EstimationResult:
     """Stall torque, no-load speed and slope of a servo at full drive, at ``nominal`` volts (the mean without).
 
     Args:
@@ -100,7 +116,7 @@ def _opposed(torque: Array, rate: Array) -> bool:
     return bool(np.sum(torque[clear] * rate[clear] < 0.0) > 0.5 * np.sum(clear))
 
 
-def _constants(fit: Fit, samples: int) -> ServoModel:
+def _constants(fit: Fit, samples: int) -> EstimationResult:
     stall, slope = fit.values
     errors = np.sqrt(np.diag(fit.covariance))
     spread = float(np.std(fit.residuals))
@@ -115,15 +131,24 @@ def _constants(fit: Fit, samples: int) -> ServoModel:
         estimate(name, unit, value, error, fit.degrees)
         for (name, unit), value, error in zip(CONSTANTS.items(), values, deviations, strict=True)
     )
-    return ServoModel(found, (), 0.0, 0.0, spread, samples)
+    return _line(found, (), spread, samples)
 
 
-def _refused(why: str, torque: Array) -> ServoModel:
-    lost = tuple(Unidentified(name, why) for name in CONSTANTS)
-    return ServoModel((), lost, 0.0, 0.0, float(np.std(torque)), len(torque))
+def _refused(why: str, torque: Array) -> EstimationResult:
+    lost = tuple(not_estimated(name, why) for name in CONSTANTS)
+    return _line((), lost, float(np.std(torque)), len(torque))
 
 
-def identify_load(data: DriveData, gauges: GaugeErrors = EXACT) -> ServoModel:
+def _line(
+    parameters: tuple[Estimate, ...], withheld: tuple[Finding, ...], spread: float, samples: int
+) -> EstimationResult:
+    return linear_result(
+        "torque_speed", parameters, withheld, residual_deviation=spread, samples=samples, title="torque-speed line",
+        equations=EQUATIONS,
+    )  # fmt: skip
+
+
+def identify_load(data: DriveData, gauges: GaugeErrors = EXACT) -> EstimationResult:
     """The torque constant of Gerdes Table 5 and the wing's inertia, from both wings' torques and motion.
 
     ``tau = c omega + J omega' + k (angle) + tau_0``: the angle is the rate's integral without its drift. Inertia is
@@ -140,8 +165,8 @@ def identify_load(data: DriveData, gauges: GaugeErrors = EXACT) -> ServoModel:
     if samples < LEAST_SAMPLES:
         raise InputError(f"torque and motion of the wings are known together for {samples} samples while they flap")
     if min(float(np.ptp(row.regressors[:, 0])) for row in rows) < 1.0:
-        lost = tuple(Unidentified(name, "the wings do not move") for name in LOAD)
-        return ServoModel((), lost, 0.0, 0.0, 0.0, samples)
+        lost = tuple(not_estimated(name, "the wings do not move") for name in LOAD)
+        return _load_result((), lost, 0.0, samples)
     torques = GaugeErrors(torque_zero=gauges.torque_zero, torque_scale=gauges.torque_scale)
     model = with_gauge_errors(lambda changed: _load(_sides(changed, flapping, pace)), data, torques)
     alike = max(_inflation(row) for row in rows) > HIGHEST_INFLATION
@@ -151,7 +176,16 @@ def identify_load(data: DriveData, gauges: GaugeErrors = EXACT) -> ServoModel:
         if one.contains(0.0) or (alike and one.name == LOAD[1])
     }
     kept = tuple(one for one in model.estimates if one.name not in reasons)
-    return model._replace(estimates=kept, unidentified=tuple(starmap(Unidentified, reasons.items())))
+    return _load_result(kept, tuple(starmap(not_estimated, reasons.items())), model.residual_deviation, samples)
+
+
+def _load_result(
+    parameters: tuple[Estimate, ...], withheld: tuple[Finding, ...], spread: float, samples: int
+) -> EstimationResult:
+    return linear_result(
+        "load", parameters, withheld, residual_deviation=spread, samples=samples, title="wing load",
+        equations=("torque = c omega + J omega' + k angle + tau_0 (Gerdes Table 5)",),
+    )  # fmt: skip
 
 
 def _while_flapping(data: DriveData) -> tuple[NDArray[np.bool_], float]:
@@ -178,7 +212,7 @@ class _Side(NamedTuple):
     """-; (N,), 1.0 where all are known, 0.0 elsewhere, where they are zero"""
 
 
-def _load(rows: list[_Side]) -> ServoModel:
+def _load(rows: list[_Side]) -> EstimationResult:
     """Both numbers, whatever they are worth."""
     samples = int(min(row.used.sum() for row in rows))
     return _mean_load([regress(row.regressors, row.torque, row.used) for row in rows], samples)
@@ -221,7 +255,7 @@ def _side(data: DriveData, torque: Array, rate: Array, flapping: NDArray[np.bool
     return _Side(known[0], np.column_stack((*known[1:], used)), used.astype(float))
 
 
-def _mean_load(fits: list[Fit], samples: int) -> ServoModel:
+def _mean_load(fits: list[Fit], samples: int) -> EstimationResult:
     """Mean of the two wings; their difference is part of the error."""
     found: list[Estimate] = []
     for index, (name, unit) in enumerate(zip(LOAD, ("N m s/rad", "kg m^2"), strict=True)):
@@ -230,10 +264,10 @@ def _mean_load(fits: list[Fit], samples: int) -> ServoModel:
         error = np.sqrt(own + float(np.var(values, ddof=1)) / 2.0)
         found.append(estimate(name, unit, float(values.mean()), float(error), min(fit.degrees for fit in fits)))
     spread = float(np.sqrt(np.mean([np.var(fit.residuals) for fit in fits])))
-    return ServoModel(tuple(found), (), 0.0, 0.0, spread, samples)
+    return _load_result(tuple(found), (), spread, samples)
 
 
-def load_truth(data: DriveData, measured: ServoModel) -> dict[str, float]:
+def load_truth(data: DriveData, measured: EstimationResult) -> dict[str, float]:
     """What ``measured`` tells of the wings' load, by the same regression on true drive ``data``: name to value.
 
     Raises:
@@ -241,3 +275,117 @@ def load_truth(data: DriveData, measured: ServoModel) -> dict[str, float]:
     """
     told = {found.name for found in measured.estimates}
     return {found.name: found.value for found in identify_load(data).estimates if found.name in told}
+
+
+DAMPING, NATURAL = "twist_damping", "twist_natural_frequency"
+RELEASE = (
+    "twist = exp(-zeta omega t) (A cos(omega_d t) + B sin(omega_d t)) + rest, omega_d = omega sqrt(1 - zeta^2)"
+    " (Gerdes Eq. 16)",
+)
+MIN_SAMPLES = 16
+FREQUENCIES, DAMPINGS = 80, (0.05, 0.2, 0.5, 0.8)
+"""-; grid of start values"""
+LOCKED = 8.0
+"""-; standard deviations of the noise about the greatest excursion, within which the wing is not released"""
+SIGNIFICANCE = 1e-4
+"""-; p-value of the oscillation over the grid"""
+
+
+class Swing(NamedTuple):
+    """A release as measured and by Eq. 16."""
+
+    time: Array
+    """s; (N,), from the release on"""
+    measured: Array
+    """as the signal; (N,), NaN if not measured"""
+    model: Array
+    """as the signal; (N,)"""
+
+
+def identify_twist(test: Experiment, signal: str = "twist") -> EstimationResult:
+    """Natural frequency, damping ratio and damped frequency from a release or step; NaN samples are left out.
+
+    Raises:
+        InputError: no such signal, too few samples.
+    """
+    if signal not in test.signals:
+        raise InputError(f"the test {test.name} has no signal {signal!r}; it has {', '.join(test.signals)}")
+    time, swing = _from_release(test.time, np.asarray(test.signals[signal], dtype=float))
+    known = np.isfinite(swing)
+    count = int(known.sum())
+    if count < MIN_SAMPLES:
+        raise InputError(f"the test {test.name} has {count} samples after its release, fewer than {MIN_SAMPLES}")
+    if float(np.ptp(swing[known])) == 0.0:
+        return _withheld("the twist does not move", 0.0, count)
+    used = known.astype(np.float64)[:, None]
+    values = np.where(known, swing, 0.0)[:, None]
+
+    def build(at: Array) -> list[SeparableRecord]:
+        basis = orthonormal(_columns(time, math.exp(min(at[0], 50.0)), float(at[1])) * used)
+        return [SeparableRecord(values, (basis,), (basis[:, :0],))]
+
+    turns = np.geomspace(0.3, len(time) / 4.0, FREQUENCIES)
+    starts = [np.array([math.log(2 * math.pi * turn / time[-1]), z]) for turn in turns for z in DAMPINGS]
+    fit = solve(build, min(starts, key=lambda start: log_squares(build, start)))
+    deviation, fitted = float(fit.deviation[0]), fit.nuisances + len(fit.values)
+    if not 0.0 < fit.values[1] < 0.995:
+        return _withheld("the twist does not swing: its damping ratio is 1 or more, or below 0", deviation, count)
+    inverse = np.asarray(np.linalg.pinv(information(fit.sensitivities)), dtype=np.float64)
+    covariance, degrees = colored_covariance(fit.residuals, [used], fit.sensitivities, inverse, fitted)
+    about = float(np.sum((swing[known] - swing[known].mean()) ** 2))
+    squares = float(np.sum(fit.residuals[0] ** 2)) * deviation**2
+    ratio = (about / max(squares, 1e-300) - 1.0) * degrees / (fitted - 1)
+    spread = ParameterUncertainty(covariance, degrees)
+    lost = not np.all(np.isfinite(covariance)) or spread.standard_errors[1] > 0.5 * fit.values[1]
+    if lost or fdtrc(fitted - 1, degrees, ratio) * len(starts) > SIGNIFICANCE:
+        return _withheld("the swing does not stand out of the noise", deviation, count)
+
+    def numbers(at: Array) -> Array:
+        natural = math.exp(at[0])
+        return np.array([natural, at[1], natural * math.sqrt(max(1.0 - at[1] ** 2, 0.0))])
+
+    names = {NATURAL: "rad/s", DAMPING: "-", "twist_damped_frequency": "rad/s"}
+    central, worth = propagate(numbers, fit.values, spread)
+    return _result(worth.estimates(names, central), (), deviation, count)
+
+
+def swing_of(test: Experiment, signal: str, natural: float, damping: float) -> Swing:
+    """Gerdes Eq. 16 with ``natural`` frequency (rad/s) and ``damping`` (-); amplitude, phase and rest are fitted."""
+    time, swing = _from_release(test.time, np.asarray(test.signals[signal], dtype=float))
+    known, columns = np.isfinite(swing), _columns(time, natural, damping)
+    model = columns @ np.linalg.lstsq(columns[known], swing[known], rcond=None)[0]
+    return Swing(np.asarray(test.time[len(test.time) - len(time) :]), swing, np.asarray(model))
+
+
+def _from_release(time: Array, values: Array) -> tuple[Array, Array]:
+    """The record from the last sample near the greatest excursion from the final rest."""
+    known = np.flatnonzero(np.isfinite(values))
+    if not len(known):
+        return time[:0], values[:0]
+    rest = float(np.median(values[known[-max(len(known) // 5, 1) :]]))
+    excursion = np.abs(values[known] - rest)
+    top = int(np.argmax(excursion))
+    released = excursion[top:] <= excursion[top] - LOCKED * noise_with_steps(values[known])
+    free = np.flatnonzero(released[:-1] & released[1:])  # two in a row: one may be an outlier
+    first = int(known[top + max(int(free[0]) - 1, 0)]) if len(free) else int(known[top])
+    return time[first:] - time[first], values[first:]
+
+
+def _columns(time: Array, natural: float, damping: float) -> Array:
+    """Columns (N, 3): cosine and sine of Eq. 16, and the rest position."""
+    damped = natural * math.sqrt(max(1.0 - damping**2, 1e-9))
+    decay = np.exp(np.clip(-damping * natural * time, -300.0, 300.0))
+    return np.column_stack((decay * np.cos(damped * time), decay * np.sin(damped * time), np.ones_like(time)))
+
+
+def _withheld(reason: str, deviation: float, count: int) -> EstimationResult:
+    lost = tuple(not_estimated(name, reason) for name in (NATURAL, DAMPING))
+    return _result((), lost, deviation, count)
+
+
+def _result(
+    parameters: tuple[Estimate, ...], withheld: tuple[Finding, ...], deviation: float, count: int
+) -> EstimationResult:
+    return linear_result(
+        "twist", parameters, withheld, residual_deviation=deviation, samples=count, title="twist", equations=RELEASE
+    )
