@@ -66,7 +66,7 @@ def forces_page(
         plots.append(Plot(name.replace("_", " "), "time", "s", "all wings", unit, tuple(lines)))
     angles = tuple(
         Plot(
-            f"wing {name}",
+            f"angles of {name}",
             "time",
             "s",
             "angle",

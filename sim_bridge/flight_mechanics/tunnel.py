@@ -42,6 +42,8 @@ SIDES = {"both": (0.0, 1.0), "left": (0.0,), "right": (1.0,)}
 """indices of the wings of a pair"""
 WAKE_STEPS = 20
 """fewest steps of a wake per stroke"""
+ROUNDING = 1e-12
+"""-; lateral force over the greatest force that counts as none"""
 MINUTE = 1e-12
 """N, N m; loads that count as none"""
 
@@ -244,6 +246,8 @@ def tunnel_forces(file: WingFile, motion: RecordedMotion, model_name: str, strea
         for one in range_excesses(model, found):
             excesses.setdefault(one.quantity, one)
         force, moment = force + loads[:, :3], moment + loads[:, 3:]
+    # Mirrored wings leave a lateral force of rounding errors.
+    force[:, 1] = np.where(np.abs(force[:, 1]) > ROUNDING * np.max(np.abs(force)), force[:, 1], 0.0)
     whole = lift_and_thrust(force, stream.pitch)
     return TunnelForces(
         motion.time,

@@ -185,14 +185,7 @@ def bench_set_rows() -> list[Row]:
             ("Table 7", "power", "W", printed.power, found.positive_power, None),
             ("Table 7", "plunge speed", "rad/s", printed.plunge_speed, found.plunge_speed, None),
             ("Table 4", "stroke", "rad", printed.amplitude, found.amplitude, None),
-            (
-                "Table 4",
-                "thrust balance",
-                "N",
-                0.0,
-                balance,
-                THRUST_GAP,
-            ),
+            ("Table 4", "thrust balance", "N", 0.0, balance, THRUST_GAP),
         )
         for where, quantity, unit, value, computed, limit in values:
             name = f"{quantity} in the stream, one set, wing {wing}"
