@@ -203,9 +203,6 @@ def test_accelerometer_offset_along_body_x_is_estimated_before_the_first_turn(ve
 @pytest.mark.validate
 @pytest.mark.parametrize("vehicle", [RAVEN, ARIZONA])
 @pytest.mark.parametrize(("seed", "offset"), [(3, 0.15), (4, -0.15)])
-@pytest.mark.parametrize(("axis", "wind_from"), [("accel_y", 0.0), ("accel_x", 0.5 * math.pi)])
-def test_accelerometer_offset_is_estimated_in_gusts(
-    vehicle: str, seed: int, offset: float, axis: str, wind_from: float
-) -> None:
-    air = {"wind_speed": 3.0, "wind_from": wind_from, "turbulence": "small_uav_light"}
-    check_offset(vehicle, Scenario(seed=seed, duration=100.0, **air), axis, offset)  # type: ignore[arg-type]
+def test_accelerometer_offset_along_body_x_is_estimated_in_gusts(vehicle: str, seed: int, offset: float) -> None:
+    air = {"wind_speed": 3.0, "wind_from": 0.5 * math.pi, "turbulence": "small_uav_light"}
+    check_offset(vehicle, Scenario(seed=seed, duration=100.0, **air), "accel_x", offset)  # type: ignore[arg-type]
