@@ -14,7 +14,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from avionics.estimation.kalman import Array, constant, predict, update
+from avionics.estimation.kalman import Array, constant, filterpy
 from avionics.messages import AirData, Altitude
 from wingbeat.constants import STANDARD_GRAVITY
 from wingbeat.records import constructor
@@ -129,7 +129,7 @@ def step(gains: Gains, state: State, air: AirData, frequency: float = 0.0) -> tu
         p[0, 0] += innovation**2
         refused = 0.0
     if refused == 0.0:
-        x, p = update(x, p, np.array((air.pressure_altitude,)), _measured(gains.baro_noise), _PRESSURE)
+        x, p = filterpy().update(x, p, np.array((air.pressure_altitude,)), _measured(gains.baro_noise), H=_PRESSURE)
     state = _kept(state, air.time_us, dt, (x, p), (refused, innovation, variance))
     return state, _message(gains, state, _mean_over_period(state.climbs, frequency, dt))
 
@@ -152,7 +152,7 @@ def coast(
     x, p = _predicted(gains, state, dt)
     if fix is not None:
         noise = np.diag([gains.gps_altitude_noise**2, gains.gps_climb_noise**2])
-        x, p = update(x, p, np.array(fix), noise, _FIX)
+        x, p = filterpy().update(x, p, np.array(fix), noise, H=_FIX)
     state = _kept(state, time_us, dt, (x, p), (0.0, 0.0, 0.0))
     return state, _message(gains, state, _mean_over_period(state.climbs, frequency, dt))
 
@@ -161,7 +161,7 @@ def _predicted(gains: Gains, state: State, dt: float) -> tuple[Array, Array]:
     accel = state.accel_sum / state.accel_count if state.accel_count else state.x[2]
     transition, effect = _motion(dt)
     noise = _noise(gains.bias_walk, dt, gains.accel_noise if state.accel_count else UNKNOWN_ACCELERATION)
-    x, p = predict(np.array(state.x), np.array(state.p), transition, noise, accel, effect)
+    x, p = filterpy().predict(np.array(state.x), np.array(state.p), F=transition, Q=noise, u=accel, B=effect)
     return x, p
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import filterpy.kalman  # noqa: F401  # the filters' first steps would import it, in flight
+
 from avionics import topics
 from avionics.calibration.procedure import RAW_IMU
 from avionics.estimation import ahrs, gps_altitude

@@ -30,7 +30,7 @@ class Observer:
 
     def __init__(self, vehicle: FlightVehicle, publish: Publish) -> None:
         """Initialize with the gains of the vehicle's flight computer."""
-        from avionics.tasks import estimate, sense
+        from avionics.tasks import estimate, sense  # imports filterpy, which takes a second
 
         self._tasks = (
             sense.power, sense.wing, sense.air, sense.torque, estimate.attitude, estimate.altitude, estimate.position,
