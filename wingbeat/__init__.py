@@ -16,6 +16,7 @@ _HOME = {
     "Simulation": "wingbeat.api.simulation",
     "SteadyFlight": "wingbeat.api.steady",
     "Tuning": "wingbeat.api.tuning",
+    "TunnelForces": "wingbeat.api.tunnel",
     "Vehicle": "wingbeat.api.vehicles",
     "campaign": "wingbeat.api.campaigns",
     "check_log": "wingbeat.api.logs",
@@ -28,6 +29,7 @@ _HOME = {
     "open_log": "wingbeat.api.flights",
     "trim": "wingbeat.api.steady",
     "tune": "wingbeat.api.tuning",
+    "tunnel": "wingbeat.api.tunnel",
     "vehicle_names": "wingbeat.api.vehicles",
 }
 """module by public name"""

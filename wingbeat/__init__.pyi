@@ -15,6 +15,8 @@ from wingbeat.api.steady import trim as trim
 from wingbeat.api.tuning import Tuning as Tuning
 from wingbeat.api.tuning import new_bird as new_bird
 from wingbeat.api.tuning import tune as tune
+from wingbeat.api.tunnel import TunnelForces as TunnelForces
+from wingbeat.api.tunnel import tunnel as tunnel
 from wingbeat.api.vehicles import Vehicle as Vehicle
 from wingbeat.api.vehicles import load_vehicle as load_vehicle
 from wingbeat.api.vehicles import vehicle_names as vehicle_names
@@ -27,6 +29,7 @@ __all__ = [
     "Simulation",
     "SteadyFlight",
     "Tuning",
+    "TunnelForces",
     "Vehicle",
     "campaign",
     "check_log",
@@ -39,5 +42,6 @@ __all__ = [
     "open_log",
     "trim",
     "tune",
+    "tunnel",
     "vehicle_names",
 ]

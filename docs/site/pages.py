@@ -115,9 +115,9 @@ SECTIONS_OF_THE_SITE = {
         "tutorials/campaign", "tutorials/own_controller",
     ),
     "How-to guides": (
-        "commands", "howto/notebook", "own_aircraft", "identify_csv", "identification/user_model",
-        "identification/flight_path",
-        "log_check", "vibration", "web_view", "joystick", "howto/ground_stations", "sitl", "howto/hardware",
+        "commands", "howto/next_flight", "howto/notebook", "own_aircraft", "identify_csv",
+        "identification/user_model", "identification/flight_path", "log_check", "vibration", "web_view", "joystick",
+        "howto/ground_stations", "sitl", "howto/hardware",
         "reference/serial_board", "reference/razor", "howto/add_vehicle", "howto/add_sensor",
         "howto/add_aerodynamics", "howto/add_control_law", "howto/add_estimator",
     ),
@@ -132,7 +132,7 @@ SECTIONS_OF_THE_SITE = {
     ),
     "Validation": (
         "validation/aerodynamics", "validation/estimation", "validation/identification", "validation/gusts",
-        "validation/faults", "validation/new_bird", "validation/benchmarks",
+        "validation/faults", "validation/new_bird", "validation/robo_raven", "validation/benchmarks",
     ),
 }  # fmt: skip
 """pages by section, in the order of the navigation"""

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
-import io
 import math
 import tempfile
 from collections.abc import Sequence
@@ -15,6 +13,8 @@ from avionics.missions.excitations import SHAPES
 from avionics.vehicles import FlightVehicle
 from avionics.vehicles import load_vehicle as load_flight_vehicle
 from groundstation.command import options
+from groundstation.command.foreign_log import opened_log
+from groundstation.command.identify_out import write_outputs
 from groundstation.command.tune import linearised
 from groundstation.views.input_design import plan_view
 from groundstation.views.json_document import print_document
@@ -22,6 +22,8 @@ from groundstation.views.progress import ProgressBar
 from groundstation.views.terminal import open_console
 from logs.attached import airframe_of, span_of
 from logs.identification.data.flight import Aircraft
+from logs.identification.estimators.flight_modes import LARGE_PITCH, OUTPUT_ERROR
+from logs.identification.input_design.autopilots import FORMATS, autopilot_file
 from logs.identification.input_design.design import (
     DesignSpec,
     InputDesign,
@@ -31,8 +33,18 @@ from logs.identification.input_design.design import (
     design_input,
     mission_item,
 )
-from logs.identification.input_design.prediction import MODE_UNITS, Gust, Prior, prior_of, sensor_noise
+from logs.identification.input_design.prediction import (
+    MODE_UNITS,
+    Gust,
+    Prior,
+    inflation,
+    prior_of,
+    residuals_of,
+    sensor_noise,
+)
+from logs.identification.models.modes import ModesResult
 from logs.identification.models.stroke_averaged import LONGITUDINAL
+from logs.importing.excitation import FULL_DEFLECTION
 from logs.new_files import check_new
 from sim_bridge.tuning.model import LinearModel, is_model_file, load_model
 from sim_bridge.vehicles import SimulatedVehicle
@@ -44,6 +56,7 @@ EXAMPLES = (
     "wingbeat design my_model.toml --input multisine --duration 20 --json",
     "wingbeat design robo_raven_ii_d --input doublet --frequency-error 1 --out excite.toml",
     "wingbeat design --from recordings/flight.mcap --want elevator,short_period --accuracy 5 --out excite.toml",
+    "wingbeat design --from flight.bin --vehicle my_bird/ --out excite.lua --format ardupilot",
 )
 JSON_KEYS = {
     "model": "where the prior model comes from",
@@ -77,6 +90,8 @@ class _Subject(NamedTuple):
     aircraft: Aircraft
     vehicle: FlightVehicle | None
     world: SimulatedVehicle | None
+    flight: ModesResult | None = None
+    """of ``--from``"""
 
 
 def build_parser() -> options.Parser:
@@ -145,6 +160,13 @@ def build_parser() -> options.Parser:
     parser.add_argument("--rate", type=options.positive, default=0.0, metavar="HZ", help="sample rate (default: 200)")
     parser.add_argument("--gust", type=options.positive, metavar="M/S", help="gusts of this standard deviation")
     parser.add_argument("--out", type=Path, metavar="FILE", help="new file for the mission item")
+    parser.add_argument(
+        "--format",
+        choices=FORMATS,
+        default=FORMATS[0],
+        help="of --out: mission item, SID parameters or Lua script of ArduPlane, MAVLink script for PX4"
+        f" (default: {FORMATS[0]})",
+    )
     options.add_json(parser)
     return parser
 
@@ -180,18 +202,28 @@ def run(arguments: Sequence[str]) -> int:
         raise InputError("--accuracy goes with --want")
     subject = _subject(chosen) if chosen.log is None else _identified(chosen)
     noise = tuple(chosen.noise) if chosen.noise else _noise(subject)
-    prior = prior_of(subject.model, subject.aircraft, noise, chosen.rate)
+    prior = _with_flight(prior_of(subject.model, subject.aircraft, noise, chosen.rate), subject.flight)
     requested = _request(chosen, subject, prior)
     with ProgressBar("designing") as bar:
         designs = design_input(prior, requested, bar.show)
     if chosen.out is not None:
         with chosen.out.open("x", encoding="utf-8") as file:
-            file.write(mission_item(designs.excitation))
+            file.write(_file_text(chosen, subject, requested, designs))
     if chosen.json:
         print_document(_document(subject, prior, requested, designs))
     else:
         open_console().print(plan_view(subject.model, prior, requested, designs))
     return 0
+
+
+def _file_text(chosen: argparse.Namespace, subject: _Subject, requested: DesignSpec, designs: InputDesign) -> str:
+    """Return the text of ``--out``."""
+    if chosen.format == "wingbeat":
+        return mission_item(designs.excitation)
+    travel = FULL_DEFLECTION if subject.world is None else subject.world.tail_servo.travel
+    return autopilot_file(
+        chosen.format, designs.excitation, travel, requested.fade, requested.pause, Path(chosen.out)
+    )
 
 
 def _identified(chosen: argparse.Namespace) -> _Subject:
@@ -200,13 +232,35 @@ def _identified(chosen: argparse.Namespace) -> _Subject:
     Raises:
         InputError: the log does not identify the model, or ``--airspeed`` is given.
     """
-    from groundstation.command import identify
-
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "model.toml"
-        with contextlib.redirect_stdout(io.StringIO()):
-            identify.run([str(chosen.log), "modes", "--model", str(path)])
-        return _subject(argparse.Namespace(**vars(chosen) | {"subject": str(path)}))
+        flight = write_identified(chosen.log, chosen.vehicle, path)
+        return _subject(argparse.Namespace(**vars(chosen) | {"subject": str(path)}))._replace(flight=flight)
+
+
+def write_identified(log: Path, vehicle: str | None, path: Path) -> ModesResult | None:
+    """Identify the modes of a log, write their model and return them.
+
+    Raises:
+        InputError: the log does not identify the model.
+    """
+    from groundstation.command.identify import identified
+
+    with opened_log(log) as source:
+        estimates = identified(source, "modes", vehicle)
+        write_outputs([source], estimates, None, path, vehicle)
+    return estimates.modes
+
+
+def _with_flight(prior: Prior, flight: ModesResult | None) -> Prior:
+    """Return the prior with the residuals that its model left in the flight."""
+    result = next((one for one in flight.results if one.method == OUTPUT_ERROR), None) if flight else None
+    residuals = None if result is None else residuals_of(result)
+    if flight is None or result is None or residuals is None:
+        return prior
+    prior = prior._replace(residuals=residuals)
+    errors = {one.name: one.standard_error for one in result.estimates}
+    return prior._replace(inflation=inflation(prior, flight.maneuvers, errors))
 
 
 def _subject(chosen: argparse.Namespace) -> _Subject:
@@ -286,9 +340,11 @@ def _known(model: LinearModel) -> dict[str, float]:
 def _limits(chosen: argparse.Namespace, subject: _Subject, prior: Prior) -> Limits:
     """Return the requested limits, else those of the vehicle's envelope and of the linear model."""
     pitch = speed = math.inf
+    if subject.flight is not None:
+        pitch = LARGE_PITCH / 2.0
     if subject.vehicle is not None:
         envelope, airspeed = subject.vehicle.gains.excitation, prior.reference.airspeed
-        pitch = MARGIN * envelope.pitch_max
+        pitch = min(pitch, MARGIN * envelope.pitch_max)
         speed = MARGIN * min(airspeed - envelope.airspeed_min, envelope.airspeed_max - airspeed)
         if speed <= 0.0 and chosen.speed_change is None and chosen.amplitude is None:
             raise InputError(f"{airspeed:.3g} m/s is outside the vehicle's envelope for identification inputs")

@@ -41,6 +41,8 @@ from groundstation.views.flight_view import FlightView, Header, event_line, prog
 from groundstation.views.history import History, remember
 from groundstation.views.json_document import print_document
 from groundstation.views.terminal import open_console
+from logs.identification.findings import Finding
+from logs.identification.model_range import range_findings
 from logs.join import Kept, join
 from logs.names import files_of, reserved
 from logs.new_files import check_new, locked_name
@@ -51,6 +53,7 @@ from sim_bridge.environment import dryden
 from sim_bridge.environment.levels import LEVELS_TOLD
 from sim_bridge.environment.wind import steady_wind
 from sim_bridge.flight.faults import Fault, check_carried, divided, mission_faults
+from sim_bridge.flight_mechanics.similarity import cruise_excesses
 from sim_bridge.plant import physics_compiled
 from sim_bridge.sensors.transmitter import load_script
 from sim_bridge.topics import STATE
@@ -81,6 +84,7 @@ JSON_KEYS = {
     "wind_from": "rad; where it comes from, clockwise from north",
     "sticks": "table by which a transmitter was moved; null: armed and switched to AUTO by a script",
     "faults": "what failed, as NAME@T or NAME@T-T2: those of the command line, then those of the mission",
+    "findings": "list of {code, severity, subject, value, limit, text}: cruise outside the range of the model",
     "never_injected": "those of faults whose time lay after the flight's end",
     "turbulence": f"of the gusts: {LEVELS_TOLD}",
     "vibration": "factor of the vibration of the vehicle file, 0: none",
@@ -112,9 +116,11 @@ class Plan(NamedTuple):
     aerodynamics: str
     """-; aerodynamic model of the wings"""
     notes: tuple[str, ...]
-    """items of the mission file that are not flown"""
+    """items of the mission file that are not flown, and warnings"""
     faults: tuple[Fault, ...]
     """of the command line, then of the mission"""
+    findings: tuple[Finding, ...]
+    """what is outside the range of the aerodynamic model at cruise"""
     log: Path = Path()
     """joined log, after its name is locked"""
 
@@ -226,7 +232,9 @@ def check(chosen: argparse.Namespace) -> Plan:
     check_carried(faults, body.sections)
     check_vibration(body, chosen.vibration)
     name = storage_name(vehicle)  # two vehicles of one name leave recordings that can be told apart
-    return Plan(chosen.vehicle, name, vehicle.title, body.aerodynamics.model, notes, faults)
+    findings = tuple(range_findings(cruise_excesses(body)))
+    notes = (*notes, *(f"warning: {one.text}" for one in findings))
+    return Plan(chosen.vehicle, name, vehicle.title, body.aerodynamics.model, notes, faults, findings)
 
 
 def _check_log(log: Path) -> None:
@@ -496,6 +504,7 @@ def _entries(plan: Plan, chosen: argparse.Namespace) -> dict[str, object]:
         "faults": options.fault_words(plan.faults)[1::2],
         "turbulence": chosen.turbulence,
         "vibration": chosen.vibration,
+        "findings": [one.document() for one in plan.findings],
     }
 
 

@@ -44,6 +44,7 @@ SUBCOMMANDS: dict[str, Subcommand] = {
     "identify": Subcommand("groundstation.command.identify", "identify servo, power and short period from a log"),
     "trim": Subcommand("groundstation.command.trim", "find the steady flight at an airspeed and climb rate"),
     "linearize": Subcommand("groundstation.command.linearize", "modes, A and B of the motion about a steady flight"),
+    "tunnel": Subcommand("groundstation.command.tunnel", "forces of recorded wing motion beside measured ones"),
     "tune": Subcommand("groundstation.command.tune", "gains of every loop: margins, file, flights before and after"),
     "new-bird": Subcommand(
         "groundstation.command.new_bird", "vehicle folder of a new ornithopter from eight numbers"

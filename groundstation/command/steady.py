@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -43,6 +44,8 @@ class Answer(NamedTuple):
     """JSON content after `STEADY_KEYS`"""
     table: RenderableType
     """text output"""
+    warnings: tuple[str, ...] = ()
+    """lines for stderr"""
 
 
 def steady_parser(name: str, summary: str, examples: Sequence[str], keys: Mapping[str, str]) -> options.Parser:
@@ -67,6 +70,8 @@ def answer(chosen: argparse.Namespace, examined: Callable[[SimulatedVehicle, Orb
     flight = trim_request(chosen)
     orbit = trimmed(flight)
     found = examined(flight.vehicle, orbit)
+    for line in found.warnings:
+        print(f"warning: {line}", file=sys.stderr)
     if chosen.json:
         print_document(steady_document(flight, orbit) | found.document)
         return 0

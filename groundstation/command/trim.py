@@ -8,8 +8,10 @@ from typing import Any
 from groundstation.command import options
 from groundstation.command.steady import STEADY_KEYS, Answer, answer, steady_parser
 from groundstation.views.steady_flight import draws_current, trim_table
+from logs.identification.model_range import range_findings
 from sim_bridge.flight_mechanics.excursions import excursions, figures
 from sim_bridge.flight_mechanics.orbit import Orbit
+from sim_bridge.flight_mechanics.similarity import orbit_excesses
 from sim_bridge.vehicles import SimulatedVehicle
 
 EXAMPLES = (
@@ -25,6 +27,7 @@ JSON_KEYS = STEADY_KEYS | {
     " vertical_acceleration m/s^2; altitude m peak to peak",
     "figures": "strouhal, reduced_frequency, cost_of_transport, endurance s, range m; null as above, or without end",
     "residual": "largest difference between start and end of a stroke",
+    "findings": "list of {code, severity, subject, value, limit, text}: what is outside the range of the model",
 }
 
 
@@ -47,6 +50,8 @@ def examined(vehicle: SimulatedVehicle, orbit: Orbit) -> Answer:
     """Return the figures of the flight as document and tables."""
     moved, numbers = excursions(vehicle, orbit), figures(vehicle, orbit)
     rest: dict[str, Any] = {"means": orbit.means, "excursions": moved, "figures": numbers, "residual": orbit.residual}
+    findings = range_findings(orbit_excesses(vehicle, orbit))
+    rest["findings"] = [one.document() for one in findings]
     if not draws_current(vehicle):
         cost = dict.fromkeys(("cost_of_transport", "endurance", "range"))
         rest |= {
@@ -54,4 +59,4 @@ def examined(vehicle: SimulatedVehicle, orbit: Orbit) -> Answer:
             | dict.fromkeys(("current", "electrical_power", "mechanical_power", "torque")),
             "figures": numbers._asdict() | cost,
         }
-    return Answer(rest, trim_table(vehicle, orbit, moved, numbers))
+    return Answer(rest, trim_table(vehicle, orbit, moved, numbers), tuple(one.text for one in findings))

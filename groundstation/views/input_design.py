@@ -61,6 +61,8 @@ def _name(name: str) -> str:
 def _basis(prior: Prior, requested: DesignSpec, designs: InputDesign) -> str:
     q, x, z = prior.noise
     sensors = f"noise {q:.2g} rad/s, {x:.2g} and {z:.2g} m/s^2 at {1.0 / prior.step:.0f} Hz"
+    if prior.residuals is not None and requested.gust is None:
+        return f"errors by the residuals of the flight, and {prior.inflation:.2g} times for differences of maneuvers"
     if requested.gust is None:
         return f"{sensors}: errors {WHITE}"
     gusts = (

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import butter, sosfiltfilt
+from scipy.signal import butter, correlate, sosfiltfilt
 
 from logs.checks.findings import Finding
 from logs.checks.log_data import Array, LogData, Signal
@@ -147,9 +148,7 @@ def _delay(a: Array, b: Array, step: float, longest: float) -> tuple[float, floa
     most = int(longest / step)
     norm = math.sqrt(float(a @ a) * float(b @ b)) or 1.0
     lags = np.arange(-most, most + 1)
-    values = np.array([
-        float(a[max(0, -k) : len(a) - max(0, k)] @ b[max(0, k) : len(b) - max(0, -k)]) for k in lags.tolist()
-    ])  # fmt: skip
+    values = correlate(b, a, method="fft")[len(a) - 1 - most : len(a) + most]
     place = int(values.argmax())
     shift = 0.0
     if 0 < place < len(values) - 1:
@@ -165,10 +164,9 @@ def _bias_steps(grid: Array, residual: Array, usable: Mask, gyro: Signal) -> Ite
     for axis in range(3):
         block = 0.5
         index = np.floor((grid - grid[0]) / block).astype(int)
-        medians = np.array([
-            np.median(residual[(index == i) & usable, axis]) if ((index == i) & usable).sum() > 5 else np.nan
-            for i in range(index[-1] + 1)
-        ])  # fmt: skip
+        edges = np.searchsorted(index, np.arange(index[-1] + 2))
+        parts = (residual[first:last, axis][usable[first:last]] for first, last in itertools.pairwise(edges.tolist()))
+        medians = np.array([np.median(part) if len(part) > 5 else np.nan for part in parts])
         width = int(STEP_WINDOW / block)
         if len(medians) < 2 * width:
             continue
@@ -176,10 +174,10 @@ def _bias_steps(grid: Array, residual: Array, usable: Mask, gyro: Signal) -> Ite
             continue
         noise = 1.4826 * float(np.nanmedian(np.abs(np.diff(medians)))) or 1e-4
         sizes = np.zeros(len(medians))
-        for i in range(width, len(medians) - width + 1):
-            before, after = medians[i - width : i], medians[i : i + width]
-            if min(np.isfinite(before).sum(), np.isfinite(after).sum()) >= width - 2:
-                sizes[i] = np.nanmedian(after) - np.nanmedian(before)
+        windows = np.lib.stride_tricks.sliding_window_view(medians, width)
+        levels, known = np.nanmedian(windows, axis=1), np.isfinite(windows).sum(axis=1) >= width - 2
+        both = known[width:] & known[:-width]
+        sizes[width : width + len(both)][both] = (levels[width:] - levels[:-width])[both]
         place = int(np.abs(sizes).argmax())
         if abs(sizes[place]) > max(BIAS_STEP, 6.0 * noise):
             at = _step_time(grid, residual[:, axis], float(grid[0] + block * place), STEP_WINDOW)
@@ -286,7 +284,7 @@ def _position_jumps(log: LogData) -> Iterator[Finding]:
     speed = np.zeros((len(times), 2))
     if velocity is not None and len(velocity.time) > 1:
         middle = 0.5 * (position.time[1:] + position.time[:-1])
-        speed = np.column_stack([np.interp(middle, velocity.time, column) for column in velocity.values.T])
+        speed = np.column_stack([np.interp(middle, velocity.time, column) for column in velocity.values[:, :2].T])
     rest = np.linalg.norm(steps - speed * times[:, None], axis=1)
     usual = float(np.percentile(rest, 95))
     for row in np.flatnonzero((rest > max(JUMP, 8.0 * usual)) & (times < 2.0)).tolist():

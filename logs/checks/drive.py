@@ -14,12 +14,14 @@ from logs.checks.timing import runs
 from logs.spectral_line import strongest_line
 from logs.vibration.analysis import high_pass
 
-WINDOW = 5.0
+WINDOW = 3.0
 """s; of one comparison of frequencies"""
 BAND = (1.0, 40.0)
 """Hz; of a stroke"""
-MISMATCH = 0.02
+MISMATCH = 0.03
 """-; least relative difference of two frequencies"""
+STEADY = 0.05
+"""-; of the frequency: largest standard deviation in a window that is compared"""
 DISTINCT = 6.0
 """-; power of a spectral line over the mean of its band"""
 VIBRATION = 5.0
@@ -65,7 +67,12 @@ def _flapping(log: LogData) -> Iterator[Finding]:
     for begin in np.arange(start, end - window + 1e-9, window):
         told = logged.between(begin, begin + window).values[:, 0]
         measured = _fundamental(accel.between(begin, begin + window))
-        if len(told) >= 3 and measured > 0.0 and np.median(told) > BAND[0] and np.std(told) < 0.2 * np.median(told):
+        if (
+            len(told) >= 3
+            and measured > 0.0
+            and np.median(told) > BAND[0]
+            and np.std(told) < STEADY * np.median(told)
+        ):
             ratios.append(float(np.mean(told)) / measured)
             times.append(begin)
     if not ratios:

@@ -39,7 +39,7 @@ class Signal(NamedTuple):
 
     def between(self, start: float, end: float) -> Signal:
         """Return the part between two times."""
-        inside = (self.time >= start) & (self.time <= end)
+        inside = slice(np.searchsorted(self.time, start), np.searchsorted(self.time, end, side="right"))
         return self._replace(time=self.time[inside], values=self.values[inside])
 
 
@@ -92,6 +92,8 @@ PATTERNS: dict[str, tuple[str, ...]] = {
     "accel": (r"(?:accel|acc|acc_b)_?{axis}(?:_m_s2|_g)?",),
     "mag": (r"mag_?{axis}(?:_ga|_gauss|_ut)?",),
     "quaternion": (r"q_?{quaternion}",),
+    "position": (r"(?:pos_)?{axis}(?:_m)?",),
+    "velocity": (r"v_?{axis}(?:_m_s)?",),
     "airspeed": (r"(?:true|indicated)?_?(?:airspeed|indicated)(?:_m_s)?", r"indicated_m_s"),
     "voltage": (r"voltage(?:_v)?", r"volt"),
     "current": (r"current(?:_reported)?(?:_a)?", r"curr"),
@@ -120,6 +122,8 @@ FOREIGN: dict[str, tuple[tuple[str, tuple[str, ...]], ...]] = {
     ),
 }  # fmt: skip
 """topics of PX4 and ArduPilot and their columns, by role, beside the Wingbeat topics made of them"""
+PULSES = "RCOU"
+"""topic with pulse widths in us; the throttle is usually channel 3"""
 TIME_COLUMNS = re.compile(r"(?:t|time|timestamp|time_us|timestamp_us|time_usec|timeus)(?:_(s|ms|us|ns))?", re.I)
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
@@ -180,6 +184,9 @@ def _of_autopilot(series: Mapping[str, Series]) -> Iterator[tuple[str, Signal]]:
                 continue
             parts = [np.asarray(one.columns[column], float) for column in columns]
             values = np.column_stack([part if part.ndim == 2 else part[:, None] for part in parts])
+            if topic == PULSES:
+                middle, half = (1000.0, 1000.0) if role == "throttle" else (1500.0, 500.0)
+                values = (values - middle) / half
             finite = np.isfinite(values)
             used = finite.any(axis=0) & (np.where(finite, values, 0.0).std(axis=0) > 0.0)
             if used.any():
@@ -309,6 +316,8 @@ def _by_name(series: Mapping[str, Series]) -> Iterator[tuple[str, Signal]]:
 
 def _matches(series: Mapping[str, Series], role: str, pattern: str) -> Iterator[Signal]:
     for name, one in series.items():
+        if role in ("position", "velocity") and "position" not in name.lower():
+            continue  # x, y and z are names of anything
         numbers = {key: np.asarray(values) for key, values in one.columns.items() if values.dtype.kind in "iuf"}
         if "{" in pattern:
             key = "quaternion" if "{quaternion}" in pattern else "axis"

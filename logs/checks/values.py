@@ -25,6 +25,8 @@ GYRO_OFFSET = 0.03
 """rad/s"""
 CURRENT_SHARE, CURRENT_LEAST = 0.1, 1.0
 """-, A; of the current in flight"""
+START = 0.5
+"""s; at the end of a part at rest, in which the launch may begin before a slow signal changes"""
 SATURATED_TIME = 1.0
 """s"""
 MEASURED = ("flap", "wing", "phase", "hall", "encoder", "airspeed", "rpm")
@@ -41,7 +43,7 @@ def check_values(log: LogData) -> Iterator[Finding]:
     for role in ("gyro", "accel", "mag", "attitude", "airspeed", "altitude", "position", "voltage", "current",
                  "flap_frequency", "gps_velocity", "flap_angle"):  # fmt: skip
         if role in log.signals:
-            yield from _frozen(log.signals[role])
+            yield from _frozen(log, log.signals[role])
     for topic in log.raw:
         yield from _never_valid(topic)
     yield from _gyro_offset(log)
@@ -88,19 +90,22 @@ def _clip_counters(topic: RawTopic) -> Iterator[Finding]:
             )
 
 
-def _frozen(signal: Signal) -> Iterator[Finding]:
-    """A signal that usually changes repeats one value for long."""
+def _frozen(log: LogData, signal: Signal) -> Iterator[Finding]:
+    """A signal that usually changes repeats one value for long, but not its least one at rest."""
     if len(signal.time) < LEAST:
         return
     same = (np.diff(signal.values, axis=0) == 0.0).all(axis=1)
     if same.mean() > 0.9:
         return
     every = runs(same)
-    lengths = np.array([end - begin for begin, end in every] or [0])
-    usual = float(np.median(lengths))
+    lengths = [end - begin for begin, end in every]
+    usual = float(np.median([*lengths, *[0] * int((~same).sum() - len(lengths))] or [0]))
     for begin, end in every:
         time = float(signal.time[end] - signal.time[begin])
         if time >= FROZEN_TIME and end - begin >= max(FROZEN_ROWS, FROZEN_FACTOR * usual) and _moves(signal, begin):
+            least = bool((signal.values[begin] <= signal.values.min(axis=0)).all())
+            if least and not _moving(log, signal.time[begin], signal.time[end] - START):
+                continue  # a pitot in still air
             text = f"{signal.name} repeats one value for {time:.3g} s"
             yield Finding(
                 "frozen", "error", signal.topic, float(signal.time[begin]), float(signal.time[end]), time, text
@@ -118,19 +123,20 @@ def _never_valid(topic: RawTopic) -> Iterator[Finding]:
     if len(topic.time) < LEAST:
         return
     measured = any(word in topic.name.lower() for word in MEASURED)
-    for name, column in topic.columns.items():
-        if column.dtype.kind not in "iufb" or column.ndim != 1:
-            continue
+    columns = {name: values for name, values in topic.columns.items() if values.ndim == 1}
+    start, end, count = float(topic.time.min()), float(topic.time.max()), float(len(topic.time))
+    for name, values in columns.items():
         flag = name.lower() in ("valid", "is_valid") or name.lower().endswith("_valid")
-        values = np.asarray(column, float)
-        if flag and measured and not np.nan_to_num(values).any():
+        if flag and measured and values.dtype.kind in "iufb" and not np.nan_to_num(np.asarray(values, float)).any():
             text = f"{name} is never set in {len(values)} messages"
-        elif measured and column.dtype.kind == "f" and np.isnan(values).all():
-            text = f"{name} has no number in {len(values)} messages"
-        else:
-            continue
-        start, end = float(topic.time.min()), float(topic.time.max())
-        yield Finding("never_valid", "error", topic.name, start, end, float(len(values)), text)
+            yield Finding("never_valid", "error", topic.name, start, end, count, text)
+    floats = [name for name, values in columns.items() if values.dtype.kind == "f"]
+    empty = [name for name in floats if np.isnan(columns[name]).all()] if measured else []
+    if empty:
+        # A source need not have every field of its topic.
+        severity = "error" if empty == floats else "info"
+        text = f"{', '.join(empty)}: no number in {count:.0f} messages"
+        yield Finding("never_valid", severity, topic.name, start, end, count, text)
 
 
 def rest(log: LogData) -> list[tuple[float, float]]:
@@ -148,12 +154,14 @@ def rest(log: LogData) -> list[tuple[float, float]]:
 def _steady_parts(signal: Signal, limit: float) -> list[tuple[float, float]]:
     window = 0.5
     index = np.floor((signal.time - signal.time[0]) / window).astype(int)
-    steady_blocks = np.zeros(index[-1] + 1, bool)
-    means = np.zeros((index[-1] + 1, signal.values.shape[1]))
-    for i in np.unique(index).tolist():
-        part = signal.values[index == i]
-        steady_blocks[i] = len(part) >= 3 and float(part.std(axis=0).max()) < limit
-        means[i] = part.mean(axis=0)
+    counts = np.bincount(index)
+    filled = np.maximum(counts, 1)
+    about = signal.values - signal.values.mean(axis=0)  # against cancellation in the squares
+    sums, squares = (np.column_stack([np.bincount(index, c) for c in v.T]) for v in (about, about**2))
+    means = sums / filled[:, None]
+    deviations = np.sqrt(np.maximum(squares / filled[:, None] - means**2, 0.0))
+    steady_blocks = (counts >= 3) & (deviations.max(axis=1) < limit)
+    means = np.where(counts[:, None] > 0, means + signal.values.mean(axis=0), 0.0)
     steady = np.concatenate(([True], np.abs(np.diff(means, axis=0)).max(axis=1) < limit))
     begin = float(signal.time[0])
     return [(begin + first * window, begin + last * window) for first, last in runs(steady_blocks & steady)]
@@ -204,7 +212,7 @@ def _current_offset(log: LogData) -> Iterator[Finding]:
             and part[1] - part[0] >= REST_TIME
             and steady
             and low > level
-            and _drive_stopped(log, part)
+            and _drive_stopped(log, (part[0], part[1] - START))
         ):
             text = f"{low:.3g} A with the drive at rest, {high:.3g} A in flight"
             yield Finding("current_offset", "error", current.topic, *part, low, text)

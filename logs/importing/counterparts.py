@@ -112,6 +112,8 @@ class Counterpart(NamedTuple):
     """name of the series that determines the times"""
     build: Callable[[View], Columns]
     """fields from columns; raises `KeyError` if the source lacks one"""
+    needs: str = ""
+    """column without which the source is not one of this topic; empty for none"""
 
 
 def make_all(table: Sequence[Counterpart], series: Mapping[str, Series]) -> tuple[list[ImportedTopic], list[Dropped]]:
@@ -124,7 +126,7 @@ def make_all(table: Sequence[Counterpart], series: Mapping[str, Series]) -> tupl
     failed: dict[Topic[Any], Dropped] = {}
     for counterpart in table:
         topic, source = counterpart.topic, series.get(counterpart.source)
-        if topic in made or source is None:
+        if topic in made or source is None or (counterpart.needs and counterpart.needs not in source.columns):
             continue
         try:
             columns = counterpart.build(View(series, counterpart.source))

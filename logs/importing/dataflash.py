@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-from bisect import bisect_left
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
@@ -71,16 +70,17 @@ def read_dataflash(data: bytes) -> list[Source]:
     records = find_records(data)
     tables = _tables(data, records)
     units = _units(tables, records.kinds)
-    parts = [_source(data, part, units) for part in _boots(records, tables)]
-    found = [one for one in parts if one is not None]
+    parts = _boots(records, tables)
+    whole = tables if len(parts) == 1 else None
+    sources = [_source(whole or _tables(data, part), part, units) for part in parts]
+    found = [one for one in sources if one is not None]
     if not found:
         raise InputError("there is no whole record with a time in it")
     return found
 
 
-def _source(data: bytes, records: Records, units: Mapping[str, Told]) -> Source | None:
+def _source(tables: Mapping[str, Columns], records: Records, units: Mapping[str, Told]) -> Source | None:
     """Return the records of one boot; None without a time in them."""
-    tables = _tables(data, records)
     clock = _clock(records, tables)
     series: dict[str, Series] = {}
     for number, kind in records.kinds.items():
@@ -101,7 +101,7 @@ def _tables(data: bytes, records: Records) -> dict[str, Columns]:
     return {
         kind.name: columns_of(data, kind, records.places[number])
         for number, kind in records.kinds.items()
-        if records.places.get(number)
+        if number in records.places
     }
 
 
@@ -111,7 +111,7 @@ def _boots(records: Records, tables: Mapping[str, Columns]) -> list[Records]:
     for number, kind in records.kinds.items():
         times = _times(kind.name, tables[kind.name]) if kind.name in tables else None
         if times is not None:
-            places.append(np.array(records.places[number], np.int64))
+            places.append(records.places[number])
             stamps.append(times)
     every, times = np.concatenate(places), np.concatenate(stamps)
     order = np.argsort(every, kind="stable")
@@ -120,8 +120,9 @@ def _boots(records: Records, tables: Mapping[str, Columns]) -> list[Records]:
     return [
         records._replace(
             places={
-                number: list(some[bisect_left(some, begin) : bisect_left(some, end)])
+                number: part
                 for number, some in records.places.items()
+                if len(part := some[slice(*np.searchsorted(some, (begin, end)))])
             }
         )
         for begin, end in itertools.pairwise(edges)
@@ -142,10 +143,10 @@ def _times(name: str, columns: Columns) -> NDArray[np.int64] | None:
 class Clock(NamedTuple):
     """Times by location in the file."""
 
-    places: list[int]
+    places: NDArray[np.int64]
     time_us: NDArray[np.int64]
 
-    def of(self, name: str, columns: Columns, places: list[int]) -> NDArray[np.int64]:
+    def of(self, name: str, columns: Columns, places: NDArray[np.int64]) -> NDArray[np.int64]:
         """Return us since boot; a record without a time has that of the previous record with one."""
         times = _times(name, columns)
         if times is not None:

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from logs.importing.counterparts import Columns
 from logs.importing.source import Array
@@ -45,7 +46,7 @@ class Records(NamedTuple):
     """Location of the records in the data."""
 
     kinds: Mapping[int, Kind]
-    places: Mapping[int, list[int]]
+    places: Mapping[int, NDArray[np.int64]]
     """offsets of the complete records, by format"""
     damage: tuple[str, ...]
 
@@ -58,22 +59,30 @@ def is_dataflash(head: bytes) -> bool:
 def find_records(data: bytes) -> Records:
     """Find the complete records."""
     kinds: dict[int, Kind] = {FORMAT: Kind("FMT", _record(_FMT), {})}
-    places: dict[int, list[int]] = {}
+    sizes = [0] * 256
+    sizes[FORMAT] = kinds[FORMAT].record.itemsize
+    found: list[int] = []
     lost: list[tuple[int, int]] = []
     used, at, cut = len(data.rstrip(b"\0\xff")), 0, ""
+    first, second = MAGIC
+    padded = data + bytes(HEAD)
     while at < used:
-        kind = kinds.get(data[at + 2]) if data.startswith(MAGIC, at) and at + 2 < len(data) else None
-        end = at + HEAD if kind is None else at + kind.record.itemsize
+        size = sizes[padded[at + 2]] if padded[at] == first and padded[at + 1] == second else 0
+        end = at + (size or HEAD)
         if end > len(data) and MAGIC.startswith(data[at : at + 2]):
             cut = f"cut off in the middle of a record, {pluralize(len(data) - at, 'byte')} before the end"
             break
-        if kind is not None and (end >= used or MAGIC.startswith(data[end : end + 2])):
-            places.setdefault(data[at + 2], []).append(at)
-            if data[at + 2] == FORMAT:
+        if size and (end >= used or (padded[end] == first and (end + 1 == len(data) or padded[end + 1] == second))):
+            found.append(at)
+            if padded[at + 2] == FORMAT:
                 _learn(data, at, kinds)
+                sizes = [kinds[number].record.itemsize if number in kinds else 0 for number in range(256)]
             at = end
             continue
         at = _skip(data, at, lost)
+    starts = np.array(found, np.int64)
+    numbers = np.frombuffer(data, np.uint8)[starts + 2] if found else np.empty(0, np.uint8)
+    places = {number: starts[numbers == number] for number in np.unique(numbers).tolist()}
     size = sum(last - first for first, last in lost)
     told = f"{pluralize(size, 'byte')} in {pluralize(len(lost), 'place')} outside of records" if lost else ""
     return Records(kinds, places, tuple(filter(None, (told, cut))))
@@ -113,10 +122,10 @@ def text_of(value: bytes) -> str:
     return bytes(value).partition(b"\0")[0].decode("utf-8", "replace")
 
 
-def columns_of(data: bytes, kind: Kind, places: list[int]) -> Columns:
+def columns_of(data: bytes, kind: Kind, places: NDArray[np.int64]) -> Columns:
     """Return the columns of all records of a format, as stored but for the divisor of their letter."""
-    size = kind.record.itemsize
-    rows = np.frombuffer(b"".join(data[at : at + size] for at in places), kind.record)
+    buffer = np.frombuffer(data, np.uint8)
+    rows = buffer[places[:, None] + np.arange(kind.record.itemsize)].view(kind.record)[:, 0]
     return {
         name: _decoded(rows[name], kind.codes.get(name, "")) for name in kind.record.names or () if name != "/head"
     }

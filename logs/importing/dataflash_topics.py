@@ -85,6 +85,10 @@ def _receiver(view: View) -> Columns:
     return {"pulses": pulses, "rssi": np.full(len(pulses), 255)}
 
 
+def _pitch_loop(view: View) -> Columns:
+    return {"pitch_setpoint": view["DesPitch"]}
+
+
 _NAVIGATION_FILTERS = ("XKF1", "NKF1", "EKF1")
 COUNTERPARTS = (
     Counterpart(t.IMU, "IMU", _imu),
@@ -97,5 +101,6 @@ COUNTERPARTS = (
     Counterpart(t.POWER, "CURR", _power),
     Counterpart(t.GPS, "GPS", _gps),
     Counterpart(t.RECEIVER, "RCIN", _receiver),
+    Counterpart(t.PITCH_LOOP, "ATT", _pitch_loop, needs="DesPitch"),
 )
 """In the order of preference."""

@@ -13,7 +13,7 @@ from avionics import topics as t
 from logs.importing.counterparts import checked
 from logs.importing.source import Array, ImportedTopic, Series
 
-TOPICS = re.compile(r"excit|sysid|system_ident|chirp|multisine|^SIDD$", re.I)
+TOPICS = re.compile(r"excit|sysid|system_ident|chirp|multisine|^SIDD$|^EXCI$", re.I)
 """names of topics with an identification input"""
 COLUMNS = (r"pitch|elev", r"^Targ$", r"value|output|signal|control|xyz")
 """patterns of the column with the input, in the order of preference"""

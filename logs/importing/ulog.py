@@ -25,6 +25,8 @@ _LONGEST_UPTIME_US = 10**14
 """us; three years"""
 _HEADER = 16
 """bytes; header before the first message"""
+_KINDS = b"BFIMPQALCSOD"
+"""of messages"""
 _SUFFIXES = {
     "_deg_s": "deg/s", "_dps": "deg/s",
     "_m_s2": "m/s^2", "_m_s": "m/s", "_rad_s": "rad/s", "_rad": "rad", "_deg": "deg", "_ga": "gauss", "_pa": "Pa",
@@ -53,7 +55,8 @@ def read_ulog(data: bytes) -> Source:
     Raises:
         InputError: it cannot be read, or has no data.
     """
-    log = _parsed(data)
+    places = _places(data)
+    log = _parsed(data, places)
     zero = _zero_us(log)
     series = dict(_series(log, zero))
     if not series:
@@ -67,7 +70,7 @@ def read_ulog(data: bytes) -> Source:
     )
     return Source(
         "ulog", series, _vehicle(texts), zero * 1000 or _epoch_ns(series), (*_events(log, zero), *_modes(series)),
-        parameters, changes, texts, _damage(data, log),
+        parameters, changes, texts, _damage(data, log, places),
         clock="since 1970, from the log's first time on" if zero else OF_BOOT,
     )  # fmt: skip
 
@@ -128,7 +131,17 @@ class _Stream(io.BytesIO):
         return data
 
 
-def _parsed(data: bytes) -> Any:
+def _parsed(data: bytes, places: NDArray[np.int64] | None) -> Any:
+    """Read a log; the data messages of an undamaged one are decoded here, a topic at a time."""
+    if places is not None:
+        buffer = np.frombuffer(data, np.uint8)
+        log = _read(_without_data(data, buffer, places))
+        if not log.file_corruption and not log.has_data_appended and _decode(log, buffer, places):
+            return log
+    return _read(data)
+
+
+def _read(data: bytes) -> Any:
     try:
         with contextlib.redirect_stdout(io.StringIO()):
             return ULog(_Stream(data))
@@ -138,7 +151,66 @@ def _parsed(data: bytes) -> Any:
         raise InputError(f"it cannot be read as a ULog: {error or type(error).__name__}") from None
 
 
-def _damage(data: bytes, log: Any) -> tuple[str, ...]:
+def _places(data: bytes) -> NDArray[np.int64] | None:
+    """Return the offsets of all whole messages, and that behind the last; None if a kind is not known."""
+    places, at, end = [], _HEADER, len(data)
+    while at + 3 <= end:
+        if data[at + 2] not in _KINDS:
+            return None
+        places.append(at)
+        at += 3 + data[at] + 256 * data[at + 1]
+    if at > end and places:
+        at = places.pop()  # cut off
+    return np.array([*places, at], np.int64)
+
+
+def _data_rows(buffer: NDArray[np.uint8], places: NDArray[np.int64]) -> NDArray[np.int64]:
+    return np.flatnonzero(buffer[places[:-1] + 2] == ord("D"))
+
+
+def _without_data(data: bytes, buffer: NDArray[np.uint8], places: NDArray[np.int64]) -> bytes:
+    """Return the log with the first data message of each topic, and the latest before one without a time."""
+    rows = _data_rows(buffer, places)
+    rows = rows[np.diff(places)[rows] >= 13]  # bytes: header, topic and time
+    starts = places[rows]
+    keep = np.ones(len(places) - 1, bool)
+    keep[_data_rows(buffer, places)] = False
+    if len(rows):
+        keep[rows[np.unique(_number(buffer, starts + 3, "<u2"), return_index=True)[1]]] = True
+        times = _number(buffer, starts + 5, "<u8")
+        latest = np.maximum.accumulate(np.where(times >= np.maximum.accumulate(times), np.arange(len(rows)), 0))
+        untimed = np.flatnonzero(np.isin(buffer[places[:-1] + 2], [ord("P"), ord("O")]))
+        before = np.searchsorted(rows, untimed) - 1
+        keep[rows[latest[before[before >= 0]]]] = True
+    chosen = np.flatnonzero(keep)
+    spans = zip(places[chosen].tolist(), places[chosen + 1].tolist(), strict=True)
+    return b"".join([data[:_HEADER], *(data[first:last] for first, last in spans)])
+
+
+def _number(buffer: NDArray[np.uint8], places: NDArray[np.int64], kind: str) -> Array:
+    """Return little-endian numbers at some offsets."""
+    size = np.dtype(kind).itemsize
+    return np.ascontiguousarray(buffer[places[:, None] + np.arange(size)]).view(kind)[:, 0]
+
+
+def _decode(log: Any, buffer: NDArray[np.uint8], places: NDArray[np.int64]) -> bool:
+    """Put all messages into the topics of a log; return whether they have the sizes of its formats."""
+    rows = _data_rows(buffer, places)
+    starts, sizes = places[rows], np.diff(places)[rows]
+    numbers = _number(buffer, starts + 3, "<u2") if len(rows) else np.empty(0, np.uint16)
+    if set(np.unique(numbers).tolist()) != {one.msg_id for one in log.data_list}:
+        return False
+    for one in log.data_list:
+        record = next(iter(one.data.values())).base.dtype
+        own = numbers == one.msg_id
+        if len(set(sizes[own].tolist())) != 1 or sizes[own][0] < 5 + record.itemsize:
+            return False
+        content = buffer[(starts[own] + 5)[:, None] + np.arange(record.itemsize)].view(record)[:, 0]
+        one.data = {name: content[name] for name in record.names}
+    return True
+
+
+def _damage(data: bytes, log: Any, places: NDArray[np.int64] | None) -> tuple[str, ...]:
     damage: list[str] = []
     strange = [str(name) for name, value in log.initial_parameters.items() if not _is_number(value)]
     strange += [str(name) for _, name, value in log.changed_parameters if not _is_number(value)]
@@ -146,7 +218,7 @@ def _damage(data: bytes, log: Any) -> tuple[str, ...]:
         damage.append(f"{pluralize(len(strange), 'parameter')} without a number, the first: {strange[0]}")
     if not int(log.start_timestamp) < LATEST_US:
         damage.append("its first time cannot be")
-    rest = 0 if log.has_data_appended else len(data) - _end_of_messages(data)
+    rest = 0 if log.has_data_appended else len(data) - (_end_of_messages(data) if places is None else int(places[-1]))
     if log.file_corruption:
         damage.append("damaged inside: messages that could not be read are missing")
     elif rest:

@@ -8,6 +8,7 @@ from avionics import topics as t
 from avionics.messages import CHANNELS
 from logs.importing.counterparts import Columns, Counterpart, View, true_airspeed
 from logs.importing.source import Array
+from wingbeat.rotation_arrays import euler_from_quaternions
 
 
 def _axes(name: str, values: Array) -> Columns:
@@ -105,6 +106,12 @@ def _receiver(view: View) -> Columns:
     return {"pulses": pulses, "lost": view.get("rc_lost"), "rssi": np.full(len(pulses), 255)}
 
 
+def _pitch_loop(view: View) -> Columns:
+    if "pitch_body" in view.here.columns:
+        return {"pitch_setpoint": view["pitch_body"]}
+    return {"pitch_setpoint": euler_from_quaternions(*view["q_d"].T)[1]}
+
+
 COUNTERPARTS = (
     Counterpart(t.IMU, "sensor_combined", _imu),
     Counterpart(t.ATTITUDE, "vehicle_attitude", _attitude),
@@ -116,5 +123,6 @@ COUNTERPARTS = (
     Counterpart(t.GPS, "vehicle_gps_position", _gps),
     Counterpart(t.GPS, "sensor_gps", _gps),
     Counterpart(t.RECEIVER, "input_rc", _receiver),
+    Counterpart(t.PITCH_LOOP, "vehicle_attitude_setpoint", _pitch_loop),
 )
 """In the order of preference."""

@@ -16,7 +16,16 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from sim_bridge.aerodynamics.protocol import FORWARD, NOSE_UP, UPWARD, AerodynamicModel, Motion, SectionLoads, Strips
+from sim_bridge.aerodynamics.protocol import (
+    FORWARD,
+    NOSE_UP,
+    UPWARD,
+    AerodynamicModel,
+    Motion,
+    SectionLoads,
+    Strips,
+    ValidRange,
+)
 from sim_bridge.aerodynamics.strip_theory import KINEMATIC_VISCOSITY
 from sim_bridge.aerodynamics.surfaces import SEPARATED_NORMAL_FORCE
 from sim_bridge.compiled import inlined, kernel
@@ -157,6 +166,11 @@ def advance(
     """Do nothing: the model has no memory."""
 
 
+RANGES = (
+    ValidRange("advance_ratio", 1.0, math.inf, "chosen: the lift of Eq. 18 is linear, inflow at the tip 57 deg at 1"),
+    ValidRange("reynolds", 1e3, 5e5, "Willmott and Ellington 1997, 7 Re^-0.5: from insects to a plate's transition"),
+    ValidRange("reduced_frequency", 0.0, 0.8, "chosen: as strip theory without the lag of the wake"),
+)
 MODEL = AerodynamicModel(
     name="blade_element",
     title="Blade elements with coefficients of up- and down-stroke (Malladi et al. 2007)",
@@ -167,4 +181,5 @@ MODEL = AerodynamicModel(
     initial=initial,
     loads=loads,
     advance=advance,
+    ranges=RANGES,
 )

@@ -137,6 +137,19 @@ def aspect_ratio(strips: Strips) -> float:
     return (2.0 * semispan) ** 2 / float(np.sum(strips.chord * strips.width))
 
 
+class ValidRange(NamedTuple):
+    """Range of a similarity number in which a model was compared with measurements, or its assumptions hold."""
+
+    quantity: str
+    """field of `sim_bridge.flight_mechanics.similarity.SimilarityNumbers`"""
+    low: float
+    """-; lower limit"""
+    high: float
+    """-; upper limit; infinite for none"""
+    source: str
+    """publication or reason of the limits"""
+
+
 class AerodynamicModel(NamedTuple):
     """One row of the table of models."""
 
@@ -164,6 +177,8 @@ class AerodynamicModel(NamedTuple):
     """the loads have those of tail and fins in them: the plant adds none"""
     keeps_wake: bool = False
     """its state is a whole wake, thousands of numbers: too many for orbits and linear models"""
+    ranges: tuple[ValidRange, ...] = ()
+    """ranges of validity; none for a quantity without a known limit"""
 
 
 MODELS: dict[str, AerodynamicModel] = {}

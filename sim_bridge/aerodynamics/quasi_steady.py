@@ -40,6 +40,7 @@ from sim_bridge.aerodynamics.protocol import (
     Motion,
     SectionLoads,
     Strips,
+    ValidRange,
 )
 from sim_bridge.compiled import inlined, kernel
 from sim_bridge.vectors import Floats
@@ -308,6 +309,11 @@ def advance(
     """Do nothing: the model has no memory."""
 
 
+RANGES = (
+    ValidRange("advance_ratio", 0.0, 1.0, "Han 2017, section 2: measured at 0 to 1, and without flapping"),
+    ValidRange("reynolds", 1e3, 2e4, "Han 2017, section 2: measured at 10,000 to 20,000; critical value 1,000"),
+    ValidRange("aspect_ratio", 4.0, 12.0, "chosen: 8.6 of Han's model wing from hinge to tip, by half and by 1.4"),
+)
 MODEL = AerodynamicModel(
     name="quasi_steady",
     title="Quasi-steady coefficients of angle of attack and advance ratio (Han et al. 2017)",
@@ -319,4 +325,5 @@ MODEL = AerodynamicModel(
     loads=loads,
     advance=advance,
     needs_places=True,
+    ranges=RANGES,
 )

@@ -23,7 +23,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from sim_bridge.aerodynamics.protocol import AerodynamicModel, Motion, SectionLoads, Strips
+from sim_bridge.aerodynamics.protocol import AerodynamicModel, Motion, SectionLoads, Strips, ValidRange
 from sim_bridge.compiled import inlined, kernel
 from sim_bridge.vectors import Floats
 from wingbeat.errors import InputError
@@ -301,6 +301,12 @@ def advance(
     """Do nothing: the model has no memory."""
 
 
+RANGES = (
+    ValidRange("advance_ratio", 1.1, 1.35, "Grauer 2011, V.A: one flight at 9.2 m/s, 5.91 Hz, 1.06 rad: 1.22"),
+    ValidRange("reynolds", 1.5e5, 3.5e5, "Grauer 2011, V.A: one flight, 290,000"),
+    ValidRange("reduced_frequency", 0.4, 0.6, "Grauer 2011, V.A: one flight, 0.50"),
+    ValidRange("aspect_ratio", 4.0, 5.0, "Grauer 2011, II: 4.4; 4.8 by its span and area"),
+)
 MODEL = AerodynamicModel(
     name="regression",
     title="Regression on the motion (Grauer et al. 2011, Table 1), Slow Hawk at 9.2 m/s",
@@ -312,4 +318,5 @@ MODEL = AerodynamicModel(
     loads=loads,
     advance=advance,
     with_fuselage=True,
+    ranges=RANGES,
 )

@@ -36,6 +36,7 @@ from sim_bridge.aerodynamics.protocol import (
     Motion,
     SectionLoads,
     Strips,
+    ValidRange,
     aspect_ratio,
 )
 from sim_bridge.compiled import inlined, kernel, noalias
@@ -392,6 +393,12 @@ def frequency_domain_incidence(alpha: complex, k: float, parameters: StripParame
     return parameters.lift_factor * (1.0 - parameters.c1 * lag) * alpha
 
 
+RANGES = (
+    ValidRange("advance_ratio", 0.9, math.inf, "Gerdes 2017, Table 4: 0.91 of wing B, the lowest; a flow from ahead"),
+    ValidRange("reynolds", 1e4, math.inf, "Yeo 2011: 18,000, the lowest that was compared"),
+    ValidRange("reduced_frequency", 0.0, 0.8, "Gerdes 2017, Table 4: 0.78 of wing B, the highest"),
+    ValidRange("aspect_ratio", 3.0, math.inf, "Jones 1940: C'(k) of wings of aspect ratio 3 and more"),
+)
 MODEL = AerodynamicModel(
     name="strip_theory",
     title="Modified strip theory (DeLaurier 1993) with Kim's dynamic stall, as Gerdes 2017 uses it",
@@ -402,4 +409,5 @@ MODEL = AerodynamicModel(
     initial=initial,
     loads=loads,
     advance=advance,
+    ranges=RANGES,
 )

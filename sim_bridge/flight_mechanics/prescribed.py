@@ -59,6 +59,27 @@ class PrescribedStroke(NamedTuple):
     """m; of the right wing, body axes"""
 
 
+class JointAngles(NamedTuple):
+    """Sampled joint motion of a wing: each (3, N), angle in rad, its rate and acceleration."""
+
+    stroke: Floats
+    deviation: Floats
+    feathering: Floats
+    twist: Floats
+    """of the tip"""
+
+
+class WingMount(NamedTuple):
+    """Attachment of the wings, see `PrescribedStroke`."""
+
+    stroke_plane: float
+    """rad; relative to the body's x-y plane"""
+    axis: float = 0.25
+    """-; feathering axis, in chords behind the leading edge"""
+    hinge: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """m; of the right wing, body axes"""
+
+
 class StrokeKinematics(NamedTuple):
     """Motion at equal steps of a stroke."""
 
@@ -321,13 +342,22 @@ def kinematics(motion: PrescribedStroke, strips: Strips, body: Floats, phases: i
     """
     at = np.arange(phases) / phases
     told = (motion.stroke, motion.deviation, motion.feathering, motion.twist)
-    joints = _Joints(motion.stroke_plane, *(series(harmonics, at, motion.frequency) for harmonics in told))
+    angles = JointAngles(*(series(harmonics, at, motion.frequency) for harmonics in told))
+    mount = WingMount(motion.stroke_plane, motion.axis, motion.hinge)
+    return joint_kinematics(angles, mount, strips, body, 1.0 / motion.frequency)
+
+
+def joint_kinematics(
+    angles: JointAngles, mounting: WingMount, strips: Strips, body: Floats, period: float
+) -> StrokeKinematics:
+    """Compute the motion at N equal steps of ``period`` s; ``body`` and ``strips`` as in `kinematics`."""
+    joints = _Joints(mounting.stroke_plane, *angles)
     rows = Strips(*[column[strips.wing == 1] for column in strips])
-    mount = _Mount(rows.span, rows.chord, motion.axis, np.array(motion.hinge))
-    flown = np.tile(np.asarray(body, dtype=np.float64), (phases, 1))
+    mount = _Mount(rows.span, rows.chord, mounting.axis, np.array(mounting.hinge))
+    flown = np.tile(np.asarray(body, dtype=np.float64), (angles.stroke.shape[1], 1))
     whole = _both(joints, mount, rows.eta, flown)
     return StrokeKinematics(
-        1.0 / motion.frequency,
+        period,
         tuple(_motions(whole, joints.stroke[:2], flown)),
         whole.normal_acceleration,
         whole.pitch_acceleration,

@@ -80,6 +80,7 @@ HELD = (
     " here the membrane is free and yields the more the larger the wing"
 )
 REACH = "a sine up to 1.5 Hz, beyond it the drive's bandwidth bounds the stroke"
+COUPLED = "another model, not measured; ours is fitted to the flights, which that model misses by up to 26 %"
 LEFT_OUT = "each wing flown with values fitted to the three others; the paper's own model: 0.19 and 0.08"
 GAP = 0.15
 """-; chosen: relative difference up to which a figure without its own limit counts as reproduced"""
@@ -122,12 +123,14 @@ def mean_rows(measured: Mapping[str, Measures]) -> list[Row]:
         fitted(
             figure("Table 7", "mean power error, four wings", "-", 0.0),
             power,
-            f"{FIT}; at most {MEAN_POWER:g} was wanted; power: {POWER}",
+            f"{FIT}; power: {POWER}",
+            MEAN_POWER,
         ),
         fitted(
             figure("Table 7", "mean speed error, four wings", "-", 0.0),
             speed,
-            f"{FIT}; at most {MEAN_SPEED:g} was wanted",
+            FIT,
+            MEAN_SPEED,
         ),
     ]
 
@@ -144,11 +147,26 @@ def wing_rows(wing: str, computed: Measures) -> list[Row]:
         fitted(of(7, "mean power", "W", printed.power), computed.positive_power, f"{POWER}; {FIT}"),
         fitted(of(7, "greatest plunge speed", "rad/s", printed.plunge_speed), computed.plunge_speed, FIT),
         fitted(of(4, "stroke", "rad", printed.amplitude), computed.amplitude, FIT),
+        *coupled_rows(wing, computed),
         compare_share(of(7, "mean torque", "N m", printed.torque), computed.torque, GAP, TORQUE),
         compare_share(of(7, "mean lift", "N", printed.lift), computed.lift, GAP, CARRIED),
         compare_share(of(7, "mean thrust", "N", printed.thrust), computed.thrust, GAP, THRUST),
         compare_share(of(4, "incidence", "rad", printed.angle_of_attack), computed.angle_of_attack, GAP, LEVEL),
         compare_share(of(6, "overshoot", "-", printed.overshoot), computed.overshoot, GAP, RINGING),
+    ]
+
+
+def coupled_rows(wing: str, computed: Measures) -> list[Row]:
+    """Compare power, torque and plunge speed of the coupled model of Table 7."""
+    printed = WINGS[wing].coupled
+    values = (
+        ("power", "W", printed.power, computed.positive_power),
+        ("torque", "N m", printed.torque, computed.torque),
+        ("plunge speed", "rad/s", printed.plunge_speed, computed.plunge_speed),
+    )
+    return [
+        compare_share(of_wing(wing, 7, f"{quantity} of the coupled model", unit, value), one, GAP, COUPLED)
+        for quantity, unit, value, one in values
     ]
 
 
@@ -177,7 +195,7 @@ def stroke_rows() -> list[Row]:
         "Table 7", "speed reached over commanded at 4 Hz, wing D", "-", WINGS["D"].plunge_speed / 20.0
     )  # fmt: skip
     return [
-        fitted(followed, rate_error(slow), f"followed; one figure of the fit; at most {FOLLOWED:g} was wanted"),
+        fitted(followed, rate_error(slow), "followed; one figure of the fit", FOLLOWED),
         fitted(limited, measure(fast, stream("D")).plunge_speed / commanded, f"limited; {FIT}"),
     ]
 

@@ -31,11 +31,21 @@ def coefficient_rows() -> list[Row]:
         rows.append(compare(figure(WHERE, f"greatest C_L at J = {ratio:g}", "-", peak), float(np.max(lift)), 0.005))
         rows.append(compare(figure(WHERE, f"its angle of attack at J = {ratio:g}", "deg", angle_deg), at, 0.6))
     factors = correction_factors(0.0)
+    moments = [
+        compare(figure("Table 1", f"{name} at J = 0", "-", a * radius**b + d), value, 0.005)
+        for name, (a, b, d), radius, value in (
+            ("K_P,D", (-0.182, -2.414, 1.370), 0.567, factors.drag_potential),
+            ("K_V,D", (0.765, -1.497, 2.078), 0.567, factors.drag_vortex),
+            ("K_P,M", (0.803, -0.972, -0.363), 0.541, factors.moment_potential),
+            ("K_V,M", (-0.242, -1.354, -0.554), 0.541, factors.moment_vortex),
+        )
+    ]
     radius = force_radius(elliptic_strips(0.3, 0.25 / 3.0, 0.2, 200))
     return [
         *rows,
         compare(figure("Table 1", "K_P,L at J = 0", "-", 1.16), factors.lift_potential, 0.005),
         compare(figure("Table 1", "K_V,L at J = 0", "-", 3.54), factors.lift_vortex, 0.005),
+        *moments,
         compare_share(figure("2. Methods", "r_2 of the model wing", "-", 0.567), radius, 0.01),
     ]
 

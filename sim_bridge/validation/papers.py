@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sim_bridge.validation import gerdes, grauer, han, lattice, malladi, sibilski, slow_hawk, yeo
+from sim_bridge.validation import gerdes, grauer, han, insect_motion, lattice, malladi, sibilski, slow_hawk, yeo
 from sim_bridge.validation.row import Paper
 
 PAPERS: dict[str, Paper] = {
@@ -12,5 +12,7 @@ PAPERS: dict[str, Paper] = {
     "malladi": Paper("Malladi, Krashanitsa, Silin, Shkarayev 2007: Arizona 100 cm ornithopter", malladi.CHECKS),
     "han": Paper("Han et al. 2017: insect wings in forward flight", han.CHECKS),
     "lattice": Paper("Vortex lattice: XFLR5, Wagner, Theodorsen, measured lift", lattice.CHECKS, lattice.STUDIES),
+    "azuma": Paper("Azuma et al. 1985: dragonfly in climbing flight", insect_motion.DRAGONFLY_CHECKS),
+    "sun": Paper("Sun and Tang 2002: fruit fly in hover, harmonic motion", insect_motion.FRUIT_FLY_CHECKS),
     "sibilski": Paper("Sibilski: entomopter", sibilski.CHECKS),
 }

@@ -7,10 +7,12 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 WITHIN, SHORT, FITTED, UNREPRODUCIBLE, COMPARED = "within", "falls short", "fitted", "not reproducible", "compared"
+FIT_SHARE = 0.15
+"""-; relative difference up to which a fitted figure counts as met, without a limit of its own"""
 OUTCOMES = {
     WITHIN: "within its limit",
     SHORT: "farther off than its limit",
-    FITTED: "a chosen value was fitted to it: no validation",
+    FITTED: "within its limit, but a chosen value was fitted to it: no validation",
     UNREPRODUCIBLE: "the paper does not print what it hangs on, or contradicts itself",
     COMPARED: "two models of ours beside each other, neither measured: no validation",
 }
@@ -99,9 +101,15 @@ def compare_share(printed: Figure, computed: float, share: float, why: str = "")
     return compare(printed, computed, share * abs(nearest(printed, computed)), why)._replace(share=share)
 
 
-def fitted(printed: Figure, computed: float, why: str) -> Row:
-    """Build a row to which a chosen value was fitted."""
-    return Row(printed, computed, None, FITTED, why)
+def fitted(printed: Figure, computed: float, why: str, limit: float | None = None) -> Row:
+    """Build a row to which a chosen value was fitted; it falls short if it misses the figure.
+
+    ``limit`` in the figure's unit; by default `FIT_SHARE` of the nearest printed value.
+    """
+    row = (
+        compare_share(printed, computed, FIT_SHARE, why) if limit is None else compare(printed, computed, limit, why)
+    )
+    return row if row.outcome == SHORT else row._replace(outcome=FITTED)
 
 
 def unreproducible(printed: Figure, computed: float | None, why: str) -> Row:

@@ -8,7 +8,7 @@ import re
 import numpy as np
 import pytest
 
-from groundstation.command import linearize, trim
+from groundstation.command import fly, linearize, trim
 from groundstation.command.main import main
 
 Capture = pytest.CaptureFixture[str]
@@ -54,6 +54,8 @@ def test_another_aerodynamic_model_trims_elsewhere(capsys: Capture) -> None:
         assert main(["trim", BIRD, "--json", *words]) == 0
         found.append(json.loads(capsys.readouterr().out))
     assert [told["aerodynamics"] for told in found] == ["strip_theory", "quasi_steady"]
+    outside = [[(one["code"], one["limit"]) for one in told["findings"]] for told in found]
+    assert outside == [[], [("outside_range", 1.0), ("outside_range", 2e4)]]
     assert found[1]["inputs"]["frequency"] > 1.5 * found[0]["inputs"]["frequency"]
 
 
@@ -125,3 +127,17 @@ def test_a_linear_model_is_told_to_people(capsys: Capture) -> None:
         "stroke map's modes",
     ):
         assert word in said.out
+
+
+def test_a_flight_outside_the_range_of_the_model_is_warned() -> None:
+    """GIVEN a model of insect wings WHEN a bird is to fly with it THEN value and limit are in the plan's notes."""
+    plans = [
+        fly.check(fly.build_parser().parse_args(["--aerodynamics", model]))
+        for model in ("strip_theory", "quasi_steady")
+    ]
+    assert [[(one.code, one.limit) for one in plan.findings] for plan in plans] == [
+        [],
+        [("outside_range", 1.0), ("outside_range", 2e4)],
+    ]
+    assert not any("outside the range" in note for note in plans[0].notes)
+    assert [note.startswith("warning: quasi_steady: ") for note in plans[1].notes] == [True, True]

@@ -54,9 +54,10 @@ def test_not_a_number_is_never_within() -> None:
     assert compare(figure("Table 1", "a number", "m", 1.0), math.nan, 0.1).outcome == SHORT
 
 
-def test_what_is_fitted_or_cannot_be_had_is_not_judged() -> None:
+def test_fitted_and_unreproducible_rows() -> None:
     number = figure("Table 1", "a number", "m", 1.0)
     assert fitted(number, 1.0, "to it").outcome == FITTED
+    assert fitted(number, 1.2, "to it").outcome == SHORT and fitted(number, 1.2, "to it", 0.3).outcome == FITTED
     row = unreproducible(number, None, "it is not printed")
     assert (row.outcome, row.difference, row.limit) == (UNREPRODUCIBLE, None, None)
     other = compared(number, 1.5, "two models")
@@ -91,11 +92,22 @@ def short_of(checks: Iterable[str]) -> set[str]:
 def test_the_rows_that_fall_short_are_the_known_ones() -> None:
     assert short_of(check for check in CHECKS if check != LONG) == {
         "mean lift",
+        "mean lift over weight, quasi_steady",
+        "mean lift over weight, strip_theory",
         "area by Eq. 1",
         "greatest reduced frequency",
         "least Reynolds number",
         "C_L at 9.2 m/s against level flight's",
         "heave speed that carries the weight",
+        "altitude, peak to peak",
+        "stroke in flight, vehicle file",
+        "power in flight, vehicle file",
+        "stroke in flight, one set",
+        "power in flight, one set",
+        "torque constant",
+        "damping ratio by Eq. 17",
+        "power of the coupled model",
+        "torque of the coupled model",
         "mean torque",
         "mean current",
         "current by Eq. 12",

@@ -8,11 +8,14 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from logs.identification.findings import Finding
+from logs.identification.model_range import range_findings
 from sim_bridge.flight_mechanics.averaged import stroke_averaged_model
 from sim_bridge.flight_mechanics.averaged_axes import axes_model
 from sim_bridge.flight_mechanics.excursions import Figures, figures
 from sim_bridge.flight_mechanics.orbit import Orbit
 from sim_bridge.flight_mechanics.orbit import trim as find_orbit
+from sim_bridge.flight_mechanics.similarity import orbit_excesses
 from sim_bridge.tuning.model import LinearModel, model_of, save_model
 from sim_bridge.vehicles import with_model
 from wingbeat.api.vehicles import Vehicle, load_vehicle
@@ -39,6 +42,11 @@ class SteadyFlight(NamedTuple):
     def figures(self) -> Figures:
         """Strouhal number, reduced frequency, cost of transport, endurance (s), range (m)."""
         return figures(self.vehicle.world, self.orbit)
+
+    @property
+    def findings(self) -> list[Finding]:
+        """What is outside the range of the aerodynamic model."""
+        return range_findings(orbit_excesses(self.vehicle.world, self.orbit))
 
     def __repr__(self) -> str:
         means, inputs = self.orbit.means, self.orbit.inputs

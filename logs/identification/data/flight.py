@@ -66,11 +66,13 @@ class FlightData(NamedTuple):
     """-; substitutes for what the log does not contain, one clause each"""
     flights: tuple[JoinedFlight, ...] = ()
     """the flights that were joined, one behind the other; empty of a single one"""
+    pitch_setpoint: Array | None = None
+    """rad; (N,), of the pitch loop; None if it is not recorded, and of joined flights"""
 
     @classmethod
     def arrays(cls) -> tuple[str, ...]:
         """Names of the fields that are arrays (N,)."""
-        return tuple(name for name in cls._fields if name not in ("notes", "flights"))
+        return tuple(name for name in cls._fields if name not in ("notes", "flights", "pitch_setpoint"))
 
     def flight_at(self, time: float) -> JoinedFlight | None:
         """The joined flight that ``time`` (s) is in; None of a single one."""

@@ -13,7 +13,7 @@ from typing import NamedTuple, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from logs.identification.data.experiment import Experiment
+from logs.identification.data.experiment import Experiment, runs
 from logs.identification.data.flight import Aircraft, FlightData, JoinedFlight
 from logs.identification.data.resampling import averaging_matrix, behind, cut, wing_period
 from logs.identification.results import Array
@@ -141,10 +141,11 @@ def _averaged(data: FlightData, window: slice) -> Maneuver | None:
     step = float(data.time[1] - data.time[0])
     at = np.arange(data.time[first], data.time[last - 1], OUTPUT_STEP)
     period = wing_period(data.time, data.strokes, at)
-    inside = np.isfinite(period)
-    at, period = at[inside], period[inside]
-    within = at + period / 2 <= data.time[last - 1]
-    at, period = at[within], period[within]
+    inside = np.isfinite(period) & (at + np.nan_to_num(period) / 2 <= data.time[last - 1])
+    if inside.sum() < 2:
+        return None
+    rows = max(runs(inside), key=lambda one: one.stop - one.start)  # where the wings pause there is no average
+    at, period = at[rows], period[rows]
     if len(at) < 2:
         return None
     begin, until = np.min(at - period / 2) - 2 * step, np.max(at + period / 2) + 2 * step

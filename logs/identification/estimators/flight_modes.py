@@ -27,6 +27,7 @@ from logs.identification.data.maneuvers import (
 )
 from logs.identification.data.resampling import behind
 from logs.identification.diagnostics.agreement import agreement
+from logs.identification.estimators.closed_loop import EFFECTIVENESS, ClosedLoop, control_effectiveness
 from logs.identification.estimators.engine.problem import Fit, Nuisances, Parameter, Problem
 from logs.identification.estimators.equation_error import Settings, coefficient_regression
 from logs.identification.estimators.filter_error import Filtered, filter_error_search
@@ -294,18 +295,26 @@ def identify_modes(
 ) -> ModesResult:
     """The modes of a flight by all methods, or by one row of the registry.
 
-    Of joined flights those named by ``held_out`` are not fitted but predicted.
+    Of joined flights those named by ``held_out`` are not fitted but predicted. In closed loop the control
+    effectiveness is also estimated by instrumental variables; without maneuvers, by these alone.
 
     Raises:
         InputError: no usable elevator maneuver, in all flights or in one that is held out.
     """
+    closed = control_effectiveness(data, aircraft)
+    if closed is not None and not data.active.any():
+        alone = _mode_of(closed)
+        return ModesResult(
+            (alone,), None, "no maneuver: no mode", None, 0, None,
+            results=(closed.result,), findings=(*map(note, data.notes), closed.finding),
+        )  # fmt: skip
     every = find_maneuvers(data)
     maneuvers, locked = by_flight(every, held_out)
     flight = FlightProblem(maneuvers, reference_of(data, maneuvers), aircraft, names, outputs)
     if method is not None:
-        return _by_row(method, data, flight, every, locked)
+        return _consistent(_by_row(method, data, flight, every, locked), closed)
     fits = fit_derivatives(flight)
-    results = results_of(flight, fits, locked)
+    results: tuple[EstimationResult, ...] = results_of(flight, fits, locked)
     modes = (
         mode_of(OUTPUT_ERROR, flight, fits.output),
         mode_of(EQUATION_ERROR, flight, fits.equation),
@@ -322,7 +331,7 @@ def identify_modes(
     findings = (*map(note, (*data.notes, *dropped_maneuvers(data, every))), *findings)
     if agree is False:
         findings += (Finding("methods_disagree", "warning", details={"statement": statement}),)
-    return _modes_result(modes, agree, statement, flight, results, locked, findings)
+    return _consistent(_modes_result(modes, agree, statement, flight, results, locked, findings), closed)
 
 
 def _modes_result(
@@ -343,6 +352,46 @@ def _modes_result(
         locked,
         findings,
         flight,
+    )
+
+
+def _mode_of(closed: ClosedLoop) -> Mode:
+    """The control effectiveness as a method without a mode."""
+    return Mode(closed.result.method, None, None, (), closed.result.estimates, closed.result.withheld)
+
+
+def _consistent(result: ModesResult, closed: ClosedLoop | None) -> ModesResult:
+    """Add the control effectiveness by instrumental variables, and withhold what contradicts it."""
+    if closed is None:
+        return result
+    return result._replace(
+        modes=(*(consistent_mode(one, closed) for one in result.modes), _mode_of(closed)),
+        results=(*(consistent_result(one, closed) for one in result.results), closed.result),
+        findings=(*result.findings, closed.finding),
+    )
+
+
+def consistent_mode(mode: Mode, closed: ClosedLoop) -> Mode:
+    """Withhold the control effectiveness of a method if closed-loop data do not tell it, or tell another sign."""
+    estimate = next((one for one in mode.derivatives if one.name == EFFECTIVENESS), None)
+    reason = None if estimate is None else closed.contradiction(estimate)
+    if reason is None:
+        return mode
+    kept = tuple(one for one in mode.derivatives if one.name != EFFECTIVENESS)
+    return mode._replace(derivatives=kept, withheld=(*mode.withheld, reason))
+
+
+def consistent_result(result: EstimationResult, closed: ClosedLoop) -> EstimationResult:
+    """`consistent_mode` of an `EstimationResult`."""
+    estimate = result.estimate(EFFECTIVENESS)
+    reason = None if estimate is None else closed.contradiction(estimate)
+    if reason is None:
+        return result
+    kept = [place for place, one in enumerate(result.estimates) if one.name != EFFECTIVENESS]
+    return result._replace(
+        estimates=tuple(result.estimates[place] for place in kept),
+        covariance=None if result.covariance is None else result.covariance[np.ix_(kept, kept)],
+        findings=(*result.findings, reason),
     )
 
 

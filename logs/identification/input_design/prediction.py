@@ -11,6 +11,7 @@ Waveforms are those of `avionics.guidance.excitation`; sensitivities those of th
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -23,17 +24,19 @@ from avionics.guidance import multisine
 from avionics.guidance.mission import Excitation
 from logs.identification.data.experiment import Experiment
 from logs.identification.data.flight import Aircraft
-from logs.identification.data.maneuvers import ELEVATOR, OUTPUT_STEP, Reference, tail_angle
+from logs.identification.data.maneuvers import ELEVATOR, OUTPUT_STEP, Maneuver, Reference, tail_angle
 from logs.identification.data.resampling import averaging_matrix
 from logs.identification.estimators.engine.problem import Parameter, Problem
 from logs.identification.estimators.output_error import flight_of
 from logs.identification.models.actuators import Actuated
 from logs.identification.models.modes import short_period_of
 from logs.identification.models.stroke_averaged import LONGITUDINAL, UNITS, Matrices, matrices, model_of
-from logs.identification.results import Array
+from logs.identification.results import Array, EstimationResult
 from logs.identification.statistics.covariance import (
+    LAG_FRACTION,
     Autocovariance,
     ParameterUncertainty,
+    autocovariance,
     colored_information,
     propagate,
 )
@@ -76,6 +79,8 @@ def predicted_covariance(prior: Prior, planned: Waveform, response: Response, gu
     Raises:
         InputError: the maneuver does not tell all derivatives apart, or gusts on an aircraft whose motion grows.
     """
+    if prior.residuals is not None and prior.wing_period and gust is None:
+        return _covariance_by_residuals(prior, [(planned, response)], prior.residuals)
     averaging, windy = _averaging(prior, planned), gust is not None and gust.sigma > 0.0
     gusts = _gust_autocovariance(prior, gust, len(planned.time)) if gust is not None and windy else None
     noise = np.array(prior.noise) * np.sqrt(float(np.mean(averaging.power(2).sum(axis=1))))
@@ -83,17 +88,68 @@ def predicted_covariance(prior: Prior, planned: Waveform, response: Response, gu
         noise = np.sqrt(noise**2 + np.diag(gusts.lags[0]))
     averaged = _averaged(averaging, response.sensitivities) / noise[:, None]
     free = _without(_nuisances(averaging, response.starts, noise), averaged)
-    information = np.einsum("nip,niq->pq", free, free)
-    size = np.sqrt(np.diag(information))
-    if not np.all(size > 0) or np.linalg.cond(information / np.outer(size, size)) > WORST_CONDITION:
-        raise InputError("this input does not tell all derivatives apart: make it longer, or of more frequencies")
-    inverse = np.linalg.inv(information / np.outer(size, size)) / np.outer(size, size)
+    inverse = _inverse_information(free)
     weights = np.stack([averaging.T @ free[:, i] for i in range(len(OUTPUTS))], axis=1) / noise[:, None]
     core = np.einsum("nip,i,niq->pq", weights, np.square(prior.noise), weights)
     if gusts is not None:
         core = core + colored_information([_coarser(weights, _stride(prior))], gusts)
     covariance: Array = inverse @ core @ inverse
     return covariance
+
+
+def _inverse_information(free: Array) -> Array:
+    """Inverse (p, p) of the information of sensitivities (M, m, p).
+
+    Raises:
+        InputError: it is singular.
+    """
+    information = np.einsum("nip,niq->pq", free, free)
+    size = np.sqrt(np.diag(information))
+    if not np.all(size > 0) or np.linalg.cond(information / np.outer(size, size)) > WORST_CONDITION:
+        raise InputError("this input does not tell all derivatives apart: make it longer, or of more frequencies")
+    inverse: Array = np.linalg.inv(information / np.outer(size, size)) / np.outer(size, size)
+    return inverse
+
+
+def _covariance_by_residuals(
+    prior: Prior, maneuvers: Sequence[tuple[Waveform, Response]], residuals: Autocovariance
+) -> Array:
+    """Covariance (12, 12) of least squares with colored residuals of an earlier flight (Morelli & Klein, 1997)."""
+    noise, free = np.sqrt(np.diag(residuals.lags[0])), []
+    for planned, response in maneuvers:
+        averaging = _averaging(prior, planned)
+        averaged = _averaged(averaging, response.sensitivities) / noise[:, None]
+        free.append(_without(_nuisances(averaging, response.starts, noise), averaged))
+    inverse = _inverse_information(np.concatenate(free))
+    core = colored_information([one / noise[:, None] for one in free], residuals)
+    covariance: Array = prior.inflation**2 * inverse @ core @ inverse
+    return covariance
+
+
+def inflation(prior: Prior, maneuvers: Sequence[Maneuver], errors: Mapping[str, float]) -> float:
+    """Standard errors of a flight over those predicted for its own inputs, quadratic mean over the derivatives.
+
+    It contains what the prediction neglects: differences between maneuvers beyond the residuals' autocovariance.
+
+    Args:
+        prior: of the flight, with its residuals.
+        maneuvers: of the flight.
+        errors: standard errors by derivative that the flight left.
+    """
+    names = [name for name in LONGITUDINAL if errors.get(name, 0.0) > 0.0]
+    if prior.residuals is None or not prior.wing_period or not names:
+        return 1.0
+    flown = []
+    for one in maneuvers:
+        margin = prior.wing_period / 2 + 2 * prior.step
+        planned = Waveform(one.command_time, one.command, margin, float(one.command_time[-1]) - margin)
+        flown.append((planned, respond(prior, planned)))
+    try:
+        covariance = _covariance_by_residuals(prior._replace(inflation=1.0), flown, prior.residuals)
+    except InputError:
+        return 1.0
+    bounds = dict(zip(LONGITUDINAL, np.sqrt(np.diag(covariance)), strict=True))
+    return float(np.sqrt(np.mean([(errors[name] / bounds[name]) ** 2 for name in names])))
 
 
 def predict(prior: Prior, covariance: Array, repeats: int = 1) -> tuple[Predicted, ...]:
@@ -184,6 +240,8 @@ def _gust_autocovariance(prior: Prior, gust: Gust, samples: int) -> Autocovarian
 
 OUTPUTS = ("q", "a_x", "a_z")
 """fitted outputs, in the order of `Prior.noise`"""
+NUISANCES = 7
+"""-; of a maneuver: initial states and biases of the outputs"""
 ROUNDING = 1.0 / math.sqrt(12.0)
 """-; standard deviation of a reading within one count"""
 
@@ -203,6 +261,11 @@ class Prior(NamedTuple):
     """rad/s, m/s^2, m/s^2; standard deviation of one sample of q, a_x and a_z"""
     step: float
     """s; between samples"""
+    residuals: Autocovariance | None = None
+    """of the stroke averages of `OUTPUTS` in an earlier flight, `OUTPUT_STEP` apart: noise, gusts and all else that
+    its model left; None without one"""
+    inflation: float = 1.0
+    """-; of standard errors predicted by the residuals, see `inflation`"""
 
     def model(self) -> Matrices:
         """Its state space."""
@@ -237,6 +300,26 @@ def sensor_noise(vehicle: SimulatedVehicle) -> tuple[float, float, float]:
     q = math.radians(math.hypot(gyro.noise_deg_s, ROUNDING / gyro.sensitivity))
     x, z = (math.hypot(accel.noise[i], ROUNDING) / accel.sensitivity * STANDARD_GRAVITY for i in (0, 2))
     return q, x, z
+
+
+def residuals_of(result: EstimationResult, nuisances: int = NUISANCES) -> Autocovariance | None:
+    """The autocovariance of the residuals of output error over the fitted maneuvers; None without any.
+
+    It is scaled up by the degrees of freedom that the fit took, ``nuisances`` in each maneuver.
+    """
+    parts: dict[str, dict[str, Array]] = {}
+    for one in result.series:
+        if not one.held_out and one.output in OUTPUTS:
+            parts.setdefault(one.experiment, {})[one.output] = one.measured - one.model
+    records = [np.column_stack([found[name] for name in OUTPUTS]) for found in parts.values() if len(found) == 3]
+    if not records:
+        return None
+    used = [np.isfinite(one).astype(float) for one in records]
+    lags = max(int(LAG_FRACTION * max(map(len, records))), 1) + 1
+    pooled = autocovariance([np.nan_to_num(one) for one in records], used, lags)
+    left = pooled.effective - len(result.estimates) - nuisances * len(records)
+    factor = pooled.effective / max(left, 0.25 * pooled.effective)
+    return pooled._replace(lags=pooled.lags * factor)
 
 
 STATES = ("u", "w", "q", "theta")

@@ -264,6 +264,8 @@ def rows(result: Identification) -> tuple[Row, ...]:
             table += _estimate_rows(mode.method, sure, result.truths, "")
             table += [Row(mode.method, one.subject, "", None, None, f"not determined: {one.text}") for one in wide]
         table += _estimate_rows(mode.method, mode.divergence, result.truths, "")
+        if not any(mode.of_kind(kind) for kind in KINDS) and not mode.withheld:
+            table += _estimate_rows(mode.method, mode.derivatives, result.truths, "")  # a method without modes
         table += _refusals(mode.method, mode.withheld)
     if result.modes:
         table.append(Row("modes", "agreement", "", None, None, result.modes.statement))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from typing import NamedTuple
 
 import numpy as np
@@ -79,8 +80,9 @@ def flight_data(source: ColumnSource, calibration: ImuCalibration = NEUTRAL) -> 
     elevator = commanded.zero_order_hold("elevator", time)
     climb = TopicTable(source, topics.ALTITUDE, "climb_rate").linear("climb_rate", time)
     airspeed, strokes = _airspeed(source, time, climb), _stroke_count(source, time, accel_z)
+    setpoint = _pitch_setpoint(source, time)
     if excitation is None:
-        inputs = _detected_excitation(time, elevator, strokes.values)
+        inputs = _detected_excitation(time, elevator, strokes.values, closed_loop=setpoint is not None)
     else:
         inputs = _recorded_excitation(excitation, time)
     return FlightData(
@@ -98,6 +100,7 @@ def flight_data(source: ColumnSource, calibration: ImuCalibration = NEUTRAL) -> 
         inputs.excitation,
         inputs.aborted,
         tuple(note for note in (inputs.note, strokes.note, airspeed.note) if note),
+        pitch_setpoint=setpoint,
     )
 
 
@@ -128,10 +131,25 @@ def _recorded_excitation(recorded: TopicTable, time: Array) -> _Excitation:
     return _Excitation(active, manoeuvre, added, aborted)
 
 
-def _detected_excitation(time: Array, elevator: Array, strokes: Array) -> _Excitation:
+def _pitch_setpoint(source: ColumnSource, time: Array) -> Array | None:
+    try:
+        return TopicTable(source, topics.PITCH_LOOP, "pitch_setpoint").zero_order_hold("pitch_setpoint", time)
+    except InputError:
+        return None
+
+
+def _detected_excitation(time: Array, elevator: Array, strokes: Array, closed_loop: bool) -> _Excitation:
+    """Return the elevator's movements from rest to rest; without them nothing, if the loop has a setpoint.
+
+    Raises:
+        InputError: there is neither.
+    """
     try:
         inputs = detect_inputs(time, elevator, strokes)
     except InputError as reason:
+        if closed_loop:
+            nothing = np.zeros(len(time))
+            return _Excitation(nothing, nothing, nothing, nothing, "no input: the pitch setpoint is the instrument")
         raise InputError(f"the log has no topic {topics.EXCITATION.name} that tells an input, and {reason}") from None
     note = "manoeuvres: the elevator's quick movements from rest to rest"
     return _Excitation(inputs.active, inputs.manoeuvre, inputs.excitation, np.zeros(len(time)), note)
@@ -159,6 +177,9 @@ def _airspeed(source: ColumnSource, time: Array, climb: Array) -> _Signal:
 
 def _stroke_count(source: ColumnSource, time: Array, accel_z: Array) -> _Signal:
     """Strokes by the wing's phase, its angle, or what flapping does to the body."""
+    with contextlib.suppress(InputError):  # a log of another program has a phase without angles
+        wing = TopicTable(source, topics.WING, "phase")
+        return _Signal(np.interp(time, wing.time, strokes_of(wing["phase"])))
     try:
         wing, strokes = _strokes(source)
         return _Signal(np.interp(time, wing.time, strokes))

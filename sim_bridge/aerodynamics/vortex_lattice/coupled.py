@@ -32,6 +32,7 @@ from sim_bridge.aerodynamics.protocol import (
     Motion,
     SectionLoads,
     Strips,
+    ValidRange,
     blank_loads,
     blank_motion,
 )
@@ -293,6 +294,11 @@ def advance(
         lattice_step(p, strips, motion, state)
 
 
+RANGES = (
+    ValidRange("advance_ratio", 1.0, math.inf, "hawkmoth: lift 8 % above the quasi-steady model at 1.1, 60 % at 0.6"),
+    ValidRange("reynolds", 1e4, math.inf, "Yeo 2011: 18,000, the lowest that was compared"),
+    ValidRange("reduced_frequency", 0.0, 1.0, "Theodorsen: within 1.9 % up to 1"),
+)
 MODEL = AerodynamicModel(
     name="vortex_lattice",
     title="Unsteady vortex lattice of wings and tail with a wake shed in time (Katz and Plotkin 2001)",
@@ -306,4 +312,5 @@ MODEL = AerodynamicModel(
     advances=True,
     with_tail=True,
     keeps_wake=True,
+    ranges=RANGES,
 )

@@ -14,7 +14,7 @@ from linear_ornithopter import AIRCRAFT, REFERENCE, STEP, TRUTH, Flight, by_outp
 
 from avionics.guidance.mission import Channel, Excitation, Shape
 from avionics.missions.excitations import read_excitation
-from groundstation.command import design, gcs_excite, identify
+from groundstation.command import design, gcs_excite
 from groundstation.command.gcs_session import VerbParser
 from logs.identification.input_design.design import (
     DesignSpec,
@@ -269,21 +269,19 @@ def test_the_command_adds_the_flight_of_the_log(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """GIVEN a log whose model has M_delta with an error of 5 % WHEN 1 % is wanted THEN both flights give it."""
-    arguments: list[str] = []
+    arguments: list[Path] = []
 
-    def identified(words: list[str]) -> int:
-        arguments.extend(words)
-        Path(words[words.index("--model") + 1]).write_text(MODEL.read_text() + IDENTIFIED)
-        sys.stdout.write("tables of identify")
-        return 0
+    def identified(source: Path, vehicle: str | None, path: Path) -> None:
+        arguments.append(source)
+        path.write_text(MODEL.read_text() + IDENTIFIED)
 
-    monkeypatch.setattr(identify, "run", identified)
+    monkeypatch.setattr(design, "write_identified", identified)
     log = tmp_path / "flight.mcap"
     log.write_bytes(b"")
     words = ["--from", str(log), "--want", "elevator,short_period", "--accuracy", "1", "--amplitude", "1"]
     assert design.run([*words, "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
-    assert arguments[:2] == [str(log), "modes"]
+    assert arguments == [log]
     rows = {row["name"]: row for row in found["predicted"]}
     assert rows["M_delta"]["today"] == 3.0 and rows["M_q"]["today"] is None
     both = (1 / 3.0**2 + 1 / rows["M_delta"]["standard_error"] ** 2) ** -0.5

@@ -61,7 +61,7 @@ def test_one_fit_of_all_is_tighter_than_that_of_any() -> None:
 def test_a_manoeuvre_that_the_end_of_a_flight_cuts_holds_nothing_of_the_next() -> None:
     first, second = FLIGHTS
     end = int(np.flatnonzero(first.active)[-1]) - 40
-    arrays = {name: getattr(first, name)[:end] for name in first._fields if name != "notes"}
+    arrays = {name: getattr(first, name)[:end] for name in first.arrays()}
     cut = first._replace(**arrays)
     shaken = second._replace(pitch_rate=second.pitch_rate + 5.0)
     calm, kicked = (find_maneuvers(joined_flights((cut, one))) for one in (second, shaken))

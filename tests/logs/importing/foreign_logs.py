@@ -7,11 +7,14 @@ import struct
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from logs.importing.log_import import Choice, ImportReport, import_log
 
+Tables = dict[str, tuple[Any, dict[str, Any]]]
+"""time in us and columns by topic"""
 ROOT = Path(__file__).parents[3]
 DATA = ROOT / "tests" / "data" / "logs"
 SHARED = Path(os.environ.get("WINGBEAT_SHARED", ROOT.parent / "shared")) / "data" / "logs"
@@ -123,23 +126,56 @@ def tlog(seconds: int = 20, boot_us: int = 1_700_000_000_000_000) -> bytes:
     return out
 
 
-def ulog(topics: dict[str, tuple[Any, dict[str, Any]]]) -> bytes:
+def ulog(topics: Tables) -> bytes:
     """Write a ULog of topics: time in us and columns (n,) or (n, k) of floats."""
 
     def message(kind: str, body: bytes) -> bytes:
         return struct.pack("<HB", len(body), ord(kind)) + body
 
     out = b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 1_000) + message("B", bytes(40))
-    rows: list[tuple[int, bytes]] = []
+    tables = []
     for number, (name, (stamps, columns)) in enumerate(topics.items()):
         sizes = {key: 1 if values.ndim == 1 else values.shape[1] for key, values in columns.items()}
         listed = "".join(f"float{'' if n == 1 else f'[{n}]'} {key};" for key, n in sizes.items())
         out += message("F", f"{name}:uint64_t timestamp;{listed}".encode())
-        packer = struct.Struct(f"<HQ{sum(sizes.values())}f")
-        parts = [values[:, None] if values.ndim == 1 else values for values in columns.values()]
-        for row, stamp in enumerate(stamps.tolist()):
-            values = [float(value) for part in parts for value in part[row]]
-            rows.append((stamp, message("D", packer.pack(number, stamp, *values))))
+        fields = [(f"f{place}", "<f4", (n,)) for place, n in enumerate(sizes.values())]
+        rows = np.zeros(len(stamps), [("size", "<u2"), ("kind", "u1"), ("id", "<u2"), ("timestamp", "<u8"), *fields])
+        rows["size"], rows["kind"], rows["id"], rows["timestamp"] = rows.itemsize - 3, ord("D"), number, stamps
+        for (field, _, size), values in zip(fields, columns.values(), strict=True):
+            rows[field] = values.reshape(-1, *size)
+        tables.append((stamps, rows))
     for number, name in enumerate(topics):
         out += message("A", struct.pack("<BH", 0, number) + name.encode())
-    return out + b"".join(body for _, body in sorted(rows, key=lambda one: one[0]))
+    return out + interleaved(tables)
+
+
+def interleaved(tables: list[tuple[Any, Any]]) -> bytes:
+    """Return the bytes of records of several kinds; the order is that of the running maximum of their times."""
+    times = np.concatenate([np.maximum.accumulate(stamps) for stamps, _ in tables])
+    sizes = np.repeat([rows.itemsize for _, rows in tables], [len(rows) for _, rows in tables])
+    order = np.argsort(times, kind="stable")
+    offsets = np.empty(len(order), np.int64)
+    offsets[order] = np.cumsum(sizes[order]) - sizes[order]
+    data, first = np.zeros(int(sizes.sum()), np.uint8), 0
+    for _, rows in tables:
+        places = offsets[first : first + len(rows), None] + np.arange(rows.itemsize)
+        data[places] = rows.view(np.uint8).reshape(len(rows), rows.itemsize)
+        first += len(rows)
+    return data.tobytes()
+
+
+def dataflash(topics: Tables) -> bytes:
+    """Write a dataflash log of messages: time in us and columns (n,); floats, or unsigned bytes as they are."""
+    log = Dataflash()
+    for name, (_, columns) in topics.items():
+        letters = "".join("B" if values.dtype == np.uint8 else "f" for values in columns.values())
+        log.define(name, "Q" + letters, ",".join(("TimeUS", *columns)))
+    tables = []
+    for name, (stamps, columns) in topics.items():
+        types = [(key, "u1" if values.dtype == np.uint8 else "<f4") for key, values in columns.items()]
+        rows = np.zeros(len(stamps), [("head", "<u2"), ("type", "u1"), ("TimeUS", "<u8"), *types])
+        rows["head"], rows["type"], rows["TimeUS"] = 0x95A3, log.number(name), stamps
+        for key, values in columns.items():
+            rows[key] = values
+        tables.append((stamps, rows))
+    return log.data + interleaved(tables)
