@@ -131,8 +131,8 @@ class AutopilotState:
 
     @property
     def terrain(self) -> float:
-        """Altitude (m) of the ground below the vehicle; 0 without a rangefinder."""
-        return rangefinder.terrain(self.rangefinder, self.clock.time_us)
+        """Altitude (m) of the ground below the vehicle; that of the launch site without a rangefinder."""
+        return rangefinder.terrain(self.rangefinder, self.clock.time_us) - self.gains.navigation.launch_height
 
     @property
     def height(self) -> float:

@@ -8,14 +8,17 @@ gyro bias once a block. The magnetometer, averaged in the same frame, corrects t
 
 The mean has triangular weights over two blocks: rising over the last one, falling over the present one. A block is
 one measured wing period, or a fixed time if the wings are at rest. In comparison with a plain mean over one block,
-this squares the attenuation of components that are not periodic in the block.
+this squares the attenuation of components that are not periodic in the block. The mean passes a first-order low-pass
+of half the time constant of the tilt correction, so that both together are a Butterworth filter of second order. A
+low-pass of the force in the frame of the gyroscope is the method of VQF (Laidig and Seel, Information Fusion 91,
+2023); here it is a part of the proportional and integral correction of Mahony et al. 2008.
 
 The direction cosine matrix is that of the instrumentation suite of Gerdes et al. 2017; the averaging is original.
 """
 
 from __future__ import annotations
 
-from math import atan2, cos, exp, hypot, isfinite, pi, sin, sqrt, tan
+from math import atan2, cos, exp, hypot, isfinite, pi, sin, sqrt
 from typing import Annotated, NamedTuple
 
 from avionics.estimation import razor, velocity_aiding
@@ -53,6 +56,7 @@ AVERAGES, RAZOR = 0, 1
 """Values of `AhrsGains.method`."""
 
 ZERO: Vector = (0.0, 0.0, 0.0)
+NO_TIME: Matrix = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 IDENTITY: Matrix = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 
 
@@ -77,7 +81,7 @@ class AhrsGains(NamedTuple):
     heading_time: Annotated[float, Quantity("s", 0.5, 120.0)] = 10.0
     """s; time constant of the heading correction"""
     bias_time: Annotated[float, Quantity("s", 5.0, 10000.0)] = 25.0
-    """s; integral time of the gyro bias for tilt and heading corrections"""
+    """s; shortest integral time of the gyro bias for tilt and heading corrections"""
     bias_limit: Annotated[float, Quantity("rad/s", 0.0, 0.2)] = 0.05
     """rad/s; maximum difference of the gyro bias from the offset of the last alignment, each axis"""
     gyro_delay: Annotated[float, Quantity("-", 0.0, 2.0)] = 0.5
@@ -118,8 +122,8 @@ class AhrsGains(NamedTuple):
     """s; duration of rejection after which the magnetometer is reported as disturbed"""
     level_error: Annotated[float, Quantity("rad", 0.0, 0.2)] = 0.007
     """rad; one sigma of unobservable tilt errors: mounting and calibration of the accelerometer"""
-    compass_error: Annotated[float, Quantity("rad", 0.0, 0.5)] = 0.025
-    """rad; one sigma of unobservable heading errors: hard iron, declination"""
+    compass_error: Annotated[float, Quantity("rad", 0.0, 0.5)] = 0.005
+    """rad; one sigma of unobservable heading errors: mounting of the inertial sensors, 0.3 degrees"""
     gps_noise: Annotated[float, Quantity("m/s", 0.01, 10.0)] = 0.15
     """m/s; one sigma of the GPS velocity, each axis"""
     gps_gate: Annotated[float, Quantity("-", 1.0, 100.0)] = 5.0
@@ -161,6 +165,8 @@ class Block(NamedTuple):
     """rad^2/s; integral of the squared rates"""
     force_square: float = 0.0
     """m^2/s^3; integral of the squared specific force"""
+    attitude: Matrix = NO_TIME
+    """s; integral of r_ned_from_frd"""
 
 
 class Correction(NamedTuple):
@@ -180,6 +186,8 @@ class Correction(NamedTuple):
     """s; time for which the tilt residual has exceeded its limit"""
     impulse: Vector = ZERO
     """m/s; integral of the specific force over all blocks, earth axes"""
+    attitude: Matrix = NO_TIME
+    """s; integral of r_ned_from_frd over all blocks"""
     field: Vector = ZERO
     """gauss, rad, -; reference of the magnetic field: strength (0: no magnetometer), dip, 0"""
     refused: Vector = ZERO
@@ -204,6 +212,10 @@ class Correction(NamedTuple):
     """m/s^2; estimated accelerometer offset, body axes"""
     iron: Vector = ZERO
     """gauss; estimated hard iron, body axes"""
+    lean: Vector = ZERO
+    """m/s^2; low-passed difference between the mean specific force and 1 g upward, earth axes"""
+    flapping: int = 0
+    """-; 1 if the last block was a wing period"""
 
 
 class AhrsState(NamedTuple):
@@ -257,6 +269,8 @@ class View(NamedTuple):
     """-; weight of the tilt, from 0 to 1"""
     gain: float
     """-; fraction of the tilt error that is corrected"""
+    lean: Vector
+    """rad; as `Correction.lean`"""
     tilt: Matrix
     """-; rotation by the corrected fraction"""
     rising: Vector
@@ -307,8 +321,10 @@ def align(gains: AhrsGains, imu: ImuSample, span: float) -> AhrsState:
     """
     state = start(gains, imu)
     rate = state.rates
-    correction = state.correction._replace(bias=rate, offset=rate, age=span, window=span)
-    return state._replace(correction=correction)
+    aid, errors = velocity_aiding.gravity_updated(state.aid, (imu.accel_x, imu.accel_y, imu.accel_z))
+    correction = state.correction._replace(bias=rate, offset=rate, age=span, window=span, accel_offset=errors.accel)
+    r = orthonormalize(multiply(dcm_from_rotation_vector(*errors.turn), state.r))
+    return state._replace(r=r, correction=correction, aid=aid)
 
 
 def aligned(gains: AhrsGains, state: AhrsState, rate: Vector) -> bool:
@@ -363,12 +379,12 @@ def step(
     force, velocity, field = vectors = _in_earth_axes(gains.accel_delay, r, angles, imu, correction, airspeed)
     length = 1.0 / frequency if frequency > 0.0 else gains.fixed_block
     if state.block.span + dt < length:
-        block = _extended(state.block, dt, _between(state.force, force, 0.5), velocity, field, rates)
+        block = _extended(state.block, dt, _between(state.force, force, 0.5), velocity, field, rates, r)
     else:
-        full, block = _divided(state, length, dt, vectors, rates)
+        full, block = _divided(state, length, dt, vectors, rates, r)
         flight = Flight(imu.time_us, frequency > 0.0, airspeed)
         r, correction, aid = _corrected(gains, r, correction, full, flight, aid)
-    if fix is not None:
+    if fix is not None and velocity_aiding.is_usable(fix):
         r, correction, block, aid = _fixed(gains, r, correction, block, aid, fix)
     elif aid.past and imu.time_us - aid.past[-1].time_us >= velocity_aiding.HISTORY_STEP_US:
         aid = velocity_aiding.remember(aid, gains.gps_delay, imu.time_us, _sum(correction.impulse, block.force))
@@ -390,7 +406,7 @@ def _in_earth_axes(
 
 
 def _divided(
-    state: AhrsState, length: float, dt: float, vectors: tuple[Vector, Vector, Vector], rates: Vector
+    state: AhrsState, length: float, dt: float, vectors: tuple[Vector, Vector, Vector], rates: Vector, r: Matrix
 ) -> tuple[Block, Block]:
     """Return the block completed to ``length`` (s) and the next block.
 
@@ -401,8 +417,8 @@ def _divided(
     before_end = _between(state.force, force, 0.5 * share)
     after_end = _between(state.force, force, 0.5 + 0.5 * share)
     return (
-        _extended(state.block, share * dt, before_end, velocity, field, rates),
-        _extended(Block(), (1.0 - share) * dt, after_end, velocity, field, rates),
+        _extended(state.block, share * dt, before_end, velocity, field, rates, r),
+        _extended(Block(), (1.0 - share) * dt, after_end, velocity, field, rates, r),
     )
 
 
@@ -425,8 +441,13 @@ def _razor_step(
 def _resumed(state: AhrsState) -> AhrsState:
     """Return the state after a gap; the incomplete block is discarded."""
     impulse = _sum(state.correction.impulse, state.block.force)
+    attitude = _grown(state.correction.attitude, state.block.attitude, 1.0)
     aid = state.aid._replace(accepted_us=-1, agreed=0, past=())
-    return state._replace(block=Block(), correction=state.correction._replace(joined=0.0, impulse=impulse), aid=aid)
+    return state._replace(
+        block=Block(),
+        correction=state.correction._replace(joined=0.0, impulse=impulse, attitude=attitude, lean=ZERO),
+        aid=aid,
+    )
 
 
 def _angles(lead: float, old: Vector, rates: Vector, bias: Vector, dt: float) -> Vector:
@@ -451,9 +472,11 @@ def _between(a: Vector, b: Vector, share: float) -> Vector:
 _new_block = constructor(Block)
 
 
-def _extended(block: Block, dt: float, force: Vector, velocity: Vector, field: Vector, rates: Vector) -> Block:
+def _extended(
+    block: Block, dt: float, force: Vector, velocity: Vector, field: Vector, rates: Vector, attitude: Matrix
+) -> Block:
     """Extend the block by ``dt`` (s) with the mean specific force ``force``."""
-    span, impulse, moment, travel, magnetic, turn, rate_square, force_square = block
+    span, impulse, moment, travel, magnetic, turn, rate_square, force_square, turned = block
     x, y, z = force
     fx, fy, fz = x * dt, y * dt, z * dt
     time = span + 0.5 * dt
@@ -467,6 +490,17 @@ def _extended(block: Block, dt: float, force: Vector, velocity: Vector, field: V
         (turn[0] + p * dt, turn[1] + q * dt, turn[2] + r * dt),
         rate_square + (p * p + q * q + r * r) * dt,
         force_square + (x * x + y * y + z * z) * dt,
+        _grown(turned, attitude, dt),
+    )  # fmt: skip
+
+
+def _grown(sum_: Matrix, r: Matrix, dt: float) -> Matrix:
+    """Return ``sum_ + r dt``."""
+    a, b, c, d, e, f, g, h, i = r
+    s0, s1, s2, s3, s4, s5, s6, s7, s8 = sum_
+    return (
+        s0 + a * dt, s1 + b * dt, s2 + c * dt, s3 + d * dt, s4 + e * dt, s5 + f * dt, s6 + g * dt, s7 + h * dt,
+        s8 + i * dt,
     )  # fmt: skip
 
 
@@ -474,20 +508,20 @@ def _fixed(
     gains: AhrsGains, r: Matrix, last: Correction, block: Block, aid: velocity_aiding.State, fix: GpsFix
 ) -> tuple[Matrix, Correction, Block, velocity_aiding.State]:
     """Return the matrix and the filter state after a GPS fix."""
-    impulse = _sum(last.impulse, block.force)
+    impulse, attitude = _sum(last.impulse, block.force), _grown(last.attitude, block.attitude, 1.0)
     aid = velocity_aiding.remember(aid, gains.gps_delay, fix.time_us, impulse)
     if last.age < gains.settling:
         return r, last, block, aid
     noise = _noise(gains)
-    p = velocity_aiding.carried(aid, noise, fix.time_us, impulse, r)
+    p = velocity_aiding.carried(aid, noise, fix.time_us, impulse, attitude)
     aid, errors = velocity_aiding.fixed(aid, p, noise, fix)
     r = orthonormalize(multiply(dcm_from_rotation_vector(*errors.turn), r))
     iron = _sum(last.iron, errors.iron)
     if errors.realigned:
         iron = _sum(iron, _iron(gains, r, last, block, errors.turn[2]))
         velocity_aiding.iron_known(p, r, _compass(gains, last.field))
-        last, block = last._replace(joined=0.0, impulse=impulse), Block()
-    aid = velocity_aiding.kept(aid, p, fix.time_us, impulse)
+        last, block = last._replace(joined=0.0, impulse=impulse, attitude=attitude, lean=ZERO), Block()
+    aid = velocity_aiding.kept(aid, p, fix.time_us, impulse, attitude)
     bias = _limited(_sum(last.bias, errors.bias), last.offset, gains.bias_limit)
     accel = _sum(last.accel_offset, errors.accel)
     return r, last._replace(bias=bias, accel_offset=accel, iron=iron), block, aid
@@ -509,7 +543,7 @@ def _iron(gains: AhrsGains, r: Matrix, last: Correction, block: Block, turn: flo
 
 def _compass(gains: AhrsGains, reference: Vector) -> velocity_aiding.Compass:
     strength, dip, _ = reference
-    return velocity_aiding.Compass(gains.declination, strength * cos(dip))
+    return velocity_aiding.Compass(gains.declination, strength * cos(dip), strength * sin(dip))
 
 
 def _noise(gains: AhrsGains) -> velocity_aiding.Noise:
@@ -522,11 +556,13 @@ def _corrected(
     gains: AhrsGains, r: Matrix, last: Correction, block: Block, flight: Flight, aid: velocity_aiding.State
 ) -> tuple[Matrix, Correction, velocity_aiding.State]:
     """Return the matrix and the filter state at the end of a block."""
-    impulse = _sum(last.impulse, block.force)
-    p = velocity_aiding.carried(aid, _noise(gains), flight.time_us, impulse, r)
+    impulse, attitude = _sum(last.impulse, block.force), _grown(last.attitude, block.attitude, 1.0)
+    p = velocity_aiding.carried(aid, _noise(gains), flight.time_us, impulse, attitude)
     if velocity_aiding.agreeing(aid, gains.gps_timeout, flight.time_us):
         limit = gains.heading_limit + 3.0 * aid.heading_sigma
         flight = Flight(flight.time_us, flight.flapping, flight.airspeed, True, limit)
+    if flight.flapping != bool(last.flapping):
+        velocity_aiding.disturb(aid, p)
     view = _view(gains, last, block, flight)
     if flight.aided:
         turn, errors, aid = _by_compass(gains, r, view, aid, p)
@@ -538,30 +574,32 @@ def _corrected(
         gain = _gain(view.length, gains.rest_time, view.age)
         bias = _between(last.bias, _scaled(block.turn, 1.0 / view.length), gain)
         p = velocity_aiding.rested(p, gain, gains.rest_noise)
-    aid = velocity_aiding.kept(aid, p, flight.time_us, impulse)
-    tilt_sigma, heading_sigma = _sigmas(gains, view.reference[1], aid)
+    aid = velocity_aiding.kept(aid, p, flight.time_us, impulse, attitude)
+    tilt_sigma, heading_sigma = _sigmas(gains, aid)
     disturbed = int(view.reference[0] > 0.0 and view.refused[2] >= gains.disturbed_time)
     sure = (tilt_sigma, heading_sigma, disturbed, int(flight.aided))
     limited = _limited(bias, last.offset, gains.bias_limit)
-    corrected = _cached(gains, last.is_degraded, view, turn, (limited, impulse, sure))
+    corrected = _cached(gains, last.is_degraded, view, turn, (limited, impulse, attitude, sure))
     return (
         orthonormalize(multiply(turn, r)),
         corrected._replace(
             offset=last.offset,
             accel_offset=_sum(last.accel_offset, errors.accel),
             iron=_sum(last.iron, errors.iron),
+            lean=view.lean,
+            flapping=int(flight.flapping),
         ),
         aid,
     )
 
 
-def _sigmas(gains: AhrsGains, dip: float, aid: velocity_aiding.State) -> tuple[float, float]:
+def _sigmas(gains: AhrsGains, aid: velocity_aiding.State) -> tuple[float, float]:
     """Return one sigma of tilt and heading (rad).
 
-    The heading includes the tilt error, which the dip of the field projects into heading.
+    The covariance includes the hard iron, and the tilt error that the dip of the field projects into heading.
     """
     tilt = hypot(aid.tilt_sigma, gains.level_error)
-    return tilt, hypot(aid.heading_sigma, gains.compass_error, tan(dip) * tilt)
+    return tilt, hypot(aid.heading_sigma, gains.compass_error)
 
 
 def _view(gains: AhrsGains, last: Correction, block: Block, flight: Flight) -> View:
@@ -570,7 +608,9 @@ def _view(gains: AhrsGains, last: Correction, block: Block, flight: Flight) -> V
     rising, velocity = _scaled(block.force_moment, 1.0 / length), _scaled(block.travel, 1.0 / length)
     time = gains.flapping_tilt_time if flight.flapping else gains.tilt_time
     trusting = age > gains.settling and last.is_degraded < time
-    x, y, trust = _tilt(gains, _gravity(last, block, rising, velocity), trusting)
+    north, east, down = _gravity(last, block, rising, velocity)
+    lean = _between(last.lean, (north, east, down + STANDARD_GRAVITY), _gain(length, 0.5 * time, age))
+    x, y, trust = _tilt(gains, (lean[0], lean[1], lean[2] - STANDARD_GRAVITY), trusting)
     gain = 0.0 if flight.aided else trust * _gain(length, time, age)
     tilt = dcm_from_rotation_vector(gain * x, gain * y, 0.0)
     field = rotate(tilt, _scaled(block.field, 1.0 / length))
@@ -580,7 +620,7 @@ def _view(gains: AhrsGains, last: Correction, block: Block, flight: Flight) -> V
         reference, refused = last.field, (refused[0], refused[1], last.refused[2] + length)
     if refused[2] > 0.0:
         heading_error = 0.0
-    return View(length, age, time, x, y, trust, gain, tilt, rising, velocity, reference, refused, heading_error)
+    return View(length, age, time, x, y, trust, gain, lean, tilt, rising, velocity, reference, refused, heading_error)
 
 
 def _by_compass(
@@ -607,24 +647,17 @@ def _by_view(
     compass = _gain(view.length, gains.heading_time, view.age) if view.refused[2] == 0.0 else 0.0
     turn = multiply(dcm_from_rotation_vector(0.0, 0.0, compass * view.heading_error), view.tilt)
     learned = 0.0 if view.age < gains.settling else view.length / gains.bias_time
-    tilt_rate, heading_rate = learned * view.trust / view.time, learned / gains.heading_time
-    error = (tilt_rate * view.north, tilt_rate * view.east, heading_rate * view.heading_error)
-    bias = _sum(last.bias, _scaled(rotate_back(multiply(turn, r), error), -1.0))
-    is_degraded = hypot(gains.tilt_noise, TILT_DOUBT * hypot(view.north, view.east))
+    error = (view.north, view.east, view.heading_error)
+    # The covariance takes the errors of blocks as independent, which those of short blocks are not.
+    correlation = sqrt(max(1.0, gains.fixed_block / view.length))
+    is_degraded = correlation * hypot(gains.tilt_noise, TILT_DOUBT * hypot(view.north, view.east))
     shares = (view.gain, view.gain, compass)
-    rates = (tilt_rate, tilt_rate, heading_rate if compass > 0.0 else 0.0)
-    return (
-        turn,
-        bias,
-        velocity_aiding.relaxed(
-            p,
-            r,
-            _compass(gains, view.reference),
-            shares,
-            rates,
-            (is_degraded, is_degraded, gains.field_noise),
-        ),
+    tilt_limit = learned * view.trust / view.time
+    limits = (tilt_limit, tilt_limit, learned / gains.heading_time if compass > 0.0 else 0.0)
+    p, x = velocity_aiding.relaxed(
+        p, r, _compass(gains, view.reference), shares, limits, error, (is_degraded, is_degraded, gains.field_noise)
     )
+    return turn, _sum(last.bias, x), p
 
 
 def _cached(
@@ -632,20 +665,20 @@ def _cached(
     is_degraded: float,
     view: View,
     turn: Matrix,
-    known: tuple[Vector, Vector, tuple[float, float, int, int]],
+    known: tuple[Vector, Vector, Matrix, tuple[float, float, int, int]],
 ) -> Correction:
     """Return the correction record for the next block.
 
     Vectors are in axes after the correction. ``is_degraded`` is the value of the last block. ``known`` contains bias,
     impulse, and the last fields of `Correction`: sigmas, disturbed, aided.
     """
-    size, (bias, impulse, sure) = hypot(view.north, view.east), known
+    size, (bias, impulse, attitude, sure) = hypot(view.north, view.east), known
     is_degraded = is_degraded + view.length if view.trust > 0.0 and size >= gains.tilt_limit else 0.0
     # Do not combine blocks if the attitude error exceeds tilt_limit.
     joined = view.length if view.gain * size < gains.tilt_limit else 0.0
     return Correction(
         bias, joined, rotate(turn, view.rising), rotate(turn, view.velocity), view.age, is_degraded, impulse,
-        view.reference, view.refused, size, view.heading_error, view.length, *sure,
+        attitude, view.reference, view.refused, size, view.heading_error, view.length, *sure,
     )  # fmt: skip
 
 

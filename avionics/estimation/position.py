@@ -8,7 +8,10 @@ reckoning with a growing variance.
 The filter tracks the slow error of the receiver and does not average it: the measurement noise contains only the
 error that is new in each fix, and the variance of the slow error is added to the published variance. The process
 noise of the wind is estimated from the velocity innovations, because a constant value would be wrong by a factor of
-ten in either calm air or gusts.
+ten in either calm air or gusts. At frequencies above V / L the Dryden spectrum is that of a random walk of
+2 sigma^2 V / L, with the airspeed V, the scale length L and the variance sigma^2 of the gusts, so that the estimated
+value is that of the spectrum at the present airspeed. Airspeed, heading and sideslip errors add to the variance of
+the wind; they are common to all fixes and cancel in the ground velocity.
 """
 
 from __future__ import annotations
@@ -67,6 +70,11 @@ class Gains(NamedTuple):
     new_share: Annotated[float, Quantity("-", 0.0, 1.0)] = 0.1
     """-; fraction of the reported accuracy that is new in each fix; the remainder is slow. Default: 0.2 m of 2.1 m;
     the remaining error of the receiver is slow"""
+    sideslip: Annotated[float, Quantity("rad", 0.0, 1.0)] = 0.04
+    """rad; one sigma of the sideslip in still air: turns and unequal wings. Default: fitted, with
+    `sideslip_time`, to wind errors in light gusts, see docs/validation/estimation.md"""
+    sideslip_time: Annotated[float, Quantity("s", 0.0, 10.0)] = 0.5
+    """s; time in which the heading follows a gust from the side. Default: fitted with `sideslip`"""
     gps_delay: Annotated[float, Quantity("s", 0.0, 2.0)] = 0.15
     """s; time from measurement to arrival of a fix (MTK3339: solution and serial line)"""
     gate: Annotated[float, Quantity("-", 1.0, 100.0)] = 5.0
@@ -153,7 +161,7 @@ def step(gains: Gains, state: State, now: Motion, fix: GpsFix | None = None) -> 
         state = State(now.time_us, tuple(x.tolist()), _covariance(p), *state[3:-1], past)
     if fix is not None and fix.fix_type >= TWO_DIMENSIONAL and fix.time_us > state.fix_us:
         state = _corrected(gains, state, fix)
-    return state, _message(gains, state, v_air, now.variance)
+    return state, _message(gains, state, v_air, now.variance + _sideslip_variance(gains, state, now.airspeed))
 
 
 def _started(gains: Gains, time_us: int) -> State:
@@ -189,6 +197,16 @@ def _noise(air_velocity_noise: float, walk: float, dt: float) -> Array:
 def _walk(gains: Gains, state: State) -> float:
     """Return the random walk of the wind (m^2/s^3), at least that of calm air."""
     return max(state.walk, gains.wind_walk**2)
+
+
+def _sideslip_variance(gains: Gains, state: State, airspeed: float) -> float:
+    """Return the variance of the velocity across the heading (m^2/s^2), as the mean of both components.
+
+    A vehicle that follows the air with the time constant T has the sideslip velocity of a high-pass filter, which
+    passes the variance q T / 2 of a random walk q.
+    """
+    across = gains.sideslip * airspeed
+    return 0.5 * (across * across + 0.5 * _walk(gains, state) * gains.sideslip_time)
 
 
 def _diagonal(values: Vector4) -> Array:

@@ -12,7 +12,9 @@ Multisensor Integrated Navigation Systems, 2nd ed., 14.2) without the rotation o
 
 At rest the accelerometer offset is equivalent to a tilt, and the hard iron dm to a heading error: neither is
 observable. Both rotate with the vehicle, tilt and heading errors do not, so that a change of heading separates them.
-A launch makes only the heading observable.
+A launch makes the heading observable, and the tilt about the right axis of the body, which turns the launch
+acceleration out of the horizontal. It raises the variance of the offset along body x if it contradicts a calibrated
+accelerometer.
 
 Unlike the airspeed, the ground velocity is valid in gusts, sideslip and during the launch. Flapping requires no
 averaging, because the force between two fixes is integrated sample by sample.
@@ -31,16 +33,16 @@ from numpy.typing import NDArray
 
 from avionics.messages import GpsFix
 from wingbeat.constants import STANDARD_GRAVITY
-from wingbeat.rotations import Matrix, Vector
+from wingbeat.rotations import Matrix, Vector, norm
 
 Array = NDArray[np.float64]
 
-VELOCITY, ROTATION, HEADING, BIAS = slice(0, 2), slice(2, 5), 4, slice(5, 8)
-ACCEL, IRON = slice(8, 10), slice(10, 12)
-CONSIDERED = slice(8, 12)
-STATES = 12
-"""north and east components of u in m/s; theta about north, east and down in rad; db about the body axes in rad/s; da
-and dm along body x and y in m/s^2 and gauss"""
+VELOCITY, DOWN, ROTATION, TILT, HEADING, BIAS = slice(0, 3), 2, slice(3, 6), slice(3, 5), 5, slice(6, 9)
+ACCEL, LEVEL_ACCEL, FORWARD_ACCEL, IRON = slice(9, 12), slice(9, 11), 9, slice(12, 14)
+OFFSETS, ALL_BUT_DOWN = list(range(9, 14)), [0, 1, *range(3, 14)]
+STATES = 14
+"""u north, east and down in m/s; theta about north, east and down in rad; db about the body axes in rad/s; da along
+the body axes in m/s^2; dm along body x and y in gauss"""
 UNITY: Array = np.eye(STATES)
 POSITION_FIX = 2
 """minimum `GpsFix.fix_type` of a velocity that is used"""
@@ -48,18 +50,32 @@ HISTORY_STEP_US = 20_000
 """us; interval of the impulse history for delayed fixes"""
 CONFIRMATIONS = 3
 """-; number of fixes that must agree with a new velocity before they replace the block averages"""
+CONFIRMATION_GATE = 3.0
+"""-; innovation gate of those fixes in standard deviations"""
 START_TILT, START_HEADING, START_BIAS = 0.05, 0.15, 0.01
 """rad, rad, rad/s; standard deviations after the first sample"""
-START_ACCEL, START_IRON = 0.12, 0.015
+START_ACCEL, START_IRON = 0.12, 0.006
 """m/s^2, gauss; standard deviations of accelerometer offset and hard iron, each axis"""
+UNCALIBRATED_ACCEL = 0.6
+"""m/s^2; standard deviation of the accelerometer offset after a launch has shown more than the calibration leaves"""
+CLIMB_TEST, LAUNCH_FIXES = 0.35, 4
+"""m/s, -; mean innovation of the climb rate over the fixes after a launch, after which the offset along body x is
+such: over twice the greatest of calibrated sensors"""
+GRAVITY_NOISE = 0.05
+"""m/s^2; standard deviation of the magnitude of the specific force at rest, from the accelerometer's scale"""
 ACCEL_WALK, IRON_WALK = 0.002, 0.0001
 """m/s^2.5, gauss/s^0.5; random walk of both"""
+FLAPPING_ACCEL, FLAPPING_IRON = 0.1, 0.006
+"""m/s^2, gauss; standard deviations of the changes of both when flapping begins or ends, each axis: vibration, and
+the field of the drive current; chosen on flights with vibration, see docs/validation/estimation.md"""
 LAUNCH_SPEED = 3.0
 """m/s; ground speed that separates rest and flight: after a launch from rest the course indicates the heading"""
 SPEED_AGREEMENT = 0.25
 """-; maximum relative difference between the propagated speed and the speed of a fix if only the heading is wrong"""
 TURN_AGREEMENT = 0.2
 """rad; maximum difference between the heading errors of two successive fixes"""
+TILT_IRON = 0.03
+"""gauss; standard deviation of a hard iron estimated with a tilt error of `UNCALIBRATED_ACCEL`, each axis"""
 SET_IRON = 0.005
 """gauss; standard deviation of a hard iron set from a mean field, each axis"""
 LEAST_HORIZONTAL = 0.05
@@ -102,10 +118,12 @@ class State(NamedTuple):
     """us; time of the covariance"""
     impulse: Vector = ZERO
     """m/s; integral of the specific force up to that time, earth axes"""
+    attitude: Matrix = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    """s; integral of r_ned_from_frd up to that time"""
     past: tuple[Moment, ...] = ()
     """impulse history, oldest first; empty before the first fix"""
-    offset: tuple[float, float] = (0.0, 0.0)
-    """m/s; north and east difference between ground velocity and impulse"""
+    offset: Vector = ZERO
+    """m/s; difference between ground velocity and the integral of specific force and gravity, earth axes"""
     accepted_us: int = -1
     """us; time of the last accepted fix, -1 before the first"""
     agreed: int = 0
@@ -118,6 +136,10 @@ class State(NamedTuple):
     """rad; heading error indicated by the last rejected fix, 0 if none"""
     speed: float = 0.0
     """m/s; ground speed of the last accepted fix"""
+    launch_fixes: int = 0
+    """-; fixes since the launch, at most `LAUNCH_FIXES`"""
+    climb: float = 0.0
+    """m/s; sum of their innovations of the climb rate"""
 
 
 class Errors(NamedTuple):
@@ -142,6 +164,8 @@ class Compass(NamedTuple):
     """rad; east is positive"""
     horizontal: float
     """gauss; horizontal field strength"""
+    vertical: float = 0.0
+    """gauss; vertical field, positive down"""
 
 
 NOTHING = Errors(ZERO, ZERO, ZERO, ZERO)
@@ -153,11 +177,11 @@ def start(time_us: int, r: Matrix) -> State:
     The matrix ``r`` was leveled by the accelerometer, so that its offset is correlated with the tilt.
     """
     variances = [
-        1.0, 1.0, *2 * [START_TILT**2], START_HEADING**2, *3 * [START_BIAS**2], *2 * [START_ACCEL**2],
+        1.0, 1.0, 1.0, *2 * [START_TILT**2], START_HEADING**2, *3 * [START_BIAS**2], *3 * [START_ACCEL**2],
         *2 * [START_IRON**2],
     ]  # fmt: skip
     j = UNITY.copy()
-    j[2:4, ACCEL] = _tilt_of_offset(r)
+    j[TILT, LEVEL_ACCEL] = _tilt_of_offset(r)
     p = (j * variances).dot(j.T)
     return State(tuple(p.ravel().tolist()), time_us)
 
@@ -171,69 +195,151 @@ def _tilt_of_offset(r: Matrix) -> Array:
     return np.array(((ex, ey), (-nx, -ny))) / STANDARD_GRAVITY
 
 
+def gravity_updated(state: State, force: Vector) -> tuple[State, Errors]:
+    """Update the state with the mean specific force (m/s^2, body axes) of a standstill.
+
+    At rest its magnitude is that of gravity, so that the difference is the accelerometer offset along the vertical.
+    """
+    p = np.array(state.covariance).reshape(STATES, STATES)
+    size = norm(force)
+    h = np.zeros(STATES)
+    h[ACCEL] = np.array(force) / size
+    ph = p.dot(h)
+    k = ph / (float(h.dot(ph)) + GRAVITY_NOISE**2)
+    p -= np.outer(k, ph)
+    state, errors = _applied(state, k * (size - STANDARD_GRAVITY))
+    return state._replace(covariance=tuple(p.ravel().tolist())), errors
+
+
 def remember(state: State, gps_delay: float, time_us: int, impulse: Vector) -> State:
     """Store the impulse (m/s, earth axes) for fixes that arrive later."""
     kept = 2 + round(gps_delay * 1e6 / HISTORY_STEP_US)
     return state._replace(past=(*state.past, Moment(time_us, impulse))[-kept:])
 
 
-def carried(state: State, noise: Noise, time_us: int, impulse: Vector, r: Matrix) -> Array:
+def carried(state: State, noise: Noise, time_us: int, impulse: Vector, attitude: Matrix) -> Array:
     """Return the covariance propagated to ``time_us`` (us).
 
-    ``impulse`` (m/s) is the integral of the specific force at that time.
+    ``impulse`` (m/s) and ``attitude`` (s) are the integrals of the specific force and of r_ned_from_frd at that time:
+    a vehicle that turns through 90 degrees has its bias about another earth axis at the end than at the start.
     """
     p = np.array(state.covariance).reshape(STATES, STATES)
     dt = (time_us - state.time_us) * 1e-6
     (x, y, z), (x0, y0, z0) = impulse, state.impulse
     f = UNITY.copy()
-    f[0, 3], f[0, 4], f[1, 2], f[1, 4] = z - z0, -(y - y0), -(z - z0), x - x0
-    turned = np.array(r).reshape(3, 3) * -dt
-    f[ROTATION, BIAS], f[VELOCITY, ACCEL] = turned, turned[0:2, 0:2]
+    dx, dy, dz = x - x0, y - y0, z - z0
+    f[VELOCITY, ROTATION] = ((0.0, dz, -dy), (-dz, 0.0, dx), (dy, -dx, 0.0))
+    f[ROTATION, BIAS] = f[VELOCITY, ACCEL] = np.subtract(state.attitude, attitude).reshape(3, 3)
     p = f.dot(p).dot(f.T)
-    attitude, bias = noise.gyro_walk**2 * dt, noise.bias_walk**2 * dt
+    rotation, bias = noise.gyro_walk**2 * dt, noise.bias_walk**2 * dt
     accel, iron = ACCEL_WALK**2 * dt, IRON_WALK**2 * dt
     p.reshape(-1)[:: STATES + 1] += (
-        0.0, 0.0, attitude, attitude, attitude, bias, bias, bias, accel, accel, iron, iron
+        0.0, 0.0, 0.0, rotation, rotation, rotation, bias, bias, bias, accel, accel, accel, iron, iron
     )  # fmt: skip
     return np.asarray(p)
 
 
-def kept(state: State, p: Array, time_us: int, impulse: Vector) -> State:
+def kept(state: State, p: Array, time_us: int, impulse: Vector, attitude: Matrix) -> State:
     """Return the state with the covariance ``p`` at ``time_us`` (us)."""
     flat = tuple((0.5 * (p + p.T)).ravel().tolist())
-    tilt, heading = sqrt(0.5 * (p.item(2, 2) + p.item(3, 3))), sqrt(p.item(4, 4))
-    _, _, _, past, offset, accepted_us, agreed, _, _, turn, speed = state
-    return State(flat, time_us, impulse, past, offset, accepted_us, agreed, tilt, heading, turn, speed)
+    tilt, heading = sqrt(0.5 * (p.item(3, 3) + p.item(4, 4))), sqrt(p.item(HEADING, HEADING))
+    return state._replace(
+        covariance=flat, time_us=time_us, impulse=impulse, attitude=attitude, tilt_sigma=tilt, heading_sigma=heading
+    )
+
+
+def disturb(state: State, p: Array) -> None:
+    """Add the variance of the offsets that change when flapping begins or ends to the covariance, in place.
+
+    Before the end of the test of a launch, which adds it, the accelerometer keeps its correlation with the tilt.
+    """
+    variances = p.reshape(-1)[:: STATES + 1]
+    variances[IRON] += FLAPPING_IRON**2
+    if state.launch_fixes >= LAUNCH_FIXES:
+        variances[ACCEL] += FLAPPING_ACCEL**2
+
+
+def is_usable(fix: GpsFix) -> bool:
+    """Return whether a fix has a finite velocity and a position."""
+    return isfinite(fix.v_north + fix.v_east) and fix.fix_type >= POSITION_FIX
 
 
 def fixed(state: State, p: Array, noise: Noise, fix: GpsFix) -> tuple[State, Errors]:
     """Update the state with a fix; ``p`` at its arrival is updated in place.
 
-    A fix that is not finite, without a position, or beyond the gate has no effect. After ``gps_timeout`` without an
+    A fix beyond the gate has no effect. After ``gps_timeout`` without an
     accepted fix the next one resets the velocity. After a launch from rest, two rejected fixes with the propagated
     speed and the same difference of course rotate the heading by that difference (similar to the yaw reset of EKF2 to
     the GPS course).
     """
-    if not isfinite(fix.v_north + fix.v_east) or fix.fix_type < POSITION_FIX:
-        return state, NOTHING
-    impulse = _impulse_at(state, fix.time_us - round(noise.gps_delay * 1e6))
-    velocity, variance = (fix.v_north - impulse[0], fix.v_east - impulse[1]), noise.gps_noise**2
+    measured_us = fix.time_us - round(noise.gps_delay * 1e6)
+    impulse, variance = _impulse_at(state, measured_us), noise.gps_noise**2
+    fall = STANDARD_GRAVITY * measured_us * 1e-6
+    velocity = (fix.v_north - impulse[0], fix.v_east - impulse[1], fix.v_down - impulse[2] - fall)
     speed = hypot(fix.v_north, fix.v_east)
     if state.accepted_us < 0 or (fix.time_us - state.accepted_us) * 1e-6 > noise.gps_timeout:
         p[VELOCITY, :] = p[:, VELOCITY] = 0.0
         p[0, 0] = p[1, 1] = variance
+        p[DOWN, DOWN] = variance
         return state._replace(offset=velocity, accepted_us=fix.time_us, agreed=0, speed=speed), NOTHING
-    north, east = velocity[0] - state.offset[0], velocity[1] - state.offset[1]
-    gate = noise.gps_gate**2
+    north, east, down = (a - b for a, b in zip(velocity, state.offset, strict=True))
+    confirmed = state.agreed >= CONFIRMATIONS
+    gate = (noise.gps_gate if confirmed else min(noise.gps_gate, CONFIRMATION_GATE)) ** 2
     if north**2 > gate * (p.item(0, 0) + variance) or east**2 > gate * (p.item(1, 1) + variance):
-        return _turned(state, p, noise, fix, impulse)
-    update = _updated if state.agreed >= CONFIRMATIONS else _considered
+        return _turned(state, p, noise, fix, impulse, down)
+    update = _updated if confirmed else _considered
     x = update(p, 0, north, variance)
     x += update(p, 1, east - float(x[1]), variance)
-    return _applied(state._replace(accepted_us=fix.time_us, agreed=state.agreed + 1, turn=0.0, speed=speed), x)
+    _rotate_tilt(p, x.item(HEADING))
+    state, climb = _climbed(state, p, down - float(x[DOWN]), variance, speed)
+    return _applied(
+        state._replace(accepted_us=fix.time_us, agreed=state.agreed + 1, turn=0.0, speed=speed), x + climb
+    )
 
 
-def _turned(state: State, p: Array, noise: Noise, fix: GpsFix, impulse: Vector) -> tuple[State, Errors]:
+def _climbed(state: State, p: Array, innovation: float, variance: float, speed: float) -> tuple[State, Array]:
+    """Return the state and the errors from the climb rate of a fix; the covariance is updated in place.
+
+    A tilt of the launch acceleration changes the climb rate. If the mean innovation of the first fixes after a launch
+    exceeds what a calibration leaves, the offset along body x is estimated from it. Other fixes only follow the
+    velocity (Schmidt-Kalman), because flapping and the offset along body z disturb the climb rate more than a small
+    tilt does.
+    """
+    if speed < LAUNCH_SPEED or state.launch_fixes >= LAUNCH_FIXES:
+        fixes = 0 if speed < LAUNCH_SPEED else state.launch_fixes
+        state = state._replace(launch_fixes=fixes, climb=0.0)
+        return state, _considered(p, DOWN, innovation, variance, ALL_BUT_DOWN)
+    state = state._replace(launch_fixes=state.launch_fixes + 1, climb=state.climb + innovation)
+    if state.launch_fixes < LAUNCH_FIXES:
+        return state, np.zeros(STATES)
+    return state, _launched(state, p, variance)
+
+
+def _launched(state: State, p: Array, variance: float) -> Array:
+    """Return the errors from the mean innovation of the climb rate since a launch."""
+    mean, x = state.climb / state.launch_fixes, np.zeros(STATES)
+    if abs(mean) >= CLIMB_TEST:
+        _uncalibrated(p, FORWARD_ACCEL)
+        x = _updated(p, DOWN, mean, variance / state.launch_fixes)
+    p.reshape(-1)[:: STATES + 1][ACCEL] += FLAPPING_ACCEL**2
+    return x
+
+
+def _uncalibrated(p: Array, index: int) -> None:
+    """Raise the variance of one accelerometer offset in place to that without a calibration.
+
+    The other errors are raised by their regression on it, as if the variance had been larger from the start. The hard
+    iron estimated so far contains the vertical field that the tilt turned into the horizontal plane.
+    """
+    more = UNCALIBRATED_ACCEL**2 - p.item(index, index)
+    if more > 0.0:
+        along = p[index] / p.item(index, index)
+        p += more * np.outer(along, along)
+        p[IRON, :] = p[:, IRON] = 0.0
+        p[IRON, IRON] = np.eye(2) * TILT_IRON**2
+
+
+def _turned(state: State, p: Array, noise: Noise, fix: GpsFix, impulse: Vector, down: float) -> tuple[State, Errors]:
     """Rotate the heading to the course of a launch after a second consistent fix.
 
     A heading error rotates the velocity gained since rest; a change of course in flight does not.
@@ -244,14 +350,29 @@ def _turned(state: State, p: Array, noise: Noise, fix: GpsFix, impulse: Vector) 
     if no_launch or abs(carried_speed - speed) > SPEED_AGREEMENT * speed:
         return state._replace(turn=0.0), NOTHING
     turn = _wrapped(atan2(fix.v_east, fix.v_north) - atan2(east, north))
+    if state.launch_fixes < LAUNCH_FIXES:
+        state = state._replace(launch_fixes=state.launch_fixes + 1, climb=state.climb + down)
     if state.turn == 0.0 or abs(_wrapped(turn - state.turn)) > TURN_AGREEMENT:
         return state._replace(turn=turn), NOTHING
+    _rotate_tilt(p, turn)
+    state, tilted = _applied(state, _launched(state, p, noise.gps_noise**2))
     for part in (VELOCITY, slice(HEADING, HEADING + 1), IRON):
         p[part, :] = p[:, part] = 0.0
-    p[0, 0] = p[1, 1] = noise.gps_noise**2
+    p[0, 0] = p[1, 1] = p[DOWN, DOWN] = noise.gps_noise**2
     p[HEADING, HEADING] = 2.0 * (noise.gps_noise / speed) ** 2
-    state = state._replace(accepted_us=-1, agreed=0, past=(), turn=0.0)
-    return state, Errors((0.0, 0.0, turn), ZERO, ZERO, ZERO, True)
+    state = state._replace(accepted_us=-1, agreed=0, past=(), turn=0.0, launch_fixes=LAUNCH_FIXES)
+    return state, Errors((*tilted.turn[:2], turn), tilted.bias, tilted.accel, ZERO, True)
+
+
+def _rotate_tilt(p: Array, turn: float) -> None:
+    """Rotate the tilt in the covariance in place by a correction ``turn`` (rad) of the heading.
+
+    The tilt of an accelerometer offset turns with the body axes (reset of an error-state filter, Sola 2017, 6.3).
+    """
+    c, s = cos(turn), sin(turn)
+    rotation = np.array(((c, -s), (s, c)))
+    p[TILT] = rotation.dot(p[TILT])
+    p[:, TILT] = p[:, TILT].dot(rotation.T)
 
 
 def iron_known(p: Array, r: Matrix, compass: Compass) -> None:
@@ -283,45 +404,60 @@ def headed(
 ) -> tuple[State, Errors]:
     """Update the state with a magnetic heading; ``p`` is updated in place.
 
-    ``heading_error`` (rad) is the measured rotation about down, ``sigma`` (rad) its noise.
+    ``heading_error`` (rad) is the measured rotation about down, ``sigma`` (rad) its noise. Tilt and accelerometer
+    offset are considered but not corrected (Schmidt-Kalman): a disturbed field must not tilt the vehicle.
     """
     h = _heading_row(r, compass)
     ph = p.dot(h)
     k = ph / (float(h.dot(ph)) + sigma**2)
-    p -= np.outer(k, ph)
+    k[TILT] = 0.0
+    k[ACCEL] = 0.0
+    p[:] = _joseph(p, h[np.newaxis], k[:, np.newaxis], np.array((sigma,)))
     return _applied(state, k * heading_error)
 
 
 def _heading_row(r: Matrix, compass: Compass) -> Array:
     """Return the measurement row of the magnetic heading.
 
-    The effect of a tilt by the dip of the field is included in the hard iron.
+    A tilt about magnetic north rotates the vertical field into the east direction.
     """
     h = np.zeros(STATES)
     h[HEADING] = 1.0
     if compass.horizontal >= LEAST_HORIZONTAL:
+        slope = compass.vertical / compass.horizontal
+        h[TILT] = -slope * cos(compass.declination), -slope * sin(compass.declination)
         h[IRON] = _iron_row(r, compass) / -compass.horizontal
     return h
 
 
-def relaxed(p: Array, r: Matrix, compass: Compass, shares: Vector, bias_rates: Vector, sigmas: Vector) -> Array:
-    """Return the covariance after corrections with suboptimal gains (Joseph form).
+def relaxed(
+    p: Array, r: Matrix, compass: Compass, shares: Vector, limits: Vector, error: Vector, sigmas: Vector
+) -> tuple[Array, Vector]:
+    """Return the covariance and the gyro bias correction after attitude corrections with fixed gains (Joseph form).
+
+    The bias has the gain of the Kalman filter: the covariance between attitude and bias tells about which body axis
+    the rate was that an attitude error came from, which the attitude at the end of a turn does not.
 
     Args:
         p: covariance before.
         r: r_ned_from_frd.
         compass: reference of the magnetic heading.
         shares: corrected fractions of the measured rotation about north, east and down.
-        bias_rates: 1/s; corrections of the gyro bias per measured rotation.
+        limits: 1/s; greatest gain of the bias for each of the three measurements.
+        error: rad; measured rotation about north, east and down.
         sigmas: rad; noise of the three measurements.
     """
+    h = UNITY[ROTATION].copy()
+    h[0:2, LEVEL_ACCEL] = -_tilt_of_offset(r)
+    h[2] = _heading_row(r, compass)
+    noise = np.array(sigmas)
     k = np.zeros((STATES, 3))
     k[ROTATION] = np.diag(shares)
-    k[BIAS] = np.array(r).reshape(3, 3).T * np.negative(bias_rates)
-    h = UNITY[ROTATION].copy()
-    h[0:2, ACCEL] = -_tilt_of_offset(r)
-    h[2] = _heading_row(r, compass)
-    return _joseph(p, h, k, np.array(sigmas))
+    ph = p.dot(h.T)
+    gain = ph[BIAS] / (np.einsum("ij,ji->i", h, ph) + noise**2)
+    k[BIAS] = gain * np.minimum(1.0, np.array(limits) / np.maximum(np.linalg.norm(gain, axis=0), 1e-9))
+    x, y, z = k[BIAS].dot(error).tolist()
+    return _joseph(p, h, k, noise), (x, y, z)
 
 
 def rested(p: Array, share: float, sigma: float) -> Array:
@@ -347,15 +483,15 @@ def _updated(p: Array, index: int, innovation: float, variance: float) -> Array:
     return np.asarray(k * innovation)
 
 
-def _considered(p: Array, index: int, innovation: float, variance: float) -> Array:
-    """Return the errors without a correction of the sensor offsets (Schmidt-Kalman).
+def _considered(p: Array, index: int, innovation: float, variance: float, considered: list[int] = OFFSETS) -> Array:
+    """Return the errors without a correction of those ``considered`` (Schmidt-Kalman).
 
     A fix that is inconsistent after a velocity reset must not leave a permanent error in the offsets.
     """
     s = p.item(index, index) + variance
     row = p[index].copy()
     k = row / s
-    k[CONSIDERED] = 0.0
+    k[considered] = 0.0
     p += s * np.outer(k, k) - np.outer(k, row) - np.outer(row, k)
     return np.asarray(k * innovation)
 
@@ -373,9 +509,10 @@ def _impulse_at(state: State, time_us: int) -> Vector:
 
 
 def _applied(state: State, x: Array) -> tuple[State, Errors]:
-    un, ue, tx, ty, tz, bx, by, bz, ax, ay, mx, my = x.tolist()
-    state = state._replace(offset=(state.offset[0] + un, state.offset[1] + ue))
-    return state, Errors((tx, ty, tz), (bx, by, bz), (ax, ay, 0.0), (mx, my, 0.0))
+    un, ue, ud, tx, ty, tz, bx, by, bz, ax, ay, az, mx, my = x.tolist()
+    north, east, down = state.offset
+    state = state._replace(offset=(north + un, east + ue, down + ud))
+    return state, Errors((tx, ty, tz), (bx, by, bz), (ax, ay, az), (mx, my, 0.0))
 
 
 def _wrapped(angle: float) -> float:

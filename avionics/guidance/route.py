@@ -68,6 +68,9 @@ class Gains(NamedTuple):
     """m/s; true airspeed on the glide path"""
     flare_reach: Annotated[float, Quantity("m", 0.0, 1000.0)] = 0.0
     """m; distance from the end of the glide path, at ground level, to the touchdown in still air"""
+    launch_height: Annotated[float, Quantity("m", 0.0, 20.0)] = 0.0
+    """m; height above the ground at which the vehicle is armed, the origin of the altitude: the flare goes by the
+    ground. Default: a launch from the ground"""
     offboard_timeout: Annotated[float, Quantity("s", 0.1, 60.0)] = 1.0
     """s; maximum age of an OFFBOARD setpoint, after which the mode changes to LOITER (PX4: COM_OF_LOSS_T). Default:
     as COM_OF_LOSS_T of PX4"""

@@ -249,9 +249,10 @@ def _variance(gains: Gains, state: State, airspeed: float, density: float) -> fl
     lag = state.lag_spread / LEFT_BY_SMOOTHING
     # While readings are rejected the pressure is constant and its error grows with time.
     lag *= 1.0 + 2.0 * state.refused / gains.pressure_time if state.refused and gains.pressure_time else 1.0
-    zero = gains.zero_limit if abs(state.zero) >= gains.zero_limit else gains.zero_error
+    # At the limit the zero contains wind, in addition to the error of the sensor.
+    moved = gains.zero_limit if abs(state.zero) >= gains.zero_limit else 0.0
     scale = gains.scale_error * state.dynamic_pressure
-    pressure = lag + zero * zero + scale * scale
+    pressure = lag + moved * moved + gains.zero_error**2 + scale * scale
     return pressure / (density * max(density * airspeed * airspeed, sqrt(pressure) / ROOT_OF_NOISE, 1e-9))
 
 

@@ -162,8 +162,9 @@ def by_throttle_alone(
     """
     gains, dt = s.gains.altitude, s.clock.dt_50
     seen = throttle_descent.Measured(measured.climb_rate, s.pitch_loop.pitch)
+    most = throttle_descent.upper_limit(gains.throttle_trim, gains.throttle_max, s.attitude.roll)
     s.throttle_descent, throttle = throttle_descent.step(
-        s.gains.throttle_descent, s.throttle_descent, dt, s.altitude_loop.throttle, seen
+        s.gains.throttle_descent, s.throttle_descent, dt, s.altitude_loop.throttle, most, seen
     )
     asked = altitude_loop.DirectCommand(throttle, gains.pitch_trim)
     law = control_laws.ALTITUDE[gains.law]

@@ -6,6 +6,7 @@ with Ctrl-C, 143 with SIGTERM, 129 with SIGHUP.
 
 from __future__ import annotations
 
+import gc
 import importlib
 import os
 import sys
@@ -90,8 +91,12 @@ def dispatch(arguments: Sequence[str]) -> int:
         raise InputError(
             f"unknown command {name!r}{did_you_mean(name, SUBCOMMANDS)}; commands: {', '.join(SUBCOMMANDS)}"
         )
-    with ending.importing():
-        module = importlib.import_module(SUBCOMMANDS[name].module)
+    gc.disable()  # an import leaves next to no garbage, and looking for it takes a seventh of its time
+    try:
+        with ending.importing():
+            module = importlib.import_module(SUBCOMMANDS[name].module)
+    finally:
+        gc.enable()
     code: int = module.run(list(arguments[1:]))
     return code
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
+from numba.core.runtime.nrt import rtsys
 
 from sim_bridge.compiled.cache import create_folder, file_folder, source_digest
 
@@ -44,6 +45,17 @@ class KernelCache(FunctionCache):
     """numba's cache of one function with our folder and key."""
 
     _impl_class = _Implementation
+
+    def load_overload(self, signature: Any, target_context: Any) -> Any:
+        """Load a compiled kernel, without the tables of the compiler that numba fills before.
+
+        They take a third of a second and import ``scipy.linalg``. Machine code needs the memory manager only; the
+        compiler fills the tables itself if the cache has no such kernel.
+        """
+        rtsys.initialize(target_context)
+        with self._guard_against_spurious_io_errors():
+            return self._load_overload(signature, target_context)
+        return None
 
     def _save_overload(self, signature: Any, data: Any) -> None:
         # A full disk, or another process that removed the folder: the kernel is compiled again next time.

@@ -26,6 +26,25 @@ CALLER = (
 )
 ALONE = "from sim_bridge.compiled import kernel\n\n\n@kernel\ndef run(x):\n    return 3.0 * x\n"
 
+MIXED = """
+import sys
+import numpy as np
+from sim_bridge.compiled import kernel
+from sim_bridge.squares import run
+x = np.arange(3.0)
+print(run(x, x), sum(run.stats.cache_misses.values()), "scipy.linalg" in sys.modules)
+
+@kernel
+def later(x):
+    return np.dot(x, x) + run(x, x)
+
+print(later(x))
+"""
+SQUARES = (
+    "from math import pi, sin\n\nfrom sim_bridge.compiled import kernel\n\n\n@kernel\ndef run(x, y):\n"
+    "    total = sin(pi / 2.0)\n    for i in range(len(x)):\n        total += x[i] * y[i]\n    return total\n"
+)
+
 
 class Checkout:
     """A copy of `sim_bridge.compiled` beside three kernel files: ``caller`` imports ``callee``, ``alone`` neither."""
@@ -45,12 +64,17 @@ class Checkout:
 
     def run(self, module: str) -> tuple[float, int]:
         """Value of ``run(2.0)`` of a module in a new process, and how many kernels were compiled for it."""
+        value, compiled = self.output(PROGRAM.format(module)).split()
+        return float(value), int(compiled)
+
+    def output(self, program: str) -> str:
+        """Standard output of a program in a new process."""
+        (self.root / "program.py").write_text(program)
         environment = {"PATH": "", "WINGBEAT_CACHE": str(self.kernels.parents[1]), "PYTHONPATH": str(self.root)}
-        command = [sys.executable, "-B", "-c", PROGRAM.format(module)]
+        command = [sys.executable, "-B", "program.py"]
         answer = subprocess.run(command, env=environment, cwd=self.root, capture_output=True, text=True)
         assert answer.returncode == 0, answer.stderr
-        value, compiled = answer.stdout.split()
-        return float(value), int(compiled)
+        return answer.stdout
 
     def states(self, module: str) -> int:
         """How many states of a module's sources the cache has kernels of."""
@@ -107,3 +131,12 @@ def test_the_plant_depends_on_its_air_and_not_on_the_sensors() -> None:
     }
     assert {"aerodynamics/strip_theory.py", "vectors.py", "compiled/decorators.py"} <= names
     assert not any(name.startswith(("sensors", "flight", "validation", "tuning")) for name in names)
+
+
+def test_cached_kernel_loads_without_the_compiler_and_others_compile(tmp_path: Path) -> None:
+    """GIVEN a cached kernel, WHEN loaded, THEN the compiler is not set up until another kernel needs it."""
+    checkout = Checkout(tmp_path)
+    (checkout.package / "squares.py").write_text(SQUARES)
+    first, second = (checkout.output(MIXED).split() for _ in range(2))
+    assert first == ["6.0", "1", "True", "11.0"]
+    assert second == ["6.0", "0", "False", "11.0"]

@@ -48,6 +48,15 @@ LONGEST_WAIT = 320.0
 """s; for a throw in gusts"""
 
 
+LIMITS = (
+    "The Robo Raven rolls by its two wing drives: it stays upright with 22 deg of rudder. One motor drives both"
+    " wings of the Arizona. Once its rudder is jammed nothing rolls it, and more than about 2 deg of rudder hold it"
+    " in a turn of 35 to 60 deg of bank. In gusts the roll loop moves the rudder by up to 26 deg, in still air by"
+    " less than 1 deg. A descent without thrust was tried: the Arizona then swings to 70 to 110 deg of bank."
+)
+"""what limits a landing with a jammed tail"""
+
+
 class Case(NamedTuple):
     """One flight."""
 
@@ -165,7 +174,11 @@ def phase_rows(flights: Iterable[Result]) -> list[str]:
     rows = []
     for (vehicle, gusts, seed), group in by.items():
         cells = [
-            "soft" if one.outcome == "landed" else f"{one.sink:.1f} m/s" if one.sink == one.sink else "in the air"
+            "soft"
+            if one.outcome == "landed"
+            else f"{one.sink:.1f} m/s, {one.bank:.0f} deg"
+            if one.sink == one.sink
+            else "in the air"
             for one in sorted(group, key=lambda one: one.case.at)
         ]
         air = f"3 m/s, light gusts, seed {seed}" if gusts else "still"
@@ -202,9 +215,12 @@ def page(single: list[Result], pairs: list[Result], jams: list[Result], day: str
             *both,
             "## A jammed tail in climb-out, level-off and level flight",
             "The columns are the times of the jam since boot for a throw"
-            f" at {LAUNCH_TIME:.0f} s; a cell is the sink of a landing that was not soft. Still air: {soft(still)} of"
-            f" {len(still)} soft. 3 m/s of wind with `small_uav_light` gusts: {soft(windy)} of {len(windy)}. In gusts"
-            " the elevator can jam where no throttle levels the flight: 8 deg nose down the Robo Raven dives.",
+            f" at {LAUNCH_TIME:.0f} s; a cell is sink and bank of a landing that was not soft. Still air:"
+            f" {soft(still)} of {len(still)} soft. 3 m/s of wind with `small_uav_light` gusts: " + ", ".join(
+                f"{TITLES[one]} {soft(each for each in windy if each.case.vehicle == one)} of {len(windy) // 2}"
+                for one in VEHICLES
+            ) + ".",
+            LIMITS,
             f"| vehicle | air | {head} |\n| --- | --- |{' --- |' * len(JAMS)}\n" + "\n".join(phase_rows(jams)),
         ]
     ) + "\n"  # fmt: skip

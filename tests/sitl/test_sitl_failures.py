@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from fault_study import THERE_AND_BACK
 from promises import LEVEL, PHASES, PROMISES, Promise, table
 from simulate import ARIZONA, RAVEN, Flight, Underway, differing, rms, simulate
 
@@ -18,7 +19,7 @@ from avionics import topics
 from avionics.guidance.mission import Fence, ItemKind, MissionItem, Zone
 from avionics.messages import Breach, Command, CommandKind, Mode, SensorFrame, Stage
 from sim_bridge import topics as truth_topics
-from sim_bridge.flight.faults import FAULTS, Place, parse_fault
+from sim_bridge.flight.faults import FAULTS, Fault, Place, parse_fault
 from sim_bridge.flight.world import Scenario
 from sim_bridge.observation import Observation
 from sim_bridge.sensors.receiver import Sticks
@@ -224,6 +225,36 @@ def test_promise_holds_in_other_phases(name: str, phase: str) -> None:
     flight, promise, at = failed(RAVEN, name, phase), PROMISES[name], PHASES[phase]
     check_event_once(flight, promise, at)
     check_flight(flight, promise, at)
+
+
+def soft_landings_with_a_jammed_tail(vehicle: str, seed: int, times: tuple[float, ...]) -> int:
+    """Number of soft landings in 3 m/s of wind with light gusts; the tail jams ``times`` (s) after the launch."""
+    air = {"wind_speed": 3.0, "wind_from": math.radians(57.0), "turbulence": "small_uav_light"}
+    gusty = Underway(vehicle, Scenario(seed=seed, duration=600.0, **air), THERE_AND_BACK)  # type: ignore[arg-type]
+    while not gusty.world.launched:
+        gusty.until(gusty.world.time_us * 1e-6 + 0.1)
+    launched, soft = gusty.world.time_us * 1e-6, 0
+    for after in times:
+        gusty.until(launched + after - 0.1)
+        branch = gusty.branch(Fault("tail_jammed", launched + after))
+        while not branch.world.finished and branch.log.messages[topics.NAVIGATION.name][-1].stage != Stage.LANDED:
+            branch.until(branch.world.time_us * 1e-6 + 1.0)
+        touchdown = branch.flight().touchdown()
+        soft += touchdown.sink < 2.0 and abs(math.degrees(touchdown.bank)) < 30.0
+    return soft
+
+
+def test_tail_jammed_in_gusts_lands_softly() -> None:
+    """GIVEN 22 degrees of rudder at the jam THEN the wings keep the Robo Raven upright."""
+    assert soft_landings_with_a_jammed_tail(RAVEN, 2, (11.0,)) == 1
+
+
+@pytest.mark.validate
+def test_tail_jammed_in_gusts_lands_softly_in_nine_of_ten() -> None:
+    """Robo Raven only: with one motor for both wings nothing rolls the Arizona against its rudder."""
+    times = tuple(float(after) for after in range(6, 14))
+    soft = sum(soft_landings_with_a_jammed_tail(RAVEN, seed, times) for seed in (1, 2))
+    assert soft >= 0.9 * 2 * len(times)
 
 
 def test_encoder_lost_in_the_hand_does_not_stop_the_flight() -> None:

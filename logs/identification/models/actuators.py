@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -94,8 +95,9 @@ class Actuated(NamedTuple):
             one = behind_what.get(name)
             delay, lag = (given[one.delay], given.get(one.lag, 0.0)) if one else (0.0, 0.0)
             lines[place] = float(name not in self.zoh_inputs or lag > 0.0)
-            acting = _zoh_means if name in self.zoh_inputs else _on_lines
-            columns.append(behind(acting(values, step, delay, parts), step / parts, 0.0, lag, zoh=False))
+            columns.append(
+                _acting(np.asarray(values, np.float64).tobytes(), name in self.zoh_inputs, step, delay, lag, parts)
+            )
             seen.append(columns[-1] if lines[place] else _zoh_before(values, step, delay, parts))
         ways = step / parts, Intersample(lines, np.column_stack(seen)) if self.zoh_inputs else None
         arguments = parameters[:own], start, np.column_stack(columns), *ways
@@ -105,6 +107,18 @@ class Actuated(NamedTuple):
             flown = self.model.simulate(*arguments)[::parts]
         lags = [given[one.lag] for one in self.actuators if one.lag]
         return flown if all(lag > -step for lag in lags) else np.full_like(flown, np.nan)
+
+
+@lru_cache(maxsize=64)
+def _acting(values: bytes, zoh: bool, step: float, delay: float, lag: float, parts: int) -> Array:
+    """Input behind the delay and the lag (read-only), as bytes of ``values`` (N,).
+
+    A search changes delay and lag seldom: most of its flights are of other parameters.
+    """
+    delayed = (_zoh_means if zoh else _on_lines)(np.frombuffer(values), step, delay, parts)
+    acting = behind(delayed, step / parts, 0.0, lag, zoh=False)
+    acting.flags.writeable = False
+    return acting
 
 
 def _at_samples(feedback: Feedback, parts: int) -> Feedback:
