@@ -52,6 +52,8 @@ class VehicleFile(NamedTuple):
 
 VEHICLE_FOLDER_FILES = ("world.toml", "avionics.toml")
 """files of a vehicle folder: simulated vehicle, and flight computer configuration"""
+SENSOR_SET = "sensors"
+"""key of a vehicle file that names a sensor set, and folder of the supplied sets"""
 SOURCE_KINDS = ("published", "identified", "chosen")
 ENTRY_KEYS = ("value", "unit", "source", "fitted")
 
@@ -75,13 +77,15 @@ def read_vehicle_file(path: Path, schema: Schema, folder: Path | None = None) ->
 
     ``base = "robo_raven_ii_d"`` names a file of ``folder``, ``base = "other.toml"`` one beside the file: its values
     hold wherever the file itself has none, key by key; the schema checks what comes of both, which is also ``text``.
+    ``sensors = "modern"`` names a sensor set in the same way, a file of ``folder/sensors``: its values prevail over
+    those of the base, and the values of the file itself over both.
     Every value is written ``key = { value = 0.359, unit = "kg", source = "published: Gerdes Table 4" }``; a
     list of numbers is allowed where the field is a tuple. ``fitted = "check"`` marks a chosen value that was
     fitted to a published figure.
 
     Raises:
-        InputError: unreadable file, unknown base or a circle of them, unknown or missing key, wrong unit, value out
-            of range, source missing.
+        InputError: unreadable file, unknown base or sensor set, a circle of bases, unknown or missing key, wrong
+            unit, value out of range, source missing.
     """
     document, text = _document(path, folder, ())
     name = name_by_path(path)
@@ -111,24 +115,37 @@ def _read_sections(vehicle: VehicleFile, document: Mapping[str, Any], schema: Sc
 
 def _document(path: Path, folder: Path | None, above: tuple[Path, ...]) -> tuple[dict[str, Any], str]:
     """A file's document, laid over its base's, and its text; ``above`` are the files that it is the base of."""
+    document, text = _read(path)
+    if "base" not in document and SENSOR_SET not in document:
+        return document, text
+    inherited: dict[str, Any] = {}
+    names = []
+    if "base" in document:
+        below, chain = _named_file(path, document, "base", folder), (*above, path)
+        if below.resolve() in [one.resolve() for one in chain]:
+            raise InputError(f"{chain[0]}: a circle of bases: {' -> '.join(one.stem for one in (*chain, below))}")
+        inherited, _ = _document(below, folder, chain)
+        for overrides in ("name", "title"):
+            inherited.pop(overrides, None)
+        names.append(f"its base {below.name}")
+    if SENSOR_SET in document:
+        sensors = _named_file(path, document, SENSOR_SET, (folder or path.parent) / SENSOR_SET)
+        inherited = _laid_over(inherited, _read(sensors)[0])
+        names.append(f"its sensors {sensors.name}")
+    merged = _laid_over(inherited, document)
+    return merged, f"# {path.name}, {' and '.join(names)} merged in\n" + toml_text(merged)
+
+
+def _read(path: Path) -> tuple[dict[str, Any], str]:
+    """A file's document and its text."""
     try:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"cannot read vehicle file {path}: {read_error_text(error)}") from None
     try:
-        document = dict(_parsed(text))
+        return dict(_parsed(text)), text
     except DocumentError as error:
         raise InputError(f"{path}: {error}") from None
-    if "base" not in document:
-        return document, text
-    below, chain = _base(path, document.pop("base"), folder), (*above, path)
-    if below.resolve() in [one.resolve() for one in chain]:
-        raise InputError(f"{chain[0]}: a circle of bases: {' -> '.join(one.stem for one in (*chain, below))}")
-    inherited, _ = _document(below, folder, chain)
-    for overrides in ("name", "title"):
-        inherited.pop(overrides, None)
-    merged = _laid_over(inherited, document)
-    return merged, f"# {path.name}, its base {below.name} merged in\n" + toml_text(merged)
 
 
 @lru_cache(maxsize=16)
@@ -137,16 +154,18 @@ def _parsed(text: str) -> dict[str, Any]:
     return parse_toml(text)
 
 
-def _base(path: Path, base: Any, folder: Path | None) -> Path:
-    if not isinstance(base, str):
-        raise InputError(f"{path}: base must be a vehicle's name or a file's path in quotes")
-    beside = base.endswith(".toml")
-    found = path.parent / base if beside else (folder or path.parent) / f"{base}.toml"
-    if not found.is_file():
-        known = sorted(one.stem for one in found.parent.glob("*.toml") if one != path)
-        told = f"no file {found}" if beside else f"unknown; known: {', '.join(known)}"
-        raise InputError(f'{path}: base = "{base}": {told}')
-    return found
+def _named_file(path: Path, document: dict[str, Any], key: str, folder: Path | None) -> Path:
+    """Remove ``key`` from the document and return the file that it names, of ``folder`` or next to ``path``."""
+    name = document.pop(key)
+    if not isinstance(name, str):
+        raise InputError(f"{path}: {key} must be a name or a file's path in quotes")
+    is_path = name.endswith(".toml")
+    file = path.parent / name if is_path else (folder or path.parent) / f"{name}.toml"
+    if not file.is_file():
+        known = sorted(one.stem for one in file.parent.glob("*.toml") if one != path)
+        reason = f"no file {file}" if is_path else f"unknown; known: {', '.join(known)}"
+        raise InputError(f'{path}: {key} = "{name}": {reason}')
+    return file
 
 
 def _laid_over(base: Mapping[str, Any], overrides: Mapping[str, Any]) -> dict[str, Any]:

@@ -36,7 +36,7 @@ RESISTANCE_SPAN = 5.0
 class Gains(NamedTuple):
     """Calibration of ADC (ATMEGA328P), divider, current sensor (ACS723) and battery."""
 
-    reference: Annotated[float, Quantity("V", 0.5, 10.0)] = 5.0
+    reference: Annotated[float, Quantity("V", 0.5, 200.0)] = 5.0
     """V; full scale of the ADC"""
     full_scale: Annotated[float, Quantity("counts", 256.0, 65536.0)] = 1024.0
     """counts; at the reference: 2^10"""
@@ -44,7 +44,7 @@ class Gains(NamedTuple):
     """-; ratio of ADC input to supply voltage"""
     voltage_offset: Annotated[float, Quantity("V", -5.0, 5.0)] = 0.0
     """V; offset added to the supply voltage"""
-    current_zero: Annotated[float, Quantity("V", 0.0, 10.0)] = 2.5
+    current_zero: Annotated[float, Quantity("V", 0.0, 200.0)] = 2.5
     """V; output of the current sensor without current"""
     current_sensitivity: Annotated[float, Quantity("V/A", 0.001, 10.0)] = 0.2
     """V/A; sensitivity of the current sensor (ACS723, +-10 A: 200 mV/A)"""

@@ -28,7 +28,6 @@ from sim_bridge.flight_mechanics.linear import averaged_modes
 from sim_bridge.flight_mechanics.orbit import Orbit, trim
 from sim_bridge.flight_mechanics.stroke_map import throttle_for
 from sim_bridge.tuning.model import LinearModel, model_of
-from sim_bridge.vehicles import FOLDER as WORLDS
 from sim_bridge.vehicles import SCHEMA as WORLD_SCHEMA
 from sim_bridge.vehicles import SimulatedVehicle, load_vehicle
 from sim_bridge.vehicles.published_flights import Prediction, predict
@@ -209,7 +208,7 @@ def write_vehicle(vehicle: NewVehicle, folder: Path) -> Places:
 def _reference() -> Reference:
     world = load_vehicle(REFERENCE)
     cruise = trim(world, world.cruise.airspeed, 0.0)
-    document = tomllib.loads((WORLDS / f"{REFERENCE}.toml").read_text(encoding="utf-8"))
+    document = tomllib.loads(world.text)
     return Reference(document, cruise.means.airspeed, cruise.inputs.frequency, cruise.means.electrical_power)
 
 

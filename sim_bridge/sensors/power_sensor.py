@@ -34,7 +34,7 @@ class PowerSensorSpec(NamedTuple):
     is linear within 0.5 V of the rails, which is the +-10 A. Two lithium cells need a divider before a 5 V ADC.
     """
 
-    reference: Annotated[float, Quantity("V", 0.5, 10.0)]
+    reference: Annotated[float, Quantity("V", 0.5, 200.0)]
     """full scale of the ADC"""
     bits: Annotated[int, Quantity("-", 6, 16)]
     """of the ADC"""
@@ -42,7 +42,7 @@ class PowerSensorSpec(NamedTuple):
     """of the supply voltage that reaches the ADC"""
     voltage_noise: Annotated[float, Quantity("V", 0.0, 1.0)]
     """standard deviation of one sample, at the ADC"""
-    current_zero: Annotated[float, Quantity("V", 0.0, 10.0)]
+    current_zero: Annotated[float, Quantity("V", 0.0, 200.0)]
     """of the current sensor's output without current"""
     current_sensitivity: Annotated[float, Quantity("V/A", 1e-4, 10.0)]
     """of the current sensor's output"""

@@ -137,7 +137,7 @@ class SensorSuite:
             for row in carried
         ]
         self._gps = Gps(spec.gps, sensor_seed(seed, 7, corner), home, self._ticks.gps * tick)
-        self.encoder = Encoder(spec.encoder)
+        self.encoder = Encoder(spec.encoder, sensor_seed(seed, 11))
         self._receiver = Receiver(ReceiverSpec(), sensor_seed(seed, 8), pilot)
         self._field_frd: Vector | None = None
         self.field_per_ampere: Vector = ZERO

@@ -42,7 +42,6 @@ from logs.recorder import McapRecorder
 from logs.scene import LOCATION, SCENE, TRANSFORMS
 from sim_bridge.flight.faults import parse_fault
 from sim_bridge.topics import STATE
-from sim_bridge.vehicles import FOLDER as WORLD_FILES
 from sim_bridge.vehicles import load_vehicle
 from wingbeat.errors import InputError
 
@@ -259,7 +258,7 @@ def test_a_vehicle_that_does_not_arm_is_not_thrown(tmp_path: Path) -> None:
     """GIVEN a magnetometer far off WHEN arming is denied THEN it stays in the launcher's hand."""
     bird = tmp_path / "bird"
     bird.mkdir()
-    world = (WORLD_FILES / "robo_raven_ii_d.toml").read_text()
+    world = load_vehicle("robo_raven_ii_d").text
     calibrated = "hard_iron_sigma_mg = { value = 4.0"
     assert calibrated in world
     (bird / "world.toml").write_text(world.replace(calibrated, "hard_iron_sigma_mg = { value = 400.0"))

@@ -24,7 +24,7 @@ from wingbeat.documents import toml_text
 from wingbeat.errors import InputError
 from wingbeat.vehicle_file import read_vehicle_file
 
-ARIZONA = tomllib.loads((FOLDER / "arizona_100cm.toml").read_text(encoding="utf-8"))
+ARIZONA = tomllib.loads(load_vehicle("arizona_100cm").text)
 REFERENCE = Reference(ARIZONA, 8.0, 3.2, 32.0)
 SAME = NewBird(REFERENCE.mass, 1.0, 0.1 * math.pi / 2.0, 0.6, 3.2, 0.03, 0.4, 2, 0.74)
 RATIOS = Ratios(2.0, 3.0, 1.5, 0.5, 2.0, 2.0, 4.0, 6.0, 1.5)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.signal import butter, sosfiltfilt
 from sensors_bench import SPEC, cruise, perfect
 
 from avionics.link.sensor_codec import CODECS
@@ -15,6 +16,7 @@ from avionics.sensors import SENSORS
 from sim_bridge.environment.home import COLLEGE_PARK
 from sim_bridge.sensors.receiver import Sticks
 from sim_bridge.sensors.suite import SECTIONS, SensorSpec, SensorSuite, SimulationDiverged, sensor_spec
+from sim_bridge.vehicles import load_vehicle
 from wingbeat.errors import InputError
 from wingbeat.samples import BURST_LENGTH, SensorFrame
 
@@ -183,3 +185,17 @@ def test_any_finite_observation_gives_counts_within_their_words(
     assert 0 <= f.pressures.differential_counts < 1 << 14
     assert f.adc is not None
     assert all(0 <= counts < 1 << 10 for counts in f.adc.voltage_counts + f.adc.current_counts)
+
+
+REST_ABOVE_40_HZ = (0.0131, 0.0188, 0.0234, 0.0023, 0.0029, 0.0039)
+"""m/s^2, rad/s; RMS of the 0.9 kg ornithopter in the hand, motor off (dAnte-9029/QgcLogs, log 21 of 2026-03-03)"""
+
+
+def test_the_measured_vehicle_at_rest_is_as_noisy_as_measured() -> None:
+    """GIVEN its IMU at rest THEN each axis above 40 Hz is within a factor of 1.5 of half a second in the hand."""
+    suite = SensorSuite(sensor_spec(load_vehicle("ulg_ornithopter").sections), 3, COLLEGE_PARK)
+    samples = [suite.sample(cruise(tick), tick).imu for tick in range(4000)]
+    readings = np.array([sample[1:7] for sample in samples if sample is not None])
+    high_pass = butter(4, 40.0, "high", fs=200.0, output="sos")
+    rms = np.std(sosfiltfilt(high_pass, readings, axis=0), axis=0)
+    assert np.all(np.abs(np.log(rms / REST_ABOVE_40_HZ)) < math.log(1.5))

@@ -109,7 +109,7 @@ def test_barometer_drift_starts_at_nothing_and_settles_to_its_sigma() -> None:
 
 
 def test_encoder_counts_edges_of_a_2000_count_turn() -> None:
-    encoder = Encoder(EncoderSpec(2000, 0.0, 0.0, 0.15, 0.15))
+    encoder = Encoder(EncoderSpec(2000, 0.0, 0.0, 0.15, 0.15), sensor_seed(1, 11))
     step = math.tau / 2000
     assert encoder.read(0.5 * step, -0.5 * step)[:2] == (0, -1)
     assert encoder.read(10.5 * step, -10.5 * step)[:2] == (10, -11)
@@ -117,8 +117,17 @@ def test_encoder_counts_edges_of_a_2000_count_turn() -> None:
 
 
 def test_encoder_zero_moves_the_counts() -> None:
-    encoder = Encoder(EncoderSpec(2000, 100.0, -37.5, 0.15, 0.15))
+    encoder = Encoder(EncoderSpec(2000, 100.0, -37.5, 0.15, 0.15), sensor_seed(1, 11))
     assert encoder.read(1e-9, 1e-9)[:2] == (100, -38)
+
+
+def test_a_magnetic_encoder_has_its_noise_and_that_of_a_count() -> None:
+    encoder = Encoder(EncoderSpec(4096, 0.0, 0.0, 3.1, 3.1, noise=2.0), sensor_seed(1, 11))
+    readings = np.array([encoder.read(0.0, 0.3)[:2] for _ in range(3000)])
+    low, high = variance_bounds(3000, 4.0 + 1.0 / 12.0)
+    for side in (0, 1):
+        assert low < np.var(readings[:, side]) < high
+    assert abs(np.corrcoef(readings.T)[0, 1]) < 0.1
 
 
 def test_index_latches_the_same_count_from_below_and_from_above() -> None:

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import math
 import re
 import tomllib
 from pathlib import Path
@@ -190,7 +191,7 @@ def test_a_base_may_have_a_base_and_stand_beside_the_file(tmp_path: Path) -> Non
         ('"gone.toml"', r'base = "gone\.toml": no file .*gone\.toml'),
         ('"bird.toml"', r"bird\.toml: a circle of bases: bird -> bird$"),
         ('"other.toml"', r"bird\.toml: a circle of bases: bird -> other -> bird$"),
-        ("7", r"bird\.toml: base must be a vehicle's name or a file's path in quotes"),
+        ("7", r"bird\.toml: base must be a name or a file's path in quotes"),
     ],
 )
 def test_a_base_that_cannot_be_is_told_in_one_line(tmp_path: Path, base: str, reports: str) -> None:
@@ -198,6 +199,49 @@ def test_a_base_that_cannot_be_is_told_in_one_line(tmp_path: Path, base: str, re
     with pytest.raises(InputError, match=reports) as refused:
         load_vehicle(written(tmp_path, f"base = {base}"))
     assert "\n" not in str(refused.value)
+
+
+def test_a_sensor_set_prevails_over_the_base_and_the_file_over_the_set(tmp_path: Path) -> None:
+    gyroscope = '[gyroscope]\nnoise_deg_s = { value = 0.1, unit = "deg/s", source = "chosen: noisier" }'
+    path = written(tmp_path, f'base = "robo_raven_ii_d"\nsensors = "modern"\n{gyroscope}')
+    bird, raven, modern = load_vehicle(path), load_vehicle("robo_raven_ii_d"), load_vehicle("ulg_ornithopter")
+    assert bird.sections["gyroscope"] == modern.sections["gyroscope"]._replace(noise_deg_s=0.1)
+    for section in ("magnetometer", "encoder", "pitot", "barometer", "power_sensor", "gps"):
+        assert bird.sections[section] == modern.sections[section] != raven.sections[section]
+    assert (bird.wing, bird.sections["torque_cell"]) == (raven.wing, raven.sections["torque_cell"])
+    assert "sensors" not in tomllib.loads(bird.text)
+    (tmp_path / "alone.toml").write_text(bird.text, encoding="utf-8")
+    assert load_vehicle(str(tmp_path / "alone.toml")).sections == bird.sections
+
+
+def test_a_sensor_set_may_be_a_file_next_to_the_vehicle(tmp_path: Path) -> None:
+    range_g = '[accelerometer]\nrange_g = { value = 32.0, unit = "g", source = "chosen: example" }'
+    (tmp_path / "mine.toml").write_text(range_g, encoding="utf-8")
+    bird = load_vehicle(written(tmp_path, 'base = "robo_raven_ii_d"\nsensors = "mine.toml"'))
+    assert bird.sections["accelerometer"].range_g == 32.0
+
+
+def test_an_unknown_sensor_set_is_reported_with_the_known_ones(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r'sensors = "antique": unknown; known: gerdes_2017, modern$'):
+        load_vehicle(written(tmp_path, 'base = "robo_raven_ii_d"\nsensors = "antique"'))
+
+
+@pytest.mark.parametrize("name", flight_names())
+def test_the_flight_computer_is_calibrated_for_the_sensors_of_the_vehicle(name: str) -> None:
+    sections, gains = load_vehicle(name).sections, load_flight_vehicle(name).gains
+    encoder, pitot, sensor = sections["encoder"], sections["pitot"], sections["power_sensor"]
+    assert gains.wing_angle.counts_per_turn == encoder.counts_per_turn
+    for side in ("left", "right"):
+        index = getattr(encoder, f"index_{side}") * encoder.counts_per_turn / math.tau
+        index += getattr(encoder, f"zero_{side}")
+        assert getattr(gains.encoders, f"index_{side}") == math.floor(index)
+    air = gains.air_data
+    assert (air.differential_low, air.differential_high) == (pitot.counts_low, pitot.counts_high)
+    assert (air.differential_range, air.pressure_noise) == (pitot.range, pitot.noise)
+    assert air.static_scale == sections["barometer"].resolution
+    assert gains.power.full_scale == 2**sensor.bits
+    for key in ("reference", "divider", "current_zero", "current_sensitivity", "current_range"):
+        assert getattr(gains.power, key) == pytest.approx(getattr(sensor, key), rel=1e-3)
 
 
 def test_a_key_that_is_wrong_behind_a_base_is_refused(tmp_path: Path) -> None:
