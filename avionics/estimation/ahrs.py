@@ -270,7 +270,7 @@ class View(NamedTuple):
     gain: float
     """-; fraction of the tilt error that is corrected"""
     lean: Vector
-    """rad; as `Correction.lean`"""
+    """m/s^2; as `Correction.lean`"""
     tilt: Matrix
     """-; rotation by the corrected fraction"""
     rising: Vector

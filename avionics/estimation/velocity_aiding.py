@@ -46,6 +46,8 @@ the body axes in m/s^2; dm along body x and y in gauss"""
 UNITY: Array = np.eye(STATES)
 POSITION_FIX = 2
 """minimum `GpsFix.fix_type` of a velocity that is used"""
+SPACE_FIX = 3
+"""minimum `GpsFix.fix_type` of a climb rate that is used"""
 HISTORY_STEP_US = 20_000
 """us; interval of the impulse history for delayed fixes"""
 CONFIRMATIONS = 3
@@ -291,13 +293,15 @@ def fixed(state: State, p: Array, noise: Noise, fix: GpsFix) -> tuple[State, Err
     x = update(p, 0, north, variance)
     x += update(p, 1, east - float(x[1]), variance)
     _rotate_tilt(p, x.item(HEADING))
-    state, climb = _climbed(state, p, down - float(x[DOWN]), variance, speed)
+    state, climb = _climbed(state, p, down - float(x[DOWN]), variance, speed, fix.fix_type)
     return _applied(
         state._replace(accepted_us=fix.time_us, agreed=state.agreed + 1, turn=0.0, speed=speed), x + climb
     )
 
 
-def _climbed(state: State, p: Array, innovation: float, variance: float, speed: float) -> tuple[State, Array]:
+def _climbed(
+    state: State, p: Array, innovation: float, variance: float, speed: float, fix_type: int
+) -> tuple[State, Array]:
     """Return the state and the errors from the climb rate of a fix; the covariance is updated in place.
 
     A tilt of the launch acceleration changes the climb rate. If the mean innovation of the first fixes after a launch
@@ -305,6 +309,8 @@ def _climbed(state: State, p: Array, innovation: float, variance: float, speed: 
     velocity (Schmidt-Kalman), because flapping and the offset along body z disturb the climb rate more than a small
     tilt does.
     """
+    if fix_type < SPACE_FIX:
+        return state, np.zeros(STATES)
     if speed < LAUNCH_SPEED or state.launch_fixes >= LAUNCH_FIXES:
         fixes = 0 if speed < LAUNCH_SPEED else state.launch_fixes
         state = state._replace(launch_fixes=fixes, climb=0.0)
@@ -317,10 +323,11 @@ def _climbed(state: State, p: Array, innovation: float, variance: float, speed: 
 
 def _launched(state: State, p: Array, variance: float) -> Array:
     """Return the errors from the mean innovation of the climb rate since a launch."""
-    mean, x = state.climb / state.launch_fixes, np.zeros(STATES)
+    fixes, x = max(state.launch_fixes, 1), np.zeros(STATES)
+    mean = state.climb / fixes
     if abs(mean) >= CLIMB_TEST:
         _uncalibrated(p, FORWARD_ACCEL)
-        x = _updated(p, DOWN, mean, variance / state.launch_fixes)
+        x = _updated(p, DOWN, mean, variance / fixes)
     p.reshape(-1)[:: STATES + 1][ACCEL] += FLAPPING_ACCEL**2
     return x
 
@@ -350,7 +357,7 @@ def _turned(state: State, p: Array, noise: Noise, fix: GpsFix, impulse: Vector, 
     if no_launch or abs(carried_speed - speed) > SPEED_AGREEMENT * speed:
         return state._replace(turn=0.0), NOTHING
     turn = _wrapped(atan2(fix.v_east, fix.v_north) - atan2(east, north))
-    if state.launch_fixes < LAUNCH_FIXES:
+    if state.launch_fixes < LAUNCH_FIXES and fix.fix_type >= SPACE_FIX:
         state = state._replace(launch_fixes=state.launch_fixes + 1, climb=state.climb + down)
     if state.turn == 0.0 or abs(_wrapped(turn - state.turn)) > TURN_AGREEMENT:
         return state._replace(turn=turn), NOTHING

@@ -179,6 +179,8 @@ def run(arguments: Sequence[str]) -> int:
     files, what = _split(chosen.file)
     asked = bool(chosen.validate) or chosen.validate_share is not None
     tables = any(file.suffix.lower() in TABLE_SUFFIXES for file in files)
+    if chosen.method is not None and what in (MARKERS, *SUBJECTS) and what not in ("modes", ALL):
+        raise InputError(f"--method is of modes, not of {what}")
     if what == MARKERS:
         _show(chosen, *identified_by_markers(files, tables, chosen))
         return 0

@@ -144,22 +144,28 @@ def read_columns(path: Path) -> dict[str, Floats]:
     """
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = [row for row in csv.reader(file) if row and not row[0].lstrip().startswith("#")]
+            reader = csv.reader(file)
+            numbered = [(reader.line_num, row) for row in reader if row and not row[0].lstrip().startswith("#")]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         reason = str(error) if isinstance(error, csv.Error) else read_error_text(error)
         raise InputError(f"cannot read the table: {reason}") from None
-    if len(rows) <= FEWEST:
-        raise InputError(f"{max(len(rows) - 1, 0)} rows: at least {FEWEST} are needed below the names of the columns")
-    names = [name.strip() for name in rows[0]]
-    values = np.zeros((len(rows) - 1, len(names)))
-    for number, row in enumerate(rows[1:]):
+    if len(numbered) <= FEWEST:
+        raise InputError(
+            f"{max(len(numbered) - 1, 0)} rows: at least {FEWEST} are needed below the names of the columns"
+        )
+    names = [name.strip() for name in numbered[0][1]]
+    twice = next((name for n, name in enumerate(names) if name in names[:n]), None)
+    if twice is not None:
+        raise InputError(f"two columns are called {twice!r}")
+    values = np.zeros((len(numbered) - 1, len(names)))
+    for number, (line, row) in enumerate(numbered[1:]):
         if len(row) != len(names):
-            raise InputError(f"row {number + 2} has {len(row)} cells, the header has {len(names)}")
+            raise InputError(f"row {line} has {len(row)} cells, the header has {len(names)}")
         for column, cell in enumerate(row):
             try:
                 values[number, column] = float(cell)
             except ValueError:
-                raise InputError(f"row {number + 2}, {names[column]}: {cell.strip()!r} is not a number") from None
+                raise InputError(f"row {line}, {names[column]}: {cell.strip()!r} is not a number") from None
     if not np.isfinite(values).all():
         raise InputError("a cell is not finite")
     return dict(zip(names, values.T, strict=True))
@@ -178,6 +184,8 @@ def _table_motion(path: Path, wings: Sequence[str], frequency: float | None, har
     if frequency is None:
         if clock[0] == "phase":
             raise InputError("a table of phase needs the flapping frequency (--frequency)")
+        if harmonics is not None:
+            raise InputError("harmonics are fitted to a stroke: they need the flapping frequency (--frequency)")
         return _record(at, samples, measured, str(path))
     phase = at if clock[0] == "phase" else (at - at[0]) * frequency
     count = harmonics or max(min(HARMONICS, len(at) // 4), 1)
@@ -191,7 +199,19 @@ def _table_motion(path: Path, wings: Sequence[str], frequency: float | None, har
         for wing, own in samples.items()
     }
     period = 1.0 / frequency
-    return RecordedMotion(steps * period, period, frequency, True, angles, measured, phase * period, str(path))
+    measured_phase, measured = _folded(phase, measured)
+    return RecordedMotion(
+        steps * period, period, frequency, True, angles, measured, measured_phase * period, str(path)
+    )
+
+
+def _folded(phase: Floats, measured: dict[str, Floats]) -> tuple[Floats, dict[str, Floats]]:
+    """Return the measured forces of whole strokes over the phase of one, from 0 to 1."""
+    strokes = max(np.floor(phase[-1] - phase[0] + 1e-9), 1.0)
+    whole = phase - phase[0] < strokes
+    within = phase[whole] % 1.0
+    order = np.argsort(within, kind="stable")
+    return within[order], {name: values[whole][order] for name, values in measured.items()}
 
 
 def _samples(table: dict[str, Floats], wings: Sequence[str]) -> dict[str, dict[str, Floats]]:

@@ -106,3 +106,9 @@ def test_help_has_both_options_with_an_example(capsys: pytest.CaptureFixture[str
         identify.run(["--help"])
     text = capsys.readouterr().out
     assert "--report OUT.html" in text and "--model OUT.toml" in text and "wingbeat fly --vehicle OUT" in text
+
+
+@pytest.mark.parametrize("what", ["servo", "aero"])
+def test_a_method_of_modes_is_refused_elsewhere(what: str) -> None:
+    with pytest.raises(InputError, match=f"--method is of modes, not of {what}"):
+        identify.run(["flight.mcap", what, "--method", "era"])

@@ -221,3 +221,24 @@ def test_motion_of_another_wing_is_rejected() -> None:
         tunnel_forces(
             load_wings(FOLDER / "dragonfly_wings.toml"), load_motion(FLY_MOTION, ["wing"]), "quasi_steady", STREAM
         )
+
+
+def test_measured_forces_of_several_strokes_are_folded_to_one(tmp_path: Path) -> None:
+    """GIVEN two and a half strokes of a measured force THEN whole strokes are kept, in the order of their phase."""
+    phase = np.arange(0.0, 2.5, 0.02)
+    rows = [f"{p},{0.5 * math.cos(2.0 * math.pi * p)},{1.0 + math.sin(2.0 * math.pi * p)}" for p in phase]
+    path = tmp_path / "run.csv"
+    path.write_text("phase,wing.stroke,lift\n" + "\n".join(rows) + "\n")
+    motion = load_motion(path, ["wing"], 4.0)
+    assert len(motion.measured["lift"]) == 100 and np.all(np.diff(motion.measured_time) >= 0.0)
+    assert motion.measured["lift"].mean() == pytest.approx(1.0, abs=1e-6)
+
+
+def test_two_columns_of_one_name_are_an_error_with_the_line(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    path.write_text("phase,wing.stroke,wing.stroke\n" + "".join(f"{0.1 * k},0,0\n" for k in range(12)))
+    with pytest.raises(InputError, match=r"two columns are called 'wing\.stroke'"):
+        load_motion(path, ["wing"], 4.0)
+    path.write_text("# measured\n\nphase,wing.stroke\n" + "".join(f"{0.1 * k},0\n" for k in range(12)) + "1.2,x\n")
+    with pytest.raises(InputError, match=r"row 16, wing\.stroke: 'x' is not a number"):
+        load_motion(path, ["wing"], 4.0)

@@ -1,6 +1,6 @@
-"""Files that fly a designed elevator input: ArduPlane's SID parameters or a Lua script, and a MAVLink script for PX4.
+"""Files that fly a designed elevator input: a Lua script for ArduPlane, and a MAVLink script for PX4.
 
-ArduPlane's system identification (ArduPlane/systemid.cpp) flies chirps; other shapes need a script.
+ArduPlane's own system identification (SID parameters, ArduPlane/systemid.cpp) is for the hover modes of a quadplane.
 """
 
 from __future__ import annotations
@@ -9,13 +9,11 @@ import math
 from collections.abc import Iterable
 from pathlib import Path
 
-from avionics.guidance import excitation as shapes
 from avionics.guidance.mission import Excitation
 from logs.identification.input_design.prediction import waveform
+from logs.importing.excitation import FULL_DEFLECTION
 
 FORMATS = ("wingbeat", "ardupilot", "px4")
-MIXER_PITCH = 11
-"""SID_AXIS of the elevator behind the pitch controller"""
 STEP = 0.02
 """s; of the scripts"""
 SWITCH = 300
@@ -26,8 +24,9 @@ LUA = """\
 -- Elevator input for identification, written by wingbeat design.
 -- {summary}
 -- Copy to APM/scripts with SCR_ENABLE 1 and RCx_OPTION {switch}. The switch starts the input, and stops it when low.
--- The elevator is that of the start plus the input: the pitch loop does not act. Identify the log with
---   wingbeat identify LOG.bin modes --elevator /dataflash/RCOU.C{{channel}} {per_us:.3g}
+-- The elevator is that of the start plus the input: the pitch loop does not act. The script sends the channel and the
+-- factor of the pulse width, FACTOR, as it starts. Identify the log with
+--   wingbeat identify LOG.bin modes --elevator /dataflash/RCOU.CHANNEL FACTOR
 local ELEVATOR, SWITCH, STEP_MS, REPEATS = 19, {switch}, {step}, {repeats}
 local TRAVEL = {travel:.4g}
 local VALUES = {{
@@ -50,19 +49,21 @@ local function update()
   local wanted = rc:find_channel_for_option(SWITCH)
   local high = wanted and wanted:get_aux_switch_pos() == 2
   if not channel or not high or not arming:is_armed() then
-    if index > 0 then stop("stopped") end
+    if index > 0 or repeats > 0 then stop("stopped") end
     done = false
     return update, 100
   end
   if done then return update, 100 end
-  if index == 0 then
-    base = SRV_Channels:get_output_pwm(ELEVATOR) or 1500
-    if repeats == 0 then gcs:send_text(6, "input: started") end
-  end
-  index = index + 1
   local half = (parameter("MAX") - parameter("MIN")) / 2
   local sign = 1
   if parameter("REVERSED") == 1 then sign = -1 end
+  if index == 0 then
+    base = SRV_Channels:get_output_pwm(ELEVATOR) or 1500
+    if repeats == 0 then
+      gcs:send_text(6, string.format("input: started, RCOU.C%d %.4g rad/us", channel + 1, sign * TRAVEL / half))
+    end
+  end
+  index = index + 1
   local pulse = math.floor(base + sign * half * VALUES[index] / TRAVEL + 0.5)
   SRV_Channels:set_output_pwm_chan_timeout(channel, pulse, 3 * STEP_MS)
   logger:write("EXCI", "pitch", "f", VALUES[index] / {full:.4g})
@@ -87,9 +88,12 @@ MAVLINK = '''\
 
 Fly level and trimmed in MANUAL with COM_RC_IN_MODE 1 (joystick), then run:  python3 {name} udpin:0.0.0.0:14550 0.6
 The second argument is the throttle, from 0 to 1. The pitch stick moves the elevator directly; any other mode, chosen
-on the ground station, stops the input. Log with SDLOG_PROFILE 1 and identify with: wingbeat identify LOG.ulg modes
+on the ground station, stops the input. Afterwards the stick stays in the middle until then. Log with SDLOG_PROFILE 1,
+and identify with:
+    wingbeat identify LOG.ulg modes --elevator "/ulg/vehicle_torque_setpoint.xyz[1]" {travel:.4g}
 """
 
+import itertools
 import sys
 import time
 
@@ -112,16 +116,17 @@ def main():
     """Fly the input."""
     link = mavutil.mavlink_connection(sys.argv[1])
     throttle = float(sys.argv[2])
-    mode = link.wait_heartbeat().custom_mode
+    first = link.wait_heartbeat()
+    sender = first.get_srcSystem(), first.get_srcComponent()
     due = time.monotonic()
-    for _ in range(REPEATS):
-        for value in [*VALUES, *[0.0] * round(PAUSE / STEP)]:
-            send(link, value, throttle)
-            beat = link.recv_match(type="HEARTBEAT", blocking=False)
-            if beat is not None and beat.get_srcSystem() == link.target_system and beat.custom_mode != mode:
+    for value in itertools.chain([*VALUES, *[0.0] * round(PAUSE / STEP)] * REPEATS, itertools.repeat(0.0)):
+        send(link, value, throttle)
+        beat = link.recv_match(type="HEARTBEAT", blocking=False)
+        if beat is not None and (beat.get_srcSystem(), beat.get_srcComponent()) == sender:
+            if beat.custom_mode != first.custom_mode:
                 sys.exit("the mode has changed: stopped")
-            due += STEP
-            time.sleep(max(due - time.monotonic(), 0.0))
+        due += STEP
+        time.sleep(max(due - time.monotonic(), 0.0))
 
 
 if __name__ == "__main__":
@@ -140,8 +145,6 @@ def autopilot_file(kind: str, excitation: Excitation, travel: float, fade: float
         pause: s; between repeats.
         path: of the file; named in its instructions.
     """
-    if kind == "ardupilot" and excitation.shape in shapes.SWEEPS:
-        return _parameters(excitation, travel, fade)
     values = _values(excitation, fade)
     common = {
         "summary": summary(excitation), "values": values, "repeats": excitation.repeats, "travel": travel,
@@ -152,39 +155,20 @@ def autopilot_file(kind: str, excitation: Excitation, travel: float, fade: float
             switch=SWITCH,
             step=round(1000 * STEP),
             pause=round(1000 * pause),
-            full=FULL,
-            per_us=travel / 500.0,
+            full=FULL_DEFLECTION,
         )
     return MAVLINK.format(**common, step=STEP, pause=pause, name=path.name)
 
 
-FULL = 0.5
-"""rad; per unit of the logged input, as `logs.importing.excitation` reads it"""
-
-
-def suffix(kind: str, excitation: Excitation) -> str:
+def suffix(kind: str) -> str:
     """Return the usual suffix of a file."""
-    if kind == "ardupilot":
-        return ".param" if excitation.shape in shapes.SWEEPS else ".lua"
-    return {"px4": ".py", "wingbeat": ".toml"}[kind]
+    return {"ardupilot": ".lua", "px4": ".py", "wingbeat": ".toml"}[kind]
 
 
 def summary(excitation: Excitation) -> str:
     """Return shape, amplitude and repeats in one line."""
     degrees, name = math.degrees(excitation.amplitude), excitation.shape.name.lower().replace("_", " ")
     return f"{excitation.repeats} x {name}, {degrees:.3g} deg, width {excitation.width:.3g} s"
-
-
-def _parameters(excitation: Excitation, travel: float, fade: float) -> str:
-    """Return SID parameters: the mixer's input is a share of full deflection."""
-    fade_out = min(fade, 5.0)
-    rows = {
-        "SID_AXIS": MIXER_PITCH, "SID_MAGNITUDE": excitation.amplitude / travel, "SID_F_START_HZ": excitation.low,
-        "SID_F_STOP_HZ": excitation.high, "SID_T_FADE_IN": fade, "SID_T_REC": excitation.width,
-        "SID_T_FADE_OUT": fade_out,
-    }  # fmt: skip
-    lines = [f"# {summary(excitation)}, written by wingbeat design", "# start it by an RC switch for SystemID"]
-    return "\n".join([*lines, *(f"{name},{value:.6g}" for name, value in rows.items())]) + "\n"
 
 
 def _values(excitation: Excitation, fade: float) -> str:

@@ -110,7 +110,9 @@ def identify_tables(
         *others, last = (f"[{name}]" for name in (SECTIONS if what == ALL else (what,)))
         names = f"{', '.join(others)} or {last}" if others else last
         raise InputError(f"map {mapping}: it has no section {names} that says what to fit")
-    if method is not None and config.modes is not None:
+    if method is not None:
+        if config.modes is None or "modes" not in requested:
+            raise InputError(f"map {mapping}: --method is of [modes], which is not identified")
         config = config._replace(modes=config.modes._replace(method=method))
     dynamic = [name for name in DYNAMIC if name in requested]
     if dynamic and config.experiment.kind == "steady":
