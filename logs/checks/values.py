@@ -27,6 +27,8 @@ CURRENT_SHARE, CURRENT_LEAST = 0.1, 1.0
 """-, A; of the current in flight"""
 START = 0.5
 """s; at the end of a part at rest, in which the launch may begin before a slow signal changes"""
+LAUNCH_TIME = 1.0
+"""s; of a throw, at whose end the outputs leave the ends at which they waited"""
 SATURATED_TIME = 1.0
 """s"""
 MEASURED = ("flap", "wing", "phase", "hall", "encoder", "airspeed", "rpm")
@@ -259,5 +261,5 @@ def _moving(log: LogData, start: float, end: float) -> bool:
     accel = log.signals.get("accel")
     if accel is None:
         return True
-    values = accel.between(start, end).values
+    values = accel.between(start, end - LAUNCH_TIME).values
     return len(values) > 3 and float(values.std(axis=0).max()) > 0.5

@@ -143,7 +143,7 @@ def _impacts(spectrum: Spectrum) -> tuple[tuple[float, ...], Array]:
         return (), np.zeros(6)
     # The level follows an impact: it happens where its bin begins.
     phase = (peak / PHASE_BINS + UPPER_REVERSAL) % 1.0
-    return (round(phase, 4),), 1.0 - median / square.mean(axis=0)
+    return (round(phase, 4),), np.maximum(1.0 - median / square.mean(axis=0), 0.0)
 
 
 def _mode(center: float, rms: Array, number: int) -> ModeSpec:

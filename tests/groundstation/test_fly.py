@@ -123,6 +123,7 @@ def test_a_flight_is_recorded_summed_up_and_told_as_json(recorded: Recorded) -> 
         "wall_time",
         "speed",
         "incomplete",
+        "findings",
     }
     keys = told | {"flight", "identified"}
     assert set(document) == keys

@@ -126,7 +126,7 @@ def plant_clipping(tables: Tables, at: float) -> tuple[Tables, str, str]:
         near = (time >= at) & (time < at + 2.0)
         low = np.percentile(values[near, 2], 25.0)
         values[near, 2] = np.maximum(values[near, 2], low)
-        values[~near, 2] = np.clip(values[~near, 2], low + 0.5, None)
+        values[~near, 2] = np.clip(values[~near, 2], low + 1.0, None)
         return values
 
     return changed(tables, "sensor_combined", "accelerometer_m_s2", clip), "clipping", "sensor_combined"

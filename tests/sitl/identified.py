@@ -8,7 +8,7 @@ from memory_log import MemoryLog
 
 from avionics import topics
 from avionics.vehicles import load_vehicle as load_flight_vehicle
-from logs.attached import airframe_of
+from logs.attached import airframe_of, gauges_of
 from logs.identification.data.flight import Aircraft
 from logs.identification.models.modes import Mode
 from logs.identification.report import identify
@@ -39,8 +39,9 @@ def true_short_period(vehicle: str, log: MemoryLog) -> ShortPeriod:
 
 
 def known(vehicle: str) -> Aircraft:
-    """What is known of the aircraft by its files."""
-    return airframe_of(load_flight_vehicle(vehicle), load_vehicle(vehicle))
+    """What is known of the aircraft by its files, the accuracy of its gauges too."""
+    world = load_vehicle(vehicle)
+    return airframe_of(load_flight_vehicle(vehicle), world)._replace(gauges=gauges_of(world))
 
 
 def identified(vehicle: str, log: MemoryLog) -> Result:

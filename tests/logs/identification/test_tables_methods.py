@@ -124,7 +124,7 @@ def test_orthogonal_functions_choose_the_terms_of_the_truth(
     assert identify.run([*moments(tmp_path), "--json", "--report", str(tmp_path / "page.html")]) == 0
     (fit,) = json.loads(capsys.readouterr().out)["fits"]
     found = {one["name"]: one for one in fit["estimates"]}
-    assert fit["method"] == "regression of C_m, orthogonal functions"
+    assert fit["method"] == "regression of C_m, multivariate orthogonal functions"
     for name, true in {"alpha": -0.9, "alpha^3": 2.5, "delta_e": -1.2}.items():
         assert abs(found[name]["value"] - true) < 1.6 * (found[name]["high"] - found[name]["value"])
         assert found[name]["value"] == pytest.approx(true, rel=0.05)
@@ -158,9 +158,11 @@ def test_a_term_that_is_worth_less_than_it_costs_but_no_chance_is_named(
 
 def test_orthogonal_functions_take_no_other_choice_beside_them(tmp_path: Path) -> None:
     for line in ('selection = "stepwise"', 'domain = "frequency"'):
-        with pytest.raises(InputError, match="chooses its terms itself, in the time domain"):
+        with pytest.raises(InputError, match="is in the time domain, without selection of terms"):
             identify.run(moments(tmp_path, ORTHOGONAL + line + "\n"))
-    with pytest.raises(InputError, match=r"method = 'orthogonl' is not known; known: least squares, orthogonal"):
+    with pytest.raises(
+        InputError, match=r"method = 'orthogonl' is not known; known: equation_error_time, .*orthogonal"
+    ):
         identify.run(moments(tmp_path, ORTHOGONAL.replace('"orthogonal"', '"orthogonl"')))
 
 
