@@ -216,6 +216,9 @@ def test_a_failure_of_the_feed_is_reported_and_the_link_continues(monkeypatch: p
             link.recv(PATIENCE)
         with viewer(view.server) as link:
             until(link, lambda message: message["roll"] is not None)
+        deadline = time.monotonic() + PATIENCE  # the failure is taken by the thread of the station
+        while not view.failures and time.monotonic() < deadline:
+            time.sleep(0.02)
         assert len(view.failures) == 1 and "ValueError: unsuitable" in view.failures[0]
 
 
