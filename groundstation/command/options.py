@@ -276,7 +276,7 @@ def add_world(parser: argparse.ArgumentParser, duration: float) -> None:
         "--vibration",
         type=vibration,
         metavar="none|vehicle|FACTOR",
-        help="vibration of the airframe: none, of the vehicle file, or a multiple of it (default: vehicle, if it has one)",
+        help="vibration of the airframe: none, of the vehicle file, or a multiple of it (default: vehicle)",
     )
 
 

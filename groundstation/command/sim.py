@@ -138,7 +138,7 @@ def _scenario(chosen: argparse.Namespace, vehicle: SimulatedVehicle) -> Scenario
     """Build the scenario of the flight.
 
     Raises:
-        InputError: a fault that comes after the end or enters the flight computer, or a vehicle without the vibration.
+        InputError: a fault that comes after the end or enters the flight computer, or no vibration in the file.
     """
     options.check_times(chosen.fault, chosen.duration)
     faults, of_flight = divided(chosen.fault)
