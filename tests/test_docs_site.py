@@ -55,6 +55,7 @@ def test_tutorial_runs(page: Path, tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr[-2000:]
 
 
+@pytest.mark.validate
 def test_figures_of_the_explanations_are_drawn(tmp_path: Path, standard_flight: Path) -> None:
     """GIVEN the flight of the explanations THEN their figures can be drawn, and no picture is without its figure."""
     pytest.importorskip("matplotlib")
