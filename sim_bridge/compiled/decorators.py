@@ -19,8 +19,8 @@ if PLAIN:
     use_public_cache()
 else:
     from sim_bridge.compiled import compiler_flags
+    from sim_bridge.compiled.dispatcher import KernelDispatcher
     from sim_bridge.compiled.internal_linkage import use_internal_linkage
-    from sim_bridge.compiled.kernel_cache import KernelCache
 
     compiler_flags.install()
     use_internal_linkage()
@@ -50,8 +50,7 @@ def njit(*signature: Any, cache: bool = True, **options: Any) -> Any:
 def _cached(function: Function, signature: tuple[Any, ...], cache: bool, options: dict[str, Any]) -> Any:
     if PLAIN or not cache:
         return cast(Any, numba.njit)(*signature, cache=cache, **options)(function)
-    dispatcher = cast(Any, numba.njit)(**options)(function)
-    dispatcher._cache = KernelCache(function)
+    dispatcher = KernelDispatcher.of(cast(Any, numba.njit)(**options)(function), function)
     if signature:
         dispatcher.compile(signature[0])
         dispatcher.disable_compile()
