@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import llvmlite.binding as llvm
-from numba.core.codegen import JITCodeLibrary, RuntimeLinker
+from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import compile_result
 
 _Library: Any = JITCodeLibrary
@@ -15,9 +15,6 @@ class CalleeLibrary(_Library):  # type: ignore[misc]
     """Optimized intermediate code of a function and its callees."""
 
     def _finalize_final_module(self) -> None:
-        if any(each.name.startswith(RuntimeLinker.PREFIX) for each in self._final_module.global_variables):
-            super()._finalize_final_module()  # a recursive call goes to an address
-            return
         self._finalize_dynamic_globals()
         self._verify_declare_only_symbols()
         self._finalized = True

@@ -17,9 +17,13 @@ if PLAIN:
     from sim_bridge.compiled.cache import use_public_cache
 
     use_public_cache()
+
+    def compile_for_callers(kernel: Any, *examples: object) -> None:
+        """Do nothing: kernels are compiled at their first call."""
+
 else:
     from sim_bridge.compiled import compiler_flags
-    from sim_bridge.compiled.dispatcher import KernelDispatcher
+    from sim_bridge.compiled.dispatcher import KernelDispatcher, compile_for_callers
     from sim_bridge.compiled.internal_linkage import use_internal_linkage
 
     compiler_flags.install()
@@ -109,6 +113,7 @@ def noalias(function: Function) -> Function:
 
 __all__ = [
     "FASTMATH",
+    "compile_for_callers",
     "inlined",
     "inlined_internal",
     "internal",

@@ -1,8 +1,8 @@
 """numba's dispatcher without machine code for kernels that only other kernels call.
 
-numba gives every compiled function machine code and a wrapper that unpacks Python arguments. A caller uses neither: it
-links the intermediate code of its callees. Here a function that a kernel calls is compiled to intermediate code alone,
-and compiled again with both at its first call from Python.
+numba gives every compiled function machine code and a wrapper that unpacks Python arguments. A caller uses neither:
+it links the intermediate code of its callees. Here a function that a kernel calls is compiled to intermediate code
+alone, and compiled again with both at its first call from Python. A kernel must not call itself.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, cast
 
+import numba
 from numba.core import event
 from numba.core.compiler import Flags, compile_extra
 from numba.core.compiler_lock import global_compiler_lock
@@ -80,7 +81,7 @@ class KernelDispatcher(cast(Any, CPUDispatcher)):  # type: ignore[misc]
             return compiled
         if compiled is None:
             details = {"dispatcher": self, "args": arguments, "return_type": result}
-            with event.trigger_event("numba:compile", data=details):
+            with event.trigger_event("numba:compile", data=details), self._compiling_counter:
                 compiled = self._compile_callee(arguments, result)
             self._callee_cache.save_overload(sig, compiled)
         compiled = compiled._replace(entry_point=object())  # numba's key of this form
@@ -100,3 +101,10 @@ class KernelDispatcher(cast(Any, CPUDispatcher)):  # type: ignore[misc]
         )  # fmt: skip
         library._ensure_finalized()
         return compiled._replace(reload_init=list(library._reload_init))
+
+
+def compile_for_callers(kernel: Any, *examples: object) -> None:
+    """Compile ``kernel`` for kernels that call it with arguments of the types of ``examples``, if it is compiled."""
+    if isinstance(kernel, KernelDispatcher):
+        with global_compiler_lock:
+            kernel.get_call_template(tuple(numba.typeof(one) for one in examples), {})
