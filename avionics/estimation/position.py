@@ -23,7 +23,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from avionics.estimation.geodesy import to_geodetic, to_local
-from avionics.estimation.kalman import Array, constant, filterpy
+from avionics.estimation.kalman import Array, constant, filterpy, predict
 from avionics.limits import low_pass
 from avionics.messages import AirData, Altitude, Attitude, GpsFix, Position
 from wingbeat.units import Quantity
@@ -156,7 +156,7 @@ def step(gains: Gains, state: State, now: Motion, fix: GpsFix | None = None) -> 
         transition, effect = _transition(dt)
         noise = _noise(gains.air_velocity_noise, _walk(gains, state), dt)
         x, p = np.array(state.x), np.array(state.p)
-        x, p = filterpy().predict(x, p, F=transition, Q=noise, u=np.array(v_air), B=effect)
+        x, p = predict(x, p, transition, noise, effect.dot(v_air))
         past = (*state.past, v_air)[-1 - round(gains.gps_delay / dt) :]
         state = State(now.time_us, tuple(x.tolist()), _covariance(p), *state[3:-1], past)
     if fix is not None and fix.fix_type >= TWO_DIMENSIONAL and fix.time_us > state.fix_us:
