@@ -235,11 +235,14 @@ def _mean_over_period(climbs: tuple[float, ...], frequency: float, dt: float) ->
     return (total + 0.5 * share * (recent[0] + cut)) / intervals
 
 
+_new_altitude = constructor(Altitude)
+
+
 def _message(gains: Gains, state: State, climb_rate: float) -> Altitude:
     time_us, (altitude, _, bias), p = state[:3]
     # First-order Gauss-Markov process, zero when the barometer was zeroed.
     span = (time_us - state.since_us) * 1e-6
     drift = gains.baro_drift**2 * (1.0 - exp(-2.0 * span / gains.baro_drift_time))
-    return Altitude(
+    return _new_altitude(
         time_us, altitude, climb_rate, bias, p[0][0] + drift, p[1][1], state.innovation, state.innovation_variance
     )  # fmt: skip
