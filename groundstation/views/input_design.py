@@ -40,7 +40,7 @@ def plan_view(
         Text(_basis(prior, requested, designs), style="dim"),
         _envelope(requested, designs),
         Text(f"{designs.excitation.repeats} x in {designs.flight_time:.0f} s of flight", style="dim"),
-        *(Text(line, style="dim") for line in _wanted(requested, designs)),
+        *(Text(line, style="dim") for line in _accuracy_lines(requested, designs)),
         Text(),
         *([Text(steps)] if steps else own),
     )
@@ -61,7 +61,7 @@ def _errors(requested: DesignSpec, designs: InputDesign) -> RenderableType:
     return table
 
 
-def _wanted(requested: DesignSpec, designs: InputDesign) -> list[str]:
+def _accuracy_lines(requested: DesignSpec, designs: InputDesign) -> list[str]:
     """Return a line for each parameter whose accuracy is required."""
     lines = []
     for one in designs.predicted:
@@ -72,7 +72,7 @@ def _wanted(requested: DesignSpec, designs: InputDesign) -> list[str]:
         before = "" if known is None else f", {percent * known:.2g} % today"
         after = percent * combined_error(one.standard_error, known)
         met = "met" if after <= 100.1 * limit else "not met"
-        lines.append(f"{_name(one.name)}: {100.0 * limit:.3g} % wanted{before}, {after:.2g} % after it: {met}")
+        lines.append(f"{_name(one.name)}: {100.0 * limit:.3g} % required{before}, {after:.2g} % after it: {met}")
     return lines
 
 
