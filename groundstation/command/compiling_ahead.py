@@ -147,7 +147,9 @@ def _compile_sensors(vehicle: SimulatedVehicle) -> None:
     from sim_bridge.flight.world import Scenario, SimulatedWorld
 
     world = SimulatedWorld(vehicle, Scenario(), publish=lambda topic, message: None)
-    vars(world.plant)["advance"] = lambda controls, around: Means(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    # The plant stays where it is: the other process still compiles its integrator.
+    rest = Means(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    vars(world.plant).update(advance=lambda controls, around: rest, step=lambda: None)
     for _ in range(4):
         world.step(NEUTRAL)
 
