@@ -3,7 +3,16 @@
 from sim_bridge.compiled.arrays import clear
 from sim_bridge.compiled.bound import Bound, bound_values, call_far, far_kernel, run_far
 from sim_bridge.compiled.cache import is_compiled
-from sim_bridge.compiled.decorators import inlined, inlined_internal, internal, kernel, njit, noalias, nogil_kernel
+from sim_bridge.compiled.decorators import (
+    exact,
+    inlined,
+    inlined_internal,
+    internal,
+    kernel,
+    njit,
+    noalias,
+    nogil_kernel,
+)
 from sim_bridge.compiled.events import on_compilation
 
 __all__ = [
@@ -11,6 +20,7 @@ __all__ = [
     "bound_values",
     "call_far",
     "clear",
+    "exact",
     "far_kernel",
     "inlined",
     "inlined_internal",

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
-from sim_bridge.compiled import Bound, bound_values, njit
+from sim_bridge.compiled import Bound, bound_values, exact
 from sim_bridge.observation import Vector
 from sim_bridge.sensors.low_pass import LowPass
-from sim_bridge.sensors.noise import BLOCK, UnitErrors, normal_vector
+from sim_bridge.sensors.noise import NormalRows, UnitErrors, normal_vector
 from sim_bridge.vectors import Floats
 
 ZERO: Vector = (0.0, 0.0, 0.0)
@@ -74,34 +75,36 @@ class Triad:
     def __init__(
         self, conversion: Conversion, errors: TriadErrors, low_pass: LowPass, generator: np.random.Generator
     ) -> None:
-        self._generator = generator
-        self._normals = np.empty((BLOCK, 3))
-        self._at = BLOCK
-        self._bound = Bound(
-            Unit(
-                np.array(_counts_from_body(conversion.sensitivity, errors)),
-                np.array(conversion.noise),
-                low_pass,
-                np.array((conversion.sensitivity, conversion.lowest, conversion.highest), dtype=np.float64),
-                self._normals,
-                np.zeros((2, 3)),
-                np.zeros(1),
-            )
+        self.normals = NormalRows(generator, 3)
+        self.unit = Unit(
+            np.array(_counts_from_body(conversion.sensitivity, errors)),
+            np.array(conversion.noise),
+            low_pass,
+            np.array((conversion.sensitivity, conversion.lowest, conversion.highest), dtype=np.float64),
+            self.normals.rows,
+            np.zeros((2, 3)),
+            np.zeros(1),
         )
+        """arguments of `read_axes`"""
 
     def read(self, value: Vector, drift: Vector = ZERO) -> Vector:
         """Return the measured SI value of the true ``value`` in body axes; ``drift`` in SI adds to the offset."""
-        if self._at == BLOCK:
-            self._generator.standard_normal(out=self._normals)
-            self._at = 0
-        at = self._at
-        self._at = at + 1
-        return _read(value, drift, at, self._bound)
+        return read_triad(value, drift, self.normals.next_row(), self._bound)
+
+    @cached_property
+    def _bound(self) -> Bound:
+        return Bound(self.unit)
 
 
-@njit(cache=True)
-def _read(value: Vector, drift: Vector, at: int, bound: Bound) -> Vector:
-    unit = bound_values(bound)
+@exact
+def read_triad(value: Vector, drift: Vector, at: int, bound: Bound) -> Vector:
+    """`read_axes` of one sensor alone."""
+    return read_axes(value, drift, at, bound_values(bound))
+
+
+@exact
+def read_axes(value: Vector, drift: Vector, at: int, unit: Unit) -> Vector:
+    """Return the measured SI value with the row ``at`` of the noise."""
     felt = _filtered(value, unit.low_pass, unit.memory, unit.initialized)
     return (
         _reading(felt, drift[0], 0, at, unit),
@@ -110,7 +113,7 @@ def _read(value: Vector, drift: Vector, at: int, bound: Bound) -> Vector:
     )
 
 
-@njit(cache=True)
+@exact
 def _filtered(value: Vector, low_pass: LowPass, memory: Floats, initialized: Floats) -> Vector:
     keep, before, now = low_pass
     if keep == 0.0:
@@ -128,7 +131,7 @@ def _filtered(value: Vector, low_pass: LowPass, memory: Floats, initialized: Flo
     return out[0], out[1], out[2]
 
 
-@njit(cache=True)
+@exact
 def _reading(value: Vector, drift: float, axis: int, at: int, unit: Unit) -> float:
     """SI; of one axis, in whole counts within the sensor's range."""
     row, conversion, noise = unit.rows[axis], unit.conversion, unit.noise[axis] * unit.normals[at, axis]

@@ -1,0 +1,95 @@
+"""The compiled part of the sensor suite: all that is sampled at every tick, and the bursts of the power sensor."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from sim_bridge import observation as o
+from sim_bridge.compiled import Bound, bound_values, exact
+from sim_bridge.sensors.encoder import CounterArrays, count_edges
+from sim_bridge.sensors.gyroscope import Walk, step_walk
+from sim_bridge.sensors.pitot import AirColumn, sense_impact
+from sim_bridge.sensors.power_sensor import Burst, sample_burst
+from sim_bridge.sensors.triad import ZERO, Unit, read_axes
+from sim_bridge.vectors import Floats, Integers
+from wingbeat import rotations
+
+LARGEST = 1e6
+"""SI; no value of an observation is larger while the simulation makes sense"""
+
+_frd_from_ned = exact(rotations.frd_from_ned)
+
+
+class SuiteArrays(NamedTuple):
+    """Kernel arguments of the sensors of one vehicle."""
+
+    observed: Floats
+    """(`observation.SIZE`,)"""
+    accelerometer: Unit
+    gyroscope: Unit
+    walk: Walk
+    magnetometer: Unit
+    earth_field: Floats
+    """(3,) gauss; NED"""
+    field_per_ampere: Floats
+    """(3,) gauss/A; body axes"""
+    column: AirColumn
+    left: CounterArrays
+    right: CounterArrays
+    encoder_noise: float
+    """counts"""
+    encoder_normals: Floats
+    """(n, 2); standard normal numbers drawn ahead"""
+    burst: Burst
+    imu: Floats
+    """(9,) out; values of an `ImuSample` without its time, rounded to 32 bits as MAVLink carries them"""
+    encoder: Integers
+    """(6,) out; values of an `EncoderSample` without its time"""
+
+
+Rows = tuple[int, int, int, int, int, int]
+"""rows of the normal numbers of one tick: accelerometer, gyroscope, its walk, encoder, magnetometer, burst; the last
+two are -1 in a tick without a sample"""
+
+
+@exact
+def sense(time_us: int, rows: Rows, bound: Bound) -> bool:
+    """Sample the sensors of one tick with these `Rows`; return whether the observation is finite and plausible."""
+    a = bound_values(bound)
+    accelerometer, gyroscope, walk, encoder, magnetometer, burst = rows
+    for value in a.observed:
+        if not -LARGEST < value < LARGEST:
+            return False
+    v = a.observed
+    sense_impact(v[o.V_AIR], v[o.V_AIR + 2], v[o.DENSITY], a.column)
+    if magnetometer >= 0:
+        _sense_field(magnetometer, a)
+    force = (v[o.FORCE], v[o.FORCE + 1], v[o.FORCE + 2])
+    _put(read_axes(force, ZERO, accelerometer, a.accelerometer), a.imu[0:3])
+    omega = (v[o.OMEGA], v[o.OMEGA + 1], v[o.OMEGA + 2])
+    _put(read_axes(omega, step_walk(walk, a.walk), gyroscope, a.gyroscope), a.imu[3:6])
+    noise = a.encoder_noise
+    left = count_edges(v[o.FLAP_LEFT], noise * a.encoder_normals[encoder, 0], a.left)
+    right = count_edges(v[o.FLAP_RIGHT], noise * a.encoder_normals[encoder, 1], a.right)
+    for i in range(3):
+        a.encoder[2 * i] = left[i]
+        a.encoder[2 * i + 1] = right[i]
+    if burst >= 0:
+        sample_burst(time_us, v, burst, a.burst)
+    return True
+
+
+@exact
+def _sense_field(row: int, a: SuiteArrays) -> None:
+    v, q, field, current = a.observed, o.QUATERNION, a.earth_field, a.observed[o.CURRENT]
+    drive = (a.field_per_ampere[0] * current, a.field_per_ampere[1] * current, a.field_per_ampere[2] * current)
+    body = _frd_from_ned((v[q], v[q + 1], v[q + 2], v[q + 3]), (field[0], field[1], field[2]))
+    _put(read_axes(body, drive, row, a.magnetometer), a.imu[6:9])
+
+
+@exact
+def _put(values: tuple[float, float, float], out: Floats) -> None:
+    for axis in range(3):
+        out[axis] = np.float32(values[axis])
