@@ -7,7 +7,7 @@ everything that is not compiled.
 from __future__ import annotations
 
 import struct
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,10 +67,8 @@ class Observation(NamedTuple):
     @classmethod
     def from_array(cls, time_us: int, array: NDArray[np.float64]) -> Observation:
         """Return the observation that the plant left in ``array`` (`SIZE`,) at ``time_us``."""
-        a, b, c, d, p, q, r, fx, fy, fz, x, y, z, vn, ve, vd, u, v, w, *scalars = array.tolist()
-        return cls._make(
-            (time_us, (a, b, c, d), (p, q, r), (fx, fy, fz), (x, y, z), (vn, ve, vd), (u, v, w), *scalars)
-        )
+        a: Any = _ARRAY.unpack_from(array.data)  # its slices are tuples
+        return cls._make((time_us, a[:4], a[4:7], a[7:10], a[10:13], a[13:16], a[16:19], *a[19:]))
 
     def fill(self, array: NDArray[np.float64]) -> None:
         """Write all but the time to ``array`` (`SIZE`,)."""

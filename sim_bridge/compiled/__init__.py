@@ -5,6 +5,7 @@ from sim_bridge.compiled.bound import Bound, bound_values, call_far, far_kernel,
 from sim_bridge.compiled.cache import is_compiled
 from sim_bridge.compiled.decorators import (
     exact,
+    exact_inlined,
     inlined,
     inlined_internal,
     internal,
@@ -21,6 +22,7 @@ __all__ = [
     "call_far",
     "clear",
     "exact",
+    "exact_inlined",
     "far_kernel",
     "inlined",
     "inlined_internal",

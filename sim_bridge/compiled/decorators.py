@@ -1,7 +1,8 @@
 """Decorators that compile functions with numba, cached on disk.
 
-All but `njit` and `exact` allow the compiler to reorder sums and to contract a product and a sum; not-a-number
-propagates. A division by zero gives an infinity, as in NumPy.
+`exact`, `exact_inlined` and `njit` round each operation as Python does. The others allow the compiler to reorder sums
+and to contract a product and a sum; not-a-number propagates. In all but `njit` a division by zero gives an infinity,
+as in NumPy.
 """
 
 from __future__ import annotations
@@ -82,6 +83,11 @@ def exact(function: Function) -> Function:
     return _compile(function, fastmath=frozenset(), no_cpython_wrapper=_is_private(function))
 
 
+def exact_inlined(function: Function) -> Function:
+    """Compile an `inlined` kernel that rounds each operation as Python does."""
+    return _compile(function, fastmath=frozenset(), forceinline=True, no_cpython_wrapper=_is_private(function))
+
+
 def nogil_kernel(function: Function) -> Function:
     """Compile a `kernel` that releases the global interpreter lock: for long ones."""
     return _compile(function, nogil=True)
@@ -116,6 +122,7 @@ def noalias(function: Function) -> Function:
 __all__ = [
     "FASTMATH",
     "exact",
+    "exact_inlined",
     "inlined",
     "inlined_internal",
     "internal",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import struct
 from typing import Any, NamedTuple
 
 from avionics.messages import ActuatorCommand
@@ -14,7 +13,7 @@ from sim_bridge.environment import dryden
 from sim_bridge.environment.home import COLLEGE_PARK, Home
 from sim_bridge.environment.wind import steady_wind
 from sim_bridge.flight.faults import Fault, FaultInjector, check_carried
-from sim_bridge.flight.moving_air import MovingAir
+from sim_bridge.flight.inputs import PlantInputs
 from sim_bridge.messages import TruthLoads, TruthState, TruthWing
 from sim_bridge.observation import Observation, Vector
 from sim_bridge.plant import Means, Plant
@@ -47,7 +46,6 @@ REST_SPEED = 0.3
 """m/s; speed below which the vehicle is at rest"""
 RECORD_PERIOD_US = 4000
 """us; minimum recording period of the truth, independent of the step"""
-_CONTROLS = struct.Struct(f"<{len(k.Controls._fields)}d")
 
 
 class Throw(NamedTuple):
@@ -91,31 +89,32 @@ class Scenario(NamedTuple):
     """s; the flight ends after the vehicle has been at rest on the ground for this time"""
 
 
-class StepClock(NamedTuple):
+class StepClock:
     """Time in steps; equal steps are counted instead of summed, so that no error accumulates."""
 
-    since: float
-    """s; start of the steps of this length"""
-    done: int
-    """-; number of such steps before the present one, -1 before the first"""
-    length: float
-    """s; of a step"""
+    def __init__(self, length: float) -> None:
+        """Start before the first step, of ``length`` s."""
+        self.length = length
+        """s; of a step"""
+        self._since, self._done = 0.0, -1  # start of the steps of this length; steps before the present one
 
     @property
     def start(self) -> float:
         """s; start of the present step."""
-        return self.since + self.done * self.length
+        return self._since + self._done * self.length
 
     @property
     def end(self) -> float:
         """s; end of the present step, or of the first one before it starts."""
-        return self.since + ((self.done if self.done > 0 else 0) + 1) * self.length
+        return self._since + (max(self._done, 0) + 1) * self.length
 
-    def step(self, length: float) -> StepClock:
-        """Return the clock in the next step, of ``length`` s."""
+    def step(self, length: float) -> float:
+        """Proceed to the next step, of ``length`` s; return its end in s."""
         if length == self.length:
-            return StepClock(self.since, self.done + 1, length)
-        return StepClock(self.since + (self.done + 1) * self.length, 0, length)
+            self._done += 1
+        else:
+            self._since, self._done, self.length = self._since + (self._done + 1) * self.length, 0, length
+        return self._since + (self._done + 1) * length
 
 
 def publish_nothing(topic: Topic[Any], message: Any) -> None:
@@ -168,21 +167,21 @@ class SimulatedWorld:
             make_unequal(self.plant, vehicle, scenario.vibration)
             self.suite.field_per_ampere[:] = field_per_ampere(vehicle, scenario.vibration)
         self._edge = vehicle.sections["power_sensor"].edge
-        self._push = scenario.throw.speed * vehicle.launch.speed / vehicle.launch.duration
-        self._travel = vehicle.drive.travel, vehicle.tail_servo.travel
+        push = scenario.throw.speed * vehicle.launch.speed / vehicle.launch.duration
         turbulence = dryden.turbulence(scenario.turbulence, 2.0 * vehicle.wing.semispan, scenario.seed)
-        self.air = MovingAir(self.plant, turbulence, wind, scenario.wind_from, scenario.home.altitude)
+        self.inputs = PlantInputs(self.plant, turbulence, wind, scenario.wind_from, scenario.home.altitude)
+        self._phase = k.HELD
+        self.plant.order[k.LAUNCHER], self.plant.order[k.LAUNCHER + 1] = self._phase, push
         self._publish = publish
         self._recorded = publish is not publish_nothing
         self._unrecorded = False
         self._tick = 0
         self._period = 1.0 / rate
-        self._clock = StepClock(0.0, -1, self._period)
+        self._clock = StepClock(self._period)
         self.time_us = round(self._clock.end * 1e6)
         """us; end of the last step, or of the first one before it starts"""
         self._records, self._next_record_us = 0, 0
         self._launch_from = scenario.launch_time
-        self._targets = (0.0, 0.0)
         self._rest_since: float | None = None
         self._armed_since = math.inf if scenario.waits_for_arming else -math.inf
         self._launched_at = math.inf
@@ -204,12 +203,12 @@ class SimulatedWorld:
     @property
     def extra_wind(self) -> Vector:
         """m/s; NED, added to wind and turbulence; set by the caller."""
-        north, east, down = self.air.extra_wind.tolist()
+        north, east, down = self.inputs.extra_wind.tolist()
         return north, east, down
 
     @extra_wind.setter
     def extra_wind(self, wind: Vector) -> None:
-        self.air.extra_wind[:] = wind
+        self.inputs.extra_wind[:] = wind
 
     @property
     def launched(self) -> bool:
@@ -257,13 +256,13 @@ class SimulatedWorld:
 
     def _advance(self, command: ActuatorCommand, duration: float) -> None:
         self.record()
-        self._clock = self._clock.step(duration)
-        self.time_us = round(self._clock.end * 1e6)
+        self.time_us = round(self._clock.step(duration) * 1e6)
         for text in self.faults.act(self.plant, self._tick, self.time_us * 1e-6):
             self._publish_event(Severity.WARNING, text)
-        self.air.step(duration)
-        self._watch_launcher(bool(command.armed))
-        self._order(command)
+        self.inputs.step(command, duration)
+        if self._phase != k.FREE:
+            self._watch_launcher(bool(command.armed))
+            self.plant.order[k.LAUNCHER] = self._phase = self._launcher()
         self.plant.step()
         self._watch_rest()
         self._unrecorded = self._recorded
@@ -280,12 +279,12 @@ class SimulatedWorld:
 
     def truth(self) -> TruthState:
         """The vehicle's state at the end of the last step."""
-        y, wind = self.plant.y.tolist(), self.air.velocity
+        y, wind = self.plant.y.tolist(), self.inputs.air_velocity
         self.plant.observe_velocities(wind)
         v_ned = self.plant.observed[o.V_NED : o.V_AIR].tolist()
         air = _rotate_back(self.plant.scratch.r.tolist(), wind)
         air = (y[7] - air[0], y[8] - air[1], y[9] - air[2])
-        grounded = self.plant.touching or self._launcher() != k.FREE
+        grounded = self.plant.touching or self._phase != k.FREE
         flow = (math.hypot(*air), math.atan2(air[2], air[0]))
         return TruthState._make((self.time_us, *y[0:3], *v_ned, *y[3:7], *y[10:13], *wind, *flow, int(grounded)))
 
@@ -355,7 +354,7 @@ class SimulatedWorld:
         ready = max(self._launch_from, self._armed_since + ARMED_TIME)
         if now < ready:
             return
-        north, east, down = self.air.gust[:3].tolist()
+        north, east, down = self.inputs.gust[:3].tolist()
         c, s = math.cos(self.scenario.wind_from), math.sin(self.scenario.wind_from)
         ahead, across = -(north * c + east * s), east * c - north * s
         waited = now - ready
@@ -366,32 +365,6 @@ class SimulatedWorld:
             self._launched_at = now
             if self.scenario.waits_for_arming:
                 self._publish_event(Severity.NOTICE, "released by the launcher")
-
-    def _order(self, command: ActuatorCommand) -> None:
-        """Set controls and launcher of the plant's next step."""
-        (travel, tail), (left_before, right_before) = self._travel, self._targets
-        armed = bool(command.armed)
-        if armed:
-            self._targets = (_clip(command.wing_left, travel), _clip(command.wing_right, travel))
-        throttle = max(_clip(command.throttle, 1.0), 0.0) if armed else 0.0
-        left, right = self._targets
-        elevator, rudder = _clip(command.elevator, tail), _clip(command.rudder, tail)
-        order = self.plant.order
-        _CONTROLS.pack_into(
-            order.data,
-            0,
-            left_before,
-            left,
-            right_before,
-            right,
-            throttle,
-            elevator,
-            rudder,
-            self._clock.length,
-            1.0,
-            armed,
-        )
-        order[k.LAUNCHER], order[k.LAUNCHER + 1] = self._launcher(), self._push
 
     def _watch_rest(self) -> None:
         if not (self.plant.touching and math.hypot(*self.plant.y[7:10].tolist()) < REST_SPEED):
@@ -413,12 +386,6 @@ class SimulatedWorld:
             lost = resistance * drive.pulse_current * drive.pulse_current * square
             return open_circuit - resistance * current, open_circuit * current - lost
         return power / current if current else open_circuit, power
-
-
-def _clip(value: float, limit: float) -> float:
-    if -limit <= value <= limit:
-        return value
-    return math.copysign(limit, value) if math.isfinite(value) else 0.0
 
 
 def _rotate_back(r: list[list[float]], v: Vector) -> Vector:

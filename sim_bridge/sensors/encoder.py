@@ -8,7 +8,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from sim_bridge.compiled import Bound, bound_values, exact
+from sim_bridge.compiled import Bound, bound_values, exact, exact_inlined
 from sim_bridge.sensors.noise import NormalRows, SensorSeed, split
 from sim_bridge.vectors import Floats, Integers
 from wingbeat.units import Quantity
@@ -85,7 +85,7 @@ def count_alone(flap: float, noise: float, bound: Bound) -> tuple[int, int, int]
     return count_edges(flap, noise, bound_values(bound))
 
 
-@exact
+@exact_inlined
 def count_edges(flap: float, noise: float, counter: CounterArrays) -> tuple[int, int, int]:
     """Compute `Counter.read`."""
     n, scale = counter.numbers, counter.scale
@@ -96,7 +96,7 @@ def count_edges(flap: float, noise: float, counter: CounterArrays) -> tuple[int,
     return place - n[LOST], n[LATCHED], n[PULSES]
 
 
-@exact
+@exact_inlined
 def _detect_index(before: int, place: int, n: Integers) -> None:
     """A pulse begins where the state of the index is entered, from below or from above."""
     rising = place > before

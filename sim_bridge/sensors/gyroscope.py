@@ -8,7 +8,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from sim_bridge.compiled import Bound, bound_values, exact
+from sim_bridge.compiled import Bound, bound_values, exact, exact_inlined
 from sim_bridge.observation import Vector
 from sim_bridge.sensors.low_pass import corner, low_pass
 from sim_bridge.sensors.noise import NormalRows, SensorSeed, split
@@ -97,7 +97,7 @@ def step_walk_alone(at: int, bound: Bound) -> None:
     step_walk(at, bound_values(bound))
 
 
-@exact
+@exact_inlined
 def step_walk(at: int, walk: Walk) -> Vector:
     """Advance the bias by the row ``at`` of its normal numbers and return it."""
     bias, normals = walk.bias, walk.normals

@@ -88,11 +88,32 @@ class NormalRows:
         self.rows = np.zeros((BLOCK, *shape))
         self._generator, self._next = generator, BLOCK
 
+    def draw(self) -> None:
+        """Draw the next block."""
+        self._generator.standard_normal(out=self.rows)
+
     def next_row(self) -> int:
         """Return the index of the next unused row."""
         row = self._next
         if row == BLOCK:
-            self._generator.standard_normal(out=self.rows)
+            self.draw()
+            row = 0
+        self._next = row + 1
+        return row
+
+
+class CommonRows:
+    """Normal numbers of sensors that are sampled together: one index for the rows of all."""
+
+    def __init__(self, *parts: NormalRows) -> None:
+        self._parts, self._next = parts, BLOCK
+
+    def next_row(self) -> int:
+        """Return the index of the next unused row of each part."""
+        row = self._next
+        if row == BLOCK:
+            for part in self._parts:
+                part.draw()
             row = 0
         self._next = row + 1
         return row

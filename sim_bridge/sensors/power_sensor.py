@@ -19,7 +19,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from sim_bridge import observation as o
-from sim_bridge.compiled import Bound, bound_values, exact
+from sim_bridge.compiled import Bound, bound_values, exact, exact_inlined
 from sim_bridge.observation import Observation
 from sim_bridge.sensors.noise import NormalRows, SensorSeed, split
 from sim_bridge.vectors import Floats, Integers
@@ -191,14 +191,14 @@ def _channels(spec: PowerSensorSpec, errors: PowerSensorErrors) -> Channels:
     )
 
 
-@exact
+@exact_inlined
 def time_on(turns: float, duty: float) -> float:
     """On time in periods of a sharp pulse of ``duty`` from phase 0 to ``turns``."""
     whole = math.floor(turns)
     return whole * duty + min(turns - whole, duty)
 
 
-@exact
+@exact_inlined
 def pulse(phase: float, duty: float, edge: float) -> float:
     """Value, 0 to 1, of a periodic pulse of mean ``duty`` with edges of ``edge`` periods."""
     if edge > 0.0:
@@ -221,7 +221,7 @@ def sample_alone(time_us: int, observed: Floats, at: int, bound: Bound) -> None:
     sample_burst(time_us, observed, at, bound_values(bound))
 
 
-@exact
+@exact_inlined
 def sample_burst(time_us: int, observed: Floats, at: int, burst: Burst) -> None:
     """Fill the counts with the row ``at`` of the noise; the last sample is taken at ``time_us``."""
     frequency = observed[o.PWM_FREQUENCY]

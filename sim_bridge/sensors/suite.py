@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any, NamedTuple, get_type_hints
 
@@ -20,15 +20,16 @@ from sim_bridge.sensors.frame import TICK_RATE
 from sim_bridge.sensors.gps import Gps, GpsSpec
 from sim_bridge.sensors.gyroscope import Gyroscope, GyroscopeSpec
 from sim_bridge.sensors.magnetometer import Magnetometer, MagnetometerSpec
-from sim_bridge.sensors.noise import sensor_seed
+from sim_bridge.sensors.noise import CommonRows, sensor_seed
 from sim_bridge.sensors.optional import OPTIONAL, OptionalRow, OptionalSensor
 from sim_bridge.sensors.pitot import Pitot, PitotSpec
 from sim_bridge.sensors.power_sensor import PowerSensor, PowerSensorSpec
 from sim_bridge.sensors.receiver import Pilot, Receiver, ReceiverSpec
-from sim_bridge.sensors.sense import LARGEST, Rows, SuiteArrays, sense
+from sim_bridge.sensors.sense import LARGEST, SuiteArrays, sense
+from sim_bridge.sensors.torque_cell import TorqueCell, TorqueCellSpec
 from sim_bridge.vectors import Floats
 from wingbeat.errors import InputError
-from wingbeat.samples import AdcBurst, EncoderSample, ImuSample, PressureSample, SensorFrame
+from wingbeat.samples import AdcBurst, EncoderSample, ImuSample, PressureSample, SensorFrame, TorqueSample
 
 MAGNETOMETER_RATE = 75.0
 """Hz; the most the HMC5883L gives; its last reading is repeated in between"""
@@ -41,7 +42,13 @@ GPS_RATE = 5.0
 RECEIVER_RATE = 50.0
 """Hz"""
 _FIELD = {name: index for index, name in enumerate(SensorFrame._fields)}
-_IMU, _ENCODER, _PRESSURES, _ADC, _GPS = (_FIELD[name] for name in ("imu", "encoder", "pressures", "adc", "gps"))
+_IMU, _ENCODER, _PRESSURES, _ADC, _TORQUE, _GPS = map(
+    _FIELD.__getitem__, ("imu", "encoder", "pressures", "adc", "torque", "gps")
+)
+
+
+BLANK = TorqueCellSpec(False, 1.0, 1.0, 0.0, 0.0, 0.0)
+"""kernel arguments of a vehicle without torque cells"""
 
 
 class Ticks(NamedTuple):
@@ -142,12 +149,21 @@ class SensorSuite:
         self._gps = Gps(spec.gps, sensor_seed(seed, 7, corner), home, ticks.gps * tick)
         self.encoder = Encoder(spec.encoder, sensor_seed(seed, 11))
         receiver = Receiver(ReceiverSpec(), sensor_seed(seed, 8), pilot)
-        self._interpreted = [
-            (_FIELD[row.field], sensor.read, ticks_between(rate, row.rate)) for row, sensor in self._optional
-        ]
+        self._cells = TorqueCell(BLANK, sensor_seed(seed, 6))
+        self._cell_ticks = 0
+        self._interpreted: list[tuple[int, Callable[[Observation], Any], int]] = []
         """sensors that are not compiled: index in a `SensorFrame`, reading, ticks between samples"""
+        for row, sensor in self._optional:
+            every = ticks_between(rate, row.rate)
+            if not isinstance(sensor, TorqueCell):
+                self._interpreted.append((_FIELD[row.field], sensor.read, every))
+            elif sensor.is_installed:
+                self._cells, self._cell_ticks = sensor, every
         if pilot is not None:
             self._interpreted.append((_FIELD["receiver"], receiver.read, ticks.receiver))
+        always = self._accelerometer.triad.normals, self._gyroscope.triad.normals, self._gyroscope.normals
+        self._rows = CommonRows(*always, *([self.encoder.normals] if self.encoder.noise > 0.0 else []))
+        self._pressure_rows = CommonRows(self._barometer.normals, self._pitot.normals)
         self._has_field = False
         self.field_per_ampere = np.zeros(3)
         """gauss/A, body axes; of the drive current at the magnetometer"""
@@ -163,14 +179,18 @@ class SensorSuite:
             magnetometer=self._magnetometer.triad.unit,
             earth_field=np.array(self._magnetometer.field_ned),
             field_per_ampere=self.field_per_ampere,
-            column=self._pitot.column,
+            pitot=self._pitot.arrays,
+            barometer=self._barometer.arrays,
             left=self.encoder.left.arrays,
             right=self.encoder.right.arrays,
             encoder_noise=self.encoder.noise,
             encoder_normals=self.encoder.normals.rows,
             burst=self._power_sensor.burst,
+            cells=self._cells.arrays,
             imu=np.zeros(9),
             encoder=np.zeros(6, dtype=np.int64),
+            pressures=np.zeros(3, dtype=np.int64),
+            torques=np.zeros(2, dtype=np.int64),
         )
 
     @property
@@ -202,17 +222,28 @@ class SensorSuite:
 
     def sense(self, time_us: int, tick: int) -> SensorFrame:
         """Do the same for the observation in `observed`."""
-        ticks, powered = self._ticks, tick % self._ticks.power == 0
-        if not sense(time_us, self._next_rows(tick, powered), self._bound):
+        ticks, arrays, at = self._ticks, self._arrays, self._rows.next_row()
+        field_at = pressures_at = burst_at = torques_at = -1
+        if not self._has_field or tick % ticks.magnetometer == 0:
+            self._has_field, field_at = True, self._magnetometer.triad.normals.next_row()
+        if tick % ticks.pressures == 0:
+            pressures_at = self._pressure_rows.next_row()
+        if tick % ticks.power == 0:
+            burst_at = self._power_sensor.normals.next_row()
+        if self._cell_ticks and tick % self._cell_ticks == 0:
+            torques_at = self._cells.normals.next_row()
+        if not sense(time_us, at, field_at, pressures_at, burst_at, torques_at, self._bound):
             raise divergence(Observation.from_array(time_us, self.observed))
         samples: list[Any] = [None] * len(_FIELD)
         samples[0] = time_us
-        samples[_IMU] = ImuSample._make((time_us, *self._arrays.imu.tolist()))
-        samples[_ENCODER] = EncoderSample._make((time_us, *self._arrays.encoder.tolist()))
-        if tick % ticks.pressures == 0:
-            samples[_PRESSURES] = self._pressures(time_us)
-        if powered:
+        samples[_IMU] = ImuSample._make((time_us, *arrays.imu.tolist()))
+        samples[_ENCODER] = EncoderSample._make((time_us, *arrays.encoder.tolist()))
+        if pressures_at >= 0:
+            samples[_PRESSURES] = PressureSample._make((time_us, *arrays.pressures.tolist()))
+        if burst_at >= 0:
             samples[_ADC] = AdcBurst._make((time_us, *self._power_sensor.counts()))
+        if torques_at >= 0:
+            samples[_TORQUE] = TorqueSample._make((time_us, *arrays.torques.tolist()))
         observation: Observation | None = None
         for index, read, every in self._interpreted:
             if tick % every == 0:
@@ -222,24 +253,6 @@ class SensorSuite:
             self._gps.measure(observation or Observation.from_array(time_us, self.observed))
         samples[_GPS] = self._gps.arrived(time_us)
         return SensorFrame._make(samples)
-
-    def _next_rows(self, tick: int, powered: bool) -> Rows:
-        magnetometer = -1
-        if not self._has_field or tick % self._ticks.magnetometer == 0:
-            self._has_field, magnetometer = True, self._magnetometer.triad.normals.next_row()
-        return (
-            self._accelerometer.triad.normals.next_row(),
-            self._gyroscope.triad.normals.next_row(),
-            self._gyroscope.normals.next_row(),
-            self.encoder.next_row(),
-            magnetometer,
-            self._power_sensor.normals.next_row() if powered else -1,
-        )
-
-    def _pressures(self, time_us: int) -> PressureSample:
-        pressure, temperature = self.observed.item(o.STATIC_PRESSURE), self.observed.item(o.TEMPERATURE)
-        static, warm = self._barometer.read(pressure, temperature)
-        return PressureSample(time_us, static, self._pitot.read(), warm)
 
 
 def divergence(observation: Observation) -> SimulationDiverged:

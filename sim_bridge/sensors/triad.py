@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim_bridge.compiled import Bound, bound_values, exact
+from sim_bridge.compiled import Bound, bound_values, exact, exact_inlined
 from sim_bridge.observation import Vector
 from sim_bridge.sensors.low_pass import LowPass
 from sim_bridge.sensors.noise import NormalRows, UnitErrors, normal_vector
@@ -102,7 +102,7 @@ def read_triad(value: Vector, drift: Vector, at: int, bound: Bound) -> Vector:
     return read_axes(value, drift, at, bound_values(bound))
 
 
-@exact
+@exact_inlined
 def read_axes(value: Vector, drift: Vector, at: int, unit: Unit) -> Vector:
     """Return the measured SI value with the row ``at`` of the noise."""
     felt = _filtered(value, unit.low_pass, unit.memory, unit.initialized)
@@ -113,7 +113,7 @@ def read_axes(value: Vector, drift: Vector, at: int, unit: Unit) -> Vector:
     )
 
 
-@exact
+@exact_inlined
 def _filtered(value: Vector, low_pass: LowPass, memory: Floats, initialized: Floats) -> Vector:
     keep, before, now = low_pass
     if keep == 0.0:
@@ -131,7 +131,7 @@ def _filtered(value: Vector, low_pass: LowPass, memory: Floats, initialized: Flo
     return out[0], out[1], out[2]
 
 
-@exact
+@exact_inlined
 def _reading(value: Vector, drift: float, axis: int, at: int, unit: Unit) -> float:
     """SI; of one axis, in whole counts within the sensor's range."""
     row, conversion, noise = unit.rows[axis], unit.conversion, unit.noise[axis] * unit.normals[at, axis]

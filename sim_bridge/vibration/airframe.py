@@ -15,9 +15,9 @@ from typing import NamedTuple
 import numpy as np
 
 from sim_bridge import observation as o
-from sim_bridge.compiled import Bound, bound_values, clear, exact
+from sim_bridge.compiled import Bound, bound_values, clear, exact, exact_inlined
 from sim_bridge.observation import Observation
-from sim_bridge.sensors.noise import NormalRows, SensorSeed, split
+from sim_bridge.sensors.noise import CommonRows, NormalRows, SensorSeed, split
 from sim_bridge.vectors import Floats
 from sim_bridge.vehicles.vibration import ModeSpec, VibrationSpec
 from wingbeat.constants import STANDARD_GRAVITY
@@ -38,13 +38,13 @@ class Structure(NamedTuple):
     """Kernel arguments; m modes, n samples in a tick, k impacts per stroke, p periodic forces."""
 
     transition: Floats
-    """(m, 2, 2); of q and its rate over an internal sample"""
+    """(4, m); of q and its rate over an internal sample, row by row"""
     output: Floats
-    """(m, 2); acceleration of q by the structure, of q and its rate"""
+    """(2, m); acceleration of q by the structure, of q and its rate"""
     shapes: Floats
     """(m, 6); translation -, rotation rad/m"""
     forces: Floats
-    """(m, 3); change of q' in a sample: noise m/s, impact m/s, periodic force m/s"""
+    """(3, m); change of q' in a sample: noise m/s, impact m/s, periodic force m/s"""
     kick_phases: Floats
     """(k,)"""
     kick_shifts: Floats
@@ -62,7 +62,7 @@ class Structure(NamedTuple):
     stroke_normals: Floats
     """(blocks, 1 + k)"""
     modes: Floats
-    """(m, 2); q and its rate"""
+    """(3, m); q, its rate and acceleration"""
     filtered: Floats
     """(6, 4); isolator: last two inputs and outputs"""
     memory: Floats
@@ -98,12 +98,13 @@ class AirframeVibration:
         step, count, kicks = period / samples, len(modes), len(spec.kick_phases)
         parts = [_mode(mode, step, factor) for mode in modes.values()]
         sensitivity = math.radians(spec.g_sensitivity) / STANDARD_GRAVITY * factor
-        self._normals, self._stroke_normals = NormalRows(generator, samples, count), NormalRows(generator, 1 + kicks)
+        normals, stroke_normals = NormalRows(generator, samples, count), NormalRows(generator, 1 + kicks)
+        self._rows = CommonRows(normals, stroke_normals)
         self._bound = Bound(Structure(
-            transition=np.array([part[0] for part in parts]).reshape(count, 2, 2),
-            output=np.array([part[1] for part in parts]).reshape(count, 2),
+            transition=_columns([part[0].ravel() for part in parts], 4),
+            output=_columns([part[1] for part in parts], 2),
             shapes=np.array([(*mode.translation, *mode.rotation) for mode in modes.values()]).reshape(count, 6),
-            forces=np.array([part[2] for part in parts]).reshape(count, 3),
+            forces=_columns([part[2] for part in parts], 3),
             kick_phases=np.array(spec.kick_phases, dtype=np.float64),
             kick_shifts=np.zeros(kicks),
             mesh_orders=np.array(spec.mesh_orders, dtype=np.float64),
@@ -113,9 +114,9 @@ class AirframeVibration:
                 factor * 1e-6 * spec.rectification / STANDARD_GRAVITY,
             )),
             coupling=sensitivity * np.asarray(unit.standard_normal(9)).reshape(3, 3),
-            normals=self._normals.rows,
-            stroke_normals=self._stroke_normals.rows,
-            modes=np.zeros((count, 2)),
+            normals=normals.rows,
+            stroke_normals=stroke_normals.rows,
+            modes=np.zeros((3, count)),
             filtered=np.zeros((6, 4)),
             memory=_initial_memory(),
             motion=np.zeros(6),
@@ -136,13 +137,18 @@ class AirframeVibration:
 
     def add_to(self, observed: Floats, flap_rate: float) -> None:
         """Do the same to an observation in an array (`observation.SIZE`,)."""
-        add_vibration(observed, flap_rate, self._normals.next_row(), self._stroke_normals.next_row(), self._bound)
+        add_vibration(observed, flap_rate, self._rows.next_row(), self._bound)
 
 
 def _initial_memory() -> Floats:
     memory = np.zeros(MEMORY)
     memory[SINCE], memory[SCATTER] = LONGEST_STROKE, 1.0
     return memory
+
+
+def _columns(vectors: list[Floats], size: int) -> Floats:
+    """(size, m); contiguous in the modes, so that the compiler vectorizes over them."""
+    return np.ascontiguousarray(np.array(vectors).reshape(len(vectors), size).T)
 
 
 def _mode(mode: ModeSpec, step: float, factor: float) -> tuple[Floats, Floats, Floats]:
@@ -171,8 +177,8 @@ def _isolator(spec: VibrationSpec, step: float) -> Floats:
 
 
 @exact
-def add_vibration(observed: Floats, flap_rate: float, at: int, stroke_at: int, bound: Bound) -> None:
-    """Advance by a tick with these rows of normal numbers; add the vibration to an observation."""
+def add_vibration(observed: Floats, flap_rate: float, at: int, bound: Bound) -> None:
+    """Advance by a tick with the row ``at`` of the normal numbers; add the vibration to an observation."""
     s = bound_values(bound)
     samples = s.normals.shape[1]
     memory, motion, sums = s.memory, s.motion, s.sums
@@ -183,8 +189,9 @@ def add_vibration(observed: Floats, flap_rate: float, at: int, stroke_at: int, b
         rate = first + (flap_rate - first) * (i + 1) / samples
         relative = rate / reference
         memory[LEVEL] += step / LEVEL_TIME * (relative * relative - memory[LEVEL])
-        impact = _stroke(rate, step, stroke_at, s)
-        _move_modes(memory[LEVEL] * memory[SCATTER], impact, s.normals[at, i], s)
+        impact = _stroke(rate, step, at, s)
+        _move_modes(memory[LEVEL] * memory[SCATTER], impact, _periodic(s), s.normals[at, i], s)
+        _sum_modes(s.shapes, s.modes, motion)
         if s.isolator[0] != 0.0:
             _isolate(motion, s.isolator, s.filtered)
         for axis in range(3):
@@ -199,34 +206,46 @@ def add_vibration(observed: Floats, flap_rate: float, at: int, stroke_at: int, b
         observed[o.OMEGA + axis] += sums[3 + axis] / samples + coupled
 
 
-@exact
-def _move_modes(level: float, impact: int, normals: Floats, s: Structure) -> None:
-    """Advance the modes by a sample and sum their motion at the IMU."""
-    memory, modes, transition, output, shapes, forces = s.memory, s.modes, s.transition, s.output, s.shapes, s.forces
-    periodic = 0.0
+@exact_inlined
+def _periodic(s: Structure) -> float:
+    total = 0.0
     for order in s.mesh_orders:
-        periodic += math.cos(math.tau * order * memory[PHASE]) if memory[PERIOD] > 0.0 else 0.0
-    x, y, z, p, q, r = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for j in range(modes.shape[0]):
-        a, b = modes[j, 0], modes[j, 1]
-        modes[j, 0] = deflection = transition[j, 0, 0] * a + transition[j, 0, 1] * b
-        modes[j, 1] = rate = (
-            transition[j, 1, 0] * a
-            + transition[j, 1, 1] * b
-            + level * (forces[j, 0] * normals[j] + forces[j, 1] * impact + forces[j, 2] * periodic)
+        total += math.cos(math.tau * order * s.memory[PHASE]) if s.memory[PERIOD] > 0.0 else 0.0
+    return total
+
+
+@exact_inlined
+def _move_modes(level: float, impact: int, periodic: float, normals: Floats, s: Structure) -> None:
+    """Advance the modes by a sample."""
+    modes, transition, output, forces = s.modes, s.transition, s.output, s.forces
+    for j in range(modes.shape[1]):
+        q, v = modes[0, j], modes[1, j]
+        deflection = transition[0, j] * q + transition[1, j] * v
+        rate = (
+            transition[2, j] * q
+            + transition[3, j] * v
+            + level * (forces[0, j] * normals[j] + forces[1, j] * impact + forces[2, j] * periodic)
         )
-        acceleration = output[j, 0] * deflection + output[j, 1] * rate
+        modes[0, j], modes[1, j] = deflection, rate
+        modes[2, j] = output[0, j] * deflection + output[1, j] * rate
+
+
+@exact_inlined
+def _sum_modes(shapes: Floats, modes: Floats, motion: Floats) -> None:
+    """Sum the motion of the modes at the IMU."""
+    x, y, z, p, q, r = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for j in range(modes.shape[1]):
+        rate, acceleration = modes[1, j], modes[2, j]
         x += shapes[j, 0] * acceleration
         y += shapes[j, 1] * acceleration
         z += shapes[j, 2] * acceleration
         p += shapes[j, 3] * rate
         q += shapes[j, 4] * rate
         r += shapes[j, 5] * rate
-    motion = s.motion
     motion[0], motion[1], motion[2], motion[3], motion[4], motion[5] = x, y, z, p, q, r
 
 
-@exact
+@exact_inlined
 def _stroke(rate: float, step: float, at: int, s: Structure) -> int:
     """Advance the stroke phase by a sample; return the number of impacts in it."""
     memory = s.memory
@@ -253,7 +272,7 @@ def _stroke(rate: float, step: float, at: int, s: Structure) -> int:
     return impacts
 
 
-@exact
+@exact_inlined
 def _isolate(motion: Floats, isolator: Floats, filtered: Floats) -> None:
     """Pass translation and rotation (6,) through the soft mount."""
     for axis in range(6):

@@ -170,7 +170,7 @@ def test_how_long_the_launcher_waits_for_what_the_air_does(
     monkeypatch.setattr(launching, "LAUNCH_PATIENCE", 0.4)
     monkeypatch.setattr(launching, "LONGEST_WAIT", 2.0)
     world = SimulatedWorld(vehicle("robo_raven_ii_d"), Scenario(wind_speed=wind, launch_time=0.1))
-    world.air.gust[:3] = gust
+    world.inputs.gust[:3] = gust
     waited = until_launched(world).time_us * 1e-6 - 0.1
     assert waited == pytest.approx(0.4 * timeout, abs=0.02)
 

@@ -34,9 +34,9 @@ def rolled(underway: Underway, rate: float) -> Flight:
     """The flight on in air that turns at ``rate`` rad/s about its course for a while."""
     twin = copy.deepcopy(underway)
     yaw = float(twin.flight().true_attitude()[2][-1])
-    twin.world.air.gust[3:] = rate * math.cos(yaw), rate * math.sin(yaw), 0.0
+    twin.world.inputs.gust[3:] = rate * math.cos(yaw), rate * math.sin(yaw), 0.0
     twin.until(BEGUN + ROLLING)
-    twin.world.air.gust[:] = 0.0
+    twin.world.inputs.gust[:] = 0.0
     twin.until(BEGUN + ROLLING + 8.0)
     return twin.flight()
 

@@ -1,14 +1,16 @@
-"""The air around one vehicle in flight: standard atmosphere, steady wind and Dryden gusts, one tick at a time."""
+"""Inputs of the plant's next step: actuator commands, standard atmosphere, steady wind and Dryden gusts."""
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
+from avionics.messages import ActuatorCommand
 from sim_bridge import observation as o
 from sim_bridge import plant_kernel as k
-from sim_bridge.compiled import Bound, bound_values, exact
+from sim_bridge.compiled import Bound, bound_values, exact, exact_inlined
 from sim_bridge.environment import dryden
 from sim_bridge.observation import Vector
 from sim_bridge.plant import Plant
@@ -16,10 +18,10 @@ from sim_bridge.vectors import Floats
 from wingbeat import atmosphere
 from wingbeat.atmosphere import HIGHEST, LOWEST, SEA_LEVEL_PRESSURE, SEA_LEVEL_TEMPERATURE, isa
 
-_air_at = exact(atmosphere.air_at)
+_air_at = exact_inlined(atmosphere.air_at)
 
 
-class AirArrays(NamedTuple):
+class InputArrays(NamedTuple):
     """Kernel arguments."""
 
     y: Floats
@@ -27,7 +29,7 @@ class AirArrays(NamedTuple):
     r: Floats
     """(3, 3); r_ned_from_frd at the end of the last step"""
     order: Floats
-    """(21,) out; of the plant's next step: velocity, density and angular velocity of the air"""
+    """(21,) out; controls and surroundings of the plant's next step but for the launcher"""
     observed: Floats
     """(`observation.SIZE`,) in: velocity over ground; out: static pressure, temperature, density"""
     wind: Floats
@@ -45,10 +47,16 @@ class AirArrays(NamedTuple):
     """m; of the vehicle"""
     altitude: float
     """m; of the launch place above mean sea level"""
+    travel: float
+    """rad; largest angle of a wing drive"""
+    tail_travel: float
+    """rad; largest angle of elevator and rudder"""
+    targets: Floats
+    """(2,) rad; last setpoints of the left and the right wing"""
 
 
-class MovingAir:
-    """Air of one flight; `step` before each step of the plant."""
+class PlantInputs:
+    """Inputs of one plant on one flight; `step` before each step of the plant."""
 
     def __init__(
         self, plant: Plant, turbulence: dryden.Turbulence, wind: Vector, heading: float, altitude: float
@@ -69,27 +77,29 @@ class MovingAir:
         """m/s, rad/s; velocity and angular velocity of the air in addition to the wind, NED"""
         self.extra_wind = np.zeros(3)
         """m/s; NED, added to wind and gusts; the caller may write to it"""
-        self._wind, self._noise = np.array(wind), np.zeros((dryden.BLOCK, dryden.DRAWS))
-        self._noise[:] = dryden.noise_block(turbulence.seed, 0)
+        self._wind, self._noise = np.array(wind), dryden.noise_block(turbulence.seed, 0).copy()
         self._bound = Bound(
-            AirArrays(
-                plant.y,
-                plant.scratch.r,
-                plant.order,
-                plant.observed,
-                self._wind,
-                self.extra_wind,
-                self.gust,
-                np.array(dryden.initial(turbulence, heading)[1:]),
-                self._noise,
-                dryden.strength_of(turbulence.level),
-                turbulence.span,
-                altitude,
+            InputArrays(
+                y=plant.y,
+                r=plant.scratch.r,
+                order=plant.order,
+                observed=plant.observed,
+                wind=self._wind,
+                extra=self.extra_wind,
+                gust=self.gust,
+                memory=np.array(dryden.initial(turbulence, heading)[1:]),
+                noise=self._noise,
+                strength=dryden.strength_of(turbulence.level),
+                span=turbulence.span,
+                altitude=altitude,
+                travel=plant.vehicle.drive.travel,
+                tail_travel=plant.vehicle.tail_servo.travel,
+                targets=np.zeros(2),
             )
         )
 
-    def step(self, duration: float) -> None:
-        """Advance the gusts by ``duration`` s; set the surroundings of the plant's next step.
+    def step(self, command: ActuatorCommand, duration: float) -> None:
+        """Advance the gusts by ``duration`` s; set controls and surroundings of the plant's next step.
 
         Raises:
             ValueError: the vehicle is outside the standard atmosphere.
@@ -103,22 +113,59 @@ class MovingAir:
             row = self._tick % dryden.BLOCK
             if row == 0:
                 self._noise[:] = dryden.noise_block(self._turbulence.seed, self._tick // dryden.BLOCK)
-        move_air(row, duration, self._bound)
+        _, left, right, throttle, elevator, rudder, armed = command
+        set_inputs(row, duration, left, right, throttle, elevator, rudder, armed, self._bound)
 
     @property
-    def velocity(self) -> Vector:
+    def air_velocity(self) -> Vector:
         """m/s; velocity of the air at the vehicle, NED: steady wind, gust and `extra_wind`."""
         north, east, down = (self._wind + self.gust[:3] + self.extra_wind).tolist()
         return north, east, down
 
 
 @exact
-def move_air(row: int, dt: float, bound: Bound) -> None:
-    """Advance the gusts by ``dt`` s with a ``row`` of the noise, if any (>= 0); fill order and ambient air."""
+def set_inputs(
+    row: int,
+    dt: float,
+    left: float,
+    right: float,
+    throttle: float,
+    elevator: float,
+    rudder: float,
+    armed: int,
+    bound: Bound,
+) -> None:
+    """Set controls and air of a step of ``dt`` s; advance the gusts with a ``row`` of the noise, if any (>= 0)."""
     a = bound_values(bound)
-    gust, order = a.gust, a.order
+    _set_controls(left, right, throttle, armed != 0, a)
+    a.order[5], a.order[6], a.order[7] = _clip(elevator, a.tail_travel), _clip(rudder, a.tail_travel), dt
     if row >= 0:
         _advance_gust(row, dt, a)
+    _set_air(a)
+
+
+@exact_inlined
+def _set_controls(left: float, right: float, throttle: float, is_armed: bool, a: InputArrays) -> None:
+    """Set the first five and the last two fields of `plant_kernel.Controls`; unarmed wings keep their setpoints."""
+    order, targets = a.order, a.targets
+    order[0], order[2] = targets[0], targets[1]
+    if is_armed:
+        targets[0], targets[1] = _clip(left, a.travel), _clip(right, a.travel)
+    order[1], order[3] = targets[0], targets[1]
+    order[4] = max(_clip(throttle, 1.0), 0.0) if is_armed else 0.0
+    order[8], order[9] = 1.0, 1.0 if is_armed else 0.0
+
+
+@exact_inlined
+def _clip(value: float, limit: float) -> float:
+    if -limit <= value <= limit:
+        return value
+    return math.copysign(limit, value) if math.isfinite(value) else 0.0
+
+
+@exact_inlined
+def _set_air(a: InputArrays) -> None:
+    gust, order = a.gust, a.order
     air = _air_at(a.altitude - a.y[2], SEA_LEVEL_PRESSURE, SEA_LEVEL_TEMPERATURE)
     a.observed[o.STATIC_PRESSURE], a.observed[o.TEMPERATURE], a.observed[o.DENSITY] = air
     for i in range(3):
@@ -129,7 +176,7 @@ def move_air(row: int, dt: float, bound: Bound) -> None:
 
 
 @exact
-def _advance_gust(row: int, dt: float, a: AirArrays) -> None:
+def _advance_gust(row: int, dt: float, a: InputArrays) -> None:
     n, m, v = a.noise[row], a.memory, o.V_NED
     through = (
         a.observed[v] - a.wind[0],
