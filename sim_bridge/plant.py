@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -13,12 +14,11 @@ from sim_bridge.actuators.drives import drive_current
 from sim_bridge.actuators.linkage import FourBar, Motor
 from sim_bridge.aerodynamics.models import air_of
 from sim_bridge.aerodynamics.protocol import strip_loads
-from sim_bridge.compiled import Bound, is_compiled
+from sim_bridge.compiled import Bound, entry_point, is_compiled
 from sim_bridge.mechanism import Mechanism, build_mechanism, total_mass, wing_work
 from sim_bridge.multibody.plates import no_plates
 from sim_bridge.multibody.tree import BASE, blank_kinematics
 from sim_bridge.multibody.wings import wing_places
-from sim_bridge.observation import Vector
 from sim_bridge.vectors import Floats
 from sim_bridge.vehicles import SimulatedVehicle
 from wingbeat.constants import STANDARD_GRAVITY
@@ -176,6 +176,7 @@ class Plant:
     def parameters(self, parameters: k.PlantParameters) -> None:
         self._parameters = parameters
         self._bound = Bound((parameters, self.scratch))
+        self.__dict__.pop("_advance", None)  # the entry point is for one type of `Bound`
 
     def advance(self, controls: k.Controls, around: k.Surroundings) -> Means:
         """Integrate over ``controls.duration`` seconds."""
@@ -188,18 +189,22 @@ class Plant:
         if self._tail is not None:
             self.order[ELEVATOR : ELEVATOR + 2] = self._tail
         current_before = self.scratch.means.item(CURRENT) if self._stalled else 0.0
-        self.touching = k.advance_ordered(self.y, self.order, self._bound)
+        self.touching = self._advance(self.y, self.order, self._bound)
         if self._stalled:
             self._add_stalled_drives(current_before)
+
+    @cached_property
+    def _advance(self) -> Callable[[Floats, Floats, Bound], bool]:
+        return entry_point(k.advance_ordered, self.y, self.order, self._bound)
 
     @property
     def means(self) -> Means:
         """Averages over the last interval."""
         return Means._make(self.scratch.means.tolist())
 
-    def observe_velocities(self, wind: Vector) -> None:
+    def observe_velocities(self, wind: Floats) -> None:
         """Update the velocities of `observed` to the present state, in air that moves with ``wind`` in m/s, NED."""
-        k.observe_velocities(self.y, *wind, self._bound)
+        k.observe_velocities(self.y, self.scratch.r, wind, self.parameters.nose, self.observed)
 
     def jam_tail(self) -> None:
         """Let elevator and rudder stay where they are."""

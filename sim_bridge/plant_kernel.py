@@ -677,22 +677,22 @@ def advance_ordered(y: Floats, order: Floats, bound: Bound) -> bool:
 
     Fills ``Scratch.observed`` but for the air's state and the battery's and drives' constants.
     """
-    _, s = bound_values(bound)
+    p, s = bound_values(bound)
     n = order
     c = Controls(n[0], n[1], n[2], n[3], n[4], n[5], n[6], n[7], n[8], n[9])
     around = Surroundings(n[10], n[11], n[12], n[13], int(n[14]), n[15], n[16], n[17], n[18], n[19], n[20])
     before = s.means[2]
     touching = advance(y, steps_of(c.duration), c, around, bound)
-    _observe(y, before, bound)
-    observe_velocities(y, n[WIND], n[WIND + 1], n[WIND + 2], bound)
+    s.observed[o.CURRENT] = 0.5 * (s.means[2] + before)
+    s.observed[o.OPEN_CIRCUIT_VOLTAGE] = open_circuit_voltage(y[aero_start(p.joints.kind.shape[0]) - 1], p.battery)
+    _observe(y, p.wings.flap, s.means, s.observed)
+    observe_velocities(y, s.r, order[WIND : WIND + 3], p.nose, s.observed)
     return touching
 
 
 @exact
-def _observe(y: Floats, current_before: float, bound: Bound) -> None:
-    """Fill ``Scratch.observed`` with state, means and battery; ``current_before`` in A: of the last interval."""
-    p, s = bound_values(bound)
-    out, means = s.observed, s.means
+def _observe(y: Floats, flap: Integers, means: Floats, out: Floats) -> None:
+    """Fill the part of an observation that state and means have unchanged."""
     for i in range(4):
         out[o.QUATERNION + i] = y[3 + i]
     for i in range(3):
@@ -700,11 +700,9 @@ def _observe(y: Floats, current_before: float, bound: Bound) -> None:
         out[o.FORCE + i] = means[4 + i]
         out[o.POSITION + i] = y[i]
     for side in range(2):
-        if p.wings.flap[side] >= 0:
-            out[o.FLAP_LEFT + side] = y[COORDINATES + p.wings.flap[side]]
+        if flap[side] >= 0:
+            out[o.FLAP_LEFT + side] = y[COORDINATES + flap[side]]
     out[o.TORQUE_LEFT], out[o.TORQUE_RIGHT] = means[0], means[1]
-    out[o.CURRENT] = 0.5 * (means[2] + current_before)
-    out[o.OPEN_CIRCUIT_VOLTAGE] = open_circuit_voltage(y[COORDINATES + 2 * p.joints.kind.shape[0] + 2], p.battery)
 
 
 @exact
@@ -715,10 +713,16 @@ def open_circuit_voltage(charge: float, battery: Floats) -> float:
 
 
 @exact
-def observe_velocities(y: Floats, north: float, east: float, down: float, bound: Bound) -> None:
-    """Fill velocities over ground and through the air at the pitot tube, in air that moves with these m/s, NED."""
-    p, s = bound_values(bound)
-    out, r, nose = s.observed, s.r, p.nose
+def observe_velocities(y: Floats, r: Floats, wind: Floats, nose: float, out: Floats) -> None:
+    """Fill velocities over ground and through the air at the pitot tube.
+
+    Args:
+        r: (3, 3); r_ned_from_frd.
+        wind: (3,) m/s; velocity of the air, NED.
+        nose: m; pitot tube ahead of the base's origin.
+        out: (`observation.SIZE`,).
+    """
+    north, east, down = wind[0], wind[1], wind[2]
     for i in range(3):
         out[o.V_NED + i] = r[i, 0] * y[7] + r[i, 1] * y[8] + r[i, 2] * y[9]
     out[o.V_AIR] = y[7] - (r[0, 0] * north + r[1, 0] * east + r[2, 0] * down)

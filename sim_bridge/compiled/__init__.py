@@ -14,6 +14,7 @@ from sim_bridge.compiled.decorators import (
     noalias,
     nogil_kernel,
 )
+from sim_bridge.compiled.entry import entry_point
 from sim_bridge.compiled.events import on_compilation
 
 __all__ = [
@@ -21,6 +22,7 @@ __all__ = [
     "bound_values",
     "call_far",
     "clear",
+    "entry_point",
     "exact",
     "exact_inlined",
     "far_kernel",

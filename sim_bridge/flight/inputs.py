@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -10,7 +12,7 @@ import numpy as np
 from avionics.messages import ActuatorCommand
 from sim_bridge import observation as o
 from sim_bridge import plant_kernel as k
-from sim_bridge.compiled import Bound, bound_values, exact, exact_inlined
+from sim_bridge.compiled import Bound, bound_values, entry_point, exact, exact_inlined
 from sim_bridge.environment import dryden
 from sim_bridge.observation import Vector
 from sim_bridge.plant import Plant
@@ -114,13 +116,16 @@ class PlantInputs:
             if row == 0:
                 self._noise[:] = dryden.noise_block(self._turbulence.seed, self._tick // dryden.BLOCK)
         _, left, right, throttle, elevator, rudder, armed = command
-        set_inputs(row, duration, left, right, throttle, elevator, rudder, armed, self._bound)
+        self._set_inputs(row, duration, left, right, throttle, elevator, rudder, armed, self._bound)
+
+    @cached_property
+    def _set_inputs(self) -> Callable[..., None]:
+        return entry_point(set_inputs, 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0, self._bound)
 
     @property
-    def air_velocity(self) -> Vector:
-        """m/s; velocity of the air at the vehicle, NED: steady wind, gust and `extra_wind`."""
-        north, east, down = (self._wind + self.gust[:3] + self.extra_wind).tolist()
-        return north, east, down
+    def air_velocity(self) -> Floats:
+        """(3,) m/s; velocity of the air at the vehicle, NED: steady wind, gust and `extra_wind`."""
+        return self._wind + self.gust[:3] + self.extra_wind
 
 
 @exact

@@ -255,7 +255,8 @@ class SimulatedWorld:
         return self._sample()
 
     def _advance(self, command: ActuatorCommand, duration: float) -> None:
-        self.record()
+        if self._unrecorded:
+            self.record()
         self.time_us = round(self._clock.step(duration) * 1e6)
         for text in self.faults.act(self.plant, self._tick, self.time_us * 1e-6):
             self._publish_event(Severity.WARNING, text)
@@ -279,8 +280,9 @@ class SimulatedWorld:
 
     def truth(self) -> TruthState:
         """The vehicle's state at the end of the last step."""
-        y, wind = self.plant.y.tolist(), self.inputs.air_velocity
-        self.plant.observe_velocities(wind)
+        y, air_velocity = self.plant.y.tolist(), self.inputs.air_velocity
+        self.plant.observe_velocities(air_velocity)
+        wind = air_velocity.tolist()
         v_ned = self.plant.observed[o.V_NED : o.V_AIR].tolist()
         air = _rotate_back(self.plant.scratch.r.tolist(), wind)
         air = (y[7] - air[0], y[8] - air[1], y[9] - air[2])
@@ -388,7 +390,7 @@ class SimulatedWorld:
         return power / current if current else open_circuit, power
 
 
-def _rotate_back(r: list[list[float]], v: Vector) -> Vector:
+def _rotate_back(r: list[list[float]], v: list[float]) -> Vector:
     a, b, c = v
     return (
         r[0][0] * a + r[1][0] * b + r[2][0] * c,

@@ -75,9 +75,11 @@ def sense(
     if field_at >= 0:
         _sense_field(field_at, a)
     force = (v[o.FORCE], v[o.FORCE + 1], v[o.FORCE + 2])
-    _put(read_axes(force, ZERO, at, a.accelerometer), a.imu[0:3])
+    read_axes(force, ZERO, at, a.accelerometer, a.imu[0:3])
     omega = (v[o.OMEGA], v[o.OMEGA + 1], v[o.OMEGA + 2])
-    _put(read_axes(omega, step_walk(at, a.walk), at, a.gyroscope), a.imu[3:6])
+    read_axes(omega, step_walk(at, a.walk), at, a.gyroscope, a.imu[3:6])
+    for i in range(9):
+        a.imu[i] = np.float32(a.imu[i])
     noise = a.encoder_noise
     left = count_edges(v[o.FLAP_LEFT], noise * a.encoder_normals[at, 0], a.left)
     right = count_edges(v[o.FLAP_RIGHT], noise * a.encoder_normals[at, 1], a.right)
@@ -100,10 +102,4 @@ def _sense_field(row: int, a: SuiteArrays) -> None:
     v, q, field, current = a.observed, o.QUATERNION, a.earth_field, a.observed[o.CURRENT]
     drive = (a.field_per_ampere[0] * current, a.field_per_ampere[1] * current, a.field_per_ampere[2] * current)
     body = _frd_from_ned((v[q], v[q + 1], v[q + 2], v[q + 3]), (field[0], field[1], field[2]))
-    _put(read_axes(body, drive, row, a.magnetometer), a.imu[6:9])
-
-
-@exact_inlined
-def _put(values: tuple[float, float, float], out: Floats) -> None:
-    for axis in range(3):
-        out[axis] = np.float32(values[axis])
+    read_axes(body, drive, row, a.magnetometer, a.imu[6:9])

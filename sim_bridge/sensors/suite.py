@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from functools import cached_property
 from types import MappingProxyType
 from typing import Any, NamedTuple, get_type_hints
 
 import numpy as np
 
 from sim_bridge import observation as o
-from sim_bridge.compiled import Bound
+from sim_bridge.compiled import Bound, entry_point
 from sim_bridge.environment.home import Home
 from sim_bridge.observation import Observation, Vector
 from sim_bridge.sensors.accelerometer import Accelerometer, AccelerometerSpec
@@ -220,6 +221,10 @@ class SensorSuite:
         observation.fill(self.observed)
         return self.sense(observation.time_us, tick)
 
+    @cached_property
+    def _sense(self) -> Callable[..., bool]:
+        return entry_point(sense, 0, 0, 0, 0, 0, 0, self._bound)
+
     def sense(self, time_us: int, tick: int) -> SensorFrame:
         """Do the same for the observation in `observed`."""
         ticks, arrays, at = self._ticks, self._arrays, self._rows.next_row()
@@ -232,7 +237,7 @@ class SensorSuite:
             burst_at = self._power_sensor.normals.next_row()
         if self._cell_ticks and tick % self._cell_ticks == 0:
             torques_at = self._cells.normals.next_row()
-        if not sense(time_us, at, field_at, pressures_at, burst_at, torques_at, self._bound):
+        if not self._sense(time_us, at, field_at, pressures_at, burst_at, torques_at, self._bound):
             raise divergence(Observation.from_array(time_us, self.observed))
         samples: list[Any] = [None] * len(_FIELD)
         samples[0] = time_us

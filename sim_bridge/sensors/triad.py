@@ -89,7 +89,10 @@ class Triad:
 
     def read(self, value: Vector, drift: Vector = ZERO) -> Vector:
         """Return the measured SI value of the true ``value`` in body axes; ``drift`` in SI adds to the offset."""
-        return read_triad(value, drift, self.normals.next_row(), self._bound)
+        out = np.zeros(3)
+        read_triad(value, drift, self.normals.next_row(), self._bound, out)
+        x, y, z = out.tolist()
+        return x, y, z
 
     @cached_property
     def _bound(self) -> Bound:
@@ -97,20 +100,21 @@ class Triad:
 
 
 @exact
-def read_triad(value: Vector, drift: Vector, at: int, bound: Bound) -> Vector:
+def read_triad(value: Vector, drift: Vector, at: int, bound: Bound, out: Floats) -> None:
     """`read_axes` of one sensor alone."""
-    return read_axes(value, drift, at, bound_values(bound))
+    read_axes(value, drift, at, bound_values(bound), out)
 
 
 @exact_inlined
-def read_axes(value: Vector, drift: Vector, at: int, unit: Unit) -> Vector:
-    """Return the measured SI value with the row ``at`` of the noise."""
-    felt = _filtered(value, unit.low_pass, unit.memory, unit.initialized)
-    return (
-        _reading(felt, drift[0], 0, at, unit),
-        _reading(felt, drift[1], 1, at, unit),
-        _reading(felt, drift[2], 2, at, unit),
-    )
+def read_axes(value: Vector, drift: Vector, at: int, unit: Unit, out: Floats) -> None:
+    """Compute `Triad.read` with the row ``at`` of the noise, ``out`` (3,): in whole counts within the range."""
+    x, y, z = _filtered(value, unit.low_pass, unit.memory, unit.initialized)
+    sensitivity, lowest, highest = unit.conversion[0], unit.conversion[1], unit.conversion[2]
+    for axis in range(3):
+        row, noise = unit.rows[axis], unit.noise[axis] * unit.normals[at, axis]
+        signal = row[0] * x + row[1] * y + row[2] * z + row[3] + sensitivity * drift[axis] + noise
+        counts = np.rint(signal) + 0.0  # a count has no negative zero
+        out[axis] = min(max(counts, lowest), highest) * (1.0 / sensitivity)
 
 
 @exact_inlined
@@ -129,16 +133,6 @@ def _filtered(value: Vector, low_pass: LowPass, memory: Floats, initialized: Flo
         out[2] = keep * out[2] + before * last[2] + now * z
     last[0], last[1], last[2] = x, y, z
     return out[0], out[1], out[2]
-
-
-@exact_inlined
-def _reading(value: Vector, drift: float, axis: int, at: int, unit: Unit) -> float:
-    """SI; of one axis, in whole counts within the sensor's range."""
-    row, conversion, noise = unit.rows[axis], unit.conversion, unit.noise[axis] * unit.normals[at, axis]
-    sensitivity = conversion[0]
-    signal = row[0] * value[0] + row[1] * value[1] + row[2] * value[2] + row[3] + sensitivity * drift + noise
-    counts = np.rint(signal) + 0.0  # a count has no negative zero
-    return float(min(max(counts, conversion[1]), conversion[2]) * (1.0 / sensitivity))
 
 
 Row = tuple[float, float, float, float]

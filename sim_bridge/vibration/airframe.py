@@ -9,13 +9,14 @@ averages over the tick, which is its anti-alias filter.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from sim_bridge import observation as o
-from sim_bridge.compiled import Bound, bound_values, clear, exact, exact_inlined
+from sim_bridge.compiled import Bound, bound_values, clear, entry_point, exact, exact_inlined
 from sim_bridge.observation import Observation
 from sim_bridge.sensors.noise import CommonRows, NormalRows, SensorSeed, split
 from sim_bridge.vectors import Floats
@@ -137,7 +138,11 @@ class AirframeVibration:
 
     def add_to(self, observed: Floats, flap_rate: float) -> None:
         """Do the same to an observation in an array (`observation.SIZE`,)."""
-        add_vibration(observed, flap_rate, self._rows.next_row(), self._bound)
+        self._add_vibration(observed, flap_rate, self._rows.next_row(), self._bound)
+
+    @cached_property
+    def _add_vibration(self) -> Callable[[Floats, float, int, Bound], None]:
+        return entry_point(add_vibration, np.zeros(o.SIZE), 0.0, 0, self._bound)
 
 
 def _initial_memory() -> Floats:
