@@ -135,7 +135,7 @@ CURRENT = Means._fields.index("current")
 
 def physics_compiled() -> bool:
     """Whether a plant flies at once; if not, the first step of one takes half a minute, once."""
-    return is_compiled(k.advance)
+    return is_compiled(k.advance_ordered)
 
 
 class Plant:

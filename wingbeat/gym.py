@@ -78,9 +78,10 @@ class FlappingEnv(gymnasium.Env[Observation, Observation]):
             turbulence: Dryden gusts, as `wingbeat.fly`.
             time_limit: s; length of an episode.
             handover: s; from the launch to the start of the episode.
-            simulation: further arguments of `wingbeat.Simulation`.
+            simulation: further arguments of `wingbeat.Simulation` (``vibration`` is 0 unless given: observations are
+                the true state).
         """
-        self._settings = {"vehicle": vehicle, "wind": wind, "turbulence": turbulence, **simulation}
+        self._settings = {"vehicle": vehicle, "wind": wind, "turbulence": turbulence, "vibration": 0.0, **simulation}
         self._time_limit, self._handover = time_limit, handover
         self.observation_space = gymnasium.spaces.Box(-LIMITS, LIMITS, dtype=np.float32)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (4,), np.float32)

@@ -8,7 +8,7 @@ import socket
 import sys
 import threading
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -28,7 +28,8 @@ from avionics.vehicles import load_vehicle
 from avionics.vehicles import vehicle_names as flown_names
 from groundstation.command import options
 from groundstation.command.children import Children, Failure
-from groundstation.command.compiling import announced, load_physics
+from groundstation.command.compiling import announced, compile_physics, load_physics
+from groundstation.command.compiling_ahead import LATER, CompilationAhead
 from groundstation.command.live import add_live, shown_live
 from groundstation.command.recordings import put_right
 from groundstation.command.sim import REAL_TIME, simulated
@@ -58,7 +59,7 @@ from sim_bridge.plant import physics_compiled
 from sim_bridge.sensors.transmitter import load_script
 from sim_bridge.topics import STATE
 from sim_bridge.vehicles import vehicle_names
-from sim_bridge.vibration.flight import check_vibration
+from sim_bridge.vibration.flight import vibration_factor
 from wingbeat.errors import InputError
 
 if TYPE_CHECKING:
@@ -121,6 +122,8 @@ class Plan(NamedTuple):
     """of the command line, then of the mission"""
     findings: tuple[Finding, ...]
     """what is outside the range of the aerodynamic model at cruise"""
+    vibration: float
+    """-; factor of the vibration of the vehicle file"""
     log: Path = Path()
     """joined log, after its name is locked"""
 
@@ -191,10 +194,9 @@ def _run(chosen: argparse.Namespace, plan: Plan) -> int:
         put_right(plan.log.parent)
     faults: dict[str, str] = {}
     try:
-        with shown_live(chosen.live, plan.parts) as live:
-            _prepare(plan, chosen.json)
+        with shown_live(chosen.live, plan.parts) as live, _prepared(plan, chosen.json) as ahead:
             began = time.monotonic()
-            _fly(plan, chosen, console, faults)
+            _fly(plan, chosen, console, faults, ahead)
         if live is not None and live.traceback:
             faults["live view"] = live.traceback
     except KeyboardInterrupt:
@@ -230,11 +232,11 @@ def check(chosen: argparse.Namespace) -> Plan:
     faults = (*chosen.fault, *mission_faults(chosen.mission))
     options.check_times(faults, chosen.duration)
     check_carried(faults, body.sections)
-    check_vibration(body, chosen.vibration)
+    vibration = vibration_factor(body, chosen.vibration)
     name = storage_name(vehicle)  # two vehicles of one name leave recordings that can be told apart
     findings = tuple(range_findings(cruise_excesses(body)))
     notes = (*notes, *(f"warning: {one.text}" for one in findings))
-    return Plan(chosen.vehicle, name, vehicle.title, body.aerodynamics.model, notes, faults, findings)
+    return Plan(chosen.vehicle, name, vehicle.title, body.aerodynamics.model, notes, faults, findings, vibration)
 
 
 def _check_log(log: Path) -> None:
@@ -260,15 +262,29 @@ def _check_flyable(name: str) -> None:
         )
 
 
-def _prepare(plan: Plan, quiet: bool) -> None:
-    """Compile the physics before the timeouts of the flight start."""
+@contextmanager
+def _prepared(plan: Plan, quiet: bool) -> Iterator[Callable[[], None]]:
+    """Compile the physics before the timeouts of the flight start; yield how to wait for what is compiled during it.
+
+    A second process then compiles for the identification while the flight lasts.
+    """
     vehicle = simulated(options.vehicle_files(plan.vehicle)[0], plan.aerodynamics)
-    if not physics_compiled() or is_compiled_separately(vehicle.aerodynamics.model):
-        load_physics(vehicle, quiet)
+    if physics_compiled():
+        if is_compiled_separately(vehicle.aerodynamics.model):
+            load_physics(vehicle, quiet)
+        yield lambda: None
+        return
+    with CompilationAhead(vehicle, tuple(LATER)) as ahead:
+        compile_physics(ahead, quiet)
+        yield ahead.wait
 
 
-def _fly(plan: Plan, chosen: argparse.Namespace, console: Console, faults: dict[str, str]) -> None:
+def _fly(
+    plan: Plan, chosen: argparse.Namespace, console: Console, faults: dict[str, str], compiled: Callable[[], None]
+) -> None:
     """Fly; exceptions of the view are added to ``faults`` with their traceback.
+
+    ``compiled`` waits for the kernels that the identification needs.
 
     Raises:
         InputError: invalid input of one of the two processes. NoAnswer: one of them failed.
@@ -279,7 +295,8 @@ def _fly(plan: Plan, chosen: argparse.Namespace, console: Console, faults: dict[
     try:
         with Children() as children:
             _start(children, plan, chosen, connection.url)
-            threading.Thread(target=_load_identification, daemon=True).start()
+            loading = threading.Thread(target=_load_identification, args=(compiled,), daemon=True)
+            loading.start()
             isolation = Isolation()
             if console.is_terminal and not chosen.json:
                 isolation.guard("view").run(_watch_picture, children, connection, plan, console)
@@ -292,6 +309,9 @@ def _fly(plan: Plan, chosen: argparse.Namespace, console: Console, faults: dict[
             while children.running():
                 time.sleep(REFRESH)
             failure, said = children.failure(), children.last_words()
+        if failure is None:
+            with console.status("compiling for the identification") if console.is_terminal else nullcontext():
+                loading.join()
         if failure is not None:
             raise _failed(failure, plan)
         for line in said:
@@ -310,7 +330,7 @@ def _start(children: Children, plan: Plan, chosen: argparse.Namespace, observer:
     speed = "max" if math.isinf(chosen.speed) else repr(chosen.speed)
     world = ["--vehicle", simulated, *epoch, "--listen", bridge, "--speed", speed, "--seed", str(chosen.seed)]
     world += ["--duration", repr(chosen.duration), "--wind", repr(chosen.wind)]
-    world += ["--turbulence", chosen.turbulence, "--vibration", repr(chosen.vibration)]
+    world += ["--turbulence", chosen.turbulence, "--vibration", repr(plan.vibration)]
     world += ["--wind-from", repr(math.degrees(chosen.wind_from)), "--log", str(plan.parts[0])]
     world += ["--aerodynamics", plan.aerodynamics]
     world += [] if chosen.sticks is None else ["--sticks", chosen.sticks]
@@ -419,8 +439,9 @@ def _report_kept(kept: Sequence[Kept]) -> None:
         print(f"wingbeat: a recording ended early: {part.path}: {part.damage}", file=sys.stderr)
 
 
-def _load_identification() -> None:
+def _load_identification(compiled: Callable[[], None]) -> None:
     """Import what the report needs while the flight lasts: a second that nobody then waits for."""
+    compiled()  # or this process would compile the same
     with suppress(ImportError):  # which the report raises again, where it is told
         from groundstation.command import identify  # noqa: F401
 
@@ -503,7 +524,7 @@ def _entries(plan: Plan, chosen: argparse.Namespace) -> dict[str, object]:
         "sticks": chosen.sticks,
         "faults": options.fault_words(plan.faults)[1::2],
         "turbulence": chosen.turbulence,
-        "vibration": chosen.vibration,
+        "vibration": plan.vibration,
         "findings": [one.document() for one in plan.findings],
     }
 

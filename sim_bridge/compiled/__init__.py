@@ -4,6 +4,7 @@ from sim_bridge.compiled.arrays import clear
 from sim_bridge.compiled.bound import Bound, bound_values, call_far, far_kernel, run_far
 from sim_bridge.compiled.cache import is_compiled
 from sim_bridge.compiled.decorators import (
+    compile_for_callers,
     exact,
     exact_inlined,
     inlined,
@@ -16,12 +17,15 @@ from sim_bridge.compiled.decorators import (
 )
 from sim_bridge.compiled.entry import entry_point
 from sim_bridge.compiled.events import on_compilation
+from sim_bridge.compiled.mode import PLAIN
 
 __all__ = [
+    "PLAIN",
     "Bound",
     "bound_values",
     "call_far",
     "clear",
+    "compile_for_callers",
     "entry_point",
     "exact",
     "exact_inlined",

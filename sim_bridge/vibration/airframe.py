@@ -2,8 +2,10 @@
 
 Each mode is a linear oscillator (exact discretization at `INTERNAL_RATE`). Broadband forces, impacts of the drive and
 periodic forces excite it with the square of the stroke rate: buffeting is proportional to dynamic pressure, and an
-impact's velocity to the square of the speed in a stroke of fixed free play. The IMU clips at the internal rate and
-averages over the tick, which is its anti-alias filter.
+impact's velocity to the square of the speed in a stroke of fixed free play. The IMU senses the mode's velocity times
+its natural frequency as acceleration: that of a mode under forces whose spectrum falls with the square of the
+frequency, as that of turbulence does. Far below its resonance a structure is rigid and adds nothing. The IMU clips at
+the internal rate and averages over the tick, which is its anti-alias filter.
 """
 
 from __future__ import annotations
@@ -40,8 +42,8 @@ class Structure(NamedTuple):
 
     transition: Floats
     """(4, m); of q and its rate over an internal sample, row by row"""
-    output: Floats
-    """(2, m); acceleration of q by the structure, of q and its rate"""
+    omega: Floats
+    """(m,) rad/s; acceleration by the rate of q: the natural frequency"""
     shapes: Floats
     """(m, 6); translation -, rotation rad/m"""
     forces: Floats
@@ -103,7 +105,7 @@ class AirframeVibration:
         self._rows = CommonRows(normals, stroke_normals)
         self._bound = Bound(Structure(
             transition=_columns([part[0].ravel() for part in parts], 4),
-            output=_columns([part[1] for part in parts], 2),
+            omega=np.array([part[1] for part in parts]),
             shapes=np.array([(*mode.translation, *mode.rotation) for mode in modes.values()]).reshape(count, 6),
             forces=_columns([part[2] for part in parts], 3),
             kick_phases=np.array(spec.kick_phases, dtype=np.float64),
@@ -156,17 +158,16 @@ def _columns(vectors: list[Floats], size: int) -> Floats:
     return np.ascontiguousarray(np.array(vectors).reshape(len(vectors), size).T)
 
 
-def _mode(mode: ModeSpec, step: float, factor: float) -> tuple[Floats, Floats, Floats]:
-    """Return transition (2, 2), acceleration output (2,) and forces (3,) of a mode."""
+def _mode(mode: ModeSpec, step: float, factor: float) -> tuple[Floats, float, Floats]:
+    """Return transition (2, 2), natural frequency in rad/s and forces (3,) of a mode."""
     from scipy.linalg import expm, solve_discrete_lyapunov  # for a flight with vibration only
 
     omega = math.tau * mode.frequency
-    output = np.array((-omega * omega, -2.0 * mode.damping * omega))
-    transition = expm(step * np.array(((0.0, 1.0), output)))
+    transition = expm(step * np.array(((0.0, 1.0), (-omega * omega, -2.0 * mode.damping * omega))))
     covariance = solve_discrete_lyapunov(transition, np.diag((0.0, 1.0)))
-    per_unit = math.sqrt(output @ covariance @ output)  # RMS acceleration by unit steps of the rate
+    per_unit = omega * math.sqrt(covariance[1, 1])  # RMS acceleration by unit steps of the rate
     forces = factor * np.array((mode.buffet / per_unit, mode.kick, mode.mesh * step))
-    return transition, output, forces
+    return transition, omega, forces
 
 
 def _isolator(spec: VibrationSpec, step: float) -> Floats:
@@ -222,7 +223,7 @@ def _periodic(s: Structure) -> float:
 @exact_inlined
 def _move_modes(level: float, impact: int, periodic: float, normals: Floats, s: Structure) -> None:
     """Advance the modes by a sample."""
-    modes, transition, output, forces = s.modes, s.transition, s.output, s.forces
+    modes, transition, omega, forces = s.modes, s.transition, s.omega, s.forces
     for j in range(modes.shape[1]):
         q, v = modes[0, j], modes[1, j]
         deflection = transition[0, j] * q + transition[1, j] * v
@@ -232,7 +233,7 @@ def _move_modes(level: float, impact: int, periodic: float, normals: Floats, s: 
             + level * (forces[0, j] * normals[j] + forces[1, j] * impact + forces[2, j] * periodic)
         )
         modes[0, j], modes[1, j] = deflection, rate
-        modes[2, j] = output[0, j] * deflection + output[1, j] * rate
+        modes[2, j] = omega[j] * rate
 
 
 @exact_inlined
