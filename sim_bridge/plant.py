@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
+from sim_bridge import observation as o
 from sim_bridge import plant_kernel as k
 from sim_bridge.actuators.drives import drive_current
 from sim_bridge.actuators.linkage import FourBar, Motor
 from sim_bridge.aerodynamics.models import air_of
 from sim_bridge.aerodynamics.protocol import strip_loads
-from sim_bridge.compiled import Bound, is_compiled
+from sim_bridge.compiled import Bound, entry_point, is_compiled
 from sim_bridge.mechanism import Mechanism, build_mechanism, total_mass, wing_work
 from sim_bridge.multibody.plates import no_plates
 from sim_bridge.multibody.tree import BASE, blank_kinematics
@@ -27,8 +28,9 @@ DRIVES = {"servo": k.SERVO, "crank": k.CRANK, "linkage": k.LINKAGE}
 NO_LINKAGE = FourBar(0.0, 1.0, 1.0, 1.0, 0.0, 0.0, False)
 NO_MOTOR = Motor(1.0, 1.0, 0.0, 1.0, 1.0, 1.0)
 """what stands in the kernel's parameters for vehicles that have none"""
-STEP = 0.001
-"""s; of the integrator (a tick is cut into equal steps no longer than this)"""
+CONTROLS = len(k.Controls._fields)
+ELEVATOR = k.Controls._fields.index("elevator")
+"""index in an order; the rudder is the next"""
 
 
 def contact_points(vehicle: SimulatedVehicle) -> Floats:
@@ -65,6 +67,7 @@ def plant_parameters(vehicle: SimulatedVehicle, mechanism: Mechanism) -> k.Plant
         current=np.array([drive.torque_constant, drive.torque_offset, drive.idle_current]),
         battery=np.array([battery.full_voltage, battery.empty_voltage, battery.capacity, battery.resistance]),
         weight=total_mass(vehicle) * STANDARD_GRAVITY,
+        nose=hull.contact_nose,
     )
 
 
@@ -92,6 +95,7 @@ def scratch(mechanism: Mechanism) -> k.Scratch:
         trial=np.zeros(mechanism.layout.size),
         total=np.zeros(mechanism.layout.size),
         means=np.zeros(len(Means._fields)),
+        observed=np.zeros(o.SIZE),
     )
 
 
@@ -114,10 +118,6 @@ def initial_state(vehicle: SimulatedVehicle, mechanism: Mechanism) -> Floats:
     return y
 
 
-def _steps(duration: float) -> int:
-    return max(1, math.ceil(duration / STEP - 1e-9))
-
-
 class Means(NamedTuple):
     """Averages over the last interval: drives, and the specific force at the IMU in body axes."""
 
@@ -128,6 +128,9 @@ class Means(NamedTuple):
     specific_force_x: float
     specific_force_y: float
     specific_force_z: float
+
+
+CURRENT = Means._fields.index("current")
 
 
 def physics_compiled() -> bool:
@@ -151,9 +154,16 @@ class Plant:
         self.scratch = scratch(self.mechanism)
         self.parameters = plant_parameters(vehicle, self.mechanism)
         self.scratch.drive[k.VOLTAGE] = vehicle.battery.full_voltage
+        self.observed = self.scratch.observed
+        """(`observation.SIZE`,); input of the sensors after `step`; ambient air: see `flight.moving_air`"""
+        self.observed[o.BATTERY_RESISTANCE :] = (
+            vehicle.battery.resistance,
+            vehicle.drive.pulse_current,
+            vehicle.drive.pwm_frequency,
+        )
         self.touching = False
-        self._order = np.zeros(k.ORDER.size // 8)
-        self._commanded = (0.0, 0.0)
+        self.order = np.zeros(k.ORDER.size // 8)
+        """(21,); controls and surroundings of the next `step`, see `plant_kernel.ORDER`"""
         self._tail: tuple[float, float] | None = None
         self._stalled: dict[int, float] = {}
 
@@ -166,21 +176,39 @@ class Plant:
     def parameters(self, parameters: k.PlantParameters) -> None:
         self._parameters = parameters
         self._bound = Bound((parameters, self.scratch))
+        self.__dict__.pop("_advance", None)  # the entry point is for one type of `Bound`
 
     def advance(self, controls: k.Controls, around: k.Surroundings) -> Means:
         """Integrate over ``controls.duration`` seconds."""
+        k.ORDER.pack_into(self.order.data, 0, *controls, *around)
+        self.step()
+        return self.means
+
+    def step(self) -> None:
+        """Integrate over the interval that `order` describes; `means` and `observed` have the result."""
         if self._tail is not None:
-            controls = controls._replace(elevator=self._tail[0], rudder=self._tail[1])
-        self._commanded = (controls.elevator, controls.rudder)
-        steps = _steps(controls.duration)
-        k.ORDER.pack_into(self._order.data, 0, *controls, *around)
-        self.touching = k.advance_ordered(self.y, steps, self._order, self._bound)
-        means = Means._make(self.scratch.means.tolist())
-        return self._with_stalled_drives(means, controls) if self._stalled else means
+            self.order[ELEVATOR : ELEVATOR + 2] = self._tail
+        current_before = self.scratch.means.item(CURRENT) if self._stalled else 0.0
+        self.touching = self._advance(self.y, self.order, self._bound)
+        if self._stalled:
+            self._add_stalled_drives(current_before)
+
+    @cached_property
+    def _advance(self) -> Callable[[Floats, Floats, Bound], bool]:
+        return entry_point(k.advance_ordered, self.y, self.order, self._bound)
+
+    @property
+    def means(self) -> Means:
+        """Averages over the last interval."""
+        return Means._make(self.scratch.means.tolist())
+
+    def observe_velocities(self, wind: Floats) -> None:
+        """Update the velocities of `observed` to the present state, in air that moves with ``wind`` in m/s, NED."""
+        k.observe_velocities(self.y, self.scratch.r, wind, self.parameters.nose, self.observed)
 
     def jam_tail(self) -> None:
         """Let elevator and rudder stay where they are."""
-        at, commanded = (self.layout.elevator, self.layout.rudder), self._commanded
+        at, commanded = (self.layout.elevator, self.layout.rudder), self.order[ELEVATOR : ELEVATOR + 2].tolist()
         angles = [float(self.y[i]) if i >= 0 else angle for i, angle in zip(at, commanded, strict=True)]
         self._tail = (angles[0], angles[1])
 
@@ -208,13 +236,10 @@ class Plant:
     def _cranked(self) -> bool:
         return bool(self.parameters.drive_kind != k.SERVO)
 
-    def _with_stalled_drives(self, means: Means, controls: k.Controls) -> Means:
-        """The means with the torque and current of drives whose wings are jammed, and their charge drawn."""
-        torques, drive, motor = (
-            [means.torque_left, means.torque_right],
-            self.parameters.drive,
-            self.parameters.current,
-        )
+    def _add_stalled_drives(self, current_before: float) -> None:
+        """Add torque and current of drives whose wings are jammed to the means, and draw their charge."""
+        controls, means, drive = k.Controls(*self.order[:CONTROLS].tolist()), self.means, self.parameters.drive
+        torques, motor = [means.torque_left, means.torque_right], self.parameters.current
         current, voltage = 0.0, float(self.scratch.drive[k.VOLTAGE])
         stall = float(drive[0]) * voltage / float(drive[2])
         for i, angle in self._stalled.items():
@@ -224,11 +249,11 @@ class Plant:
             torques[i] = min(max(pull, -stall), stall)
             current += drive_current(torques[i] * controls.conducting, *motor.tolist())
         self.y[self.layout.charge] += current * controls.duration
-        return means._replace(
-            torque_left=torques[0],
-            torque_right=torques[1],
-            current=means.current + current,
-            electrical_power=means.electrical_power + current * voltage,
+        total, power = means.current + current, means.electrical_power + current * voltage
+        self.scratch.means[:4] = *torques, total, power
+        self.observed[o.TORQUE_LEFT : o.CURRENT + 1] = *torques, 0.5 * (total + current_before)
+        self.observed[o.OPEN_CIRCUIT_VOLTAGE] = k.open_circuit_voltage(
+            self.y.item(self.layout.charge), self.parameters.battery
         )
 
     def follow(self, controls: Sequence[k.Controls], around: k.Surroundings) -> tuple[Floats, Floats]:
@@ -237,7 +262,7 @@ class Plant:
         Returns:
             the state at the end of each, (n, len(y)), and the fields of `Means` over each, (n, 7).
         """
-        commands = np.array([(*one, _steps(one.duration)) for one in controls], dtype=np.float64)
+        commands = np.array([(*one, k.steps_of(one.duration)) for one in controls], dtype=np.float64)
         history = np.zeros((len(controls), self.y.shape[0] + len(Means._fields)))
         self.touching = k.follow(self.y, commands, around, self._bound, history)
         return history[:, : self.y.shape[0]], history[:, self.y.shape[0] :]
@@ -246,10 +271,11 @@ class Plant:
         """Have the kernels compiled; the state is left as it is."""
         before = self.y.copy()
         self.advance(
-            k.Controls(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, STEP, 0.0),
+            k.Controls(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, k.STEP, 0.0),
             k.Surroundings(0.0, 0.0, 0.0, 1.225, k.HELD, 0.0, 0.0, 0.0),
         )
         self.y[:] = before
+        self.scratch.means[:] = 0.0
         self.touching = False
 
     def evaluate(self, controls: k.Controls, around: k.Surroundings) -> Floats:

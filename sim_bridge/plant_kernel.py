@@ -11,12 +11,23 @@ import math
 import struct
 from typing import NamedTuple
 
+from sim_bridge import observation as o
 from sim_bridge.actuators.drives import drive_current, servo_torque
 from sim_bridge.actuators.linkage import FourBar, Motor, flap_motion
 from sim_bridge.actuators.linkage import drive as motor_drive
 from sim_bridge.aerodynamics import models
 from sim_bridge.aerodynamics.surfaces import body_drag
-from sim_bridge.compiled import Bound, bound_values, clear, inlined, inlined_internal, internal, kernel, noalias
+from sim_bridge.compiled import (
+    Bound,
+    bound_values,
+    clear,
+    exact,
+    inlined,
+    inlined_internal,
+    internal,
+    kernel,
+    noalias,
+)
 from sim_bridge.multibody.contact import ground_force
 from sim_bridge.multibody.plates import Plates, add_plates
 from sim_bridge.multibody.tree import BASE, Equations, Kinematics, Tree, add_wrench, assemble, impose, move, solve
@@ -103,6 +114,8 @@ class PlantParameters(NamedTuple):
     """(4,) full V, empty V, capacity C, resistance ohm"""
     weight: float
     """N"""
+    nose: float
+    """m; pitot tube ahead of the base's origin"""
 
 
 class Controls(NamedTuple):
@@ -189,6 +202,8 @@ class Scratch(NamedTuple):
     """(len(y),); sum of the stages' rates"""
     means: Floats
     """(7,); over the interval, see `advance`"""
+    observed: Floats
+    """(`observation.SIZE`,); input of the sensors at the end of the interval, see `advance_ordered`"""
 
 
 @kernel
@@ -642,17 +657,77 @@ def advance(y: Floats, steps: int, c: Controls, around: Surroundings, bound: Bou
     return touching
 
 
+STEP = 0.001
+"""s; longest step of the integrator; an interval is divided into equal ones"""
 ORDER = struct.Struct(f"<{len(Controls._fields) + len(Surroundings._fields)}d")
 """`Controls` and `Surroundings` as `advance_ordered` takes them"""
+WIND, AIR_DENSITY, LAUNCHER, AIR_TURN = 10, 13, 14, 18
+"""where in an order the air's velocity, its density, the launcher and the air's angular velocity begin"""
+
+
+@exact
+def steps_of(duration: float) -> int:
+    """Number of the integrator's steps in ``duration`` s."""
+    return max(1, math.ceil(duration / STEP - 1e-9))
 
 
 @kernel
-def advance_ordered(y: Floats, steps: int, order: Floats, bound: Bound) -> bool:
-    """`advance` by the numbers of `Controls`, then `Surroundings`, (21,): numba unpacks an array faster than them."""
-    o = order
-    c = Controls(o[0], o[1], o[2], o[3], o[4], o[5], o[6], o[7], o[8], o[9])
-    around = Surroundings(o[10], o[11], o[12], o[13], int(o[14]), o[15], o[16], o[17], o[18], o[19], o[20])
-    return advance(y, steps, c, around, bound)
+def advance_ordered(y: Floats, order: Floats, bound: Bound) -> bool:
+    """`advance` by the numbers of `Controls`, then `Surroundings`, (21,): numba unpacks an array faster than them.
+
+    Fills ``Scratch.observed`` but for the air's state and the battery's and drives' constants.
+    """
+    p, s = bound_values(bound)
+    n = order
+    c = Controls(n[0], n[1], n[2], n[3], n[4], n[5], n[6], n[7], n[8], n[9])
+    around = Surroundings(n[10], n[11], n[12], n[13], int(n[14]), n[15], n[16], n[17], n[18], n[19], n[20])
+    before = s.means[2]
+    touching = advance(y, steps_of(c.duration), c, around, bound)
+    s.observed[o.CURRENT] = 0.5 * (s.means[2] + before)
+    s.observed[o.OPEN_CIRCUIT_VOLTAGE] = open_circuit_voltage(y[aero_start(p.joints.kind.shape[0]) - 1], p.battery)
+    _observe(y, p.wings.flap, s.means, s.observed)
+    observe_velocities(y, s.r, order[WIND : WIND + 3], p.nose, s.observed)
+    return touching
+
+
+@exact
+def _observe(y: Floats, flap: Integers, means: Floats, out: Floats) -> None:
+    """Fill the part of an observation that state and means have unchanged."""
+    for i in range(4):
+        out[o.QUATERNION + i] = y[3 + i]
+    for i in range(3):
+        out[o.OMEGA + i] = y[10 + i]
+        out[o.FORCE + i] = means[4 + i]
+        out[o.POSITION + i] = y[i]
+    for side in range(2):
+        if flap[side] >= 0:
+            out[o.FLAP_LEFT + side] = y[COORDINATES + flap[side]]
+    out[o.TORQUE_LEFT], out[o.TORQUE_RIGHT] = means[0], means[1]
+
+
+@exact
+def open_circuit_voltage(charge: float, battery: Floats) -> float:
+    """V; of the battery after ``charge`` in C was drawn."""
+    drawn = min(charge / battery[2], 1.2)
+    return float(battery[0] + (battery[1] - battery[0]) * drawn)
+
+
+@exact
+def observe_velocities(y: Floats, r: Floats, wind: Floats, nose: float, out: Floats) -> None:
+    """Fill velocities over ground and through the air at the pitot tube.
+
+    Args:
+        r: (3, 3); r_ned_from_frd.
+        wind: (3,) m/s; velocity of the air, NED.
+        nose: m; pitot tube ahead of the base's origin.
+        out: (`observation.SIZE`,).
+    """
+    north, east, down = wind[0], wind[1], wind[2]
+    for i in range(3):
+        out[o.V_NED + i] = r[i, 0] * y[7] + r[i, 1] * y[8] + r[i, 2] * y[9]
+    out[o.V_AIR] = y[7] - (r[0, 0] * north + r[1, 0] * east + r[2, 0] * down)
+    out[o.V_AIR + 1] = y[8] + y[12] * nose - (r[0, 1] * north + r[1, 1] * east + r[2, 1] * down)
+    out[o.V_AIR + 2] = y[9] - y[11] * nose - (r[0, 2] * north + r[1, 2] * east + r[2, 2] * down)
 
 
 @kernel

@@ -54,6 +54,11 @@ def isa(
     """
     if not LOWEST <= altitude <= HIGHEST:
         raise ValueError(f"altitude {altitude:g} m is outside the standard atmosphere ({LOWEST:g} to {HIGHEST:g} m)")
+    return air_at(altitude, sea_level_pressure, sea_level_temperature)
+
+
+def air_at(altitude: float, sea_level_pressure: float, sea_level_temperature: float) -> Air:
+    """Compute `isa` without its check of the range; the simulator compiles this function."""
     temperature = sea_level_temperature - LAPSE_RATE * min(altitude, TROPOPAUSE)
     pressure = sea_level_pressure * math.pow(temperature / sea_level_temperature, _PRESSURE_EXPONENT)
     if altitude > TROPOPAUSE:

@@ -5,6 +5,8 @@ from sim_bridge.compiled.bound import Bound, bound_values, call_far, far_kernel,
 from sim_bridge.compiled.cache import is_compiled
 from sim_bridge.compiled.decorators import (
     compile_for_callers,
+    exact,
+    exact_inlined,
     inlined,
     inlined_internal,
     internal,
@@ -13,6 +15,7 @@ from sim_bridge.compiled.decorators import (
     noalias,
     nogil_kernel,
 )
+from sim_bridge.compiled.entry import entry_point
 from sim_bridge.compiled.events import on_compilation
 from sim_bridge.compiled.mode import PLAIN
 
@@ -23,6 +26,9 @@ __all__ = [
     "call_far",
     "clear",
     "compile_for_callers",
+    "entry_point",
+    "exact",
+    "exact_inlined",
     "far_kernel",
     "inlined",
     "inlined_internal",

@@ -1,7 +1,8 @@
 """Decorators that compile functions with numba, cached on disk.
 
-All but `njit` allow the compiler to reorder sums and to contract a product and a sum; not-a-number propagates. A
-division by zero gives an infinity, as in NumPy.
+`exact`, `exact_inlined` and `njit` round each operation as Python does. The others allow the compiler to reorder sums
+and to contract a product and a sum; not-a-number propagates. In all but `njit` a division by zero gives an infinity,
+as in NumPy.
 """
 
 from __future__ import annotations
@@ -61,13 +62,13 @@ def _cached(function: Function, signature: tuple[Any, ...], cache: bool, options
     return dispatcher
 
 
-def _compile(function: Function, **options: Any) -> Function:
+def _compile(function: Function, fastmath: frozenset[str] = FASTMATH, **options: Any) -> Function:
     if PLAIN:
         options = {name: value for name, value in options.items() if name in _PUBLIC}
     else:
         # A kernel allocates nothing, so it needs no reference counts.
         options |= {"_nrt": False, "no_cfunc_wrapper": True}
-    compiled: Function = njit(error_model="numpy", fastmath=set(FASTMATH), **options)(function)
+    compiled: Function = njit(error_model="numpy", fastmath=set(fastmath), **options)(function)
     return compiled
 
 
@@ -78,6 +79,16 @@ def _is_private(function: Callable[..., object]) -> bool:
 def kernel(function: Function) -> Function:
     """Compile a function that Python and other kernels call."""
     return _compile(function)
+
+
+def exact(function: Function) -> Function:
+    """Compile a `kernel` that rounds each operation as Python does; a private one is also `internal`."""
+    return _compile(function, fastmath=frozenset(), no_cpython_wrapper=_is_private(function))
+
+
+def exact_inlined(function: Function) -> Function:
+    """Compile an `inlined` kernel that rounds each operation as Python does."""
+    return _compile(function, fastmath=frozenset(), forceinline=True, no_cpython_wrapper=_is_private(function))
 
 
 def nogil_kernel(function: Function) -> Function:
@@ -114,6 +125,8 @@ def noalias(function: Function) -> Function:
 __all__ = [
     "FASTMATH",
     "compile_for_callers",
+    "exact",
+    "exact_inlined",
     "inlined",
     "inlined_internal",
     "internal",

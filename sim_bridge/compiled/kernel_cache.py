@@ -65,8 +65,12 @@ class KernelCache(FunctionCache):
         compiler fills the tables itself if the cache has no such kernel.
         """
         rtsys.initialize(target_context)
-        with self._guard_against_spurious_io_errors():
-            return self._load_overload(signature, target_context)
+        try:
+            with self._guard_against_spurious_io_errors():
+                return self._load_overload(signature, target_context)
+        except (AttributeError, ImportError):
+            # A kernel of a named tuple that no longer exists: its class cannot be unpickled.
+            self._cache_file.flush()
         return None
 
     def _save_overload(self, signature: Any, data: Any) -> None:

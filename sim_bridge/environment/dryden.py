@@ -30,6 +30,7 @@ import numpy as np
 from sim_bridge.compiled import kernel
 from sim_bridge.environment.levels import INTENSITIES, LEVELS, LEVELS_TOLD, SMALL_UAV, WIND_AT_20_FT
 from sim_bridge.observation import Vector
+from sim_bridge.vectors import Floats
 from wingbeat.errors import InputError
 
 FOOT = 0.3048
@@ -51,7 +52,7 @@ ROOT_3 = math.sqrt(3.0)
 Memory = tuple[float, float, float, float, float, float, float, float, float]
 """a `GustState` without its tick, in its order"""
 Noise = tuple[float, float, float, float, float, float]
-"""-; independent normal numbers of one tick"""
+"""-; `DRAWS` independent normal numbers of one tick"""
 Strength = tuple[float, float, float, float, float, float, float, float, float, float, float, float]
 """m/s, ft/s, m and m/s; a level's `WIND_AT_20_FT`, its row of `INTENSITIES`, its row of `SMALL_UAV` (else zeros)"""
 FIXED = 1 + len(HEIGHTS)
@@ -134,11 +135,12 @@ def scale(level: str, height: float) -> Scale:
     MIL-F-8785C 3.7.2.1, 3.7.3.4; linear in between. The levels of small unmanned aircraft (Beard and McLain 2012,
     Table 4.1, low altitude) know no height; only what moves up and down ends at the ground, as with the others.
     """
-    return _scale(_strength(level), height)
+    return _scale(strength_of(level), height)
 
 
 @lru_cache
-def _strength(level: str) -> Strength:
+def strength_of(level: str) -> Strength:
+    """Return the rows of the tables of levels."""
     if level in SMALL_UAV:
         return (0.0, *INTENSITIES["none"], *SMALL_UAV[level])
     return (WIND_AT_20_FT[level], *INTENSITIES[level], 0.0, 0.0, 0.0, 0.0)
@@ -172,14 +174,18 @@ def _free_intensity(strength: Strength, feet: float) -> float:
 
 
 @lru_cache(maxsize=8)
-def _block(seed: int, index: int) -> list[Noise]:
-    # A counter instead of a generator's memory: the noise of any tick is had without that of the ticks before.
+def noise_block(seed: int, index: int) -> Floats:
+    """(`BLOCK`, `DRAWS`); normal numbers of the ticks from ``index * BLOCK`` on.
+
+    A counter replaces the memory of a generator: the noise of a tick does not depend on the ticks before.
+    """
     generator = np.random.Generator(np.random.Philox(key=seed, counter=index << 64))
-    return [tuple(row) for row in generator.standard_normal((BLOCK, DRAWS)).tolist()]
+    return generator.standard_normal((BLOCK, DRAWS))
 
 
 def _noise(seed: int, tick: int) -> Noise:
-    return _block(seed, tick // BLOCK)[tick % BLOCK]
+    a, b, c, d, e, f = noise_block(seed, tick // BLOCK)[tick % BLOCK].tolist()
+    return a, b, c, d, e, f
 
 
 def initial(t: Turbulence, heading: float = 0.0) -> GustState:
@@ -333,10 +339,10 @@ def _gust(m: Memory, size: Scale, span: float) -> tuple[Vector, Vector]:
 
 
 @kernel
-def _advance(
+def advance(
     m: Memory, noise: Noise, strength: Strength, place: tuple[float, float], flight: Vector, dt: float
 ) -> tuple[Memory, Vector, Vector]:
-    """Filters and gust of the next tick; ``place`` is span and height in m."""
+    """Return filters, velocity (m/s) and angular velocity (rad/s) of the next tick; ``place``: span, height in m."""
     span, height = place
     size = _scale(strength, height)
     airspeed = math.sqrt(flight[0] * flight[0] + flight[1] * flight[1] + flight[2] * flight[2])
@@ -353,5 +359,5 @@ def step(t: Turbulence, state: GustState, height: float, flight: Vector, dt: flo
     """
     tick = state.tick + 1
     noise = _noise(t.seed, tick)
-    after, velocity, omega = _advance(state[1:], noise, _strength(t.level), (t.span, height), flight, dt)
+    after, velocity, omega = advance(state[1:], noise, strength_of(t.level), (t.span, height), flight, dt)
     return GustState._make((tick, *after)), Gust(velocity, omega)

@@ -6,13 +6,14 @@ import math
 from typing import Any, NamedTuple
 
 from avionics.messages import ActuatorCommand
+from sim_bridge import observation as o
 from sim_bridge import plant_kernel as k
 from sim_bridge import topics
 from sim_bridge.environment import dryden
 from sim_bridge.environment.home import COLLEGE_PARK, Home
 from sim_bridge.environment.wind import steady_wind
 from sim_bridge.flight.faults import Fault, FaultInjector, check_carried
-from sim_bridge.flight.instant import Instant, Look
+from sim_bridge.flight.inputs import PlantInputs
 from sim_bridge.messages import TruthLoads, TruthState, TruthWing
 from sim_bridge.observation import Observation, Vector
 from sim_bridge.plant import Means, Plant
@@ -22,7 +23,6 @@ from sim_bridge.sensors.receiver import Pilot, standing_by
 from sim_bridge.sensors.suite import SensorSuite, SimulationDiverged, sensor_spec
 from sim_bridge.vehicles import SimulatedVehicle
 from sim_bridge.vibration.flight import field_per_ampere, make_unequal, vibration_of
-from wingbeat.atmosphere import Air, isa
 from wingbeat.errors import InputError
 from wingbeat.message import Event, Severity
 from wingbeat.rotations import quaternion_from_euler
@@ -46,9 +46,6 @@ REST_SPEED = 0.3
 """m/s; speed below which the vehicle is at rest"""
 RECORD_PERIOD_US = 4000
 """us; minimum recording period of the truth, independent of the step"""
-STILL = dryden.Gust((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-NO_WIND: Vector = (0.0, 0.0, 0.0)
-NO_MEANS = Means(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class Throw(NamedTuple):
@@ -92,31 +89,32 @@ class Scenario(NamedTuple):
     """s; the flight ends after the vehicle has been at rest on the ground for this time"""
 
 
-class StepClock(NamedTuple):
+class StepClock:
     """Time in steps; equal steps are counted instead of summed, so that no error accumulates."""
 
-    since: float
-    """s; start of the steps of this length"""
-    done: int
-    """-; number of such steps before the present one, -1 before the first"""
-    length: float
-    """s; of a step"""
+    def __init__(self, length: float) -> None:
+        """Start before the first step, of ``length`` s."""
+        self.length = length
+        """s; of a step"""
+        self._since, self._done = 0.0, -1  # start of the steps of this length; steps before the present one
 
     @property
     def start(self) -> float:
         """s; start of the present step."""
-        return self.since + self.done * self.length
+        return self._since + self._done * self.length
 
     @property
     def end(self) -> float:
         """s; end of the present step, or of the first one before it starts."""
-        return self.since + ((self.done if self.done > 0 else 0) + 1) * self.length
+        return self._since + (max(self._done, 0) + 1) * self.length
 
-    def step(self, length: float) -> StepClock:
-        """Return the clock in the next step, of ``length`` s."""
+    def step(self, length: float) -> float:
+        """Proceed to the next step, of ``length`` s; return its end in s."""
         if length == self.length:
-            return StepClock(self.since, self.done + 1, length)
-        return StepClock(self.since + (self.done + 1) * self.length, 0, length)
+            self._done += 1
+        else:
+            self._since, self._done, self.length = self._since + (self._done + 1) * self.length, 0, length
+        return self._since + (self._done + 1) * length
 
 
 def publish_nothing(topic: Topic[Any], message: Any) -> None:
@@ -130,13 +128,13 @@ def _in_hand(vehicle: SimulatedVehicle, scenario: Scenario) -> Plant:
     return plant
 
 
-def _sensors(vehicle: SimulatedVehicle, scenario: Scenario, rate: float) -> SensorSuite:
-    """Build all sensors at ``rate`` in Hz; a transmitter that will be lost has a pilot."""
+def _sensors(plant: Plant, scenario: Scenario, rate: float) -> SensorSuite:
+    """Build all sensors of a plant at ``rate`` in Hz; a transmitter that will be lost has a pilot."""
     pilot = scenario.pilot
     if pilot is None and any(fault.name == "receiver_lost" for fault in scenario.faults):
         pilot = standing_by
-    spec = sensor_spec(vehicle.sections)
-    return SensorSuite(spec, scenario.seed, scenario.home, scenario.sensor_corner, pilot, rate)
+    spec = sensor_spec(plant.vehicle.sections)
+    return SensorSuite(spec, scenario.seed, scenario.home, scenario.sensor_corner, pilot, rate, plant.observed)
 
 
 class SimulatedWorld:
@@ -159,40 +157,31 @@ class SimulatedWorld:
         """
         if not (math.isfinite(scenario.duration) and scenario.duration > 0.0):
             raise InputError(f"duration must be above 0 s, not {scenario.duration:g}")
-        self._wind = steady_wind(scenario.wind_speed, scenario.wind_from)
+        wind = steady_wind(scenario.wind_speed, scenario.wind_from)
         self.vehicle = vehicle
         self.scenario = scenario
         self.plant = _in_hand(vehicle, scenario)
-        self.suite = _sensors(vehicle, scenario, rate)
+        self.suite = _sensors(self.plant, scenario, rate)
         self._vibration = vibration_of(vehicle, scenario.vibration, scenario.seed, 1.0 / rate)
         if scenario.vibration > 0.0:
             make_unequal(self.plant, vehicle, scenario.vibration)
-            self.suite.field_per_ampere = field_per_ampere(vehicle, scenario.vibration)
+            self.suite.field_per_ampere[:] = field_per_ampere(vehicle, scenario.vibration)
         self._edge = vehicle.sections["power_sensor"].edge
-        self._push = scenario.throw.speed * vehicle.launch.speed / vehicle.launch.duration
-        self._travel = vehicle.drive.travel, vehicle.tail_servo.travel
-        self._flap, drive = self.plant.layout.flap, vehicle.drive
-        self._supplied = vehicle.battery.resistance, drive.pulse_current, drive.pwm_frequency
-        self._look = Look(self.plant, vehicle.fuselage.contact_nose)
-        self._turbulence = dryden.turbulence(scenario.turbulence, 2.0 * vehicle.wing.semispan, scenario.seed)
-        self._gusts = dryden.initial(self._turbulence, scenario.wind_from)
-        self._gust = STILL
-        self.extra_wind: Vector = NO_WIND
-        """m/s; NED, added to wind and turbulence; set by the caller"""
-        self._v_ned = (0.0, 0.0, 0.0)
+        push = scenario.throw.speed * vehicle.launch.speed / vehicle.launch.duration
+        turbulence = dryden.turbulence(scenario.turbulence, 2.0 * vehicle.wing.semispan, scenario.seed)
+        self.inputs = PlantInputs(self.plant, turbulence, wind, scenario.wind_from, scenario.home.altitude)
+        self._phase = k.HELD
+        self.plant.order[k.LAUNCHER], self.plant.order[k.LAUNCHER + 1] = self._phase, push
         self._publish = publish
         self._recorded = publish is not publish_nothing
-        self._unrecorded: Instant | None = None
+        self._unrecorded = False
         self._tick = 0
         self._period = 1.0 / rate
-        self._clock = StepClock(0.0, -1, self._period)
+        self._clock = StepClock(self._period)
         self.time_us = round(self._clock.end * 1e6)
         """us; end of the last step, or of the first one before it starts"""
         self._records, self._next_record_us = 0, 0
         self._launch_from = scenario.launch_time
-        self._targets = (0.0, 0.0)
-        self._means = NO_MEANS
-        self._current_before = 0.0
         self._rest_since: float | None = None
         self._armed_since = math.inf if scenario.waits_for_arming else -math.inf
         self._launched_at = math.inf
@@ -210,6 +199,16 @@ class SimulatedWorld:
         """Latitude rad, longitude rad, altitude m of the launch place."""
         home = self.scenario.home
         return home.latitude, home.longitude, home.altitude
+
+    @property
+    def extra_wind(self) -> Vector:
+        """m/s; NED, added to wind and turbulence; set by the caller."""
+        north, east, down = self.inputs.extra_wind.tolist()
+        return north, east, down
+
+    @extra_wind.setter
+    def extra_wind(self, wind: Vector) -> None:
+        self.inputs.extra_wind[:] = wind
 
     @property
     def launched(self) -> bool:
@@ -234,9 +233,9 @@ class SimulatedWorld:
             SimulationSilent: from the start of that fault.
             SimulationDiverged: the state became NaN; the truth is recorded first.
         """
-        observation = self.advance(command, self._period)
+        self._advance(command, self._period)
         try:
-            return self.sample(observation)
+            return self._sample()
         except SimulationDiverged:
             self.record()
             raise
@@ -247,53 +246,55 @@ class SimulatedWorld:
         Raises:
             SimulationSilent: from the start of that fault.
         """
-        self.record()
-        self._clock = self._clock.step(duration)
-        self.time_us = round(self._clock.end * 1e6)
-        for text in self.faults.act(self.plant, self._tick, self.time_us * 1e-6):
-            self._publish_event(Severity.WARNING, text)
-        air = self._air()
-        self._current_before = self._means.current
-        self._sample_gust()
-        self._watch_launcher(bool(command.armed))
-        wind = self._air_velocity()
-        self._means = self.plant.advance(self._controls(command), self._surroundings(air, wind))
-        now = self._look.at(wind)
-        self._v_ned = now.v_ned
-        self._watch_rest(now)
-        self._unrecorded = now if self._recorded else None
-        return self._observe(air, now)
+        self._advance(command, duration)
+        return Observation.from_array(self.time_us, self.plant.observed)
 
     def sample(self, observation: Observation) -> SensorFrame:
         """Read the sensors, one sensor tick after the last time."""
+        observation.fill(self.plant.observed)
+        return self._sample()
+
+    def _advance(self, command: ActuatorCommand, duration: float) -> None:
+        if self._unrecorded:
+            self.record()
+        self.time_us = round(self._clock.step(duration) * 1e6)
+        for text in self.faults.act(self.plant, self._tick, self.time_us * 1e-6):
+            self._publish_event(Severity.WARNING, text)
+        self.inputs.step(command, duration)
+        if self._phase != k.FREE:
+            self._watch_launcher(bool(command.armed))
+            self.plant.order[k.LAUNCHER] = self._phase = self._launcher()
+        self.plant.step()
+        self._watch_rest()
+        self._unrecorded = self._recorded
+
+    def _sample(self) -> SensorFrame:
         if self._vibration is not None:
             y, (left, right) = self.plant.y, self.plant.layout.flap
             rate = self.plant.layout.rate
-            observation = self._vibration.shake(observation, 0.5 * (y.item(rate(left)) + y.item(rate(right))))
-        frame = self.faults.sense(self.suite.sample(observation, self._tick), self._tick)
+            flap_rate = 0.5 * (y.item(rate(left)) + y.item(rate(right)))
+            self._vibration.add_to(self.plant.observed, flap_rate)
+        frame = self.faults.sense(self.suite.sense(self.time_us, self._tick), self._tick)
         self._tick += 1
         return frame
 
     def truth(self) -> TruthState:
         """The vehicle's state at the end of the last step."""
-        return self._truth(self._look.at(self._air_velocity()))
-
-    def _truth(self, now: Instant) -> TruthState:
-        y, air = now.y, now.v_air_frd
-        speed = math.hypot(*air)
-        grounded = self.plant.touching or self._launcher() != k.FREE
-        flow = (speed, math.atan2(air[2], air[0]))
-        wind = self._air_velocity()
-        return TruthState._make((self.time_us, *y[0:3], *now.v_ned, *y[3:7], *y[10:13], *wind, *flow, int(grounded)))
+        y, air_velocity = self.plant.y.tolist(), self.inputs.air_velocity
+        self.plant.observe_velocities(air_velocity)
+        wind = air_velocity.tolist()
+        v_ned = self.plant.observed[o.V_NED : o.V_AIR].tolist()
+        air = _rotate_back(self.plant.scratch.r.tolist(), wind)
+        air = (y[7] - air[0], y[8] - air[1], y[9] - air[2])
+        grounded = self.plant.touching or self._phase != k.FREE
+        flow = (math.hypot(*air), math.atan2(air[2], air[0]))
+        return TruthState._make((self.time_us, *y[0:3], *v_ned, *y[3:7], *y[10:13], *wind, *flow, int(grounded)))
 
     def truth_wing(self) -> TruthWing:
         """Wings at the end of the last step; torques, current and power averaged over the step."""
-        return self._truth_wing(self._look.at(self._air_velocity()))
-
-    def _truth_wing(self, now: Instant) -> TruthWing:
-        y, at = now.y, self.plant.layout
+        y, at, means = self.plant.y.tolist(), self.plant.layout, self.plant.means
         (left, right), (twist_left, twist_right) = at.flap, at.twist
-        voltage, power = self._supply(y)
+        voltage, power = self._supply(y, means)
         return TruthWing._make(
             (
                 self.time_us,
@@ -303,7 +304,7 @@ class SimulatedWorld:
                 y[at.rate(right)],
                 y[twist_left] if twist_left >= 0 else 0.0,
                 y[twist_right] if twist_right >= 0 else 0.0,
-                *self._means[:3],
+                *means[:3],
                 voltage,
                 power,
                 y[at.elevator] if at.elevator >= 0 else 0.0,
@@ -317,12 +318,12 @@ class SimulatedWorld:
 
     def record(self) -> None:
         """Publish the truth at the end of the last step, once; the next step does so if it was not called."""
-        now, self._unrecorded = self._unrecorded, None
-        if now is None or self.time_us < self._next_record_us:
+        unrecorded, self._unrecorded = self._unrecorded, False
+        if not unrecorded or self.time_us < self._next_record_us:
             return
         self._next_record_us = self.time_us + RECORD_PERIOD_US
-        self._publish(topics.STATE, self._truth(now))
-        self._publish(topics.WING, self._truth_wing(now))
+        self._publish(topics.STATE, self.truth())
+        self._publish(topics.WING, self.truth_wing())
         if self._records % 2 == 0:
             self._publish(topics.LOADS, self.truth_loads())
         self._records += 1
@@ -355,7 +356,7 @@ class SimulatedWorld:
         ready = max(self._launch_from, self._armed_since + ARMED_TIME)
         if now < ready:
             return
-        north, east, down = self._gust.velocity
+        north, east, down = self.inputs.gust[:3].tolist()
         c, s = math.cos(self.scenario.wind_from), math.sin(self.scenario.wind_from)
         ahead, across = -(north * c + east * s), east * c - north * s
         waited = now - ready
@@ -367,86 +368,29 @@ class SimulatedWorld:
             if self.scenario.waits_for_arming:
                 self._publish_event(Severity.NOTICE, "released by the launcher")
 
-    def _air(self) -> Air:
-        return isa(self.scenario.home.altitude - self.plant.y.item(2))
-
-    def _surroundings(self, air: Air, wind: Vector) -> k.Surroundings:
-        turn = STILL.omega if self._gust is STILL else _rotate_back(self.plant.scratch.r.tolist(), self._gust.omega)
-        return k.Surroundings._make((*wind, air.density, self._launcher(), self._push, 0.0, 0.0, *turn))
-
-    def _air_velocity(self) -> Vector:
-        """m/s; velocity of the air at the vehicle, NED: steady wind plus gusts."""
-        (a, b, c), (x, y, z) = self._wind, self._gust.velocity
-        if self.extra_wind is not NO_WIND:
-            north, east, down = self.extra_wind
-            return a + x + north, b + y + east, c + z + down
-        return a + x, b + y, c + z
-
-    def _sample_gust(self) -> None:
-        """Advance the turbulence model by one tick."""
-        if self.scenario.turbulence == "none":
-            return
-        (north, east, down), wind = self._v_ned, self._wind
-        through = (north - wind[0], east - wind[1], down - wind[2])
-        height = -self.plant.y.item(2)
-        self._gusts, self._gust = dryden.step(self._turbulence, self._gusts, height, through, self._clock.length)
-
-    def _controls(self, command: ActuatorCommand) -> k.Controls:
-        (travel, tail), before = self._travel, self._targets
-        if command.armed:
-            self._targets = (_clip(command.wing_left, travel), _clip(command.wing_right, travel))
-        throttle = max(_clip(command.throttle, 1.0), 0.0) if command.armed else 0.0
-        (left, right), (left_before, right_before) = self._targets, before
-        elevator, rudder = _clip(command.elevator, tail), _clip(command.rudder, tail)
-        return k.Controls(
-            left_before, left, right_before, right, throttle, elevator, rudder, self._clock.length, 1.0,
-            float(bool(command.armed)),
-        )  # fmt: skip
-
-    def _watch_rest(self, now: Instant) -> None:
-        still = self.plant.touching and math.hypot(*now.y[7:10]) < REST_SPEED
-        if not still:
+    def _watch_rest(self) -> None:
+        if not (self.plant.touching and math.hypot(*self.plant.y[7:10].tolist()) < REST_SPEED):
             self._rest_since = None
         elif self._rest_since is None:
             self._rest_since = self.time_us * 1e-6
 
-    def _supply(self, y: list[float]) -> tuple[float, float]:
+    def _supply(self, y: list[float], means: Means) -> tuple[float, float]:
         """Return voltage (V) and power (W) at the drives' terminals, averaged over the last step and the modulation.
 
         The plant's current is smooth. Current pulses of the same mean, with the edges that the ADC samples, have
         larger losses in the battery.
         """
-        current, power, drive = self._means.current, self._means.electrical_power, self.vehicle.drive
-        open_circuit, resistance = self._open_circuit(y), self.vehicle.battery.resistance
+        current, power, drive = means.current, means.electrical_power, self.vehicle.drive
+        charge, battery = y[self.plant.layout.charge], self.plant.parameters.battery
+        open_circuit, resistance = k.open_circuit_voltage(charge, battery), self.vehicle.battery.resistance
         if drive.pwm_frequency > 0.0 and 0.0 < current < drive.pulse_current:
             square = mean_square(current / drive.pulse_current, drive.pwm_frequency * self._edge)
             lost = resistance * drive.pulse_current * drive.pulse_current * square
             return open_circuit - resistance * current, open_circuit * current - lost
         return power / current if current else open_circuit, power
 
-    def _open_circuit(self, y: list[float]) -> float:
-        battery = self.vehicle.battery
-        drawn = min(y[self.plant.layout.charge] / battery.capacity, 1.2)
-        return battery.full_voltage + (battery.empty_voltage - battery.full_voltage) * drawn
 
-    def _observe(self, air: Air, now: Instant) -> Observation:
-        y, v_ned, _, v_pitot_frd = now
-        torque_left, torque_right, current, _, *specific_force = self._means
-        left, right = self._flap
-        return Observation._make((
-            self.time_us, tuple(y[3:7]), tuple(y[10:13]), tuple(specific_force), tuple(y[0:3]), v_ned, v_pitot_frd,
-            *air, y[left], y[right], torque_left, torque_right, 0.5 * (current + self._current_before),
-            self._open_circuit(y), *self._supplied,
-        ))  # fmt: skip
-
-
-def _clip(value: float, limit: float) -> float:
-    if -limit <= value <= limit:
-        return value
-    return math.copysign(limit, value) if math.isfinite(value) else 0.0
-
-
-def _rotate_back(r: list[list[float]], v: Vector) -> Vector:
+def _rotate_back(r: list[list[float]], v: list[float]) -> Vector:
     a, b, c = v
     return (
         r[0][0] * a + r[1][0] * b + r[2][0] * c,

@@ -16,7 +16,8 @@ from scipy.optimize import root, root_scalar
 from sim_bridge import plant_kernel as k
 from sim_bridge.aerodynamics.protocol import FORWARD, NOSE_UP, UPWARD
 from sim_bridge.flight_mechanics.stroke_map import paired_coordinates, throttle_for
-from sim_bridge.plant import STEP, Plant
+from sim_bridge.plant import Plant
+from sim_bridge.plant_kernel import STEP
 from sim_bridge.vectors import Floats
 from sim_bridge.vehicles import SimulatedVehicle
 from wingbeat.atmosphere import SEA_LEVEL_DENSITY

@@ -51,8 +51,8 @@ class Accelerometer:
         )
         limit = round(spec.range_g * spec.sensitivity)
         conversion = Conversion(spec.sensitivity / STANDARD_GRAVITY, -limit, limit - 1, spec.noise)
-        self._triad = Triad(conversion, self.errors, low_pass(corner(spec.bandwidth), period), flight)
+        self.triad = Triad(conversion, self.errors, low_pass(corner(spec.bandwidth), period), flight)
 
     def read(self, specific_force_frd: Vector) -> Vector:
         """Return the measured specific force in m/s^2 of the true one in m/s^2, body axes."""
-        return self._triad.read(specific_force_frd)
+        return self.triad.read(specific_force_frd)

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Annotated, NamedTuple
 
-from sim_bridge.sensors.noise import SensorSeed, gauss_markov_step, normal_rows, split
+import numpy as np
+
+from sim_bridge.compiled import Bound, bound_values, exact, exact_inlined
+from sim_bridge.sensors.noise import NormalRows, SensorSeed, gauss_markov_step, split
+from sim_bridge.vectors import Floats
 from wingbeat.units import Quantity
 
 
@@ -47,6 +52,19 @@ class BarometerErrors(NamedTuple):
     """K"""
 
 
+class BarometerArrays(NamedTuple):
+    """Kernel arguments."""
+
+    spec: BarometerSpec
+    errors: BarometerErrors
+    drift: Floats
+    """(1,); of unit variance"""
+    drift_step: tuple[float, float]
+    """decay and drive of the drift"""
+    normals: Floats
+    """(n, 3); standard normal numbers drawn ahead"""
+
+
 class Barometer:
     """One unit; `read` every ``period`` s."""
 
@@ -54,17 +72,33 @@ class Barometer:
         unit, flight = split(seed)
         pressure, temperature = unit.standard_normal(2).tolist()
         self.errors = BarometerErrors(spec.offset_sigma * pressure, spec.temperature_offset_sigma * temperature)
-        self._spec = spec
-        self._decay, self._drive = gauss_markov_step(period, spec.drift_time_constant)
-        self._normals = normal_rows(flight, 3)
-        self._drift = 0.0
+        self.normals = NormalRows(flight, 3)
+        drift = gauss_markov_step(period, spec.drift_time_constant)
+        self.arrays = BarometerArrays(spec, self.errors, np.zeros(1), drift, self.normals.rows)
+        """arguments of `read_pressure`"""
 
     def read(self, static_pressure: float, temperature: float) -> tuple[int, int]:
         """Return the counts of pressure and temperature for ambient values in Pa and K."""
-        spec, errors = self._spec, self.errors
-        white, slow, warm = next(self._normals)
-        self._drift = self._decay * self._drift + self._drive * slow
-        pressure = static_pressure + errors.pressure + spec.drift_sigma * self._drift + spec.noise * white
-        pressure = min(max(pressure, spec.lowest), spec.highest)
-        kelvin = temperature + errors.temperature + spec.temperature_noise * warm
-        return round(pressure / spec.resolution), max(round(kelvin / spec.temperature_resolution), 0)
+        return read_pressure_alone(static_pressure, temperature, self.normals.next_row(), self._bound)
+
+    @cached_property
+    def _bound(self) -> Bound:
+        return Bound(self.arrays)
+
+
+@exact
+def read_pressure_alone(static_pressure: float, temperature: float, at: int, bound: Bound) -> tuple[int, int]:
+    """`read_pressure` of one sensor alone."""
+    return read_pressure(static_pressure, temperature, at, bound_values(bound))
+
+
+@exact_inlined
+def read_pressure(static_pressure: float, temperature: float, at: int, a: BarometerArrays) -> tuple[int, int]:
+    """Compute `Barometer.read` with the row ``at`` of the noise."""
+    spec, errors = a.spec, a.errors
+    white, slow, warm = a.normals[at, 0], a.normals[at, 1], a.normals[at, 2]
+    a.drift[0] = a.drift_step[0] * a.drift[0] + a.drift_step[1] * slow
+    pressure = static_pressure + errors.pressure + spec.drift_sigma * a.drift[0] + spec.noise * white
+    pressure = min(max(pressure, spec.lowest), spec.highest)
+    kelvin = temperature + errors.temperature + spec.temperature_noise * warm
+    return round(pressure / spec.resolution), max(round(kelvin / spec.temperature_resolution), 0)

@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import math
+from functools import cached_property
 from typing import Annotated, NamedTuple
 
-from sim_bridge.sensors.noise import SensorSeed, normal_rows, split
+import numpy as np
+
+from sim_bridge.compiled import Bound, bound_values, exact, exact_inlined
+from sim_bridge.sensors.noise import NormalRows, SensorSeed, split
+from sim_bridge.vectors import Floats, Integers
 from wingbeat.units import Quantity
 
 
@@ -32,22 +37,33 @@ class EncoderSpec(NamedTuple):
     """standard deviation of one reading; 0 for an optical encoder"""
 
 
+# Numbers of a counter: counts per turn, count of the index, last count, edges lost, count at the last index pulse,
+# number of pulses, whether there was a reading.
+TURN, INDEX, PLACE, LOST, LATCHED, PULSES, STARTED, NUMBERS = 0, 1, 2, 3, 4, 5, 6, 7
+
+
+class CounterArrays(NamedTuple):
+    """Kernel arguments of the counter of one wing."""
+
+    numbers: Integers
+    """(NUMBERS,)"""
+    scale: Floats
+    """(2,) counts/rad and counts; of the flap angle, with the wing level"""
+
+
 class Counter:
     """Counter of one wing and the register that latches it at an index pulse."""
 
     def __init__(self, counts_per_turn: int, zero: float, index: float) -> None:
-        self._turn = counts_per_turn
-        self._counts_per_rad = counts_per_turn / math.tau
-        self._zero = zero
-        self._index = math.floor(index * self._counts_per_rad + zero)
-        self._place: int | None = None
-        self._lost = 0
-        self._latched = 0
-        self._pulses = 0
+        counts_per_rad = counts_per_turn / math.tau
+        numbers = np.zeros(NUMBERS, dtype=np.int64)
+        numbers[TURN], numbers[INDEX] = counts_per_turn, math.floor(index * counts_per_rad + zero)
+        self.arrays = CounterArrays(numbers, np.array((counts_per_rad, zero)))
+        """arguments of `count_edges`"""
 
     def lose(self, counts: int) -> None:
         """Lose ``counts`` edges on the way up (negative: on the way down)."""
-        self._lost += counts
+        self.arrays.numbers[LOST] += counts
 
     def read(self, flap: float, noise: float = 0.0) -> tuple[int, int, int]:
         """Count at a flap angle in rad, count at the last index pulse, and the number of pulses so far.
@@ -56,21 +72,40 @@ class Counter:
 
         The index is passed at most once from reading to reading (of a wing slower than a turn a tick).
         """
-        place = math.floor(flap * self._counts_per_rad + self._zero + noise)
-        if self._place is not None and place != self._place:
-            self._watch_index(self._place, place)
-        self._place = place
-        return place - self._lost, self._latched, self._pulses
+        return count_alone(flap, noise, self._bound)
 
-    def _watch_index(self, before: int, place: int) -> None:
-        """A pulse begins where the state of the index is entered, from below or from above."""
-        rising = place > before
-        edge = self._index if rising else self._index + 1
-        passed = (place - edge) // self._turn
-        if passed == (before - edge) // self._turn:
-            return
-        self._latched = self._index + self._turn * (passed if rising else passed + 1) - self._lost
-        self._pulses += 1
+    @cached_property
+    def _bound(self) -> Bound:
+        return Bound(self.arrays)
+
+
+@exact
+def count_alone(flap: float, noise: float, bound: Bound) -> tuple[int, int, int]:
+    """`count_edges` of one counter alone."""
+    return count_edges(flap, noise, bound_values(bound))
+
+
+@exact_inlined
+def count_edges(flap: float, noise: float, counter: CounterArrays) -> tuple[int, int, int]:
+    """Compute `Counter.read`."""
+    n, scale = counter.numbers, counter.scale
+    place = math.floor(flap * scale[0] + scale[1] + noise)
+    if n[STARTED] != 0 and place != n[PLACE]:
+        _detect_index(n[PLACE], place, n)
+    n[STARTED], n[PLACE] = 1, place
+    return place - n[LOST], n[LATCHED], n[PULSES]
+
+
+@exact_inlined
+def _detect_index(before: int, place: int, n: Integers) -> None:
+    """A pulse begins where the state of the index is entered, from below or from above."""
+    rising = place > before
+    edge = n[INDEX] if rising else n[INDEX] + 1
+    passed = (place - edge) // n[TURN]
+    if passed == (before - edge) // n[TURN]:
+        return
+    n[LATCHED] = n[INDEX] + n[TURN] * (passed if rising else passed + 1) - n[LOST]
+    n[PULSES] += 1
 
 
 class Encoder:
@@ -79,12 +114,19 @@ class Encoder:
     def __init__(self, spec: EncoderSpec, seed: SensorSeed) -> None:
         self.left = Counter(spec.counts_per_turn, spec.zero_left, spec.index_left)
         self.right = Counter(spec.counts_per_turn, spec.zero_right, spec.index_right)
-        self._noise = spec.noise
-        self._normals = normal_rows(split(seed)[1], 2)
+        self.noise = spec.noise
+        """counts; standard deviation"""
+        self.normals = NormalRows(split(seed)[1], 2)
+
+    def next_row(self) -> int:
+        """Return the index of the next row of noise; without noise no numbers are drawn."""
+        return self.normals.next_row() if self.noise > 0.0 else 0
 
     def read(self, flap_left: float, flap_right: float) -> tuple[int, int, int, int, int, int]:
         """What follows the time in a `EncoderSample`, at these flap angles in rad, positive with the wing up."""
-        noise_left, noise_right = next(self._normals) if self._noise > 0.0 else (0.0, 0.0)
-        left, left_index, left_pulses = self.left.read(flap_left, self._noise * noise_left)
-        right, right_index, right_pulses = self.right.read(flap_right, self._noise * noise_right)
-        return left, right, left_index, right_index, left_pulses, right_pulses
+        noise_left, noise_right = self.normals.rows[self.next_row()].tolist()
+        left, right = (
+            self.left.read(flap_left, self.noise * noise_left),
+            self.right.read(flap_right, self.noise * noise_right),
+        )
+        return left[0], right[0], left[1], right[1], left[2], right[2]

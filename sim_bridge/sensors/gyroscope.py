@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import math
+from functools import cached_property
 from typing import Annotated, NamedTuple
 
+import numpy as np
+
+from sim_bridge.compiled import Bound, bound_values, exact, exact_inlined
 from sim_bridge.observation import Vector
 from sim_bridge.sensors.low_pass import corner, low_pass
-from sim_bridge.sensors.noise import SensorSeed, normal_rows, split
-from sim_bridge.sensors.triad import ZERO, Conversion, Triad, draw_errors
+from sim_bridge.sensors.noise import NormalRows, SensorSeed, split
+from sim_bridge.sensors.triad import Conversion, Triad, draw_errors
+from sim_bridge.vectors import Floats
 from wingbeat.units import Quantity
 
 
@@ -37,6 +42,17 @@ class GyroscopeSpec(NamedTuple):
     """of the mounting, about each axis"""
 
 
+class Walk(NamedTuple):
+    """Kernel arguments of the random walk of the bias."""
+
+    bias: Floats
+    """(3,) rad/s; sum of the steps"""
+    step: float
+    """rad/s; standard deviation of a step"""
+    normals: Floats
+    """(n, 3); standard normal numbers drawn ahead"""
+
+
 class Gyroscope:
     """One unit; `read` every tick."""
 
@@ -52,19 +68,39 @@ class Gyroscope:
         limit = round(spec.range_deg_s * spec.sensitivity)
         noise = spec.noise_deg_s * spec.sensitivity
         conversion = Conversion(math.degrees(spec.sensitivity), -limit, limit, (noise, noise, noise))
-        self._triad = Triad(conversion, self.errors, low_pass(corner(spec.bandwidth), period), noise_stream)
-        self._walk_step = math.radians(spec.bias_walk_deg_s) * math.sqrt(period)
-        self._walk_normals = normal_rows(walk_stream, 3)
-        self._walk: Vector = ZERO
+        self.triad = Triad(conversion, self.errors, low_pass(corner(spec.bandwidth), period), noise_stream)
+        self.normals = NormalRows(walk_stream, 3)
+        step = math.radians(spec.bias_walk_deg_s) * math.sqrt(period)
+        self.walk = Walk(np.zeros(3), step, self.normals.rows)
+        """arguments of `step_walk`"""
 
     @property
     def bias(self) -> Vector:
         """True bias in rad/s: the constant of the unit and its random walk."""
-        (ox, oy, oz), (wx, wy, wz) = self.errors.offset, self._walk
+        (ox, oy, oz), (wx, wy, wz) = self.errors.offset, self.walk.bias.tolist()
         return ox + wx, oy + wy, oz + wz
 
     def read(self, omega_frd: Vector) -> Vector:
         """Return the measured angular velocity in rad/s of the true one in rad/s, body axes."""
-        (x, y, z), (nx, ny, nz), step = self._walk, next(self._walk_normals), self._walk_step
-        self._walk = (x + step * nx, y + step * ny, z + step * nz)
-        return self._triad.read(omega_frd, self._walk)
+        step_walk_alone(self.normals.next_row(), self._bound)
+        x, y, z = self.walk.bias.tolist()
+        return self.triad.read(omega_frd, (x, y, z))
+
+    @cached_property
+    def _bound(self) -> Bound:
+        return Bound(self.walk)
+
+
+@exact
+def step_walk_alone(at: int, bound: Bound) -> None:
+    """`step_walk` of one sensor alone."""
+    step_walk(at, bound_values(bound))
+
+
+@exact_inlined
+def step_walk(at: int, walk: Walk) -> Vector:
+    """Advance the bias by the row ``at`` of its normal numbers and return it."""
+    bias, normals = walk.bias, walk.normals
+    for axis in range(3):
+        bias[axis] += walk.step * normals[at, axis]
+    return bias[0], bias[1], bias[2]

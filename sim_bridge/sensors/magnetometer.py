@@ -46,8 +46,9 @@ class Magnetometer:
         limit = round(spec.range_gauss * spec.sensitivity)
         noise = spec.noise_mg * 1e-3 * spec.sensitivity
         conversion = Conversion(spec.sensitivity, -limit, limit, (noise, noise, noise))
-        self._triad = Triad(conversion, self.errors, low_pass(0.0, 1.0), flight)
-        self._field_ned = field_ned(field)
+        self.triad = Triad(conversion, self.errors, low_pass(0.0, 1.0), flight)
+        self.field_ned = field_ned(field)
+        """gauss; of the earth"""
 
     def read(self, quaternion: tuple[float, float, float, float], vehicle_field: Vector = ZERO) -> Vector:
         """Return the measured field in gauss, body axes.
@@ -56,4 +57,4 @@ class Magnetometer:
             quaternion: of r_ned_from_frd, (w, x, y, z).
             vehicle_field: gauss, body axes; of the vehicle's own currents.
         """
-        return self._triad.read(frd_from_ned(quaternion, self._field_ned), vehicle_field)
+        return self.triad.read(frd_from_ned(quaternion, self.field_ned), vehicle_field)

@@ -80,6 +80,45 @@ class _Endless(Generic[Row]):
         return next(self._rows)
 
 
+class NormalRows:
+    """Standard normal numbers for a kernel, in blocks of rows (`BLOCK`, ...) that are drawn when used up."""
+
+    def __init__(self, generator: np.random.Generator, *shape: int) -> None:
+        """Prepare rows of a ``shape``."""
+        self.rows = np.zeros((BLOCK, *shape))
+        self._generator, self._next = generator, BLOCK
+
+    def draw(self) -> None:
+        """Draw the next block."""
+        self._generator.standard_normal(out=self.rows)
+
+    def next_row(self) -> int:
+        """Return the index of the next unused row."""
+        row = self._next
+        if row == BLOCK:
+            self.draw()
+            row = 0
+        self._next = row + 1
+        return row
+
+
+class CommonRows:
+    """Normal numbers of sensors that are sampled together: one index for the rows of all."""
+
+    def __init__(self, *parts: NormalRows) -> None:
+        self._parts, self._next = parts, BLOCK
+
+    def next_row(self) -> int:
+        """Return the index of the next unused row of each part."""
+        row = self._next
+        if row == BLOCK:
+            for part in self._parts:
+                part.draw()
+            row = 0
+        self._next = row + 1
+        return row
+
+
 def _rows(generator: np.random.Generator, width: int) -> list[list[float]]:
     rows: list[list[float]] = generator.standard_normal((BLOCK, width)).tolist()
     return rows

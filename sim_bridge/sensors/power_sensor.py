@@ -12,19 +12,23 @@ each sample's own interval, whatever the phase.
 from __future__ import annotations
 
 import math
+import struct
+from functools import cached_property
 from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from sim_bridge.compiled import Bound, bound_values, njit
+from sim_bridge import observation as o
+from sim_bridge.compiled import Bound, bound_values, exact, exact_inlined
 from sim_bridge.observation import Observation
-from sim_bridge.sensors.noise import BLOCK, SensorSeed, split
+from sim_bridge.sensors.noise import NormalRows, SensorSeed, split
 from sim_bridge.vectors import Floats, Integers
 from wingbeat.samples import BURST_LENGTH
 from wingbeat.units import Quantity
 
 SAMPLE_RATE = 6000.0
 """Hz; of the ADC: three periods of 300 Hz in sixty samples"""
+_CHANNEL = struct.Struct(f"<{BURST_LENGTH}q")
 
 
 class PowerSensorSpec(NamedTuple):
@@ -115,6 +119,10 @@ class Burst(NamedTuple):
     """(bursts, 2 n); standard normal numbers drawn ahead"""
     counts: Integers
     """(2, n) out; n samples of voltage and of current"""
+    phase: Floats
+    """(1,) periods; of the modulation at the last sample"""
+    time_us: Integers
+    """(1,); of the last burst, negative before the first"""
 
 
 class PowerSensor:
@@ -126,36 +134,45 @@ class PowerSensor:
         self.errors = PowerSensorErrors(
             spec.divider_sigma * a, spec.current_zero_sigma * b, spec.current_scale_sigma * c
         )
-        self._generator, self._at = flight, BLOCK
-        self._normals = np.empty((BLOCK, 2 * BURST_LENGTH))
-        self._counts = np.zeros((2, BURST_LENGTH), dtype=np.int64)
-        self._bound = Bound(Burst(_channels(spec, self.errors), spec.edge, self._normals, self._counts))
-        self._phase = 0.0
-        self._time_us: int | None = None
+        self.normals = NormalRows(flight, 2 * BURST_LENGTH)
+        self.burst = Burst(
+            _channels(spec, self.errors),
+            spec.edge,
+            self.normals.rows,
+            np.zeros((2, BURST_LENGTH), dtype=np.int64),
+            np.zeros(1),
+            np.full(1, -1),
+        )
+        """arguments of `sample_burst`"""
 
     def read(self, observation: Observation) -> tuple[tuple[int, ...], tuple[int, ...]]:
         """Sixty counts of voltage and of current; the last sample is taken at the observation's time."""
-        frequency = observation.pwm_frequency
-        if self._time_us is not None:
-            elapsed = (observation.time_us - self._time_us) * 1e-6
-            self._phase = math.fmod(self._phase + frequency * elapsed, 1.0)
-        self._time_us = observation.time_us
-        if self._at == BLOCK:
-            self._generator.standard_normal(out=self._normals)
-            self._at = 0
-        _sample_burst(self._phase, frequency, supply(observation)[:], self._at, self._bound)
-        self._at += 1
-        voltage, current = self._counts.tolist()
-        return tuple(voltage), tuple(current)
+        array = np.zeros(o.SIZE)
+        observation.fill(array)
+        sample_alone(observation.time_us, array, self.normals.next_row(), self._bound)
+        return self.counts()
+
+    def counts(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
+        """Return the counts of the last burst."""
+        counts = self.burst.counts.data
+        return _CHANNEL.unpack_from(counts, 0), _CHANNEL.unpack_from(counts, _CHANNEL.size)
+
+    @cached_property
+    def _bound(self) -> Bound:
+        return Bound(self.burst)
 
 
-def supply(observation: Observation) -> Supply:
-    """Duty and amplitude of the current; a mean that no pulse gives (or a frequency of 0) is smooth."""
-    current, pulse = observation.current, observation.pulse_current
-    battery = observation.open_circuit_voltage, observation.battery_resistance
-    if observation.pwm_frequency > 0.0 and 0.0 < current < pulse:
-        return Supply._make((current / pulse, pulse, *battery))
-    return Supply._make((1.0, current, *battery))
+@exact
+def supply(observed: Floats) -> Supply:
+    """Duty and amplitude of the current; a mean that no pulse gives (or a frequency of 0) is smooth.
+
+    ``observed`` (`observation.SIZE`,) is an observation.
+    """
+    current, pulsed = observed[o.CURRENT], observed[o.PULSE_CURRENT]
+    voltage, resistance = observed[o.OPEN_CIRCUIT_VOLTAGE], observed[o.BATTERY_RESISTANCE]
+    if observed[o.PWM_FREQUENCY] > 0.0 and 0.0 < current < pulsed:
+        return Supply(current / pulsed, pulsed, voltage, resistance)
+    return Supply(1.0, current, voltage, resistance)
 
 
 def _channels(spec: PowerSensorSpec, errors: PowerSensorErrors) -> Channels:
@@ -174,14 +191,14 @@ def _channels(spec: PowerSensorSpec, errors: PowerSensorErrors) -> Channels:
     )
 
 
-@njit(cache=True)
+@exact_inlined
 def time_on(turns: float, duty: float) -> float:
     """On time in periods of a sharp pulse of ``duty`` from phase 0 to ``turns``."""
     whole = math.floor(turns)
     return whole * duty + min(turns - whole, duty)
 
 
-@njit(cache=True)
+@exact_inlined
 def pulse(phase: float, duty: float, edge: float) -> float:
     """Value, 0 to 1, of a periodic pulse of mean ``duty`` with edges of ``edge`` periods."""
     if edge > 0.0:
@@ -198,22 +215,27 @@ def mean_square(duty: float, edge: float) -> float:
     return duty - edge / 3.0
 
 
-@njit(cache=True)
-def _sample_burst(
-    phase: float, frequency: float, supply: tuple[float, float, float, float], at: int, bound: Bound
-) -> None:
-    """Fill the counts of a `Burst` with the row ``at`` of its noise.
+@exact
+def sample_alone(time_us: int, observed: Floats, at: int, bound: Bound) -> None:
+    """`sample_burst` of one sensor alone."""
+    sample_burst(time_us, observed, at, bound_values(bound))
 
-    ``phase`` in periods is that of the modulation at the last sample, ``frequency`` in Hz its own; ``supply``
-    holds the values of a `Supply`: a NamedTuple would take three times as long to enter.
-    """
-    burst = bound_values(bound)
-    duty, amplitude, open_circuit_voltage, resistance = supply
-    counts, channels, normals = burst.counts, burst.channels, burst.normals[at]
+
+@exact_inlined
+def sample_burst(time_us: int, observed: Floats, at: int, burst: Burst) -> None:
+    """Fill the counts with the row ``at`` of the noise; the last sample is taken at ``time_us``."""
+    frequency = observed[o.PWM_FREQUENCY]
+    if burst.time_us[0] >= 0:
+        elapsed = (time_us - burst.time_us[0]) * 1e-6
+        turns = burst.phase[0] + frequency * elapsed
+        burst.phase[0] = turns - math.floor(turns)
+    burst.time_us[0] = time_us
+    duty, amplitude, voltage, resistance = supply(observed)
+    counts, channels, normals, phase = burst.counts, burst.channels, burst.normals[at], burst.phase[0]
     step, edge, n = frequency / SAMPLE_RATE, frequency * burst.edge, burst.counts.shape[1]
     for i in range(n):
         amperes = pulse(phase - (n - 1 - i) * step, duty, edge) * amplitude
-        volts = open_circuit_voltage - resistance * amperes
+        volts = voltage - resistance * amperes
         raw = volts * channels.voltage_gain + channels.voltage_noise * normals[i]
         counts[0, i] = round(min(max(raw, 0.0), channels.full_scale))
         raw = channels.current_zero + amperes * channels.current_gain + channels.current_noise * normals[n + i]

@@ -3,27 +3,34 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import cached_property
 from types import MappingProxyType
 from typing import Any, NamedTuple, get_type_hints
 
+import numpy as np
+
+from sim_bridge import observation as o
+from sim_bridge.compiled import Bound, entry_point
 from sim_bridge.environment.home import Home
 from sim_bridge.observation import Observation, Vector
 from sim_bridge.sensors.accelerometer import Accelerometer, AccelerometerSpec
 from sim_bridge.sensors.barometer import Barometer, BarometerSpec
 from sim_bridge.sensors.encoder import Encoder, EncoderSpec
-from sim_bridge.sensors.frame import TICK_RATE, imu_on_the_wire
+from sim_bridge.sensors.frame import TICK_RATE
 from sim_bridge.sensors.gps import Gps, GpsSpec
 from sim_bridge.sensors.gyroscope import Gyroscope, GyroscopeSpec
 from sim_bridge.sensors.magnetometer import Magnetometer, MagnetometerSpec
-from sim_bridge.sensors.noise import sensor_seed
-from sim_bridge.sensors.optional import OPTIONAL
+from sim_bridge.sensors.noise import CommonRows, sensor_seed
+from sim_bridge.sensors.optional import OPTIONAL, OptionalRow, OptionalSensor
 from sim_bridge.sensors.pitot import Pitot, PitotSpec
 from sim_bridge.sensors.power_sensor import PowerSensor, PowerSensorSpec
 from sim_bridge.sensors.receiver import Pilot, Receiver, ReceiverSpec
-from sim_bridge.sensors.triad import ZERO
+from sim_bridge.sensors.sense import LARGEST, SuiteArrays, sense
+from sim_bridge.sensors.torque_cell import TorqueCell, TorqueCellSpec
+from sim_bridge.vectors import Floats
 from wingbeat.errors import InputError
-from wingbeat.samples import AdcBurst, EncoderSample, GpsFix, ImuSample, PressureSample, SensorFrame
+from wingbeat.samples import AdcBurst, EncoderSample, ImuSample, PressureSample, SensorFrame, TorqueSample
 
 MAGNETOMETER_RATE = 75.0
 """Hz; the most the HMC5883L gives; its last reading is repeated in between"""
@@ -35,9 +42,14 @@ GPS_RATE = 5.0
 """Hz"""
 RECEIVER_RATE = 50.0
 """Hz"""
+_FIELD = {name: index for index, name in enumerate(SensorFrame._fields)}
+_IMU, _ENCODER, _PRESSURES, _ADC, _TORQUE, _GPS = map(
+    _FIELD.__getitem__, ("imu", "encoder", "pressures", "adc", "torque", "gps")
+)
 
-LARGEST = 1e6
-"""SI; no value of an observation is larger while the simulation makes sense"""
+
+BLANK = TorqueCellSpec(False, 1.0, 1.0, 0.0, 0.0, 0.0)
+"""kernel arguments of a vehicle without torque cells"""
 
 
 class Ticks(NamedTuple):
@@ -109,39 +121,78 @@ class SensorSuite:
         corner: float = 0.0,
         pilot: Pilot | None = None,
         rate: float = TICK_RATE,
+        observed: Floats | None = None,
     ) -> None:
         """Build every sensor with a random stream of its own; a ``pilot`` brings a transmitter and its receiver.
 
         With a ``corner`` above 0 each error of a unit is that many standard deviations, its sign by chance. ``rate``
-        in Hz is that of the ticks.
+        in Hz is that of the ticks. A plant fills ``observed``; without one `sample` does.
 
         Raises:
             InputError: seed negative.
         """
         tick = 1.0 / rate
-        self._ticks = ticks_of(rate)
+        self._ticks = ticks = ticks_of(rate)
+        self.observed = np.zeros(o.SIZE) if observed is None else observed
+        """(`observation.SIZE`,); input of `sense`"""
         # The number is the stream's name: a new sensor takes the next free one, so the others' noise stays.
         self._accelerometer = Accelerometer(spec.accelerometer, sensor_seed(seed, 0, corner), tick)
         self._gyroscope = Gyroscope(spec.gyroscope, sensor_seed(seed, 1, corner), tick)
         self._magnetometer = Magnetometer(spec.magnetometer, sensor_seed(seed, 2, corner), home.magnetic)
         self._pitot = Pitot(spec.pitot, sensor_seed(seed, 3, corner), tick)
-        self._barometer = Barometer(spec.barometer, sensor_seed(seed, 4, corner), self._ticks.pressures * tick)
+        self._barometer = Barometer(spec.barometer, sensor_seed(seed, 4, corner), ticks.pressures * tick)
         self._power_sensor = PowerSensor(spec.power_sensor, sensor_seed(seed, 5, corner))
-        carried = [row for row in OPTIONAL if row.section in spec.optional]
-        self._optional = [
-            (
-                row,
-                row.build(spec.optional[row.section], sensor_seed(seed, row.stream, corner)),
-                ticks_between(rate, row.rate),
-            )
-            for row in carried
+        self._optional: list[tuple[OptionalRow, OptionalSensor]] = [
+            (row, row.build(spec.optional[row.section], sensor_seed(seed, row.stream, corner)))
+            for row in OPTIONAL
+            if row.section in spec.optional
         ]
-        self._gps = Gps(spec.gps, sensor_seed(seed, 7, corner), home, self._ticks.gps * tick)
+        self._gps = Gps(spec.gps, sensor_seed(seed, 7, corner), home, ticks.gps * tick)
         self.encoder = Encoder(spec.encoder, sensor_seed(seed, 11))
-        self._receiver = Receiver(ReceiverSpec(), sensor_seed(seed, 8), pilot)
-        self._field_frd: Vector | None = None
-        self.field_per_ampere: Vector = ZERO
+        receiver = Receiver(ReceiverSpec(), sensor_seed(seed, 8), pilot)
+        self._cells = TorqueCell(BLANK, sensor_seed(seed, 6))
+        self._cell_ticks = 0
+        self._interpreted: list[tuple[int, Callable[[Observation], Any], int]] = []
+        """sensors that are not compiled: index in a `SensorFrame`, reading, ticks between samples"""
+        for row, sensor in self._optional:
+            every = ticks_between(rate, row.rate)
+            if not isinstance(sensor, TorqueCell):
+                self._interpreted.append((_FIELD[row.field], sensor.read, every))
+            elif sensor.is_installed:
+                self._cells, self._cell_ticks = sensor, every
+        if pilot is not None:
+            self._interpreted.append((_FIELD["receiver"], receiver.read, ticks.receiver))
+        always = self._accelerometer.triad.normals, self._gyroscope.triad.normals, self._gyroscope.normals
+        self._rows = CommonRows(*always, *([self.encoder.normals] if self.encoder.noise > 0.0 else []))
+        self._pressure_rows = CommonRows(self._barometer.normals, self._pitot.normals)
+        self._has_field = False
+        self.field_per_ampere = np.zeros(3)
         """gauss/A, body axes; of the drive current at the magnetometer"""
+        self._arrays = self._kernel_arguments()
+        self._bound = Bound(self._arrays)
+
+    def _kernel_arguments(self) -> SuiteArrays:
+        return SuiteArrays(
+            observed=self.observed,
+            accelerometer=self._accelerometer.triad.unit,
+            gyroscope=self._gyroscope.triad.unit,
+            walk=self._gyroscope.walk,
+            magnetometer=self._magnetometer.triad.unit,
+            earth_field=np.array(self._magnetometer.field_ned),
+            field_per_ampere=self.field_per_ampere,
+            pitot=self._pitot.arrays,
+            barometer=self._barometer.arrays,
+            left=self.encoder.left.arrays,
+            right=self.encoder.right.arrays,
+            encoder_noise=self.encoder.noise,
+            encoder_normals=self.encoder.normals.rows,
+            burst=self._power_sensor.burst,
+            cells=self._cells.arrays,
+            imu=np.zeros(9),
+            encoder=np.zeros(6, dtype=np.int64),
+            pressures=np.zeros(3, dtype=np.int64),
+            torques=np.zeros(2, dtype=np.int64),
+        )
 
     @property
     def gyro_bias(self) -> Vector:
@@ -158,7 +209,7 @@ class SensorSuite:
             "barometer": self._barometer.errors,
             "power_sensor": self._power_sensor.errors,
         }
-        errors |= {row.section: sensor.errors for row, sensor, _ in self._optional}
+        errors |= {row.section: sensor.errors for row, sensor in self._optional}
         return {f"{name}.{key}": value for name, e in errors.items() for key, value in e._asdict().items()}
 
     def sample(self, observation: Observation, tick: int) -> SensorFrame:
@@ -167,53 +218,53 @@ class SensorSuite:
         Raises:
             SimulationDiverged: a value of the observation is not finite, or above 1e6 in its unit.
         """
-        require_finite(observation)
-        time_us, ticks = observation.time_us, self._ticks
-        self._pitot.sense(observation.v_air_frd, observation.density)
-        powered = tick % ticks.power == 0
-        frame = SensorFrame(
-            time_us,
-            self._imu(observation, tick),
-            encoder=EncoderSample._make((time_us, *self.encoder.read(observation.flap_left, observation.flap_right))),
-            pressures=self._pressures(observation) if tick % ticks.pressures == 0 else None,
-            adc=AdcBurst._make((time_us, *self._power_sensor.read(observation))) if powered else None,
-            gps=self._fix(observation, tick),
-            receiver=self._receiver.read(observation) if tick % ticks.receiver == 0 else None,
-        )
-        optional = {row.field: sensor.read(observation) for row, sensor, every in self._optional if tick % every == 0}
-        return frame._replace(**optional) if optional else frame
+        observation.fill(self.observed)
+        return self.sense(observation.time_us, tick)
 
-    def _imu(self, observation: Observation, tick: int) -> ImuSample:
-        if self._field_frd is None or tick % self._ticks.magnetometer == 0:
-            x, y, z = self.field_per_ampere
-            current = observation.current
-            self._field_frd = self._magnetometer.read(observation.quaternion, (x * current, y * current, z * current))
-        force = self._accelerometer.read(observation.specific_force_frd)
-        return imu_on_the_wire(
-            observation.time_us, *force, *self._gyroscope.read(observation.omega_frd), *self._field_frd
-        )
+    @cached_property
+    def _sense(self) -> Callable[..., bool]:
+        return entry_point(sense, 0, 0, 0, 0, 0, 0, self._bound)
 
-    def _pressures(self, observation: Observation) -> PressureSample:
-        static, temperature = self._barometer.read(observation.static_pressure, observation.temperature)
-        return PressureSample(observation.time_us, static, self._pitot.read(), temperature)
+    def sense(self, time_us: int, tick: int) -> SensorFrame:
+        """Do the same for the observation in `observed`."""
+        ticks, arrays, at = self._ticks, self._arrays, self._rows.next_row()
+        field_at = pressures_at = burst_at = torques_at = -1
+        if not self._has_field or tick % ticks.magnetometer == 0:
+            self._has_field, field_at = True, self._magnetometer.triad.normals.next_row()
+        if tick % ticks.pressures == 0:
+            pressures_at = self._pressure_rows.next_row()
+        if tick % ticks.power == 0:
+            burst_at = self._power_sensor.normals.next_row()
+        if self._cell_ticks and tick % self._cell_ticks == 0:
+            torques_at = self._cells.normals.next_row()
+        if not self._sense(time_us, at, field_at, pressures_at, burst_at, torques_at, self._bound):
+            raise divergence(Observation.from_array(time_us, self.observed))
+        samples: list[Any] = [None] * len(_FIELD)
+        samples[0] = time_us
+        samples[_IMU] = ImuSample._make((time_us, *arrays.imu.tolist()))
+        samples[_ENCODER] = EncoderSample._make((time_us, *arrays.encoder.tolist()))
+        if pressures_at >= 0:
+            samples[_PRESSURES] = PressureSample._make((time_us, *arrays.pressures.tolist()))
+        if burst_at >= 0:
+            samples[_ADC] = AdcBurst._make((time_us, *self._power_sensor.counts()))
+        if torques_at >= 0:
+            samples[_TORQUE] = TorqueSample._make((time_us, *arrays.torques.tolist()))
+        observation: Observation | None = None
+        for index, read, every in self._interpreted:
+            if tick % every == 0:
+                observation = observation or Observation.from_array(time_us, self.observed)
+                samples[index] = read(observation)
+        if tick % ticks.gps == 0:
+            self._gps.measure(observation or Observation.from_array(time_us, self.observed))
+        samples[_GPS] = self._gps.arrived(time_us)
+        return SensorFrame._make(samples)
 
-    def _fix(self, observation: Observation, tick: int) -> GpsFix | None:
-        if tick % self._ticks.gps == 0:
-            self._gps.measure(observation)
-        return self._gps.arrived(observation.time_us)
 
-
-def require_finite(observation: Observation) -> None:
-    """Check that every value of ``observation`` is finite and of plausible size.
-
-    Raises:
-        SimulationDiverged: names the first that is not.
-    """
-    # One sum finds any inf or nan among the numbers; only then is it worth asking where.
-    time_us, q, omega, force, position, v_ned, v_air, *scalars = observation
-    total = sum((*q, *omega, *force, *position, *v_ned, *v_air, *scalars))
-    if -LARGEST < total < LARGEST:
-        return
-    for name, value in zip(observation._fields[1:], observation[1:], strict=True):
-        if not all(-LARGEST < number < LARGEST for number in (value if isinstance(value, tuple) else (value,))):
-            raise SimulationDiverged(f"the simulation diverged: {name} = {value} at {time_us * 1e-6:.3f} s")
+def divergence(observation: Observation) -> SimulationDiverged:
+    """Return the error that names the first value of ``observation`` that is not finite or too large."""
+    name, value = next(
+        (name, value)
+        for name, value in zip(observation._fields[1:], observation[1:], strict=True)
+        if not all(-LARGEST < number < LARGEST for number in (value if isinstance(value, tuple) else (value,)))
+    )
+    return SimulationDiverged(f"the simulation diverged: {name} = {value} at {observation.time_us * 1e-6:.3f} s")

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
-from sim_bridge.compiled import Bound, bound_values, njit
+from sim_bridge.compiled import Bound, bound_values, exact, exact_inlined
 from sim_bridge.observation import Vector
 from sim_bridge.sensors.low_pass import LowPass
-from sim_bridge.sensors.noise import BLOCK, UnitErrors, normal_vector
+from sim_bridge.sensors.noise import NormalRows, UnitErrors, normal_vector
 from sim_bridge.vectors import Floats
 
 ZERO: Vector = (0.0, 0.0, 0.0)
@@ -74,43 +75,49 @@ class Triad:
     def __init__(
         self, conversion: Conversion, errors: TriadErrors, low_pass: LowPass, generator: np.random.Generator
     ) -> None:
-        self._generator = generator
-        self._normals = np.empty((BLOCK, 3))
-        self._at = BLOCK
-        self._bound = Bound(
-            Unit(
-                np.array(_counts_from_body(conversion.sensitivity, errors)),
-                np.array(conversion.noise),
-                low_pass,
-                np.array((conversion.sensitivity, conversion.lowest, conversion.highest), dtype=np.float64),
-                self._normals,
-                np.zeros((2, 3)),
-                np.zeros(1),
-            )
+        self.normals = NormalRows(generator, 3)
+        self.unit = Unit(
+            np.array(_counts_from_body(conversion.sensitivity, errors)),
+            np.array(conversion.noise),
+            low_pass,
+            np.array((conversion.sensitivity, conversion.lowest, conversion.highest), dtype=np.float64),
+            self.normals.rows,
+            np.zeros((2, 3)),
+            np.zeros(1),
         )
+        """arguments of `read_axes`"""
 
     def read(self, value: Vector, drift: Vector = ZERO) -> Vector:
         """Return the measured SI value of the true ``value`` in body axes; ``drift`` in SI adds to the offset."""
-        if self._at == BLOCK:
-            self._generator.standard_normal(out=self._normals)
-            self._at = 0
-        at = self._at
-        self._at = at + 1
-        return _read(value, drift, at, self._bound)
+        out = np.zeros(3)
+        read_triad(value, drift, self.normals.next_row(), self._bound, out)
+        x, y, z = out.tolist()
+        return x, y, z
+
+    @cached_property
+    def _bound(self) -> Bound:
+        return Bound(self.unit)
 
 
-@njit(cache=True)
-def _read(value: Vector, drift: Vector, at: int, bound: Bound) -> Vector:
-    unit = bound_values(bound)
-    felt = _filtered(value, unit.low_pass, unit.memory, unit.initialized)
-    return (
-        _reading(felt, drift[0], 0, at, unit),
-        _reading(felt, drift[1], 1, at, unit),
-        _reading(felt, drift[2], 2, at, unit),
-    )
+@exact
+def read_triad(value: Vector, drift: Vector, at: int, bound: Bound, out: Floats) -> None:
+    """`read_axes` of one sensor alone."""
+    read_axes(value, drift, at, bound_values(bound), out)
 
 
-@njit(cache=True)
+@exact_inlined
+def read_axes(value: Vector, drift: Vector, at: int, unit: Unit, out: Floats) -> None:
+    """Compute `Triad.read` with the row ``at`` of the noise, ``out`` (3,): in whole counts within the range."""
+    x, y, z = _filtered(value, unit.low_pass, unit.memory, unit.initialized)
+    sensitivity, lowest, highest = unit.conversion[0], unit.conversion[1], unit.conversion[2]
+    for axis in range(3):
+        row, noise = unit.rows[axis], unit.noise[axis] * unit.normals[at, axis]
+        signal = row[0] * x + row[1] * y + row[2] * z + row[3] + sensitivity * drift[axis] + noise
+        counts = np.rint(signal) + 0.0  # a count has no negative zero
+        out[axis] = min(max(counts, lowest), highest) * (1.0 / sensitivity)
+
+
+@exact_inlined
 def _filtered(value: Vector, low_pass: LowPass, memory: Floats, initialized: Floats) -> Vector:
     keep, before, now = low_pass
     if keep == 0.0:
@@ -126,16 +133,6 @@ def _filtered(value: Vector, low_pass: LowPass, memory: Floats, initialized: Flo
         out[2] = keep * out[2] + before * last[2] + now * z
     last[0], last[1], last[2] = x, y, z
     return out[0], out[1], out[2]
-
-
-@njit(cache=True)
-def _reading(value: Vector, drift: float, axis: int, at: int, unit: Unit) -> float:
-    """SI; of one axis, in whole counts within the sensor's range."""
-    row, conversion, noise = unit.rows[axis], unit.conversion, unit.noise[axis] * unit.normals[at, axis]
-    sensitivity = conversion[0]
-    signal = row[0] * value[0] + row[1] * value[1] + row[2] * value[2] + row[3] + sensitivity * drift + noise
-    counts = np.rint(signal) + 0.0  # a count has no negative zero
-    return float(min(max(counts, conversion[1]), conversion[2]) * (1.0 / sensitivity))
 
 
 Row = tuple[float, float, float, float]

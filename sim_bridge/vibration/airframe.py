@@ -11,14 +11,16 @@ the internal rate and averages over the tick, which is its anti-alias filter.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
-from sim_bridge.compiled import Bound, bound_values, njit
-from sim_bridge.observation import Observation, Vector
-from sim_bridge.sensors.noise import BLOCK, SensorSeed, split
+from sim_bridge import observation as o
+from sim_bridge.compiled import Bound, bound_values, clear, entry_point, exact, exact_inlined
+from sim_bridge.observation import Observation
+from sim_bridge.sensors.noise import CommonRows, NormalRows, SensorSeed, split
 from sim_bridge.vectors import Floats
 from sim_bridge.vehicles.vibration import ModeSpec, VibrationSpec
 from wingbeat.constants import STANDARD_GRAVITY
@@ -39,13 +41,13 @@ class Structure(NamedTuple):
     """Kernel arguments; m modes, n samples in a tick, k impacts per stroke, p periodic forces."""
 
     transition: Floats
-    """(m, 2, 2); of q and its rate over an internal sample"""
+    """(4, m); of q and its rate over an internal sample, row by row"""
     omega: Floats
     """(m,) rad/s; acceleration by the rate of q: the natural frequency"""
     shapes: Floats
     """(m, 6); translation -, rotation rad/m"""
     forces: Floats
-    """(m, 3); change of q' in a sample: noise m/s, impact m/s, periodic force m/s"""
+    """(3, m); change of q' in a sample: noise m/s, impact m/s, periodic force m/s"""
     kick_phases: Floats
     """(k,)"""
     kick_shifts: Floats
@@ -63,13 +65,15 @@ class Structure(NamedTuple):
     stroke_normals: Floats
     """(blocks, 1 + k)"""
     modes: Floats
-    """(m, 2); q and its rate"""
+    """(3, m); q, its rate and acceleration"""
     filtered: Floats
     """(6, 4); isolator: last two inputs and outputs"""
     memory: Floats
     """(MEMORY,)"""
-    out: Floats
-    """(6,); specific force m/s^2 and vibration's angular velocity rad/s, averaged over the tick"""
+    motion: Floats
+    """(6,); acceleration m/s^2 and angular velocity rad/s of the IMU in a sample"""
+    sums: Floats
+    """(9,); specific force and angular velocity, then the square of the acceleration, summed over the tick"""
 
 
 class AirframeVibration:
@@ -92,17 +96,18 @@ class AirframeVibration:
             clipping: m/s^2; range of the accelerometer.
             factor: scales every excitation and both sensor errors.
         """
-        unit, self._generator = split(seed)
+        unit, generator = split(seed)
         samples = max(1, round(period * INTERNAL_RATE))
         step, count, kicks = period / samples, len(modes), len(spec.kick_phases)
         parts = [_mode(mode, step, factor) for mode in modes.values()]
         sensitivity = math.radians(spec.g_sensitivity) / STANDARD_GRAVITY * factor
-        self._at = BLOCK
-        self._structure = Structure(
-            transition=np.array([part[0] for part in parts]).reshape(count, 2, 2),
+        normals, stroke_normals = NormalRows(generator, samples, count), NormalRows(generator, 1 + kicks)
+        self._rows = CommonRows(normals, stroke_normals)
+        self._bound = Bound(Structure(
+            transition=_columns([part[0].ravel() for part in parts], 4),
             omega=np.array([part[1] for part in parts]),
             shapes=np.array([(*mode.translation, *mode.rotation) for mode in modes.values()]).reshape(count, 6),
-            forces=np.array([part[2] for part in parts]).reshape(count, 3),
+            forces=_columns([part[2] for part in parts], 3),
             kick_phases=np.array(spec.kick_phases, dtype=np.float64),
             kick_shifts=np.zeros(kicks),
             mesh_orders=np.array(spec.mesh_orders, dtype=np.float64),
@@ -112,14 +117,14 @@ class AirframeVibration:
                 factor * 1e-6 * spec.rectification / STANDARD_GRAVITY,
             )),
             coupling=sensitivity * np.asarray(unit.standard_normal(9)).reshape(3, 3),
-            normals=np.empty((BLOCK, samples, count)),
-            stroke_normals=np.empty((BLOCK, 1 + kicks)),
-            modes=np.zeros((count, 2)),
+            normals=normals.rows,
+            stroke_normals=stroke_normals.rows,
+            modes=np.zeros((3, count)),
             filtered=np.zeros((6, 4)),
             memory=_initial_memory(),
-            out=np.zeros(6),
-        )  # fmt: skip
-        self._bound = Bound(self._structure)
+            motion=np.zeros(6),
+            sums=np.zeros(9),
+        ))  # fmt: skip
 
     def shake(self, observation: Observation, flap_rate: float) -> Observation:
         """Return what the IMU observes, one tick after the last call.
@@ -128,22 +133,29 @@ class AirframeVibration:
             observation: of the rigid body; its specific force is the mean over the tick.
             flap_rate: rad/s; mean of both wings at the end of the tick.
         """
-        if self._at == BLOCK:
-            self._generator.standard_normal(out=self._structure.normals)
-            self._generator.standard_normal(out=self._structure.stroke_normals)
-            self._at = 0
-        at = self._at
-        self._at = at + 1
-        _advance(observation.specific_force_frd, flap_rate, at, self._bound)
-        x, y, z, p, q, r = self._structure.out.tolist()
-        a, b, c = observation.omega_frd
-        return observation._replace(specific_force_frd=(x, y, z), omega_frd=(a + p, b + q, c + r))
+        observed = np.zeros(o.SIZE)
+        observation.fill(observed)
+        self.add_to(observed, flap_rate)
+        return Observation.from_array(observation.time_us, observed)
+
+    def add_to(self, observed: Floats, flap_rate: float) -> None:
+        """Do the same to an observation in an array (`observation.SIZE`,)."""
+        self._add_vibration(observed, flap_rate, self._rows.next_row(), self._bound)
+
+    @cached_property
+    def _add_vibration(self) -> Callable[[Floats, float, int, Bound], None]:
+        return entry_point(add_vibration, np.zeros(o.SIZE), 0.0, 0, self._bound)
 
 
 def _initial_memory() -> Floats:
     memory = np.zeros(MEMORY)
     memory[SINCE], memory[SCATTER] = LONGEST_STROKE, 1.0
     return memory
+
+
+def _columns(vectors: list[Floats], size: int) -> Floats:
+    """(size, m); contiguous in the modes, so that the compiler vectorizes over them."""
+    return np.ascontiguousarray(np.array(vectors).reshape(len(vectors), size).T)
 
 
 def _mode(mode: ModeSpec, step: float, factor: float) -> tuple[Floats, float, Floats]:
@@ -170,54 +182,76 @@ def _isolator(spec: VibrationSpec, step: float) -> Floats:
     return np.array((*b, a[1], a[2]))
 
 
-@njit(cache=True)
-def _advance(force: Vector, flap_rate: float, at: int, bound: Bound) -> None:
-    """Advance by a tick and fill ``out``."""
+@exact
+def add_vibration(observed: Floats, flap_rate: float, at: int, bound: Bound) -> None:
+    """Advance by a tick with the row ``at`` of the normal numbers; add the vibration to an observation."""
     s = bound_values(bound)
-    samples, count = s.normals.shape[1], s.modes.shape[0]
+    samples = s.normals.shape[1]
+    memory, motion, sums = s.memory, s.motion, s.sums
+    first, force = memory[RATE], observed[o.FORCE : o.FORCE + 3]
     step, reference, clipping = s.settings[0], s.settings[1], s.settings[4]
-    memory, out = s.memory, s.out
-    first = memory[RATE]
-    square = np.zeros(3)
-    out[:] = 0.0
+    clear(sums)
     for i in range(samples):
         rate = first + (flap_rate - first) * (i + 1) / samples
         relative = rate / reference
         memory[LEVEL] += step / LEVEL_TIME * (relative * relative - memory[LEVEL])
         impact = _stroke(rate, step, at, s)
-        level = memory[LEVEL] * memory[SCATTER]
-        periodic = 0.0
-        for order in s.mesh_orders:
-            periodic += math.cos(math.tau * order * memory[PHASE]) if memory[PERIOD] > 0.0 else 0.0
-        motion = np.zeros(6)
-        for j in range(count):
-            mode, forces = s.modes[j], s.forces[j]
-            q, v = mode[0], mode[1]
-            mode[0] = s.transition[j, 0, 0] * q + s.transition[j, 0, 1] * v
-            mode[1] = (
-                s.transition[j, 1, 0] * q
-                + s.transition[j, 1, 1] * v
-                + level * (forces[0] * s.normals[at, i, j] + forces[1] * impact + forces[2] * periodic)
-            )
-            acceleration = s.omega[j] * mode[1]
-            for axis in range(3):
-                motion[axis] += s.shapes[j, axis] * acceleration
-                motion[3 + axis] += s.shapes[j, 3 + axis] * mode[1]
+        _move_modes(memory[LEVEL] * memory[SCATTER], impact, _periodic(s), s.normals[at, i], s)
+        _sum_modes(s.shapes, s.modes, motion)
         if s.isolator[0] != 0.0:
             _isolate(motion, s.isolator, s.filtered)
         for axis in range(3):
-            square[axis] += motion[axis] * motion[axis]
-            out[axis] += min(max(force[axis] + motion[axis], -clipping), clipping)
-            out[3 + axis] += motion[3 + axis]
+            sums[axis] += min(max(force[axis] + motion[axis], -clipping), clipping)
+            sums[3 + axis] += motion[3 + axis]
+            sums[6 + axis] += motion[axis] * motion[axis]
     memory[RATE] = flap_rate
     for axis in range(3):
-        out[axis] = out[axis] / samples + s.settings[5] * square[axis] / samples
+        force[axis] = sums[axis] / samples + s.settings[5] * sums[6 + axis] / samples
     for axis in range(3):
-        coupled = s.coupling[axis, 0] * out[0] + s.coupling[axis, 1] * out[1] + s.coupling[axis, 2] * out[2]
-        out[3 + axis] = out[3 + axis] / samples + coupled
+        coupled = s.coupling[axis, 0] * force[0] + s.coupling[axis, 1] * force[1] + s.coupling[axis, 2] * force[2]
+        observed[o.OMEGA + axis] += sums[3 + axis] / samples + coupled
 
 
-@njit(cache=True)
+@exact_inlined
+def _periodic(s: Structure) -> float:
+    total = 0.0
+    for order in s.mesh_orders:
+        total += math.cos(math.tau * order * s.memory[PHASE]) if s.memory[PERIOD] > 0.0 else 0.0
+    return total
+
+
+@exact_inlined
+def _move_modes(level: float, impact: int, periodic: float, normals: Floats, s: Structure) -> None:
+    """Advance the modes by a sample."""
+    modes, transition, omega, forces = s.modes, s.transition, s.omega, s.forces
+    for j in range(modes.shape[1]):
+        q, v = modes[0, j], modes[1, j]
+        deflection = transition[0, j] * q + transition[1, j] * v
+        rate = (
+            transition[2, j] * q
+            + transition[3, j] * v
+            + level * (forces[0, j] * normals[j] + forces[1, j] * impact + forces[2, j] * periodic)
+        )
+        modes[0, j], modes[1, j] = deflection, rate
+        modes[2, j] = omega[j] * rate
+
+
+@exact_inlined
+def _sum_modes(shapes: Floats, modes: Floats, motion: Floats) -> None:
+    """Sum the motion of the modes at the IMU."""
+    x, y, z, p, q, r = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for j in range(modes.shape[1]):
+        rate, acceleration = modes[1, j], modes[2, j]
+        x += shapes[j, 0] * acceleration
+        y += shapes[j, 1] * acceleration
+        z += shapes[j, 2] * acceleration
+        p += shapes[j, 3] * rate
+        q += shapes[j, 4] * rate
+        r += shapes[j, 5] * rate
+    motion[0], motion[1], motion[2], motion[3], motion[4], motion[5] = x, y, z, p, q, r
+
+
+@exact_inlined
 def _stroke(rate: float, step: float, at: int, s: Structure) -> int:
     """Advance the stroke phase by a sample; return the number of impacts in it."""
     memory = s.memory
@@ -244,7 +278,7 @@ def _stroke(rate: float, step: float, at: int, s: Structure) -> int:
     return impacts
 
 
-@njit(cache=True)
+@exact_inlined
 def _isolate(motion: Floats, isolator: Floats, filtered: Floats) -> None:
     """Pass translation and rotation (6,) through the soft mount."""
     for axis in range(6):

@@ -17,7 +17,8 @@ import pytest
 from rows import Row, leave, peer
 
 from sim_bridge import plant_kernel as k
-from sim_bridge.plant import STEP, Plant
+from sim_bridge.plant import Plant
+from sim_bridge.plant_kernel import STEP
 from sim_bridge.vehicles import load_vehicle
 from wingbeat.constants import STANDARD_GRAVITY
 

@@ -91,6 +91,21 @@ def test_only_kernels_that_import_a_changed_file_are_compiled_again(tmp_path: Pa
     assert checkout.states("caller") == 1 and checkout.states("callee") == 1
 
 
+def test_kernel_of_a_removed_class_is_compiled_again(tmp_path: Path) -> None:
+    """GIVEN a kernel in the cache for a named tuple WHEN its class has another name THEN it is compiled again."""
+    checkout = Checkout(tmp_path)
+    (checkout.package / "first.py").write_text(ALONE.replace("3.0 * x", "x[0]"))
+    for name in ("Pair", "Couple", "Couple"):
+        fields = "    a: float\n    b: float\n"
+        (checkout.package / "pairs.py").write_text(
+            f"from typing import NamedTuple\n\n\nclass {name}(NamedTuple):\n{fields}"
+        )
+        program = (
+            f"from sim_bridge.first import run\nfrom sim_bridge.pairs import {name}\nprint(run({name}(2.0, 3.0)))"
+        )
+        assert checkout.output(program) == "2.0\n"
+
+
 def test_kernels_of_files_that_are_gone_are_removed(tmp_path: Path) -> None:
     checkout = Checkout(tmp_path)
     checkout.run("alone")

@@ -41,7 +41,8 @@ from sim_bridge.flight_mechanics.prescribed import (
 )
 from sim_bridge.flight_mechanics.stroke_loads import StrokeLoads, stroke_loads
 from sim_bridge.mechanism import total_mass
-from sim_bridge.plant import STEP, Plant
+from sim_bridge.plant import Plant
+from sim_bridge.plant_kernel import STEP
 from sim_bridge.validation.insects import AUTHORITY, TOLERANCES, hover_excursion, pushed
 from sim_bridge.vectors import Floats
 from sim_bridge.vehicles import load_vehicle, with_model

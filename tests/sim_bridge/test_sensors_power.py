@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from sensors_bench import SPEC, cruise, quiet, variance_bounds
 
-from sim_bridge.observation import Observation
+from sim_bridge.observation import SIZE, Observation
 from sim_bridge.sensors.noise import sensor_seed
 from sim_bridge.sensors.power_sensor import PowerSensor, PowerSensorSpec, mean_square, pulse, supply, time_on
 
@@ -33,7 +33,9 @@ EDGE_PERIODS = 300.0 / 6000.0
 
 def mean_power(observation: Observation, lost: float) -> float:
     """Mean of V I over a period for a pulse whose mean square is short of a sharp one's by ``lost`` periods."""
-    duty, amplitude, voltage, resistance = supply(observation)
+    array = np.zeros(SIZE)
+    observation.fill(array)
+    duty, amplitude, voltage, resistance = supply(array)
     return voltage * duty * amplitude - resistance * amplitude**2 * (duty - lost)
 
 

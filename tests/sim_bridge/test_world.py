@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from avionics.messages import ActuatorCommand, SensorFrame
 from sim_bridge import topics
 from sim_bridge.bridge.world import NEUTRAL
-from sim_bridge.environment.dryden import FOOT, Gust
+from sim_bridge.environment.dryden import FOOT
 from sim_bridge.environment.levels import SMALL_UAV
 from sim_bridge.flight import world as launching
 from sim_bridge.flight.faults import Fault
@@ -169,9 +169,8 @@ def test_how_long_the_launcher_waits_for_what_the_air_does(
     """GIVEN a north wind and a gust (NED) that stays THEN thrown after so many times his patience."""
     monkeypatch.setattr(launching, "LAUNCH_PATIENCE", 0.4)
     monkeypatch.setattr(launching, "LONGEST_WAIT", 2.0)
-    monkeypatch.setattr(SimulatedWorld, "_sample_gust", lambda _: None)
     world = SimulatedWorld(vehicle("robo_raven_ii_d"), Scenario(wind_speed=wind, launch_time=0.1))
-    world._gust = Gust(gust, (0.0, 0.0, 0.0))
+    world.inputs.gust[:3] = gust
     waited = until_launched(world).time_us * 1e-6 - 0.1
     assert waited == pytest.approx(0.4 * timeout, abs=0.02)
 

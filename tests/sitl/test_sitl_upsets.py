@@ -11,8 +11,7 @@ from simulate import RAVEN, Flight, Underway, simulate
 
 from avionics.guidance.mission import ItemKind, MissionItem
 from avionics.missions import load_mission
-from sim_bridge.environment.dryden import Gust
-from sim_bridge.flight.world import STILL, Scenario
+from sim_bridge.flight.world import Scenario
 
 pytestmark = pytest.mark.validate
 
@@ -35,9 +34,9 @@ def rolled(underway: Underway, rate: float) -> Flight:
     """The flight on in air that turns at ``rate`` rad/s about its course for a while."""
     twin = copy.deepcopy(underway)
     yaw = float(twin.flight().true_attitude()[2][-1])
-    twin.world._gust = Gust((0.0, 0.0, 0.0), (rate * math.cos(yaw), rate * math.sin(yaw), 0.0))
+    twin.world.inputs.gust[3:] = rate * math.cos(yaw), rate * math.sin(yaw), 0.0
     twin.until(BEGUN + ROLLING)
-    twin.world._gust = STILL
+    twin.world.inputs.gust[:] = 0.0
     twin.until(BEGUN + ROLLING + 8.0)
     return twin.flight()
 
