@@ -6,8 +6,10 @@ from collections.abc import Sequence
 
 from sim_bridge import plant_kernel as k
 from sim_bridge.compiled import Bound, compile_for_callers
-from sim_bridge.plant import STEP, Plant
+from sim_bridge.plant import Plant
 
+DURATION = 0.001
+"""s; of an example step, whose value is of no account"""
 PARTS: dict[str, Sequence[str]] = {
     "motion of bodies and wings": ("_set_motion", "advance_memory"),
     "air loads": ("_set_loads",),
@@ -20,13 +22,13 @@ PARTS: dict[str, Sequence[str]] = {
 def compile_part(plant: Plant, name: str) -> None:
     """Compile the kernels of one of `PARTS`, or load them from the cache."""
     bound, y = Bound((plant.parameters, plant.scratch)), plant.y
-    controls = k.Controls(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, STEP, 0.0)
+    controls = k.Controls(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, DURATION, 0.0)
     around = k.Surroundings(0.0, 0.0, 0.0, 1.225, k.HELD, 0.0, 0.0, 0.0)
     arguments: dict[str, tuple[object, ...]] = {
         "_set_motion": (y, around, bound),
-        "advance_memory": (y, STEP, around, bound),
+        "advance_memory": (y, DURATION, around, bound),
         "_set_loads": (y, around.density, bound),
-        "_accelerate": (y, STEP, controls, around, bound),
+        "_accelerate": (y, DURATION, controls, around, bound),
         "_act": (around.density, bound),
     }
     for kernel in PARTS[name]:

@@ -67,16 +67,16 @@ def announced_air(vehicle: SimulatedVehicle, quiet: bool = False) -> AbstractCon
 
 
 @contextmanager
-def announced(quiet: bool = False, text: str = COMPILING_METHODS) -> Iterator[None]:
+def announced(quiet: bool = False, text: str = COMPILING_METHODS, live: bool = True) -> Iterator[None]:
     """Report the compilation of kernels that are not in the cache on stderr.
 
-    A terminal shows their number and names while they are compiled. Without a terminal, a line is printed at the
-    first one.
+    A terminal shows their number and names while they are compiled. Without a terminal, or where a progress bar is
+    shown (``live`` false), a line is printed at the first one.
     """
     if quiet:
         yield
         return
-    progress = _KernelProgress(text)
+    progress = _KernelProgress(text, live)
     with on_compilation(progress.start, progress.end):
         yield
 
@@ -84,15 +84,16 @@ def announced(quiet: bool = False, text: str = COMPILING_METHODS) -> Iterator[No
 class _KernelProgress:
     """Number and name of the kernel that is compiled, or a line at the first one."""
 
-    def __init__(self, text: str) -> None:
+    def __init__(self, text: str, live: bool) -> None:
         self._text, self._count = text, 0
         self._console = open_console(stderr=True)
+        self._live = live and self._console.is_terminal
         self._status: Status | None = None
 
     def start(self, kernel: str) -> None:
         self._count += 1
         _announced.add(self._text)
-        if not self._console.is_terminal:
+        if not self._live:
             if self._count == 1:
                 print(self._text, file=sys.stderr, flush=True)
             return

@@ -145,9 +145,13 @@ def _compile_sensors(vehicle: SimulatedVehicle) -> None:
     """Compile what a tick of the world needs beside the physics."""
     from sim_bridge.bridge.world import NEUTRAL
     from sim_bridge.flight.world import Scenario, SimulatedWorld
+    from sim_bridge.vibration.flight import vibration_factor
 
-    world = SimulatedWorld(vehicle, Scenario(), publish=lambda topic, message: None)
-    vars(world.plant)["advance"] = lambda controls, around: Means(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    scenario = Scenario(vibration=vibration_factor(vehicle, None))
+    world = SimulatedWorld(vehicle, scenario, publish=lambda topic, message: None)
+    # The plant stays where it is: the other process still compiles its integrator.
+    rest = Means(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    vars(world.plant).update(advance=lambda controls, around: rest, step=lambda: None)
     for _ in range(4):
         world.step(NEUTRAL)
 

@@ -82,7 +82,7 @@ def run(arguments: Sequence[str]) -> int:
     """
     chosen = build_parser().parse_args(arguments)
     names = list(PAPERS) if chosen.only is None else [chosen.only]
-    with announced(quiet=chosen.json):
+    with announced(quiet=chosen.json, live=False):
         return _validated(names, chosen)
 
 

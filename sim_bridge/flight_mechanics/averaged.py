@@ -88,7 +88,7 @@ def short_period_of(model: AveragedModel) -> ShortPeriod:
     Raises:
         InputError: the faster eigenvalues are real with opposite signs, so there is no such mode.
     """
-    roots = sorted(state_space(model).poles(), key=abs, reverse=True)[:2]
+    roots = sorted(np.linalg.eigvals(model.a).astype(complex), key=abs, reverse=True)[:2]
     product, total = (roots[0] * roots[1]).real, (roots[0] + roots[1]).real
     if product <= 0.0:
         raise InputError("this flight has no short-period mode")

@@ -19,6 +19,8 @@ from logs.reader import Log, open_log
 from logs.summary import FlightSummary, summarize
 from sim_bridge.flight.flight import fly as fly_in_process
 from sim_bridge.flight.world import SimulatedWorld
+from sim_bridge.plant import physics_compiled
+from sim_bridge.vehicles import SimulatedVehicle
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -166,7 +168,16 @@ def _log_path(log: Path | str | None, vehicle: str) -> Iterator[Path]:
     yield Path(log)
 
 
+def compile_physics(vehicle: SimulatedVehicle) -> None:
+    """Compile the physics by two processes if the cache lacks them, with progress on stderr."""
+    if not physics_compiled():
+        from groundstation.command.compiling import load_physics
+
+        load_physics(vehicle)
+
+
 def _fly_to(path: Path, flight: Prepared) -> None:
+    compile_physics(flight.vehicle)
     with recorded(path, flight) as publish:
         world = SimulatedWorld(flight.vehicle, flight.scenario, publish)
         fly_in_process(world, Autopilot(flight.computer, flight.plan.mission, publish), flight.commands)

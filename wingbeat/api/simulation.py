@@ -18,7 +18,7 @@ from sim_bridge.bridge.world import NEUTRAL
 from sim_bridge.flight.faults import fault_commands
 from sim_bridge.flight.world import SimulatedWorld
 from sim_bridge.messages import TruthState, TruthWing
-from wingbeat.api.flights import DEFAULT_MISSION, DEFAULT_VEHICLE, prepared_flight
+from wingbeat.api.flights import DEFAULT_MISSION, DEFAULT_VEHICLE, compile_physics, prepared_flight
 from wingbeat.docstrings import field_texts, split_unit
 from wingbeat.errors import InputError
 from wingbeat.topic import Topic
@@ -55,6 +55,7 @@ class Simulation:
             InputError: an argument that is not valid.
         """
         flight = prepared_flight(vehicle, mission, **conditions)
+        compile_physics(flight.vehicle)
         self._messages: dict[str, tuple[Topic[Any], list[Any]]] = {}
         self.world = SimulatedWorld(flight.vehicle, flight.scenario, self._keep)
         self.autopilot = Autopilot(flight.computer, flight.plan.mission, self._keep)
