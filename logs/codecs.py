@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import struct
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from operator import attrgetter
 from typing import Any, NamedTuple
 
+import numpy as np
 from foxglove_schemas_protobuf.Log_pb2 import Log as FoxgloveLog
 from google.protobuf.descriptor import FieldDescriptor
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
@@ -17,6 +19,7 @@ from google.protobuf.message import Message as Protobuf
 from google.protobuf.message_factory import GetMessageClass
 from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
+from numpy.typing import NDArray
 
 from logs.layout import Layout, layout_of
 from logs.records import Damage
@@ -25,10 +28,12 @@ from logs.schema import channel_metadata, descriptor_set
 from wingbeat.message import Event, Severity, Text
 from wingbeat.topic import Topic
 
-Encoder = Callable[[Any, int, int], bytes]
-"""(message, log time in ns, sequence number) to a complete message record"""
 _HEAD = struct.Struct("<BQHIQQ")
 _HEAD_BODY = _HEAD.size - 9
+STAMP_OFFSET = 11
+"""bytes before the stamp of a message record: sequence number, log time and publish time"""
+_JSON, _PROTOBUF = ("json", "jsonschema"), ("protobuf", "protobuf")
+"""encodings of the messages and of their schema"""
 TEXT_SCHEMA = {
     "title": "wingbeat.avionics.Text",
     "type": "object",
@@ -71,42 +76,83 @@ class Codec(NamedTuple):
 
     schema: Schema
     channel: Channel
-    encode: Encoder
+    record: Callable[[Any], bytes]
+    """message to its record, with zeros in the stamp and in the bytes of the template; without a template the stamp
+    contains the time in us"""
+    pack: Callable[..., bytes] | None = None
+    """`record` of the fields of a message as separate arguments; None if one is an array or has no constant width"""
+    template: Template | None = None
+    """None if the messages differ in length"""
+
+    @property
+    def time_offset(self) -> int:
+        """Bytes before the time in us, 8 bytes, in what `record` returns."""
+        return STAMP_OFFSET + 4 if self.template is None else self.template.time_offset
 
 
+class Template:
+    """Constant bytes of the records of a topic with constant layout: header and tags."""
+
+    def __init__(self, layout: Layout, channel: int) -> None:
+        tags = b"".join(field.tag + bytes(struct.calcsize(f"<{field.code}")) for field in layout.fields)
+        self.record = _HEAD.pack(Opcode.MESSAGE, _HEAD_BODY + len(tags), channel, 0, 0, 0) + tags
+        self._type = layout.record_type(_HEAD.size)
+        self._fields = layout.fields
+        self.time_offset: int = self._type.fields["time_us"][1]  # type: ignore[index]
+
+    def rows(self, columns: Sequence[NDArray[Any]]) -> NDArray[np.uint8]:
+        """Encode columns (n,) or (n, k), one for each field; return the records (n, size) with stamps of zero.
+
+        Raises:
+            ValueError: an integer field has another value after the conversion to its type.
+        """
+        rows = np.empty((len(columns[0]), len(self.record)), np.uint8)
+        rows[:] = np.frombuffer(self.record, np.uint8)
+        table = rows.view(self._type)[:, 0]
+        for field, values in zip(self._fields, columns, strict=True):
+            table[field.name] = values
+            made = table[field.name]
+            if (
+                made.dtype.kind in "iu"
+                and not np.can_cast(values.dtype, made.dtype)
+                and not np.array_equal(made, values)
+            ):
+                raise ValueError(f"{field.name} is not of type {field.scalar}")
+        return rows
+
+
+@functools.lru_cache(maxsize=256)
 def codec_for(topic: Topic[Any]) -> Codec:
     """Return schema, channel and encoder of a topic; both numbers are ``topic.channel``.
 
     Raises:
         TypeError: the message has a field without a fixed width.
     """
-    encoding, schema_encoding, name, data, extra, encoder = _kind(topic)
-    metadata = {"rate": f"{topic.rate:g}", "deterministic": str(topic.deterministic).lower(), **extra}
-    schema = Schema(id=topic.channel, name=name, encoding=schema_encoding, data=data)
-    channel = Channel(topic.channel, topic.name, encoding, metadata, topic.channel)
-    return Codec(schema, channel, encoder)
-
-
-def _kind(topic: Topic[Any]) -> tuple[str, str, str, bytes, dict[str, str], Encoder]:
+    metadata = {"rate": f"{topic.rate:g}", "deterministic": str(topic.deterministic).lower()}
     message = topic.message
     if message is Text:
-        schema = json.dumps(TEXT_SCHEMA).encode()
-        return "json", "jsonschema", TEXT_SCHEMA["title"], schema, {}, _free(topic.channel, encode_text)  # type: ignore[return-value]
+        return _free(topic, metadata, _JSON, TEXT_SCHEMA["title"], _json(TEXT_SCHEMA), encode_text)  # type: ignore[arg-type]
     if message is Document:
-        schema = json.dumps(DOCUMENT_SCHEMA).encode()
-        title = str(DOCUMENT_SCHEMA["title"])
-        return "json", "jsonschema", title, schema, {}, _free(topic.channel, encode_document)
-    if message is Event:
-        return _protobuf(FoxgloveLog, _free(topic.channel, encode_event))
-    if issubclass(message, Protobuf):
-        return _protobuf(message, _free(topic.channel, attrgetter("body")))
-    layout = layout_of(topic.message)  # type: ignore[arg-type]
-    encoder = fixed_encoder(layout, topic.channel)
-    return "protobuf", "protobuf", layout.name, descriptor_set(layout), channel_metadata(layout), encoder
+        return _free(topic, metadata, _JSON, str(DOCUMENT_SCHEMA["title"]), _json(DOCUMENT_SCHEMA), encode_document)
+    if message is Event or issubclass(message, Protobuf):
+        made, encoder = (FoxgloveLog, encode_event) if message is Event else (message, attrgetter("body"))
+        return _free(topic, metadata, _PROTOBUF, made.DESCRIPTOR.full_name, file_descriptors(made), encoder)
+    layout = layout_of(message)  # type: ignore[arg-type]
+    schema, channel = _declare(
+        topic, metadata | channel_metadata(layout), _PROTOBUF, layout.name, descriptor_set(layout)
+    )
+    return Codec(schema, channel, *_fixed(layout), Template(layout, topic.channel))
 
 
-def _protobuf(message: type[Protobuf], encoder: Encoder) -> tuple[str, str, str, bytes, dict[str, str], Encoder]:
-    return "protobuf", "protobuf", message.DESCRIPTOR.full_name, file_descriptors(message), {}, encoder
+def _json(schema: Mapping[str, Any]) -> bytes:
+    return json.dumps(schema).encode()
+
+
+def _declare(
+    topic: Topic[Any], metadata: dict[str, str], encodings: tuple[str, str], name: str, data: bytes
+) -> tuple[Schema, Channel]:
+    schema = Schema(id=topic.channel, name=name, encoding=encodings[1], data=data)
+    return schema, Channel(topic.channel, topic.name, encodings[0], metadata, topic.channel)
 
 
 def file_descriptors(message: type[Protobuf]) -> bytes:
@@ -126,43 +172,42 @@ def file_descriptors(message: type[Protobuf]) -> bytes:
     return out.SerializeToString(deterministic=True)
 
 
-def fixed_encoder(layout: Layout, channel: int) -> Encoder:
-    """Return the encoder of a fixed layout: one `struct` call writes record header, tags and values."""
-    packer = struct.Struct(_HEAD.format + layout.format[1:])
-    pack, opcode = packer.pack, int(Opcode.MESSAGE)
-    length = packer.size - 9
-    fields = [(field.tag, bool(field.length)) for field in layout.fields]
-    if any(packed for _, packed in fields):
+def _fixed(layout: Layout) -> tuple[Callable[[Any], bytes], Callable[..., bytes] | None]:
+    """Return encoders of a fixed layout for a message and for its fields: one `struct` call packs the values.
 
-        def encode_arrays(message: Any, log_time: int, sequence: int) -> bytes:
-            values: list[Any] = [opcode, length, channel, sequence, log_time, log_time]
-            for (tag, packed), value in zip(fields, message, strict=True):
-                values.append(tag)
-                values.extend(value if packed else (value,))
-            return pack(*values)
+    Bytes of header and tags are zero, because as arguments they would take as long as the values.
+    """
+    values = "".join(f"{len(field.tag)}x{field.code}" for field in layout.fields)
+    pack = struct.Struct(f"<{_HEAD.size}x{values}").pack
+    arrays = [bool(field.length) for field in layout.fields]
+    if not any(arrays):
+        return lambda message: pack(*message), pack
 
-        return encode_arrays
+    def encode(message: Any) -> bytes:
+        flat: list[Any] = []
+        for is_array, value in zip(arrays, message, strict=True):
+            if is_array:
+                flat += value
+            else:
+                flat.append(value)
+        return pack(*flat)
 
-    # The tags stay in this list; only every second element changes from message to message.
-    arguments: list[Any] = [opcode, length, channel, 0, 0, 0]
-    for tag, _ in fields:
-        arguments += (tag, 0)
-
-    def encode_flat(message: Any, log_time: int, sequence: int) -> bytes:
-        arguments[3] = sequence
-        arguments[4] = arguments[5] = log_time
-        arguments[7::2] = message
-        return pack(*arguments)
-
-    return encode_flat
+    return encode, None
 
 
-def _free(channel: int, encode: Callable[[Any], bytes]) -> Encoder:
-    def encode_record(message: Any, log_time: int, sequence: int) -> bytes:
-        data = encode(message)
-        return _HEAD.pack(Opcode.MESSAGE, _HEAD_BODY + len(data), channel, sequence, log_time, log_time) + data
+def _free(
+    topic: Topic[Any],
+    metadata: dict[str, str],
+    encodings: tuple[str, str],
+    name: str,
+    data: bytes,
+    encode: Callable[[Any], bytes],
+) -> Codec:
+    def encode_record(message: Any) -> bytes:
+        body = encode(message)
+        return _HEAD.pack(Opcode.MESSAGE, _HEAD_BODY + len(body), topic.channel, 0, message.time_us, 0) + body
 
-    return encode_record
+    return Codec(*_declare(topic, metadata, encodings, name, data), encode_record)
 
 
 def encode_text(message: Text) -> bytes:

@@ -63,7 +63,10 @@ class _Indexed(Protocol):
 
 
 def pack_chunk(
-    content: bytes, entries: Mapping[int, bytes], window: tuple[int, int], compressor: zstandard.ZstdCompressor
+    content: bytes | memoryview,
+    entries: Mapping[int, bytes],
+    window: tuple[int, int],
+    compressor: zstandard.ZstdCompressor,
 ) -> RawChunk:
     """Compress records into a chunk.
 

@@ -7,16 +7,18 @@ import struct
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import IO, Any, NamedTuple
 
+import numpy as np
 import zstandard
 from mcap.records import Attachment, AttachmentIndex, McapRecord, Metadata
+from numpy.typing import NDArray
 
 from logs.backlog import PATIENCE, Backlog
-from logs.codecs import Codec, codec_for
+from logs.blocks import FLUSH_NS, Block, BlockEncoder, ColumnSeries, Stream, chunk_end, concatenate, index_entries
 from logs.container import Container, encode, pack_chunk
 from logs.file_lock import lock
 from logs.volumes import Volumes, Work
@@ -24,29 +26,15 @@ from wingbeat.errors import InputError
 from wingbeat.message import RecorderStatus
 from wingbeat.topic import Topic
 
-CHUNK_BYTES = 64 * 1024
-FLUSH_S = 0.25
-_FLUSH_NS = round(FLUSH_S * 1e9)
+FLUSH_S = FLUSH_NS * 1e-9
 ZSTD_LEVEL = -1
 """Level of zstd: files are 3 to 5 % larger than at level 1, but decompress in 50 to 75 % of the time."""
-Said = tuple[Topic[Any], Any]
+TopicMessage = tuple[Topic[Any], Any]
 """a message with its topic"""
+_Packer = tuple[Topic[Any], int, Callable[..., bytes] | None, Callable[[Any], bytes]]
+"""topic, number of its stream, encoder of the fields of a message if it has one, encoder of a message"""
 RECORDING = "wingbeat.recording"
 """Name of the metadata record with the epoch time of the zero of the vehicle clock."""
-
-
-class _Stream:
-    """One topic of a recording."""
-
-    __slots__ = ("codec", "encode", "index", "sequence", "topic")
-
-    def __init__(self, topic: Topic[Any], codec: Codec) -> None:
-        self.topic = topic
-        self.codec = codec
-        self.encode = codec.encode
-        self.sequence = 0
-        self.index: list[int] = []
-        """log time and offset of every message in the open chunk, in sequence"""
 
 
 class Writing(NamedTuple):
@@ -60,8 +48,10 @@ class Writing(NamedTuple):
     """topic of the recorder's own status: dropped messages and queue length; None for no status"""
 
 
-BATCH, BATCH_US = 256, 100_000.0
+BATCH, BATCH_US = 1024, FLUSH_S * 1e6
 """-, us; number of messages, and span of their vehicle time, that are encoded together"""
+COLUMN_BATCH = 32_768
+"""-; number of messages that are encoded together from columns"""
 _SHUT = -math.inf
 """us; end of the time window of pending messages if none is pending"""
 LOCK_ATTEMPTS, LOCK_PAUSE = 50, 0.02
@@ -78,8 +68,8 @@ class McapRecorder:
     first. At most this much data is lost if the machine fails. With a queue (`Writing.queue`) the wall clock is
     checked every 0.125 s even without messages; otherwise the next message closes an overdue chunk.
 
-    Messages are encoded in batches, which halves the encoding time because the processor caches stay filled, so
-    messages must not change after they are passed to the recorder.
+    Each message is packed at once, which is cheaper than to keep it. Headers, indexes and chunks are made for up to
+    0.25 s of messages together.
 
     No method raises during a flight. If the disk fails or writing fails otherwise, recording ends, the written data
     stay readable but are not marked as complete, and `failure` has the reason. A message that does not match its
@@ -112,18 +102,22 @@ class McapRecorder:
         self.start_epoch_ns = time.time_ns() if start_epoch_ns is None else start_epoch_ns
         self.failure = ""
         """reason why recording ended early, one line"""
-        self._refused, self._refusal = 0, ""
         self.dropped = 0
         """messages dropped because the disk was too slow"""
         self._clock = clock
         self._lock = threading.RLock()
-        self._streams: dict[int, _Stream] = {}
-        self._waiting: deque[Said] = deque()
-        self._since, self._first_us, self._past_us = 0.0, 0.0, _SHUT
-        self._buffer = bytearray()
+        self._refused, self._refusal = 0, ""
+        self._packers: dict[int, _Packer] = {}
+        self._pending: deque[tuple[int, bytes]] = deque()
+        """number of the stream and record of each message that is not yet in a block"""
+        self._since, self._first_us, self._past_us, self._timeout = 0.0, 0.0, _SHUT, 0.0
+        self._flush_clock = math.inf
+        """s; wall clock by which the open chunk and the pending messages must be written"""
+        self._encoder = BlockEncoder(self.start_epoch_ns)
+        self._parts: list[Block] = []
+        """of the open chunk"""
+        self._filled = self._begin_ns = 0
         self._last_ns = self.start_epoch_ns
-        self._oldest_ns = self._youngest_ns = 0
-        self._flush_clock, self._timeout = math.inf, 0.0
         self._compressor = zstandard.ZstdCompressor(level=ZSTD_LEVEL)
         self._writing, self._reported = writing, (0, 0)
         self._open_for_writing, self._closed = True, False
@@ -132,7 +126,7 @@ class McapRecorder:
             Backlog(writing.queue, self._flush_overdue, FLUSH_S / 2, self._fail) if writing.queue else None
         )
         for topic in topics:
-            self._open(topic)
+            self._encoder.open(topic)
 
     @property
     def paths(self) -> list[Path]:
@@ -142,136 +136,164 @@ class McapRecorder:
     @property
     def refused(self) -> int:
         """Number of messages rejected because they do not match their layout."""
-        self._settle()
         return self._refused
 
     @property
     def refusal(self) -> str:
         """Reason of the first rejection, one line."""
-        self._settle()
         return self._refusal
 
     def record(self, topic: Topic[Any], message: Any) -> None:
         """Record one message; its ``time_us`` is the time stamp."""
         if not self._open_for_writing:
             return
-        waiting = self._waiting
+        packer = self._packers.get(topic.channel)
+        try:
+            if packer is None or packer[0] is not topic:
+                if not topic.logged:
+                    return
+                packer = self._prepare(topic)
+            _, number, pack, encode_record = packer
+            record = pack(*message) if pack is not None else encode_record(message)
+            time_us = message.time_us
+        # A message of the wrong layout must affect only that message.
+        except Exception as error:
+            self._refuse(f"a message of {topic.name}", error)
+            return
         # Without the lock: the queue accepts messages one after another. If the window is closed meanwhile, that
         # happens before the queue is emptied, so the message is processed either here or there.
-        waiting.append((topic, message))
-        try:
-            if (
-                self._first_us <= message.time_us < self._past_us
-                and len(waiting) <= BATCH
+        if self._first_us <= time_us < self._past_us:
+            self._pending.append((number, record))
+            if len(self._pending) <= BATCH and (
                 # Without a worker thread the next message closes an overdue chunk.
-                and (self._backlog is not None or self._clock() < self._flush_clock)
+                self._backlog is not None or self._clock() < self._flush_clock
             ):
                 return
-        # Errors are reported by the encoder.
-        except (AttributeError, TypeError):
-            pass
-        self._look(message)
-
-    def record_all(self, messages: Iterable[Said]) -> None:
-        """Record messages in sequence and encode them at once; faster than single calls for a hundred or more."""
-        if not self._open_for_writing:
-            return
-        with self._lock:
-            self._since = self._clock()
-            self._waiting.extend(messages)
             self._settle()
+        else:
+            self._record_outside(topic, time_us, (number, record))
 
-    def _look(self, message: Any) -> None:
-        """Start the time window with a first pending message; encode overdue messages."""
+    def _prepare(self, topic: Topic[Any]) -> _Packer:
         with self._lock:
-            try:
-                opened = self._past_us == _SHUT and self._open_window(message.time_us)
-            except (AttributeError, TypeError):
-                opened = False
+            stream = self._encoder.open(topic)
+            packer = self._packers[topic.channel] = topic, stream.number, stream.codec.pack, stream.codec.record
+            return packer
+
+    def _record_outside(self, topic: Topic[Any], time_us: int, encoded: tuple[int, bytes]) -> None:
+        """Record a message outside of the time window: the first one opens a window, another one closes it."""
+        with self._lock:
+            if time_us > self._encoder.latest_us:
+                self._refuse(f"a message of {topic.name}", f"its time is {time_us} us")
+                return
+            opened = self._past_us == _SHUT and self._open_window(time_us)
+            self._pending.append(encoded)
             if not opened or (self._backlog is None and self._clock() >= self._flush_clock):
                 self._settle()
 
     def _open_window(self, time_us: float) -> bool:
         """Open the time window for messages slightly younger than this one."""
         self._since, past_us = self._clock(), time_us + BATCH_US
-        if self._buffer:
-            past_us = min(past_us, (self._youngest_ns - self.start_epoch_ns) / 1000)
+        if self._parts:
+            past_us = min(past_us, (self._begin_ns + FLUSH_NS - self.start_epoch_ns) / 1000)
         else:
             self._flush_clock = self._since + FLUSH_S
         self._first_us, self._past_us = time_us, past_us
         return True
 
+    def record_columns(
+        self, series: Sequence[ColumnSeries], order: NDArray[np.intp], progress: Callable[[int], None]
+    ) -> None:
+        """Record all messages of topics that have no others, without a call for each message.
+
+        Args:
+            series: one for each topic.
+            order: index in ``series`` of each message, in the order of the file.
+            progress: called with the number of recorded messages.
+        """
+        first = np.zeros(len(series), np.int64)
+        for one in series:
+            low, high = one.time_us.min(initial=0), one.time_us.max(initial=0)
+            if low < 0 or high > self._encoder.latest_us:
+                self._refuse(f"series {one.topic.name}", f"its times are {low} to {high} us")
+                return
+        with self._lock:
+            self._settle()
+            self._since = self._clock()
+            for begin in range(0, len(order), COLUMN_BATCH):
+                batch = order[begin : begin + COLUMN_BATCH]
+                try:
+                    block = self._encoder.block_of_columns(series, batch, first.tolist())
+                except (ValueError, TypeError, struct.error) as error:
+                    self._refuse("a block of series", error)
+                    return
+                self._divide(block)
+                first += np.bincount(batch, minlength=len(series))
+                progress(begin + len(batch))
+
     def _settle(self) -> None:
-        """Encode pending messages into the open chunk."""
+        """Append pending messages to the open chunk."""
         with self._lock:
             self._past_us = _SHUT
-            waiting, stream_of, epoch = self._waiting, self._streams.get, self.start_epoch_ns
-            # Ctrl-C may occur between any two statements: no message is encoded twice.
-            while waiting:
-                topic, message = waiting.popleft()
-                stream = stream_of(topic.channel)
-                try:
-                    if stream is None or stream.topic is not topic:
-                        if not topic.logged:
-                            continue
-                        stream = self._open(topic)
-                    log_ns = epoch + message.time_us * 1000
-                    record = stream.encode(message, log_ns, stream.sequence)
-                # A message of the wrong layout must affect only that message.
-                except Exception as error:
-                    self._refuse(f"a message of {topic.name}", error)
-                    continue
-                buffer = self._buffer
-                if not buffer:
-                    self._begin_chunk(log_ns)
-                if not stream.sequence:
-                    # A declaration inside a chunk is protected by its CRC; one outside, which readers use first, is
-                    # not.
-                    buffer += _declared(stream.codec)
-                offset = len(buffer)
-                stream.sequence += 1
-                # An index must not name a message that is missing.
-                buffer += record
-                stream.index += (log_ns, offset)
-                self._last_ns = log_ns
-                if len(buffer) >= CHUNK_BYTES or not self._oldest_ns < log_ns < self._youngest_ns:
-                    self._close()
-            if self._buffer and self._clock() >= self._flush_clock:
-                self._close()
+            # An interruption by Ctrl-C must not write a message twice, so they are taken first.
+            messages = [self._pending.popleft() for _ in range(len(self._pending))]
+            try:
+                if messages:
+                    self._divide(self._encoder.block(messages))
+                if self._clock() >= self._flush_clock:
+                    self._close_chunk()
+            # If there is no memory for another chunk, the flight continues without recording.
+            except Exception as error:
+                self._end(error)
 
-    def _begin_chunk(self, log_ns: int) -> None:
-        # Time that runs backwards closes the chunk too, so the times in a chunk stay close together.
-        self._oldest_ns, self._youngest_ns = log_ns - _FLUSH_NS, log_ns + _FLUSH_NS
-        self._flush_clock = self._since + FLUSH_S
+    def _divide(self, block: Block) -> None:
+        """Append messages to the open chunk, and close each full one."""
+        first, count = 0, len(block.stream)
+        while first < count:
+            if not self._parts:
+                self._begin_ns, self._filled = int(block.time_ns[first]), 0
+                self._flush_clock = self._since + FLUSH_S
+            end, is_full = chunk_end(block, first, self._begin_ns, self._filled)
+            part = block.part(first, end, self._filled)
+            first = end
+            self._parts.append(part)
+            self._filled += len(part.content)
+            self._last_ns = int(part.time_ns[-1])
+            if is_full:
+                self._close_chunk()
 
     def flush(self) -> None:
         """Close the open chunk and pass it to the operating system, or to the queue."""
         with self._lock:
+            self._flush_clock = -math.inf
             self._settle()
-            self._close()
-
-    def _close(self) -> None:
-        if not self._buffer:
-            return
-        try:
-            self._close_chunk()
-        # If there is no memory for another chunk, the flight continues without recording.
-        except Exception as error:
-            self._end(error)
 
     def _close_chunk(self) -> None:
-        filled = [stream for stream in self._streams.values() if stream.index]
-        others = (stream for stream in filled if stream.topic is not self._writing.account)
-        count = sum(len(stream.index) // 2 for stream in others)
-        work, size = self._chunk(filled), len(self._buffer)
-        # Cleared before the handover: an interruption must not write a message twice.
-        self._buffer = bytearray()
         self._flush_clock = math.inf
-        for stream in filled:
-            stream.index = []
-        if not self._hand_over(work, size):
-            self.dropped += count
+        if not self._parts:
+            return
+        # Cleared before the handover: an interruption must not write a message twice.
+        parts, self._parts = self._parts, []
+        block, streams = concatenate(parts), list(self._encoder.streams)
+        if not self._hand_over(lambda container: self._write_chunk(container, block, streams), len(block.content)):
+            account = [stream.number for stream in streams if stream.topic is self._writing.account]
+            self.dropped += int(np.count_nonzero(~np.isin(block.stream, account)))
         self._report_drops()
+
+    def _write_chunk(self, container: Container, block: Block, streams: Sequence[Stream]) -> None:
+        """Compress and write a chunk; called by the writing thread."""
+        begun = set(block.stream[block.offset > block.start[:-1]].tolist())
+        entries, before = index_entries(block), b""
+        for number in entries:
+            stream = streams[number]
+            # Every file has its declarations under a CRC, also a later file and one whose first chunk was dropped.
+            if container.define(stream.codec.schema, stream.codec.channel) and number not in begun:
+                before += stream.declaration
+        if before:
+            entries = index_entries(block, len(before))
+        packed = {streams[number].topic.channel: each for number, each in entries.items()}
+        window = int(block.time_ns.min()), int(block.time_ns.max())
+        content = before + block.content.tobytes() if before else block.content.data
+        container.chunk(pack_chunk(content, packed, window, self._compressor))
 
     def _flush_overdue(self) -> None:
         """Close an overdue open chunk without a new message.
@@ -370,14 +392,6 @@ class McapRecorder:
             raise InputError(f"cannot record to {self.path}: {error.strerror or error}") from None
         return volumes
 
-    def _open(self, topic: Topic[Any]) -> _Stream:
-        known = self._streams.get(topic.channel)
-        if known is None:
-            known = self._streams[topic.channel] = _Stream(topic, codec_for(topic))
-        if known.topic != topic:
-            raise ValueError(f"channel {topic.channel} belongs to {known.topic.name}")
-        return known
-
     def _encode(self, what: str, record: McapRecord) -> bytes:
         try:
             return encode(record)
@@ -385,16 +399,17 @@ class McapRecorder:
             self._refuse(what, error)
             return b""
 
-    def _refuse(self, what: str, error: Exception) -> None:
-        self._refused += 1
-        self._refusal = self._refusal or f"{what} was not recorded: {error}"
+    def _refuse(self, what: str, error: object) -> None:
+        """Count an omitted message, document or note."""
+        with self._lock:
+            self._refused += 1
+            self._refusal = self._refusal or f"{what} was not recorded: {error}"
 
     def _keep(self, work: Work, what: str, size: int) -> None:
         """Write a record that every file of the recording needs."""
         with self._lock:
             if not self._hand_over(work, size, everywhere=True):
-                self._refused += 1
-                self._refusal = self._refusal or f"{what} was not recorded: the disk is too slow"
+                self._refuse(what, "the disk is too slow")
 
     def _hand_over(self, work: Work, size: int, everywhere: bool = False) -> bool:
         """Write at once or queue; return False if the queue is full."""
@@ -431,23 +446,6 @@ class McapRecorder:
         self.failure = self.failure or f"recording to {self.path} ended: {reason}"
         self._open_for_writing = False
 
-    def _chunk(self, filled: list[_Stream]) -> Work:
-        """Return the open chunk; the writing thread compresses it."""
-        content, codecs = bytes(self._buffer), [stream.codec for stream in filled]
-        entries = {stream.topic.channel: stream.index for stream in filled}
-        times = [stream.index[::2] for stream in filled]
-        window = min(map(min, times)), max(map(max, times))
-        begun = {stream.topic.channel for stream in filled if stream.sequence == len(stream.index) // 2}
-
-        def written(container: Container) -> None:
-            new = [codec for codec in codecs if container.define(codec.schema, codec.channel)]
-            # Every file has its declarations under a CRC, also a later file and one whose first chunk was dropped.
-            before = b"".join(_declared(codec) for codec in new if codec.channel.id not in begun)
-            packed = {channel: _packed(index, len(before)) for channel, index in entries.items()}
-            container.chunk(pack_chunk(before + content, packed, window, self._compressor))
-
-        return written
-
     def _report_drops(self) -> None:
         """Log the drop count once after each increase."""
         account, now = self._writing.account, (self.dropped, self._refused)
@@ -456,18 +454,7 @@ class McapRecorder:
         self._reported = now
         waiting = self._backlog.waiting if self._backlog else 0
         time_us = (self._last_ns - self.start_epoch_ns) // 1000
-        self.record(account, RecorderStatus(time_us, self.dropped, self._refused, waiting, self._volumes.written))
-
-
-def _declared(codec: Codec) -> bytes:
-    return encode(codec.schema) + encode(codec.channel)
-
-
-def _packed(index: list[int], shift: int) -> bytes:
-    """Return times and offsets of a message index whose messages are moved by ``shift`` bytes."""
-    if shift:
-        index = [value + shift if place % 2 else value for place, value in enumerate(index)]
-    return struct.pack(f"<{len(index)}Q", *index)
+        self.record(account, RecorderStatus(time_us, *now, waiting, self._volumes.written))
 
 
 def _recording(start_epoch_ns: int) -> Metadata:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from types import TracebackType
 from typing import Any, NamedTuple
@@ -26,7 +26,7 @@ from avionics import topics
 from avionics.isolation import Guard
 from logs.codecs import Stamped
 from logs.poses import Frames, Pose, Posed, Vector, enu_from_ned
-from logs.recorder import McapRecorder, Said
+from logs.recorder import McapRecorder, TopicMessage
 from sim_bridge import topics as truth_topics
 from wingbeat.topic import Topic
 
@@ -234,7 +234,7 @@ class SceneRecorder:
         self._pose_channel = (topics.ATTITUDE if estimated else truth_topics.STATE).channel
         self._latest: dict[int, Any] = {}
         kept = _ESTIMATED_TOPICS if estimated else _TRUTH_TOPICS
-        self._watched = (kept if shape is not None else frozenset[int]()) | {_FIXES}
+        self.watched: frozenset[int] = (kept if shape is not None else frozenset[int]()) | {_FIXES}
         self._located = "estimated/body" if estimated and shape is not None else "body"
         self._pose = _estimated_pose if estimated else _true_pose
         self._next_us = [0, 0]
@@ -249,18 +249,9 @@ class SceneRecorder:
     def record(self, topic: Topic[Any], message: Any) -> None:
         """Record one message and the view at its time."""
         self.inner.record(topic, message)
-        if topic.channel in self._watched:
-            for seen in self._shown_of(topic.channel, message):
+        if topic.channel in self.watched:
+            for seen in self.views_of(topic.channel, message):
                 self.inner.record(*seen)
-
-    def record_all(self, messages: Iterable[Said]) -> None:
-        """Record messages in sequence, each with the view at its time."""
-        watched, whole = self._watched, list[Said]()
-        for pair in messages:
-            whole.append(pair)
-            if pair[0].channel in watched:
-                whole += self._shown_of(pair[0].channel, pair[1])
-        self.inner.record_all(whole)
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
         """Attach a file to the recording."""
@@ -282,14 +273,15 @@ class SceneRecorder:
     ) -> None:
         self.close()
 
-    def _shown_of(self, channel: int, message: Any) -> Sequence[Said]:
+    def views_of(self, channel: int, message: Any) -> Sequence[TopicMessage]:
+        """Return the viewers' messages that follow from one message of a channel in `watched`."""
         if self._guard is None:
             return self._updates_of(channel, message)
         return self._guard.run(self._updates_of, channel, message) or ()
 
-    def _updates_of(self, channel: int, message: Any) -> Sequence[Said]:
+    def _updates_of(self, channel: int, message: Any) -> Sequence[TopicMessage]:
         """Return the view messages that follow from one message of an observed channel."""
-        seen: Sequence[Said] = ()
+        seen: Sequence[TopicMessage] = ()
         # A fault of the view must not stop the flight.
         with contextlib.suppress(ValueError, ArithmeticError, TypeError):
             if channel == _FIXES:
@@ -302,12 +294,12 @@ class SceneRecorder:
             self.added[topic.name] = self.added.get(topic.name, 0) + 1
         return seen
 
-    def _placed(self, fix: m.GpsFix) -> Sequence[Said]:
+    def _placed(self, fix: m.GpsFix) -> Sequence[TopicMessage]:
         if fix.fix_type < 2:
             return ()
         return ((LOCATION, _stamped(fix.time_us, location(fix, self.scene.start_epoch_ns, self._located))),)
 
-    def _shown(self, time_us: int) -> Sequence[Said]:
+    def _shown(self, time_us: int) -> Sequence[TopicMessage]:
         self._next_us[0] = time_us + TRANSFORM_PERIOD_US
         pose = self._pose(self._latest)
         if not pose.can_be_shown():

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from avionics.autopilot import Autopilot
-from logs.batches import batched
 from logs.campaigns.keys import Values
 from logs.campaigns.memory import Memory
 from logs.campaigns.metrics import METRICS, measured
@@ -182,9 +181,7 @@ def recorded(path: Path, flight: Prepared) -> Iterator[Publish]:
     """
     with _recorder(path) as recorder:
         note_flight(recorder, flight)
-        seen = SceneRecorder(recorder, shape_of(flight.vehicle), recorder.start_epoch_ns)
-        with batched(seen.record_all) as publish:
-            yield publish
+        yield SceneRecorder(recorder, shape_of(flight.vehicle), recorder.start_epoch_ns).record
     if recorder.failure:
         raise CannotRecord(recorder.failure)
 

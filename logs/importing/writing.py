@@ -11,9 +11,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from avionics.topics import CHANGES, EVENTS
-from logs.batches import batched
+from logs.blocks import ColumnSeries
 from logs.codecs import Document
 from logs.importing.source import Array, ImportedTopic, ParameterChange, Series
 from logs.layout import Field, Layout
@@ -139,28 +140,61 @@ def _write(path: Path, streams: Sequence[Stream], extras: Extras, progress: Prog
     with McapRecorder(path, start_epoch_ns=extras.epoch_ns, clock=lambda: 0.0) as recorder:
         for name, values in extras.notes.items():
             recorder.note(name, dict(values))
-        feeds = [(stream.topic, stream.series.time_us, _messages(stream)) for stream in streams]
+        series = [_columns(stream) for stream in streams]
         if extras.events:
-            said = sorted(extras.events, key=lambda event: event.time_us)
-            feeds.append((EVENTS, np.array([event.time_us for event in said], np.int64), iter(said)))
+            series.append(_messages(EVENTS, sorted(extras.events, key=lambda event: event.time_us)))
         if extras.changes:
             changes = sorted(extras.changes, key=lambda change: change.time_us)
-            times_us = np.array([change.time_us for change in changes], np.int64)
-            feeds.append((CHANGES, times_us, map(_change, changes)))
-        order = _order([times for _, times, _ in feeds])
-        seen = SceneRecorder(recorder, PLAIN_BIRD, extras.epoch_ns, estimated=True)
-        with batched(seen.record_all) as publish:
-            for number, feed in enumerate(order):
-                topic, _, messages = feeds[feed]
-                publish(topic, next(messages))
-                if number % 10_000 == 0:
-                    progress(number, len(order))
+            series.append(_messages(CHANGES, [_change(change) for change in changes]))
+        order = _order([one.time_us for one in series])
+        scene = SceneRecorder(recorder, PLAIN_BIRD, extras.epoch_ns, estimated=True)
+        order, views = _with_views(scene, series, order)
+        recorder.record_columns([*series, *views], order, lambda done: progress(done, len(order)))
         for name, made in extras.attachments.items():
-            recorder.attach(name, "application/json", made(seen.added))
+            recorder.attach(name, "application/json", made(scene.added))
     trouble = recorder.failure or recorder.refusal
     if trouble:
         raise InputError(trouble)
-    return seen.added
+    return scene.added
+
+
+def _columns(stream: Stream) -> ColumnSeries:
+    """Return a stream for the recorder; rows with text become documents."""
+    series = stream.series
+    if stream.topic.message is not Document:
+        return ColumnSeries(stream.topic, series.time_us, [series.time_us, *series.columns.values()])
+    columns = (values.tolist() for values in series.columns.values())
+    rows = zip(series.time_us.tolist(), *columns, strict=True)
+    names = tuple(series.columns)
+    documents = [Document(at, dict(zip(names, map(_plain, row), strict=True))) for at, *row in rows]
+    return ColumnSeries(stream.topic, series.time_us, messages=documents)
+
+
+def _messages(topic: Topic[Any], messages: Sequence[Any]) -> ColumnSeries:
+    return ColumnSeries(topic, np.array([message.time_us for message in messages], np.int64), messages=messages)
+
+
+def _with_views(
+    scene: SceneRecorder, series: Sequence[ColumnSeries], order: NDArray[np.intp]
+) -> tuple[NDArray[np.intp], list[ColumnSeries]]:
+    """Return the order with messages for viewers, each after the one that it follows from, and these messages."""
+    watched = [number for number, one in enumerate(series) if one.topic.channel in scene.watched]
+    rows = {number: _rows(series[number]) for number in watched}
+    views: dict[Topic[Any], tuple[list[Any], list[int]]] = {}
+    for place in np.flatnonzero(np.isin(order, watched)).tolist():
+        number = int(order[place])
+        for topic, message in scene.views_of(series[number].topic.channel, next(rows[number])):
+            messages, places = views.setdefault(topic, ([], []))
+            messages.append(message)
+            places.append(place)
+    places_of = [np.arange(len(order)), *(np.array(places, np.intp) for _, places in views.values())]
+    numbers = np.repeat(np.arange(len(views)) + len(series), [len(places) for places in places_of[1:]])
+    with_views = np.concatenate([order, numbers])[np.argsort(np.concatenate(places_of), kind="stable")]
+    return with_views, [_messages(topic, messages) for topic, (messages, _) in views.items()]
+
+
+def _rows(series: ColumnSeries) -> Iterator[Any]:
+    return map(series.topic.message._make, zip(*(values.tolist() for values in series.columns), strict=True))
 
 
 def _change(change: ParameterChange) -> Text:
@@ -168,22 +202,10 @@ def _change(change: ParameterChange) -> Text:
     return Text(max(change.time_us, 0), json.dumps(document))
 
 
-def _order(times: Sequence[Array]) -> list[int]:
-    """Which feed has the next message, in order of time."""
-    feeds = np.repeat(np.arange(len(times)), [len(one) for one in times])
-    every = np.concatenate([*times, np.empty(0, np.int64)])
-    order: list[int] = feeds[np.argsort(every, kind="stable")].tolist()
-    return order
-
-
-def _messages(stream: Stream) -> Iterator[Any]:
-    series, message = stream.series, stream.topic.message
-    columns = [values.tolist() for values in series.columns.values()]
-    rows = zip(series.time_us.tolist(), *columns, strict=True)
-    if message is not Document:
-        return map(message._make, rows)
-    names = tuple(series.columns)
-    return (Document(row[0], dict(zip(names, map(_plain, row[1:]), strict=True))) for row in rows)
+def _order(times: Sequence[Array]) -> NDArray[np.intp]:
+    """Return which series has the next message, in order of time."""
+    numbers = np.repeat(np.arange(len(times)), [len(one) for one in times])
+    return numbers[np.argsort(np.concatenate([*times, np.empty(0, np.int64)]), kind="stable")]
 
 
 def _plain(value: Any) -> Any:

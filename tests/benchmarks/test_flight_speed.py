@@ -21,7 +21,6 @@ from avionics.messages import ActuatorCommand, Command, SensorFrame
 from avionics.missions import load_mission
 from avionics.missions.script import scripted_start
 from avionics.vehicles import load_vehicle as load_flight_vehicle
-from logs.batches import batched
 from logs.outline import shape_of
 from logs.recorder import McapRecorder
 from logs.scene import SceneRecorder
@@ -205,10 +204,9 @@ def fly_once(log: Path | None) -> None:
         fly(SimulatedWorld(vehicle, scenario), computer(), scripted_start())
         return
     with McapRecorder(log) as recorder:
-        seen = SceneRecorder(recorder, shape_of(vehicle), recorder.start_epoch_ns)
-        with batched(seen.record_all) as said:
-            flying = Autopilot(load_flight_vehicle(VEHICLE), load_mission("circuit"), said)
-            fly(SimulatedWorld(vehicle, scenario, said), flying, scripted_start())
+        publish = SceneRecorder(recorder, shape_of(vehicle), recorder.start_epoch_ns).record
+        flying = Autopilot(load_flight_vehicle(VEHICLE), load_mission("circuit"), publish)
+        fly(SimulatedWorld(vehicle, scenario, publish), flying, scripted_start())
 
 
 def simulate(log: Path, *words: str) -> tuple[float, float]:

@@ -14,13 +14,16 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
+import numpy as np
 import pytest
 from mcap.reader import make_reader
 from mcap.writer import Writer
 from mcap_protobuf.decoder import DecoderFactory
+from pyulog import ULog
 from rows import Row, leave, peer
 
 from avionics import topics
+from logs.importing.log_import import Choice, import_log
 from logs.join import join
 from logs.layout import layout_of
 from logs.poses import Frames, Pose
@@ -29,6 +32,10 @@ from logs.recorder import AT_ONCE, IN_FLIGHT, McapRecorder, Writing
 from sim_bridge import topics as truth_topics
 from wingbeat.message import Event, Text
 from wingbeat.topic import Topic
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "logs" / "importing"))
+
+from foreign_logs import ulog
 
 Result = TypeVar("Result")
 Messages = list[tuple[Topic, Any]]
@@ -48,6 +55,10 @@ RATE = sum(topic.rate for topic in FIXED)
 FLIGHT_S = 2e6 / RATE
 ROUND_S, ROUNDS = 30.0, 8
 """s of flight that wait for the disk in the recorder's queue, should its thread not run at all"""
+TICK_COST = 20e-6
+"""s; time of the flight's thread for the messages of a step"""
+IMPORT_S, IMPORTED_BYTES = 20.0, 100_000_000
+"""s of processor time for a log of so many bytes"""
 TICK_S, HASTE = 0.005, 10.0
 """s of a step of the flight; how many times faster than that it flies"""
 POOL = 200
@@ -162,6 +173,26 @@ def seconds_to_write(messages: Messages, path: Path, writing: Writing) -> float:
     assert not recorder.refusal and not recorder.failure and not recorder.dropped
     path.unlink()
     return spent
+
+
+@pytest.mark.bench
+def test_recording_time_per_step(flight: Flight, tmp_path: Path) -> None:
+    """GIVEN a flight WHEN recorded with a queue THEN its thread spends at most `TICK_COST` on each step."""
+    messages = flight.part(0.0, 1.0)
+    spent = []
+    for number in range(10 * ROUNDS):
+        with McapRecorder(
+            tmp_path / f"{number}.mcap", start_epoch_ns=0, topics=FIXED, writing=Writing(IN_FLIGHT)
+        ) as recorder:
+            begin = time.thread_time()
+            for topic, message in messages:
+                recorder.record(topic, message)
+            spent.append((time.thread_time() - begin) * TICK_S)
+        assert not recorder.refusal and not recorder.failure and not recorder.dropped
+    send(f"\nrecording {len(messages) * TICK_S:.1f} messages per step: {min(spent) * 1e6:.1f} us")
+    requested = f"at most {TICK_COST * 1e6:g}"
+    leave(Row("recording, flight's thread per step", min(spent) * 1e6, None, "us", requested=requested))
+    assert min(spent) <= TICK_COST
 
 
 def mcap_seconds(messages: Messages, path: Path) -> float:
@@ -354,6 +385,34 @@ def test_a_file_without_its_end_opens(recorded: Recorded, tmp_path: Path) -> Non
     send("")
     report("open a file without its end", recorded.messages, elapsed)
     assert not log.complete and sum(info.messages for info in log.topics.values()) == recorded.messages
+
+
+# --- importing ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.bench
+def test_import_of_a_large_ulog(tmp_path: Path) -> None:
+    """GIVEN a ULog of 100 MB WHEN imported THEN it takes at most `IMPORT_S`; pyulog only reads it."""
+    source, names = np.random.default_rng(1), ("angles", "rates", "acceleration", "position", "motors", "servos")
+    count = IMPORTED_BYTES // (len(names) * (13 + 4 * 12))
+    times = np.arange(count) * 4000 + 1_000_000
+    topics_of_log = {
+        name: (times + 100 * n, {"values": source.normal(size=(count, 8)), **{
+            f"value_{i}": source.normal(size=count) for i in range(4)
+        }})
+        for n, name in enumerate(names)
+    }  # fmt: skip
+    path = tmp_path / "large.ulg"
+    path.write_bytes(ulog(topics_of_log))
+    assert path.stat().st_size >= 0.99 * IMPORTED_BYTES
+    out = tmp_path / "large.mcap"
+    computed, done = quickest(lambda: (out.unlink(missing_ok=True), import_log(Choice(path, out)))[1], 2)
+    theirs, read = quickest(lambda: ULog(str(path)), 2)
+    assert done.messages >= count * len(names) == sum(len(each.data["timestamp"]) for each in read.data_list)
+    send(f"\nimport of {path.stat().st_size / 1e6:.0f} MB: {computed:.1f} s; pyulog reads it in {theirs:.1f} s")
+    requested = f"at most {IMPORT_S:g}"
+    leave(Row("import of a ULog of 100 MB", computed, theirs, "s", f"{peer('pyulog')}, reading alone", requested))
+    assert computed <= IMPORT_S
 
 
 @pytest.mark.bench

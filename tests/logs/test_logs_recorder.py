@@ -9,8 +9,11 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+import zstandard
 from mcap.reader import make_reader
+from mcap.records import Chunk
 from mcap.stream_reader import StreamReader
 from mcap_protobuf.decoder import DecoderFactory
 from recorded import ALL_TOPICS, EPOCH_NS, FIXED_TOPICS, flight, record
@@ -18,8 +21,10 @@ from recorded import ALL_TOPICS, EPOCH_NS, FIXED_TOPICS, flight, record
 from avionics import messages as m
 from avionics import topics
 from logs import recorder as recorder_module
+from logs.blocks import CHUNK_BYTES, ColumnSeries
+from logs.layout import SCALARS, layout_of
 from logs.reader import open_log
-from logs.recorder import CHUNK_BYTES, McapRecorder
+from logs.recorder import McapRecorder, Writing
 from wingbeat.errors import InputError
 from wingbeat.message import Event, Severity
 from wingbeat.topic import Topic
@@ -305,57 +310,75 @@ def test_where_there_are_no_locks_it_is_recorded_too(tmp_path: Path, monkeypatch
     assert sum(info.messages for info in open_log(path).topics.values()) == len(messages)
 
 
-def test_a_message_record_is_what_the_format_says(tmp_path: Path) -> None:
+def chunk_content(path: Path) -> bytes:
+    """Uncompressed records of the first chunk."""
+    with path.open("rb") as file:
+        records = StreamReader(file, emit_chunks=True).records
+        chunk = next(each for each in records if isinstance(each, Chunk))
+    return zstandard.ZstdDecompressor().decompress(chunk.data)
+
+
+def test_message_record_has_the_documented_bytes(tmp_path: Path) -> None:
     """Opcode 5, length, channel, sequence, log and publish time, then the protobuf bytes (mcap.dev/spec)."""
-    from logs.codecs import codec_for
-    from logs.layout import layout_of
-
-    message = m.DriveTorque(5, 1.0, -2.0)
-    codec = codec_for(topics.DRIVE_TORQUE)
-    body = layout_of(m.DriveTorque).encode(message)
-    head = struct.pack("<BQHIQQ", 5, 22 + len(body), 23, 9, 77, 77)
-    assert codec.encode(message, 77, 9) == head + body
+    messages = [m.DriveTorque(5, 1.0, -2.0), m.DriveTorque(6, 3.0, -0.0)]
+    path = record(tmp_path / "a.mcap", [(topics.DRIVE_TORQUE, message) for message in messages])
+    bodies = [layout_of(m.DriveTorque).encode(message) for message in messages]
+    times = [EPOCH_NS + 5000, EPOCH_NS + 6000]
+    heads = [struct.pack("<BQHIQQ", 5, 22 + len(bodies[n]), 23, n, times[n], times[n]) for n in range(2)]
+    assert chunk_content(path).endswith(heads[0] + bodies[0] + heads[1] + bodies[1])
 
 
-@pytest.mark.parametrize("size", [1, 7, 512, 10**6])
-def test_a_batch_is_recorded_as_its_messages_are_one_by_one(tmp_path: Path, size: int) -> None:
-    """To the byte, events, fixes and a message that does not fit among them."""
+@pytest.mark.parametrize("writing", [Writing(), Writing(10**8)], ids=["at once", "queue"])
+def test_columns_are_recorded_as_their_messages_are(tmp_path: Path, writing: Writing) -> None:
+    """GIVEN messages of all topics WHEN recorded as columns THEN the file has the same bytes."""
     messages = flight(3.0)
-    messages[200:200] = [(topics.HEALTH, None), (topics.HEALTH._replace(logged=False), m.Health(1, 0, 0, 0))]
-
-    def recorded(name: str, batches: bool) -> tuple[bytes, int, str]:
-        with McapRecorder(tmp_path / name, start_epoch_ns=EPOCH_NS, clock=lambda: 0.0) as recorder:
-            for start in range(0, len(messages), size):
-                if batches:
-                    recorder.record_all(messages[start : start + size])
-                else:
-                    for said in messages[start : start + size]:
-                        recorder.record(*said)
-        return recorder.path.read_bytes(), recorder.refused, recorder.refusal
-
-    one_by_one, refused, refusal = recorded("a.mcap", batches=False)
-    assert recorded("b.mcap", batches=True) == (one_by_one, refused, refusal)
-    assert refused == 1 and "/system/health" in refusal
-
-
-def test_what_waits_is_recorded_before_a_batch(tmp_path: Path) -> None:
-    messages = flight(1.0)
-    with McapRecorder(tmp_path / "a.mcap", start_epoch_ns=EPOCH_NS, clock=lambda: 0.0) as recorder:
-        for said in messages[:50]:
-            recorder.record(*said)
-        recorder.record_all(messages[50:])
-    assert recorder.path.read_bytes() == record_alone(tmp_path / "b.mcap", messages).read_bytes()
+    one_by_one = record(tmp_path / "a.mcap", messages)
+    series, order = [], [ALL_TOPICS.index(topic) for topic, _ in messages]
+    for topic in ALL_TOPICS:
+        rows = [message for each, message in messages if each is topic]
+        times_us = np.array([row.time_us for row in rows], np.int64)
+        if topic in FIXED_TOPICS:
+            fields = layout_of(topic.message).fields
+            columns = [
+                np.array([row[n] for row in rows], SCALARS[field.scalar].code) for n, field in enumerate(fields)
+            ]
+            series.append(ColumnSeries(topic, times_us, columns))
+        else:
+            series.append(ColumnSeries(topic, times_us, messages=rows))
+    done: list[int] = []
+    with McapRecorder(tmp_path / "b.mcap", start_epoch_ns=EPOCH_NS, clock=lambda: 0.0, writing=writing) as recorder:
+        recorder.note("flight", {"vehicle": "robo_raven_ii_d", "seed": "7"})
+        recorder.attach("vehicle.toml", "application/toml", b"name = 'raven'\n")
+        recorder.record_columns(series, np.array(order), done.append)
+    assert done[-1] == len(messages) and not recorder.refusal and not recorder.failure
+    assert recorder.path.read_bytes() == one_by_one.read_bytes()
 
 
-def record_alone(path: Path, messages: list[tuple[Topic, Any]]) -> Path:
-    with McapRecorder(path, start_epoch_ns=EPOCH_NS, clock=lambda: 0.0) as recorder:
-        recorder.record_all(messages)
-    return path
-
-
-def test_a_batch_that_comes_after_the_end_is_forgotten(tmp_path: Path) -> None:
+def test_columns_that_do_not_match_their_layout_are_refused(tmp_path: Path) -> None:
     with McapRecorder(tmp_path / "a.mcap") as recorder:
-        pass
-    before = recorder.path.read_bytes()
-    recorder.record_all(flight(1.0))
-    assert recorder.path.read_bytes() == before and not recorder.failure
+        series = ColumnSeries(topics.HEALTH, np.array([1]), [np.array([1]), np.array([1])])
+        recorder.record_columns([series], np.zeros(1, np.intp), lambda count: None)
+    assert recorder.refused == 1 and open_log(recorder.path).topics == {}
+
+
+def test_message_time_beyond_the_format_is_refused(tmp_path: Path) -> None:
+    """The log time, in ns since 1970, has 64 bits."""
+    with McapRecorder(tmp_path / "a.mcap", start_epoch_ns=EPOCH_NS) as recorder:
+        recorder.record(topics.HEALTH, m.Health(2**63, 0, 0, 0))
+        recorder.record(topics.HEALTH, m.Health(1, 0, 0, 0))
+    assert recorder.refused == 1
+    assert open_log(recorder.path).columns(topics.HEALTH)["time_us"].tolist() == [1]
+
+
+def test_a_message_may_be_changed_after_it_is_recorded(tmp_path: Path) -> None:
+    """A list is mutable: its values when it is recorded count."""
+    values = [1, 0, 0, 0]
+
+    class Row(list):  # type: ignore[type-arg]
+        time_us = 1
+
+    row = Row(values)
+    with McapRecorder(tmp_path / "a.mcap") as recorder:
+        recorder.record(topics.HEALTH, row)
+        row[3] = 7
+    assert open_log(recorder.path).columns(topics.HEALTH)[m.Health._fields[3]].tolist() == [0]

@@ -94,25 +94,6 @@ def test_the_truth_is_shown_at_50_hz_and_the_scene_once_a_second(tmp_path: Path)
     assert (fix.latitude, fix.longitude) == (math.degrees(0.5), math.degrees(-1.0))
 
 
-def test_batches_show_what_messages_show_one_by_one(tmp_path: Path) -> None:
-    fixes = [
-        (topic, fix._replace(fix_type=number % 4)) for number, (topic, fix) in enumerate(flight(1.0, (topics.GPS,)))
-    ]
-    messages = sorted([*flight(2.0, SHOWN), *fixes], key=lambda reports: reports[1].time_us)
-    files = []
-    for size in (1, 300):
-        recorder = McapRecorder(tmp_path / f"{size}.mcap", start_epoch_ns=EPOCH_NS, clock=lambda: 0.0)
-        with SceneRecorder(recorder, SHAPE, EPOCH_NS) as seen:
-            for start in range(0, len(messages), size):
-                if size == 1:
-                    seen.record(*messages[start])
-                else:
-                    seen.record_all(messages[start : start + size])
-        files.append((recorder.path.read_bytes(), seen.added))
-    assert files[0] == files[1]
-    assert files[0][1] == {"/view/transforms": 100, "/view/scene": 2, "/view/location": 2}
-
-
 def test_the_wings_follow_the_recorded_angles(tmp_path: Path) -> None:
     found = recorded_views(tmp_path, estimated=False)
     wings = [message for topic, message in flight(2.0, SHOWN) if topic is truth_topics.WING]

@@ -204,11 +204,11 @@ def test_what_ends_the_thread_while_it_waits_is_told_too(tmp_path: Path, monkeyp
     )
     ended = threading.Event()
 
-    def no_memory(filled: object) -> None:
+    def no_memory(*_: object) -> None:
         ended.set()
         raise MemoryError
 
-    monkeypatch.setattr(recorder, "_chunk", no_memory)
+    monkeypatch.setattr(recorder, "_write_chunk", no_memory)
     recorder.record(*flight(0.1, IMU_ALONE)[0])
     clock[0] = 0.26
     assert ended.wait(30.0)

@@ -44,6 +44,9 @@ BELOW, ABOVE = 0.25, 3.0
 """-; of the mode's frequency: band of a sweep or multisine"""
 FLAPPING = 0.45
 """-; of the flapping frequency, above which stroke averages attenuate the response"""
+MIN_SETTLE = 1.0
+"""s; shortest default pause. In shorter records the slowly changing airspeed cannot be separated from biases, and an
+estimate from the flight may not converge."""
 UNIT_AMPLITUDE = 0.1
 """rad; of the input whose response is scaled"""
 MAX_REPEATS = 100
@@ -219,7 +222,7 @@ def _excitation(prior: Prior, spec: DesignSpec, width: float, amplitude: float) 
     frequency, damping = _mode(prior)
     settle = spec.settle
     if settle is None:
-        settle = round(min(max(3.0 / (max(damping, 0.05) * frequency), 0.5), 5.0), 1)
+        settle = round(min(max(3.0 / (max(damping, 0.05) * frequency), MIN_SETTLE), 5.0), 1)
     low = high = 0.0
     if spec.shape not in shapes.SEGMENTS:
         low, high = _band(prior, frequency, width)

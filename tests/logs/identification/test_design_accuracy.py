@@ -86,7 +86,7 @@ def drawn(seed: int) -> Achieved | None:
 def test_a_designed_flight_has_the_predicted_errors() -> None:
     """GIVEN five drawn aircraft WHEN the design from a flight is flown THEN errors are within half of predicted."""
     achieved = [one for seed in (3, 4, 8, 9, 13) if (one := drawn(seed)) is not None]
-    assert len(achieved) >= 4
+    assert len(achieved) == 5
     assert np.median([one.standard_error for one in achieved], axis=0) == pytest.approx(1.0, abs=0.5)
     assert np.abs([one.error for one in achieved]).max() < 4.0
 
@@ -98,6 +98,6 @@ def test_predicted_errors_of_50_drawn_aircraft() -> None:
     errors = np.sqrt(np.mean(np.square([one.error for one in achieved]), axis=0))
     reported = np.median([one.standard_error for one in achieved], axis=0)
     print(f"\n{len(achieved)} aircraft: errors {errors}, standard errors {reported} of the predicted")  # noqa: T201
-    assert len(achieved) >= 40
+    assert len(achieved) >= 48
     assert reported == pytest.approx(1.0, abs=0.25)
     assert errors == pytest.approx(1.0, abs=0.25)

@@ -153,7 +153,8 @@ def test_an_input_goes_to_a_limit_and_not_beyond(shape: Shape) -> None:
 
 
 def test_the_time_unit_is_tuned_to_the_mode() -> None:
-    requested = DesignSpec(Shape.MULTISTEP_3211, LIMITS)
+    """With a short pause: in a long one a slow mode is seen without an input of its period."""
+    requested = DesignSpec(Shape.MULTISTEP_3211, LIMITS, settle=0.5)
     best = design_input(PRIOR, requested)
     slow = design_input(PRIOR._replace(values=PRIOR.values * np.where(np.arange(12) == 9, 0.3, 1.0)), requested)
     for width in (best.excitation.width / 2.5, best.excitation.width * 2.5):
