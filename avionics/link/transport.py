@@ -10,6 +10,7 @@ import contextlib
 import os
 import select
 import socket
+import struct
 import time
 from collections import deque
 from collections.abc import Hashable
@@ -27,6 +28,8 @@ HALF_OPEN = 5.0
 GONE = 60.0
 """s; idle time after which a UDP station is removed: it may have reconnected from another port"""
 _CHUNK = 65536
+_STREAM_CHUNK = 8192
+"""bytes; read at once from a lockstep partner, more than its longest tick"""
 _MOST_DATAGRAMS = 100
 _BACKLOG = 1 << 18
 
@@ -532,10 +535,11 @@ class SocketStream:
 
     def __init__(self, connected: socket.socket, name: str) -> None:
         connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        # No timeout of the socket itself: Python would make two system calls for every read and write.
-        connected.setblocking(False)
+        # The timeout is the system's: with one of its own, Python makes two system calls for every read and write.
+        connected.setblocking(True)
         self.name = name
         self._socket = connected
+        self._timeout = -1.0
         self._readable, self._writable = select.poll(), select.poll()
         self._readable.register(connected, select.POLLIN)
         self._writable.register(connected, select.POLLOUT)
@@ -551,16 +555,24 @@ class SocketStream:
     def read(self, timeout: float) -> bytes | None:
         """Return bytes as soon as some are available; waits are at least one millisecond."""
         try:
-            if (self._credit and self._watch()) or self._readable.poll(max(1e3 * timeout, 1.0)):
-                return self._socket.recv(_CHUNK) or None
+            if timeout != self._timeout:
+                self._limit_waits(timeout)
+            if self._credit:
+                self._watch()
+            return self._socket.recv(_STREAM_CHUNK) or None
         except BlockingIOError:
             return b""
         except OSError:
             return None
-        return b""
 
-    def _watch(self) -> bool:
-        """Poll for bytes without blocking; False after the limit."""
+    def _limit_waits(self, timeout: float) -> None:
+        self._timeout = timeout
+        seconds, fraction = divmod(max(timeout, 1e-3), 1.0)
+        limit = struct.pack("@ll", int(seconds), int(fraction * 1e6))
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, limit)
+
+    def _watch(self) -> None:
+        """Poll for bytes without blocking, up to the limit."""
         poll, end = self._readable.poll, 0.0
         while True:
             for _ in range(LOOKS):
@@ -568,17 +580,17 @@ class SocketStream:
                     self._in_time += 1
                     if self._in_time == RENEWED:
                         self._credit, self._in_time = CREDIT, 0
-                    return True
+                    return
             now = time.perf_counter()
             end = end or now + AT_ONCE
             if now >= end:
                 self._credit, self._in_time = self._credit - 1, 0
-                return False
+                return
 
     def write(self, data: bytes) -> bool:
         """Send all data."""
         try:
-            sent = self._socket.send(data)
+            sent = self._socket.send(data, socket.MSG_DONTWAIT)
         except BlockingIOError:
             sent = 0
         except OSError:
@@ -591,7 +603,7 @@ class SocketStream:
             try:
                 if not self._writable.poll(max(1e3 * (end - time.monotonic()), 0.0)):
                     return False
-                data = data[self._socket.send(data) :]
+                data = data[self._socket.send(data, socket.MSG_DONTWAIT) :]
             except BlockingIOError:
                 continue
             except OSError:

@@ -141,12 +141,12 @@ class FlappingVectorEnv(VectorEnv[Floats32, Floats32, Any]):
         sticks = actions.astype(np.float64)
         sticks[:, 3] = 0.5 * (sticks[:, 3] + 1.0)
         batch.step(sticks)
-        flown = ~restarted
-        self._observations[flown] = self._observe(actions)[flown]
-        crashed = (batch.arrays.outcome == ON_GROUND) & flown
-        self._raise_diverged(flown)
-        rewards = np.where(crashed, CRASH_REWARD, np.where(flown, self._rewards(), 0.0))
-        truncated = (batch.time_us * 1e-6 - self._begin >= self._time_limit - ROUND_OFF) & flown
+        stepped = ~restarted
+        self._observations[stepped] = self._observe(actions)[stepped]
+        crashed = (batch.arrays.outcome == ON_GROUND) & stepped
+        self._raise_diverged(stepped)
+        rewards = np.where(crashed, CRASH_REWARD, np.where(stepped, self._rewards(), 0.0))
+        truncated = (batch.time_us * 1e-6 - self._begin >= self._time_limit - ROUND_OFF) & stepped
         self._ended = crashed | truncated
         for i in np.flatnonzero(restarted):
             self._launch(int(i))
@@ -220,9 +220,9 @@ class FlappingVectorEnv(VectorEnv[Floats32, Floats32, Any]):
         infos: Infos = {name: np.where(mask, value, 0.0) for name, value in values.items()}
         return infos | {f"_{name}": mask.copy() for name in values}
 
-    def _raise_diverged(self, flown: Flags) -> None:
+    def _raise_diverged(self, stepped: Flags) -> None:
         assert self._batch is not None
-        diverged = np.flatnonzero((self._batch.arrays.outcome == DIVERGED) & flown)
+        diverged = np.flatnonzero((self._batch.arrays.outcome == DIVERGED) & stepped)
         if diverged.size:
             i = int(diverged[0])
             raise SimulationDiverged(f"vehicle {i}: the simulation diverged at {self._batch.time_us[i] * 1e-6:.3f} s")
