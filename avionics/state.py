@@ -132,7 +132,9 @@ class AutopilotState:
     @property
     def terrain(self) -> float:
         """Altitude (m) of the ground below the vehicle; that of the launch site without a rangefinder."""
-        return rangefinder.terrain(self.rangefinder, self.clock.time_us) - self.gains.navigation.launch_height
+        measured, now = self.rangefinder, self.clock.time_us
+        default = self.gains.navigation.launch_height
+        return rangefinder.terrain(measured, now) - rangefinder.launch_height(measured, now, default)
 
     @property
     def height(self) -> float:

@@ -3,7 +3,9 @@
 import gc
 import os
 import tempfile
+import time
 from collections.abc import Generator
+from pathlib import Path
 
 import pytest
 from hypothesis import settings
@@ -78,3 +80,25 @@ def pytest_collection_finish() -> None:
     gc.collect()
     gc.freeze()
     gc.set_threshold(10_000, 20, 20)
+
+
+@pytest.fixture(scope="session")
+def standard_flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the recording of ``wingbeat fly`` with seed 1, flown once for all workers. Nobody may change it."""
+    import wingbeat
+
+    folder = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        folder = folder.parent
+    log, flying = folder / "standard_flight.mcap", folder / "standard_flight.flying"
+    try:
+        flying.touch(exist_ok=False)
+    except FileExistsError:
+        deadline = time.monotonic() + 300.0
+        while not log.exists():
+            assert time.monotonic() < deadline, "the worker that flies it has failed"
+            time.sleep(0.1)
+    else:
+        wingbeat.fly(seed=1, log=folder / "standard_flight.part.mcap").log.close()
+        (folder / "standard_flight.part.mcap").rename(log)
+    return log

@@ -13,7 +13,6 @@ from pathlib import Path
 
 import pytest
 
-import wingbeat
 from groundstation.command.main import SUBCOMMANDS
 
 ROOT = Path(__file__).parents[1]
@@ -56,13 +55,13 @@ def test_tutorial_runs(page: Path, tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr[-2000:]
 
 
-def test_figures_of_the_explanations_are_drawn(tmp_path: Path) -> None:
+@pytest.mark.validate
+def test_figures_of_the_explanations_are_drawn(tmp_path: Path, standard_flight: Path) -> None:
     """GIVEN the flight of the explanations THEN their figures can be drawn, and no picture is without its figure."""
     pytest.importorskip("matplotlib")
     script = ROOT / "docs" / "draw_explanations.py"
-    flight = wingbeat.fly(seed=1, duration=60.0, log=tmp_path / "flight.mcap")
     done = subprocess.run(
-        [sys.executable, script, flight.path, tmp_path], capture_output=True, text=True, check=False
+        [sys.executable, script, standard_flight, tmp_path], capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stderr[-2000:]
     committed = {path.name for path in (ROOT / "docs" / "explanation").glob("*.png")}

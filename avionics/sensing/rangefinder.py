@@ -81,6 +81,14 @@ def step(state: State, sample: RangeSample, vertical: float, altitude: float, at
 
 
 def terrain(state: State, time_us: int) -> float:
-    """Return the altitude (m) of the ground below the vehicle; 0, that of home, without recent readings."""
-    recent = state.readings == CONFIRMING and time_us - state.time_us <= HOLD_TIME * 1e6
-    return state.terrain if recent else 0.0
+    """Return the altitude (m) of the ground below the vehicle above that at boot; 0 without recent readings."""
+    return state.terrain if _is_recent(state, time_us) else 0.0
+
+
+def launch_height(state: State, time_us: int, default: float) -> float:
+    """Return the height (m) above the ground at boot, ``default`` without recent readings."""
+    return state.reference if _is_recent(state, time_us) else default
+
+
+def _is_recent(state: State, time_us: int) -> bool:
+    return state.readings == CONFIRMING and time_us - state.time_us <= HOLD_TIME * 1e6

@@ -58,7 +58,7 @@ from sim_bridge.plant import physics_compiled
 from sim_bridge.sensors.transmitter import load_script
 from sim_bridge.topics import STATE
 from sim_bridge.vehicles import vehicle_names
-from sim_bridge.vibration.flight import check_vibration
+from sim_bridge.vibration.flight import vibration_factor
 from wingbeat.errors import InputError
 
 if TYPE_CHECKING:
@@ -121,6 +121,8 @@ class Plan(NamedTuple):
     """of the command line, then of the mission"""
     findings: tuple[Finding, ...]
     """what is outside the range of the aerodynamic model at cruise"""
+    vibration: float
+    """-; factor of the vibration of the vehicle file"""
     log: Path = Path()
     """joined log, after its name is locked"""
 
@@ -230,11 +232,11 @@ def check(chosen: argparse.Namespace) -> Plan:
     faults = (*chosen.fault, *mission_faults(chosen.mission))
     options.check_times(faults, chosen.duration)
     check_carried(faults, body.sections)
-    check_vibration(body, chosen.vibration)
+    vibration = vibration_factor(body, chosen.vibration)
     name = storage_name(vehicle)  # two vehicles of one name leave recordings that can be told apart
     findings = tuple(range_findings(cruise_excesses(body)))
     notes = (*notes, *(f"warning: {one.text}" for one in findings))
-    return Plan(chosen.vehicle, name, vehicle.title, body.aerodynamics.model, notes, faults, findings)
+    return Plan(chosen.vehicle, name, vehicle.title, body.aerodynamics.model, notes, faults, findings, vibration)
 
 
 def _check_log(log: Path) -> None:
@@ -310,7 +312,7 @@ def _start(children: Children, plan: Plan, chosen: argparse.Namespace, observer:
     speed = "max" if math.isinf(chosen.speed) else repr(chosen.speed)
     world = ["--vehicle", simulated, *epoch, "--listen", bridge, "--speed", speed, "--seed", str(chosen.seed)]
     world += ["--duration", repr(chosen.duration), "--wind", repr(chosen.wind)]
-    world += ["--turbulence", chosen.turbulence, "--vibration", repr(chosen.vibration)]
+    world += ["--turbulence", chosen.turbulence, "--vibration", repr(plan.vibration)]
     world += ["--wind-from", repr(math.degrees(chosen.wind_from)), "--log", str(plan.parts[0])]
     world += ["--aerodynamics", plan.aerodynamics]
     world += [] if chosen.sticks is None else ["--sticks", chosen.sticks]
@@ -503,7 +505,7 @@ def _entries(plan: Plan, chosen: argparse.Namespace) -> dict[str, object]:
         "sticks": chosen.sticks,
         "faults": options.fault_words(plan.faults)[1::2],
         "turbulence": chosen.turbulence,
-        "vibration": chosen.vibration,
+        "vibration": plan.vibration,
         "findings": [one.document() for one in plan.findings],
     }
 

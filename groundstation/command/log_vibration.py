@@ -176,5 +176,5 @@ def _print(vibration: FlightVibration, fitted: VibrationFit | None, files: list[
         console.print(f"{one.severity}: {one.text} ({one.code})", style="yellow" if one.severity == "warning" else "")
     if fitted is not None:
         console.print(f"{len(fitted.modes)} modes fitted; written {', '.join(map(str, files))}", soft_wrap=True)
-        command = f"wingbeat fly --vehicle {files[0].parent} --vibration vehicle"
+        command = f"wingbeat fly --vehicle {files[0].parent}"
         console.print(f"next: {command}", style="dim", soft_wrap=True)

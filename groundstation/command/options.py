@@ -275,9 +275,8 @@ def add_world(parser: argparse.ArgumentParser, duration: float) -> None:
     parser.add_argument(
         "--vibration",
         type=vibration,
-        default=0.0,
         metavar="none|vehicle|FACTOR",
-        help="vibration of the airframe: none, that of the vehicle file, or a multiple of it (default: none)",
+        help="vibration of the airframe: none, of the vehicle file, or a multiple of it (default: vehicle)",
     )
 
 

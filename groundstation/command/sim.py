@@ -32,6 +32,7 @@ from sim_bridge.mechanism import build_mechanism
 from sim_bridge.plant import Plant, physics_compiled
 from sim_bridge.sensors.transmitter import Script, load_script
 from sim_bridge.vehicles import FOLDER, SimulatedVehicle, load_vehicle, with_model
+from sim_bridge.vibration.flight import vibration_factor
 from wingbeat.errors import InputError
 from wingbeat.message import Severity
 from wingbeat.topic import Publish, Topic
@@ -94,7 +95,9 @@ def run(arguments: Sequence[str]) -> int:
         for line in options.name_warnings(vehicle):
             print(line, file=sys.stderr)
     sticks = None if chosen.sticks is None else load_script(chosen.sticks)
-    scenario = _scenario(chosen)._replace(waits_for_arming=True, pilot=None if sticks is None else sticks.pilot())
+    scenario = _scenario(chosen, vehicle)._replace(
+        waits_for_arming=True, pilot=None if sticks is None else sticks.pilot()
+    )
     remote = foreign.chosen_foreign(chosen, None if chosen.listen == DEFAULT_URL else chosen.listen)
     if remote is not None and chosen.write_parameters is not None:
         foreign_parameters.write_parameters(chosen, remote, vehicle)
@@ -131,11 +134,11 @@ def run(arguments: Sequence[str]) -> int:
     return 0
 
 
-def _scenario(chosen: argparse.Namespace) -> Scenario:
+def _scenario(chosen: argparse.Namespace, vehicle: SimulatedVehicle) -> Scenario:
     """Build the scenario of the flight.
 
     Raises:
-        InputError: a fault that comes after the end, or enters the flight computer.
+        InputError: a fault that comes after the end or enters the flight computer, or no vibration in the file.
     """
     options.check_times(chosen.fault, chosen.duration)
     faults, of_flight = divided(chosen.fault)
@@ -150,7 +153,7 @@ def _scenario(chosen: argparse.Namespace) -> Scenario:
         chosen.turbulence,
         chosen.duration,
         faults=faults,
-        vibration=chosen.vibration,
+        vibration=vibration_factor(vehicle, chosen.vibration),
     )
 
 

@@ -42,7 +42,9 @@ KEYS: dict[str, Key] = {
     "sticks": Key(str, "-", "table by which a transmitter is moved, instead of the scripted start"),
     "faults": Key(str, "-", "what fails: NAME@T or NAME@T-T2, several with spaces between, empty for nothing"),
     "turbulence": Key(str, "-", f"Dryden gusts: {LEVELS_TOLD}"),
-    "vibration": Key(float, "-", "factor of the vibration of the vehicle file; 0: none", 0.0),
+    "vibration": Key(
+        float, "-", "factor of the vibration of the vehicle file (default: 1 if it has one); 0: none", 0.0
+    ),
     "seed": Key(int, "-", "of sensor noise and gusts", 0, 2**63 - 1),
     "duration": Key(float, "s", "the flight ends then at the latest", ABOVE_ZERO),
     "wind.speed": Key(float, "m/s", "steady wind", 0.0),

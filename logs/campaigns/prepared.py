@@ -23,7 +23,7 @@ from sim_bridge.flight.world import Scenario, Throw
 from sim_bridge.mechanism import build_mechanism
 from sim_bridge.sensors.transmitter import Script
 from sim_bridge.vehicles import SimulatedVehicle, with_model
-from sim_bridge.vibration.flight import check_vibration
+from sim_bridge.vibration.flight import vibration_factor
 from wingbeat.errors import InputError
 
 DURATION = 300.0
@@ -56,7 +56,8 @@ def prepare(stock: Stock, values: Values) -> Prepared:
     vehicle = _vehicle(pair.world, values, of_family(scale, "vehicle"))
     gains = _gains(pair.computer.gains, of_family(values, "gains"), of_family(scale, "gains"))
     scenario = _scenario(values, planned.faults, sticks)
-    check_vibration(vehicle, scenario.vibration)
+    factor = float(values["vibration"]) if "vibration" in values else None
+    scenario = scenario._replace(vibration=vibration_factor(vehicle, factor))
     dryden.turbulence(scenario.turbulence, 2.0 * vehicle.wing.semispan, scenario.seed)
     start = scripted_start() if sticks is None else ()
     commands = (*plan_commands(planned.plan), *start)
@@ -122,7 +123,6 @@ def _scenario(values: Values, of_mission: tuple[Fault, ...], sticks: Script | No
         wind_speed=speed,
         wind_from=wind_from,
         turbulence=plain(values, "turbulence", "none"),
-        vibration=float(plain(values, "vibration", 0.0)),
         duration=duration,
         throw=Throw(*(float(plain(values, f"throw.{n}", d)) for n, d in Throw._field_defaults.items())),
         sensor_corner=float(plain(values, "sensors.corner", 0.0)),

@@ -6,6 +6,7 @@ force, in the middle of the downstroke.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -34,6 +35,8 @@ CLIPPED = 8
 """samples at the largest value"""
 PILED, FAR = 0.6, 20
 """share of the samples near the largest value that are exactly there; its distance from the median in steps"""
+RINGING = 0.14
+"""strokes; time after an impact in which it rings"""
 BAND_EDGES = (0.0, 10.0, 20.0, 40.0, 70.0, 100.0, 200.0, 400.0, 800.0, 1600.0)
 """Hz"""
 
@@ -193,15 +196,21 @@ def loudest_bin(by_phase: Array) -> int:
 
 
 def _ringing(high: Array, phase: Array, start: float, step: float) -> float:
-    """Return the frequency in Hz of the largest power within a tenth of a stroke after a phase."""
-    inside = (phase - start) % 1.0 < 0.1
+    """Return the frequency in Hz with most power after a phase, beyond that of the whole stroke."""
+    inside = (phase - start) % 1.0 < RINGING
     begins = np.flatnonzero(inside & ~np.roll(inside, 1))
     length = int(inside.sum() / max(1, len(begins)))
-    windows = [high[i : i + length] / high.std(axis=0) for i in begins if i + length <= len(high)]
-    if length < 2 or not windows:
+    scaled = high / high.std(axis=0)
+    if length < 2 or not any(begin + length <= len(high) for begin in begins):
         return 0.25 / step  # too slow to see it
-    power = sum(np.abs(np.fft.rfft(window, 1024, axis=0)) ** 2 for window in windows)
-    return float(np.fft.rfftfreq(1024, step)[np.asarray(power).sum(axis=1).argmax()])
+
+    def power(starts: Iterable[int]) -> Array:
+        windows = [scaled[i : i + length] for i in starts if i + length <= len(high)]
+        density: Array = np.mean([np.abs(np.fft.rfft(one, 1024, axis=0)) ** 2 for one in windows], axis=0).sum(axis=1)
+        return density
+
+    excess = power(begins) - power(range(0, len(high), length))
+    return float(np.fft.rfftfreq(1024, step)[excess.argmax()])
 
 
 def _bands(nyquist: float) -> tuple[tuple[float, float], ...]:

@@ -64,7 +64,9 @@ def fit(spectrum: Spectrum, reference_rate: float, bandwidths: tuple[float, floa
     frequency, density = spectrum.frequency[used], spectrum.density[used]
     average = np.sinc(frequency / spectrum.rate) ** 2  # the IMU averages between samples
     gains = [average * _sensor_gain(frequency, bandwidth, spectrum.rate) for bandwidth in bandwidths]
-    shapes = [np.column_stack([_unit_density(frequency, at, i) * gains[i] for at in centers]) for i in (0, 1)]
+    unit = np.column_stack([_unit_density(frequency, at) for at in centers])
+    rotation = unit / (2.0 * np.pi * np.array(centers)) ** 2
+    shapes = [density * gains[i][:, None] for i, density in enumerate((rotation, unit))]
     phases, share = _impacts(spectrum)
     power = np.empty((len(centers), 6))
     for axis in range(6):
@@ -94,8 +96,8 @@ def modeled_density(fit: VibrationFit, spectrum: Spectrum) -> Array:
         omega = 2.0 * math.pi * mode.frequency
         square = mode.buffet**2 + omega * mode.kick**2 / (4.0 * mode.damping * period)
         shapes = np.array((*mode.rotation, *mode.translation)) ** 2 * square
-        for axis in range(6):
-            total[:, axis] += shapes[axis] * _unit_density(frequency, mode.frequency, axis // 3)
+        shapes[:3] /= omega**2
+        total += _unit_density(frequency, mode.frequency)[:, None] * shapes
     averaged: Array = total * np.sinc(frequency / spectrum.rate)[:, None] ** 2
     return averaged
 
@@ -108,31 +110,21 @@ def _sensor_gain(frequency: Array, bandwidth: float, rate: float) -> Array:
     return gain
 
 
-def _unit_density(frequency: Array, center: float, derivative: int) -> Array:
-    """Return the one-sided spectral density of a mode with an RMS acceleration of 1 m/s^2.
+def _unit_density(frequency: Array, center: float) -> Array:
+    """Return the one-sided spectral density (f,) of a mode with an RMS acceleration of 1 m/s^2.
 
     Args:
         frequency: (f,) Hz.
         center: Hz; natural frequency.
-        derivative: 1 for the acceleration by the structure, 0 for the velocity.
     """
-    fine = np.linspace(0.0, 8.0 * center, 4001)
 
     def response(at: Array) -> Array:
-        ratio = at / center
-        gain: Array = 1.0 / ((1.0 - ratio**2) ** 2 + (2.0 * DAMPING * ratio) ** 2)
-        return gain
+        square = (at / center) ** 2
+        density: Array = square / ((1.0 - square) ** 2 + (2.0 * DAMPING) ** 2 * square)
+        return density
 
-    def structure(at: Array) -> Array:
-        scaled: Array = (1.0 + (2.0 * DAMPING * at / center) ** 2) * response(at)
-        return scaled
-
-    total = np.trapezoid(structure(fine), fine)
-    if derivative:
-        return structure(frequency) / total
-    omega = 2.0 * np.pi * center
-    velocity: Array = (2.0 * np.pi * frequency / omega**2) ** 2 * response(frequency) / total
-    return velocity
+    # The integral over all frequencies is pi center / (4 damping).
+    return response(frequency) * 4.0 * DAMPING / (np.pi * center)
 
 
 def _impacts(spectrum: Spectrum) -> tuple[tuple[float, ...], Array]:

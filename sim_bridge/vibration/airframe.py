@@ -2,8 +2,10 @@
 
 Each mode is a linear oscillator (exact discretization at `INTERNAL_RATE`). Broadband forces, impacts of the drive and
 periodic forces excite it with the square of the stroke rate: buffeting is proportional to dynamic pressure, and an
-impact's velocity to the square of the speed in a stroke of fixed free play. The IMU clips at the internal rate and
-averages over the tick, which is its anti-alias filter.
+impact's velocity to the square of the speed in a stroke of fixed free play. The IMU senses the mode's velocity times
+its natural frequency as acceleration: that of a mode under forces whose spectrum falls with the square of the
+frequency, as that of turbulence does. Far below its resonance a structure is rigid and adds nothing. The IMU clips at
+the internal rate and averages over the tick, which is its anti-alias filter.
 """
 
 from __future__ import annotations
@@ -38,8 +40,8 @@ class Structure(NamedTuple):
 
     transition: Floats
     """(m, 2, 2); of q and its rate over an internal sample"""
-    output: Floats
-    """(m, 2); acceleration of q by the structure, of q and its rate"""
+    omega: Floats
+    """(m,) rad/s; acceleration by the rate of q: the natural frequency"""
     shapes: Floats
     """(m, 6); translation -, rotation rad/m"""
     forces: Floats
@@ -98,7 +100,7 @@ class AirframeVibration:
         self._at = BLOCK
         self._structure = Structure(
             transition=np.array([part[0] for part in parts]).reshape(count, 2, 2),
-            output=np.array([part[1] for part in parts]).reshape(count, 2),
+            omega=np.array([part[1] for part in parts]),
             shapes=np.array([(*mode.translation, *mode.rotation) for mode in modes.values()]).reshape(count, 6),
             forces=np.array([part[2] for part in parts]).reshape(count, 3),
             kick_phases=np.array(spec.kick_phases, dtype=np.float64),
@@ -144,17 +146,16 @@ def _initial_memory() -> Floats:
     return memory
 
 
-def _mode(mode: ModeSpec, step: float, factor: float) -> tuple[Floats, Floats, Floats]:
-    """Return transition (2, 2), acceleration output (2,) and forces (3,) of a mode."""
+def _mode(mode: ModeSpec, step: float, factor: float) -> tuple[Floats, float, Floats]:
+    """Return transition (2, 2), natural frequency in rad/s and forces (3,) of a mode."""
     from scipy.linalg import expm, solve_discrete_lyapunov  # for a flight with vibration only
 
     omega = math.tau * mode.frequency
-    output = np.array((-omega * omega, -2.0 * mode.damping * omega))
-    transition = expm(step * np.array(((0.0, 1.0), output)))
+    transition = expm(step * np.array(((0.0, 1.0), (-omega * omega, -2.0 * mode.damping * omega))))
     covariance = solve_discrete_lyapunov(transition, np.diag((0.0, 1.0)))
-    per_unit = math.sqrt(output @ covariance @ output)  # RMS acceleration by unit steps of the rate
+    per_unit = omega * math.sqrt(covariance[1, 1])  # RMS acceleration by unit steps of the rate
     forces = factor * np.array((mode.buffet / per_unit, mode.kick, mode.mesh * step))
-    return transition, output, forces
+    return transition, omega, forces
 
 
 def _isolator(spec: VibrationSpec, step: float) -> Floats:
@@ -198,7 +199,7 @@ def _advance(force: Vector, flap_rate: float, at: int, bound: Bound) -> None:
                 + s.transition[j, 1, 1] * v
                 + level * (forces[0] * s.normals[at, i, j] + forces[1] * impact + forces[2] * periodic)
             )
-            acceleration = s.output[j, 0] * mode[0] + s.output[j, 1] * mode[1]
+            acceleration = s.omega[j] * mode[1]
             for axis in range(3):
                 motion[axis] += s.shapes[j, axis] * acceleration
                 motion[3 + axis] += s.shapes[j, 3 + axis] * mode[1]

@@ -17,16 +17,23 @@ STREAM = 10
 GAUSS_PER_MICROTESLA = 0.01
 
 
-def check_vibration(vehicle: SimulatedVehicle, factor: float) -> None:
-    """Check a factor, and that a vehicle has what one above 0 asks for.
+def vibration_factor(vehicle: SimulatedVehicle, factor: float | None) -> float:
+    """Return the factor of the vibration of a flight.
+
+    Args:
+        vehicle: with or without a section [vibration].
+        factor: of the vehicle file's levels; None: 1 with the section and 0 without it.
 
     Raises:
-        InputError: the factor is negative, or the vehicle file has no section [vibration].
+        InputError: the factor is negative, or above 0 and the vehicle file has no section [vibration].
     """
+    if factor is None:
+        return 1.0 if "vibration" in vehicle.sections else 0.0
     if not 0.0 <= factor < math.inf:
         raise InputError(f"vibration must be a factor from 0, not {factor:g}")
     if factor > 0.0 and "vibration" not in vehicle.sections:
         raise InputError(f"{vehicle.path}: no section [vibration]: it flies with --vibration none only")
+    return factor
 
 
 def vibration_of(vehicle: SimulatedVehicle, factor: float, seed: int, period: float) -> AirframeVibration | None:
@@ -41,8 +48,7 @@ def vibration_of(vehicle: SimulatedVehicle, factor: float, seed: int, period: fl
     Raises:
         InputError: the vehicle has no section [vibration].
     """
-    check_vibration(vehicle, factor)
-    if factor <= 0.0:
+    if vibration_factor(vehicle, factor) <= 0.0:
         return None
     clipping = vehicle.sections["accelerometer"].range_g * STANDARD_GRAVITY
     spec = vehicle.sections["vibration"]

@@ -6,8 +6,6 @@ import io
 import re
 from pathlib import Path
 
-import pytest
-
 import wingbeat
 from groundstation.command.fly import closing_parts
 from groundstation.command.identify import identified
@@ -26,20 +24,15 @@ def shown(log: Path, results: object, name: Path) -> list[str]:
     return text.getvalue().splitlines()
 
 
-@pytest.fixture(scope="module")
-def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return wingbeat.fly(seed=1, log=tmp_path_factory.mktemp("closing") / "flight.mcap").path
-
-
-def test_closing_text_is_that_of_the_readme(log: Path) -> None:
-    with wingbeat.open_log(log) as opened:
-        lines = shown(log, identified(opened, wings=False), Path("recordings/flight.mcap"))
+def test_closing_text_is_that_of_the_readme(standard_flight: Path) -> None:
+    with wingbeat.open_log(standard_flight) as opened:
+        lines = shown(standard_flight, identified(opened, wings=False), Path("recordings/flight.mcap"))
     assert len(lines) + 2 <= LINES and max(map(len, lines)) <= COLUMNS
     blocks = re.findall(r"^```\n(.*?)^```", README.read_text(encoding="utf-8"), flags=re.S | re.M)
     assert "\n".join(lines).strip() in [block.strip() for block in blocks]
 
 
-def test_flight_without_excitation_names_the_reason(log: Path) -> None:
-    lines = shown(log, "no maneuver", log)
+def test_flight_without_excitation_names_the_reason(standard_flight: Path) -> None:
+    lines = shown(standard_flight, "no maneuver", standard_flight)
     assert "not identified: no maneuver" in lines
-    assert f"wingbeat identify {log} --report report.html" in "\n".join(lines)
+    assert f"wingbeat identify {standard_flight} --report report.html" in "\n".join(lines)

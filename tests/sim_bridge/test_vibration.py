@@ -73,7 +73,7 @@ def test_impact_rings_once_a_stroke_at_its_phase_with_the_energy_of_its_velocity
     seen = shaken(build(VibrationSpec(reference_rate=5.0, kick_phases=(0.5,)), mode), beating(20.0))[2000:, 5]
     strokes = (seen + STANDARD_GRAVITY)[: len(seen) // 50 * 50].reshape(-1, 50)
     energy = (strokes**2).mean(axis=0)
-    assert int(energy.argmax()) in (25, 26)
+    assert int(np.diff(energy).argmax()) + 1 in (25, 26)  # the steepest rise
     assert energy[:24].max() < 0.01 * energy.max()
     omega = 2.0 * math.pi * mode.frequency
     expected = omega * mode.kick**2 / (4.0 * mode.damping)  # integral of the squared acceleration

@@ -49,6 +49,13 @@ def test_terrain_is_altitude_less_height() -> None:
     assert followed([7.0] * 200).terrain == pytest.approx(3.0, abs=0.01)
 
 
+def test_launch_height_is_that_at_boot() -> None:
+    """GIVEN 2 m above the ground at boot THEN that is the launch height, the parameter's without a recent reading."""
+    state = followed([7.0] * 20)
+    assert rangefinder.launch_height(state, state.time_us, 1.5) == pytest.approx(2.0)
+    assert rangefinder.launch_height(state, state.time_us + 2_000_000, 1.5) == 1.5
+
+
 def test_false_reading_moves_the_terrain_by_its_greatest_rate() -> None:
     before, after = followed([10.0] * 100), followed([10.0] * 100 + [0.5])
     assert before.terrain == pytest.approx(0.0, abs=1e-9)

@@ -153,9 +153,9 @@ def test_gymnasium_elevator_stick_pitches_up() -> None:
 
 
 @pytest.fixture(scope="module")
-def mission(tmp_path_factory: pytest.TempPathFactory) -> wingbeat.Flight:
+def mission(standard_flight: Path) -> wingbeat.Flight:
     """The flight of README.md, with its doublets."""
-    return wingbeat.fly(seed=1, log=tmp_path_factory.mktemp("mission") / "flight.mcap")
+    return wingbeat.Flight(wingbeat.open_log(standard_flight))
 
 
 @pytest.fixture(scope="module")

@@ -81,7 +81,7 @@ def fly(
     wind: float = 0.0,
     wind_from_deg: float = 0.0,
     turbulence: str = "none",
-    vibration: float = 0.0,
+    vibration: float | None = None,
     seed: int = 1,
     duration: float = 300.0,
     aerodynamics: str | None = None,
@@ -100,7 +100,7 @@ def fly(
         wind: m/s, steady.
         wind_from_deg: direction the wind comes from, clockwise from north.
         turbulence: Dryden gusts: none, light, moderate, severe, small_uav_light, small_uav_moderate.
-        vibration: factor of the vibration of the vehicle file; 0: none.
+        vibration: factor of the vibration of the vehicle file; 0: none (default: 1 if the file has a vibration).
         seed: of sensor noise and gusts; the same inputs give the same flight.
         duration: s, at most.
         aerodynamics: model of the wings (default: that of the vehicle file).
@@ -129,7 +129,7 @@ def prepared_flight(
     wind: float = 0.0,
     wind_from_deg: float = 0.0,
     turbulence: str = "none",
-    vibration: float = 0.0,
+    vibration: float | None = None,
     seed: int = 1,
     duration: float = 300.0,
     aerodynamics: str | None = None,
@@ -144,9 +144,11 @@ def prepared_flight(
     """
     values: dict[str, Any] = {
         "vehicle": str(vehicle), "mission": str(mission), "seed": seed, "duration": duration,
-        "turbulence": turbulence, "vibration": vibration, "faults": " ".join(faults), "wind.speed": wind,
+        "turbulence": turbulence, "faults": " ".join(faults), "wind.speed": wind,
         "wind.from": math.radians(wind_from_deg),
     }  # fmt: skip
+    if vibration is not None:
+        values["vibration"] = vibration
     if aerodynamics is not None:
         values["aerodynamics"] = aerodynamics
     values |= {f"gains.{key}": value for key, value in (gains or {}).items()}

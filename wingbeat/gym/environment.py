@@ -102,9 +102,10 @@ class FlappingEnv(gymnasium.Env[Observation, Observation]):
             handover: s; from the launch to the start of the episode.
             launches: number of different launches, one of which begins each episode (default: each is a new one). A
                 launch costs as much as 12 s of flight; `FlappingVectorEnv` flies each of them once.
-            simulation: further arguments of `wingbeat.Simulation`.
+            simulation: further arguments of `wingbeat.Simulation` (``vibration`` is 0 unless given: observations are
+                the true state).
         """
-        self._settings = {"vehicle": vehicle, "wind": wind, "turbulence": turbulence, **simulation}
+        self._settings = {"vehicle": vehicle, "wind": wind, "turbulence": turbulence, "vibration": 0.0, **simulation}
         self._time_limit, self._handover, self._launches = time_limit, handover, launches
         self.observation_space = gymnasium.spaces.Box(-LIMITS, LIMITS, dtype=np.float32)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (4,), np.float32)

@@ -82,7 +82,7 @@ class FlappingVectorEnv(VectorEnv[Floats32, Floats32, Any]):
                 launch takes 0.6 s of computation; with this number each is flown once.
             autoreset_mode: of `gymnasium.vector.AutoresetMode`.
             threads: number of threads; 0: as many as cores.
-            simulation: further arguments of `wingbeat.Simulation`.
+            simulation: further arguments of `wingbeat.Simulation` (``vibration`` is 0 unless given).
 
         Raises:
             InputError: an argument that is not valid, or faults.
@@ -99,7 +99,7 @@ class FlappingVectorEnv(VectorEnv[Floats32, Floats32, Any]):
         self.single_action_space = gymnasium.spaces.Box(-1.0, 1.0, (4,), np.float32)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self._settings = {"vehicle": vehicle, "wind": wind, "turbulence": turbulence, **simulation}
+        self._settings = {"vehicle": vehicle, "wind": wind, "turbulence": turbulence, "vibration": 0.0, **simulation}
         self._time_limit, self._handover, self._launches, self._threads = time_limit, handover, launches, threads
         self._generators: list[np.random.Generator | None] = [None] * num_envs
         self._episodes: dict[int, Episode] = {}
