@@ -74,13 +74,13 @@ class HilBoard:
     ) -> None:
         """Connect to an address, with or without the prefix ``hil:``.
 
-        The forms are ``tcp:HOST:PORT``, ``tcpin:HOST:PORT`` and ``serial:DEVICE,BAUD``.
+        The forms are ``tcp:HOST:PORT``, ``tcpin:HOST:PORT``, ``unix:NAME`` and ``serial:DEVICE,BAUD``.
 
         Raises:
             InputError: not an address of these kinds, or the device is missing.
             BoardSilent: no answer at that address.
         """
-        parsed = parse_url(url.removeprefix("hil:"))
+        parsed = parse_url(url.removeprefix("hil:"), lockstep=True)
         serial = parsed.kind == "serial"
         self._timeouts = timeouts or (SERIAL_PATIENCE if serial else Timeouts())
         self._clock = clock

@@ -11,6 +11,7 @@ import os
 import select
 import socket
 import struct
+import sys
 import time
 from collections import deque
 from collections.abc import Hashable
@@ -92,6 +93,10 @@ def open_transport(url: str | LinkUrl) -> Transport:
 
 
 def _resolve(url: LinkUrl, kind: socket.SocketKind) -> tuple[socket.AddressFamily, Any]:
+    if url.kind == "unix":
+        if sys.platform != "linux":
+            raise InputError(f"{url}: Unix sockets with a name are available on Linux only; use tcp:HOST:PORT")
+        return socket.AF_UNIX, f"\0{url.host}"
     try:
         family, _, _, _, address = socket.getaddrinfo(url.host, url.port, type=kind)[0]
     except (OSError, UnicodeError) as error:
@@ -103,7 +108,7 @@ def _bound(url: LinkUrl, kind: socket.SocketKind) -> socket.socket:
     family, address = _resolve(url, kind)
     port = socket.socket(family, kind)
     try:
-        if kind == socket.SOCK_STREAM and os.name == "posix":
+        if kind == socket.SOCK_STREAM and os.name == "posix" and family != socket.AF_UNIX:
             port.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         port.bind(address)
         if kind == socket.SOCK_STREAM:
@@ -111,6 +116,8 @@ def _bound(url: LinkUrl, kind: socket.SocketKind) -> socket.socket:
     except OSError as error:
         port.close()
         reason = error.strerror or str(error)
+        if url.kind == "unix":
+            raise InputError(f"{url}: cannot listen: {reason}") from None
         raise InputError(f"{url}: cannot listen on port {url.port} of {url.host}: {reason}") from None
     return port
 
@@ -531,10 +538,11 @@ CREDIT, RENEWED = 64, 2000
 
 
 class SocketStream:
-    """TCP connection with Nagle's algorithm disabled."""
+    """Connection of a TCP socket without Nagle's algorithm, or of a Unix socket."""
 
     def __init__(self, connected: socket.socket, name: str) -> None:
-        connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        if connected.family != socket.AF_UNIX:
+            connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         # The timeout is the system's: with one of its own, Python makes two system calls for every read and write.
         connected.setblocking(True)
         self.name = name
@@ -616,23 +624,23 @@ class SocketStream:
 
 
 class Listener:
-    """TCP server for one lockstep partner."""
+    """Server for one lockstep partner."""
 
     def __init__(self, url: str | LinkUrl) -> None:
-        """Bind ``tcp:HOST:PORT`` or ``tcpin:HOST:PORT``.
+        """Bind ``tcp:HOST:PORT``, ``tcpin:HOST:PORT`` or ``unix:NAME``.
 
         Raises:
             InputError: another kind of address, or the port is in use.
         """
-        self.url = url if isinstance(url, LinkUrl) else parse_url(url)
-        if self.url.kind not in ("tcp", "tcpin"):
-            raise InputError(f"{self.url}: a world listens on tcp:HOST:PORT")
+        self.url = url if isinstance(url, LinkUrl) else parse_url(url, lockstep=True)
+        if self.url.kind not in ("tcp", "tcpin", "unix"):
+            raise InputError(f"{self.url}: a world listens on tcp:HOST:PORT or unix:NAME")
         self._socket = _bound(self.url, socket.SOCK_STREAM)
 
     @property
     def port(self) -> int:
-        """Port of the server."""
-        return int(self._socket.getsockname()[1])
+        """Port of the server; 0 for a Unix socket."""
+        return 0 if self.url.kind == "unix" else int(self._socket.getsockname()[1])
 
     def accept(self, timeout: float) -> SocketStream | None:
         """Return the connection of the partner, or None after ``timeout`` (s)."""
@@ -641,7 +649,8 @@ class Listener:
             connected, address = self._socket.accept()
         except TimeoutError:
             return None
-        return SocketStream(connected, f"{address[0]}:{address[1]}")
+        name = str(self.url) if self.url.kind == "unix" else f"{address[0]}:{address[1]}"
+        return SocketStream(connected, name)
 
     def close(self) -> None:
         """Close the port."""
@@ -651,12 +660,13 @@ class Listener:
 def open_stream(url: str | LinkUrl, timeout: float) -> Stream | None:
     """Connect to a lockstep partner; None after ``timeout`` (s).
 
-    ``tcp`` connects and retries while the partner starts, ``tcpin`` waits for it, ``serial`` opens the device.
+    ``tcp`` and ``unix`` connect and retry while the partner starts, ``tcpin`` waits for it, ``serial`` opens the
+    device.
 
     Raises:
         InputError: not an address of these kinds, the host has no address, the device is missing.
     """
-    parsed = url if isinstance(url, LinkUrl) else parse_url(url)
+    parsed = url if isinstance(url, LinkUrl) else parse_url(url, lockstep=True)
     if parsed.kind == "serial":
         return SerialLine(parsed.host, parsed.port)
     if parsed.kind == "tcpin":
@@ -665,8 +675,8 @@ def open_stream(url: str | LinkUrl, timeout: float) -> Stream | None:
             return listener.accept(timeout)
         finally:
             listener.close()
-    if parsed.kind != "tcp":
-        raise InputError(f"{parsed}: a lockstep partner is on tcp:, tcpin: or serial:")
+    if parsed.kind not in ("tcp", "unix"):
+        raise InputError(f"{parsed}: a lockstep partner is on tcp:, tcpin:, unix: or serial:")
     return _connect_stream(parsed, timeout)
 
 

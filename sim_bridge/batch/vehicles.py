@@ -24,7 +24,7 @@ from sim_bridge.compiled import Bound, bound_values, inlined, internal, nogil_ke
 from sim_bridge.environment import dryden
 from sim_bridge.environment.dryden import _advance as advance_gusts
 from sim_bridge.multibody.tree import BASE
-from sim_bridge.plant import STEP, Plant
+from sim_bridge.plant import Plant
 from sim_bridge.sensors.suite import LARGEST
 from sim_bridge.vectors import Floats, Integers, rotation
 from wingbeat import atmosphere
@@ -32,8 +32,8 @@ from wingbeat.constants import STANDARD_GRAVITY
 
 TICKS = 4
 """-; ticks of 5 ms that one call advances"""
-SUBSTEPS = math.ceil(manual.PERIOD / STEP - 1e-9)
-"""-; integrator steps of 1 ms in a tick"""
+SUBSTEPS = 5
+"""-; integrator steps of 1 ms in a tick, as in `sim_bridge.plant`"""
 CHUNK = 4
 """-; vehicles in one call of the kernel"""
 GUSTS = len(dryden.GustState._fields) - 1
