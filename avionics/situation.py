@@ -13,6 +13,7 @@ from avionics.messages import Failsafe, Mode, PilotSource
 from avionics.sensing import pilot, plausibility, preflight
 from avionics.state import AutopilotState
 from wingbeat.constants import STANDARD_GRAVITY
+from wingbeat.records import constructor
 
 NO_PILOT, RECEIVER = PilotSource.NONE, PilotSource.RECEIVER
 PLACED = (ItemKind.WAYPOINT, ItemKind.LOITER, ItemKind.CIRCLE, ItemKind.LAND)
@@ -71,10 +72,13 @@ def destination(s: AutopilotState) -> tuple[float, float] | None:
     return (navigated.centre_north, navigated.centre_east) if navigated.radius else None
 
 
+_new_conditions = constructor(modes.Conditions)
+
+
 def conditions(s: AutopilotState) -> modes.Conditions:
     """Return the inputs of the modes."""
     imu_age = plausibility.imu_age(s.plausibility, s.clock.time_us)
-    return modes.Conditions(
+    return _new_conditions(
         forward_force=s.frame.imu.accel_x,
         airspeed=touching_airspeed(s),
         altitude=s.altitude.altitude,

@@ -132,7 +132,7 @@ class Means(NamedTuple):
 
 def physics_compiled() -> bool:
     """Whether a plant flies at once; if not, the first step of one takes half a minute, once."""
-    return is_compiled(k.advance)
+    return is_compiled(k.advance_ordered)
 
 
 class Plant:

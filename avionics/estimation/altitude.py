@@ -8,13 +8,14 @@ period removes it from the message.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 from math import exp
 from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from avionics.estimation.kalman import Array, constant, filterpy
+from avionics.estimation.kalman import Array, Rows3, Vector3, constant, filterpy, predict, update_first
 from avionics.messages import AirData, Altitude
 from wingbeat.constants import STANDARD_GRAVITY
 from wingbeat.records import constructor
@@ -24,9 +25,6 @@ LONGEST_STEP = 0.5
 """s; maximum interval between updates"""
 LONGEST_MEMORY = 1.3
 """s; duration of climb rates stored for the mean over a wing period"""
-
-Vector3 = tuple[float, float, float]
-
 
 UNKNOWN_ACCELERATION = STANDARD_GRAVITY
 """m/s^2; one sigma of an unmeasured acceleration in an interval: between free fall and rest"""
@@ -120,16 +118,17 @@ def step(gains: Gains, state: State, air: AirData, frequency: float = 0.0) -> tu
     dt = min(LONGEST_STEP, (air.time_us - state.time_us) * 1e-6)
     if dt <= 0.0:
         return state, _message(gains, state, state.x[1])
-    x, p = _predicted(gains, state, dt)
-    innovation = air.pressure_altitude - x.item(0)
-    variance = p.item(0) + gains.baro_noise**2
+    predicted = _predicted(gains, state, dt)
+    x, p = predicted[0].tolist(), predicted[1].tolist()
+    innovation = air.pressure_altitude - x[0]
+    variance = p[0][0] + gains.baro_noise**2
     refused = state.refused + dt if innovation**2 > gains.gate**2 * variance else 0.0
     if refused > gains.gate_timeout:
         # Gate timeout: inflate the variance of the altitude.
-        p[0, 0] += innovation**2
+        p[0][0] += innovation**2
         refused = 0.0
     if refused == 0.0:
-        x, p = filterpy().update(x, p, np.array((air.pressure_altitude,)), _measured(gains.baro_noise), H=_PRESSURE)
+        x, p = update_first(x, p, air.pressure_altitude, gains.baro_noise**2)
     state = _kept(state, air.time_us, dt, (x, p), (refused, innovation, variance))
     return state, _message(gains, state, _mean_over_period(state.climbs, frequency, dt))
 
@@ -153,7 +152,7 @@ def coast(
     if fix is not None:
         noise = np.diag([gains.gps_altitude_noise**2, gains.gps_climb_noise**2])
         x, p = filterpy().update(x, p, np.array(fix), noise, H=_FIX)
-    state = _kept(state, time_us, dt, (x, p), (0.0, 0.0, 0.0))
+    state = _kept(state, time_us, dt, (x.tolist(), p.tolist()), (0.0, 0.0, 0.0))
     return state, _message(gains, state, _mean_over_period(state.climbs, frequency, dt))
 
 
@@ -161,15 +160,18 @@ def _predicted(gains: Gains, state: State, dt: float) -> tuple[Array, Array]:
     accel = state.accel_sum / state.accel_count if state.accel_count else state.x[2]
     transition, effect = _motion(dt)
     noise = _noise(gains.bias_walk, dt, gains.accel_noise if state.accel_count else UNKNOWN_ACCELERATION)
-    x, p = filterpy().predict(np.array(state.x), np.array(state.p), F=transition, Q=noise, u=accel, B=effect)
-    return x, p
+    return predict(np.array(state.x), np.array(state.p), transition, noise, effect * accel)
 
 
 def _kept(
-    state: State, time_us: int, dt: float, estimate: tuple[Array, Array], measurements: tuple[float, float, float]
+    state: State,
+    time_us: int,
+    dt: float,
+    estimate: tuple[Sequence[float], Rows3],
+    measurements: tuple[float, float, float],
 ) -> State:
     """Return the state with the estimate, rejection time (s), innovation and variance."""
-    altitude, climb_rate, bias = estimate[0].tolist()
+    altitude, climb_rate, bias = estimate[0]
     (refused, innovation, expected), keep = measurements, round(LONGEST_MEMORY / dt)
     return _new_state(
         time_us, (altitude, climb_rate, bias), _symmetric(estimate[1]), 0.0, 0, refused, innovation,
@@ -177,15 +179,14 @@ def _kept(
     )  # fmt: skip
 
 
-def _symmetric(p: Array) -> tuple[Vector3, Vector3, Vector3]:
+def _symmetric(p: Rows3) -> tuple[Vector3, Vector3, Vector3]:
     """Return the symmetric part of ``p``."""
-    (a, b, c), (d, e, f), (g, h, i) = p.tolist()
+    (a, b, c), (d, e, f), (g, h, i) = p
     b, c, f = 0.5 * (b + d), 0.5 * (c + g), 0.5 * (f + h)
     return (a, b, c), (b, e, f), (c, f, i)
 
 
 _FIX = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-_PRESSURE = np.array([[1.0, 0.0, 0.0]])
 
 
 @lru_cache(maxsize=32)
@@ -208,12 +209,6 @@ def _noise(bias_walk: float, dt: float, is_degraded: float) -> Array:
         [tied, dt * dt * variance, 0.0],
         [0.0, 0.0, bias_walk**2 * dt],
     ])  # fmt: skip
-
-
-@lru_cache(maxsize=32)
-def _measured(sigma: float) -> Array:
-    """Return the covariance of a scalar measurement."""
-    return constant([[sigma**2]])
 
 
 def _start_covariance(gains: Gains) -> tuple[Vector3, Vector3, Vector3]:
@@ -240,11 +235,14 @@ def _mean_over_period(climbs: tuple[float, ...], frequency: float, dt: float) ->
     return (total + 0.5 * share * (recent[0] + cut)) / intervals
 
 
+_new_altitude = constructor(Altitude)
+
+
 def _message(gains: Gains, state: State, climb_rate: float) -> Altitude:
     time_us, (altitude, _, bias), p = state[:3]
     # First-order Gauss-Markov process, zero when the barometer was zeroed.
     span = (time_us - state.since_us) * 1e-6
     drift = gains.baro_drift**2 * (1.0 - exp(-2.0 * span / gains.baro_drift_time))
-    return Altitude(
+    return _new_altitude(
         time_us, altitude, climb_rate, bias, p[0][0] + drift, p[1][1], state.innovation, state.innovation_variance
     )  # fmt: skip

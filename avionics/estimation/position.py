@@ -23,9 +23,10 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from avionics.estimation.geodesy import to_geodetic, to_local
-from avionics.estimation.kalman import Array, constant, filterpy
+from avionics.estimation.kalman import Array, constant, filterpy, predict
 from avionics.limits import low_pass
 from avionics.messages import AirData, Altitude, Attitude, GpsFix, Position
+from wingbeat.records import constructor
 from wingbeat.units import Quantity
 
 Vector4 = tuple[float, float, float, float]
@@ -139,6 +140,10 @@ def motion(attitude: Attitude, air: AirData, altitude: Altitude) -> Motion:
     return Motion(air.time_us, air.airspeed, attitude.yaw, altitude.climb_rate, variance)
 
 
+_new_state = constructor(State)
+_new_position = constructor(Position)
+
+
 def step(gains: Gains, state: State, now: Motion, fix: GpsFix | None = None) -> tuple[State, Position]:
     """Propagate the filter by one interval and update it with a fix, if any.
 
@@ -156,9 +161,9 @@ def step(gains: Gains, state: State, now: Motion, fix: GpsFix | None = None) -> 
         transition, effect = _transition(dt)
         noise = _noise(gains.air_velocity_noise, _walk(gains, state), dt)
         x, p = np.array(state.x), np.array(state.p)
-        x, p = filterpy().predict(x, p, F=transition, Q=noise, u=np.array(v_air), B=effect)
+        x, p = predict(x, p, transition, noise, effect.dot(v_air))
         past = (*state.past, v_air)[-1 - round(gains.gps_delay / dt) :]
-        state = State(now.time_us, tuple(x.tolist()), _covariance(p), *state[3:-1], past)
+        state = _new_state(now.time_us, tuple(x.tolist()), _covariance(p), *state[3:-1], past)
     if fix is not None and fix.fix_type >= TWO_DIMENSIONAL and fix.time_us > state.fix_us:
         state = _corrected(gains, state, fix)
     return state, _message(gains, state, v_air, now.variance + _sideslip_variance(gains, state, now.airspeed))
@@ -312,7 +317,7 @@ def _message(gains: Gains, state: State, v_air: tuple[float, float], air_varianc
     p, expected = state.p, state.expected
     # A fix is delayed; the random walk of the wind since then adds variance.
     velocity = max(p[2][2], p[3][3]) + _walk(gains, state) * gains.gps_delay
-    return Position(
+    return _new_position(
         state.time_us, north, east, v_air[0] + wind_north, v_air[1] + wind_east, wind_north, wind_east,
         latitude, longitude, max(p[0][0], p[1][1]) + state.slow_variance, state.valid,
         velocity, velocity + air_variance, *state.innovation,

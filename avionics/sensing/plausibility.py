@@ -114,12 +114,11 @@ def always_plausible(gains: Gains, state: State, sample: object) -> bool:
 
 def imu_plausible(gains: Gains, imu: ImuSample) -> bool:
     """Return whether all nine values are finite and in range (a NaN fails)."""
-    (ax, ay, az), (p, q, r), (mx, my, mz) = imu.accel, imu.gyro, imu.mag
     a, g, m = gains.accel_max, gains.gyro_max, gains.mag_max
     return (
-        -a <= ax <= a and -a <= ay <= a and -a <= az <= a
-        and -g <= p <= g and -g <= q <= g and -g <= r <= g
-        and -m <= mx <= m and -m <= my <= m and -m <= mz <= m
+        -a <= imu.accel_x <= a and -a <= imu.accel_y <= a and -a <= imu.accel_z <= a
+        and -g <= imu.gyro_x <= g and -g <= imu.gyro_y <= g and -g <= imu.gyro_z <= g
+        and -m <= imu.mag_x <= m and -m <= imu.mag_y <= m and -m <= imu.mag_z <= m
     )  # fmt: skip
 
 
@@ -203,10 +202,10 @@ def step(
         `State.bad`; names of the sensors with samples that were accepted before and are rejected now.
     """
     imu, full = frame.imu, gains.accel_full
-    inertial = (*imu.accel, *imu.gyro)
+    x, y, z = imu.accel_x, imu.accel_y, imu.accel_z
+    inertial = (x, y, z, imu.gyro_x, imu.gyro_y, imu.gyro_z)
     repeated = state.repeated + 1 if inertial == state.inertial else 0
     bad = 0 if repeated < gains.imu_repeats and imu_plausible(gains, imu) else 1
-    x, y, z, _, _, _ = inertial
     within = -full < x < full and -full < y < full and -full < z < full
     saturated = 0 if within or bad else state.saturated + 1
     sampled, bit = 1, 1

@@ -116,7 +116,8 @@ SECTIONS_OF_THE_SITE = {
         "tutorials/campaign", "tutorials/own_controller",
     ),
     "How-to guides": (
-        "commands", "howto/next_flight", "howto/notebook", "own_aircraft", "identify_csv",
+        "commands", "howto/choose_method", "howto/next_flight", "howto/tunnel", "howto/notebook", "own_aircraft",
+        "identify_csv",
         "identification/user_model", "identification/flight_path", "log_check", "vibration", "web_view", "joystick",
         "howto/ground_stations", "sitl", "howto/hardware",
         "reference/serial_board", "reference/razor", "howto/add_vehicle", "howto/add_sensor",

@@ -81,6 +81,13 @@ ACCURACY = 10.0
 """%; default relative standard error of ``--want``"""
 TRAVEL = 0.35
 """rad; default elevator amplitude"""
+STEPS = {
+    "wingbeat": "",
+    "ardupilot": "ArduPlane: copy the script to APM/scripts, set SCR_ENABLE 1, RCx_OPTION 300: a switch starts it.",
+    "px4": "PX4: fly level in MANUAL with COM_RC_IN_MODE 1, and run the script: python3 FILE udpin:0.0.0.0:14550"
+    " THROTTLE.",
+}
+"""how a file of each format is flown"""
 
 
 class _Subject(NamedTuple):
@@ -112,7 +119,8 @@ def build_parser() -> options.Parser:
         type=_parameter_names,
         default=(),
         metavar="NAME,...",
-        help=f"what --accuracy is required of: {', '.join(GROUPS)}, or symbols such as M_q",
+        help="what --accuracy is required of: elevator (M_delta), short_period (frequency and damping), or symbols"
+        " such as M_q",
     )
     parser.add_argument(
         "--accuracy",
@@ -147,10 +155,10 @@ def build_parser() -> options.Parser:
     limits = parser.add_argument_group("limits, as changes from the trim")
     for name, unit, words in (
         ("--elevator", "DEG", "maximum elevator (default: 20)"),
-        ("--pitch", "DEG", "0.8 of the vehicle's envelope"),
+        ("--pitch", "DEG", "maximum change of the pitch angle (default: 0.8 of the vehicle's envelope)"),
         ("--load", "M/S2", f"maximum change of a_z at the IMU (default: {LOAD:g})"),
         ("--alpha", "DEG", "maximum change of the angle of attack (default: 8.6)"),
-        ("--speed-change", "M/S", "0.8 of the vehicle's envelope"),
+        ("--speed-change", "M/S", "maximum change of the airspeed (default: 0.8 of the vehicle's envelope)"),
     ):
         limits.add_argument(name, type=options.positive, metavar=unit, help=words)
     parser.add_argument(
@@ -163,9 +171,7 @@ def build_parser() -> options.Parser:
     parser.add_argument(
         "--format",
         choices=FORMATS,
-        default=FORMATS[0],
-        help="of --out: mission item, SID parameters or Lua script of ArduPlane, MAVLink script for PX4"
-        f" (default: {FORMATS[0]})",
+        help=f"of --out: mission item ({FORMATS[0]}, default), Lua script of ArduPlane, MAVLink script for PX4",
     )
     options.add_json(parser)
     return parser
@@ -200,6 +206,8 @@ def run(arguments: Sequence[str]) -> int:
         raise InputError("specify a MODEL or VEHICLE, or --from LOG")
     if chosen.accuracy is not None and not chosen.want:
         raise InputError("--accuracy goes with --want")
+    if chosen.format is not None and chosen.out is None:
+        raise InputError("--format goes with --out FILE")
     subject = _subject(chosen) if chosen.log is None else _identified(chosen)
     noise = tuple(chosen.noise) if chosen.noise else _noise(subject)
     prior = _with_flight(prior_of(subject.model, subject.aircraft, noise, chosen.rate), subject.flight)
@@ -212,13 +220,17 @@ def run(arguments: Sequence[str]) -> int:
     if chosen.json:
         print_document(_document(subject, prior, requested, designs))
     else:
-        open_console().print(plan_view(subject.model, prior, requested, designs))
+        steps = "" if chosen.out is None or chosen.format is None else STEPS[chosen.format]
+        console = open_console()
+        console.print(plan_view(subject.model, prior, requested, designs, steps))
+        if chosen.out is not None:
+            console.print(f"written {chosen.out}", markup=False)
     return 0
 
 
 def _file_text(chosen: argparse.Namespace, subject: _Subject, requested: DesignSpec, designs: InputDesign) -> str:
     """Return the text of ``--out``."""
-    if chosen.format == "wingbeat":
+    if chosen.format in (None, "wingbeat"):
         return mission_item(designs.excitation)
     travel = FULL_DEFLECTION if subject.world is None else subject.world.tail_servo.travel
     return autopilot_file(

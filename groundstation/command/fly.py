@@ -9,7 +9,7 @@ import socket
 import sys
 import threading
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -29,7 +29,8 @@ from avionics.vehicles import load_vehicle
 from avionics.vehicles import vehicle_names as flown_names
 from groundstation.command import options
 from groundstation.command.children import Children, Failure
-from groundstation.command.compiling import announced, load_physics
+from groundstation.command.compiling import announced, compile_physics, load_physics
+from groundstation.command.compiling_ahead import LATER, CompilationAhead
 from groundstation.command.live import add_live, shown_live
 from groundstation.command.recordings import put_right
 from groundstation.command.sim import REAL_TIME, simulated
@@ -194,10 +195,9 @@ def _run(chosen: argparse.Namespace, plan: Plan) -> int:
         put_right(plan.log.parent)
     faults: dict[str, str] = {}
     try:
-        with shown_live(chosen.live, plan.parts) as live:
-            _prepare(plan, chosen.json)
+        with shown_live(chosen.live, plan.parts) as live, _prepared(plan, chosen.json) as ahead:
             began = time.monotonic()
-            _fly(plan, chosen, console, faults)
+            _fly(plan, chosen, console, faults, ahead)
         if live is not None and live.traceback:
             faults["live view"] = live.traceback
     except KeyboardInterrupt:
@@ -263,15 +263,29 @@ def _check_flyable(name: str) -> None:
         )
 
 
-def _prepare(plan: Plan, quiet: bool) -> None:
-    """Compile the physics before the timeouts of the flight start."""
+@contextmanager
+def _prepared(plan: Plan, quiet: bool) -> Iterator[Callable[[], None]]:
+    """Compile the physics before the timeouts of the flight start; yield how to wait for what is compiled during it.
+
+    A second process then compiles for the identification while the flight lasts.
+    """
     vehicle = simulated(options.vehicle_files(plan.vehicle)[0], plan.aerodynamics)
-    if not physics_compiled() or is_compiled_separately(vehicle.aerodynamics.model):
-        load_physics(vehicle, quiet)
+    if physics_compiled():
+        if is_compiled_separately(vehicle.aerodynamics.model):
+            load_physics(vehicle, quiet)
+        yield lambda: None
+        return
+    with CompilationAhead(vehicle, tuple(LATER)) as ahead:
+        compile_physics(ahead, quiet)
+        yield ahead.wait
 
 
-def _fly(plan: Plan, chosen: argparse.Namespace, console: Console, faults: dict[str, str]) -> None:
+def _fly(
+    plan: Plan, chosen: argparse.Namespace, console: Console, faults: dict[str, str], compiled: Callable[[], None]
+) -> None:
     """Fly; exceptions of the view are added to ``faults`` with their traceback.
+
+    ``compiled`` waits for the kernels that the identification needs.
 
     Raises:
         InputError: invalid input of one of the two processes. NoAnswer: one of them failed.
@@ -282,7 +296,8 @@ def _fly(plan: Plan, chosen: argparse.Namespace, console: Console, faults: dict[
     try:
         with Children() as children:
             _start(children, plan, chosen, connection.url)
-            threading.Thread(target=_load_identification, daemon=True).start()
+            loading = threading.Thread(target=_load_identification, args=(compiled,), daemon=True)
+            loading.start()
             isolation = Isolation()
             if console.is_terminal and not chosen.json:
                 isolation.guard("view").run(_watch_picture, children, connection, plan, console)
@@ -295,6 +310,9 @@ def _fly(plan: Plan, chosen: argparse.Namespace, console: Console, faults: dict[
             while children.running():
                 time.sleep(REFRESH)
             failure, said = children.failure(), children.last_words()
+        if failure is None:
+            with console.status("compiling for the identification") if console.is_terminal else nullcontext():
+                loading.join()
         if failure is not None:
             raise _failed(failure, plan)
         for line in said:
@@ -429,8 +447,9 @@ def _report_kept(kept: Sequence[Kept]) -> None:
         print(f"wingbeat: a recording ended early: {part.path}: {part.damage}", file=sys.stderr)
 
 
-def _load_identification() -> None:
+def _load_identification(compiled: Callable[[], None]) -> None:
     """Import what the report needs while the flight lasts: a second that nobody then waits for."""
+    compiled()  # or this process would compile the same
     with suppress(ImportError):  # which the report raises again, where it is told
         from groundstation.command import identify  # noqa: F401
 

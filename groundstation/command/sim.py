@@ -13,7 +13,7 @@ from typing import Any
 from avionics.board.cores import pin_to_core, run_before_others
 from avionics.isolation import Isolation, fault_events
 from groundstation.command import foreign, foreign_parameters, options
-from groundstation.command.compiling import COMPILING, announced_air, load_physics
+from groundstation.command.compiling import announced_air, compiling_text, load_physics
 from groundstation.command.recordings import begin_recording, format_recording_paths, put_right
 from logs.names import RECORDINGS, STICKS
 from logs.new_files import numbered
@@ -216,7 +216,7 @@ class Flights:
     def compile(self) -> None:
         """Compile the physics, with an announcement if it takes time."""
         if not physics_compiled():
-            foreign.report(COMPILING)
+            foreign.report(compiling_text())
             Plant(self._vehicle).compile()
 
     def close(self) -> None:

@@ -25,17 +25,24 @@ SHARE_SHOWN = 10.0
 """-; relative error above which an estimate is not useful"""
 
 
-def plan_view(model: LinearModel, prior: Prior, requested: DesignSpec, designs: InputDesign) -> RenderableType:
-    """Show heading, predicted errors, envelope, and the flight instructions."""
+def plan_view(
+    model: LinearModel, prior: Prior, requested: DesignSpec, designs: InputDesign, steps: str
+) -> RenderableType:
+    """Show heading, predicted errors, envelope, and the flight instructions.
+
+    Args:
+        steps: how the file of another autopilot is flown; empty for Wingbeat's own flight code.
+    """
+    own = [Text(mission_item(designs.excitation)), Text(command_line(designs.excitation), style="bold")]
     return Group(
         Text.assemble(("predicted errors", "bold"), f", on {model.origin}"),
         _errors(requested, designs),
         Text(_basis(prior, requested, designs), style="dim"),
         _envelope(requested, designs),
         Text(f"{designs.excitation.repeats} x in {designs.flight_time:.0f} s of flight", style="dim"),
+        *(Text(line, style="dim") for line in _wanted(requested, designs)),
         Text(),
-        Text(mission_item(designs.excitation)),
-        Text(command_line(designs.excitation), style="bold"),
+        *([Text(steps)] if steps else own),
     )
 
 
@@ -52,6 +59,21 @@ def _errors(requested: DesignSpec, designs: InputDesign) -> RenderableType:
         more = ("" if today is None else f"{today:.2g}", both) if requested.known else ()
         table.add_row(_name(one.name), value, Text(error, style="bold"), relative, unit, *more)
     return table
+
+
+def _wanted(requested: DesignSpec, designs: InputDesign) -> list[str]:
+    """Return a line for each parameter whose accuracy is required."""
+    lines = []
+    for one in designs.predicted:
+        limit = requested.required.get(one.name)
+        if limit is None or not one.value:
+            continue
+        known, percent = requested.known.get(one.name), 100.0 / abs(one.value)
+        before = "" if known is None else f", {percent * known:.2g} % today"
+        after = percent * combined_error(one.standard_error, known)
+        met = "met" if after <= 100.1 * limit else "not met"
+        lines.append(f"{_name(one.name)}: {100.0 * limit:.3g} % wanted{before}, {after:.2g} % after it: {met}")
+    return lines
 
 
 def _name(name: str) -> str:

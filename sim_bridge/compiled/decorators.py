@@ -17,10 +17,14 @@ if PLAIN:
     from sim_bridge.compiled.cache import use_public_cache
 
     use_public_cache()
+
+    def compile_for_callers(kernel: Any, *examples: object) -> None:
+        """Do nothing: kernels are compiled at their first call."""
+
 else:
     from sim_bridge.compiled import compiler_flags
+    from sim_bridge.compiled.dispatcher import KernelDispatcher, compile_for_callers
     from sim_bridge.compiled.internal_linkage import use_internal_linkage
-    from sim_bridge.compiled.kernel_cache import KernelCache
 
     compiler_flags.install()
     use_internal_linkage()
@@ -50,8 +54,7 @@ def njit(*signature: Any, cache: bool = True, **options: Any) -> Any:
 def _cached(function: Function, signature: tuple[Any, ...], cache: bool, options: dict[str, Any]) -> Any:
     if PLAIN or not cache:
         return cast(Any, numba.njit)(*signature, cache=cache, **options)(function)
-    dispatcher = cast(Any, numba.njit)(**options)(function)
-    dispatcher._cache = KernelCache(function)
+    dispatcher = KernelDispatcher.of(cast(Any, numba.njit)(**options)(function), function)
     if signature:
         dispatcher.compile(signature[0])
         dispatcher.disable_compile()
@@ -110,6 +113,7 @@ def noalias(function: Function) -> Function:
 
 __all__ = [
     "FASTMATH",
+    "compile_for_callers",
     "inlined",
     "inlined_internal",
     "internal",

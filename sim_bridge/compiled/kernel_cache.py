@@ -10,6 +10,7 @@ from typing import Any
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
 from numba.core.runtime.nrt import rtsys
 
+from sim_bridge.compiled import callee_library
 from sim_bridge.compiled.cache import create_folder, file_folder, source_digest
 
 
@@ -41,6 +42,17 @@ class _Implementation(CompileResultCacheImpl):
     _locator_classes = [_Locator]
 
 
+class _CalleeImplementation(_Implementation):
+    def get_filename_base(self, fullname: str, abiflags: str) -> str:
+        return f"callee-{super().get_filename_base(fullname, abiflags)}"
+
+    def reduce(self, compiled: Any) -> Any:
+        return callee_library.reduced(compiled)
+
+    def rebuild(self, target_context: Any, payload: Any) -> Any:
+        return callee_library.rebuilt(target_context, payload)
+
+
 class KernelCache(FunctionCache):
     """numba's cache of one function with our folder and key."""
 
@@ -61,3 +73,9 @@ class KernelCache(FunctionCache):
         # A full disk, or another process that removed the folder: the kernel is compiled again next time.
         with suppress(OSError):
             super()._save_overload(signature, data)
+
+
+class CalleeCache(KernelCache):
+    """Cache of a function's forms for kernels that call it, see `callee_library`."""
+
+    _impl_class = _CalleeImplementation

@@ -56,6 +56,8 @@ class IdentifiedWorld(NamedTuple):
     """values taken from the base, one sentence each"""
     frequency: float
     """Hz; flapping frequency in the flight test, initial value of trim searches"""
+    stroke_amplitude: float
+    """rad; command of the base's trim at the speed of the flight test, likewise"""
 
 
 def identified_world(
@@ -87,7 +89,8 @@ def identified_world(
     lateral, drive = model.lateral or _given(vehicle_values).lateral, model.drive or _given(vehicle_values).drive
     assert lateral is not None and drive is not None
     values = _with_drive(_with_lateral(values, lateral), drive, base)
-    return IdentifiedWorld(values, _sources(model, estimates, base), _notes(model, base), model.frequency)
+    sources, notes = _sources(model, estimates, base), _notes(model, base)
+    return IdentifiedWorld(values, sources, notes, model.frequency, _round(orbit.inputs.amplitude))
 
 
 def _inertia(matrix: Floats) -> tuple[float, float, float, float]:
@@ -261,6 +264,8 @@ def world_text(world: IdentifiedWorld, name: str, title: str, base: str) -> str:
         f" source = {json.dumps(world.sources['forward'])} }}",
         f'frequency = {{ value = {_round(world.frequency)!r}, unit = "Hz",'
         f" source = {json.dumps(world.sources['forward'])} }}",
+        f'stroke_amplitude = {{ value = {world.stroke_amplitude!r}, unit = "rad",'
+        f" source = {json.dumps(f'chosen: command of the trim of {base}')} }}",
         "",
         "[derivatives]",
     ]

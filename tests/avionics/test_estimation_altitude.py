@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from avionics.estimation import altitude
+from avionics.estimation.kalman import filterpy, predict, update_first
 from avionics.messages import AirData, Altitude
 
 GAINS = altitude.Gains()
@@ -136,3 +137,18 @@ def test_a_fix_counts_by_its_noise_without_a_barometer(noise: float) -> None:
         deaf._replace(gps_climb_noise=noise), before, 20_000, altitude.Climb(altitude=0.0, climb_rate=5.0)
     )
     assert rising.x[1] == pytest.approx(5.0 / (1.0 + noise**2), rel=0.01)
+
+
+def test_the_written_out_filter_is_that_of_filterpy_to_the_bit() -> None:
+    random = np.random.default_rng(1)
+    for _ in range(500):
+        root = random.normal(size=(3, 3)) * 10.0 ** random.uniform(-3.0, 1.0)
+        x, p, variance = random.normal(size=3) * 50.0, root @ root.T, float(random.uniform(1e-3, 3.0))
+        z, transition, control = float(x[0] + random.normal()), random.normal(size=(3, 3)), random.normal(size=3)
+        one_measurement = np.array((z,)), np.array([[variance]])
+        wanted = filterpy().update(x, p, *one_measurement, H=np.array([[1.0, 0.0, 0.0]]))
+        result = update_first(x.tolist(), p.tolist(), z, variance)
+        assert [np.array(one).tobytes() for one in result] == [one.tobytes() for one in wanted]
+        wanted = filterpy().predict(x, p, F=transition, Q=root, u=0.3, B=control)
+        result = predict(x, p, transition, root, control * 0.3)
+        assert [one.tobytes() for one in result] == [one.tobytes() for one in wanted]

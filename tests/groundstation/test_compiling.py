@@ -5,10 +5,19 @@ from __future__ import annotations
 import numba
 import pytest
 
-from groundstation.command import compiling
-from groundstation.command.compiling import COMPILING, COMPILING_AIR, COMPILING_METHODS, announced, load_physics
+from groundstation.command import compiling, compiling_ahead
+from groundstation.command.compiling import (
+    COMPILING_AIR,
+    COMPILING_METHODS,
+    announced,
+    compile_physics,
+    compiling_text,
+    load_physics,
+)
+from groundstation.command.compiling_ahead import LATER, WHOLE, CompilationAhead
 from sim_bridge.aerodynamics.models import MODELS, is_compiled_separately
 from sim_bridge.plant import Plant
+from sim_bridge.plant_parts import PARTS
 from sim_bridge.vehicles import load_vehicle
 
 Capture = pytest.CaptureFixture[str]
@@ -33,7 +42,7 @@ def test_air_that_is_is_compiled_separately_is_announced_in_words_of_its_own(
 ) -> None:
     """A plant that compiles a kernel when it is built stands for the lattice, which takes half a minute."""
     vehicle = load_vehicle("robo_raven_ii_d")
-    monkeypatch.setattr(compiling, "_told", set())
+    monkeypatch.setattr(compiling, "_announced", set())
     monkeypatch.setattr(compiling, "physics_compiled", lambda: True)
     monkeypatch.setattr(compiling, "Plant", lambda vehicle: numba.njit(lambda x: x + 1)(1))
     load_physics(vehicle)
@@ -54,10 +63,33 @@ def test_the_lattice_alone_is_is_compiled_separately() -> None:
 def test_the_physics_is_announced_where_it_is_not_compiled(capsys: Capture, monkeypatch: pytest.MonkeyPatch) -> None:
     vehicle, compiled = load_vehicle("robo_raven_ii_d"), []
     monkeypatch.setattr(Plant, "compile", lambda plant: compiled.append(plant))
+    monkeypatch.setattr(compiling_ahead, "cores", lambda: 1)
+    monkeypatch.setattr(compiling_ahead, "compile_part", lambda plant, name: compiled.append(name))
     monkeypatch.setattr(compiling, "physics_compiled", lambda: False)
     load_physics(vehicle)
-    assert capsys.readouterr().err == f"{COMPILING}\n" and len(compiled) == 1
+    first, last = capsys.readouterr().err.splitlines()
+    assert first == compiling_text() and last.startswith("compiled 5 parts in ")
+    assert compiled[:-1] == list(PARTS)
     load_physics(vehicle, quiet=True)
     monkeypatch.setattr(compiling, "physics_compiled", lambda: True)
     load_physics(vehicle)
-    assert capsys.readouterr().err == "" and len(compiled) == 2
+    assert capsys.readouterr().err == "" and len(compiled) == 2 * (len(PARTS) + 1)
+
+
+def test_a_second_process_takes_parts_and_then_compiles_for_later() -> None:
+    shown = []
+    with CompilationAhead(load_vehicle("robo_raven_ii_d"), tuple(LATER)) as ahead:
+        assert ahead.compile_physics(lambda *progress: shown.append(progress)) == len(PARTS) + 1
+        ahead.wait()
+        assert not ahead._later and ahead._process is not None and ahead._process.wait(20.0) == 0
+    done, totals, names = zip(*shown, strict=True)
+    assert list(done) == sorted(done) and set(totals) == {len(PARTS) + 1} and names[-1] == WHOLE
+
+
+def test_a_second_process_that_fails_leaves_its_work_to_the_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(
+        compiling_ahead, "_START", "import sys; print('ready', flush=True); sys.stdin.buffer.readline()"
+    )
+    with CompilationAhead(load_vehicle("robo_raven_ii_d"), tuple(LATER)) as ahead:
+        compile_physics(ahead, quiet=True)
+        ahead.wait()

@@ -50,6 +50,13 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> SimulatedVehicle:
     return written(flight_test(), tmp_path_factory.mktemp("world"))
 
 
+def test_the_trim_search_starts_near_the_trim(world: SimulatedVehicle) -> None:
+    """GIVEN an identified vehicle THEN the amplitude its trim search starts with is that of its trim."""
+    assert world.cruise.airspeed == pytest.approx(load_model(MODELS / "robo_raven_ii_d.toml").airspeed, rel=1e-3)
+    found = trim(world, world.cruise.airspeed, 0.0)
+    assert found.inputs.amplitude == pytest.approx(world.cruise.stroke_amplitude, rel=0.15)
+
+
 def test_a_model_keeps_its_flight_test_through_its_file(tmp_path: Path) -> None:
     path = tmp_path / "bird.toml"
     save_model(path, flight_test())

@@ -400,7 +400,7 @@ def _by_row(
 ) -> ModesResult:
     """The modes by one row of the registry: angle of the tail to pitch rate and normal specific force."""
     titles = {"output_error": OUTPUT_ERROR, "filter_error": FILTER_ERROR}
-    title = titles.get(method, ESTIMATORS[method].title)
+    title = titles.get(method, ESTIMATORS[method].title.lower())
     if method in titles:
         fits = fit_derivatives(flight)
         result = next(one for one in results_of(flight, fits, locked) if one.method == title)
@@ -412,7 +412,8 @@ def _by_row(
         result = ESTIMATORS[method].estimate(request)._replace(title=title)
         mode = mode_of_result(title, result)
     notes = tuple(map(note, (*data.notes, *dropped_maneuvers(data, every))))
-    return _modes_result((mode,), None, f"by {title} alone", flight, (result,), locked, notes)
+    statement = f"by {title} alone" if result.estimates else f"no mode by {title}"
+    return _modes_result((mode,), None, statement, flight, (result,), locked, notes)
 
 
 def motion_findings(flight: FlightProblem, result: EstimationResult) -> tuple[Finding, ...]:
