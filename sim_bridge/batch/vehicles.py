@@ -133,8 +133,16 @@ def _limited(value: float, limit: float) -> float:
 
 
 @nogil_kernel
-def advance_vehicles(a: Arrays, gains: ManualGains, of: Conditions, bound: Bound, first: int, end: int) -> None:
-    """Advance the active vehicles of ``first`` to ``end`` by `TICKS`; ``bound`` is the work space of the thread."""
+def advance_vehicles(batch: Bound, bound: Bound, first: int, end: int) -> None:
+    """Advance the active vehicles of ``first`` to ``end`` by `TICKS`.
+
+    Args:
+        batch: `Arrays`, `ManualGains` and `Conditions`.
+        bound: parameters and work space of the plant of the thread.
+        first: index of the first vehicle.
+        end: index after the last.
+    """
+    a, gains, of = bound_values(batch)
     for i in range(first, end):
         if a.active[i]:
             _advance_vehicle(a, gains, of, bound, i)
@@ -234,7 +242,7 @@ class VehicleBatch:
         threads = min(threads or available_cores(), -(-size // CHUNK))
         self._plants = [plant() for _ in range(threads)]
         self._bounds = [Bound((one.parameters, one.scratch)) for one in self._plants]
-        self._gains, self._conditions = gains, conditions
+        self._turbulent = conditions.turbulent
         self._seeds, self._blocks = np.zeros(size, np.int64), np.full((size, 2), -1)
         self.time_us = np.zeros(size, np.int64)
         """(n,) us; since boot"""
@@ -252,6 +260,7 @@ class VehicleBatch:
             outcome=np.zeros(size, np.int64),
             active=np.zeros(size, np.bool_),
         )
+        self._bound = Bound((self.arrays, gains, conditions))
         self._pool: ThreadPoolExecutor | None = None
         self._process = -1
 
@@ -272,7 +281,7 @@ class VehicleBatch:
         a = self.arrays
         valid = np.isfinite(sticks).all(axis=1)
         a.sticks[valid] = sticks[valid]
-        if self._conditions.turbulent:
+        if self._turbulent:
             self._draw()
         chunks = itertools.count(0, CHUNK)
         workers = self._workers()
@@ -288,7 +297,7 @@ class VehicleBatch:
             if first >= size:
                 return
             end = min(first + CHUNK, size)
-            advance_vehicles(self.arrays, self._gains, self._conditions, bound, first, end)
+            advance_vehicles(self._bound, bound, first, end)
 
     def _draw(self) -> None:
         """Draw the noise of the coming ticks where its block is not there yet."""
