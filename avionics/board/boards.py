@@ -23,6 +23,7 @@ class Kind(NamedTuple):
 KINDS = (
     Kind("hil:tcp:HOST:PORT", "a simulated world, wingbeat sim"),
     Kind("hil:tcpin:HOST:PORT", "a simulated world that connects to here"),
+    Kind("hil:unix:NAME", "a simulated world on the same computer (Linux)"),
     Kind("hil:serial:DEVICE,BAUD", "a microcontroller with sensors and servos, see docs/reference/serial_board.md"),
     Kind("razor:DEVICE[,BAUD[,OUTPUT]]", "a Razor 9DOF on a bench: 57600 baud, output oscb, osct, osrb, osrt or ox"),
 )
@@ -50,7 +51,7 @@ def check_address(address: str) -> None:
     kind, _, rest = address.partition(":")
     if kind == "razor":
         parse_address(address)
-    elif kind == "hil" and rest.partition(":")[0] in ("tcp", "tcpin", "serial"):
-        parse_url(rest)
+    elif kind == "hil" and rest.partition(":")[0] in ("tcp", "tcpin", "unix", "serial"):
+        parse_url(rest, lockstep=True)
     else:
         raise InputError(f"board {address!r} is not one of {', '.join(one.form for one in KINDS)}")

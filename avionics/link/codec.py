@@ -16,7 +16,8 @@ from typing import Any, NamedTuple
 from avionics import messages as m
 from avionics.link.dialect import mavlink
 from avionics.link.framing import CRC_EXTRA, SIGNED, Frame, build_frame, build_frame_v1, checksum
-from avionics.link.sensor_codec import BY_MESSAGE, HIL_SENSOR, decode_imu, layout_of, padded, payloads
+from avionics.link.sensor_codec import BY_MESSAGE, HIL_SENSOR, decode_imu, layout_of, padded
+from avionics.link.tick_codec import TickEncoder
 from wingbeat.records import constructor
 
 FULL_DEFLECTION = math.pi / 2
@@ -58,6 +59,7 @@ class FrameWriter:
         self.version_1 = False
         """True if the receiver supports MAVLink 1 only"""
         self._sequence = 0
+        self._ticks = TickEncoder()
         self._mav: Any = mavlink.MAVLink(None, system, component)
 
     def frame(self, message_id: int, payload: bytes) -> bytes:
@@ -82,8 +84,9 @@ class FrameWriter:
         return signed(self.pack(message), message.get_msgId(), sign)
 
     def sensors(self, frame: m.SensorFrame) -> bytes:
-        """Return all messages of one tick, HIL_SENSOR last."""
-        return b"".join(self.frame(message_id, payload) for message_id, payload in payloads(frame))
+        """Return all messages of one tick as MAVLink 2 frames, HIL_SENSOR last."""
+        data, self._sequence = self._ticks.encode(frame, self._sequence, self.system, self.component)
+        return data
 
     def actuators(self, command: m.ActuatorCommand) -> bytes:
         """Return the reply to one tick."""
@@ -104,6 +107,11 @@ class FrameAssembler:
 
     def __init__(self) -> None:
         self._parts: dict[str, Any] = {}
+
+    @property
+    def pending(self) -> bool:
+        """Whether a tick has begun that HIL_SENSOR has not closed."""
+        return bool(self._parts)
 
     def add(self, frame: Frame) -> m.SensorFrame | None:
         """Return the sensor frame if this message closes a tick.

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 import struct
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from avionics.link.dialect import mavlink
@@ -24,7 +25,9 @@ SIGNED = 0x01
 _LIKELY_V2 = re.compile(rb"\xfd(?:.[\0\1]|.?\Z)", re.DOTALL)
 """marker followed by known flags, or incomplete; limits the cost of a flood of markers"""
 _LIKELY = re.compile(rb"\xfe|" + _LIKELY_V2.pattern, re.DOTALL)
-_PACK_HEADER = struct.Struct("<BBBBBBBHB").pack
+HEADER = struct.Struct("<BBBBBBBHB")
+"""marker, payload size, incompatible and compatible flags, sequence, system, component, message ID in two parts"""
+_PACK_HEADER = HEADER.pack
 
 CRC_EXTRA: dict[int, bytes] = {number: bytes([kind.crc_extra]) for number, kind in mavlink.mavlink_map.items()}
 """CRC_EXTRA of every known message, as the byte appended before the checksum"""
@@ -52,10 +55,13 @@ class Frame(NamedTuple):
     raw: bytes
 
 
-def checksum(data: bytes) -> int:
-    """Return the CRC-16/MCRF4XX of ``data``, the checksum of MAVLink."""
+def _slow_checksum(data: bytes | bytearray) -> int:
     crc: int = mavlink.x25crc(data).crc
     return crc
+
+
+checksum: Callable[[bytes | bytearray], int] = mavlink.mcrf4xx or _slow_checksum
+"""CRC-16/MCRF4XX of some bytes, the checksum of MAVLink; the C function that pymavlink installs, if it is there"""
 
 
 def build_frame(message_id: int, payload: bytes, sequence: int, system: int, component: int) -> bytes:
@@ -101,6 +107,17 @@ def decode(frame: Frame) -> Any:
 _DECODER = mavlink.MAVLink(None)
 
 
+def sole_payload(data: bytes, message_id: int) -> bytes | None:
+    """Return the payload if ``data`` is exactly one valid unsigned MAVLink 2 frame of a known message, else None."""
+    size = len(data) - HEADER_V2 - CRC_BYTES
+    if size < 0 or data[0] != MARKER_V2 or data[1] != size or data[2]:
+        return None
+    if int.from_bytes(data[7:10], "little") != message_id:
+        return None
+    crc = checksum(data[1:-CRC_BYTES] + CRC_EXTRA[message_id])
+    return data[HEADER_V2:-CRC_BYTES] if crc == int.from_bytes(data[-CRC_BYTES:], "little") else None
+
+
 class FrameReader:
     """Frame parser of one stream, with counters of frames and invalid bytes."""
 
@@ -117,6 +134,11 @@ class FrameReader:
         self.frames = 0
         self.unknown = 0
         self._pending = b""
+
+    @property
+    def pending(self) -> bool:
+        """Whether an incomplete frame waits for more bytes."""
+        return bool(self._pending)
 
     def feed(self, data: bytes) -> list[Frame]:
         """Return all frames completed by ``data``.

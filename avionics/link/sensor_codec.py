@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Callable
-from itertools import chain
+from collections.abc import Callable, Iterable
+from itertools import accumulate, chain
+from operator import itemgetter
 from typing import Any, Generic, NamedTuple, TypeVar, get_args, get_type_hints
 
 from avionics.link.dialect import mavlink
@@ -33,6 +34,8 @@ class SampleCodec(NamedTuple, Generic[T]):
     """Codec of the samples of one sensor."""
 
     message_id: int
+    values: Callable[[T], Iterable[Any]]
+    """gives the fields of the message in wire order"""
     encode: Callable[[T], bytes]
     decode: Callable[[bytes], T | None]
     """gives None for a message of another sensor"""
@@ -62,9 +65,9 @@ _RANGE = layout_of(mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR)
 _new_imu_sample = constructor(ImuSample)
 
 
-def encode_imu(imu: ImuSample) -> bytes:
-    """Return the payload of HIL_SENSOR."""
-    return _SENSOR.pack(*imu, *_NO_PRESSURE)
+def imu_values(imu: ImuSample) -> tuple[Any, ...]:
+    """Return the fields of HIL_SENSOR."""
+    return (*imu, *_NO_PRESSURE)
 
 
 def decode_imu(payload: bytes) -> ImuSample:
@@ -72,14 +75,14 @@ def decode_imu(payload: bytes) -> ImuSample:
     return _new_imu_sample(*padded(_SENSOR, payload)[:10])
 
 
-def encode_gps(fix: GpsFix) -> bytes:
-    """Return the payload of HIL_GPS: degE7, mm, cm and cm/s.
+def gps_values(fix: GpsFix) -> tuple[Any, ...]:
+    """Return the fields of HIL_GPS: degE7, mm, cm and cm/s.
 
     As in PX4, eph and epv are accuracies in cm.
     """
     speed = math.hypot(fix.v_north, fix.v_east)
     course = math.degrees(math.atan2(fix.v_east, fix.v_north)) % 360.0
-    return _GPS.pack(
+    return (
         fix.time_us,
         round(fix.latitude * _DEGE7),
         round(fix.longitude * _DEGE7),
@@ -127,13 +130,13 @@ def _i16(value: float) -> int:
     return int(min(max(round(value), -32768), 32767))
 
 
-def encode_receiver(sample: ReceiverSample) -> bytes:
-    """Return the payload of HIL_RC_INPUTS_RAW.
+def receiver_values(sample: ReceiverSample) -> tuple[Any, ...]:
+    """Return the fields of HIL_RC_INPUTS_RAW.
 
     The message has no field for a lost signal, which is encoded as a strength of 0.
     """
     rssi = 0 if sample.lost else max(sample.rssi, 1)
-    return _RC.pack(sample.time_us, *sample.pulses, *_SPARE_CHANNELS, rssi)
+    return (sample.time_us, *sample.pulses, *_SPARE_CHANNELS, rssi)
 
 
 def decode_receiver(payload: bytes) -> ReceiverSample:
@@ -142,12 +145,12 @@ def decode_receiver(payload: bytes) -> ReceiverSample:
     return ReceiverSample(time_us, tuple(pulses[:CHANNELS]), int(rssi == 0), rssi)
 
 
-def encode_range(sample: RangeSample) -> bytes:
-    """Return the payload of DISTANCE_SENSOR: ms and cm.
+def range_values(sample: RangeSample) -> tuple[Any, ...]:
+    """Return the fields of DISTANCE_SENSOR: ms and cm.
 
     A quality of 1 is an invalid reading.
     """
-    return _RANGE.pack(
+    return (
         sample.time_us // 1000,
         *(_u16(distance * 1e2) for distance in (sample.min_distance, sample.max_distance, sample.distance)),
         mavlink.MAV_DISTANCE_SENSOR_LASER,
@@ -170,13 +173,13 @@ def decode_range(payload: bytes) -> RangeSample | None:
     return RangeSample(time_ms * 1000, distance / 1e2, low / 1e2, high / 1e2, known)
 
 
-CONVERSIONS: dict[str, tuple[Callable[[Any], bytes], Callable[[bytes], Any]]] = {
-    "HIL_SENSOR": (encode_imu, decode_imu),
-    "HIL_GPS": (encode_gps, decode_gps),
-    "HIL_RC_INPUTS_RAW": (encode_receiver, decode_receiver),
-    "DISTANCE_SENSOR": (encode_range, decode_range),
+CONVERSIONS: dict[str, tuple[Callable[[Any], tuple[Any, ...]], Callable[[bytes], Any]]] = {
+    "HIL_SENSOR": (imu_values, decode_imu),
+    "HIL_GPS": (gps_values, decode_gps),
+    "HIL_RC_INPUTS_RAW": (receiver_values, decode_receiver),
+    "DISTANCE_SENSOR": (range_values, decode_range),
 }
-"""encoder and decoder of the payload, by the name of a standard message"""
+"""fields of a sample and decoder of the payload, by the name of a standard message"""
 
 
 # --- messages of the dialect: the fields of the sample -----------------------------------------------------------
@@ -184,29 +187,37 @@ CONVERSIONS: dict[str, tuple[Callable[[Any], bytes], Callable[[bytes], Any]]] = 
 
 def _codec(sensor: Sensor[T]) -> SampleCodec[T]:
     message_id: int = getattr(mavlink, f"MAVLINK_MSG_ID_{sensor.wire}")
-    if sensor.wire in CONVERSIONS:
-        return SampleCodec(message_id, *CONVERSIONS[sensor.wire])
-    layout, new = layout_of(message_id), constructor(sensor.topic.message)
-    lengths = [_length(hint) for hint in get_type_hints(sensor.topic.message, include_extras=True).values()]
-    has_arrays = any(lengths)
+    layout = layout_of(message_id)
+    values, decode = CONVERSIONS.get(sensor.wire) or _same_fields(layout, sensor.topic.message)
 
     def encode(sample: T) -> bytes:
-        values: Any = sample
-        if not has_arrays:
-            return layout.pack(*values)
-        parts = (value if length else (value,) for value, length in zip(values, lengths, strict=True))
-        return layout.pack(*chain.from_iterable(parts))
+        return layout.pack(*values(sample))
+
+    return SampleCodec(message_id, values, encode, decode)
+
+
+def _same_fields(
+    layout: struct.Struct, message: Callable[..., T]
+) -> tuple[Callable[[Any], Iterable[Any]], Callable[[bytes], T]]:
+    """Return fields and decoder of a sample whose message has the same fields; arrays follow the single values."""
+    new = constructor(message)
+    lengths = [_length(hint) for hint in get_type_hints(message, include_extras=True).values()]
+    single = sum(not length for length in lengths)
+    ends = list(accumulate(length or 1 for length in lengths))
+    fields = itemgetter(
+        *(slice(end - size, end) if size else end - 1 for size, end in zip(lengths, ends, strict=True))
+    )
+
+    def flattened(sample: Any) -> Iterable[Any]:
+        return chain(sample[:single], *sample[single:])
 
     def decode(payload: bytes) -> T:
-        if not has_arrays:
-            return new(*padded(layout, payload))
-        values, fields, at = padded(layout, payload), [], 0
-        for length in lengths:
-            fields.append(values[at : at + length] if length else values[at])
-            at += length or 1
-        return new(*fields)
+        return new(*padded(layout, payload))
 
-    return SampleCodec(message_id, encode, decode)
+    def decode_arrays(payload: bytes) -> T:
+        return new(*fields(padded(layout, payload)))
+
+    return (flattened, decode_arrays) if any(lengths) else (iter, decode)
 
 
 def _length(hint: Any) -> int:
@@ -219,7 +230,6 @@ CODECS: dict[str, SampleCodec[Any]] = {sensor.field: _codec(sensor) for sensor i
 BY_MESSAGE = {CODECS[sensor.field].message_id: (sensor.field, CODECS[sensor.field].decode) for sensor in OTHERS}
 """field and decoder of messages before HIL_SENSOR in a tick, by message ID"""
 HIL_SENSOR: int = CODECS[IMU.field].message_id
-_BEFORE_IMU = tuple((sensor.field, CODECS[sensor.field]) for sensor in OTHERS)
 
 
 TELEMETRY = tuple(sensor for sensor in OTHERS if not sensor.wire.startswith(("HIL_", "WINGBEAT_")))
@@ -231,16 +241,6 @@ def message(sensor: Sensor[T], sample: T) -> Any:
     """Return the MAVLink message object of a sample."""
     codec = CODECS[sensor.field]
     return _DECODER.decode(bytearray(build_frame(codec.message_id, codec.encode(sample), 0, 1, 1)))
-
-
-def payloads(frame: SensorFrame) -> list[tuple[int, bytes]]:
-    """Return message IDs and payloads of one tick; HIL_SENSOR is last and closes it."""
-    parts = [
-        (codec.message_id, codec.encode(sample))
-        for field, codec in _BEFORE_IMU
-        if (sample := getattr(frame, field)) is not None
-    ]
-    return [*parts, (HIL_SENSOR, encode_imu(frame.imu))]
 
 
 def quantized(frame: SensorFrame) -> SensorFrame:

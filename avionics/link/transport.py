@@ -10,6 +10,8 @@ import contextlib
 import os
 import select
 import socket
+import struct
+import sys
 import time
 from collections import deque
 from collections.abc import Hashable
@@ -27,6 +29,8 @@ HALF_OPEN = 5.0
 GONE = 60.0
 """s; idle time after which a UDP station is removed: it may have reconnected from another port"""
 _CHUNK = 65536
+_STREAM_CHUNK = 8192
+"""bytes; read at once from a lockstep partner, more than its longest tick"""
 _MOST_DATAGRAMS = 100
 _BACKLOG = 1 << 18
 
@@ -89,6 +93,10 @@ def open_transport(url: str | LinkUrl) -> Transport:
 
 
 def _resolve(url: LinkUrl, kind: socket.SocketKind) -> tuple[socket.AddressFamily, Any]:
+    if url.kind == "unix":
+        if sys.platform != "linux":
+            raise InputError(f"{url}: Unix sockets with a name are available on Linux only; use tcp:HOST:PORT")
+        return socket.AF_UNIX, f"\0{url.host}"
     try:
         family, _, _, _, address = socket.getaddrinfo(url.host, url.port, type=kind)[0]
     except (OSError, UnicodeError) as error:
@@ -100,7 +108,7 @@ def _bound(url: LinkUrl, kind: socket.SocketKind) -> socket.socket:
     family, address = _resolve(url, kind)
     port = socket.socket(family, kind)
     try:
-        if kind == socket.SOCK_STREAM and os.name == "posix":
+        if kind == socket.SOCK_STREAM and os.name == "posix" and family != socket.AF_UNIX:
             port.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         port.bind(address)
         if kind == socket.SOCK_STREAM:
@@ -108,6 +116,8 @@ def _bound(url: LinkUrl, kind: socket.SocketKind) -> socket.socket:
     except OSError as error:
         port.close()
         reason = error.strerror or str(error)
+        if url.kind == "unix":
+            raise InputError(f"{url}: cannot listen: {reason}") from None
         raise InputError(f"{url}: cannot listen on port {url.port} of {url.host}: {reason}") from None
     return port
 
@@ -528,14 +538,16 @@ CREDIT, RENEWED = 64, 2000
 
 
 class SocketStream:
-    """TCP connection with Nagle's algorithm disabled."""
+    """Connection of a TCP socket without Nagle's algorithm, or of a Unix socket."""
 
     def __init__(self, connected: socket.socket, name: str) -> None:
-        connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        # No timeout of the socket itself: Python would make two system calls for every read and write.
-        connected.setblocking(False)
+        if connected.family != socket.AF_UNIX:
+            connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        # The timeout is the system's: with one of its own, Python makes two system calls for every read and write.
+        connected.setblocking(True)
         self.name = name
         self._socket = connected
+        self._timeout = -1.0
         self._readable, self._writable = select.poll(), select.poll()
         self._readable.register(connected, select.POLLIN)
         self._writable.register(connected, select.POLLOUT)
@@ -551,16 +563,24 @@ class SocketStream:
     def read(self, timeout: float) -> bytes | None:
         """Return bytes as soon as some are available; waits are at least one millisecond."""
         try:
-            if (self._credit and self._watch()) or self._readable.poll(max(1e3 * timeout, 1.0)):
-                return self._socket.recv(_CHUNK) or None
+            if timeout != self._timeout:
+                self._limit_waits(timeout)
+            if self._credit:
+                self._watch()
+            return self._socket.recv(_STREAM_CHUNK) or None
         except BlockingIOError:
             return b""
         except OSError:
             return None
-        return b""
 
-    def _watch(self) -> bool:
-        """Poll for bytes without blocking; False after the limit."""
+    def _limit_waits(self, timeout: float) -> None:
+        self._timeout = timeout
+        seconds, fraction = divmod(max(timeout, 1e-3), 1.0)
+        limit = struct.pack("@ll", int(seconds), int(fraction * 1e6))
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, limit)
+
+    def _watch(self) -> None:
+        """Poll for bytes without blocking, up to the limit."""
         poll, end = self._readable.poll, 0.0
         while True:
             for _ in range(LOOKS):
@@ -568,17 +588,17 @@ class SocketStream:
                     self._in_time += 1
                     if self._in_time == RENEWED:
                         self._credit, self._in_time = CREDIT, 0
-                    return True
+                    return
             now = time.perf_counter()
             end = end or now + AT_ONCE
             if now >= end:
                 self._credit, self._in_time = self._credit - 1, 0
-                return False
+                return
 
     def write(self, data: bytes) -> bool:
         """Send all data."""
         try:
-            sent = self._socket.send(data)
+            sent = self._socket.send(data, socket.MSG_DONTWAIT)
         except BlockingIOError:
             sent = 0
         except OSError:
@@ -591,7 +611,7 @@ class SocketStream:
             try:
                 if not self._writable.poll(max(1e3 * (end - time.monotonic()), 0.0)):
                     return False
-                data = data[self._socket.send(data) :]
+                data = data[self._socket.send(data, socket.MSG_DONTWAIT) :]
             except BlockingIOError:
                 continue
             except OSError:
@@ -604,23 +624,23 @@ class SocketStream:
 
 
 class Listener:
-    """TCP server for one lockstep partner."""
+    """Server for one lockstep partner."""
 
     def __init__(self, url: str | LinkUrl) -> None:
-        """Bind ``tcp:HOST:PORT`` or ``tcpin:HOST:PORT``.
+        """Bind ``tcp:HOST:PORT``, ``tcpin:HOST:PORT`` or ``unix:NAME``.
 
         Raises:
             InputError: another kind of address, or the port is in use.
         """
-        self.url = url if isinstance(url, LinkUrl) else parse_url(url)
-        if self.url.kind not in ("tcp", "tcpin"):
-            raise InputError(f"{self.url}: a world listens on tcp:HOST:PORT")
+        self.url = url if isinstance(url, LinkUrl) else parse_url(url, lockstep=True)
+        if self.url.kind not in ("tcp", "tcpin", "unix"):
+            raise InputError(f"{self.url}: a world listens on tcp:HOST:PORT or unix:NAME")
         self._socket = _bound(self.url, socket.SOCK_STREAM)
 
     @property
     def port(self) -> int:
-        """Port of the server."""
-        return int(self._socket.getsockname()[1])
+        """Port of the server; 0 for a Unix socket."""
+        return 0 if self.url.kind == "unix" else int(self._socket.getsockname()[1])
 
     def accept(self, timeout: float) -> SocketStream | None:
         """Return the connection of the partner, or None after ``timeout`` (s)."""
@@ -629,7 +649,8 @@ class Listener:
             connected, address = self._socket.accept()
         except TimeoutError:
             return None
-        return SocketStream(connected, f"{address[0]}:{address[1]}")
+        name = str(self.url) if self.url.kind == "unix" else f"{address[0]}:{address[1]}"
+        return SocketStream(connected, name)
 
     def close(self) -> None:
         """Close the port."""
@@ -639,12 +660,13 @@ class Listener:
 def open_stream(url: str | LinkUrl, timeout: float) -> Stream | None:
     """Connect to a lockstep partner; None after ``timeout`` (s).
 
-    ``tcp`` connects and retries while the partner starts, ``tcpin`` waits for it, ``serial`` opens the device.
+    ``tcp`` and ``unix`` connect and retry while the partner starts, ``tcpin`` waits for it, ``serial`` opens the
+    device.
 
     Raises:
         InputError: not an address of these kinds, the host has no address, the device is missing.
     """
-    parsed = url if isinstance(url, LinkUrl) else parse_url(url)
+    parsed = url if isinstance(url, LinkUrl) else parse_url(url, lockstep=True)
     if parsed.kind == "serial":
         return SerialLine(parsed.host, parsed.port)
     if parsed.kind == "tcpin":
@@ -653,8 +675,8 @@ def open_stream(url: str | LinkUrl, timeout: float) -> Stream | None:
             return listener.accept(timeout)
         finally:
             listener.close()
-    if parsed.kind != "tcp":
-        raise InputError(f"{parsed}: a lockstep partner is on tcp:, tcpin: or serial:")
+    if parsed.kind not in ("tcp", "unix"):
+        raise InputError(f"{parsed}: a lockstep partner is on tcp:, tcpin:, unix: or serial:")
     return _connect_stream(parsed, timeout)
 
 

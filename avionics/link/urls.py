@@ -4,6 +4,9 @@ The forms are ``udpin:HOST:PORT``, ``udpout:``, ``tcp:``, ``tcpin:`` and ``seria
 and are joined by ``&``: ``rate=57600`` (the link is limited to a serial line of this baud rate), ``unsigned=accept``
 (unsigned frames are accepted although a signing key is set) and ``forward=no`` (no frames are forwarded from or to
 other links).
+
+A lockstep partner on the same computer may also have ``unix:NAME``, an abstract Unix socket of Linux. A round trip
+takes half as long as over TCP.
 """
 
 from __future__ import annotations
@@ -24,9 +27,9 @@ class LinkUrl(NamedTuple):
     """Parsed link address."""
 
     kind: str
-    """udpin, udpout, tcp, tcpin or serial"""
+    """udpin, udpout, tcp, tcpin, serial or unix"""
     host: str
-    """host name or address, or the serial device"""
+    """host name or address, the serial device, or the name of a Unix socket"""
     port: int
     """port number, or the baud rate of a serial device"""
     rate: int = 0
@@ -44,6 +47,8 @@ class LinkUrl(NamedTuple):
     def __str__(self) -> str:
         if self.kind == "serial":
             place = f"serial:{self.host},{self.port}"
+        elif self.kind == "unix":
+            place = f"unix:{self.host}"
         else:
             host = f"[{self.host}]" if ":" in self.host else self.host
             place = f"{self.kind}:{host}:{self.port}"
@@ -52,13 +57,15 @@ class LinkUrl(NamedTuple):
         return f"{place}?{'&'.join(chosen)}" if chosen else place
 
 
-def parse_url(text: str) -> LinkUrl:
-    """Parse a link address.
+def parse_url(text: str, lockstep: bool = False) -> LinkUrl:
+    """Parse a link address; that of a ``lockstep`` partner may be a Unix socket.
 
     Raises:
-        InputError: it has none of the five forms, or an unknown option; the text lists them.
+        InputError: it has none of the forms, or an unknown option; the text lists them.
     """
     kind, _, rest = text.strip().partition(":")
+    if lockstep and kind == "unix" and rest:
+        return LinkUrl(kind, rest, 0)
     separator = "," if kind == "serial" else ":"
     place, found, tail = rest.rpartition(separator)
     number, asked, options = tail.partition("?")

@@ -165,6 +165,8 @@ class FlightComputer:
         """Discard inputs without sensor frames, except those that stop the wings."""
         self.view.silent = now - self._ticked_at > SILENCE
         dropped = self._waiting.drop_stale(now)
+        if not dropped:
+            return
         for entry in dropped:
             if isinstance(entry, ChannelOverride):
                 self._waiting.add(now, self.view.stops(entry))

@@ -46,6 +46,8 @@ class InputQueue:
 
     def drop_stale(self, now: float) -> list[Input]:
         """Remove and return the inputs older than `SILENCE` at ``now`` (s)."""
+        if not self._waiting:
+            return []
         old = [now - each.since > SILENCE and not is_patient(each.entry) for each in self._waiting]
         stale = [each.entry for each, is_old in zip(self._waiting, old, strict=True) if is_old]
         self._waiting = [each for each, is_old in zip(self._waiting, old, strict=True) if not is_old]

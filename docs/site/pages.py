@@ -33,13 +33,14 @@ def api() -> str:
         _autodoc("logs.reader", "Log", True),
         _autodoc("logs.columns", "Columns", True),
         _autodoc("wingbeat.gym", "FlappingEnv", True),
+        _autodoc("wingbeat.gym.vector", "FlappingVectorEnv", True),
     ]
     return "\n".join(parts)
 
 
 def _autodoc(module: str, name: str, members: bool) -> str:
     kind = "autoclass" if members else "autofunction"
-    options = "   :members:\n   :inherited-members: tuple, Mapping, Env\n" if members else ""
+    options = "   :members:\n   :inherited-members: tuple, Mapping, Env, VectorEnv\n" if members else ""
     return f"## {name}\n\n```{{eval-rst}}\n.. {kind}:: {module}.{name}\n{options}```\n"
 
 

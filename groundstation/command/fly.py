@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import os
 import socket
 import sys
 import threading
@@ -326,7 +327,7 @@ def _start(children: Children, plan: Plan, chosen: argparse.Namespace, observer:
     cores = idle_pair() if math.isinf(chosen.speed) else None
     own = [[], []] if cores is None else [["--core", str(core)] for core in cores]
     epoch = ["--epoch-ns", str(time.time_ns())]
-    bridge = f"tcp:127.0.0.1:{_free_port()}"
+    bridge = _bridge_address()
     speed = "max" if math.isinf(chosen.speed) else repr(chosen.speed)
     world = ["--vehicle", simulated, *epoch, "--listen", bridge, "--speed", speed, "--seed", str(chosen.seed)]
     world += ["--duration", repr(chosen.duration), "--wind", repr(chosen.wind)]
@@ -351,6 +352,13 @@ def _start(children: Children, plan: Plan, chosen: argparse.Namespace, observer:
 def _identity(chosen: argparse.Namespace) -> str:
     """Return the MAVLink profile of the flight; the default counts items as the flight computer's events do."""
     return str(chosen.identity) if chosen.gcs else "generic"
+
+
+def _bridge_address() -> str:
+    """Return an address for the lockstep of the two processes: a Unix socket takes half as long as TCP."""
+    if sys.platform == "linux":
+        return f"unix:wingbeat-{os.getpid()}-{time.monotonic_ns()}"
+    return f"tcp:127.0.0.1:{_free_port()}"
 
 
 def _free_port() -> int:

@@ -53,8 +53,8 @@ REAL_TIME = 1.0
 """-; speed factor up to which a flight with real-time priority leaves time for other programs"""
 HURRIED = "; use --speed 1 when arming manually"
 LISTEN = (
-    f"tcp:HOST:PORT ({DEFAULT_URL}); serial:DEVICE,BAUD simulates a microcontroller without lockstep,"
-    " pty does so on a new pseudo terminal"
+    f"tcp:HOST:PORT ({DEFAULT_URL}); unix:NAME on the same computer (Linux); serial:DEVICE,BAUD"
+    " simulates a microcontroller without lockstep, pty does so on a new pseudo terminal"
 )
 WRITING = Writing(IN_FLIGHT, account=topics.RECORDER)
 DURATION = 600.0

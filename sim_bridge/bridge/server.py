@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from avionics.link import codec
 from avionics.link.dialect import mavlink
-from avionics.link.framing import Frame, FrameReader, decode
+from avionics.link.framing import Frame, FrameReader, decode, sole_payload
 from avionics.link.transport import Listener, Stream
 from avionics.messages import ActuatorCommand, SensorFrame
 from sim_bridge.bridge.pace import Pacer
@@ -142,7 +142,7 @@ class Session:
         self._hung_up = False
         self._truth_interval_us = 0
         self._next_truth_us = 0
-        self._statistics = BridgeStatistics()
+        self._frames = self._stale = self._rejected = 0
 
     def fly(self) -> BridgeStatistics:
         """Exchange frames until the world is finished or the client disconnects.
@@ -159,7 +159,7 @@ class Session:
                 frame = self._world.step(command)
             except SimulationSilent as silence:
                 self._await_hanging_up()
-                return self._statistics._replace(bad_bytes=self._reader.bad_bytes, ended=str(silence))
+                return self._statistics(str(silence))
             self._pacer.wait(frame.time_us)
             self._send(frame)
             # While the flight computer computes.
@@ -169,7 +169,10 @@ class Session:
                 ended = "flight computer disconnected"
                 break
         self._send_end(EndReason.FINISHED)
-        return self._statistics._replace(bad_bytes=self._reader.bad_bytes, ended=ended)
+        return self._statistics(ended)
+
+    def _statistics(self, ended: str) -> BridgeStatistics:
+        return BridgeStatistics(self._frames, self._stale, self._rejected, self._reader.bad_bytes, ended)
 
     def _await_hanging_up(self) -> None:
         deadline = self._clock() + self._timeouts.silence
@@ -201,16 +204,15 @@ class Session:
             payload = encode_truth(self._world.truth(), self._world.origin)
             data = self._writer.frame(HIL_STATE_QUATERNION, payload) + data
         self._hung_up |= not self._stream.write(data)
-        self._statistics = self._statistics._replace(frames=self._statistics.frames + 1)
+        self._frames += 1
 
     def _await_answer(self, time_us: int, last: ActuatorCommand) -> ActuatorCommand:
         limit = self._timeouts.reply
         deadline = self._clock() + limit
         while not self._hung_up:
-            for frame in self._receive(min(limit, self._timeouts.noise)):
-                command = self._answer(frame, time_us)
-                if command is not None:
-                    return command
+            command = self._receive_answer(min(limit, self._timeouts.noise), time_us)
+            if command is not None:
+                return command
             if self._clock() >= deadline:
                 self._send_end(EndReason.STALLED)
                 raise FlightComputerSilent(
@@ -223,17 +225,34 @@ class Session:
         if frame.message_id != codec.HIL_ACTUATOR_CONTROLS:
             self._listen(frame)
             return None
-        reply = codec.decode_actuators(frame.payload)
+        return self._reply(frame.payload, time_us)
+
+    def _receive_answer(self, timeout: float, time_us: int) -> ActuatorCommand | None:
+        data = self._stream.read(timeout)
+        # Nearly always the answer arrives alone.
+        payload = sole_payload(data, codec.HIL_ACTUATOR_CONTROLS) if data and not self._reader.pending else None
+        if payload is not None:
+            return self._reply(payload, time_us)
+        for frame in self._parse(data, timeout):
+            command = self._answer(frame, time_us)
+            if command is not None:
+                return command
+        return None
+
+    def _reply(self, payload: bytes, time_us: int) -> ActuatorCommand | None:
+        reply = codec.decode_actuators(payload)
         if reply is None:
-            self._statistics = self._statistics._replace(rejected=self._statistics.rejected + 1)
+            self._rejected += 1
             return None
         if reply.command.time_us != time_us:
-            self._statistics = self._statistics._replace(stale=self._statistics.stale + 1)
+            self._stale += 1
             return None
         return reply.command
 
     def _receive(self, timeout: float) -> list[Frame]:
-        data = self._stream.read(timeout)
+        return self._parse(self._stream.read(timeout), timeout)
+
+    def _parse(self, data: bytes | None, timeout: float) -> list[Frame]:
         if data is None:
             self._hung_up = True
             return []

@@ -72,7 +72,8 @@ class PlantInputs:
             heading: rad; direction that the vehicle faces.
             altitude: m; of the launch place above mean sea level.
         """
-        self._turbulence, self._tick = turbulence, 0
+        self._turbulence, self.tick = turbulence, 0
+        """-; ticks of the gusts so far"""
         self._is_turbulent = turbulence.level != "none"
         self._y, self._altitude = plant.y, altitude
         self.gust = np.zeros(6)
@@ -80,25 +81,25 @@ class PlantInputs:
         self.extra_wind = np.zeros(3)
         """m/s; NED, added to wind and gusts; the caller may write to it"""
         self._wind, self._noise = np.array(wind), dryden.noise_block(turbulence.seed, 0).copy()
-        self._bound = Bound(
-            InputArrays(
-                y=plant.y,
-                r=plant.scratch.r,
-                order=plant.order,
-                observed=plant.observed,
-                wind=self._wind,
-                extra=self.extra_wind,
-                gust=self.gust,
-                memory=np.array(dryden.initial(turbulence, heading)[1:]),
-                noise=self._noise,
-                strength=dryden.strength_of(turbulence.level),
-                span=turbulence.span,
-                altitude=altitude,
-                travel=plant.vehicle.drive.travel,
-                tail_travel=plant.vehicle.tail_servo.travel,
-                targets=np.zeros(2),
-            )
+        self.arrays = InputArrays(
+            y=plant.y,
+            r=plant.scratch.r,
+            order=plant.order,
+            observed=plant.observed,
+            wind=self._wind,
+            extra=self.extra_wind,
+            gust=self.gust,
+            memory=np.array(dryden.initial(turbulence, heading)[1:]),
+            noise=self._noise,
+            strength=dryden.strength_of(turbulence.level),
+            span=turbulence.span,
+            altitude=altitude,
+            travel=plant.vehicle.drive.travel,
+            tail_travel=plant.vehicle.tail_servo.travel,
+            targets=np.zeros(2),
         )
+        """state and parameters of the inputs, shared with the kernels"""
+        self._bound = Bound(self.arrays)
 
     def step(self, command: ActuatorCommand, duration: float) -> None:
         """Advance the gusts by ``duration`` s; set controls and surroundings of the plant's next step.
@@ -111,10 +112,10 @@ class PlantInputs:
             isa(altitude)
         row = -1
         if self._is_turbulent:
-            self._tick += 1
-            row = self._tick % dryden.BLOCK
+            self.tick += 1
+            row = self.tick % dryden.BLOCK
             if row == 0:
-                self._noise[:] = dryden.noise_block(self._turbulence.seed, self._tick // dryden.BLOCK)
+                self._noise[:] = dryden.noise_block(self._turbulence.seed, self.tick // dryden.BLOCK)
         _, left, right, throttle, elevator, rudder, armed = command
         self._set_inputs(row, duration, left, right, throttle, elevator, rudder, armed, self._bound)
 

@@ -13,7 +13,9 @@ from pymavlink.dialects.v20 import ardupilotmega, common, development
 from avionics import messages as m
 from avionics.link import codec, sensor_codec
 from avionics.link.dialect import mavlink
-from avionics.link.framing import FrameReader
+from avionics.link.framing import FrameReader, sole_payload
+from avionics.link.tick_codec import decode_tick
+from avionics.sensors import IMU, OTHERS
 from wingbeat.samples import RangeSample
 
 times = st.integers(0, 2**63)
@@ -83,7 +85,7 @@ def test_a_command_beyond_the_servos_travel_is_limited_and_a_nan_is_refused() ->
 
 @given(fixes)
 def test_a_gps_fix_keeps_a_centimetre(fix: m.GpsFix) -> None:
-    got = sensor_codec.decode_gps(sensor_codec.encode_gps(fix))
+    got = sensor_codec.CODECS["gps"].decode(sensor_codec.CODECS["gps"].encode(fix))
     assert got.latitude == pytest.approx(fix.latitude, abs=1e-9)
     assert got.longitude == pytest.approx(fix.longitude, abs=1e-9)
     assert got.altitude == pytest.approx(fix.altitude, abs=5.1e-4)
@@ -197,3 +199,36 @@ def test_any_bytes_in_any_pieces_raise_nothing(data: bytes, size: int) -> None:
         reader.feed(data[start : start + size])
     reader.give_up()
     assert reader.feed(codec.FrameWriter(1, 1).frame(0, b"\x01")) != []
+
+
+@given(frames)
+def test_tick_at_once_equals_tick_by_frames(frame: m.SensorFrame) -> None:
+    """GIVEN the bytes of one tick WHEN they are decoded at once THEN the frame is that of the frame parser; a part of
+    them, or more, is left to it."""
+    writer = codec.FrameWriter(1, 200)
+    data = writer.sensors(frame)
+    tick = decode_tick(data)
+    assert tick is not None and tick.frame == sensor_codec.quantized(frame)
+    assert tick.messages == len(FrameReader(version_1=False).feed(data))
+    corrupted = data[:-1] + bytes([data[-1] ^ 1])
+    assert all(decode_tick(other) is None for other in (data[:-1], data + data[:1], data + data, corrupted, b""))
+
+
+@given(frames)
+def test_tick_bytes_are_those_of_single_messages(frame: m.SensorFrame) -> None:
+    """GIVEN a tick WHEN it is encoded into one buffer THEN the bytes are those of its messages one by one."""
+    together, alone = codec.FrameWriter(1, 200), codec.FrameWriter(1, 200)
+    for _ in range(2):
+        parts = ((sensor_codec.CODECS[each.field], getattr(frame, each.field)) for each in (*OTHERS, IMU))
+        one_by_one = [alone.frame(row.message_id, row.encode(sample)) for row, sample in parts if sample is not None]
+        assert together.sensors(frame) == b"".join(one_by_one)
+
+
+@given(commands)
+def test_answer_alone_equals_answer_by_frames(command: m.ActuatorCommand) -> None:
+    data = codec.FrameWriter(1, 1).actuators(command)
+    (frame,) = FrameReader(version_1=False).feed(data)
+    assert sole_payload(data, codec.HIL_ACTUATOR_CONTROLS) == frame.payload
+    others = (data[:-1], data + b"\0", data[:-1] + bytes([data[-1] ^ 1]), b"")
+    assert all(sole_payload(other, codec.HIL_ACTUATOR_CONTROLS) is None for other in others)
+    assert sole_payload(data, codec.HEARTBEAT) is None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import socket
+import sys
 import threading
 import time
 import tty
@@ -31,6 +32,7 @@ from avionics.link.transport import (
     HALF_OPEN,
     MOST_PEERS,
     RENEWED,
+    Listener,
     Packet,
     SocketStream,
     Transport,
@@ -89,6 +91,20 @@ def test_a_port_in_use_is_named_and_no_other_link_stays_open(kind: str, socket_k
             GroundLink([f"udpin:127.0.0.1:{other}", f"{kind}:127.0.0.1:{port}"], FakeVehicle())
         assert "\n" not in str(refused.value)
     open_transport(f"udpin:127.0.0.1:{other}").close()
+
+
+def test_unix_socket_is_for_lockstep_partner_only() -> None:
+    assert str(parse_url("unix:name", lockstep=True)) == "unix:name"
+    with pytest.raises(InputError, match="is not one of"):
+        parse_url("unix:name")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="abstract Unix sockets")
+def test_unix_address_in_use_is_refused() -> None:
+    listener = Listener(f"unix:wingbeat-{os.getpid()}")
+    with pytest.raises(InputError, match="cannot listen: "):
+        Listener(f"unix:wingbeat-{os.getpid()}")
+    listener.close()
 
 
 def test_missing_hosts_and_devices_are_bad_input() -> None:

@@ -110,6 +110,8 @@ def test_the_parts_of_a_tick() -> None:
     report("world, 5 steps of 1 ms", [flight.worlds for flight in flights])
     report("flight computer, with it", [flight.computers for flight in flights])
     median, late = report("flight computer alone", alone, f" (asked: {MEDIAN_TICK:g}, {LATE_TICK:g})")
+    mean = float(np.mean(np.min(alone, axis=0)))
+    leave(Row("flight computer's tick, mean", mean, None, "us"))
     leave(Row("flight computer's tick, median", median, None, "us", requested=f"at most {MEDIAN_TICK:g}"))
     leave(Row("flight computer's tick, 99th percentile", late, None, "us", requested=f"at most {LATE_TICK:g}"))
     assert median <= MEDIAN_TICK
@@ -184,8 +186,13 @@ def test_a_flight_in_one_process(logged: bool, tmp_path: Path) -> None:
         best = pool.apply(quickest, (tmp_path if logged else None,))
     what = "in one process, logging" if logged else "in one process, no log"
     send(f"{what:24} {PART / best:6.1f} times real time (needed: {needed:g})")
+    ONE_PROCESS[logged] = PART / best
     leave(Row(f"flight {what}", PART / best, None, REALTIME, requested=f"at least {needed:g}"))
     assert PART / best >= needed
+
+
+ONE_PROCESS: dict[bool, float] = {}
+"""times real time of this run, by whether it was recorded"""
 
 
 def quickest(logs: Path | None) -> float:
@@ -226,5 +233,7 @@ def test_the_lockstep_flight_with_logging(tmp_path: Path) -> None:
     speed = (whole - short) / (wall - starting)
     send(f"lockstep pair, logging   {speed:6.1f} times real time (needed: {REAL_TIME:g})")
     send(f"  with starting          {whole / wall:6.1f}")
-    leave(Row("lockstep pair over MAVLink, logging", speed, None, REALTIME, requested=f"at least {REAL_TIME:g}"))
+    limit = ONE_PROCESS.get(True)
+    requested = f"at least {REAL_TIME:g}"
+    leave(Row("lockstep pair over MAVLink, logging", speed, limit, REALTIME, "in one process, logging", requested))
     assert speed >= REAL_TIME

@@ -54,6 +54,25 @@ def ten_minutes(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return log
 
 
+COMMAND_TO_NUMBERS = 6.0
+"""-; times real time, from the command to the identified numbers of the flight of README.md"""
+
+
+@pytest.mark.bench
+def test_command_to_numbers(tmp_path: Path) -> None:
+    """The whole of ``wingbeat fly``, which identifies, the second time; beside it the flight alone, which is its
+    limit."""
+    wingbeat("fly", "--duration", "20", "--log", str(tmp_path / "warm.mcap"))
+    begun = time.perf_counter()
+    flown = wingbeat("fly", "--log", str(tmp_path / "flight.mcap"))
+    spent = time.perf_counter() - begun
+    duration, limit = flown["speed"] * flown["wall_time"], flown["speed"]
+    requested = f"at least {COMMAND_TO_NUMBERS:g}"
+    leave(Row("command to numbers, warm", duration / spent, limit, "times real time", "the flight alone", requested))
+    assert flown["identified"]
+    assert duration / spent >= COMMAND_TO_NUMBERS
+
+
 @pytest.mark.bench
 def test_all_of_ten_minutes(ten_minutes: Path) -> None:
     """The whole command as a user starts it, the start of Python included."""

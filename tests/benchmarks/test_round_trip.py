@@ -15,9 +15,10 @@ from ports import free_port
 from rows import Row, leave, peer
 
 from avionics import messages as m
-from avionics.link.codec import HIL_ACTUATOR_CONTROLS, FrameAssembler, FrameWriter, decode_actuators
+from avionics.link.codec import HIL_ACTUATOR_CONTROLS, FrameWriter, decode_actuators
 from avionics.link.dialect import mavlink
-from avionics.link.framing import FrameReader
+from avionics.link.framing import sole_payload
+from avionics.link.tick_codec import decode_tick
 from avionics.link.transport import Listener, SocketStream, open_stream
 
 TRIPS, ROUNDS = 3000, 5
@@ -32,36 +33,30 @@ def here(core: int) -> None:
         os.sched_setaffinity(0, {core})
 
 
-def wingbeat_answer(port: int, hasty: bool) -> None:
+def wingbeat_answer(address: str, hasty: bool) -> None:
     """The flight computer's end: an answer to each tick, until the world hangs up."""
-    stream = open_stream(f"tcp:127.0.0.1:{port}", PATIENCE)
+    stream = open_stream(address, PATIENCE)
     assert isinstance(stream, SocketStream)
     if hasty:
         stream.enable_busy_poll()
-    reader, assembler, writer = FrameReader(), FrameAssembler(), FrameWriter(1, 1)
+    writer = FrameWriter(1, 1)
     while (data := stream.read(PATIENCE)) is not None:
-        for frame in reader.feed(data):
-            tick = assembler.add(frame)
-            if tick is not None:
-                stream.write(writer.actuators(m.ActuatorCommand(tick.time_us, 0.1, 0.1, 0.5, 0.0, 0.0, 1)))
+        tick = decode_tick(data)
+        assert tick is not None
+        stream.write(writer.actuators(m.ActuatorCommand(tick.frame.time_us, 0.1, 0.1, 0.5, 0.0, 0.0, 1)))
 
 
 def wingbeat_trips(stream: SocketStream) -> list[float]:
     """s; of each trip, encoder and HIL_SENSOR there, HIL_ACTUATOR_CONTROLS back."""
-    reader, writer, spent = FrameReader(), FrameWriter(2, 1), []
+    writer, spent = FrameWriter(2, 1), []
     for n in range(1, TRIPS + 1):
         begun = time.perf_counter()
         encoder = m.EncoderSample(*([5000 * n] + [100] * (len(m.EncoderSample._fields) - 1)))
         stream.write(writer.sensors(m.SensorFrame(5000 * n, m.ImuSample(5000 * n, *IMU), encoder=encoder)))
-        reply = None
-        while reply is None:
-            data = stream.read(PATIENCE)
-            assert data, "no answer"
-            for frame in reader.feed(data):
-                if frame.message_id == HIL_ACTUATOR_CONTROLS:
-                    reply = decode_actuators(frame.payload)
+        payload = sole_payload(stream.read(PATIENCE) or b"", HIL_ACTUATOR_CONTROLS)
+        reply = decode_actuators(payload) if payload else None
         spent.append(time.perf_counter() - begun)
-        assert reply.command.time_us == 5000 * n
+        assert reply is not None and reply.command.time_us == 5000 * n
     return spent
 
 
@@ -73,9 +68,9 @@ def pymavlink_end(url: str) -> Any:
     return mavutil.mavlink_connection(url, source_system=2, retries=50)
 
 
-def pymavlink_answer(port: int, hasty: bool) -> None:
+def pymavlink_answer(address: str, hasty: bool) -> None:
     """The same end with the package's connection and message objects; it knows no haste."""
-    end = pymavlink_end(f"tcp:127.0.0.1:{port}")
+    end = pymavlink_end(address)
     end.mav.wingbeat_encoder_send(*([0] * len(m.EncoderSample._fields)))
     for _ in range(ROUNDS * TRIPS):
         tick = end.recv_match(type="HIL_SENSOR", blocking=True, timeout=PATIENCE)
@@ -95,15 +90,15 @@ def pymavlink_trips(end: Any) -> list[float]:
     return spent
 
 
-def answering(kind: str, port: int, core: int, hasty: bool) -> subprocess.Popen[bytes]:
+def answering(kind: str, address: str, core: int, hasty: bool) -> subprocess.Popen[bytes]:
     where = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
-    return subprocess.Popen([sys.executable, __file__, kind, str(port), str(core), str(int(hasty))], env=where)
+    return subprocess.Popen([sys.executable, __file__, kind, address, str(core), str(int(hasty))], env=where)
 
 
-def computed(core: int) -> float:
+def computed(core: int, address: str) -> float:
     """us; the median of the quickest round, with the partner on ``core`` and us on the first."""
-    listener, hasty = Listener(f"tcp:127.0.0.1:{free_port(socket.SOCK_STREAM)}"), core != 0
-    with answering("ours", listener.port, core, hasty) as partner:
+    listener, hasty = Listener(address), core != 0
+    with answering("ours", address, core, hasty) as partner:
         stream = listener.accept(PATIENCE)
         assert stream is not None
         if hasty:
@@ -118,7 +113,7 @@ def computed(core: int) -> float:
 def pymavlinks(core: int) -> float:
     """us; the same."""
     port = free_port(socket.SOCK_STREAM)
-    with answering("pymavlink", port, core, False) as partner:
+    with answering("pymavlink", f"tcp:127.0.0.1:{port}", core, False) as partner:
         end = pymavlink_end(f"tcpin:127.0.0.1:{port}")
         # It lets the partner in when it is first read from.
         assert end.recv_match(type="WINGBEAT_ENCODER", blocking=True, timeout=PATIENCE) is not None
@@ -137,14 +132,18 @@ def test_round_trip_beside_pymavlink(core: int) -> None:
     before = os.sched_getaffinity(0)
     here(0)
     try:
-        mine, other = computed(core), pymavlinks(core)
+        mine, other = computed(core, f"tcp:127.0.0.1:{free_port(socket.SOCK_STREAM)}"), pymavlinks(core)
+        local = computed(core, f"unix:wingbeat-bench-{os.getpid()}") if sys.platform == "linux" else None
     finally:
         os.sched_setaffinity(0, before)
     cores = "two cores" if core else "one core"
-    leave(Row(f"MAVLink round trip over TCP, {cores}, median", mine, other, "us", f"{peer('pymavlink')}, mavutil"))
+    package = f"{peer('pymavlink')}, mavutil"
+    leave(Row(f"MAVLink round trip over TCP, {cores}, median", mine, other, "us", package))
+    if local is not None:
+        leave(Row(f"MAVLink round trip over a Unix socket, {cores}, median", local, other, "us", f"{package}, TCP"))
 
 
 if __name__ == "__main__":
     here(int(sys.argv[3]))
     answer = {"ours": wingbeat_answer, "pymavlink": pymavlink_answer}[sys.argv[1]]
-    answer(int(sys.argv[2]), sys.argv[4] == "1")
+    answer(sys.argv[2], sys.argv[4] == "1")

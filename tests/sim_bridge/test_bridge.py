@@ -6,6 +6,7 @@ import math
 import os
 import random
 import socket
+import sys
 import threading
 from collections.abc import Callable
 from itertools import pairwise
@@ -98,9 +99,9 @@ def control(frame: SensorFrame) -> ActuatorCommand:
 class Serving:
     """A world served in a thread; ``result`` gives its tally or raises its error."""
 
-    def __init__(self, world: World, timeouts: Timeouts = SHORT) -> None:
-        self.server = BridgeServer(f"tcp:127.0.0.1:{free_port(socket.SOCK_STREAM)}", timeouts=timeouts)
-        self.url = f"tcp:127.0.0.1:{self.server.port}"
+    def __init__(self, world: World, timeouts: Timeouts = SHORT, url: str = "") -> None:
+        self.url = url or f"tcp:127.0.0.1:{free_port(socket.SOCK_STREAM)}"
+        self.server = BridgeServer(self.url, timeouts=timeouts)
         self._outcome: list[BridgeStatistics | BaseException] = []
         self._thread = threading.Thread(target=self._run, args=(world,))
         self._thread.start()
@@ -128,20 +129,26 @@ def fly(board: HilBoard) -> list[SensorFrame]:
     return frames
 
 
-def test_a_flight_over_the_bridge_sees_the_numbers_of_a_flight_in_one_process() -> None:
+UNIX = pytest.param(
+    f"unix:wingbeat-test-{os.getpid()}", marks=pytest.mark.skipif(sys.platform != "linux", reason="Linux")
+)
+
+
+@pytest.mark.parametrize("url", ["", UNIX], ids=["tcp", "unix"])
+def test_a_flight_over_the_bridge_sees_the_numbers_of_a_flight_in_one_process(url: str) -> None:
     alone = ToyWorld(800)
     command = NEUTRAL
     while not alone.finished:
         command = codec.quantized_command(control(alone.step(command)))
     bridged = ToyWorld(800)
-    serving = Serving(bridged)
+    serving = Serving(bridged, url=url)
     board = HilBoard(serving.url)
     seen = fly(board)
     tally = serving.result()
     assert seen == alone.frames == bridged.frames
     assert bridged.commands == alone.commands
     assert (tally.frames, tally.stale, tally.bad_bytes) == (800, 0, 0)
-    assert board.bad_bytes == 0
+    assert (board.bad_bytes, board.frames) == (0, 800 + 800 + 200 + 400 + 400 + 20 + 1)  # the end is the last
     assert board.read() is None
 
 
