@@ -38,15 +38,8 @@ def spent_by(command: list[str], times: int, environment: dict[str, str] | None 
 
 
 def report(command: str, spent: float, requested: float) -> None:
-    row = Row(
-        f"{command}, processor time",
-        spent,
-        spent_by([sys.executable, "-c", "pass"], TIMES),
-        "s",
-        "Python alone",
-        f"at most {requested:g}",
-    )
-    leave(row)
+    alone = spent_by([sys.executable, "-c", "pass"], TIMES)
+    leave(Row(f"{command}, processor time", spent, alone, "s", "Python alone", f"at most {requested:g}"))
     assert spent < requested
 
 
