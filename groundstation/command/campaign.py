@@ -19,7 +19,7 @@ from groundstation.views.json_document import print_document
 from groundstation.views.progress import ProgressBar
 from groundstation.views.terminal import open_console
 from logs.campaigns.campaign import Campaign, flight_values, load_campaign
-from logs.campaigns.cluster import dask, existing_cluster, local_cluster
+from logs.campaigns.cluster import dashboard_of, dask, existing_cluster, local_cluster
 from logs.campaigns.journal import ENDING, Journal
 from logs.campaigns.outcome import Outcome
 from logs.campaigns.run import LOGS, Logs, fly_campaign, order_of
@@ -192,6 +192,9 @@ def _fly_rest(chosen: argparse.Namespace, campaign: Campaign, journal: Journal, 
         )
         bar.show(0, 0, "starting the workers")
         client = stack.enter_context(_cluster(chosen, len(left)))
+        dashboard = dashboard_of(client)
+        if dashboard and not chosen.json:
+            print(f"dashboard {dashboard}", file=sys.stderr, flush=True)
         began, already = time.monotonic(), len(journal.rows)
 
         def show() -> None:

@@ -16,6 +16,8 @@ from groundstation.views.tables import NUMBER, SENTENCES, plain_table
 from logs.campaigns.metrics import METRICS
 from wingbeat.text import pluralize
 
+ENOUGH, MANY = 20, 10000
+"""-; flights from which the time of so many is told"""
 SHOWN = 5
 """-; number of listed failure reasons, the most frequent first"""
 
@@ -62,6 +64,9 @@ def summary(name: str, table: Path, outcomes: Mapping[str, int], done: tuple[int
     rows.add_row("campaign", Text(f"{name}   {pluralize(sum(outcomes.values()), 'flight')}{pace}"))
     told = (f"{count} {outcome}" for outcome, count in sorted(outcomes.items(), key=lambda item: -item[1]) if count)
     rows.add_row("outcomes", Text("   ".join(told)))
+    if now >= ENOUGH:
+        each = wall_time / now
+        rows.add_row("pace", Text(f"{each:.2g} s a flight; {MANY} flights take {duration(MANY * each)}"))
     rows.add_row("table", Text(str(table)))
     hint = Text(f"\nwingbeat campaign report {table} shows distributions, the worst flights and what matters", "dim")
     return Group(rows, hint)

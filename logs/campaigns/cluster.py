@@ -8,6 +8,7 @@ import logging
 import signal
 import threading
 from collections.abc import Iterator
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -49,7 +50,10 @@ def local_cluster(workers: int) -> Iterator[Any]:
         stack.enter_context(dask().config.set(SETTINGS))
         with _undisturbed():
             cluster = distributed.LocalCluster(
-                n_workers=workers, threads_per_worker=1, dashboard_address=None, silence_logs=logging.CRITICAL
+                n_workers=workers,
+                threads_per_worker=1,
+                dashboard_address="127.0.0.1:0" if find_spec("bokeh") else None,
+                silence_logs=logging.CRITICAL,
             )
             stack.callback(cluster.close, timeout=5)
             client = distributed.Client(cluster)
@@ -92,6 +96,12 @@ def existing_cluster(address: str) -> Iterator[Any]:
         yield client
     finally:
         client.close(timeout=5)
+
+
+def dashboard_of(client: Any) -> str:
+    """Return the address of the cluster's dashboard; empty without one (it needs Bokeh where the scheduler runs)."""
+    port = client.scheduler_info().get("services", {}).get("dashboard")
+    return client.dashboard_link if port else ""
 
 
 def workers_of(client: Any) -> int:

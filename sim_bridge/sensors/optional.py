@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, Protocol
 from sim_bridge.observation import Observation
 from sim_bridge.sensors.noise import SensorSeed
 from sim_bridge.sensors.rangefinder import Rangefinder, RangefinderSpec
-from sim_bridge.sensors.torque_cell import TorqueCell, TorqueCellSpec
+from sim_bridge.sensors.torque_cell_spec import TorqueCellSpec
 
 TORQUE_RATE = 100.0
 """Hz; that of the power sensor"""
@@ -45,7 +45,13 @@ class OptionalRow(NamedTuple):
     """name of the fault that silences it; empty for none"""
 
 
+def _torque_cell(spec: TorqueCellSpec, seed: SensorSeed) -> OptionalSensor:
+    from sim_bridge.sensors.torque_cell import TorqueCell  # loads numba
+
+    return TorqueCell(spec, seed)
+
+
 OPTIONAL: tuple[OptionalRow, ...] = (
-    OptionalRow("torque_cell", TorqueCellSpec, TorqueCell, TORQUE_RATE, 6, "torque"),
+    OptionalRow("torque_cell", TorqueCellSpec, _torque_cell, TORQUE_RATE, 6, "torque"),
     OptionalRow("rangefinder", RangefinderSpec, Rangefinder, RANGE_RATE, 9, "rangefinder", "rangefinder_lost"),
 )  # fmt: skip

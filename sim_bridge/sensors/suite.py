@@ -27,7 +27,8 @@ from sim_bridge.sensors.pitot import Pitot, PitotSpec
 from sim_bridge.sensors.power_sensor import PowerSensor, PowerSensorSpec
 from sim_bridge.sensors.receiver import Pilot, Receiver, ReceiverSpec
 from sim_bridge.sensors.sense import LARGEST, SuiteArrays, sense
-from sim_bridge.sensors.torque_cell import TorqueCell, TorqueCellSpec
+from sim_bridge.sensors.torque_cell import TorqueCell
+from sim_bridge.sensors.torque_cell_spec import TorqueCellSpec
 from sim_bridge.vectors import Floats
 from wingbeat.errors import InputError
 from wingbeat.samples import AdcBurst, EncoderSample, ImuSample, PressureSample, SensorFrame, TorqueSample

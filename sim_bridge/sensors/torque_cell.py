@@ -7,33 +7,16 @@ tenths of a newton metre, and a reading at the end of each would be off by half 
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Annotated, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from sim_bridge.compiled import Bound, bound_values, exact, exact_inlined
 from sim_bridge.observation import Observation
 from sim_bridge.sensors.noise import NormalRows, SensorSeed, split
+from sim_bridge.sensors.torque_cell_spec import TorqueCellSpec
 from sim_bridge.vectors import Floats
 from wingbeat.samples import TorqueSample
-from wingbeat.units import Quantity
-
-
-class TorqueCellSpec(NamedTuple):
-    """A full bridge on each drive's horn (chosen: Gerdes measured torque on a dynamometer, not in flight)."""
-
-    installed: bool
-    """false: the vehicle flies without"""
-    range: Annotated[float, Quantity("N m", 1e-3, 1000.0)]
-    """either way"""
-    resolution: Annotated[float, Quantity("N m", 1e-6, 10.0)]
-    """of one count"""
-    noise: Annotated[float, Quantity("N m", 0.0, 10.0)]
-    """standard deviation of one reading"""
-    zero_sigma: Annotated[float, Quantity("N m", 0.0, 10.0)]
-    """of the cells' residual zero offsets"""
-    scale_sigma: Annotated[float, Quantity("-", 0.0, 0.2)]
-    """of the cells' relative scale errors"""
 
 
 class TorqueCellErrors(NamedTuple):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import importlib
+import io
 import json
 import os
 import shlex
@@ -17,11 +18,13 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from rich.console import Console
 
 from groundstation.command import campaign, campaign_report
 from groundstation.command.main import main
+from groundstation.views.campaign import summary
 from logs import extras
-from logs.campaigns.cluster import existing_cluster, flight_code
+from logs.campaigns.cluster import dashboard_of, existing_cluster, flight_code
 from logs.campaigns.outcome import Evaluation, Outcome
 from logs.campaigns.run import fly_campaign
 from logs.campaigns.single_flight import row_of
@@ -362,3 +365,20 @@ def test_a_campaign_on_a_cluster_that_is_there_already(tmp_path: Path) -> None:
         )
         assert cluster.status.name == "running"
     assert json.loads(ran.stdout)["outcomes"]["airborne"] == 6
+
+
+def test_dashboard_is_that_of_the_scheduler() -> None:
+    """GIVEN schedulers with and without a dashboard THEN its address, or nothing."""
+    link = "http://127.0.0.1:8787/status"
+    for services, link_shown in (({"dashboard": 8787}, link), ({}, "")):
+        client = SimpleNamespace(scheduler_info=lambda services=services: {"services": services}, dashboard_link=link)
+        assert dashboard_of(client) == link_shown
+
+
+def test_summary_tells_how_long_many_flights_take() -> None:
+    """GIVEN 200 flights in 400 s WHEN summarized THEN 10000 take 5 h 33 min; of two flights nothing is told."""
+    console = Console(file=io.StringIO(), width=120)
+    console.print(summary("gusts", Path("gusts.parquet"), {"landed": 200}, (200, 400.0)))
+    console.print(summary("gusts", Path("gusts.parquet"), {"landed": 2}, (2, 4.0)))
+    text = console.file.getvalue()  # type: ignore[attr-defined]
+    assert text.count("10000 flights take") == 1 and "2 s a flight; 10000 flights take 5 h 33 min" in text

@@ -28,7 +28,7 @@ Capture = pytest.CaptureFixture[str]
 @pytest.fixture(autouse=True)
 def unreported(monkeypatch: pytest.MonkeyPatch) -> None:
     """What is said on stderr does not hang on what the cache of kernels has."""
-    monkeypatch.setattr(validate, "announced", lambda quiet: nullcontext())
+    monkeypatch.setattr(validate, "announced", lambda quiet, live: nullcontext())
 
 
 @pytest.mark.parametrize(("words", "reports"), [([], f"{COMPILING_METHODS}\n"), (["--json"], "")])

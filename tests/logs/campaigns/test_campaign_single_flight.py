@@ -97,14 +97,14 @@ def test_an_exception_in_flight_is_a_row(tmp_path: Path, monkeypatch: pytest.Mon
 
 
 def test_a_vehicle_that_is_nowhere_ends_its_flight(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    step = SimulatedWorld.advance
+    step = SimulatedWorld._advance
 
-    def lost(self: SimulatedWorld, *arguments: float) -> object:
+    def lost(self: SimulatedWorld, *arguments: float) -> None:
         if self.time_us > 200_000:
             self.plant.y[0] = np.nan
-        return step(self, *arguments)  # type: ignore[arg-type]
+        step(self, *arguments)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(SimulatedWorld, "advance", lost)
+    monkeypatch.setattr(SimulatedWorld, "_advance", lost)
     row = fly_one(order_of(campaign_of(tmp_path, "[flight]\nduration = 300\n"), 1))
     assert (row["outcome"], row["failed"]) == ("not a number", True)
 
