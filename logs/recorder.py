@@ -284,8 +284,11 @@ class McapRecorder:
     def flush(self) -> None:
         """Close the open chunk and pass it to the operating system, or to the queue."""
         with self._lock:
-            self._flush_clock = -math.inf
             self._settle()
+            try:
+                self._close_chunk()
+            except Exception as error:
+                self._end(error)
 
     def _close_chunk(self) -> None:
         self._flush_clock = math.inf
