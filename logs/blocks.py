@@ -72,7 +72,8 @@ def chunk_end(block: Block, first: int, begin_ns: int, filled: int) -> tuple[int
         filled: bytes in the chunk.
     """
     count, begin = len(block.time_ns), np.uint64(begin_ns)
-    stop = int(np.searchsorted(block.start, block.start[first] + CHUNK_BYTES - filled))
+    # At least one message: after an interruption a full chunk may still be open.
+    stop = max(first + 1, int(np.searchsorted(block.start, block.start[first] + CHUNK_BYTES - filled)))
     times = block.time_ns[first:stop]
     distant = np.where(times > begin, times - begin, begin - times) >= FLUSH_NS
     if distant.any():

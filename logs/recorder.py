@@ -110,6 +110,11 @@ class McapRecorder:
         self._packers: dict[int, _Packer] = {}
         self._pending: deque[tuple[int, bytes]] = deque()
         """number of the stream and record of each message that is not yet in a block"""
+        self._taken: list[tuple[int, bytes]] = []
+        """pending messages of which a block is made"""
+        self._block: Block | None = None
+        self._first = 0
+        """index of the first message of the block that is not yet in a chunk"""
         self._since, self._first_us, self._past_us, self._timeout = 0.0, 0.0, _SHUT, 0.0
         self._flush_clock = math.inf
         """s; wall clock by which the open chunk and the pending messages must be written"""
@@ -160,13 +165,16 @@ class McapRecorder:
         except Exception as error:
             self._refuse(f"a message of {topic.name}", error)
             return
-        # Without the lock: the queue accepts messages one after another. If the window is closed meanwhile, that
-        # happens before the queue is emptied, so the message is processed either here or there.
+        # Without the lock: the queue accepts messages one after another. The window is closed before the queue is
+        # emptied. It is therefore checked again after the message is in the queue: if it is still open, the thread
+        # that closes it finds the message.
         if self._first_us <= time_us < self._past_us:
             self._pending.append((number, record))
-            if len(self._pending) <= BATCH and (
+            if (
+                time_us < self._past_us
+                and len(self._pending) <= BATCH
                 # Without a worker thread the next message closes an overdue chunk.
-                self._backlog is not None or self._clock() < self._flush_clock
+                and (self._backlog is not None or self._clock() < self._flush_clock)
             ):
                 return
             self._settle()
@@ -208,8 +216,10 @@ class McapRecorder:
         Args:
             series: one for each topic.
             order: index in ``series`` of each message, in the order of the file.
-            progress: called with the number of recorded messages.
+            progress: called with the number of recorded messages, until recording ends.
         """
+        if not self._open_for_writing:
+            return
         first = np.zeros(len(series), np.int64)
         for one in series:
             low, high = one.time_us.min(initial=0), one.time_us.max(initial=0)
@@ -226,46 +236,59 @@ class McapRecorder:
                 except (ValueError, TypeError, struct.error) as error:
                     self._refuse("a block of series", error)
                     return
-                self._divide(block)
+                self._block, self._first = block, 0
+                self._settle()
+                if not self._open_for_writing:
+                    return
                 first += np.bincount(batch, minlength=len(series))
                 progress(begin + len(batch))
 
     def _settle(self) -> None:
-        """Append pending messages to the open chunk."""
+        """Append pending messages to the open chunk.
+
+        Ctrl-C may interrupt between any two statements. The next call continues with the messages that are left:
+        at most one is lost and none is written twice.
+        """
         with self._lock:
             self._past_us = _SHUT
-            # An interruption by Ctrl-C must not write a message twice, so they are taken first.
-            messages = [self._pending.popleft() for _ in range(len(self._pending))]
+            for _ in range(len(self._pending)):
+                self._taken.append(self._pending.popleft())
+            # If there is no memory for another chunk, the flight continues without recording.
             try:
-                if messages:
-                    self._divide(self._encoder.block(messages))
+                self._divide()
+                if self._taken:
+                    # One statement, so that an interruption leaves the messages either in the list or in the block.
+                    self._block, self._first, self._taken = self._encoder.block(self._taken), 0, []
+                    self._divide()
                 if self._clock() >= self._flush_clock:
                     self._close_chunk()
-            # If there is no memory for another chunk, the flight continues without recording.
             except Exception as error:
                 self._end(error)
 
-    def _divide(self, block: Block) -> None:
-        """Append messages to the open chunk, and close each full one."""
-        first, count = 0, len(block.stream)
-        while first < count:
+    def _divide(self) -> None:
+        """Append the rest of the block to the open chunk, and close each full one."""
+        while (block := self._block) is not None:
             if not self._parts:
-                self._begin_ns, self._filled = int(block.time_ns[first]), 0
+                self._begin_ns, self._filled = int(block.time_ns[self._first]), 0
                 self._flush_clock = self._since + FLUSH_S
-            end, is_full = chunk_end(block, first, self._begin_ns, self._filled)
-            part = block.part(first, end, self._filled)
-            first = end
-            self._parts.append(part)
-            self._filled += len(part.content)
+            end, is_full = chunk_end(block, self._first, self._begin_ns, self._filled)
+            part = block.part(self._first, end, self._filled)
             self._last_ns = int(part.time_ns[-1])
+            parts, filled = [*self._parts, part], self._filled + len(part.content)
+            rest = block if end < len(block.stream) else None
+            # One statement, so that an interruption leaves the messages either in the block or in the chunk.
+            self._parts, self._filled, self._block, self._first = parts, filled, rest, end
             if is_full:
                 self._close_chunk()
 
     def flush(self) -> None:
         """Close the open chunk and pass it to the operating system, or to the queue."""
         with self._lock:
-            self._flush_clock = -math.inf
             self._settle()
+            try:
+                self._close_chunk()
+            except Exception as error:
+                self._end(error)
 
     def _close_chunk(self) -> None:
         self._flush_clock = math.inf

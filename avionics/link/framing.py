@@ -60,8 +60,8 @@ def _slow_checksum(data: bytes | bytearray) -> int:
     return crc
 
 
-checksum: Callable[[bytes | bytearray], int] = mavlink.mcrf4xx or _slow_checksum
-"""CRC-16/MCRF4XX of some bytes, the checksum of MAVLink; the C function that pymavlink installs, if it is there"""
+checksum: Callable[[bytes | bytearray], int] = getattr(mavlink, "mcrf4xx", None) or _slow_checksum
+"""CRC-16/MCRF4XX of some bytes, the checksum of MAVLink; the C function of pymavlink from 2.4.48, if installed"""
 
 
 def build_frame(message_id: int, payload: bytes, sequence: int, system: int, component: int) -> bytes:

@@ -17,6 +17,8 @@ from wingbeat.errors import InputError
 
 SOCKET_KINDS = ("udpin", "udpout", "tcp", "tcpin")
 FORMS = "udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT, tcpin:HOST:PORT or serial:DEVICE,BAUD"
+LOCKSTEP_FORMS = FORMS.replace(" or ", ", ") + " or unix:NAME (Linux)"
+"""forms for a lockstep partner"""
 OPTIONS = "rate=BAUD, unsigned=accept, forward=no"
 _FASTEST = 10_000_000
 _UNSIGNED = {"accept": True, "refuse": False}
@@ -66,15 +68,16 @@ def parse_url(text: str, lockstep: bool = False) -> LinkUrl:
     kind, _, rest = text.strip().partition(":")
     if lockstep and kind == "unix" and rest:
         return LinkUrl(kind, rest, 0)
+    forms = LOCKSTEP_FORMS if lockstep else FORMS
     separator = "," if kind == "serial" else ":"
     place, found, tail = rest.rpartition(separator)
     number, asked, options = tail.partition("?")
     if (kind not in SOCKET_KINDS and kind != "serial") or not found or not place.strip("[]"):
-        raise InputError(f"link {text!r} is not one of {FORMS}")
+        raise InputError(f"link {text!r} is not one of {forms}")
     highest = _FASTEST if kind == "serial" else 65535
     if not _within(number, highest):
         what = "baud rate" if kind == "serial" else "port"
-        raise InputError(f"link {text!r}: the {what} must be a number from 1 to {highest}; forms: {FORMS}")
+        raise InputError(f"link {text!r}: the {what} must be a number from 1 to {highest}; forms: {forms}")
     url = LinkUrl(kind, place if kind == "serial" else place.strip("[]"), int(number))
     return _with_options(url, options, text) if asked else url
 

@@ -80,7 +80,7 @@ class BridgeServer:
         """Open the port.
 
         Args:
-            url: ``tcp:HOST:PORT``.
+            url: ``tcp:HOST:PORT``, ``tcpin:HOST:PORT`` or ``unix:NAME`` (Linux).
             speed: speed factor; None for as fast as possible.
             timeouts: limits of all waits.
             clock: wall clock in s.

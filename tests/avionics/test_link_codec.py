@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import importlib.util
 import math
 import random
+from types import SimpleNamespace
 
 import pytest
 from hypothesis import given
@@ -11,9 +13,9 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega, common, development
 
 from avionics import messages as m
-from avionics.link import codec, sensor_codec
+from avionics.link import codec, dialect, sensor_codec
 from avionics.link.dialect import mavlink
-from avionics.link.framing import FrameReader, sole_payload
+from avionics.link.framing import FrameReader, checksum, sole_payload
 from avionics.link.tick_codec import decode_tick
 from avionics.sensors import IMU, OTHERS
 from wingbeat.samples import RangeSample
@@ -232,3 +234,14 @@ def test_answer_alone_equals_answer_by_frames(command: m.ActuatorCommand) -> Non
     others = (data[:-1], data + b"\0", data[:-1] + bytes([data[-1] ^ 1]), b"")
     assert all(sole_payload(other, codec.HIL_ACTUATOR_CONTROLS) is None for other in others)
     assert sole_payload(data, codec.HEARTBEAT) is None
+
+
+def test_checksum_without_the_c_function(monkeypatch: pytest.MonkeyPatch) -> None:
+    """GIVEN a module that a pymavlink before 2.4.48 generated, without ``mcrf4xx``, THEN the checksum is the same."""
+    specification = importlib.util.find_spec("avionics.link.framing")
+    assert specification is not None and specification.loader is not None
+    monkeypatch.setattr(dialect, "mavlink", SimpleNamespace(**{**vars(mavlink), "mcrf4xx": None}))
+    del dialect.mavlink.mcrf4xx
+    old = importlib.util.module_from_spec(specification)
+    specification.loader.exec_module(old)
+    assert old.checksum(b"123456789") == checksum(b"123456789") == 0x6F91

@@ -97,6 +97,8 @@ def test_unix_socket_is_for_lockstep_partner_only() -> None:
     assert str(parse_url("unix:name", lockstep=True)) == "unix:name"
     with pytest.raises(InputError, match="is not one of"):
         parse_url("unix:name")
+    with pytest.raises(InputError, match="unix:NAME"):
+        parse_url("nowhere", lockstep=True)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="abstract Unix sockets")

@@ -62,5 +62,5 @@ def test_ten_most_expensive_functions() -> None:
     ):
         what = f"{number} expensive function of a flight: {place(*where)}"
         leave(Row(what, spent[2] / whole, None, "of the profile", requested=requested))
-    assert most[0][2] == KERNEL
+    assert most[0][2].rstrip(">").endswith(KERNEL)
     assert second[1][2] < LARGEST_SHARE * whole

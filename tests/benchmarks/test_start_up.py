@@ -60,7 +60,7 @@ def test_the_first_compilation(tmp_path: Path) -> None:
     begun = time.perf_counter()
     spent = spent_by([sys.executable, "-c", code], 1, os.environ | {"WINGBEAT_CACHE": str(tmp_path)})
     leave(Row("physics compiled, wall time", time.perf_counter() - begun, None, "s"))
-    report("physics compiled", spent, 40.0)
+    report("physics compiled", spent, 30.0)
 
 
 @pytest.mark.bench

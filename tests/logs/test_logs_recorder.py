@@ -4,9 +4,15 @@ from __future__ import annotations
 
 import errno
 import fcntl
+import itertools
+import linecache
 import struct
+import sys
+import time
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 import numpy as np
@@ -352,6 +358,92 @@ def test_columns_are_recorded_as_their_messages_are(tmp_path: Path, writing: Wri
         recorder.record_columns(series, np.array(order), done.append)
     assert done[-1] == len(messages) and not recorder.refusal and not recorder.failure
     assert recorder.path.read_bytes() == one_by_one.read_bytes()
+
+
+def health(count: int) -> tuple[list[ColumnSeries], np.ndarray]:
+    """Series of ``count`` messages of one topic, and their order."""
+    zeros = np.zeros(count, np.int64)
+    times = np.arange(count) * 10_000
+    return [ColumnSeries(topics.HEALTH, times, [times, zeros, zeros, zeros])], np.zeros(count, np.intp)
+
+
+def test_columns_after_the_end_are_not_recorded(tmp_path: Path) -> None:
+    recorder = McapRecorder(tmp_path / "a.mcap")
+    recorder.close()
+    before = recorder.path.read_bytes()
+    done: list[int] = []
+    recorder.record_columns(*health(10), done.append)
+    assert recorder.path.read_bytes() == before and done == [] and not recorder.failure
+
+
+@pytest.mark.parametrize("writing", [Writing(), Writing(10**8)], ids=["at once", "queue"])
+def test_columns_on_a_full_disk_end_the_recording(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, writing: Writing
+) -> None:
+    """GIVEN a disk with capacity for a part of some columns THEN recording stops there and reports the failure."""
+    create = recorder_module._create
+    monkeypatch.setattr(recorder_module, "_create", lambda path: FullDisk(create(path), 50_000))
+    recorder = McapRecorder(tmp_path / "a.mcap", clock=lambda: 0.0, writing=writing)
+    count, done = 20 * recorder_module.COLUMN_BATCH, list[int]()
+
+    def progress(recorded: int) -> None:
+        done.append(recorded)
+        # The thread of the queue needs time to fail.
+        end = time.monotonic() + 10.0
+        while not recorder.failure and time.monotonic() < end:
+            time.sleep(0.01)
+
+    recorder.record_columns(*health(count), progress)
+    recorder.close()
+    assert "No space left" in recorder.failure and len(done) <= 1
+    assert 0 < len(open_log(recorder.path).columns(topics.HEALTH).time) < recorder_module.COLUMN_BATCH
+
+
+def can_be_interrupted(frame: FrameType) -> bool:
+    """Return whether Ctrl-C can come before this line: not while a lock is released, and not before a ``try``."""
+    line = linecache.getline(frame.f_code.co_filename, frame.f_lineno).strip()
+    return line != "try:" and not line.startswith("with ")
+
+
+def interrupted_at(number: int, names: set[str], call: Callable[[], None]) -> bool:
+    """Return whether ``call`` reached a line of the named functions with this number, and interrupt it there."""
+    lines = itertools.count()
+
+    def trace(frame: FrameType, event: str, _: object) -> Any:
+        chosen = event == "line" and frame.f_code.co_name in names and can_be_interrupted(frame)
+        if chosen and next(lines) == number:
+            raise KeyboardInterrupt
+        return trace
+
+    before = sys.gettrace()
+    sys.settrace(trace)
+    try:
+        call()
+    except KeyboardInterrupt:
+        return True
+    finally:
+        sys.settrace(before)
+    return False
+
+
+def test_interruption_loses_at_most_one_message(tmp_path: Path) -> None:
+    """GIVEN pending messages for several chunks WHEN Ctrl-C interrupts before any line that puts them into a chunk
+    THEN at most one is lost and none is written twice."""
+    messages = [m.Health(10_000 * n, 0, 0, 0) for n in range(20)]
+    times = [message.time_us for message in messages] + [600_000, 610_000]
+    names = {"_settle", "_divide", "block", "_declarations", "_stamped", "part", "chunk_end"}
+    for number in itertools.count():
+        with McapRecorder(tmp_path / f"{number}.mcap", start_epoch_ns=EPOCH_NS, clock=lambda: 0.0) as recorder:
+            for message in messages:
+                recorder.record(topics.HEALTH, message)
+            late = m.Health(600_000, 0, 0, 0)
+            interrupted = interrupted_at(number, names, lambda late=late: recorder.record(topics.HEALTH, late))
+            recorder.record(topics.HEALTH, m.Health(610_000, 0, 0, 0))
+        found = open_log(recorder.path).columns(topics.HEALTH)["time_us"].tolist()
+        assert found == [time_us for time_us in times if time_us in found] and len(found) >= len(times) - 1, number
+        if not interrupted:
+            break
+    assert number > 20 and found == times
 
 
 def test_columns_that_do_not_match_their_layout_are_refused(tmp_path: Path) -> None:

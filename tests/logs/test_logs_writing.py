@@ -7,6 +7,7 @@ import signal
 import struct
 import threading
 import time
+from collections import deque
 from pathlib import Path
 from typing import Any
 
@@ -104,11 +105,33 @@ def test_a_message_that_no_other_follows_is_written_all_the_same(tmp_path: Path)
     recorder.close()
 
 
-def written(path: Path, timeout: float) -> list[int]:
-    """Times in us of the messages in a file that grows, as soon as there are any, within ``timeout`` seconds."""
+def test_a_message_recorded_during_a_flush_is_written_too(tmp_path: Path) -> None:
+    """GIVEN an open time window WHEN another thread flushes just before the message enters the queue THEN the file
+    has the message after 0.25 s."""
+    clock = [0.0]
+    recorder = McapRecorder(
+        tmp_path / "a.mcap", start_epoch_ns=EPOCH_NS, clock=lambda: clock[0], writing=Writing(10**6)
+    )
+
+    class Flushed(deque[Any]):
+        def append(self, item: Any) -> None:
+            recorder.flush()
+            super().append(item)
+
+    (topic, first), (_, second) = flight(0.1, IMU_ALONE)[:2]
+    recorder.record(topic, first)
+    recorder._pending = Flushed(recorder._pending)
+    recorder.record(topic, second)
+    clock[0] = 0.26
+    assert written(recorder.path, 10.0, 2) == [first.time_us, second.time_us]
+    recorder.close()
+
+
+def written(path: Path, timeout: float, count: int = 1) -> list[int]:
+    """Times in us of the messages in a file that grows, as soon as there are ``count``, within ``timeout`` s."""
     end = time.monotonic() + timeout
     # The declarations are there a moment before the messages.
-    while not (found := stated(path)) and time.monotonic() < end:
+    while len(found := stated(path)) < count and time.monotonic() < end:
         time.sleep(0.01)
     return found
 

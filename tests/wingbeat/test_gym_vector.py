@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from sim_bridge.sensors.noise import BLOCK
 from wingbeat.errors import InputError
 
 gymnasium = pytest.importorskip("gymnasium")
@@ -70,18 +71,20 @@ def test_launches_repeat_from_a_finite_set() -> None:
 
 def test_gusts_continue_across_noise_blocks() -> None:
     """GIVEN gusts drawn in blocks of 256 ticks WHEN a vehicle flies through two of them THEN it equals a single
-    environment."""
+    environment at each step."""
     settings = {"handover": 0.6, "turbulence": "severe", "time_limit": 4.0}
     batch, single = gymnasium.make_vec(ID, num_envs=1, **settings), gymnasium.make(ID, **settings)
-    batch.reset(seed=2)
-    single.reset(seed=2)
-    cruise = np.array([0.0, 0.0, 0.0, 0.4], np.float32)
+    batch.reset(seed=3)
+    single.reset(seed=3)
+    cruise = np.array([0.0, 0.0, 0.0, 1.0], np.float32)
+    blocks = set()
     for _ in range(140):
-        observed, _, ended, _, _ = batch.step(cruise[None])
+        observed, _, ended, late, _ = batch.step(cruise[None])
         one = single.step(cruise)[0]
-        if ended[0]:
-            break
-    assert observed[0] == pytest.approx(one, rel=1e-4, abs=1e-4)
+        assert not ended[0] and not late[0]
+        assert observed[0] == pytest.approx(one, rel=1e-4, abs=1e-4)
+        blocks.add(int(batch.unwrapped._batch.arrays.gust_ticks[0]) // BLOCK)
+    assert len(blocks) >= 3
 
 
 def test_ground_contact_ends_episode() -> None:
