@@ -134,7 +134,7 @@ CURRENT = Means._fields.index("current")
 
 
 def physics_compiled() -> bool:
-    """Whether a plant flies at once; if not, the first step of one takes half a minute, once."""
+    """Whether a plant flies at once; if not, the first step of one compiles for 15 to 30 s, once."""
     return is_compiled(k.advance_ordered)
 
 

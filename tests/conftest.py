@@ -84,7 +84,7 @@ def pytest_collection_finish() -> None:
 
 @pytest.fixture(scope="session")
 def standard_flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return the recording of ``wingbeat fly`` with seed 1, flown once for all workers. Nobody may change it."""
+    """Return the recording of ``wingbeat fly`` with seed 1, flown once for all workers; tests do not change it."""
     import wingbeat
 
     folder = tmp_path_factory.getbasetemp()

@@ -448,9 +448,9 @@ def _report_kept(kept: Sequence[Kept]) -> None:
 
 
 def _load_identification(compiled: Callable[[], None]) -> None:
-    """Import what the report needs while the flight lasts: two seconds that nobody then waits for."""
+    """Import what the report needs while the flight lasts: which takes two seconds of processor time."""
     compiled()  # or this process would compile the same
-    with suppress(ImportError):  # which the report raises again, where it is told
+    with suppress(ImportError):  # the report raises it again, and prints it
         import control  # noqa: F401 (of the eigensystem realization)
 
         from groundstation.command import identify  # noqa: F401

@@ -128,6 +128,7 @@ def test_a_flight_is_recorded_summed_up_and_told_as_json(recorded: Recorded) -> 
     keys = told | {"flight", "identified"}
     assert set(document) == keys
     assert document["aerodynamics"] == "strip_theory" and document["never_injected"] == []
+    assert document["vibration"] == 1.0
     assert document["flight"]["against_truth"] is True and document["incomplete"] == []
     assert document["flight"]["launch"] > 3.0 and document["flight"]["energy"] > 0.0
     assert [path.name for path in recorded.folder.iterdir()] == ["flight.mcap"]
@@ -137,6 +138,7 @@ def test_a_flight_is_recorded_summed_up_and_told_as_json(recorded: Recorded) -> 
         for viewer_topic in (TRANSFORMS, SCENE, LOCATION):
             assert log.topics[viewer_topic.name].messages > 5
         assert log.metadata["wingbeat.world"]["seed"] == "5"
+        assert log.metadata["wingbeat.world"]["vibration"] == "1.0"
         assert log.metadata["wingbeat.world"]["aerodynamics"] == "strip_theory"
         assert {"avionics_vehicle.toml", "world_vehicle.toml", "mission.json"} <= {a.name for a in log.attachments}
         commands = [json.loads(text.text) for text in log.texts("/system/inputs")]

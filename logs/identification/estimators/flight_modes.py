@@ -63,7 +63,7 @@ TURBULENT = 0.85
 """-; coefficient of determination of the pitch rate by output error, below which turbulence dominates"""
 LARGE_PITCH = 0.25
 """rad; range of the pitch angle in a maneuver, above which the linear kinematics are inaccurate"""
-VIBRATION_BAND, VIBRATION = 40.0, 1.4
+VIBRATION_BAND, VIBRATION = 40.0, 1.2
 """Hz, m/s^2; RMS of the normal specific force above this frequency, above which vibration reaches the estimates"""
 THIRD = 3
 """-; every third maneuver of a single flight is predicted by a fit to the others"""
@@ -92,8 +92,7 @@ register({
     ),
     "vibration": Entry(
         "{value:.1f} m/s^2 RMS above {band:.0f} Hz at the IMU; prefer filter error",
-        "Vibration of the airframe reaches the averages over a stroke. In simulated flights with 2.8 m/s^2, filter"
-        " error covers the truth in three of three, output error in one; with 0.7 to 1.1 m/s^2 both in 11 of 12.",
+        "Vibration of the airframe reaches the averages over a stroke: output error has too narrow intervals.",
         "mount the IMU softly; see wingbeat log vibration",
     ),
     "methods_disagree": Entry(

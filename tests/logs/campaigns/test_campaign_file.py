@@ -10,6 +10,9 @@ from short_campaigns import campaign_of
 
 from logs.campaigns.campaign import flight_values, load_campaign
 from logs.campaigns.prepared import prepare
+from sim_bridge.vehicles import load_vehicle
+from sim_bridge.vibration.flight import vibration_factor
+from wingbeat.api.flights import prepared_flight
 from wingbeat.errors import InputError
 
 EXAMPLES = Path(__file__).parents[3] / "docs" / "examples"
@@ -83,6 +86,23 @@ def test_values_reach_vehicle_gains_wind_throw_and_faults(tmp_path: Path) -> Non
     assert flight.computer.gains.pitch.damping == pytest.approx(2 * usual.computer.gains.pitch.damping, rel=1e-6)
     assert flight.computer.gains.pitch.integral == pytest.approx(0.011, rel=1e-6)
     assert "by a campaign" in flight.vehicle.text and flight.vehicle.path == usual.vehicle.path
+
+
+@pytest.mark.parametrize(("line", "factor"), [("", 1.0), ("vibration = 0\n", 0.0), ("vibration = 0.5\n", 0.5)])
+def test_vehicles_vibrate_by_default(line: str, factor: float, tmp_path: Path) -> None:
+    """GIVEN a vehicle with a section [vibration] THEN it vibrates once as the file has it unless the key is set."""
+    campaign = campaign_of(tmp_path, f"flights = 1\n[flight]\n{line}")
+    assert prepare(campaign.stock, campaign.values(1)).scenario.vibration == factor
+
+
+def test_vibration_is_that_of_the_vehicle() -> None:
+    """GIVEN vehicles with and without the section THEN the default is 1 and 0, and API and campaign agree."""
+    with_it, without = load_vehicle("robo_raven_ii_d"), load_vehicle("slow_hawk")
+    assert (vibration_factor(with_it, None), vibration_factor(without, None)) == (1.0, 0.0)
+    assert prepared_flight("robo_raven_ii_d", "circuit").scenario.vibration == 1.0
+    assert prepared_flight("robo_raven_ii_d", "circuit", vibration=0.0).scenario.vibration == 0.0
+    with pytest.raises(InputError, match="vibration"):
+        vibration_factor(without, 1.0)
 
 
 def test_files_are_found_beside_the_campaign_and_their_words_count(tmp_path: Path) -> None:
