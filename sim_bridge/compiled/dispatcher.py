@@ -108,7 +108,8 @@ class KernelDispatcher(cast(Any, CPUDispatcher)):  # type: ignore[misc]
             compiler.locals, library=library, pipeline_class=compiler.pipeline_class,
         )  # fmt: skip
         library._ensure_finalized()
-        return compiled._replace(reload_init=list(library._reload_init))
+        reload_init = getattr(library, "_reload_init", compiled.reload_init)  # numba 0.60 has it in the result
+        return compiled._replace(reload_init=list(reload_init))
 
 
 def compile_for_callers(kernel: Any, *examples: object) -> None:
