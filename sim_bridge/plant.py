@@ -155,7 +155,7 @@ class Plant:
         self.parameters = plant_parameters(vehicle, self.mechanism)
         self.scratch.drive[k.VOLTAGE] = vehicle.battery.full_voltage
         self.observed = self.scratch.observed
-        """(`observation.SIZE`,); input of the sensors after `step`; ambient air: see `flight.moving_air`"""
+        """(`observation.SIZE`,); input of the sensors after `step`; ambient air: see `flight.inputs.PlantInputs`"""
         self.observed[o.BATTERY_RESISTANCE :] = (
             vehicle.battery.resistance,
             vehicle.drive.pulse_current,

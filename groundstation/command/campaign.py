@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import os
 import sys
 import time
 from collections import Counter
@@ -27,6 +26,7 @@ from logs.campaigns.single_flight import Recording, Row, fly_one
 from logs.campaigns.table import arrow, read_table, write_table
 from logs.names import RECORDINGS
 from logs.new_files import why_not
+from wingbeat.cores import available_cores
 from wingbeat.errors import InputError
 
 EXAMPLES = (
@@ -213,8 +213,7 @@ def _fly_rest(chosen: argparse.Namespace, campaign: Campaign, journal: Journal, 
 def _cluster(chosen: argparse.Namespace, flights: int) -> Any:
     if chosen.scheduler is not None:
         return existing_cluster(chosen.scheduler)
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return local_cluster(min(chosen.workers or cores, flights))
+    return local_cluster(min(chosen.workers or available_cores(), flights))
 
 
 def _report_done(chosen: argparse.Namespace, campaign: Campaign, places: _Places) -> int:

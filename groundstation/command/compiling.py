@@ -9,13 +9,14 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 
 from rich.status import Status
 
-from groundstation.command.compiling_ahead import CompilationAhead, cores
+from groundstation.command.compiling_ahead import CompilationAhead
 from groundstation.views.progress import ProgressBar
 from groundstation.views.terminal import open_console
 from sim_bridge.aerodynamics.models import is_compiled_separately
 from sim_bridge.compiled import on_compilation
 from sim_bridge.plant import Plant, physics_compiled
 from sim_bridge.vehicles import SimulatedVehicle
+from wingbeat.cores import available_cores
 
 COMPILING_AIR = "compiling the aerodynamic model (once, about half a minute)"
 COMPILING_METHODS = "compiling methods at first use (up to half a minute)"
@@ -24,7 +25,7 @@ _announced: set[str] = set()
 
 def compiling_text() -> str:
     """Return the announcement of the physics' compilation."""
-    return f"compiling the physics (once, about {'a quarter of' if cores() > 1 else 'half'} a minute)"
+    return f"compiling the physics (once, about {'a quarter of' if available_cores() > 1 else 'half'} a minute)"
 
 
 def load_physics(vehicle: SimulatedVehicle, quiet: bool = False) -> None:

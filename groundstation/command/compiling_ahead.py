@@ -5,7 +5,6 @@ Both put what they compile in the cache on disk, from which the other one and th
 
 from __future__ import annotations
 
-import contextlib
 import os
 import pickle
 import subprocess
@@ -17,26 +16,24 @@ from types import TracebackType
 from typing import Any, Self
 
 from sim_bridge.compiled import PLAIN
-from sim_bridge.plant import Means, Plant
+from sim_bridge.plant import Plant
 from sim_bridge.plant_parts import PARTS, compile_part
 from sim_bridge.vehicles import SimulatedVehicle
+from wingbeat.cores import available_cores
 
 WHOLE = "integrator"
 """name of what is left of the physics after `PARTS`"""
 PRIORITY = 10
 """-; added to the nice value of the second process once the physics are compiled"""
+PATIENCE = 180.0
+"""s; without an answer for this time the second process is ended; a part takes 120 s on a slow machine"""
 _START = "import sys; sys.path[:] = {path!r}; from groundstation.command import compiling_ahead as c; c.serve()"
-
-
-def cores() -> int:
-    """Return the number of cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 class CompilationAhead:
     """The physics compiled by this process and a second one, which then compiles ``later`` in the background.
 
-    A second process that fails leaves its work to this one. As a context manager it ends the second process.
+    A second process that fails or hangs leaves its work to this one. As a context manager it ends the second process.
     """
 
     def __init__(self, vehicle: SimulatedVehicle, later: Sequence[str] = ()) -> None:
@@ -46,7 +43,7 @@ class CompilationAhead:
         self._finished: set[str] = set()
         self._remote: str | None = None
         self._process: subprocess.Popen[bytes] | None = None
-        if not PLAIN and cores() > 1:
+        if not PLAIN and available_cores() > 1:
             self._process = subprocess.Popen(
                 [sys.executable, "-c", _START.format(path=sys.path)],
                 stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, start_new_session=True,
@@ -80,19 +77,32 @@ class CompilationAhead:
             with self._changed:
                 self._finished.add(name)
         with self._changed:
-            while self._remote in PARTS:
+            if self._remote in PARTS:
                 self._show(show, total, None)
-                self._changed.wait()
+        self._wait_until(lambda: self._remote not in PARTS)
         show(len(PARTS), total, WHOLE)
         plant.compile()
         return total
 
     def wait(self) -> None:
-        """Wait until the second process has compiled all of ``later``, or has failed."""
-        if self._process is not None:
-            with self._changed:
-                while self._later or self._remote is not None:
-                    self._changed.wait()
+        """Wait until the second process has compiled all of ``later``, or has failed or been ended."""
+        self._wait_until(lambda: not self._later and self._remote is None)
+
+    def _wait_until(self, reached: Callable[[], bool]) -> None:
+        """Wait for the second process; end it, and drop its work, if it does not answer for `PATIENCE`."""
+        if self._process is None:
+            return
+        with self._changed:
+            while not reached():
+                if not self._changed.wait(PATIENCE):
+                    self._process.kill()
+                    self._drop_its_work()
+
+    def _drop_its_work(self) -> None:
+        with self._changed:
+            self._remote = None
+            self._later.clear()
+            self._changed.notify_all()
 
     def _show(self, show: Callable[[int, int, str], None], total: int, name: str | None) -> None:
         with self._changed:
@@ -106,7 +116,7 @@ class CompilationAhead:
     def _feed(self, process: subprocess.Popen[bytes]) -> None:
         """Give the second process one name after another; it answers with a line when it is ready for one."""
         assert process.stdin is not None and process.stdout is not None
-        with contextlib.suppress(OSError):
+        try:
             pickle.dump(self._vehicle, process.stdin)
             process.stdin.flush()
             while process.stdout.readline():
@@ -121,10 +131,10 @@ class CompilationAhead:
                 process.stdin.write(f"{self._remote}\n".encode())
                 process.stdin.flush()
             process.stdin.close()
-        with self._changed:
-            self._remote = None
-            self._later.clear()
-            self._changed.notify_all()
+        except OSError:
+            pass  # the second process has ended: what it has not compiled is compiled here
+        finally:
+            self._drop_its_work()
 
 
 def serve() -> None:
@@ -143,17 +153,12 @@ def serve() -> None:
 
 def _compile_sensors(vehicle: SimulatedVehicle) -> None:
     """Compile what a tick of the world needs beside the physics."""
-    from sim_bridge.bridge.world import NEUTRAL
     from sim_bridge.flight.world import Scenario, SimulatedWorld
     from sim_bridge.vibration.flight import vibration_factor
 
     scenario = Scenario(vibration=vibration_factor(vehicle, None))
-    world = SimulatedWorld(vehicle, scenario, publish=lambda topic, message: None)
-    # The plant stays where it is: the other process still compiles its integrator.
-    rest = Means(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    vars(world.plant).update(advance=lambda controls, around: rest, step=lambda: None)
-    for _ in range(4):
-        world.step(NEUTRAL)
+    # Without the plant: the other process still compiles its integrator.
+    SimulatedWorld(vehicle, scenario, publish=lambda topic, message: None).compile_sensors()
 
 
 def _compile_identification(vehicle: SimulatedVehicle) -> None:

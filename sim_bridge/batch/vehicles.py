@@ -28,6 +28,7 @@ from sim_bridge.sensors.sense import LARGEST
 from sim_bridge.vectors import Floats, Integers, rotation
 from wingbeat import atmosphere
 from wingbeat.atmosphere import SEA_LEVEL_PRESSURE, SEA_LEVEL_TEMPERATURE
+from wingbeat.cores import available_cores
 
 TICKS = 4
 """-; ticks of 5 ms that one call advances"""
@@ -308,11 +309,3 @@ class VehicleBatch:
         if self._pool is not None and self._process == os.getpid():
             self._pool.shutdown()
         self._pool = None
-
-
-def available_cores() -> int:
-    """Return the number of cores that this process may use."""
-    try:
-        return len(os.sched_getaffinity(0))
-    except AttributeError:  # not on every system
-        return os.cpu_count() or 1

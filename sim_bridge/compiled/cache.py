@@ -1,8 +1,8 @@
 """Folders and keys of the disk cache of compiled kernels.
 
 numba recompiles a kernel only when the kernel's own file changes. A compiled kernel contains the code of the kernels
-that it calls, so a change in another file would go unnoticed. Here the key is a digest of the file and of all files
-of the project that it imports, directly or indirectly.
+that it calls, so a change in another file would go unnoticed. Here the key is a digest of the file, of all files of
+the project that it imports, directly or indirectly, and of this package, which chooses the compiler's options.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ PACKAGES = ("wingbeat", "avionics", "sim_bridge", "logs", "groundstation")
 UNMARKED_AGE = 86400.0
 """s; age at which folders of versions that kept no `_MARK` are removed"""
 _ROOT = Path(__file__).parents[2]
+_DECORATORS = tuple(Path(__file__).resolve().parent.glob("*.py"))
 _MARK = "source"
 """file in the folder of a kernel file: the path of its source"""
 _IMPORT = re.compile(r"^[ \t]*(?:from +([\w.]+) +import +(\([^)]*\)|[^\n]*)|import +([^\n]*))", re.MULTILINE)
@@ -99,8 +100,9 @@ def _digest_of_file(path: Path) -> bytes:
 
 @cache
 def source_digest(path: Path) -> str:
-    """Return the digest of `dependencies`, 16 hexadecimal digits."""
-    return hashlib.sha256(b"".join(map(_digest_of_file, dependencies(path)))).hexdigest()[:16]
+    """Return the digest of `dependencies` and of this package, 16 hexadecimal digits."""
+    files = sorted({*dependencies(path), *_DECORATORS})
+    return hashlib.sha256(b"".join(map(_digest_of_file, files))).hexdigest()[:16]
 
 
 def file_folder(path: Path) -> Path:

@@ -55,7 +55,7 @@ def njit(*signature: Any, cache: bool = True, **options: Any) -> Any:
 def _cached(function: Function, signature: tuple[Any, ...], cache: bool, options: dict[str, Any]) -> Any:
     if PLAIN or not cache:
         return cast(Any, numba.njit)(*signature, cache=cache, **options)(function)
-    dispatcher = KernelDispatcher.of(cast(Any, numba.njit)(**options)(function), function)
+    dispatcher = KernelDispatcher.of(cast(Any, numba.njit)(**options)(function))
     if signature:
         dispatcher.compile(signature[0])
         dispatcher.disable_compile()

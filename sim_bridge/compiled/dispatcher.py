@@ -7,7 +7,6 @@ alone, and compiled again with both at its first call from Python. A kernel must
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, cast
 
 import numba
@@ -28,12 +27,21 @@ class KernelDispatcher(cast(Any, CPUDispatcher)):  # type: ignore[misc]
     _callee_cache: Any
     _called_by_kernel = False
 
+    def __init__(self, *arguments: Any, **keywords: Any) -> None:
+        """Build a dispatcher as numba does, for instance from a pickled one."""
+        super().__init__(*arguments, **keywords)
+        self._use_kernel_caches()
+
     @classmethod
-    def of(cls, dispatcher: Any, function: Callable[..., object]) -> KernelDispatcher:
-        """Turn numba's ``dispatcher`` of ``function`` into one with the caches of `kernel_cache`."""
+    def of(cls, dispatcher: Any) -> KernelDispatcher:
+        """Turn numba's ``dispatcher`` into one with the caches of `kernel_cache`."""
         dispatcher.__class__ = cls
-        dispatcher._cache, dispatcher._callee_cache = KernelCache(function), CalleeCache(function)
+        dispatcher._use_kernel_caches()
         return cast(KernelDispatcher, dispatcher)
+
+    def _use_kernel_caches(self) -> None:
+        self._cache = KernelCache(self.py_func, self.targetoptions)
+        self._callee_cache = CalleeCache(self.py_func, self.targetoptions)
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
         """Compile for a kernel that calls this one, see `Dispatcher`."""
@@ -100,7 +108,8 @@ class KernelDispatcher(cast(Any, CPUDispatcher)):  # type: ignore[misc]
             compiler.locals, library=library, pipeline_class=compiler.pipeline_class,
         )  # fmt: skip
         library._ensure_finalized()
-        return compiled._replace(reload_init=list(library._reload_init))
+        reload_init = getattr(library, "_reload_init", compiled.reload_init)  # numba 0.60 has it in the result
+        return compiled._replace(reload_init=list(reload_init))
 
 
 def compile_for_callers(kernel: Any, *examples: object) -> None:

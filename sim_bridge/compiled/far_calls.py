@@ -34,7 +34,7 @@ def far_kernel(function: Far, parameters: Bound, values: Bound) -> int:
     if (function, kinds) not in _compiled:
         options: dict[str, Any] = {"_nrt": False, "error_model": "numpy", "fastmath": set(FASTMATH)}
         compiled: Any = CFunc(function, ((*kinds, types.float64), types.void), locals={}, options=options)
-        compiled._cache = KernelCache(function)
+        compiled._cache = KernelCache(function, options)
         compiled.compile()
         _compiled[function, kinds] = compiled
     return int(_compiled[function, kinds].address)

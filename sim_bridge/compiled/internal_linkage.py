@@ -9,30 +9,16 @@ makes a module use its own copies.
 
 from __future__ import annotations
 
-from importlib.metadata import version
 from typing import Any
 
 from llvmlite.binding import Linkage
 from numba.core.codegen import CPUCodeLibrary
 
-from sim_bridge.compiled.mode import PLAIN_VARIABLE
-
 _library: Any = CPUCodeLibrary
-_METHODS = ("_finalize_final_module", "_get_module_for_linking")
-"""private to numba: pyproject.toml admits the releases that have them"""
 
 
 def use_internal_linkage() -> None:
-    """Change numba in this process; kernels that are compiled or loaded already stay as they are.
-
-    Raises:
-        ImportError: this release of numba has other methods.
-    """
-    if not all(hasattr(_library, name) for name in _METHODS):
-        raise ImportError(
-            f"kernels need {' and '.join(_METHODS)}, which numba {version('numba')} does not have: "
-            f"install numba<0.69, or set {PLAIN_VARIABLE}=1"
-        )
+    """Change numba in this process; kernels that are compiled or loaded already stay as they are."""
     finalize = _library._finalize_final_module
 
     def finalize_with_internal_linkage(library: Any) -> None:

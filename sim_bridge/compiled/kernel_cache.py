@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import pickle
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -53,10 +54,23 @@ class _CalleeImplementation(_Implementation):
         return callee_library.rebuilt(target_context, payload)
 
 
+def _sorted_text(value: object) -> str:
+    """Return the text of an option; the order of a set's elements differs between processes."""
+    return repr(sorted(value) if isinstance(value, set | frozenset) else value)
+
+
 class KernelCache(FunctionCache):
-    """numba's cache of one function with our folder and key."""
+    """numba's cache of one function with our folder and key; one function may have several sets of options."""
 
     _impl_class = _Implementation
+
+    def __init__(self, function: Callable[..., object], options: Mapping[str, Any]) -> None:
+        """``options``: of the compiler, as numba's dispatcher has them."""
+        super().__init__(function)
+        self._options = tuple((name, _sorted_text(value)) for name, value in sorted(options.items()))
+
+    def _index_key(self, signature: Any, codegen: Any) -> tuple[Any, ...]:
+        return *super()._index_key(signature, codegen), self._options
 
     def load_overload(self, signature: Any, target_context: Any) -> Any:
         """Load a compiled kernel, without the tables of the compiler that numba fills before.
@@ -65,13 +79,18 @@ class KernelCache(FunctionCache):
         compiler fills the tables itself if the cache has no such kernel.
         """
         rtsys.initialize(target_context)
+        with self._guard_against_spurious_io_errors():
+            return self._load_overload(signature, target_context)
+
+    def _load_overload(self, signature: Any, target_context: Any) -> Any:
+        key = self._index_key(signature, target_context.codegen())
         try:
-            with self._guard_against_spurious_io_errors():
-                return self._load_overload(signature, target_context)
-        except (AttributeError, ImportError):
+            data = self._cache_file.load(key)
+        except (AttributeError, ImportError, EOFError, pickle.UnpicklingError):
             # A kernel of a named tuple that no longer exists: its class cannot be unpickled.
             self._cache_file.flush()
-        return None
+            return None
+        return None if data is None else self._impl.rebuild(target_context, data)
 
     def _save_overload(self, signature: Any, data: Any) -> None:
         # A full disk, or another process that removed the folder: the kernel is compiled again next time.

@@ -9,6 +9,7 @@ from avionics.messages import ActuatorCommand
 from sim_bridge import observation as o
 from sim_bridge import plant_kernel as k
 from sim_bridge import topics
+from sim_bridge.bridge.world import NEUTRAL
 from sim_bridge.environment import dryden
 from sim_bridge.environment.home import COLLEGE_PARK, Home
 from sim_bridge.environment.wind import steady_wind
@@ -240,6 +241,13 @@ class SimulatedWorld:
             self.record()
             raise
 
+    def compile_sensors(self) -> None:
+        """Have the kernels of a tick compiled, but the plant's; the world is not to be flown afterwards."""
+        for _ in range(4):  # a tick has not all sensors
+            self._set_inputs(NEUTRAL, self._period)
+            self._unrecorded = self._recorded
+            self._sample()
+
     def advance(self, command: ActuatorCommand, duration: float) -> Observation:
         """Advance ``duration`` s with constant ``command``; return the input of the sensors at its end.
 
@@ -255,6 +263,13 @@ class SimulatedWorld:
         return self._sample()
 
     def _advance(self, command: ActuatorCommand, duration: float) -> None:
+        self._set_inputs(command, duration)
+        self.plant.step()
+        self._watch_rest()
+        self._unrecorded = self._recorded
+
+    def _set_inputs(self, command: ActuatorCommand, duration: float) -> None:
+        """Start a step: record the last one if that was not done, and set the plant's inputs."""
         if self._unrecorded:
             self.record()
         self.time_us = round(self._clock.step(duration) * 1e6)
@@ -264,9 +279,6 @@ class SimulatedWorld:
         if self._phase != k.FREE:
             self._watch_launcher(bool(command.armed))
             self.plant.order[k.LAUNCHER] = self._phase = self._launcher()
-        self.plant.step()
-        self._watch_rest()
-        self._unrecorded = self._recorded
 
     def _sample(self) -> SensorFrame:
         if self._vibration is not None:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import signal
+import time
+
 import numba
 import pytest
 
@@ -16,6 +19,7 @@ from groundstation.command.compiling import (
 )
 from groundstation.command.compiling_ahead import LATER, WHOLE, CompilationAhead
 from sim_bridge.aerodynamics.models import MODELS, is_compiled_separately
+from sim_bridge.compiled import PLAIN
 from sim_bridge.plant import Plant
 from sim_bridge.plant_parts import PARTS
 from sim_bridge.vehicles import load_vehicle
@@ -63,7 +67,7 @@ def test_the_lattice_alone_is_is_compiled_separately() -> None:
 def test_the_physics_is_announced_where_it_is_not_compiled(capsys: Capture, monkeypatch: pytest.MonkeyPatch) -> None:
     vehicle, compiled = load_vehicle("robo_raven_ii_d"), []
     monkeypatch.setattr(Plant, "compile", lambda plant: compiled.append(plant))
-    monkeypatch.setattr(compiling_ahead, "cores", lambda: 1)
+    monkeypatch.setattr(compiling_ahead, "available_cores", lambda: 1)
     monkeypatch.setattr(compiling_ahead, "compile_part", lambda plant, name: compiled.append(name))
     monkeypatch.setattr(compiling, "physics_compiled", lambda: False)
     load_physics(vehicle)
@@ -76,6 +80,17 @@ def test_the_physics_is_announced_where_it_is_not_compiled(capsys: Capture, monk
     assert capsys.readouterr().err == "" and len(compiled) == 2 * (len(PARTS) + 1)
 
 
+@pytest.fixture
+def two_cores(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two cores, whatever this machine has: a second process is started."""
+    monkeypatch.setattr(compiling_ahead, "available_cores", lambda: 2)
+
+
+needs_parts = pytest.mark.skipif(PLAIN, reason="public numba does not compile in parts")
+
+
+@needs_parts
+@pytest.mark.usefixtures("two_cores")
 def test_a_second_process_takes_parts_and_then_compiles_for_later() -> None:
     shown = []
     with CompilationAhead(load_vehicle("robo_raven_ii_d"), tuple(LATER)) as ahead:
@@ -86,6 +101,8 @@ def test_a_second_process_takes_parts_and_then_compiles_for_later() -> None:
     assert list(done) == sorted(done) and set(totals) == {len(PARTS) + 1} and names[-1] == WHOLE
 
 
+@needs_parts
+@pytest.mark.usefixtures("two_cores")
 def test_a_second_process_that_fails_leaves_its_work_to_the_first(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
         compiling_ahead, "_START", "import sys; print('ready', flush=True); sys.stdin.buffer.readline()"
@@ -93,3 +110,35 @@ def test_a_second_process_that_fails_leaves_its_work_to_the_first(monkeypatch: p
     with CompilationAhead(load_vehicle("robo_raven_ii_d"), tuple(LATER)) as ahead:
         compile_physics(ahead, quiet=True)
         ahead.wait()
+
+
+@needs_parts
+@pytest.mark.usefixtures("two_cores")
+@pytest.mark.parametrize("before_hanging", ["print('ready', flush=True)", "pass"])
+def test_a_second_process_that_hangs_is_ended(monkeypatch: pytest.MonkeyPatch, before_hanging: str) -> None:
+    """GIVEN a process that answers no more, in a part or before, THEN nothing waits longer than `PATIENCE` for it."""
+    compiled: list[str] = []
+
+    def compile_slowly(plant: Plant, name: str) -> None:
+        deadline = time.monotonic() + 20.0
+        while before_hanging != "pass" and ahead._remote is None and time.monotonic() < deadline:
+            time.sleep(0.01)
+        compiled.append(name)
+
+    monkeypatch.setattr(compiling_ahead, "PATIENCE", 0.2)
+    monkeypatch.setattr(compiling_ahead, "_START", f"import time; {before_hanging}; time.sleep(600.0)")
+    monkeypatch.setattr(compiling_ahead, "compile_part", compile_slowly)
+    monkeypatch.setattr(Plant, "compile", lambda plant: compiled.append(WHOLE))
+    with CompilationAhead(load_vehicle("robo_raven_ii_d"), tuple(LATER)) as ahead:
+        compile_physics(ahead, quiet=True)
+        ahead.wait()
+        assert ahead._process is not None and ahead._process.wait(20.0) == -signal.SIGKILL
+    assert len(compiled) == len(PARTS) + (before_hanging == "pass") and compiled[-1] == WHOLE
+
+
+def test_kernels_of_the_sensors_are_compiled_without_a_step_of_the_plant(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(plant: Plant) -> None:
+        raise AssertionError("the plant's integrator is compiled by the other process")
+
+    monkeypatch.setattr(Plant, "step", fail)
+    LATER["sensors"](load_vehicle("robo_raven_ii_d"))

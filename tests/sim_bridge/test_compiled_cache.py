@@ -155,3 +155,42 @@ def test_cached_kernel_loads_without_the_compiler_and_others_compile(tmp_path: P
     first, second = (checkout.output(MIXED).split() for _ in range(2))
     assert first == ["6.0", "1", "True", "11.0"]
     assert second == ["6.0", "0", "False", "11.0"]
+
+
+def test_a_function_with_two_sets_of_options_has_two_entries(tmp_path: Path) -> None:
+    """GIVEN a function of a file that imports nothing, WHEN two kernels are made of it, THEN each loads its own."""
+    checkout = Checkout(tmp_path)
+    (checkout.package / "leaf.py").write_text("def run(x, y):\n    return (x + y) - x\n")
+    program = (
+        "from sim_bridge.compiled import exact, kernel\nfrom sim_bridge.leaf import run\n"
+        "for make in {0}:\n    made = make(run)\n    print(made(1e20, 1.0), sum(made.stats.cache_misses.values()))\n"
+    )
+    assert checkout.output(program.format("kernel, exact")).split() == ["1.0", "1", "0.0", "1"]
+    assert checkout.output(program.format("exact, kernel")).split() == ["0.0", "0", "1.0", "0"]
+
+
+def test_a_change_of_the_decorators_recompiles_a_file_that_does_not_import_them(tmp_path: Path) -> None:
+    checkout = Checkout(tmp_path)
+    (checkout.package / "leaf.py").write_text("def run(x):\n    return 2.0 * x\n")
+    program = (
+        "from sim_bridge.compiled import kernel\nfrom sim_bridge.leaf import run\n"
+        "made = kernel(run)\nprint(made(1.0), sum(made.stats.cache_misses.values()))\n"
+    )
+    assert [checkout.output(program) for _ in range(2)] == ["2.0 1\n", "2.0 0\n"]
+    with (checkout.package / "compiled" / "decorators.py").open("a") as decorators:
+        decorators.write("# another version\n")
+    assert checkout.output(program) == "2.0 1\n"
+
+
+def test_an_error_of_rebuilding_a_kernel_is_not_taken_for_a_removed_class(tmp_path: Path) -> None:
+    checkout = Checkout(tmp_path)
+    assert checkout.run("alone") == (6.0, 1)
+    program = (
+        "from numba.core.caching import CompileResultCacheImpl as implementation\n"
+        "from sim_bridge.alone import run\n"
+        "def rebuild(*arguments):\n    raise AttributeError('a name that this release lacks')\n"
+        "implementation.rebuild = rebuild\n"
+        "try:\n    run(2.0)\nexcept AttributeError as error:\n    print(error)\n"
+    )
+    assert checkout.output(program) == "a name that this release lacks\n"
+    assert checkout.run("alone") == (6.0, 0)

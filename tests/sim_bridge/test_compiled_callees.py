@@ -93,3 +93,22 @@ def test_the_cache_has_both_forms(tmp_path: Path) -> None:
     assert compiled("outer(3.0)") == []
     assert compiled("inner(4.0)") == ["inner"]
     assert compiled("inner(4.0)") == []
+
+
+def test_a_pickled_kernel_works_in_another_process(tmp_path: Path) -> None:
+    """GIVEN a pickled kernel, WHEN another process calls it, THEN it and its callee come from the cache."""
+    (tmp_path / "kernels_of_a_test.py").write_text(KERNELS)
+    path = os.pathsep.join([str(tmp_path), *(entry for entry in sys.path if entry)])
+    environment = os.environ | {"WINGBEAT_CACHE": str(tmp_path / "cache"), "PYTHONPATH": path}
+    write = "import pickle; from kernels_of_a_test import outer; outer(1.0); pickle.dump(outer, open('kernel', 'wb'))"
+    read = (
+        "import pickle; from sim_bridge.compiled import njit, on_compilation\n"
+        "kernel = pickle.load(open('kernel', 'rb'))\n"
+        "@njit(cache=False)\ndef more(x):\n    return kernel(x) + 1.0\n"
+        "with on_compilation(print):\n    assert kernel(2.0) == 4.0 and more(2.0) == 5.0\n"
+    )
+    for program, compiled in (write, ""), (read, "more\n"):
+        command = [sys.executable, "-c", program]
+        ran = subprocess.run(command, env=environment, capture_output=True, text=True, cwd=tmp_path)
+        assert ran.returncode == 0, ran.stderr
+        assert ran.stdout == compiled

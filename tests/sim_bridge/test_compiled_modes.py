@@ -70,6 +70,20 @@ def test_a_switch_leaves_numba_as_it_is(switch: str) -> None:
     assert answer.returncode == 0, answer.stderr
 
 
+@pytest.mark.parametrize("part", ["registry.CPUDispatcher", "caching.CompileResultCacheImpl"])
+def test_kernels_use_public_numba_alone_where_a_private_part_is_missing(part: str) -> None:
+    """GIVEN a numba without a part, WHEN a kernel is made, THEN a warning names the part and the kernel works."""
+    module, _, name = part.partition(".")
+    code = (
+        f"import numba.core.{module} as module\ndel module.{name}\n"
+        "from sim_bridge import compiled\nassert compiled.PLAIN\n"
+        "double = compiled.njit(cache=False)(lambda x: 2.0 * x)\nprint(double(3.0))"
+    )
+    answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT)
+    assert answer.stdout == "6.0\n", answer.stderr
+    assert "RuntimeWarning" in answer.stderr and part in answer.stderr
+
+
 def imports_of(path: Path) -> set[str]:
     tree = ast.walk(ast.parse(path.read_bytes()))
     names: set[str] = set()
