@@ -448,7 +448,7 @@ def _report_kept(kept: Sequence[Kept]) -> None:
 
 
 def _load_identification(compiled: Callable[[], None]) -> None:
-    """Import what the report needs while the flight lasts: which takes two seconds of processor time."""
+    """Import what the report needs while the flight lasts; this takes two seconds of processor time."""
     compiled()  # or this process would compile the same
     with suppress(ImportError):  # the report raises it again, and prints it
         import control  # noqa: F401 (of the eigensystem realization)
