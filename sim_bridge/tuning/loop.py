@@ -160,9 +160,11 @@ def _best(
         chosen = terms if spec.damping else terms[:2]
         if all(0.0 <= value <= most for value, most in zip(chosen, spec.ranges, strict=False)):
             speed = _speed(sampled, terms, spec)
-            if speed > 0.0 and terms.proportional <= spec.steepest and _stable(process, terms):
+            if speed > 0.0 and terms.proportional <= spec.steepest:
                 found.append(_Candidate(_worth(speed, terms, spec), terms, shape))
-    return max(found, key=lambda candidate: candidate.worth, default=None)
+    # Poles take longer than all other limits together: they are computed of the best candidates alone.
+    best_first = sorted(found, key=lambda candidate: candidate.worth, reverse=True)
+    return next((candidate for candidate in best_first if _stable(process, candidate.terms)), None)
 
 
 def _worth(speed: float, terms: Terms, spec: LoopSpec) -> float:

@@ -143,17 +143,17 @@ def _designed(firmware: Firmware, aircraft: Aircraft, axis: str, travel: float) 
         except InputError:
             continue
         rounded = Terms(*(float(f"{value:.3g}") for value in terms))
+        found.append((loop_bandwidth(process, rounded), time_constant, process, rounded))
+    # Margins take as long as a search: they are computed of the fastest loops alone.
+    for speed, time_constant, process, rounded in sorted(found, key=lambda loop: loop[0], reverse=True):
         margins = loop_margins(process, rounded)
         if margins.keeps(LIMITS):
-            speed = loop_bandwidth(process, rounded)
             gains = dict(zip(firmware.names[axis], (time_constant, *rounded[:2]), strict=True))
-            found.append(AxisLoop(axis, time_constant, *rounded[:2], travel, margins, speed, gains))
-    if not found:
-        raise InputError(
-            f"{axis}: no gains give the loop of {firmware.title} {LIMITS.gain_margin_db:g} dB and"
-            f" {math.degrees(LIMITS.phase_margin):.0f} degrees below {spec.fastest:.3g} rad/s"
-        )
-    return max(found, key=lambda loop: loop.bandwidth)
+            return AxisLoop(axis, time_constant, *rounded[:2], travel, margins, speed, gains)
+    raise InputError(
+        f"{axis}: no gains give the loop of {firmware.title} {LIMITS.gain_margin_db:g} dB and"
+        f" {math.degrees(LIMITS.phase_margin):.0f} degrees below {spec.fastest:.3g} rad/s"
+    )
 
 
 # --- parameters -----------------------------------------------------------------------------------------------
