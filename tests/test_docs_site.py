@@ -21,6 +21,8 @@ GUIDES = sorted((ROOT / "docs" / "howto").glob("*.md"))
 PYTHON = re.compile(r"^```python\n(.*?)^```", flags=re.S | re.M)
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```", flags=re.S | re.M)
 RUN = [*TUTORIALS, *(page for page in GUIDES if PYTHON.search(page.read_text(encoding="utf-8")))]
+LONG = {"campaign", "identify_and_tune", "own_controller", "your_bird"}
+"""tutorials that fly several missions: run by `make validate`"""
 MAX_WORDS = 400
 """words of a how-to guide, code aside"""
 
@@ -43,7 +45,10 @@ def test_guide_is_short_and_its_commands_are_valid(
             module.build_parser().parse_args(arguments)
 
 
-@pytest.mark.parametrize("page", RUN, ids=[page.stem for page in RUN])
+@pytest.mark.parametrize(
+    "page",
+    [pytest.param(page, id=page.stem, marks=[pytest.mark.validate] if page.stem in LONG else []) for page in RUN],
+)
 def test_tutorial_runs(page: Path, tmp_path: Path) -> None:
     """GIVEN the Python blocks of a page WHEN they run in order in an empty folder THEN none fails."""
     blocks = PYTHON.findall(page.read_text(encoding="utf-8"))

@@ -181,6 +181,7 @@ def test_error_propagation_is_linear_in_a_linear_function() -> None:
     assert found.standard_errors[0] == pytest.approx(math.sqrt(4 * 0.04 + 0.09 - 4 * 0.01))
 
 
+@pytest.mark.validate
 def test_filter_error_in_turbulence_covers_the_frequency() -> None:
     """GIVEN gusts of 1 m/s THEN turbulence is reported, and filter error is the first method."""
     covered = given = 0

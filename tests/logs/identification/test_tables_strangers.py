@@ -251,6 +251,7 @@ def gusty(seed: int) -> dict[str, Any]:
     return {"t": step * np.arange(len(columns))} | dict(zip(("alpha", "q", "a_z"), noisy.T, strict=True))
 
 
+@pytest.mark.validate
 def test_gusts_alone_are_process_noise(tmp_path: Path) -> None:
     """GIVEN an aircraft that gusts alone move WHEN the map leaves the method open THEN it is filter error."""
     mapping = BASE.replace('inputs = ["delta_e"]', "inputs = []").replace("V = 100", "V = 190")
