@@ -38,6 +38,8 @@ class VibrationSpec(NamedTuple):
     """built-in twist of the right wing tip less that of the left"""
     membrane_difference: Annotated[float, Quantity("-", -0.8, 0.8)] = 0.0
     """relative difference of the membranes' mass and twist stiffness, right less left"""
+    stroke_difference: Annotated[float, Quantity("-", -0.5, 0.5)] = 0.0
+    """relative difference of the stroke amplitudes, right less left"""
 
 
 class ModeSpec(NamedTuple):
