@@ -213,3 +213,14 @@ def test_unequal_strokes_of_a_linkage_are_rejected() -> None:
     sections = vehicle.sections | {"vibration": VibrationSpec(5.0, stroke_difference=0.1)}
     with pytest.raises(InputError, match="stroke_difference"):
         make_unequal(Plant(vehicle), vehicle._replace(sections=sections), 1.0)
+
+
+def test_current_ripples_by_the_vehicle_file() -> None:
+    """GIVEN a vehicle with commutation ripple WHEN it flies at factors of 0 and 2 THEN none, and twice that of the
+    file."""
+    vehicle = load_vehicle("arizona_100cm")
+    ripple = vehicle.sections["vibration"].current_ripple
+    assert ripple > 0.0
+    for factor in (0.0, 2.0):
+        suite = SimulatedWorld(vehicle, Scenario(vibration=factor)).suite
+        assert suite.current_ripple.tolist() == [factor * ripple]
