@@ -62,7 +62,9 @@ def plant_parameters(vehicle: SimulatedVehicle, mechanism: Mechanism) -> k.Plant
         drive=np.array(
             [drive.stall_torque, drive.no_load_speed, drive.nominal_voltage, drive.position_gain, drive.rate_gain]
         ),
-        crank_shape=np.array([drive.crank_amplitude, drive.crank_mean, drive.spin_time_constant]),
+        servo_gain=np.ones(2),
+        crank_amplitude=np.full(len(mechanism.joints.kind), drive.crank_amplitude),
+        crank_shape=np.array([drive.crank_mean, drive.spin_time_constant]),
         crank_frequencies=np.array(drive.frequencies),
         current=np.array([drive.torque_constant, drive.torque_offset, drive.idle_current]),
         battery=np.array([battery.full_voltage, battery.empty_voltage, battery.capacity, battery.resistance]),

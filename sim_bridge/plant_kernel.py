@@ -104,8 +104,12 @@ class PlantParameters(NamedTuple):
     motor: Motor
     drive: Floats
     """(5,) stall torque N m, no-load speed rad/s, nominal voltage V, position gain N m/rad, rate gain N m s/rad"""
+    servo_gain: Floats
+    """(2,) -; wing angle over setpoint of the left and the right servo; `Controls` already contain it"""
+    crank_amplitude: Floats
+    """(c,) rad; of the coordinates that a crank moves"""
     crank_shape: Floats
-    """(3,) amplitude rad, mean rad, time constant s"""
+    """(2,) mean rad, time constant s"""
     crank_frequencies: Floats
     """Hz; at equal steps of throttle"""
     current: Floats
@@ -278,7 +282,7 @@ def _servo_torques(y: Floats, share: float, ratio: float, c: Controls, p: PlantP
         total += loaded if conducting else p.current[2]
         s.drive[p.joints.channel[i]] = torque
     turned = crank_frequency(c.throttle, p.crank_frequencies) * c.powered
-    s.crank[0] = (turned - y[COORDINATES + 2 * n + 1]) / p.crank_shape[2]
+    s.crank[0] = (turned - y[COORDINATES + 2 * n + 1]) / p.crank_shape[1]
     s.drive[CURRENT] = total
 
 
@@ -288,7 +292,7 @@ def _commanded(y: Floats, i: int, share: float, c: Controls, p: PlantParameters)
     if p.drive_kind == CRANK:
         crank = COORDINATES + 2 * p.joints.kind.shape[0]
         phase, rate = y[crank], 2.0 * math.pi * y[crank + 1]
-        amplitude, mean = p.crank_shape[0], p.crank_shape[1]
+        amplitude, mean = p.crank_amplitude[i], p.crank_shape[0]
         return mean + amplitude * math.sin(phase), amplitude * math.cos(phase) * rate
     left = p.joints.channel[i] == LEFT
     start, end = c.left_start if left else c.right_start, c.left_end if left else c.right_end

@@ -60,7 +60,7 @@ class Start(NamedTuple):
     command: tuple[float, ...]
     """actuator command of the next tick, (5,): wings left, right in rad, throttle, elevator, rudder in rad"""
     targets: tuple[float, float]
-    """rad; wing commands of the last tick"""
+    """rad; angles that the wing servos were to give their wings in the last tick"""
     memory: tuple[float, ...]
     """of `manual.control`, (9,)"""
     ticks: int
@@ -138,14 +138,15 @@ def advance_vehicles(batch: Bound, bound: Bound, first: int, end: int) -> None:
 
 @internal
 def _advance_vehicle(a: Arrays, gains: ManualGains, of: Conditions, bound: Bound, i: int) -> None:
-    _, s = bound_values(bound)
+    p, s = bound_values(bound)
     y, r, touching, wind = a.y[i], s.r, False, of.wind
     for _ in range(TICKS):
         rotation(y[3], y[4], y[5], y[6], r)
         wind, turn = _air(a, i, of, r)
         density = air_at(of.altitude - y[2], SEA_LEVEL_PRESSURE, SEA_LEVEL_TEMPERATURE).density
         around = k.Surroundings(wind[0], wind[1], wind[2], density, k.FREE, 0.0, 0.0, 0.0, turn[0], turn[1], turn[2])
-        touching = k.advance(y, SUBSTEPS, _controls(a.command[i], a.targets[i], of.travel), around, bound)
+        controls = _controls(a.command[i], a.targets[i], p.servo_gain, of.travel)
+        touching = k.advance(y, SUBSTEPS, controls, around, bound)
         a.ticks[i] += 1
         manual.control(gains, a.ticks[i], a.sticks[i], a.memory[i], a.command[i])
     _observe(y, r, wind, a.observed[i])
@@ -185,10 +186,11 @@ def _air(a: Arrays, i: int, of: Conditions, r: Floats) -> tuple[Velocity, Veloci
 
 
 @inlined
-def _controls(command: Floats, targets: Floats, travel: tuple[float, float]) -> k.Controls:
+def _controls(command: Floats, targets: Floats, gain: Floats, travel: tuple[float, float]) -> k.Controls:
     """Return the command as the servos receive it, after those of the last tick; as `SimulatedWorld` does."""
     wings, tail = travel
-    left, right = _limited(command[manual.WING_LEFT], wings), _limited(command[manual.WING_RIGHT], wings)
+    left = _limited(gain[0] * command[manual.WING_LEFT], wings)
+    right = _limited(gain[1] * command[manual.WING_RIGHT], wings)
     left_before, right_before = targets[0], targets[1]
     targets[0], targets[1] = left, right
     throttle = max(_limited(command[manual.MOTOR], 1.0), 0.0)

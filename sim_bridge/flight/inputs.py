@@ -49,12 +49,14 @@ class InputArrays(NamedTuple):
     """m; of the vehicle"""
     altitude: float
     """m; of the launch place above mean sea level"""
+    servo_gain: Floats
+    """(2,) -; see `plant_kernel.PlantParameters`"""
     travel: float
     """rad; largest angle of a wing drive"""
     tail_travel: float
     """rad; largest angle of elevator and rudder"""
     targets: Floats
-    """(2,) rad; last setpoints of the left and the right wing"""
+    """(2,) rad; last angles that the left and the right servo were to give their wings"""
 
 
 class PlantInputs:
@@ -94,6 +96,7 @@ class PlantInputs:
             strength=dryden.strength_of(turbulence.level),
             span=turbulence.span,
             altitude=altitude,
+            servo_gain=plant.parameters.servo_gain,
             travel=plant.vehicle.drive.travel,
             tail_travel=plant.vehicle.tail_servo.travel,
             targets=np.zeros(2),
@@ -156,7 +159,8 @@ def _set_controls(left: float, right: float, throttle: float, is_armed: bool, a:
     order, targets = a.order, a.targets
     order[0], order[2] = targets[0], targets[1]
     if is_armed:
-        targets[0], targets[1] = _clip(left, a.travel), _clip(right, a.travel)
+        targets[0] = _clip(a.servo_gain[0] * left, a.travel)
+        targets[1] = _clip(a.servo_gain[1] * right, a.travel)
     order[1], order[3] = targets[0], targets[1]
     order[4] = max(_clip(throttle, 1.0), 0.0) if is_armed else 0.0
     order[8], order[9] = 1.0, 1.0 if is_armed else 0.0

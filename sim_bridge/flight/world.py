@@ -167,6 +167,7 @@ class SimulatedWorld:
         if scenario.vibration > 0.0:
             make_unequal(self.plant, vehicle, scenario.vibration)
             self.suite.field_per_ampere[:] = field_per_ampere(vehicle, scenario.vibration)
+            self.suite.current_ripple[0] = scenario.vibration * vehicle.sections["vibration"].current_ripple
         self._edge = vehicle.sections["power_sensor"].edge
         push = scenario.throw.speed * vehicle.launch.speed / vehicle.launch.duration
         turbulence = dryden.turbulence(scenario.turbulence, 2.0 * vehicle.wing.semispan, scenario.seed)

@@ -7,6 +7,9 @@ while it is off, and the voltage sags with it. The phase of the modulation runs 
 The edges of the pulses last ``edge`` seconds (the motor's inductance). An edge as long as the spacing of the
 samples makes the mean of the sampled current exact: the sampled trapezoid is then the mean of a sharp pulse over
 each sample's own interval, whatever the phase.
+
+The commutation of the motor ripples the current at several kilohertz. A sample takes it at a random phase: noise in
+proportion to the current, in quadrature with that of the sensor, and over the resistance in the voltage.
 """
 
 from __future__ import annotations
@@ -119,6 +122,8 @@ class Burst(NamedTuple):
     """(bursts, 2 n); standard normal numbers drawn ahead"""
     counts: Integers
     """(2, n) out; n samples of voltage and of current"""
+    ripple: Floats
+    """(1,) -; standard deviation of the current by commutation, over the current; the caller may write to it"""
     phase: Floats
     """(1,) periods; of the modulation at the last sample"""
     time_us: Integers
@@ -140,6 +145,7 @@ class PowerSensor:
             spec.edge,
             self.normals.rows,
             np.zeros((2, BURST_LENGTH), dtype=np.int64),
+            np.zeros(1),
             np.zeros(1),
             np.full(1, -1),
         )
@@ -215,6 +221,12 @@ def mean_square(duty: float, edge: float) -> float:
     return duty - edge / 3.0
 
 
+@exact_inlined
+def _added(noise: float, other: float) -> float:
+    """Increase of a standard deviation by an independent noise."""
+    return math.hypot(noise, other) - noise
+
+
 @exact
 def sample_alone(time_us: int, observed: Floats, at: int, bound: Bound) -> None:
     """`sample_burst` of one sensor alone."""
@@ -233,11 +245,17 @@ def sample_burst(time_us: int, observed: Floats, at: int, burst: Burst) -> None:
     duty, amplitude, voltage, resistance = supply(observed)
     counts, channels, normals, phase = burst.counts, burst.channels, burst.normals[at], burst.phase[0]
     step, edge, n = frequency / SAMPLE_RATE, frequency * burst.edge, burst.counts.shape[1]
+    ripple = burst.ripple[0] * amplitude
+    # While the current is on; a square root for each sample would double the time that a burst takes.
+    added_volts = _added(channels.voltage_noise, channels.voltage_gain * resistance * ripple)
+    added_amperes = _added(channels.current_noise, channels.current_gain * ripple)
     for i in range(n):
-        amperes = pulse(phase - (n - 1 - i) * step, duty, edge) * amplitude
+        height = pulse(phase - (n - 1 - i) * step, duty, edge)
+        amperes = height * amplitude
         volts = voltage - resistance * amperes
-        raw = volts * channels.voltage_gain + channels.voltage_noise * normals[i]
+        raw = volts * channels.voltage_gain + (channels.voltage_noise + height * added_volts) * normals[i]
         counts[0, i] = round(min(max(raw, 0.0), channels.full_scale))
-        raw = channels.current_zero + amperes * channels.current_gain + channels.current_noise * normals[n + i]
+        noise = channels.current_noise + height * added_amperes
+        raw = channels.current_zero + amperes * channels.current_gain + noise * normals[n + i]
         raw = min(max(raw, channels.current_lowest), channels.current_highest)
         counts[1, i] = round(min(max(raw, 0.0), channels.full_scale))

@@ -169,6 +169,8 @@ class SensorSuite:
         self._has_field = False
         self.field_per_ampere = np.zeros(3)
         """gauss/A, body axes; of the drive current at the magnetometer"""
+        self.current_ripple = self._power_sensor.burst.ripple
+        """(1,) -; standard deviation of the drive current by commutation, over the current"""
         self._arrays = self._kernel_arguments()
         self._bound = Bound(self._arrays)
 

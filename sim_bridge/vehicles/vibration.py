@@ -38,6 +38,10 @@ class VibrationSpec(NamedTuple):
     """built-in twist of the right wing tip less that of the left"""
     membrane_difference: Annotated[float, Quantity("-", -0.8, 0.8)] = 0.0
     """relative difference of the membranes' mass and twist stiffness, right less left"""
+    stroke_difference: Annotated[float, Quantity("-", -0.5, 0.5)] = 0.0
+    """relative difference of the stroke amplitudes, right less left"""
+    current_ripple: Annotated[float, Quantity("-", 0.0, 0.5)] = 0.0
+    """standard deviation of the drive current by the motor's commutation, over the current"""
 
 
 class ModeSpec(NamedTuple):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from sim_bridge import plant_kernel as k
 from sim_bridge.observation import Vector
 from sim_bridge.plant import Plant
 from sim_bridge.sensors.noise import sensor_seed
@@ -56,8 +57,18 @@ def vibration_of(vehicle: SimulatedVehicle, factor: float, seed: int, period: fl
 
 
 def make_unequal(plant: Plant, vehicle: SimulatedVehicle, factor: float) -> None:
-    """Give the two wings of a plant the differences of the vehicle file times a factor."""
-    spec, wings, joints = vehicle.sections["vibration"], plant.parameters.wings, plant.parameters.joints
+    """Give the two wings of a plant the differences of the vehicle file times a factor.
+
+    Raises:
+        InputError: unequal strokes of wings that neither servos nor a crank drive.
+    """
+    spec, p = vehicle.sections["vibration"], plant.parameters
+    wings, joints = p.wings, p.joints
+    if spec.stroke_difference and (p.drive_kind == k.LINKAGE or k.WING not in joints.kind):
+        raise InputError(f"{vehicle.path}: vibration.stroke_difference needs servos or a crank that drive the wings")
+    stroke = 1.0 + 0.5 * factor * spec.stroke_difference * wings.side  # left, right
+    p.servo_gain[:] *= stroke
+    p.crank_amplitude[wings.flap] *= stroke
     for wing, side in enumerate(wings.side):
         ratio = 1.0 + 0.5 * side * factor * spec.membrane_difference
         wings.washout[wing] += 0.5 * side * factor * spec.washout_difference

@@ -148,6 +148,30 @@ def test_noise_of_both_channels() -> None:
     assert abs(np.corrcoef(volts, amperes)[0, 1]) < 5.0 / math.sqrt(len(volts))
 
 
+@pytest.mark.parametrize("current", [0.0, 1.5, 6.0])
+def test_commutation_ripple_grows_with_the_current(current: float) -> None:
+    """GIVEN a ripple of 4 % WHEN currents are measured THEN it adds 4 % of them in quadrature to the noise, and the
+    voltage over the resistance to that of the voltage."""
+    sensor = PowerSensor(SPEC.power_sensor._replace(bits=16), SEED)
+    sensor.burst.ripple[0] = 0.04
+    observation = cruise(pwm_frequency=0.0, current=current, battery_resistance=0.5)
+    bursts = [physical(sensor.read(observation)) for _ in range(200)]
+    volts, amperes = (np.concatenate(channel) for channel in zip(*bursts, strict=True))
+    for measured, noise, ripple in ((volts, 0.003 / 0.5, 0.5 * 0.04 * current), (amperes, 0.02, 0.04 * current)):
+        low, high = variance_bounds(len(measured), noise**2 + ripple**2)
+        assert low < np.var(measured, ddof=1) < high
+
+
+def test_current_that_is_off_has_no_ripple() -> None:
+    """GIVEN pulses and a ripple of 4 % WHEN a burst is read THEN it is in the pulses alone."""
+    sensor = PowerSensor(fine._replace(edge=0.0), SEED)
+    sensor.burst.ripple[0] = 0.04
+    amperes = np.concatenate([physical(sensor.read(cruise(2 * burst)))[1] for burst in range(50)])
+    on = amperes > 3.0
+    assert np.std(amperes[on]) == pytest.approx(0.04 * 6.4, rel=0.1)
+    assert np.std(amperes[~on]) < 1e-3
+
+
 def test_units_errors_are_in_the_mean() -> None:
     sensor = PowerSensor(SPEC.power_sensor._replace(bits=16), SEED)
     observation = cruise(pwm_frequency=0.0, battery_resistance=0.0)

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from avionics.messages import ActuatorCommand
 from sim_bridge.flight.world import Scenario, SimulatedWorld
 from sim_bridge.observation import Observation
+from sim_bridge.plant import Plant
 from sim_bridge.sensors.noise import sensor_seed
 from sim_bridge.vehicles import load_vehicle
 from sim_bridge.vehicles.vibration import ModeSpec, VibrationSpec
@@ -149,8 +151,6 @@ def test_flight_without_vibration_is_the_flight_of_before() -> None:
 
 def test_unequal_wings_differ_by_the_vehicle_file() -> None:
     """GIVEN a washout difference of 0.1 rad WHEN it is applied THEN right less left is 0.1 rad, the mean the same."""
-    from sim_bridge.plant import Plant
-
     vehicle = load_vehicle("robo_raven_ii_d")
     sections = vehicle.sections | {"vibration": VibrationSpec(5.0, washout_difference=0.1, membrane_difference=0.2)}
     plant, equal = Plant(vehicle), Plant(vehicle)
@@ -161,3 +161,66 @@ def test_unequal_wings_differ_by_the_vehicle_file() -> None:
     assert wings.washout.mean() == pytest.approx(before.washout.mean())
     mass = [wings.membrane[wings.first[i] : wings.first[i + 1]].sum() for i in (right, left)]
     assert mass[0] / mass[1] == pytest.approx(1.1 / 0.9)
+
+
+def roll_oscillation(name: str, difference: float) -> float:
+    """Return the amplitude (rad/s) of the roll rate at the stroke frequency, of a flight without feedback."""
+    vehicle = load_vehicle(name)
+    world = SimulatedWorld(vehicle, Scenario(seed=3, launch_time=0.1))
+    sections = vehicle.sections | {"vibration": VibrationSpec(5.0, stroke_difference=difference)}
+    make_unequal(world.plant, vehicle._replace(sections=sections), 1.0)
+    rows = []
+    while len(rows) < 200:
+        time = world.time_us * 1e-6
+        angle = vehicle.cruise.stroke_mean + vehicle.cruise.stroke_amplitude * math.sin(8.0 * math.pi * time)
+        world.step(ActuatorCommand(world.time_us, angle, angle, 0.6, 0.0, 0.0, 1))
+        y, at = world.plant.y, world.plant.layout
+        if world.launched and time > 0.6:
+            flap = 0.5 * (y[at.flap[0]] + y[at.flap[1]])
+            flap_rate = 0.5 * (y[at.rate(at.flap[0])] + y[at.rate(at.flap[1])])
+            rows.append((flap, flap_rate, 1.0, time, time**2, time**3, y[10]))
+    data = np.array(rows)
+    by_flap, by_rate = np.linalg.lstsq(data[:, :-1], data[:, -1], rcond=None)[0][:2]
+    return float(np.hypot(by_flap * np.std(data[:, 0]), by_rate * np.std(data[:, 1]))) * math.sqrt(2.0)
+
+
+@pytest.mark.parametrize("name", ["robo_raven_ii_d", "arizona_100cm"])
+def test_roll_rate_grows_with_the_stroke_difference(name: str) -> None:
+    """GIVEN strokes that differ by 0, 0.02 and 0.04 WHEN the vehicle flies THEN the roll rate oscillates in
+    proportion."""
+    equal, small, large = (roll_oscillation(name, difference) for difference in (0.0, 0.02, 0.04))
+    assert equal < 1e-9
+    assert small > 0.01
+    assert large == pytest.approx(2.0 * small, rel=0.1)
+
+
+def test_strokes_differ_by_the_vehicle_file() -> None:
+    """GIVEN a stroke difference of 0.1 WHEN it is applied twice THEN right less left is 0.2 of the mean."""
+    vehicle = load_vehicle("arizona_100cm")
+    sections = vehicle.sections | {"vibration": VibrationSpec(5.0, stroke_difference=0.1)}
+    plant, equal = Plant(vehicle), Plant(vehicle).parameters
+    make_unequal(plant, vehicle._replace(sections=sections), 2.0)
+    left, right = plant.parameters.crank_amplitude[plant.parameters.wings.flap]
+    assert (left, right) == pytest.approx((0.9 * vehicle.drive.crank_amplitude, 1.1 * vehicle.drive.crank_amplitude))
+    assert plant.parameters.servo_gain == pytest.approx((0.9, 1.1))
+    assert np.array_equal(equal.servo_gain, (1.0, 1.0))
+    assert (equal.crank_amplitude == vehicle.drive.crank_amplitude).all()
+
+
+def test_unequal_strokes_of_a_linkage_are_rejected() -> None:
+    """GIVEN a four-bar linkage with a stroke difference WHEN it is applied THEN one line says so."""
+    vehicle = load_vehicle("slow_hawk")
+    sections = vehicle.sections | {"vibration": VibrationSpec(5.0, stroke_difference=0.1)}
+    with pytest.raises(InputError, match="stroke_difference"):
+        make_unequal(Plant(vehicle), vehicle._replace(sections=sections), 1.0)
+
+
+def test_current_ripples_by_the_vehicle_file() -> None:
+    """GIVEN a vehicle with commutation ripple WHEN it flies at factors of 0 and 2 THEN none, and twice that of the
+    file."""
+    vehicle = load_vehicle("arizona_100cm")
+    ripple = vehicle.sections["vibration"].current_ripple
+    assert ripple > 0.0
+    for factor in (0.0, 2.0):
+        suite = SimulatedWorld(vehicle, Scenario(vibration=factor)).suite
+        assert suite.current_ripple.tolist() == [factor * ripple]

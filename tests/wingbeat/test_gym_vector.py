@@ -28,7 +28,7 @@ def actions(size: int, steps: int) -> np.ndarray:
     "arguments",
     [
         {"turbulence": "light", "wind": 1.0, "vibration": 1.0},
-        {"vehicle": "arizona_100cm", "handover": 1.0},
+        {"vehicle": "arizona_100cm", "handover": 1.0, "vibration": 1.0},
     ],
 )
 def test_each_vehicle_equals_single_environment(arguments: dict[str, Any]) -> None:
