@@ -6,7 +6,6 @@ a time, a batch, and all messages that a channel has in it are copied, checked a
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
@@ -19,6 +18,7 @@ from logs.columns import Array, RowType, column_type, row_type
 from logs.layout import Layout
 from logs.listing import Listing
 from logs.records import Buffer
+from wingbeat.cores import available_cores
 
 BATCH_BYTES = 4 * 1024 * 1024
 """Bytes, uncompressed; a compromise between processor cache size and call overhead."""
@@ -112,7 +112,7 @@ def _batches(chunks: Sequence[ChunkSpan]) -> Iterator[Batch]:
 
 def on_every_core(work: Callable[[Any], None], parts: Sequence[Any]) -> None:
     """Run ``work`` for each part in a thread pool; raise the exception of the first part that failed."""
-    threads = min(os.cpu_count() or 1, MOST_THREADS, len(parts))
+    threads = min(available_cores(), MOST_THREADS, len(parts))
     if threads < 2:
         for part in parts:
             work(part)

@@ -68,7 +68,7 @@ def test_on_one_core_no_thread_is_begun(path: Path, monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(column_batches, "BATCH_BYTES", 1)
     with open_log(path) as log, open_log(path) as other:
         expected = other.columns(topics.IMU)
-        monkeypatch.setattr(column_batches.os, "cpu_count", lambda: 1)
+        monkeypatch.setattr(column_batches, "available_cores", lambda: 1)
         monkeypatch.setattr(column_batches, "ThreadPoolExecutor", None)
         assert np.array_equal(log.columns(topics.IMU)["accel_x"], expected["accel_x"])
 
