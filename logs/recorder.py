@@ -21,6 +21,7 @@ from logs.backlog import PATIENCE, Backlog
 from logs.blocks import FLUSH_NS, Block, BlockEncoder, ColumnSeries, Stream, chunk_end, concatenate, index_entries
 from logs.container import Container, encode, pack_chunk
 from logs.file_lock import lock
+from logs.interruption import DelayedInterruption
 from logs.volumes import Volumes, Work
 from wingbeat.errors import InputError
 from wingbeat.message import RecorderStatus
@@ -294,12 +295,14 @@ class McapRecorder:
         self._flush_clock = math.inf
         if not self._parts:
             return
-        # Cleared before the handover: an interruption must not write a message twice.
-        parts, self._parts = self._parts, []
-        block, streams = concatenate(parts), list(self._encoder.streams)
-        if not self._hand_over(lambda container: self._write_chunk(container, block, streams), len(block.content)):
-            account = [stream.number for stream in streams if stream.topic is self._writing.account]
-            self.dropped += int(np.count_nonzero(~np.isin(block.stream, account)))
+        # An interruption would lose the chunk, write it twice, or leave a part of it in the file.
+        with DelayedInterruption():
+            parts, self._parts = self._parts, []
+            block, streams = concatenate(parts), list(self._encoder.streams)
+            size = len(block.content)
+            if not self._hand_over(lambda container: self._write_chunk(container, block, streams), size):
+                account = [stream.number for stream in streams if stream.topic is self._writing.account]
+                self.dropped += int(np.count_nonzero(~np.isin(block.stream, account)))
         self._report_drops()
 
     def _write_chunk(self, container: Container, block: Block, streams: Sequence[Stream]) -> None:
@@ -430,7 +433,7 @@ class McapRecorder:
 
     def _keep(self, work: Work, what: str, size: int) -> None:
         """Write a record that every file of the recording needs."""
-        with self._lock:
+        with self._lock, DelayedInterruption():
             if not self._hand_over(work, size, everywhere=True):
                 self._refuse(what, "the disk is too slow")
 

@@ -6,6 +6,7 @@ import errno
 import fcntl
 import itertools
 import linecache
+import signal
 import struct
 import sys
 import time
@@ -30,7 +31,7 @@ from logs import recorder as recorder_module
 from logs.blocks import CHUNK_BYTES, ColumnSeries
 from logs.layout import SCALARS, layout_of
 from logs.reader import open_log
-from logs.recorder import McapRecorder, Writing
+from logs.recorder import AT_ONCE, McapRecorder, Writing
 from wingbeat.errors import InputError
 from wingbeat.message import Event, Severity
 from wingbeat.topic import Topic
@@ -444,6 +445,64 @@ def test_interruption_loses_at_most_one_message(tmp_path: Path) -> None:
         if not interrupted:
             break
     assert number > 20 and found == times
+
+
+def stopped_at(number: int, names: set[str], call: Callable[[], None]) -> bool:
+    """Return whether ``call`` reached a line of the named functions with this number, and send Ctrl-C there."""
+    lines = itertools.count()
+    stopped = False
+
+    def trace(frame: FrameType, event: str, _: object) -> Any:
+        nonlocal stopped
+        if event == "line" and not stopped and frame.f_code.co_name in names and next(lines) == number:
+            stopped = True
+            signal.raise_signal(signal.SIGINT)
+        return trace
+
+    before = sys.gettrace()
+    sys.settrace(trace)
+    try:
+        call()
+    except KeyboardInterrupt:
+        pass
+    else:
+        assert not stopped, "Ctrl-C had no effect"
+    finally:
+        sys.settrace(before)
+    return stopped
+
+
+@pytest.mark.parametrize("writing", [AT_ONCE, Writing(10**7)])
+def test_ctrl_c_in_a_chunk_leaves_it_whole(tmp_path: Path, writing: Writing) -> None:
+    """GIVEN an open chunk, an attachment and a note WHEN Ctrl-C comes before any line that closes or writes one of
+    them THEN it is raised, the file is intact and every message is in it once."""
+    times = [10_000 * n for n in range(20)]
+    names = {
+        "_close_chunk", "_write_chunk", "concatenate", "index_entries", "define", "pack_chunk", "chunk", "_write",
+        "_hand_over", "job", "offer", "attachment", "metadata", "_attempt", "write",
+        "__enter__", "__exit__", "_restore",
+    }  # fmt: skip
+
+    def fill(recorder: McapRecorder) -> None:
+        recorder.flush()
+        recorder.attach("a.txt", "text/plain", b"text")
+        recorder.note("note", {"key": "value"})
+
+    for number in itertools.count():
+        path = tmp_path / f"{number}.mcap"
+        with McapRecorder(path, start_epoch_ns=EPOCH_NS, clock=lambda: 0.0, writing=writing) as recorder:
+            for time_us in times:
+                recorder.record(topics.HEALTH, m.Health(time_us, 0, 0, 0))
+            stopped = stopped_at(number, names, lambda recorder=recorder: fill(recorder))
+            recorder.record(topics.HEALTH, m.Health(210_000, 0, 0, 0))
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+        with open_log(path) as log:
+            assert log.complete and log.verify() == [], number
+            assert log.columns(topics.HEALTH)["time_us"].tolist() == [*times, 210_000], number
+        path.unlink()
+        if not stopped:
+            break
+    assert number > 20
 
 
 def test_columns_that_do_not_match_their_layout_are_refused(tmp_path: Path) -> None:
