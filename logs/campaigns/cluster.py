@@ -109,6 +109,12 @@ def workers_of(client: Any) -> int:
     return len(client.nthreads())
 
 
+def worker_memory(client: Any) -> int:
+    """Return the resident memory (bytes) of the largest worker process as last reported; 0 if unknown."""
+    workers = client.scheduler_info().get("workers", {})
+    return max((int(worker["metrics"].get("memory", 0)) for worker in workers.values()), default=0)
+
+
 def _check_workers(client: Any, address: str) -> None:
     try:
         client.wait_for_workers(1, timeout=CONNECTING)

@@ -26,7 +26,7 @@ from groundstation.views.campaign import summary
 from logs import extras
 from logs.campaigns.cluster import dashboard_of, existing_cluster, flight_code
 from logs.campaigns.outcome import Evaluation, Outcome
-from logs.campaigns.run import fly_campaign
+from logs.campaigns.run import Effort, fly_campaign
 from logs.campaigns.single_flight import row_of
 from logs.campaigns.table import read_table
 from logs.reader import open_log
@@ -86,7 +86,8 @@ def test_a_campaign_is_a_table_and_the_same_command_flies_nothing_again(folder: 
     assert set(told) <= keys
     before = (folder / "recordings/short.parquet").stat()
     again = document(capsys, "campaign", "short.toml", "--json")
-    assert again == told | {"flown": 0, "wall_time": 0.0}
+    assert told["memory"]["peak"] >= told["memory"]["first_tenth"] > 50e6
+    assert again == told | {"flown": 0, "wall_time": 0.0, "memory": None}
     assert (folder / "recordings/short.parquet").stat().st_mtime_ns == before.st_mtime_ns
     assert main(["campaign", "short.toml", "--json", "--logs", "all"]) == 0
     said = capsys.readouterr()
@@ -377,8 +378,18 @@ def test_dashboard_is_that_of_the_scheduler() -> None:
 
 def test_summary_tells_how_long_many_flights_take() -> None:
     """GIVEN 200 flights in 400 s WHEN summarized THEN 10000 take 5 h 33 min; of two flights nothing is told."""
+    many, two = (Effort(count, 2.0 * count + 30.0, 2.0 * count, 210_000_000, 220_400_000) for count in (200, 2))
     console = Console(file=io.StringIO(), width=120)
-    console.print(summary("gusts", Path("gusts.parquet"), {"landed": 200}, (200, 400.0)))
-    console.print(summary("gusts", Path("gusts.parquet"), {"landed": 2}, (2, 4.0)))
+    console.print(summary("gusts", Path("gusts.parquet"), {"landed": 200}, many))
+    console.print(summary("gusts", Path("gusts.parquet"), {"landed": 2}, two))
     text = console.file.getvalue()  # type: ignore[attr-defined]
     assert text.count("10000 flights take") == 1 and "2 s a flight; 10000 flights take 5 h 33 min" in text
+    assert "220 MB for the largest worker; 210 MB in the first tenth" in text
+
+
+def test_memory_of_the_first_tenth_is_told_apart() -> None:
+    """GIVEN 30 flights whose workers grow by 1 byte each THEN the first tenth is three flights."""
+    done = Effort()
+    for number in range(1, 31):
+        done = done.with_flight(30, 2.0 * number, number)
+    assert done == Effort(30, 0.0, 60.0, 3, 30) and done.time_of(10) == 20.0
