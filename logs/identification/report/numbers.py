@@ -21,7 +21,14 @@ from logs.identification.models.modes import KINDS, Mode, ModesResult, Oscillati
 from logs.identification.report.background import run_in_background
 from logs.identification.report.markers import marker_document, marker_lines
 from logs.identification.results import Estimate, EstimationResult
-from logs.identification.sources.flight import drive_data, flight_data, throttle_data, true_drive_data
+from logs.identification.sources.flight import (
+    DRIVE_TOPICS,
+    MOTION_TOPICS,
+    drive_data,
+    flight_data,
+    throttle_data,
+    true_drive_data,
+)
 from logs.identification.sources.flight_path import PathResult, identify_path, imu_truths
 from logs.identification.sources.motion import identify_aero
 from logs.identification.sources.table.markers import MarkersResult
@@ -110,6 +117,8 @@ def identify(
     if what not in SUBJECTS:
         raise InputError(f"cannot identify {what!r}; known: {', '.join(SUBJECTS)}")
     source = CachedSource(source)
+    of_motion, of_drives = what in ("modes", "all"), what in ("servo", "power", "all")
+    source.read_together((*(MOTION_TOPICS if of_motion else ()), *(DRIVE_TOPICS if of_drives else ())))
     known, aircraft, missing = dict(truths or {}), aircraft or Aircraft(), list[Finding]()
     torque = power = load = frequency = None
     unknown_modes = list[Finding]()

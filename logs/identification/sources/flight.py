@@ -63,6 +63,17 @@ class _Excitation(NamedTuple):
     note: str = ""
 
 
+MOTION_TOPICS = (
+    topics.EXCITATION, topics.ACTUATORS, topics.IMU, topics.ATTITUDE, topics.ALTITUDE, topics.AIR_DATA, topics.WING,
+    topics.PITCH_LOOP,
+)  # fmt: skip
+"""topics of `flight_data` in a log of our own"""
+DRIVE_TOPICS = (
+    topics.DRIVE_TORQUE, topics.POWER, topics.TORQUE_RAW, topics.WING, topics.ACTUATORS, truth.WING,
+)  # fmt: skip
+"""topics of `drive_data`, `throttle_data` and `true_drive_data`"""
+
+
 def flight_data(source: ColumnSource, calibration: ImuCalibration = NEUTRAL) -> FlightData:
     """Longitudinal motion of the flight in a log, the IMU's samples corrected by its ``calibration``.
 

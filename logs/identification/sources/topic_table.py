@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
-from collections.abc import Container, Mapping
+from collections.abc import Container, Iterable, Mapping
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -76,6 +77,12 @@ class CachedSource:
         """Names of the topics that the source has; none if it does not list them."""
         names: Container[str] = getattr(self._source, "topics", ())
         return names
+
+    def read_together(self, several: Iterable[Topic[Any]]) -> None:
+        """Read those of the topics that the source has in one pass, if it is a log: each pass unpacks all of it."""
+        if isinstance(self._source, Log):
+            with contextlib.suppress(InputError):  # raised again for the topic that is damaged
+                self._columns |= self._source.tables([one for one in several if one.name in self._source.topics])
 
     def columns(self, topic: Topic[Any]) -> Mapping[str, Any]:
         """Arrays by field name.
