@@ -111,7 +111,10 @@ def workers_of(client: Any) -> int:
 
 def worker_memory(client: Any) -> int:
     """Return the resident memory (bytes) of the largest worker process as last reported; 0 if unknown."""
-    workers = client.scheduler_info().get("workers", {})
+    try:
+        workers = client.scheduler_info().get("workers", {})
+    except OSError:  # disconnected, which `fly_campaign` reports
+        return 0
     return max((int(worker["metrics"].get("memory", 0)) for worker in workers.values()), default=0)
 
 

@@ -24,7 +24,7 @@ from groundstation.command import campaign, campaign_report
 from groundstation.command.main import main
 from groundstation.views.campaign import summary
 from logs import extras
-from logs.campaigns.cluster import dashboard_of, existing_cluster, flight_code
+from logs.campaigns.cluster import dashboard_of, existing_cluster, flight_code, worker_memory
 from logs.campaigns.outcome import Evaluation, Outcome
 from logs.campaigns.run import Effort, fly_campaign
 from logs.campaigns.single_flight import row_of
@@ -385,6 +385,15 @@ def test_summary_tells_how_long_many_flights_take() -> None:
     text = console.file.getvalue()  # type: ignore[attr-defined]
     assert text.count("10000 flights take") == 1 and "2 s a flight; 10000 flights take 5 h 33 min" in text
     assert "220 MB for the largest worker; 210 MB in the first tenth" in text
+
+
+def test_memory_is_that_of_the_largest_worker_and_none_of_a_lost_cluster() -> None:
+    def lost() -> None:
+        raise OSError("closed")
+
+    workers = {str(size): {"metrics": {"memory": size}} for size in (3, 5, 4)}
+    assert worker_memory(SimpleNamespace(scheduler_info=lambda: {"workers": workers})) == 5
+    assert worker_memory(SimpleNamespace(scheduler_info=lost)) == 0
 
 
 def test_memory_of_the_first_tenth_is_told_apart() -> None:
