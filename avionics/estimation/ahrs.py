@@ -110,8 +110,8 @@ class AhrsGains(NamedTuple):
     """rad/s; one sigma of the mean rate of a block at rest"""
     gyro_walk: Annotated[float, Quantity("rad/s^0.5", 1e-5, 0.1)] = 0.001
     """rad/s^0.5; random walk of the attitude from the gyro noise"""
-    bias_walk: Annotated[float, Quantity("rad/s^1.5", 1e-6, 0.1)] = 0.0005
-    """rad/s^1.5; random walk of the gyro bias: scale errors in turns, warm-up"""
+    bias_walk: Annotated[float, Quantity("rad/s^1.5", 1e-6, 0.1)] = 0.0002
+    """rad/s^1.5; random walk of the gyro bias. Default: chosen, 0.01 deg/s per root second of warm-up"""
     tilt_noise: Annotated[float, Quantity("rad", 0.001, 1.0)] = 0.05
     """rad; one sigma of the tilt of a block: path accelerations not included in the airspeed"""
     field_noise: Annotated[float, Quantity("rad", 0.001, 1.0)] = 0.2
@@ -120,8 +120,9 @@ class AhrsGains(NamedTuple):
     """rad; gate of the magnetic heading with GPS aiding, in addition to three sigma of the heading"""
     disturbed_time: Annotated[float, Quantity("s", 0.0, 60.0)] = 1.0
     """s; duration of rejection after which the magnetometer is reported as disturbed"""
-    level_error: Annotated[float, Quantity("rad", 0.0, 0.2)] = 0.007
-    """rad; one sigma of unobservable tilt errors: mounting and calibration of the accelerometer"""
+    level_error: Annotated[float, Quantity("rad", 0.0, 0.2)] = 0.004
+    """rad; one sigma of tilt errors outside the covariance: mounting, scale. Default: fitted to roll and pitch errors
+    in flight, see docs/validation/estimation.md"""
     compass_error: Annotated[float, Quantity("rad", 0.0, 0.5)] = 0.005
     """rad; one sigma of unobservable heading errors: mounting of the inertial sensors, 0.3 degrees"""
     gps_noise: Annotated[float, Quantity("m/s", 0.01, 10.0)] = 0.15
@@ -214,8 +215,6 @@ class Correction(NamedTuple):
     """gauss; estimated hard iron, body axes"""
     lean: Vector = ZERO
     """m/s^2; low-passed difference between the mean specific force and 1 g upward, earth axes"""
-    flapping: int = 0
-    """-; 1 if the last block was a wing period"""
 
 
 class AhrsState(NamedTuple):
@@ -561,8 +560,6 @@ def _corrected(
     if velocity_aiding.agreeing(aid, gains.gps_timeout, flight.time_us):
         limit = gains.heading_limit + 3.0 * aid.heading_sigma
         flight = Flight(flight.time_us, flight.flapping, flight.airspeed, True, limit)
-    if flight.flapping != bool(last.flapping):
-        velocity_aiding.disturb(aid, p)
     view = _view(gains, last, block, flight)
     if flight.aided:
         turn, errors, aid = _by_compass(gains, r, view, aid, p)
@@ -587,7 +584,6 @@ def _corrected(
             accel_offset=_sum(last.accel_offset, errors.accel),
             iron=_sum(last.iron, errors.iron),
             lean=view.lean,
-            flapping=int(flight.flapping),
         ),
         aid,
     )

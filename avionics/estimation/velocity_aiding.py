@@ -56,8 +56,10 @@ CONFIRMATION_GATE = 3.0
 """-; innovation gate of those fixes in standard deviations"""
 START_TILT, START_HEADING, START_BIAS = 0.05, 0.15, 0.01
 """rad, rad, rad/s; standard deviations after the first sample"""
-START_ACCEL, START_IRON = 0.12, 0.006
-"""m/s^2, gauss; standard deviations of accelerometer offset and hard iron, each axis"""
+START_ACCEL, START_IRON = 0.1, 0.01
+"""m/s^2, gauss; standard deviations of accelerometer offset and hard iron, each axis. Chosen: 5 mg left by a
+calibration, a mounting error of 0.3 degrees and 7 mg by temperature, with which 150 mg are learned in a turn; 5
+mgauss left by a calibration, and the field of a drive current of 3.5 A (0.4 uT/A)"""
 UNCALIBRATED_ACCEL = 0.6
 """m/s^2; standard deviation of the accelerometer offset after a launch has shown more than the calibration leaves"""
 CLIMB_TEST, LAUNCH_FIXES = 0.35, 4
@@ -67,9 +69,6 @@ GRAVITY_NOISE = 0.05
 """m/s^2; standard deviation of the magnitude of the specific force at rest, from the accelerometer's scale"""
 ACCEL_WALK, IRON_WALK = 0.002, 0.0001
 """m/s^2.5, gauss/s^0.5; random walk of both"""
-FLAPPING_ACCEL, FLAPPING_IRON = 0.1, 0.006
-"""m/s^2, gauss; standard deviations of the changes of both when flapping begins or ends, each axis: vibration, and
-the field of the drive current; chosen on flights with vibration, see docs/validation/estimation.md"""
 LAUNCH_SPEED = 3.0
 """m/s; ground speed that separates rest and flight: after a launch from rest the course indicates the heading"""
 SPEED_AGREEMENT = 0.25
@@ -250,17 +249,6 @@ def kept(state: State, p: Array, time_us: int, impulse: Vector, attitude: Matrix
     )
 
 
-def disturb(state: State, p: Array) -> None:
-    """Add the variance of the offsets that change when flapping begins or ends to the covariance, in place.
-
-    Before the end of the test of a launch, which adds it, the accelerometer keeps its correlation with the tilt.
-    """
-    variances = p.reshape(-1)[:: STATES + 1]
-    variances[IRON] += FLAPPING_IRON**2
-    if state.launch_fixes >= LAUNCH_FIXES:
-        variances[ACCEL] += FLAPPING_ACCEL**2
-
-
 def is_usable(fix: GpsFix) -> bool:
     """Return whether a fix has a finite velocity and a position."""
     return isfinite(fix.v_north + fix.v_east) and fix.fix_type >= POSITION_FIX
@@ -328,7 +316,6 @@ def _launched(state: State, p: Array, variance: float) -> Array:
     if abs(mean) >= CLIMB_TEST:
         _uncalibrated(p, FORWARD_ACCEL)
         x = _updated(p, DOWN, mean, variance / fixes)
-    p.reshape(-1)[:: STATES + 1][ACCEL] += FLAPPING_ACCEL**2
     return x
 
 

@@ -101,7 +101,7 @@ def cases() -> tuple[tuple[Case, ...], tuple[Case, ...], tuple[Case, ...]]:
 def fly(case: Case) -> Result:
     """Fly one case to its touchdown, or `FLOWN` s after the fault."""
     gusts = (3.0, math.radians(57.0), "small_uav_light") if case.gusts else (0.0, 0.0, "none")
-    scenario = Scenario(case.seed, *gusts, duration=LONGEST_WAIT + case.at + FLOWN)
+    scenario = Scenario(case.seed, *gusts, duration=LONGEST_WAIT + case.at + FLOWN, vibration=1.0)
     flight = Underway(case.vehicle, scenario, THERE_AND_BACK)
     while not flight.world.launched:
         flight.until(flight.world.time_us * 1e-6 + 0.1)

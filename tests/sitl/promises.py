@@ -1,7 +1,7 @@
 """What is promised for each failure, and on which flight it is held: the table of docs/reference/avionics.md.
 
-Measured on the Robo Raven in still air, level at 15 m, the failure after 16 s of flight; a row may hold in other
-phases of that flight too. To add a failure: its row in
+Measured on the Robo Raven in still air, with its vibration, level at 15 m, the failure after 16 s of flight; a row
+may hold in other phases of that flight too. To add a failure: its row in
 `sim_bridge.flight.faults.FAULTS`, its row here; both are asked for by the tests.
 """
 

@@ -29,6 +29,8 @@ STRAIGHT = (
     MissionItem(ItemKind.HOLD, altitude=15.0, heading=0.0, duration=600.0),
 )
 FAILS_AT = PHASES[LEVEL]
+FLIGHT = Scenario(seed=1, vibration=1.0)
+"""with the vibration of the vehicle file, as `wingbeat fly`"""
 LOW_HOLD = (
     MissionItem(ItemKind.TAKEOFF, altitude=15.0),
     MissionItem(ItemKind.HOLD, altitude=15.0, heading=0.5, duration=60.0),
@@ -48,7 +50,7 @@ def check_upright(flight: Flight, bank: float = 45.0) -> None:
 @pytest.mark.validate
 @pytest.mark.parametrize("vehicle", [RAVEN, ARIZONA])
 def test_in_a_wind_of_three_metres_a_second_altitude_and_course_are_held(vehicle: str) -> None:
-    flight = simulate(vehicle, Scenario(seed=1, wind_speed=3.0, wind_from=1.2, duration=40.0), LOW_HOLD)
+    flight = simulate(vehicle, FLIGHT._replace(wind_speed=3.0, wind_from=1.2, duration=40.0), LOW_HOLD)
     check_upright(flight)
     altitude_hold = flight.altitude_hold()
     assert altitude_hold.duration > 10.0
@@ -58,7 +60,7 @@ def test_in_a_wind_of_three_metres_a_second_altitude_and_course_are_held(vehicle
 
 @pytest.mark.validate
 def test_the_wind_is_estimated() -> None:
-    flight = simulate(RAVEN, Scenario(seed=1, wind_speed=3.0, wind_from=0.0, duration=35.0), LOW_HOLD)
+    flight = simulate(RAVEN, FLIGHT._replace(wind_speed=3.0, wind_from=0.0, duration=35.0), LOW_HOLD)
     position, truth = flight.columns(topics.POSITION), flight.truth
     last = position["time_us"] > 30_000_000
     for axis in ("north", "east"):
@@ -71,7 +73,7 @@ def without_gps(since_us: int) -> Callable[[SensorFrame], SensorFrame]:
 
 @pytest.mark.validate
 def test_without_gps_it_flies_on_by_compass_and_says_so() -> None:
-    flight = simulate(RAVEN, Scenario(seed=1, duration=42.0), LOW_HOLD, alter=without_gps(14_000_000))
+    flight = simulate(RAVEN, FLIGHT._replace(duration=42.0), LOW_HOLD, alter=without_gps(14_000_000))
     check_upright(flight)
     assert flight.event_time("failsafe: GPS position lost") == pytest.approx(16.0, abs=0.3)
     last = flight.of(topics.NAVIGATION)[-1]
@@ -96,7 +98,7 @@ def broken_imu(frame: SensorFrame) -> SensorFrame:
 
 
 def test_imu_samples_that_cannot_be_are_refused_counted_and_flown_through() -> None:
-    flight = simulate(RAVEN, Scenario(seed=1, duration=22.0), alter=broken_imu)
+    flight = simulate(RAVEN, FLIGHT._replace(duration=22.0), alter=broken_imu)
     check_upright(flight)
     given = flight.columns(topics.IMU)
     numbers = np.stack([given[name] for name in FIELDS])
@@ -115,7 +117,7 @@ def test_imu_samples_that_cannot_be_are_refused_counted_and_flown_through() -> N
 @pytest.mark.parametrize("vehicle", [RAVEN, ARIZONA])
 def test_after_a_lost_link_it_comes_home_circles_and_lands(vehicle: str) -> None:
     lost = Command(20_000_000, CommandKind.LINK_LOST, source="test")
-    flight = simulate(vehicle, Scenario(seed=1, duration=300.0), commands=[lost])
+    flight = simulate(vehicle, FLIGHT._replace(duration=300.0), commands=[lost])
     touchdown = flight.touchdown()
     assert 0.0 < touchdown.sink < 2.0
     assert abs(math.degrees(touchdown.bank)) < 30.0
@@ -126,7 +128,7 @@ def test_after_a_lost_link_it_comes_home_circles_and_lands(vehicle: str) -> None
 @pytest.mark.validate
 @pytest.mark.parametrize("vehicle", [RAVEN, ARIZONA])
 def test_after_a_minute_without_gps_it_has_landed(vehicle: str) -> None:
-    flight = simulate(vehicle, Scenario(seed=1, duration=200.0), alter=without_gps(20_000_000))
+    flight = simulate(vehicle, FLIGHT._replace(duration=200.0), alter=without_gps(20_000_000))
     assert flight.event_time("failsafe: landing, no position") == pytest.approx(52.0, abs=0.5)
     assert abs(math.degrees(flight.touchdown().bank)) < 30.0
     assert flight.of(topics.NAVIGATION)[-1].armed == 0
@@ -140,7 +142,7 @@ def safety_pilot(observed: Observation) -> Sticks:
 @functools.cache
 def underway(vehicle: str) -> Underway:
     """The flight up to the failure, which all share."""
-    flight = Underway(vehicle, Scenario(seed=1, duration=FAILS_AT + 120.0, pilot=safety_pilot), STRAIGHT)
+    flight = Underway(vehicle, FLIGHT._replace(duration=FAILS_AT + 120.0, pilot=safety_pilot), STRAIGHT)
     flight.until(FAILS_AT - 0.1)
     return flight
 
@@ -151,7 +153,7 @@ def failed(vehicle: str, name: str, phase: str = LEVEL) -> Flight:
         branch = underway(vehicle).branch(parse_fault(f"{name}@{at}"))
     else:
         fault = parse_fault(f"{name}@{at}")
-        branch = Underway(vehicle, Scenario(seed=1, duration=at + 120.0, faults=(fault,)), STRAIGHT)
+        branch = Underway(vehicle, FLIGHT._replace(duration=at + 120.0, faults=(fault,)), STRAIGHT)
     branch.until(at + PROMISES[name].follow_time)
     return branch.flight()
 
@@ -229,8 +231,8 @@ def test_promise_holds_in_other_phases(name: str, phase: str) -> None:
 
 def soft_landings_with_a_jammed_tail(vehicle: str, seed: int, times: tuple[float, ...]) -> int:
     """Number of soft landings in 3 m/s of wind with light gusts; the tail jams ``times`` (s) after the launch."""
-    air = {"wind_speed": 3.0, "wind_from": math.radians(57.0), "turbulence": "small_uav_light"}
-    gusty = Underway(vehicle, Scenario(seed=seed, duration=600.0, **air), THERE_AND_BACK)  # type: ignore[arg-type]
+    air = FLIGHT._replace(wind_speed=3.0, wind_from=math.radians(57.0), turbulence="small_uav_light")
+    gusty = Underway(vehicle, air._replace(seed=seed, duration=600.0), THERE_AND_BACK)
     while not gusty.world.launched:
         gusty.until(gusty.world.time_us * 1e-6 + 0.1)
     launched, soft = gusty.world.time_us * 1e-6, 0
@@ -254,7 +256,7 @@ def test_tail_jammed_in_gusts_lands_softly_in_nine_of_ten() -> None:
 
 def test_encoder_lost_in_the_hand_does_not_stop_the_flight() -> None:
     """GIVEN an encoder that fails before the throw WHEN it climbs THEN the wing is not taken for jammed."""
-    scenario = Scenario(seed=1, duration=30.0, faults=(parse_fault("encoder_left_lost@3"),))
+    scenario = FLIGHT._replace(duration=30.0, faults=(parse_fault("encoder_left_lost@3"),))
     flight = simulate(RAVEN, scenario, STRAIGHT)
     check_upright(flight)
     assert flight.altitude()[-1] == pytest.approx(15.0, abs=2.0)
@@ -353,7 +355,7 @@ def test_a_failure_that_ends_is_said_to_be_over() -> None:
 @pytest.mark.validate
 def test_a_healthy_flight_in_a_wind_has_no_alarm() -> None:
     flight = Underway(
-        RAVEN, Scenario(seed=2, wind_speed=3.0, wind_from=1.2, turbulence="light", duration=40.0), LOW_HOLD
+        RAVEN, FLIGHT._replace(seed=2, wind_speed=3.0, wind_from=1.2, turbulence="light", duration=40.0), LOW_HOLD
     )
     flight.until(40.0)
     assert [text for text in flight.flight().events() if "failsafe" in text or "refused" in text] == []
@@ -385,7 +387,7 @@ def wrong_pitot(counts: int) -> Callable[[SensorFrame], SensorFrame]:
 @pytest.mark.parametrize(("counts", "result"), [(8192, 21.0), (16383, 23.5)])
 def test_a_blocked_or_pressurised_pitot_never_goes_through(counts: int, result: float) -> None:
     """GIVEN a tube at static pressure or at the sensor's end THEN the airspeed in use stays within 3 sigma."""
-    flight = simulate(RAVEN, Scenario(seed=1, duration=32.0), LOW_HOLD, alter=wrong_pitot(counts))
+    flight = simulate(RAVEN, FLIGHT._replace(duration=32.0), LOW_HOLD, alter=wrong_pitot(counts))
     check_upright(flight)
     assert flight.event_time("failsafe: airspeed invalid") == pytest.approx(result, abs=0.7)
     air, truth = flight.columns(topics.AIR_DATA), flight.truth
