@@ -50,9 +50,10 @@ LONGEST_WAIT = 320.0
 
 LIMITS = (
     "The Robo Raven rolls by its two wing drives: it stays upright with 22 deg of rudder. One motor drives both"
-    " wings of the Arizona. Once its rudder is jammed nothing rolls it, and more than about 2 deg of rudder hold it"
-    " in a turn of 35 to 60 deg of bank. In gusts the roll loop moves the rudder by up to 26 deg, in still air by"
-    " less than 1 deg. A descent without thrust was tried: the Arizona then swings to 70 to 110 deg of bank."
+    " wings of the Arizona. Once its rudder is jammed nothing rolls it, and a rudder more than about 2 deg from that"
+    " of straight flight holds it in a turn of 35 to 60 deg of bank. Its unequal wings need 4.2 deg of rudder in"
+    " still air, which the roll loop moves by 1.4 deg RMS (equal wings: 0.0 and 0.3 deg), in gusts by up to 26 deg. A"
+    " descent without thrust was tried: the Arizona then swings to 70 to 110 deg of bank."
 )
 """what limits a landing with a jammed tail"""
 

@@ -241,6 +241,7 @@ def soft_landings_with_a_jammed_tail(vehicle: str, seed: int, times: tuple[float
         branch = gusty.branch(Fault("tail_jammed", launched + after))
         while not branch.world.finished and branch.log.messages[topics.NAVIGATION.name][-1].stage != Stage.LANDED:
             branch.until(branch.world.time_us * 1e-6 + 1.0)
+        branch.until(branch.world.time_us * 1e-6 + 5.0)  # against the wind it may find itself at rest before contact
         touchdown = branch.flight().touchdown()
         soft += touchdown.sink < 2.0 and abs(math.degrees(touchdown.bank)) < 30.0
     return soft
@@ -273,7 +274,8 @@ def test_with_a_frozen_imu_the_altitude_is_the_barometers() -> None:
     assert "failsafe: barometer rejected" not in flight.events()
 
 
-OWN_PHYSICS = ["imu_frozen", "imu_saturated", "battery_critical", "tail_jammed", "wing_left_jammed"]
+OWN_PHYSICS = ["imu_frozen", "imu_saturated", "battery_critical", "wing_left_jammed"]
+"""not a jammed tail: nothing else rolls the vehicle, see docs/validation/faults.md"""
 
 
 @pytest.mark.validate

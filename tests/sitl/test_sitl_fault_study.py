@@ -6,7 +6,8 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-from fault_study import VEHICLES, Result, page, soft, study
+from fault_study import Result, page, soft, study
+from simulate import RAVEN
 
 import avionics
 
@@ -26,11 +27,14 @@ def outcomes(text: str) -> list[tuple[str, str]]:
     return [(row[1], row[4]) for row in rows]
 
 
-@pytest.mark.parametrize("vehicle", VEHICLES)
-def test_jammed_tail_in_any_phase_lands_softly(vehicle: str) -> None:
-    """GIVEN still air WHEN the tail jams in climb-out, level-off or level flight THEN 9 of 10 land softly."""
-    still = [one for one in results()[2] if one.case.vehicle == vehicle and not one.case.gusts]
-    assert soft(still) >= 0.9 * len(still)
+@pytest.mark.parametrize("gusts", [False, True])
+def test_jammed_tail_in_any_phase_lands_softly(gusts: bool) -> None:
+    """GIVEN a Robo Raven WHEN the tail jams in climb-out, level-off or level flight THEN 9 of 10 land softly.
+
+    In still air, and in 3 m/s of wind with light gusts. Nothing rolls the Arizona against its rudder.
+    """
+    flights = [one for one in results()[2] if one.case.vehicle == RAVEN and one.case.gusts == gusts]
+    assert soft(flights) >= 0.9 * len(flights)
 
 
 def test_validation_page_has_the_outcomes_of_the_study() -> None:
