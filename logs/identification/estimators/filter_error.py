@@ -150,7 +150,8 @@ class FilterModel(NamedTuple):
         if not np.all(np.isfinite(a)) or not np.all(np.isfinite(density)):
             return np.full(c.T.shape, np.nan), np.full((len(c), len(c)), np.nan)
         arrays = (one.tobytes() for one in (a, c, density, self.noise))
-        return _cached(*arrays, step * self.every, self.averaged, c.shape)
+        with np.errstate(over="ignore", invalid="ignore"):  # of a search far from the data: the gain is not finite
+            return _cached(*arrays, step * self.every, self.averaged, c.shape)
 
     def _system(self, parameters: Array) -> tuple[Array, Array, Array]:
         """A (n, n), C (m, n) of the fitted outputs, and the density (n, n) of the process noise."""
