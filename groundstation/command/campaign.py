@@ -21,7 +21,7 @@ from logs.campaigns.campaign import Campaign, flight_values, load_campaign
 from logs.campaigns.cluster import dashboard_of, dask, existing_cluster, local_cluster, worker_memory
 from logs.campaigns.journal import ENDING, Journal
 from logs.campaigns.outcome import Outcome
-from logs.campaigns.run import ENOUGH, LOGS, Effort, Logs, fly_campaign, order_of
+from logs.campaigns.run import LOGS, MIN_FLIGHTS, Logs, ResourceUsage, fly_campaign, order_of
 from logs.campaigns.single_flight import Recording, Row, fly_one
 from logs.campaigns.table import arrow, read_table, write_table
 from logs.names import RECORDINGS
@@ -45,7 +45,8 @@ JSON_KEYS = {
     "wall_time": "s; of this run",
     "memory": "{first_tenth, peak}: bytes; of the largest worker process in the first tenth of this run and in all of"
     " it, null if nothing was flown",
-    f"time_of_{words.MANY}": f"s; of {words.MANY} flights at the rate of this run, null after fewer than {ENOUGH}",
+    f"time_of_{words.MANY}": f"s; of {words.MANY} flights at the rate of this run, null after fewer than"
+    f" {MIN_FLIGHTS}",
     "with --flight": "file, flight, values (what entered it), row (as in the table), log",
 }
 
@@ -151,14 +152,14 @@ def _fly(chosen: argparse.Namespace, campaign: Campaign, places: _Places) -> int
             console.print(words.in_progress(before, campaign.size))
         load_physics(_first_vehicle(campaign), chosen.json)
         try:
-            done = _fly_rest(chosen, campaign, journal, logs)
+            usage = _fly_rest(chosen, campaign, journal, logs)
         except KeyboardInterrupt:
             print(words.stopped(len(journal.rows), campaign.size), file=sys.stderr)
             raise
         write_table(places.table, campaign, journal.rows)
         journal.remove()
-    done = done._replace(wall_time=time.monotonic() - began)
-    _report(chosen, campaign, places, list(journal.rows.values()), done)
+    usage = usage._replace(wall_time=time.monotonic() - began)
+    _report(chosen, campaign, places, list(journal.rows.values()), usage)
     return 0
 
 
@@ -183,12 +184,12 @@ def _first_vehicle(campaign: Campaign) -> Any:
     return next(iter(campaign.stock.vehicles.values())).world
 
 
-def _fly_rest(chosen: argparse.Namespace, campaign: Campaign, journal: Journal, logs: Logs) -> Effort:
+def _fly_rest(chosen: argparse.Namespace, campaign: Campaign, journal: Journal, logs: Logs) -> ResourceUsage:
     """Run the remaining flights and store each result when it ends."""
-    done = Effort()
+    usage = ResourceUsage()
     left = [number for number in range(1, campaign.size + 1) if number not in journal.rows]
     if not left:
-        return done
+        return usage
     failed = sum(row["failed"] for row in journal.rows.values())
     with contextlib.ExitStack() as stack:
         bar = stack.enter_context(
@@ -211,9 +212,9 @@ def _fly_rest(chosen: argparse.Namespace, campaign: Campaign, journal: Journal, 
         for row in fly_campaign(campaign, left, client, logs):
             journal.add(row)
             failed += row["failed"]
-            done = done.with_flight(len(left), time.monotonic() - began, worker_memory(client))
+            usage = usage.with_flight(len(left), time.monotonic() - began, worker_memory(client))
             show()
-    return done
+    return usage
 
 
 def _cluster(chosen: argparse.Namespace, flights: int) -> Any:
@@ -227,18 +228,18 @@ def _report_done(chosen: argparse.Namespace, campaign: Campaign, places: _Places
     columns = read_table(places.table).columns
     names = ("flight", "failed", "outcome", "reason")
     rows = [dict(zip(names, row, strict=True)) for row in zip(*(columns[n] for n in names), strict=True)]
-    _report(chosen, campaign, places, rows, Effort())
+    _report(chosen, campaign, places, rows, ResourceUsage())
     return 0
 
 
 def _report(
-    chosen: argparse.Namespace, campaign: Campaign, places: _Places, rows: Sequence[Row], done: Effort
+    chosen: argparse.Namespace, campaign: Campaign, places: _Places, rows: Sequence[Row], usage: ResourceUsage
 ) -> None:
     outcomes = Counter(row["outcome"] for row in rows)
     failed = [row for row in rows if row["failed"]]
     if not chosen.json:
         console = open_console()
-        console.print(words.summary(campaign.name, places.table, outcomes, done))
+        console.print(words.summary(campaign.name, places.table, outcomes, usage))
         console.print(words.failures(failed), end="")
         return
     print_document(
@@ -248,12 +249,12 @@ def _report(
             "table": places.table,
             "logs": places.logs if places.logs.exists() else None,
             "flights": campaign.size,
-            "flown": done.flights,
+            "flown": usage.flights,
             "failed": len(failed),
             "outcomes": {outcome.value: outcomes[outcome.value] for outcome in Outcome},
-            "wall_time": done.wall_time,
-            "memory": {"first_tenth": done.early_memory, "peak": done.memory} if done.memory else None,
-            f"time_of_{words.MANY}": done.time_of(words.MANY),
+            "wall_time": usage.wall_time,
+            "memory": {"first_tenth": usage.early_memory, "peak": usage.memory} if usage.memory else None,
+            f"time_of_{words.MANY}": usage.time_of(words.MANY),
         }
     )
 

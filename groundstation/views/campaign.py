@@ -14,7 +14,7 @@ from rich.text import Text
 
 from groundstation.views.tables import NUMBER, SENTENCES, plain_table
 from logs.campaigns.metrics import METRICS
-from logs.campaigns.run import Effort
+from logs.campaigns.run import ResourceUsage
 from wingbeat.text import pluralize
 
 MANY = 10000
@@ -55,20 +55,20 @@ def too_late_for_logs(table: Path) -> str:
     return f"{table} is complete: --logs has no effect; --flight N --log FILE repeats and records one flight"
 
 
-def summary(name: str, table: Path, outcomes: Mapping[str, int], done: Effort) -> RenderableType:
-    """Summarize all flights; ``done`` is the effort of those run now."""
+def summary(name: str, table: Path, outcomes: Mapping[str, int], usage: ResourceUsage) -> RenderableType:
+    """Summarize all flights; ``usage`` is the resource usage of those run now."""
     rows = Table.grid(padding=(0, 3))
     rows.add_column(style="dim", min_width=9)
     rows.add_column()
-    pace = f"   {done.flights} flown in {duration(done.wall_time)}" if done.flights else "   all flown before"
+    pace = f"   {usage.flights} flown in {duration(usage.wall_time)}" if usage.flights else "   all flown before"
     rows.add_row("campaign", Text(f"{name}   {pluralize(sum(outcomes.values()), 'flight')}{pace}"))
     told = (f"{count} {outcome}" for outcome, count in sorted(outcomes.items(), key=lambda item: -item[1]) if count)
     rows.add_row("outcomes", Text("   ".join(told)))
-    if (time_of_many := done.time_of(MANY)) is not None:
+    if (time_of_many := usage.time_of(MANY)) is not None:
         each = time_of_many / MANY
         rows.add_row("pace", Text(f"{each:.2g} s a flight; {MANY} flights take {duration(time_of_many)}"))
-    if done.memory:
-        early, peak = (f"{value / 1e6:.0f} MB" for value in (done.early_memory, done.memory))
+    if usage.memory:
+        early, peak = (f"{value / 1e6:.0f} MB" for value in (usage.early_memory, usage.memory))
         rows.add_row("memory", Text(f"{peak} for the largest worker; {early} in the first tenth of the flights"))
     rows.add_row("table", Text(str(table)))
     hint = Text(f"\nwingbeat campaign report {table} shows distributions, the worst flights and what matters", "dim")

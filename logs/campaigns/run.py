@@ -15,7 +15,7 @@ from wingbeat.errors import InputError
 
 LOGS = ("none", "failed", "all")
 """options of which flights are recorded"""
-ENOUGH = 20
+MIN_FLIGHTS = 20
 """-; least number of flights from which the time of others is estimated"""
 LOOK = 1.0
 """s; interval of checks of the cluster"""
@@ -23,28 +23,28 @@ PATIENCE = 60
 """number of checks without a worker after which the campaign is suspended"""
 
 
-class Effort(NamedTuple):
+class ResourceUsage(NamedTuple):
     """Time and memory of the flights of one command."""
 
     flights: int = 0
     wall_time: float = 0.0
     """s; of the command"""
-    flying: float = 0.0
+    elapsed: float = 0.0
     """s; since the workers were ready"""
     early_memory: int = 0
     """bytes; largest worker process during the first tenth of the flights, 0 if unknown"""
     memory: int = 0
     """bytes; largest worker process"""
 
-    def with_flight(self, planned: int, flying: float, memory: int) -> Effort:
-        """Add one of ``planned`` flights, which ended after ``flying`` s with workers of ``memory`` bytes."""
+    def with_flight(self, planned: int, elapsed: float, memory: int) -> ResourceUsage:
+        """Add one of ``planned`` flights, which ended after ``elapsed`` s with workers of ``memory`` bytes."""
         peak = max(self.memory, memory)
         early = peak if 10 * self.flights < planned else self.early_memory
-        return self._replace(flights=self.flights + 1, flying=flying, early_memory=early, memory=peak)
+        return self._replace(flights=self.flights + 1, elapsed=elapsed, early_memory=early, memory=peak)
 
     def time_of(self, flights: int) -> float | None:
         """Return the time (s) of that many flights at the measured rate; None if too few were flown to tell."""
-        return self.flying / self.flights * flights if self.flights >= ENOUGH else None
+        return self.elapsed / self.flights * flights if self.flights >= MIN_FLIGHTS else None
 
 
 class Logs(NamedTuple):

@@ -26,7 +26,7 @@ from groundstation.views.campaign import summary
 from logs import extras
 from logs.campaigns.cluster import dashboard_of, existing_cluster, flight_code, worker_memory
 from logs.campaigns.outcome import Evaluation, Outcome
-from logs.campaigns.run import Effort, fly_campaign
+from logs.campaigns.run import ResourceUsage, fly_campaign
 from logs.campaigns.single_flight import row_of
 from logs.campaigns.table import read_table
 from logs.reader import open_log
@@ -378,7 +378,9 @@ def test_dashboard_is_that_of_the_scheduler() -> None:
 
 def test_summary_tells_how_long_many_flights_take() -> None:
     """GIVEN 200 flights in 400 s WHEN summarized THEN 10000 take 5 h 33 min; of two flights nothing is told."""
-    many, two = (Effort(count, 2.0 * count + 30.0, 2.0 * count, 210_000_000, 220_400_000) for count in (200, 2))
+    many, two = (
+        ResourceUsage(count, 2.0 * count + 30.0, 2.0 * count, 210_000_000, 220_400_000) for count in (200, 2)
+    )
     console = Console(file=io.StringIO(), width=120)
     console.print(summary("gusts", Path("gusts.parquet"), {"landed": 200}, many))
     console.print(summary("gusts", Path("gusts.parquet"), {"landed": 2}, two))
@@ -398,7 +400,7 @@ def test_memory_is_that_of_the_largest_worker_and_none_of_a_lost_cluster() -> No
 
 def test_memory_of_the_first_tenth_is_told_apart() -> None:
     """GIVEN 30 flights whose workers grow by 1 byte each THEN the first tenth is three flights."""
-    done = Effort()
+    done = ResourceUsage()
     for number in range(1, 31):
         done = done.with_flight(30, 2.0 * number, number)
-    assert done == Effort(30, 0.0, 60.0, 3, 30) and done.time_of(10) == 20.0
+    assert done == ResourceUsage(30, 0.0, 60.0, 3, 30) and done.time_of(10) == 20.0
