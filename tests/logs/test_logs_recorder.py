@@ -406,14 +406,12 @@ def can_be_interrupted(frame: FrameType) -> bool:
     return line != "try:" and not line.startswith("with ")
 
 
-def interrupted_at(number: int, names: set[str], call: Callable[[], None]) -> bool:
-    """Return whether ``call`` reached a line of the named functions with this number, and interrupt it there."""
-    lines = itertools.count()
+def interrupted_by(visit: Callable[[FrameType], None], names: set[str], call: Callable[[], None]) -> bool:
+    """Return whether a KeyboardInterrupt ended ``call``, of which ``visit`` is given each line of named functions."""
 
     def trace(frame: FrameType, event: str, _: object) -> Any:
-        chosen = event == "line" and frame.f_code.co_name in names and can_be_interrupted(frame)
-        if chosen and next(lines) == number:
-            raise KeyboardInterrupt
+        if event == "line" and frame.f_code.co_name in names:
+            visit(frame)
         return trace
 
     before = sys.gettrace()
@@ -425,6 +423,17 @@ def interrupted_at(number: int, names: set[str], call: Callable[[], None]) -> bo
     finally:
         sys.settrace(before)
     return False
+
+
+def interrupted_at(number: int, names: set[str], call: Callable[[], None]) -> bool:
+    """Return whether ``call`` reached a line of the named functions with this number, and interrupt it there."""
+    lines = itertools.count()
+
+    def visit(frame: FrameType) -> None:
+        if can_be_interrupted(frame) and next(lines) == number:
+            raise KeyboardInterrupt
+
+    return interrupted_by(visit, names, call)
 
 
 def test_interruption_loses_at_most_one_message(tmp_path: Path) -> None:
@@ -452,23 +461,13 @@ def stopped_at(number: int, names: set[str], call: Callable[[], None]) -> bool:
     lines = itertools.count()
     stopped = False
 
-    def trace(frame: FrameType, event: str, _: object) -> Any:
+    def visit(_: FrameType) -> None:
         nonlocal stopped
-        if event == "line" and not stopped and frame.f_code.co_name in names and next(lines) == number:
+        if not stopped and next(lines) == number:
             stopped = True
             signal.raise_signal(signal.SIGINT)
-        return trace
 
-    before = sys.gettrace()
-    sys.settrace(trace)
-    try:
-        call()
-    except KeyboardInterrupt:
-        pass
-    else:
-        assert not stopped, "Ctrl-C had no effect"
-    finally:
-        sys.settrace(before)
+    assert interrupted_by(visit, names, call) == stopped, "Ctrl-C had no effect"
     return stopped
 
 
