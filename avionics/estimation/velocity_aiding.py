@@ -57,9 +57,9 @@ CONFIRMATION_GATE = 3.0
 START_TILT, START_HEADING, START_BIAS = 0.05, 0.15, 0.01
 """rad, rad, rad/s; standard deviations after the first sample"""
 START_ACCEL, START_IRON = 0.1, 0.01
-"""m/s^2, gauss; standard deviations of accelerometer offset and hard iron, each axis. Chosen: 5 mg left by a
-calibration, a mounting error of 0.3 degrees and 7 mg by temperature, with which 150 mg are learned in a turn; 5
-mgauss left by a calibration, and the field of a drive current of 3.5 A (0.4 uT/A)"""
+"""m/s^2, gauss; standard deviations of accelerometer offset and hard iron, each axis. Chosen: root
+sum of squares of 5 mg after calibration, 0.3 degrees of mounting and 7 mg of temperature drift; of 5 mgauss after
+calibration and the field of 3.5 A of drive current (0.4 uT/A), each axis"""
 UNCALIBRATED_ACCEL = 0.6
 """m/s^2; standard deviation of the accelerometer offset after a launch has shown more than the calibration leaves"""
 CLIMB_TEST, LAUNCH_FIXES = 0.35, 4

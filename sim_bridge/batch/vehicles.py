@@ -60,7 +60,7 @@ class Start(NamedTuple):
     command: tuple[float, ...]
     """actuator command of the next tick, (5,): wings left, right in rad, throttle, elevator, rudder in rad"""
     targets: tuple[float, float]
-    """rad; angles that the wing servos were to give their wings in the last tick"""
+    """rad; setpoints of the wing angles in the last tick, with the servo gain"""
     memory: tuple[float, ...]
     """of `manual.control`, (9,)"""
     ticks: int

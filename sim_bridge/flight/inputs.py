@@ -56,7 +56,7 @@ class InputArrays(NamedTuple):
     tail_travel: float
     """rad; largest angle of elevator and rudder"""
     targets: Floats
-    """(2,) rad; last angles that the left and the right servo were to give their wings"""
+    """(2,) rad; last setpoints of the left and the right wing angle, with the servo gain"""
 
 
 class PlantInputs:
