@@ -68,6 +68,8 @@ class Case(NamedTuple):
     gusts: bool = False
     """3 m/s of wind from 57 deg and small_uav_light gusts"""
     seed: int = 1
+    vibration: float = 1.0
+    """-; factor of the vehicle's, with its unequal wings; 0: equal wings"""
 
 
 class Result(NamedTuple):
@@ -93,16 +95,17 @@ def cases() -> tuple[tuple[Case, ...], tuple[Case, ...], tuple[Case, ...]]:
     single = tuple(Case(ARIZONA, (name,)) for name, kind in FAULTS.items() if not kind.needs)
     pairs = tuple(Case(vehicle, pair) for vehicle in VEHICLES for pair in combinations(WORST, 2))
     still = tuple(Case(vehicle, ("tail_jammed",), at) for vehicle in VEHICLES for at in JAMS)
+    equal = tuple(Case(ARIZONA, ("tail_jammed",), at, vibration=0.0) for at in JAMS)
     windy = tuple(
         Case(vehicle, ("tail_jammed",), at, True, seed) for vehicle in VEHICLES for seed in GUSTY for at in JAMS
     )
-    return single, pairs, still + windy
+    return single, pairs, still + equal + windy
 
 
 def fly(case: Case) -> Result:
     """Fly one case to its touchdown, or `FLOWN` s after the fault."""
     gusts = (3.0, math.radians(57.0), "small_uav_light") if case.gusts else (0.0, 0.0, "none")
-    scenario = Scenario(case.seed, *gusts, duration=LONGEST_WAIT + case.at + FLOWN, vibration=1.0)
+    scenario = Scenario(case.seed, *gusts, duration=LONGEST_WAIT + case.at + FLOWN, vibration=case.vibration)
     flight = Underway(case.vehicle, scenario, THERE_AND_BACK)
     while not flight.world.launched:
         flight.until(flight.world.time_us * 1e-6 + 0.1)
@@ -168,12 +171,13 @@ def soft(flights: Iterable[Result]) -> int:
 
 
 def phase_rows(flights: Iterable[Result]) -> list[str]:
-    """A line for each vehicle, air and seed, with a cell for each time of the jam."""
-    by: dict[tuple[str, bool, int], list[Result]] = {}
+    """A line for each vehicle, air, seed and vibration, with a cell for each time of the jam."""
+    by: dict[tuple[str, bool, int, float], list[Result]] = {}
     for result in flights:
-        by.setdefault((result.case.vehicle, result.case.gusts, result.case.seed), []).append(result)
+        case = result.case
+        by.setdefault((case.vehicle, case.gusts, case.seed, case.vibration), []).append(result)
     rows = []
-    for (vehicle, gusts, seed), group in by.items():
+    for (vehicle, gusts, seed, vibration), group in by.items():
         cells = [
             "soft"
             if one.outcome == "landed"
@@ -182,7 +186,7 @@ def phase_rows(flights: Iterable[Result]) -> list[str]:
             else "in the air"
             for one in sorted(group, key=lambda one: one.case.at)
         ]
-        air = f"3 m/s, light gusts, seed {seed}" if gusts else "still"
+        air = f"3 m/s, light gusts, seed {seed}" if gusts else "still" if vibration else "still, equal wings"
         rows.append(f"| {TITLES[vehicle]} | {air} | {' | '.join(cells)} |")
     return rows
 
@@ -190,7 +194,8 @@ def phase_rows(flights: Iterable[Result]) -> list[str]:
 def page(single: list[Result], pairs: list[Result], jams: list[Result], day: str) -> str:
     """The page of the documentation."""
     head = " | ".join(f"{time:.0f} s" for time in JAMS)
-    still = [one for one in jams if not one.case.gusts]
+    still = [one for one in jams if not one.case.gusts and one.case.vibration]
+    equal = [one for one in jams if not one.case.vibration]
     windy = [one for one in jams if one.case.gusts]
     both = [
         f"### {TITLES[vehicle]}\n\n{HEAD}\n" + "\n".join(row(one) for one in pairs if one.case.vehicle == vehicle)
@@ -217,7 +222,8 @@ def page(single: list[Result], pairs: list[Result], jams: list[Result], day: str
             "## A jammed tail in climb-out, level-off and level flight",
             "The columns are the times of the jam since boot for a throw"
             f" at {LAUNCH_TIME:.0f} s; a cell is sink and bank of a landing that was not soft. Still air:"
-            f" {soft(still)} of {len(still)} soft. 3 m/s of wind with `small_uav_light` gusts: " + ", ".join(
+            f" {soft(still)} of {len(still)} soft, and with equal wings, without vibration, {soft(equal)} of"
+            f" {len(equal)} of the Arizona. 3 m/s of wind with `small_uav_light` gusts: " + ", ".join(
                 f"{TITLES[one]} {soft(each for each in windy if each.case.vehicle == one)} of {len(windy) // 2}"
                 for one in VEHICLES
             ) + ".",
