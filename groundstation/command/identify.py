@@ -352,16 +352,17 @@ def identified(
     bodies = _bodies(log, vehicle) if what == "aero" else None
     if what == "all" and wings:
         bodies = _bodies_if_given(log, vehicle)
-    estimates = identify(made or log, what, _aircraft(log, vehicle), bodies=bodies, method=method)
+    estimates = identify(
+        made or log, what, _aircraft(log, vehicle), lambda modes: known_truths(log, modes), bodies, method
+    )
     if estimates.modes is not None:
         unknown = vehicle is None and flight_vehicle(log) is None
         notes = ([made.note] if made else []) + ([UNKNOWN] if unknown else [])
         findings = (*estimates.modes.findings, *map(note, notes))
         estimates = estimates._replace(modes=estimates.modes._replace(findings=findings))
-    known = known_truths(log, modes=estimates.modes is not None)
-    if estimates.frequency is not None:
-        known |= throttle_truths(log, estimates.frequency)
-    return estimates._replace(truths={**estimates.truths, **known})
+    if estimates.frequency is None:
+        return estimates
+    return estimates._replace(truths={**estimates.truths, **throttle_truths(log, estimates.frequency)})
 
 
 def _aircraft(log: Log, vehicle: str | None) -> Aircraft:

@@ -25,7 +25,7 @@ from logs.identification.data.resampling import GAP_STEPS, Channel, even
 from logs.identification.data.signal_errors import noise_with_steps
 from logs.identification.estimators.least_squares import Fit, regress
 from logs.identification.estimators.separable import SeparableRecord, log_squares, orthonormal, solve
-from logs.identification.estimators.servo import with_gauge_errors
+from logs.identification.estimators.servo import EXACT, widened
 from logs.identification.findings import Finding, not_estimated
 from logs.identification.results import Array, Estimate, EstimationResult, estimate, linear_result, student_factor
 from logs.identification.statistics.covariance import ParameterUncertainty, colored_covariance, information, propagate
@@ -51,7 +51,6 @@ HIGHEST_INFLATION = 10.0
 """-; of the acceleration by the angle (variance inflation), above which nothing tells inertia from stiffness"""
 ALIKE = "the wings beat at one frequency, at which inertia and stiffness look alike"
 CONSTANTS = {"stall_torque": "N m", "no_load_speed": "rad/s", "torque_speed_slope": "N m s/rad"}
-EXACT = GaugeErrors()
 LOAD = ("wing_torque_constant", "wing_inertia")
 
 
@@ -167,8 +166,10 @@ def identify_load(data: DriveData, gauges: GaugeErrors = EXACT) -> EstimationRes
     if min(float(np.ptp(row.regressors[:, 0])) for row in rows) < 1.0:
         lost = tuple(not_estimated(name, "the wings do not move") for name in LOAD)
         return _load_result((), lost, 0.0, samples)
-    torques = GaugeErrors(torque_zero=gauges.torque_zero, torque_scale=gauges.torque_scale)
-    model = with_gauge_errors(lambda changed: _load(_sides(changed, flapping, pace)), data, torques)
+    fits = [regress(row.regressors, row.torque, row.used) for row in rows]
+    # The mean of two sides, each in proportion to its cell's scale; a zero is in tau_0.
+    shifts = [[float(gauges.torque_scale * fit.values[index]) / 2.0 for index in range(len(LOAD))] for fit in fits]
+    model = widened(_mean_load(fits, samples), shifts)
     alike = max(_inflation(row) for row in rows) > HIGHEST_INFLATION
     reasons = {
         one.name: ALIKE if alike and one.name == LOAD[1] else "its 95 % interval spans zero"
@@ -210,12 +211,6 @@ class _Side(NamedTuple):
     """(N, 4); rate rad/s, acceleration rad/s^2, angle rad, one"""
     used: Array
     """-; (N,), 1.0 where all are known, 0.0 elsewhere, where they are zero"""
-
-
-def _load(rows: list[_Side]) -> EstimationResult:
-    """Both numbers, whatever they are worth."""
-    samples = int(min(row.used.sum() for row in rows))
-    return _mean_load([regress(row.regressors, row.torque, row.used) for row in rows], samples)
 
 
 def _inflation(side: _Side) -> float:

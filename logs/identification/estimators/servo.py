@@ -1,14 +1,14 @@
 """Torque model of the drive servos (Gerdes Eq. 11), and the effect of calibration errors on intervals.
 
-A scale or a zero that is wrong throughout leaves no trace in the residuals. Its effect is one by fitting again with
-each sensor changed by one standard deviation (GUM, JCGM 100:2008, 5.1.3 with finite differences); the squares are
-added to those of the random errors.
+A scale or a zero that is wrong throughout leaves no trace in the residuals. Its effect is what one standard deviation
+of each sensor moves the estimates by (GUM, JCGM 100:2008, 5.1.3): by the sensitivity where the estimate is linear in
+the reading, else by fitting again. The squares are added to those of the random errors.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -37,6 +37,7 @@ FINE = 8
 """-; instants inside a burst at which the torque's size is taken"""
 MARGIN = 0.04
 """N m; above the floor, for gauge noise"""
+EXACT = GaugeErrors()
 SMOOTH = 0.5
 """-; share of the loaded samples that is used"""
 
@@ -50,12 +51,15 @@ def with_gauge_errors(fit: Fit, data: DriveData, gauges: GaugeErrors) -> Estimat
     ``fit`` must fit the same terms every time.
     """
     model = fit(data)
-    shifts = [_shift(model, fit(changed)) for changed in _changed(data, gauges)]
-    widened = tuple(
-        _widened(one, math.sqrt(sum(shift[index] ** 2 for shift in shifts)))
-        for index, one in enumerate(model.estimates)
+    return widened(model, [_shift(model, fit(changed)) for changed in _changed(data, gauges)])
+
+
+def widened(model: EstimationResult, shifts: Sequence[Sequence[float]]) -> EstimationResult:
+    """The model with intervals that hold the ``shifts`` of its estimates (one row per sensor error)."""
+    moved = zip(*shifts, strict=True) if shifts else ((0.0,) for _ in model.estimates)
+    return model._replace(
+        estimates=tuple(_widened(one, math.hypot(*by)) for one, by in zip(model.estimates, moved, strict=True))
     )
-    return model._replace(estimates=widened)
 
 
 def _shift(model: EstimationResult, other: EstimationResult) -> list[float]:
@@ -109,6 +113,8 @@ class _Bursts(NamedTuple):
     """N m/s; (N,), of the mean of both sizes during the burst"""
     steady: Mask
     """-; (N,), True where neither torque changes its sign around the burst"""
+    signs: tuple[Array, Array]
+    """-; (N,), of the torques at the burst's end, left and right"""
 
 
 def _bursts(data: DriveData) -> _Bursts:
@@ -117,10 +123,11 @@ def _bursts(data: DriveData) -> _Bursts:
     end = data.power_time[inside]
     instants = end[:, None] - data.window * (1 - (np.arange(FINE) + 0.5) / FINE)
     around = end[:, None] + np.array([-2.0, -1.0, 0.0, 1.0]) * max(data.window, 0.005)
-    sides, steady = [], np.ones(len(end), dtype=bool)
+    sides, ends, steady = [], list[Array](), np.ones(len(end), dtype=bool)
     for torque in (data.torque_left, data.torque_right):
         signs = np.sign(np.interp(around, data.torque_time, torque))
         steady &= np.abs(signs.sum(axis=1)) == signs.shape[1]
+        ends.append(signs[:, 2])
         sides.append(np.abs(CubicSpline(data.torque_time, torque)(instants)))
     left, right = sides
     dip = np.max([(side.mean(axis=1) - side.min(axis=1)) * FINE / (FINE - 1) for side in sides], axis=0)
@@ -129,7 +136,9 @@ def _bursts(data: DriveData) -> _Bursts:
     span = (instants[:, -1] - instants[:, 0]) if data.window else np.ones(len(end))
     slope = ((left + right)[:, -1] - (left + right)[:, 0]) / 2 / span
     bend = _bend(data, end - data.window / 2)
-    return _Bursts(data.current[inside], expected[inside], left, right, gap, dip, bend, slope, steady)
+    return _Bursts(
+        data.current[inside], expected[inside], left, right, gap, dip, bend, slope, steady, (ends[0], ends[1])
+    )
 
 
 def _bend(data: DriveData, at: Array) -> Array:
@@ -140,15 +149,15 @@ def _bend(data: DriveData, at: Array) -> Array:
     return bend
 
 
-def identify_torque(data: DriveData) -> EstimationResult:
-    """K_tau and K_tau0 of Gerdes Eq. 11.
+def identify_torque(data: DriveData, gauges: GaugeErrors = EXACT) -> EstimationResult:
+    """K_tau and K_tau0 of Gerdes Eq. 11, with intervals that hold what the ``gauges`` have wrong.
 
     Raises:
         InputError: too few samples in which both servos are loaded.
     """
-    fitted = _fitted(data)
-    again = _fitted(data._replace(torque_time=data.torque_time + fitted.lead)) if fitted.lead else fitted
-    return again.model
+    fitted = _fitted(data, gauges)
+    again = _fitted(data._replace(torque_time=data.torque_time + fitted.lead), gauges) if fitted.lead else fitted
+    return widened(again.model, again.shifts)
 
 
 class _Fitted(NamedTuple):
@@ -157,9 +166,11 @@ class _Fitted(NamedTuple):
     model: EstimationResult
     lead: float
     """s"""
+    shifts: tuple[tuple[float, ...], ...] = ()
+    """as the estimates; by one standard deviation of each sensor"""
 
 
-def _fitted(data: DriveData) -> _Fitted:
+def _fitted(data: DriveData, gauges: GaugeErrors) -> _Fitted:
     """One fit."""
     bursts = _bursts(data)
     torque = (bursts.left + bursts.right).mean(axis=1) / 2
@@ -172,7 +183,7 @@ def _fitted(data: DriveData) -> _Fitted:
         floor = offset + slope * _idle(bursts.current)
     used = _enough(_loaded(bursts, slope, offset, floor))
     return _torque_model(
-        bursts, torque, (used & (bursts.bend <= np.quantile(bursts.bend[used], SMOOTH))).astype(float)
+        bursts, torque, (used & (bursts.bend <= np.quantile(bursts.bend[used], SMOOTH))).astype(float), gauges
     )
 
 
@@ -208,7 +219,7 @@ def _loaded(bursts: _Bursts, slope: float, offset: float, floor: float) -> Mask:
     return loaded
 
 
-def _torque_model(bursts: _Bursts, torque: Array, used: Array) -> _Fitted:
+def _torque_model(bursts: _Bursts, torque: Array, used: Array, gauges: GaugeErrors) -> _Fitted:
     lagging = np.ptp(bursts.slope[used > 0]) > 0
     columns = (bursts.slope,) if lagging else ()
     regressors, instruments = (
@@ -224,7 +235,15 @@ def _torque_model(bursts: _Bursts, torque: Array, used: Array) -> _Fitted:
         estimate("K_tau0", "N m", float(offset), float(errors[1]), fit.degrees),
     )
     lead = float(fit.values[2]) if lagging else 0.0
-    return _Fitted(_result(found, (), spread, int(used.sum())), lead)
+    # Linear in the torque of either side; the zero of a cell counts by the sign of its torque.
+    sides = [side.mean(axis=1) for side in (bursts.left, bursts.right)]
+    changes = [gauges.torque_scale * side / 2 for side in sides]
+    changes += [gauges.torque_zero * sign / 2 for sign in bursts.signs]
+    weighted = (instruments * used[:, None]).T
+    of_torque = np.linalg.solve(weighted @ regressors, weighted @ np.column_stack(changes))[:2].T
+    of_current = ((-slope * gauges.current_scale, 0.0), (0.0, -slope * gauges.current_zero))
+    shifts = tuple((float(of_slope), float(of_offset)) for of_slope, of_offset in (*of_torque, *of_current))
+    return _Fitted(_result(found, (), spread, int(used.sum())), lead, shifts)
 
 
 def _blind(spread: float, samples: int) -> EstimationResult:

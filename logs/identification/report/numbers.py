@@ -12,7 +12,7 @@ from logs.identification.diagnostics.agreement import Validation, validation
 from logs.identification.estimators.bench import identify_load, load_truth
 from logs.identification.estimators.flapping_frequency import FrequencyResult, identify_frequency
 from logs.identification.estimators.flight_modes import identify_modes
-from logs.identification.estimators.servo import identify_torque, with_gauge_errors
+from logs.identification.estimators.servo import identify_torque
 from logs.identification.estimators.servo_power import power_truth, power_with_gauge_errors
 from logs.identification.estimators.stepwise import Step
 from logs.identification.estimators.wing_coefficients import AeroResult, coefficient_r_squared, coefficient_terms
@@ -101,13 +101,14 @@ def identify(
     source: ColumnSource,
     what: str = "all",
     aircraft: Aircraft | None = None,
-    truths: Mapping[str, float] | None = None,
+    truths: Callable[[bool], Mapping[str, float]] | None = None,
     bodies: SimulatedVehicle | None = None,
     method: str | None = None,
 ) -> Identification:
     """Identify ``what`` (`SUBJECTS`; servo is torque and power) from a log, the modes by one ``method`` if given.
 
-    ``truths`` are known true values by name: K_tau, K_tau0, short_period_frequency, short_period_damping.
+    ``truths`` returns known true values by name (K_tau, K_tau0, and, if its argument is true, short_period_frequency
+    and short_period_damping); it is called while the modes are identified in the background.
     Those of the power model are taken from the log itself where it is of a simulated flight. The wings' coefficients
     (aero) need the ``bodies`` of the vehicle, and are of all where these are known; the flight path (path) is not.
 
@@ -119,10 +120,9 @@ def identify(
     source = CachedSource(source)
     of_motion, of_drives = what in ("modes", "all"), what in ("servo", "power", "all")
     source.read_together((*(MOTION_TOPICS if of_motion else ()), *(DRIVE_TOPICS if of_drives else ())))
-    known, aircraft, missing = dict(truths or {}), aircraft or Aircraft(), list[Finding]()
+    known, aircraft, missing = dict[str, float](), aircraft or Aircraft(), list[Finding]()
     torque = power = load = frequency = None
-    unknown_modes = list[Finding]()
-    modes = _start_modes(source, what, aircraft, unknown_modes, method)
+    modes = _start_modes(source, what, aircraft, missing, method)
     if what in ("servo", "power", "all"):
         torque, power = _servo(source, what, aircraft, missing)
     if what in ("servo", "all"):
@@ -131,11 +131,14 @@ def identify(
         known |= _power_truths(source, power)
     if load is not None:
         known |= _load_truths(source, load)
+    if truths is not None:
+        known |= truths(modes is not None)
     if what == "path":
         path = identify_path(source, aircraft)
         return Identification(truths=known | imu_truths(source, aircraft, path.spans), path=path)
     unknown_wings = list[Finding]()
-    aero, found = _wings(source, what, aircraft, bodies, unknown_wings), modes()
+    aero = _wings(source, what, aircraft, bodies, unknown_wings)
+    found, unknown_modes = modes() if modes else (None, [])
     missing += [*unknown_modes, *unknown_wings]
     if all(each is None for each in (torque, power, load, frequency, found, aero)):
         raise InputError("; ".join(entry.text for entry in missing))
@@ -144,22 +147,20 @@ def identify(
 
 def _start_modes(
     source: ColumnSource, what: str, aircraft: Aircraft, missing: list[Finding], method: str | None
-) -> Callable[[], ModesResult | None]:
+) -> Callable[[], tuple[ModesResult | None, list[Finding]]] | None:
     """Start the modes in the background; the returned function waits for them. The log is read before.
 
-    Half their time is in one kernel, beside which a second core does the rest.
+    None if the log does not have their data, which is added to ``missing``.
     """
     data = None
     if what in ("modes", "all"):
         data = _attempt(lambda: flight_data(source, aircraft.imu), "short period", missing)
     if data is None:
-        return lambda: None
+        return None
 
-    def work() -> ModesResult | None:
-        found: ModesResult | None = _attempt(
-            lambda: identify_modes(data, aircraft, method=method), "short period", missing
-        )
-        return found
+    def work() -> tuple[ModesResult | None, list[Finding]]:
+        refused = list[Finding]()
+        return _attempt(lambda: identify_modes(data, aircraft, method=method), "short period", refused), refused
 
     return work if what == "modes" else run_in_background(work)
 
@@ -197,11 +198,7 @@ def _servo(source: ColumnSource, what: str, aircraft: Aircraft, missing: list[Fi
         return None, None
     center = aircraft.centre_current, aircraft.centre_voltage
     gauges = aircraft.gauges
-    torque = (
-        None
-        if what == "power"
-        else _attempt(lambda: with_gauge_errors(identify_torque, data, gauges), "servo torque", missing)
-    )
+    torque = None if what == "power" else _attempt(lambda: identify_torque(data, gauges), "servo torque", missing)
     power = _attempt(lambda: power_with_gauge_errors(data, gauges, *center), "servo power", missing)
     return torque, power
 

@@ -131,12 +131,12 @@ def drive() -> RecordedTopics:
 
 @pytest.fixture(scope="module")
 def modes(motion: RecordedTopics) -> Identification:
-    return identify(motion, "modes", AIRCRAFT, TRUTHS)
+    return identify(motion, "modes", AIRCRAFT, lambda _: TRUTHS)
 
 
 @pytest.fixture(scope="module")
 def everything(motion: RecordedTopics) -> Identification:
-    return identify(motion, "all", AIRCRAFT, TRUTHS)
+    return identify(motion, "all", AIRCRAFT, lambda _: TRUTHS)
 
 
 def numbers(result: Identification) -> dict[tuple[str, str], tuple[float, float | None]]:
@@ -171,7 +171,7 @@ def test_a_calibrated_imu_is_corrected_and_a_wrong_one_is_not() -> None:
 
 
 def test_servo_from_topics_with_the_worlds_truth_beside(drive: RecordedTopics) -> None:
-    found = numbers(identify(drive, "servo", truths=TRUTHS))
+    found = numbers(identify(drive, "servo", truths=lambda _: TRUTHS))
     assert found["servo torque", "K_tau"] == (pytest.approx(K_TAU, rel=0.02), K_TAU)
     value, true = found["servo power", "P_0"]
     assert true is not None

@@ -8,7 +8,7 @@ from promised import SEEDS, promise_kept
 from wing_drives import CENTRE, K_TAU, K_TAU0, Drives, exact, law, measure, simulate
 
 from logs.identification.data.flight import DriveData, GaugeErrors
-from logs.identification.estimators.servo import identify_torque, with_gauge_errors
+from logs.identification.estimators.servo import identify_torque
 from logs.identification.estimators.servo_power import identify_power, power_truth, power_with_gauge_errors
 from logs.identification.results import Estimate, EstimationResult
 from wingbeat.errors import InputError
@@ -75,7 +75,7 @@ def test_what_calibrations_left_is_in_the_intervals() -> None:
     """A scale error shows in no residual: the gauges' accuracy must be told for an interval that holds the truth."""
     data = simulated(SHORT)
     wrong = data._replace(current=data.current * 1.01, torque_left=data.torque_left * 1.005)
-    told = by_name(with_gauge_errors(identify_torque, wrong, GaugeErrors(torque_scale=0.005, current_scale=0.01)))
+    told = by_name(identify_torque(wrong, GaugeErrors(torque_scale=0.005, current_scale=0.01)))
     assert not by_name(identify_torque(wrong))["K_tau"].contains(K_TAU)
     assert told["K_tau"].contains(K_TAU)
     assert told["K_tau"].standard_error == pytest.approx(K_TAU * np.hypot(0.01, 0.005 / np.sqrt(2)), rel=0.15)
