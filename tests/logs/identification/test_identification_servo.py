@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 from promised import SEEDS, promise_kept
@@ -79,6 +81,22 @@ def test_what_calibrations_left_is_in_the_intervals() -> None:
     assert not by_name(identify_torque(wrong))["K_tau"].contains(K_TAU)
     assert told["K_tau"].contains(K_TAU)
     assert told["K_tau"].standard_error == pytest.approx(K_TAU * np.hypot(0.01, 0.005 / np.sqrt(2)), rel=0.15)
+
+
+@pytest.mark.parametrize("sensor", ["torque_zero", "torque_scale", "current_zero", "current_scale"])
+def test_sensitivity_to_a_sensor_is_that_of_fitting_again(sensor: str) -> None:
+    """GUM 5.1.3: the deviation that a sensor adds is what one standard deviation of it moves the estimate by."""
+    data, one = simulated(SHORT), 1e-4
+    plain, told = by_name(identify_torque(data)), by_name(identify_torque(data, GaugeErrors(**{sensor: one})))
+    name = "K_tau0" if sensor.endswith("zero") else "K_tau"
+    added = math.sqrt(told[name].standard_error ** 2 - plain[name].standard_error ** 2)
+    signals = ("torque_left", "torque_right") if sensor.startswith("torque") else ("current",)
+    moved = []
+    for signal in signals:
+        values = getattr(data, signal)
+        shifted = values + one if sensor.endswith("zero") else values * (1.0 + one)
+        moved.append(by_name(identify_torque(data._replace(**{signal: shifted})))[name].value - plain[name].value)
+    assert added == pytest.approx(math.hypot(*moved), rel=0.05)
 
 
 def test_a_current_that_hardly_varies_between_strokes_gives_no_slope() -> None:
