@@ -71,11 +71,12 @@ class Gains(NamedTuple):
     new_share: Annotated[float, Quantity("-", 0.0, 1.0)] = 0.1
     """-; fraction of the reported accuracy that is new in each fix; the remainder is slow. Default: 0.2 m of 2.1 m;
     the remaining error of the receiver is slow"""
-    sideslip: Annotated[float, Quantity("rad", 0.0, 1.0)] = 0.03
-    """rad; one sigma of the sideslip in still air that the estimated wind does not contain: turns. Default: fitted
-    to wind errors in still air and in light gusts, see docs/validation/estimation.md"""
+    sideslip: Annotated[float, Quantity("rad", 0.0, 1.0)] = 0.06
+    """rad; one sigma of the sideslip in still air: turns and unequal wings. Default: RMS of Robo Raven and Arizona in
+    still air, 0.058 and 0.070, see docs/validation/estimation.md"""
     sideslip_time: Annotated[float, Quantity("s", 0.0, 10.0)] = 0.5
-    """s; time in which the heading follows a gust from the side. Default: fitted with `sideslip`"""
+    """s; time in which the heading follows a gust from the side. Default: fitted to wind errors in light gusts, see
+    docs/validation/estimation.md"""
     gps_delay: Annotated[float, Quantity("s", 0.0, 2.0)] = 0.15
     """s; time from measurement to arrival of a fix (MTK3339: solution and serial line)"""
     gate: Annotated[float, Quantity("-", 1.0, 100.0)] = 5.0
