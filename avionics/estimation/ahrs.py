@@ -67,8 +67,9 @@ class AhrsGains(NamedTuple):
     """-; 0: averages over blocks and GPS; 1: the corrections of `razor`, for comparison"""
     fixed_block: Annotated[float, Quantity("s", 0.1, 10.0)] = 1.5
     """s; block length without a measured wing period"""
-    tilt_time: Annotated[float, Quantity("s", 0.5, 60.0)] = 2.0
-    """s; time constant of the tilt correction with fixed blocks"""
+    tilt_time: Annotated[float, Quantity("s", 0.5, 60.0)] = 2.25
+    """s; time constant of the tilt correction with fixed blocks. Default: chosen on trials of BROAD, see
+    docs/validation/estimation.md"""
     flapping_tilt_time: Annotated[float, Quantity("s", 0.5, 60.0)] = 4.0
     """s; time constant of the tilt correction while flapping; averages over gusts and maneuvers"""
     tilt_limit: Annotated[float, Quantity("rad", 0.01, 3.2)] = 0.1
