@@ -26,6 +26,7 @@ def reference() -> str:
     """The page: one row for each code."""
     for module in pkgutil.walk_packages(identification.__path__, f"{identification.__name__}."):
         import_module(module.name)
+    import_module("logs.model_range")
     rows = [
         f"| `{code}` | {_cell(one.text)} | {_cell(one.meaning)} | {_cell(one.remedy)} |"
         for code, one in sorted(CATALOG.items())

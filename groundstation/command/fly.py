@@ -44,8 +44,8 @@ from groundstation.views.history import History, remember
 from groundstation.views.json_document import print_document
 from groundstation.views.terminal import open_console
 from logs.identification.findings import Finding
-from logs.identification.model_range import range_findings
 from logs.join import Kept, join
+from logs.model_range import range_findings
 from logs.names import files_of, reserved
 from logs.new_files import check_new, locked_name
 from logs.reader import Log, open_log

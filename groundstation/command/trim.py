@@ -8,7 +8,7 @@ from typing import Any
 from groundstation.command import options
 from groundstation.command.steady import STEADY_KEYS, Answer, answer, steady_parser
 from groundstation.views.steady_flight import draws_current, trim_table
-from logs.identification.model_range import range_findings
+from logs.model_range import range_findings
 from sim_bridge.flight_mechanics.excursions import excursions, figures
 from sim_bridge.flight_mechanics.orbit import Orbit
 from sim_bridge.flight_mechanics.similarity import orbit_excesses

@@ -13,7 +13,7 @@ from groundstation.command.compiling import announced
 from groundstation.views.json_document import print_document
 from groundstation.views.terminal import open_console
 from groundstation.views.tunnel import forces_page, forces_table, forces_text
-from logs.identification.model_range import range_findings
+from logs.model_range import range_findings
 from logs.pages.render import refuse_existing, write_page, write_text
 from sim_bridge.flight_mechanics.recorded_motion import load_motion
 from sim_bridge.flight_mechanics.tunnel import (

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from logs.identification.findings import Finding
-from logs.identification.model_range import range_findings
+from logs.model_range import range_findings
 from sim_bridge.flight_mechanics.averaged import stroke_averaged_model
 from sim_bridge.flight_mechanics.averaged_axes import axes_model
 from sim_bridge.flight_mechanics.excursions import Figures, figures
