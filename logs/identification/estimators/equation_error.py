@@ -6,6 +6,10 @@ frequencies gives complex equations with the least squares theta = Re(X^H F^H F 
 Eq. 20, 21). That is linear in the samples: an estimate with the instruments Re(F^H F X), the regressors in the band.
 Intercepts and trends of a maneuver are regressors of their own.
 
+Least squares is biased if the residuals move the regressors, as disturbances in an equation of motion do. Instruments
+that follow from the input alone remove that bias (instrumental variables: Young, Recursive Estimation and Time-Series
+Analysis, 1984, ch. 8).
+
     settings = Settings(constants={"c": 0.2}, units={"c": "m"})
     result = coefficient_regression((flight,), "C_L", ("alpha", "q*c/2V", "delta"), "time", settings)
 """
@@ -167,11 +171,13 @@ def coefficient_regression(
     regressors: tuple[str, ...],
     domain: Domain = "time",
     settings: Settings | None = None,
+    responses: tuple[Experiment, ...] = (),
 ) -> CoefficientRegression:
     """Least squares of ``response`` on ``regressors`` (`terms`) over all ``experiments`` (Grauer Eq. 17 to 21).
 
     Samples without any of the signals are left out in the time domain; in the frequency domain short gaps are
-    interpolated. Linearly dependent regressors are withheld, the others keep their numbers.
+    interpolated. Linearly dependent regressors are withheld, the others keep their numbers. The regressors of
+    the ``responses`` to the input alone, one for each experiment and as long, are instruments.
 
     Raises:
         InputError: unknown names, unequal sampling intervals, long gaps, frequencies that the record cannot have.
@@ -181,11 +187,17 @@ def coefficient_regression(
     lengths = tuple(len(record.used) for record in design.records)
     if domain == "frequency":
         design = bridged(design, settings.longest_gap)
-    return solve(design, domain, settings, lengths)
+    instruments = settings.design(responses, response, regressors) if responses else None
+    return solve(design, domain, settings, lengths, instruments)
 
 
-def solve(design: Design, domain: Domain, settings: Settings, lengths: tuple[int, ...]) -> CoefficientRegression:
-    """The regression of a ``design`` whose experiments have ``lengths`` samples."""
+def solve(
+    design: Design, domain: Domain, settings: Settings, lengths: tuple[int, ...], instruments: Design | None = None
+) -> CoefficientRegression:
+    """The regression of a ``design`` whose experiments have ``lengths`` samples.
+
+    Optional ``instruments`` have records as long as the design's.
+    """
     if not design.samples:
         return _failed(design, domain, Finding("no_common_sample", "withheld", details={"response": design.response}))
     values = np.concatenate([record.response[record.used > 0] for record in design.records])
@@ -204,8 +216,13 @@ def solve(design: Design, domain: Domain, settings: Settings, lengths: tuple[int
     solved = wanted if retained == design.names else equations(design.taking(retained), domain, settings)
     if not solved.names:
         return _failed(design, domain, withheld[0])
+    blocks = solved.blocks
+    if instruments is not None:
+        band = settings._replace(frequencies=solved.frequencies)
+        others = equations(instruments.taking(retained), domain, band).blocks
+        blocks = tuple(b._replace(instruments=o.instruments) for b, o in zip(blocks, others, strict=True))
     try:
-        fit = regress_records(solved.blocks, "white" if settings.steady else settings.covariance)
+        fit = regress_records(blocks, "white" if settings.steady else settings.covariance)
     except np.linalg.LinAlgError:
         return _failed(design, domain, Finding("singular_regression", "withheld"))
     units, lost = design.parameter_units, {one.subject for one in withheld}

@@ -27,7 +27,13 @@ from logs.identification.data.maneuvers import (
 )
 from logs.identification.data.resampling import behind
 from logs.identification.diagnostics.agreement import agreement
-from logs.identification.estimators.closed_loop import EFFECTIVENESS, ClosedLoop, control_effectiveness
+from logs.identification.estimators.closed_loop import (
+    EFFECTIVENESS,
+    INSTRUMENTS,
+    MEMORY,
+    ClosedLoop,
+    control_effectiveness,
+)
 from logs.identification.estimators.engine.problem import Fit, Nuisances, Parameter, Problem
 from logs.identification.estimators.equation_error import Settings, coefficient_regression
 from logs.identification.estimators.filter_error import Filtered, filter_error_search
@@ -35,6 +41,7 @@ from logs.identification.estimators.modal import Records, records_of
 from logs.identification.estimators.nonparametric import modes_of_records
 from logs.identification.estimators.output_error import Search, fitted_series, output_error, predicted
 from logs.identification.estimators.registry import ESTIMATORS, Request
+from logs.identification.estimators.regressors import without
 from logs.identification.findings import Entry, Finding, note, register
 from logs.identification.models.actuators import Actuated, Actuator
 from logs.identification.models.modes import SHORT_PERIOD, Mode, ModesResult, mode_of_result, mode_of_system, nothing
@@ -55,8 +62,8 @@ DRIFT_ORDER = 2
 
 
 IN_TURBULENCE = "not compared: only filter error models the turbulence, the other methods are biased by it"
-GUSTY_STATES = ("u", "w", "q")
-"""-; airspeeds, to whose rates gusts add nearly white noise"""
+STATES = ("u", "w", "q")
+"""-; airspeeds, to whose rates gusts add nearly white noise, instrumented in equation error"""
 LIFT_SLOPE = 3.0
 """1/rad; change of the lift over the lift"""
 TURBULENT = 0.85
@@ -152,9 +159,13 @@ class Regression(NamedTuple):
     failure: str = ""
 
 
-def equation_error(flight: FlightProblem, lag: float) -> Regression:
-    """Each equation of motion as a complex regression (Grauer Eq. 20, 21; Klein & Morelli, 2006, ch. 7)."""
+def equation_error(flight: FlightProblem, lag: float, *, two_stage: bool = True) -> Regression:
+    """Each equation of motion as a complex regression (Grauer Eq. 20, 21; Klein & Morelli, 2006, ch. 7).
+
+    Disturbances of the stroke averages move the states, so that least squares in one stage is biased.
+    """
     experiments = tuple(with_speeds(one, flight.reference, flight.aircraft, lag) for one in flight.maneuvers)
+    responses = _responses(experiments) if two_stage else ()
     length = max(one.time[-1] - one.time[0] for one in experiments)
     period = float(np.mean([one.period for one in flight.maneuvers]))
     frequencies = np.arange(1, max(int(HIGHEST / period * length), 2) + 1) / length
@@ -169,7 +180,7 @@ def equation_error(flight: FlightProblem, lag: float) -> Regression:
         if not chosen:
             continue
         regressors = tuple(name[2:] for name in chosen)
-        fit = coefficient_regression(experiments, response, regressors, "frequency", settings)
+        fit = coefficient_regression(experiments, response, regressors, "frequency", settings, responses)
         if fit.failure or fit.withheld:
             why = fit.failure or f"{fit.withheld[0].subject} {fit.withheld[0].text}"
             return Regression(flight.names, np.zeros(0), np.zeros((0, 0)), 1.0, (), f"{response}: {why}")
@@ -187,6 +198,26 @@ def equation_error(flight: FlightProblem, lag: float) -> Regression:
         covariance[at : at + len(block), at : at + len(block)] = block
         at += len(block)
     return Regression(tuple(names), np.array(values), covariance, degrees, tuple(series))
+
+
+def _responses(experiments: tuple[Experiment, ...]) -> tuple[Experiment, ...]:
+    """The ``experiments`` with the part of u, w and q that follows from the tail's angle: the first stage.
+
+    They are regressed on the angle behind low-pass filters in series.
+    """
+    inputs, drifts = [], [np.vander(np.linspace(-1, 1, len(one.time)), DRIFT_ORDER + 1) for one in experiments]
+    for one in experiments:
+        columns = [one.signals["delta"]]
+        for _ in range(INSTRUMENTS - 1):
+            columns.append(behind(columns[-1], one.step, 0.0, MEMORY, zoh=False))
+        inputs.append(np.column_stack(columns))
+    states = [np.column_stack([one.signals[name] for name in STATES]) for one in experiments]
+    x, y = (np.vstack([without(*pair) for pair in zip(drifts, each, strict=True)]) for each in (inputs, states))
+    gains = np.linalg.lstsq(x, y, rcond=None)[0]
+    return tuple(
+        one._replace(signals=dict(one.signals) | dict(zip(STATES, (columns @ gains).T, strict=True)))
+        for one, columns in zip(experiments, inputs, strict=True)
+    )
 
 
 def with_speeds(maneuver: Maneuver, reference: Reference, aircraft: Aircraft, lag: float) -> Experiment:
@@ -241,10 +272,12 @@ class Fits(NamedTuple):
 
 
 def first_problem(flight: FlightProblem) -> tuple[Regression, Problem]:
-    """Equation error, and the maximum-likelihood problem that starts from it."""
-    lag = flight.aircraft.tail_time_constant
-    regression = equation_error(flight, FIRST_LAG if lag is None else lag)
-    known = {} if regression.failure else dict(zip(regression.names, regression.values.tolist(), strict=True))
+    """Equation error, and the maximum-likelihood problem that starts from least squares."""
+    known_lag = flight.aircraft.tail_time_constant
+    lag = FIRST_LAG if known_lag is None else known_lag
+    # Least squares is biased but has the least variance: few or short maneuvers have good start values too.
+    regression, start = equation_error(flight, lag), equation_error(flight, lag, two_stage=False)
+    known = {} if start.failure else dict(zip(start.names, start.values.tolist(), strict=True))
     return regression, flight.problem(typical(flight) | known)
 
 
@@ -268,9 +301,7 @@ def _filtered(flight: FlightProblem, problem: Problem, before: Fit | None) -> Fi
     """Filter error of one stroke average a stroke; the problem's start values if ``before`` is None."""
     step, period = flight.maneuvers[0].experiment.step, float(np.mean([one.period for one in flight.maneuvers]))
     every = max(round(period / step), 1)
-    return filter_error_search(
-        problem, GUSTY_STATES, every=every, averaged=True, before=before, start_here=before is None
-    )
+    return filter_error_search(problem, STATES, every=every, averaged=True, before=before, start_here=before is None)
 
 
 def typical(flight: FlightProblem) -> dict[str, float]:

@@ -6,7 +6,16 @@ import math
 
 import numpy as np
 import pytest
-from linear_ornithopter import AIRCRAFT, REFERENCE, TRUTH, Flight, by_output_error, fly, model_of
+from linear_ornithopter import (
+    AIRCRAFT,
+    REFERENCE,
+    TRUTH,
+    Flight,
+    by_output_error,
+    flight_problem,
+    fly,
+    model_of,
+)
 
 from logs.identification.data.flight import Aircraft, FlightData
 from logs.identification.data.maneuvers import find_maneuvers, reference_of
@@ -14,7 +23,9 @@ from logs.identification.estimators.flight_modes import (
     EQUATION_ERROR,
     FILTER_ERROR,
     OUTPUT_ERROR,
+    equation_error,
     identify_modes,
+    mode_of,
     with_speeds,
 )
 from logs.identification.models.modes import ModesResult, short_period_of
@@ -203,6 +214,22 @@ def test_calm_flight_has_no_finding_and_all_methods_agree() -> None:
     given = {mode.method: mode for mode in result.modes if mode.frequency is not None}
     assert {OUTPUT_ERROR, EQUATION_ERROR, FILTER_ERROR} <= set(given)
     assert result.results[2].value("M_w") == pytest.approx(TRUTH["M_w"], rel=0.1)
+
+
+@pytest.mark.parametrize("flight", [Flight(modulation=0.9), Flight(gust=0.2)], ids=["stroke", "gusts"])
+def test_disturbances_that_move_the_states_do_not_bias_equation_error(flight: Flight) -> None:
+    """GIVEN derivatives that swing with the stroke, or gusts THEN the intervals hold the short period.
+
+    Least squares misses the damping of all six flights, or the frequency of four.
+    """
+    covered = np.zeros(2)
+    for seed in range(6):
+        problem = flight_problem(fly(flight._replace(seed=seed)))
+        mode = mode_of(EQUATION_ERROR, problem, equation_error(problem, AIRCRAFT.tail_time_constant or 0.0))
+        assert mode.frequency is not None and mode.damping is not None
+        truth = true_mode(flight)
+        covered += [mode.frequency.contains(truth[0]), mode.damping.contains(truth[1])]
+    assert np.all(covered >= 5)
 
 
 def test_large_motion_is_a_finding() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from logs.identification.data.experiment import Experiment
 from logs.identification.data.resampling import in_band, transform
@@ -210,3 +211,28 @@ def test_a_held_out_manoeuvre_is_predicted() -> None:
     gap = other.signals["alpha"].copy()
     gap[7] = np.nan
     assert np.isnan(predict(result, with_signals(other, alpha=gap))[7])
+
+
+@pytest.mark.parametrize("domain", ["time", "frequency"])
+def test_instruments_from_the_input_remove_the_bias_of_disturbances(domain: str) -> None:
+    """x' = -3 x + 2 u + d with a colored d that moves x: correlated with x, not with its response to u."""
+    step, seconds = 0.02, 60.0
+    time = np.arange(0.0, seconds, step)
+    u = np.sign(np.sin(2.0 * np.pi * 0.35 * time + np.sin(time)))
+    d = lfilter([1.0], [1.0, -0.9], np.random.default_rng(4).normal(size=len(time)))
+
+    def recorded(disturbance: np.ndarray) -> Experiment:
+        x_dot, x = np.zeros(len(time)), np.zeros(len(time))
+        for k in range(len(time)):
+            x_dot[k] = -3.0 * x[k] + 2.0 * u[k] + disturbance[k]
+            x[k + 1 :] = x[k] + step * x_dot[k]
+        units = {"x": "m", "x_dot": "m/s", "u": "m/s"}
+        return Experiment("flight", time, {"x": x, "x_dot": x_dot, "u": u}, units)
+
+    flight, response = recorded(d), recorded(np.zeros(len(time)))
+    least, instrumental = (
+        by_name(coefficient_regression((flight,), "x_dot", ("x", "u"), domain, responses=instruments))
+        for instruments in ((), (response,))
+    )
+    assert not least["x"].contains(-3.0) and least["x"].value > -2.5
+    assert instrumental["x"].contains(-3.0) and instrumental["u"].contains(2.0)
