@@ -94,6 +94,7 @@ def test_intervals_of_many() -> None:
     promise_kept("an IMU by a GPS's velocities", coverage(SEEDS, STANDARD))
 
 
+@pytest.mark.validate
 def test_the_attitude_that_was_told_has_no_part_in_it() -> None:
     """GIVEN an attitude that is 2 deg off and drifts THEN the errors are those beside a faultless one."""
     right, wrong = (aided_fit(measured_flight(STANDARD._replace(seed=7), tilt).flight) for tilt in (0.0, 0.04))
@@ -102,6 +103,7 @@ def test_the_attitude_that_was_told_has_no_part_in_it() -> None:
     np.testing.assert_allclose(wrong.errors / errors, right.errors / errors, atol=0.25)
 
 
+@pytest.mark.validate
 def test_without_noise_the_offsets_are_exact_to_what_scales_may_be() -> None:
     made = measured_flight(STANDARD._replace(noise=0.0, input_noise=0.0), scatter=0.0)
     fit = aided_fit(made.flight)
@@ -123,6 +125,7 @@ def test_the_path_is_that_of_the_truth() -> None:
     assert fit.levels.fixes == pytest.approx(FIX_NOISE, rel=0.15)
 
 
+@pytest.mark.validate
 def test_straight_flight_hardly_tells_the_yaw_gyro() -> None:
     """GIVEN next to no turns and accelerations THEN its interval is wider, and holds."""
     still = measured_flight(STANDARD._replace(seed=5, activity=0.02))

@@ -24,6 +24,7 @@ from foreign_logs import ulog
 AIRCRAFT = Aircraft(tail_time_constant=0.0)
 
 
+@pytest.mark.validate
 def test_a_strong_instrument_covers_the_truth() -> None:
     """GIVEN closed loops in gusts with doublets of 6 degrees WHEN estimated THEN 95 % intervals hold the truth."""
     covered = []

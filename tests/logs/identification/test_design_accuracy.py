@@ -83,6 +83,7 @@ def drawn(seed: int) -> Achieved | None:
     return Achieved((ratios[0][0], ratios[1][0]), (ratios[0][1], ratios[1][1]))
 
 
+@pytest.mark.validate
 def test_a_designed_flight_has_the_predicted_errors() -> None:
     """GIVEN five drawn aircraft WHEN the design from a flight is flown THEN errors are within half of predicted."""
     achieved = [one for seed in (3, 4, 8, 9, 13) if (one := drawn(seed)) is not None]

@@ -20,6 +20,7 @@ def identified(flight: Flight) -> Mode:
     return equivalent_system(flight_records(fly(flight)))
 
 
+@pytest.mark.validate
 def test_stroke_averages_give_the_short_period() -> None:
     """GIVEN flights of the linear ornithopter THEN frequency and damping are inside nearly all intervals."""
     hits = []

@@ -291,6 +291,7 @@ def test_readme_example_works_on_a_flight() -> None:
         identify_modes(fly(Flight(seed=1)), AIRCRAFT, method="decrement")
 
 
+@pytest.mark.validate
 def test_a_flight_by_one_method_has_the_numbers_of_all_together() -> None:
     flight = fly(Flight(seed=1))
     every = {one.method: one.frequency for one in identify_modes(flight, AIRCRAFT).modes}

@@ -57,6 +57,7 @@ def problem_of(*experiments: Experiment) -> Problem:
     )
 
 
+@pytest.mark.validate
 def test_filter_error_in_turbulence_covers_the_truth() -> None:
     """GIVEN records in turbulence, one with gaps WHEN fitted THEN intervals cover, narrower than output error's."""
     hits, ratios = 0, []

@@ -147,7 +147,15 @@ def test_an_airspeed_in_another_unit_is_incompatible(factor: float) -> None:
     assert "incompatible_signals" not in codes(reconstructed(flight))
 
 
-@pytest.mark.parametrize(("seed", "step", "duration"), [(0, 0.04, 15), (0, 0.04, 60), (1, 0.04, 60), (3, 0.02, 60)])
+@pytest.mark.parametrize(
+    ("seed", "step", "duration"),
+    [
+        (0, 0.04, 15),
+        pytest.param(0, 0.04, 60, marks=pytest.mark.validate),
+        pytest.param(1, 0.04, 60, marks=pytest.mark.validate),
+        pytest.param(3, 0.02, 60, marks=pytest.mark.validate),
+    ],
+)
 def test_a_vane_of_the_wrong_sign_is_incompatible(seed: int, step: float, duration: float) -> None:
     """GIVEN up to a minute, over which integrated noise of the inputs adds to the residuals."""
     flight = Flight(seed=seed, duration=duration, step=step)
@@ -156,7 +164,15 @@ def test_a_vane_of_the_wrong_sign_is_incompatible(seed: int, step: float, durati
     assert codes(path)["at_bound"] == {"scale_beta"}
 
 
-@pytest.mark.parametrize(("duration", "step"), [(15, 0.02), (60, 0.02), (60, 0.04), (120, 0.04)])
+@pytest.mark.parametrize(
+    ("duration", "step"),
+    [
+        (15, 0.02),
+        pytest.param(60, 0.02, marks=pytest.mark.validate),
+        pytest.param(60, 0.04, marks=pytest.mark.validate),
+        pytest.param(120, 0.04, marks=pytest.mark.validate),
+    ],
+)
 def test_consistent_records_of_any_length_have_no_warnings(duration: float, step: float) -> None:
     path = reconstructed(Flight(seed=5, duration=duration, step=step))
     assert not path.result.warnings
@@ -226,7 +242,7 @@ def coverage(seeds: range, flight: Flight, channels: tuple[str, ...]) -> dict[st
     return {name: float(np.mean(inside)) for name, inside in hits.items()}
 
 
-@pytest.mark.parametrize("colour", [0.0, 0.9])
+@pytest.mark.parametrize("colour", [0.0, pytest.param(0.9, marks=pytest.mark.validate)])
 def test_intervals_contain_the_truth(colour: float) -> None:
     shares = coverage(range(6), Flight(longitudinal=True, colour=colour), LONGITUDINAL)
     assert np.mean(list(shares.values())) >= 0.8

@@ -126,7 +126,13 @@ def test_an_input_late_by_a_part_of_a_sample_leaves_no_derivative_off(
         assert one.value == pytest.approx(truth[one.name], rel=1e-5), one.name
 
 
-@pytest.mark.parametrize(("truth", "rate", "late"), [(JET, 10.0, 0.3), (MODEL, 50.0, 0.8)])
+@pytest.mark.parametrize(
+    ("truth", "rate", "late"),
+    [
+        pytest.param(JET, 10.0, 0.3, marks=pytest.mark.validate),
+        pytest.param(MODEL, 50.0, 0.8, marks=pytest.mark.validate),
+    ],
+)
 def test_the_intervals_of_late_held_inputs_hold_the_truth(truth: dict[str, float], rate: float, late: float) -> None:
     """Forty records with noise of 2 %: each derivative in 85 % of the intervals or more."""
     asked = EquationSettings(("delta",), {"Z_q": truth["Z_q"]}, AIRSPEED, 0.5, late / rate, zoh_inputs=("delta",))

@@ -248,8 +248,8 @@ def test_a_damaged_topic_is_not_called_missing(motion: RecordedTopics, what: str
 @pytest.mark.parametrize(
     ("absent", "notes"),
     [
-        ((topics.EXCITATION,), ("manoeuvres",)),
-        ((topics.WING,), ("strokes",)),
+        pytest.param((topics.EXCITATION,), ("manoeuvres",), marks=pytest.mark.validate),
+        pytest.param((topics.WING,), ("strokes",), marks=pytest.mark.validate),
         ((topics.EXCITATION, topics.WING, topics.AIR_DATA), ("manoeuvres", "strokes", "airspeed")),
     ],
     ids=str,

@@ -105,6 +105,7 @@ def test_an_overdamped_mode_has_two_time_constants() -> None:
         assert constant.value == pytest.approx(truth, rel=0.2)
 
 
+@pytest.mark.validate
 def test_the_reference_condition_comes_from_the_flight() -> None:
     result = identify(Flight())
     assert result.manoeuvres == 6
@@ -148,6 +149,7 @@ def test_a_repeated_input_is_cut_into_pieces() -> None:
     assert len(find_maneuvers(joined)) == 4
 
 
+@pytest.mark.validate
 def test_nothing_is_printed_where_the_elevator_hardly_moved() -> None:
     result = identify(Flight(amplitude=1e-5, seed=2))
     for mode in result.modes:
@@ -242,6 +244,7 @@ def test_an_unknown_tail_lag_is_estimated_by_filter_error_too(of_unknown_lag: Mo
     assert lag == pytest.approx(0.04, abs=0.006)
 
 
+@pytest.mark.validate
 def test_a_lightly_damped_mode_is_found_by_every_method_that_its_records_allow() -> None:
     flight = Flight(seed=1, truth=TRUTH | {"M_q": -0.5, "Z_w": -1.0}, settle=2.5)
     result = identify(flight)

@@ -123,6 +123,7 @@ def both(result: ModesResult) -> tuple[Estimate, Estimate]:
     return frequency, damping
 
 
+@pytest.mark.validate
 def test_the_flight_of_the_model_is_identified_as_the_model(cycle: Cycle) -> None:
     """What was written is the truth of the second flight: inside the second flight's own intervals."""
     for written, found in zip(both(cycle.first), both(cycle.again), strict=True):

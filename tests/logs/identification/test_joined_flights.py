@@ -50,6 +50,7 @@ def test_the_manoeuvres_are_those_of_each_flight() -> None:
         assert one.airspeed == pytest.approx(other.airspeed, abs=1e-3)
 
 
+@pytest.mark.validate
 def test_one_fit_of_all_is_tighter_than_that_of_any() -> None:
     true, _ = short_period_of(model_of(Flight()).a)
     flights = tuple(fly(Flight(seed=seed)) for seed in (1, 2, 3))
@@ -100,6 +101,7 @@ def test_what_a_held_out_flight_holds_moves_no_number_and_is_predicted() -> None
     assert rates[1] > 2.0 * rates[0]
 
 
+@pytest.mark.validate
 def test_the_report_draws_a_whole_flight_and_says_so() -> None:
     """GIVEN flights of which none was asked to be held out: those of one are predicted by a second fit."""
     result = held_out(fly(Flight(seed=3)))

@@ -55,6 +55,7 @@ def test_a_method_without_a_model_is_an_error(tmp_path: Path) -> None:
         identified(tmp_path, flight(), BASE + 'model = "none"\nmethod = "filter_error"\n')
 
 
+@pytest.mark.validate
 def test_automatic_four_states_do_not_depend_on_the_vane_bias(tmp_path: Path) -> None:
     """GIVEN a vane that reads 0.15 rad more and no pitch angle THEN stability axes give the same derivatives."""
     columns = record(1, 30.0)
@@ -67,7 +68,10 @@ def test_automatic_four_states_do_not_depend_on_the_vane_bias(tmp_path: Path) ->
         assert other is not None and other.value == pytest.approx(one.value, abs=0.1 * one.standard_error)
 
 
-@pytest.mark.parametrize(("constants", "expected"), [("", True), ("alpha = 0.0\ntheta = 0.0\n", False)])
+@pytest.mark.parametrize(
+    ("constants", "expected"),
+    [("", True), pytest.param("alpha = 0.0\ntheta = 0.0\n", False, marks=pytest.mark.validate)],
+)
 def test_a_trim_angle_from_a_vane_has_a_finding(tmp_path: Path, constants: str, expected: bool) -> None:
     mapping = MAP.replace("V = 8.0\n", f"V = 8.0\n{constants}") + 'states = 4\nmethod = "output_error"\n'
     found = identified(tmp_path, record(1, 30.0), mapping)

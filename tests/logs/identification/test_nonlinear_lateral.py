@@ -44,6 +44,7 @@ def flight(seed: int) -> Experiment:
     return measured(f"flight {seed}", time, MODEL, clean + noise(seed, clean.shape, 0.03 * clean.std(axis=0)), inputs)
 
 
+@pytest.mark.validate
 def test_derivatives_are_those_of_newton_and_euler() -> None:
     """GIVEN any state THEN force and moment balance in body axes, with the whole inertia tensor."""
     rng, a = np.random.default_rng(1), AIRFRAME

@@ -204,6 +204,7 @@ def gusty_problem(seed: int) -> Problem:
     return Problem(LONGITUDINAL, (record,), parameters(LONGITUDINAL_TRUTH, 0.8), ("u", "alpha", "q", "theta"))
 
 
+@pytest.mark.validate
 def test_intervals_hold_in_gusts_whose_wander_is_as_slow_as_the_record() -> None:
     """A lag window of a tenth of the record alone held 80 % of these (X_u and X_alpha are seldom told)."""
     fits = [output_error(gusty_problem(seed)) for seed in range(40)]

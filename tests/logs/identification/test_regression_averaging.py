@@ -79,7 +79,7 @@ def test_moments_without_angular_acceleration_have_the_derivatives(
     assert held.theil < 0.03
 
 
-@pytest.mark.parametrize("response", ["C_m", "q_dot"])
+@pytest.mark.parametrize("response", ["C_m", pytest.param("q_dot", marks=pytest.mark.validate)])
 def test_noise_leaves_the_truth_inside(tmp_path: Path, response: str) -> None:
     columns = flight(50.0, noise=0.0)
     hits = []
@@ -105,7 +105,7 @@ def test_a_measured_acceleration_is_regressed_as_it_is(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("rate", [10.0, 20.0, 50.0])
-@pytest.mark.parametrize("actuator", [0.05, 0.15])
+@pytest.mark.parametrize("actuator", [0.05, pytest.param(0.15, marks=pytest.mark.validate)])
 def test_a_control_behind_an_actuator_leaves_the_truth_inside(tmp_path: Path, actuator: float, rate: float) -> None:
     """GIVEN little noise and an actuator that samples hardly show THEN the intervals know; M_q is up to 12 % off."""
     columns = flight(rate, noise=0.0, actuator=actuator)
@@ -118,7 +118,7 @@ def test_a_control_behind_an_actuator_leaves_the_truth_inside(tmp_path: Path, ac
         assert all(one.high - one.low < 0.06 * abs(one.value) for n, one in numbers(fit).items() if n != "intercept")
 
 
-@pytest.mark.parametrize("method", ["local_quadratic", "spline"])
+@pytest.mark.parametrize("method", ["local_quadratic", pytest.param("spline", marks=pytest.mark.validate)])
 def test_smoothing_before_differentiation_does_not_bias_silently(tmp_path: Path, method: str) -> None:
     """GIVEN a pitch rate smoothed in [prepare] THEN the truth is inside, or a finding names the derivative."""
     mapping = mapped("time", "q_dot").replace("[constants]", f'[prepare]\nsmooth = {{ q = "{method}" }}\n[constants]')

@@ -44,6 +44,7 @@ def coverage(flight: Flight, seeds: range) -> dict[str, dict[str, float]]:
     return {method: dict(zip(NAMES, np.mean(rows, axis=0).tolist(), strict=True)) for method, rows in hits.items()}
 
 
+@pytest.mark.validate
 def test_intervals_of_a_few_flights() -> None:
     found = coverage(Flight(), range(3))
     assert all(np.mean(list(shares.values())) >= 0.75 for shares in found.values()), found

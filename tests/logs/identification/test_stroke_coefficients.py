@@ -64,6 +64,7 @@ def test_exact_forces_give_the_exact_coefficients() -> None:
     assert by_stroke == pytest.approx(np.tile(TRUTH, (3, 1)))
 
 
+@pytest.mark.validate
 def test_intervals_cover_the_truth_as_often_as_they_promise() -> None:
     inside = [
         [one.contains(NAMED[one.name]) for one in stroke_coefficients(*simulated(seed))[0].estimates]

@@ -70,6 +70,7 @@ def test_the_trims_angles_are_those_measured_where_the_map_does_not_tell_them(tm
     assert "trim_assumed" not in codes(fit)
 
 
+@pytest.mark.validate
 def test_a_trim_that_nothing_tells_is_said(tmp_path: Path) -> None:
     """GIVEN neither alpha nor theta THEN N_beta is far off at 0.15 rad, and the fit says why."""
     lines = [one for one in LATERAL.splitlines() if not one.startswith(("alpha =", "theta ="))]

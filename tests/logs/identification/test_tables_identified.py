@@ -197,7 +197,14 @@ def test_degrees_and_g_give_what_radians_and_metres_give(tmp_path: Path) -> None
 
 
 @pytest.mark.filterwarnings("error")
-@pytest.mark.parametrize(("rate", "scale"), [(0.1, 250.0), (25.0, 1.0), (600.0, 0.5)])
+@pytest.mark.parametrize(
+    ("rate", "scale"),
+    [
+        pytest.param(0.1, 250.0, marks=pytest.mark.validate),
+        (25.0, 1.0),
+        pytest.param(600.0, 0.5, marks=pytest.mark.validate),
+    ],
+)
 def test_from_a_tenth_of_a_hertz_to_six_hundred(tmp_path: Path, rate: float, scale: float) -> None:
     assert_truth(identified(tmp_path, flight(rate, scale=scale)).fits[0], scale)
 
@@ -263,7 +270,7 @@ def test_an_input_a_little_early_is_named_where_output_error_finds_another_mode(
     assert {"time_skew", "input_delay"} & codes(result)
 
 
-@pytest.mark.parametrize("late", [-0.47, 0.13])
+@pytest.mark.parametrize("late", [pytest.param(-0.47, marks=pytest.mark.validate), 0.13])
 def test_a_free_delay_is_found_from_where_the_equations_fit_best(tmp_path: Path, late: float) -> None:
     """GIVEN an aircraft four times as quick, whose elevator was recorded late or early THEN every method that gives a
     number has its mode."""
@@ -290,7 +297,7 @@ def test_rolling_moments_need_no_inertia_of_pitch_where_no_pitch_rate_was_measur
         MADE_OF["C_l"][1](Source(pitching, {"I_x": 2.0, "S": 0.5, "b": 1.5}, "C_l"))
 
 
-@pytest.mark.parametrize("late", [-0.32, 0.32])
+@pytest.mark.parametrize("late", [pytest.param(-0.32, marks=pytest.mark.validate), 0.32])
 def test_an_input_of_another_clock_is_named_and_its_delay_found(tmp_path: Path, late: float) -> None:
     """GIVEN an input that was recorded a third of a second off THEN output error begins at the delay result without
     it; without ``delay`` what it cannot follow is explained."""

@@ -24,7 +24,9 @@ def methods(folder: Path, mapping: str, capsys: pytest.CaptureFixture[str], **si
     return {one["method"]: one for one in json.loads(capsys.readouterr().out)["modes"]["methods"]}
 
 
-@pytest.mark.parametrize("force", [True, False])
+@pytest.mark.parametrize(
+    "force", [pytest.param(True, marks=pytest.mark.validate), pytest.param(False, marks=pytest.mark.validate)]
+)
 def test_equation_error_in_the_frequency_domain_has_the_truth(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], force: bool
 ) -> None:
@@ -78,7 +80,7 @@ def test_ramps_of_few_samples_are_named(tmp_path: Path, rate: float, expected: b
     assert ("sampling" in codes(identified(tmp_path, columns, BASE).fits[0])) is expected
 
 
-@pytest.mark.parametrize(("rate", "expected"), [(2.5, False), (10.0, True)])
+@pytest.mark.parametrize(("rate", "expected"), [pytest.param(2.5, False, marks=pytest.mark.validate), (10.0, True)])
 def test_a_mode_that_turns_far_between_samples_of_an_unseen_input_is_not_told(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], rate: float, expected: bool
 ) -> None:

@@ -56,7 +56,7 @@ def test_a_channel_that_is_late_is_named(tmp_path: Path) -> None:
     assert note.value == pytest.approx(0.12, rel=0.25)
 
 
-@pytest.mark.parametrize("place", [12.0, -12.0])
+@pytest.mark.parametrize("place", [12.0, pytest.param(-12.0, marks=pytest.mark.validate)])
 def test_a_vane_off_the_centre_is_found_with_its_place(tmp_path: Path, place: float) -> None:
     """Of an airspeed of 100 m/s; the specific force contradicts it."""
 
@@ -68,7 +68,7 @@ def test_a_vane_off_the_centre_is_found_with_its_place(tmp_path: Path, place: fl
     assert note.value == pytest.approx(place, rel=0.3)
 
 
-@pytest.mark.parametrize("kind", ["white", "slow"])
+@pytest.mark.parametrize("kind", ["white", pytest.param("slow", marks=pytest.mark.validate)])
 def test_noise_of_any_colour_is_none_of_these(tmp_path: Path, kind: str) -> None:
     for seed in range(3):
 

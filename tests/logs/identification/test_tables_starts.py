@@ -52,6 +52,7 @@ def test_rates_that_every_fifth_row_lacks_and_a_vane_that_drops_out(tmp_path: Pa
     assert np.mean(coverage(tmp_path, tables, ("beta", "p", "r", "phi", "a_y"))) >= 0.85
 
 
+@pytest.mark.validate
 def test_noise_that_hides_the_motion_from_sample_to_sample(tmp_path: Path) -> None:
     """Slopes over 0.1 s are noise; the start that they gave led a fit of the four to a model of next to nothing."""
     tables = [columns(seed, 3.0) for seed in range(4)]

@@ -48,7 +48,7 @@ def test_time_since_1970_gives_what_time_from_zero_gives(tmp_path: Path) -> None
     assert [one.frequency is None for one in plain.modes.modes] == [one.frequency is None for one in late.modes.modes]
 
 
-@pytest.mark.parametrize("coarse", [0.1, 1.0])
+@pytest.mark.parametrize("coarse", [pytest.param(0.1, marks=pytest.mark.validate), 1.0])
 def test_stamps_that_rows_share_lie_evenly_between(tmp_path: Path, coarse: float) -> None:
     columns = flight(50.0)
     found = identified(tmp_path, columns | {"t": np.floor(columns["t"] / coarse + 1e-9) * coarse})
@@ -228,6 +228,7 @@ def test_a_record_with_the_speed_in_it_holds_a_phugoid_as_well() -> None:
         assert mode.phugoid is not None or PHUGOID in {lost.subject for lost in mode.withheld}, mode.method
 
 
+@pytest.mark.validate
 def test_an_input_of_two_levels_is_no_gap(tmp_path: Path) -> None:
     """GIVEN counts of which the upper is what other loggers write for nothing THEN the input is what it says."""
     columns = flight()
