@@ -471,7 +471,7 @@ def stopped_at(number: int, names: set[str], call: Callable[[], None]) -> bool:
     return stopped
 
 
-@pytest.mark.parametrize("writing", [AT_ONCE, Writing(10**7)])
+@pytest.mark.parametrize("writing", [AT_ONCE, pytest.param(Writing(10**7), marks=pytest.mark.validate)])
 def test_ctrl_c_in_a_chunk_leaves_it_whole(tmp_path: Path, writing: Writing) -> None:
     """GIVEN an open chunk, an attachment and a note WHEN Ctrl-C comes before any line that closes or writes one of
     them THEN it is raised, the file is intact and every message is in it once."""

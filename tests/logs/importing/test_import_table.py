@@ -195,8 +195,10 @@ def flight_as_table(folder: Path, mapping: str, flight: Flight) -> Path:
     ("mapping", "doublets", "notes"),
     [
         (FLIGHT_MAPPING, 2, []),
-        (without("/guidance/excitation"), 4, ["manoeuvres"]),
-        (without("/guidance/excitation", "/main/wing"), 4, ["manoeuvres", "strokes"]),
+        pytest.param(without("/guidance/excitation"), 4, ["manoeuvres"], marks=pytest.mark.validate),
+        pytest.param(
+            without("/guidance/excitation", "/main/wing"), 4, ["manoeuvres", "strokes"], marks=pytest.mark.validate
+        ),
     ],
     ids=["whole", "without excitation", "without excitation and wing"],
 )
