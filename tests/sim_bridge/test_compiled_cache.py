@@ -91,6 +91,7 @@ def test_only_kernels_that_import_a_changed_file_are_compiled_again(tmp_path: Pa
     assert checkout.states("caller") == 1 and checkout.states("callee") == 1
 
 
+@pytest.mark.validate
 def test_kernel_of_a_removed_class_is_compiled_again(tmp_path: Path) -> None:
     """GIVEN a kernel in the cache for a named tuple WHEN its class has another name THEN it is compiled again."""
     checkout = Checkout(tmp_path)
@@ -106,6 +107,7 @@ def test_kernel_of_a_removed_class_is_compiled_again(tmp_path: Path) -> None:
         assert checkout.output(program) == "2.0\n"
 
 
+@pytest.mark.validate
 def test_kernels_of_files_that_are_gone_are_removed(tmp_path: Path) -> None:
     checkout = Checkout(tmp_path)
     checkout.run("alone")
@@ -157,6 +159,7 @@ def test_cached_kernel_loads_without_the_compiler_and_others_compile(tmp_path: P
     assert second == ["6.0", "0", "False", "11.0"]
 
 
+@pytest.mark.validate
 def test_a_function_with_two_sets_of_options_has_two_entries(tmp_path: Path) -> None:
     """GIVEN a function of a file that imports nothing, WHEN two kernels are made of it, THEN each loads its own."""
     checkout = Checkout(tmp_path)
@@ -182,6 +185,7 @@ def test_a_change_of_the_decorators_recompiles_a_file_that_does_not_import_them(
     assert checkout.output(program) == "2.0 1\n"
 
 
+@pytest.mark.validate
 def test_an_error_of_rebuilding_a_kernel_is_not_taken_for_a_removed_class(tmp_path: Path) -> None:
     checkout = Checkout(tmp_path)
     assert checkout.run("alone") == (6.0, 1)

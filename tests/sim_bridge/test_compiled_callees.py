@@ -95,6 +95,7 @@ def test_the_cache_has_both_forms(tmp_path: Path) -> None:
     assert compiled("inner(4.0)") == []
 
 
+@pytest.mark.validate
 def test_a_pickled_kernel_works_in_another_process(tmp_path: Path) -> None:
     """GIVEN a pickled kernel, WHEN another process calls it, THEN it and its callee come from the cache."""
     (tmp_path / "kernels_of_a_test.py").write_text(KERNELS)

@@ -45,7 +45,10 @@ def check(switch: str, *arguments: str | int) -> None:
     np.testing.assert_allclose(last_state_with(switch, *arguments), expected, rtol=1e-8, atol=1e-10)
 
 
-@pytest.mark.parametrize(("name", "model"), [("robo_raven_ii_d", "strip_theory"), ("slow_hawk", "regression")])
+@pytest.mark.parametrize(
+    ("name", "model"),
+    [("robo_raven_ii_d", "strip_theory"), pytest.param("slow_hawk", "regression", marks=pytest.mark.validate)],
+)
 def test_kernels_run_as_python_functions_with_the_same_result(name: str, model: str) -> None:
     check("NUMBA_DISABLE_JIT", name, model)
 
@@ -57,7 +60,9 @@ def test_every_mode_gives_the_same_result(switch: str, model: str) -> None:
     check(switch, "robo_raven_ii_d", model, 4)
 
 
-@pytest.mark.parametrize("switch", ["NUMBA_DISABLE_JIT", "WINGBEAT_PLAIN_NUMBA"])
+@pytest.mark.parametrize(
+    "switch", ["NUMBA_DISABLE_JIT", pytest.param("WINGBEAT_PLAIN_NUMBA", marks=pytest.mark.validate)]
+)
 def test_a_switch_leaves_numba_as_it_is(switch: str) -> None:
     code = (
         "from numba.core.codegen import CPUCodeLibrary as library; from numba.core.compiler import Flags; "
@@ -70,7 +75,9 @@ def test_a_switch_leaves_numba_as_it_is(switch: str) -> None:
     assert answer.returncode == 0, answer.stderr
 
 
-@pytest.mark.parametrize("part", ["registry.CPUDispatcher", "caching.CompileResultCacheImpl"])
+@pytest.mark.parametrize(
+    "part", ["registry.CPUDispatcher", pytest.param("caching.CompileResultCacheImpl", marks=pytest.mark.validate)]
+)
 def test_kernels_use_public_numba_alone_where_a_private_part_is_missing(part: str) -> None:
     """GIVEN a numba without a part, WHEN a kernel is made, THEN a warning names the part and the kernel works."""
     module, _, name = part.partition(".")

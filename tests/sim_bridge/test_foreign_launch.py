@@ -178,7 +178,7 @@ def test_arduplanes_detection_starts_the_wings(
     check_takeoff(flight, detection.detected_at)
 
 
-@pytest.mark.parametrize("of_magnitude", [False, True])
+@pytest.mark.parametrize("of_magnitude", [pytest.param(False, marks=pytest.mark.validate), True])
 def test_px4s_detection_starts_the_wings(of_magnitude: bool) -> None:
     """By the specific force along x, as of older versions, and by its magnitude."""
     flight, detection = fly_px4(of_magnitude)
@@ -204,6 +204,7 @@ def test_the_specific_force_of_the_throw_adds_up_to_the_launch_speed(
     assert math.hypot(*throw[-1]["velocity"]) == pytest.approx(vehicle.launch.speed, rel=0.05)
 
 
+@pytest.mark.validate
 def test_a_launch_on_throttle_and_a_detection_wait_for_each_other() -> None:
     flight, detection, _ = fly_arduplane(Launch.THROTTLE)
     assert detection.detected_at == flight.launched_at == flight.flapping_from == math.inf

@@ -106,6 +106,7 @@ def test_the_recording_has_estimates_beside_the_truth(recording: Path, capsys: p
         assert np.std(np.asarray(altitude["altitude"]) - height) < 0.6  # zero is the height of the launch
 
 
+@pytest.mark.validate
 def test_the_recording_identifies(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Torque constants and the short period are within their intervals; the maneuvers are found by the elevator.
 

@@ -91,6 +91,7 @@ def test_every_row_is_a_comparison_that_says_so() -> None:
         assert row.outcome == COMPARED and row.limit is None and "leading-edge vortex" in row.why
 
 
+@pytest.mark.validate
 def test_a_variant_is_another_lattice_or_wake_of_the_same_stroke(monkeypatch: pytest.MonkeyPatch) -> None:
     """The quickest one of each kind; the plain one differs from itself by nothing."""
     coarse, short = VARIANTS[0], next(one for one in VARIANTS if one.kept == 0.5)

@@ -109,6 +109,7 @@ def test_tune_designs_for_the_control_law_that_flies() -> None:
     np.testing.assert_allclose(weighted, filtered, rtol=1e-9)
 
 
+@pytest.mark.validate
 def test_a_slower_pitch_law_needs_less_of_the_pitch_in_the_climb_loop() -> None:
     """GIVEN I-PD and the answer of the pitch to climb errors that suits PID THEN tune says what to change."""
     name = VEHICLES[0]
