@@ -39,7 +39,7 @@ def change(time: float, airspeed: float) -> Command:
 @pytest.mark.parametrize(
     ("vehicle", "fraction"),
     [
-        (RAVEN, 1.0),
+        pytest.param(RAVEN, 1.0, marks=pytest.mark.validate),
         *(pytest.param(RAVEN, each, marks=pytest.mark.validate) for each in (0.0, 0.5)),
         *(pytest.param(ARIZONA, each, marks=pytest.mark.validate) for each in (0.0, 0.5, 1.0)),
     ],

@@ -223,6 +223,7 @@ def test_what_is_promised_for_a_failure_is_kept(name: str) -> None:
 OTHER_PHASES = [(name, phase) for name, promise in PROMISES.items() for phase in promise.phases if phase != LEVEL]
 
 
+@pytest.mark.validate
 @pytest.mark.parametrize(("name", "phase"), OTHER_PHASES)
 def test_promise_holds_in_other_phases(name: str, phase: str) -> None:
     flight, promise, at = failed(RAVEN, name, phase), PROMISES[name], PHASES[phase]

@@ -52,7 +52,7 @@ def nearest_home(flight: Flight) -> float:
     [
         pytest.param(0, (0.0, 0.0), True, marks=pytest.mark.validate),
         pytest.param(1, PLACE, True, marks=pytest.mark.validate),
-        (2, PLACE, False),
+        pytest.param(2, PLACE, False, marks=pytest.mark.validate),
     ],
 )
 def test_return_lands_as_its_type_says(return_type: int, place: tuple[float, float], over_home: bool) -> None:

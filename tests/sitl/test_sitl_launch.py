@@ -51,7 +51,7 @@ def launch_delay(vehicle: str, beating: bool, seed: int) -> float:
 
 
 @pytest.mark.parametrize("vehicle", [RAVEN, ARIZONA])
-@pytest.mark.parametrize("beating", [False, True])
+@pytest.mark.parametrize("beating", [pytest.param(False, marks=pytest.mark.validate), True])
 def test_throws_are_detected_with_vibration(vehicle: str, beating: bool) -> None:
     for seed in (1, 2):
         assert 0.0 <= launch_delay(vehicle, beating, seed) < 1.0
@@ -66,7 +66,7 @@ def test_fifty_throws_are_detected_with_vibration(vehicle: str, beating: bool) -
 
 
 @pytest.mark.parametrize("kind", CARRIED)
-@pytest.mark.parametrize("beating", [False, True])
+@pytest.mark.parametrize("beating", [pytest.param(False, marks=pytest.mark.validate), True])
 def test_being_carried_is_no_launch(kind: str, beating: bool) -> None:
     carried = carry(RAVEN, CARRIED[kind](1, 20.0), 1, beating)
     assert "armed" in carried.events and carried.stage == Stage.WAIT_LAUNCH

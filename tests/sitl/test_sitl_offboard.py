@@ -73,6 +73,7 @@ def course_flight(vehicle: str) -> Flight:
     return simulate(vehicle, Scenario(seed=3, duration=55.0), MISSION, [*begin, change])
 
 
+@pytest.mark.validate
 @VEHICLES
 def test_offboard_position_and_orbit_are_circled(vehicle: str) -> None:
     setpoint = Setpoint(Path.CIRCLE_AT, *PLACE, radius=-25.0, altitude=25.0)
@@ -87,6 +88,7 @@ def test_offboard_position_and_orbit_are_circled(vehicle: str) -> None:
     assert np.abs(flight.altitude()[-1000:] - 25.0).max() < 2.0
 
 
+@pytest.mark.validate
 @VEHICLES
 def test_offboard_velocity_gives_course_and_climb_rate(vehicle: str) -> None:
     truth = course_flight(vehicle).truth

@@ -105,6 +105,7 @@ FILES = {
 }
 
 
+@pytest.mark.validate
 def test_circle_without_a_place_is_flown_about_where_the_item_before_ended(tmp_path: Path) -> None:
     path = tmp_path / "here.plan"
     servo = {**item(183, 2, 5, 1500, 0, 0, 0, 0, 0), "frame": 2}

@@ -132,6 +132,7 @@ def flare_height(flight: Flight) -> float:
     return float(np.interp(begin, truth["time_us"], flight.altitude()))
 
 
+@pytest.mark.validate
 def test_flare_begins_at_the_measured_height(vehicle: str) -> None:
     """GIVEN a barometer that drifts by 5 m WHEN the vehicle lands THEN only with a rangefinder it flares in time."""
     with_it, without = hop(vehicle), hop(RAVEN)

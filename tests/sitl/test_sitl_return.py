@@ -35,6 +35,7 @@ def check_return(vehicle: str, wind: float, wind_from_deg: float, seed: int) -> 
     assert abs(touchdown.bank) < BANK
 
 
+@pytest.mark.validate
 def test_return_in_wind_ends_at_home() -> None:
     """GIVEN 3 m/s of wind with light gusts WHEN it returns THEN it lands within 60 m of home."""
     check_return(RAVEN, 3.0, 57.0, 11)

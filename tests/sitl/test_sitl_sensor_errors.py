@@ -118,7 +118,7 @@ def test_errors_observable_at_rest_forbid_arming(vehicle: str, alter: Alter, sen
     assert sensor in refusal(flight)
 
 
-@pytest.mark.parametrize("vehicle", [RAVEN, ARIZONA])
+@pytest.mark.parametrize("vehicle", [RAVEN, pytest.param(ARIZONA, marks=pytest.mark.validate)])
 @pytest.mark.parametrize("seeds", [range(1, 4), pytest.param(range(4, 41), marks=pytest.mark.validate)])
 def test_healthy_vehicle_in_gusts_is_armed(vehicle: str, seeds: range) -> None:
     for seed in seeds:
@@ -194,7 +194,7 @@ def check_offset(vehicle: str, scenario: Scenario, axis: str, offset: float) -> 
     assert max(rms(error[known, 0]), rms(error[known, 1])) < 1.5
 
 
-@pytest.mark.parametrize("vehicle", [RAVEN, ARIZONA])
+@pytest.mark.parametrize("vehicle", [RAVEN, pytest.param(ARIZONA, marks=pytest.mark.validate)])
 def test_accelerometer_offset_along_body_x_is_estimated_before_the_first_turn(vehicle: str) -> None:
     """GIVEN 150 mg across the field's meridian WHEN it is launched THEN roll and pitch are right 6 s later."""
     check_offset(vehicle, Scenario(seed=1, duration=20.0, wind_from=0.5 * math.pi), "accel_x", -0.15)

@@ -1,6 +1,7 @@
 """Mission items that are passed over do not change the path."""
 
 import numpy as np
+import pytest
 from simulate import RAVEN, simulate
 
 from avionics import topics
@@ -13,6 +14,7 @@ PATH = (MissionItem(ItemKind.WAYPOINT, 45.0, 0.0, 12.0), MissionItem(ItemKind.WA
 JUMP = MissionItem(ItemKind.JUMP, jump_to=1, repeats=1)
 
 
+@pytest.mark.validate
 def test_items_that_are_passed_over_do_not_change_the_path() -> None:
     """GIVEN a mission with and without such items, one of them the aim of a jump THEN both paths are the same."""
     scenario = Scenario(seed=4, duration=42.0)

@@ -160,6 +160,7 @@ def test_the_circuits_doublets_give_the_short_period_and_the_torque_constants(re
         assert low <= true <= high
 
 
+@pytest.mark.validate
 def test_the_flight_as_a_table_without_its_excitation_gives_the_same_short_period(
     raven: Flight, result: Result, tmp_path: Path
 ) -> None:
