@@ -79,7 +79,7 @@ def test_command_is_finite_and_within_its_limits(loop: str, name: str, setpoint:
 
 
 @pytest.mark.parametrize(("loop", "name"), ROWS)
-@pytest.mark.parametrize("side", [-1.0, 1.0])
+@pytest.mark.parametrize("side", [pytest.param(-1.0, marks=pytest.mark.validate), 1.0])
 def test_integrator_does_not_wind_up(loop: str, name: str, side: float) -> None:
     """GIVEN ten minutes of a large error WHEN its sign changes THEN the command leaves its limit in two seconds."""
     row, law = TABLE[loop], LOOPS[loop][name]

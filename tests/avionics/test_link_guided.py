@@ -410,6 +410,7 @@ def test_ardupilot_guided_exchange() -> None:
     assert flight.view.destination == pytest.approx((80.0, 60.0), abs=0.1)
 
 
+@pytest.mark.validate
 def test_dronekit_simple_goto_exchange() -> None:
     """GIVEN dronekit's simple_goto: SET_MODE, MISSION_ITEM with current 2 WHEN it flies THEN it circles there."""
     flight = FlightOnLink("ardupilot")

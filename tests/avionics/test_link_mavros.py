@@ -413,7 +413,8 @@ CALLS: dict[str, Call] = {
 """by plug-in and topic or service, in the order of a flight"""
 
 
-@pytest.mark.parametrize("identity", ["ardupilot", pytest.param("px4", marks=pytest.mark.validate)])
+@pytest.mark.validate
+@pytest.mark.parametrize("identity", ["ardupilot", "px4"])
 def test_mavros_calls(identity: str, tmp_path: Path) -> None:
     (tmp_path / "flight.mcap").write_bytes(LOG)
     mavros = Mavros(identity, tmp_path)

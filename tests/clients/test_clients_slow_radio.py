@@ -11,6 +11,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+import pytest
 from ground_links import BAUD, Addresses
 from radio import radio
 from simulated_vehicle import PATIENCE, PROFILES, aircraft
@@ -89,6 +90,7 @@ def counted_seconds(arrived: list[tuple[float, int]], started: float) -> list[in
     return [sum(size for at, size in arrived if 0.0 <= at - started - second < 1.0) for second in range(SECONDS)]
 
 
+@pytest.mark.validate
 def test_a_flying_vehicle_keeps_to_the_rate_of_a_slow_radio_and_loses_nothing(tmp_path: Path) -> None:
     with radio(RATE, BUFFER) as ends:
         link = Addresses(f"serial:{ends.vehicle},{BAUD}", "", ())
