@@ -169,6 +169,7 @@ def test_a_table_or_journal_of_another_campaign_is_left_alone(folder: Path, caps
     assert "choose another --out" in refused(capsys, "campaign", "short.toml", "--logs", "all")
 
 
+@pytest.mark.validate
 def test_the_report_names_the_worst_flights_and_its_commands_fly_them_again(folder: Path, capsys: Capture) -> None:
     (folder / "launched.toml").write_text(LAUNCHED)
     assert main(["campaign", "launched.toml"]) == 0

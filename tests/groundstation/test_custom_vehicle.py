@@ -89,7 +89,7 @@ def test_flights_are_compared(after: FlightQuality, expected: Comparison) -> Non
     assert Proof(after, FLIGHT_BEFORE).comparison is opposite.get(expected, expected)
 
 
-@pytest.mark.parametrize(("force", "code"), [((), 1), (("--force",), 0)])
+@pytest.mark.parametrize(("force", "code"), [((), 1), pytest.param(("--force",), 0, marks=pytest.mark.validate)])
 def test_gains_that_fly_worse_are_not_written(
     tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch, force: tuple[str, ...], code: int
 ) -> None:

@@ -28,7 +28,9 @@ def assert_whole(file: Path, capsys: Capture) -> None:
     assert json.loads(capsys.readouterr().out)["damage"] == []
 
 
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGHUP, 129)])
+@pytest.mark.parametrize(
+    ("number", "code"), [(signal.SIGTERM, 143), pytest.param(signal.SIGHUP, 129, marks=pytest.mark.validate)]
+)
 def test_a_signal_finishes_what_a_ground_station_records(
     number: int, code: int, tmp_path: Path, capsys: Capture
 ) -> None:

@@ -257,6 +257,7 @@ def test_the_same_seed_gives_the_same_bytes_whoever_watches(recorded: Recorded, 
     assert alone == watched
 
 
+@pytest.mark.validate
 def test_a_vehicle_that_does_not_arm_is_not_thrown(tmp_path: Path) -> None:
     """GIVEN a magnetometer far off WHEN arming is denied THEN it stays in the launcher's hand."""
     bird = tmp_path / "bird"
@@ -285,6 +286,7 @@ def test_ctrl_c_keeps_the_flight_so_far(tmp_path: Path) -> None:
         assert log.topics["/truth/state"].messages > 0 and log.topics["/attitude/ahrs"].messages > 0
 
 
+@pytest.mark.validate
 def test_sigterm_keeps_the_flight_of_a_background_job(tmp_path: Path) -> None:
     """GIVEN a job of a script, which ignores SIGINT WHEN SIGTERM comes THEN one complete recording."""
     flight = fly(tmp_path, "--speed", "1", starter=("sh", "-c", 'trap "" INT HUP; exec "$@"', "sh"))
@@ -328,6 +330,7 @@ def test_recover_joins_what_a_killed_flight_left(tmp_path: Path, capsys: pytest.
     assert "No such file" in capsys.readouterr().err
 
 
+@pytest.mark.validate
 @pytest.mark.skipif(not Path("/proc").exists(), reason="finds the children in /proc")
 def test_a_recording_that_ended_before_the_flight_is_told_and_kept(tmp_path: Path) -> None:
     """GIVEN a disk that takes no more of the world's recording THEN the flight goes on, and says so."""
@@ -398,6 +401,7 @@ def test_what_a_killed_flight_left_in_two_recordings_is_joined_at_the_next_start
         assert {STATE.name, topics.IMU.name} <= set(log.topics)
 
 
+@pytest.mark.validate
 def test_the_launcher_waits_for_arming_with_and_without_a_station(recorded: Recorded, tmp_path: Path) -> None:
     """GIVEN a silent station THEN it is the same flight, and the launcher waits for arming as without one."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as station:
@@ -513,6 +517,7 @@ def test_children_that_end_well_are_no_failure() -> None:
         assert children.failure() is None
 
 
+@pytest.mark.validate
 def test_a_view_that_raises_costs_no_flight_and_is_in_the_log(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -108,6 +108,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> FlightResult:
     return FlightResult(log, flight.returncode, out, [*stated, *rest.splitlines()], observed)
 
 
+@pytest.mark.validate
 def test_where_to_look_is_told_once_and_the_flight_is_as_ever(recording: FlightResult) -> None:
     assert (recording.code, json.loads(recording.out)["log"]) == (0, str(recording.log))
     assert len(recording.stated) == 1, recording.stated
@@ -116,6 +117,7 @@ def test_where_to_look_is_told_once_and_the_flight_is_as_ever(recording: FlightR
     assert [path.name for path in recording.log.parent.iterdir()] == ["flight.mcap"]
 
 
+@pytest.mark.validate
 def test_every_topic_of_both_processes_is_offered_as_the_file_has_it(recording: FlightResult) -> None:
     with recording.log.open("rb") as file:
         summary = make_reader(file).get_summary()
@@ -129,6 +131,7 @@ def test_every_topic_of_both_processes_is_offered_as_the_file_has_it(recording: 
         assert stated["schemaEncoding"] == schema.encoding and stated["metadata"] == channel.metadata
 
 
+@pytest.mark.validate
 def test_a_viewer_is_sent_what_is_recorded(recording: FlightResult) -> None:
     with recording.log.open("rb") as file:
         recorded = [(c.topic, m.log_time, m.data) for _, c, m in make_reader(file).iter_messages(topics=list(WANTED))]
@@ -142,6 +145,7 @@ def test_a_viewer_is_sent_what_is_recorded(recording: FlightResult) -> None:
     assert [frame.child_frame_id for frame in frames.transforms] == ["body", "left_wing", "right_wing", "tail"]
 
 
+@pytest.mark.validate
 def test_the_viewers_clock_is_the_flights(recording: FlightResult) -> None:
     times, clock = [log_ns for _, log_ns, _ in recording.observed.messages], recording.observed.clock
     assert clock == sorted(clock) and times[0] <= clock[-1] and abs(clock[-1] - max(times)) < 10**7

@@ -20,6 +20,7 @@ TRUE_FREQUENCY = (7.0, 8.8)
 """rad/s; of the Arizona at the speeds of this flight"""
 
 
+@pytest.mark.validate
 def test_modes_of_a_px4_log_in_one_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """GIVEN a flight as PX4 logs it WHEN identified THEN modes near the truth, and what was assumed."""
     log = wingbeat.fly("arizona_100cm", log=tmp_path / "flight.mcap").log

@@ -45,6 +45,7 @@ def check_flight(folder: Path, log: Path) -> None:
     assert summary.touchdown.sink < 1.5 and abs(summary.touchdown.bank) < 0.5
 
 
+@pytest.mark.validate
 def test_new_bird_predicts_and_is_flown(made: tuple[Path, dict[str, Any]]) -> None:
     _, document = made
     assert document["flies"] and document["flight"]["completed_legs"] == 2
@@ -56,6 +57,7 @@ def test_new_bird_predicts_and_is_flown(made: tuple[Path, dict[str, Any]]) -> No
     ]  # fmt: skip
 
 
+@pytest.mark.validate
 def test_folder_trims_at_the_given_rate(made: tuple[Path, dict[str, Any]]) -> None:
     folder, document = made
     steady = wingbeat.trim(folder)
@@ -66,6 +68,7 @@ def test_folder_trims_at_the_given_rate(made: tuple[Path, dict[str, Any]]) -> No
     assert vehicle.computer.gains.altitude.pitch_trim == pytest.approx(document["cruise"]["pitch"], rel=1e-3)
 
 
+@pytest.mark.validate
 def test_each_value_is_given_scaled_default_or_tuned(made: tuple[Path, dict[str, Any]]) -> None:
     folder, _ = made
     vehicle = wingbeat.load_vehicle(folder)
@@ -90,11 +93,11 @@ def test_small_and_large_birds_fly_the_standard_mission(bird: NewBird, tmp_path:
     check_flight(tmp_path / "bird", tmp_path / "flight.mcap")
 
 
-def test_existing_folder_is_not_overwritten(
-    made: tuple[Path, dict[str, Any]], capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["new-bird", str(made[0]), *words()]) == 2
+def test_existing_folder_is_not_overwritten(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "world.toml").write_text("kept")
+    assert main(["new-bird", str(tmp_path), *words()]) == 2
     assert "exists" in capsys.readouterr().err
+    assert (tmp_path / "world.toml").read_text() == "kept"
 
 
 @pytest.mark.parametrize(

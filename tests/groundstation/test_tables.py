@@ -22,7 +22,8 @@ RAVEN = str(DATA / "models" / "robo_raven_ii_d.toml")
 COMMANDS = [
     ["vehicles"],
     ["vehicles", "robo_raven_ii_d"],
-    ["validate", "--only", "gerdes"],
+    ["validate", "--only", "azuma"],
+    pytest.param(["validate", "--only", "gerdes"], marks=pytest.mark.validate),
     pytest.param(["tune", RAVEN, "--vehicle", "robo_raven_ii_d", "--no-fly"], marks=pytest.mark.validate),
     ["design", RAVEN, "--frequency-error", "2"],
     ["identify", str(EXAMPLES / "short_period.csv"), "--map", str(EXAMPLES / "short_period.toml")],
