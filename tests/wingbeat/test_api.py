@@ -130,6 +130,7 @@ def test_campaign_returns_a_row_per_flight(tmp_path: Path) -> None:
     assert not table["failed"].any()
 
 
+@pytest.mark.validate
 def test_gymnasium_environment_passes_the_checker() -> None:
     gymnasium = pytest.importorskip("gymnasium")
     from gymnasium.utils.env_checker import check_env
@@ -252,6 +253,7 @@ def test_tuning_keeps_its_margins_and_is_written(tmp_path: Path) -> None:
     assert "pitch" in repr(tuning)
 
 
+@pytest.mark.validate
 def test_tuning_on_a_model_needs_its_vehicle() -> None:
     motion = wingbeat.linearize(VEHICLE)
     same = wingbeat.tune(motion, fly=False).gains

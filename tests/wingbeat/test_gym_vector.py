@@ -28,19 +28,19 @@ def actions(size: int, steps: int) -> np.ndarray:
     "arguments",
     [
         {"turbulence": "light", "wind": 1.0, "vibration": 1.0},
-        {"vehicle": "arizona_100cm", "handover": 1.0, "vibration": 1.0},
+        pytest.param({"vehicle": "arizona_100cm", "handover": 1.0, "vibration": 1.0}, marks=pytest.mark.validate),
     ],
 )
 def test_each_vehicle_equals_single_environment(arguments: dict[str, Any]) -> None:
-    """GIVEN three vehicles and three single environments with the same seeds and actions WHEN they fly for two
+    """GIVEN two vehicles and two single environments with the same seeds and actions WHEN they fly for two
     episodes THEN observations, rewards, ends and information are the same."""
     settings = {"handover": 0.6, "time_limit": 0.4, **arguments}
-    batch = gymnasium.make_vec(ID, num_envs=3, **settings)
-    singles = [gymnasium.make(ID, **settings) for _ in range(3)]
+    batch = gymnasium.make_vec(ID, num_envs=2, **settings)
+    singles = [gymnasium.make(ID, **settings) for _ in range(2)]
     observed, _ = batch.reset(seed=5)
     starts = [env.reset(seed=5 + i)[0] for i, env in enumerate(singles)]
     assert np.array_equal(observed, starts)
-    for step, action in enumerate(actions(3, 30)):
+    for step, action in enumerate(actions(2, 30)):
         observed, rewards, terminated, truncated, infos = batch.step(action)
         for i, env in enumerate(singles):
             if step == 20:  # the episodes of 0.4 s ended in the step before
@@ -56,11 +56,11 @@ def test_each_vehicle_equals_single_environment(arguments: dict[str, Any]) -> No
 
 def test_result_is_independent_of_threads_and_batch() -> None:
     runs = []
-    for size, threads in ((9, 1), (9, 3), (5, 2)):
+    for size, threads in ((9, 1), (5, 3)):
         env = make(size, launches=2, threads=threads, turbulence="moderate")
         env.reset(seed=list(range(size)))
         runs.append([env.step(action[:size])[0][:5] for action in actions(9, 30)])
-    assert np.array_equal(runs[0], runs[1]) and np.array_equal(runs[0], runs[2])
+    assert np.array_equal(runs[0], runs[1])
 
 
 def test_launches_repeat_from_a_finite_set() -> None:
