@@ -134,7 +134,7 @@ def test_a_log_without_raw_sensors_is_refused(tmp_path: Path) -> None:
 LATER = [pytest.param(first, marks=pytest.mark.validate) for first in (13, 14)]
 
 
-@pytest.mark.parametrize("first", [1, 12, *LATER])
+@pytest.mark.parametrize("first", [pytest.param(1, marks=pytest.mark.validate), 12, *LATER])
 def test_a_later_file_of_a_recording_is_replayed_from_its_first_snapshot_on(
     recording: Path, tmp_path: Path, first: int
 ) -> None:
@@ -182,6 +182,7 @@ def test_the_command_tells_people_and_programs(recording: Path, capsys: pytest.C
     )
 
 
+@pytest.mark.validate
 def test_the_command_tells_where_a_later_file_begins(
     recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -33,7 +33,7 @@ def played(player: Player, until: float, dt: float = 0.02, since: float = 100.0)
     return since + steps * dt
 
 
-@pytest.mark.parametrize("speed", [0.5, 1.0, 3.0])
+@pytest.mark.parametrize("speed", [pytest.param(0.5, marks=pytest.mark.validate), 1.0, 3.0])
 def test_it_plays_at_its_speed(flight: RecordedFlight, speed: float) -> None:
     player = Player(flight, speed)
     played(player, 2.0)
