@@ -319,7 +319,8 @@ def test_clip_counters_count_from_where_they_rise(flight: Tables) -> None:
     assert found.code == "clipping" and abs(found.start - 20.0) < 0.3 and found.end - found.start < 0.5
 
 
-@pytest.mark.parametrize("vehicle", ["robo_raven_ii_d", pytest.param("ulg_ornithopter", marks=pytest.mark.validate)])
+@pytest.mark.validate
+@pytest.mark.parametrize("vehicle", ["robo_raven_ii_d", "ulg_ornithopter"])
 def test_flights_with_vibration_have_no_error(vehicle: str, tmp_path: Path) -> None:
     """GIVEN flights with the vibration of the vehicle WHEN checked THEN no other warning than theirs."""
     path = tmp_path / "flight.mcap"

@@ -88,6 +88,7 @@ def test_a_manoeuvre_of_joined_flights_is_named_as_its_own_log_has_it() -> None:
     ]
 
 
+@pytest.mark.validate
 def test_what_a_held_out_flight_holds_moves_no_number_and_is_predicted() -> None:
     """GIVEN a third flight of the same aircraft, and one of a softer one, each held out."""
     same, other = (held_out(fly(Flight(seed=3, truth=truth))) for truth in (TRUTH, SOFTER))

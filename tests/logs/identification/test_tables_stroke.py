@@ -95,10 +95,12 @@ def measured(seed: int, rate: float, seconds: float, noise: float, step: float) 
     ("rate", "seconds", "noise", "step"),
     [
         (1000.0, 3.0, 0.01, 0.0),  # 0.6 deg: the slope over two samples is 14 rad/s off, as fast as the wing
-        (1000.0, 3.0, 0.0, np.radians(0.35)),  # an encoder of 10 bits
-        (400.0, 3.0, 0.003, 0.0),
-        (100.0, 8.0, 0.0, 0.0),  # 21 samples to a stroke: a line between two is 1 % off, and 4 % at 10
-        (50.0, 12.0, 0.0, 0.0),
+        pytest.param(1000.0, 3.0, 0.0, np.radians(0.35), marks=pytest.mark.validate),  # an encoder of 10 bits
+        pytest.param(400.0, 3.0, 0.003, 0.0, marks=pytest.mark.validate),
+        pytest.param(
+            100.0, 8.0, 0.0, 0.0, marks=pytest.mark.validate
+        ),  # 21 samples to a stroke: a line between two is 1 % off, and 4 % at 10
+        pytest.param(50.0, 12.0, 0.0, 0.0, marks=pytest.mark.validate),
         (50.0, 12.0, 0.01, 0.0),
     ],
 )
