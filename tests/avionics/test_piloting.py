@@ -357,6 +357,7 @@ def test_a_snapshot_keeps_the_pilot() -> None:
 # --- LOITER ---------------------------------------------------------------------------------------------
 
 
+@pytest.mark.validate
 def test_loiter_circles_where_it_was_asked_for() -> None:
     flight = en_route().fly(5.0)
     bird = flight.bird

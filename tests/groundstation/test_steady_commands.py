@@ -83,6 +83,7 @@ def test_what_cannot_be_trimmed_is_one_line(words: list[str], part: str, capsys:
     assert said.err.startswith("wingbeat: ") and said.err.count("\n") == 1
 
 
+@pytest.mark.validate
 def test_where_flight_ends_does_not_depend_on_how_far_beyond_it_the_question_lies(capsys: Capture) -> None:
     told = set()
     for airspeed in ("12", "70"):  # at the one the search begins well, at the other it comes to no numbers

@@ -78,6 +78,7 @@ def outer(x):
 """
 
 
+@pytest.mark.validate
 def test_the_cache_has_both_forms(tmp_path: Path) -> None:
     (tmp_path / "kernels_of_a_test.py").write_text(KERNELS)
     path = os.pathsep.join([str(tmp_path), *(entry for entry in sys.path if entry)])
