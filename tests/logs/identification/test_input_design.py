@@ -65,6 +65,7 @@ def scatter_over_prediction(flights: int, doublets: int) -> dict[str, float]:
     return {name: float(np.std(column, ddof=1)) / errors[name] for name, column in values.items()}
 
 
+@pytest.mark.validate
 def test_flights_scatter_as_predicted() -> None:
     ratios = scatter_over_prediction(10, 2)
     assert set(ratios) == set(predicted(PRIOR, DOUBLET))

@@ -270,7 +270,8 @@ def test_an_input_a_little_early_is_named_where_output_error_finds_another_mode(
     assert {"time_skew", "input_delay"} & codes(result)
 
 
-@pytest.mark.parametrize("late", [pytest.param(-0.47, marks=pytest.mark.validate), 0.13])
+@pytest.mark.validate
+@pytest.mark.parametrize("late", [-0.47, 0.13])
 def test_a_free_delay_is_found_from_where_the_equations_fit_best(tmp_path: Path, late: float) -> None:
     """GIVEN an aircraft four times as quick, whose elevator was recorded late or early THEN every method that gives a
     number has its mode."""

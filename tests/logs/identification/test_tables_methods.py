@@ -69,7 +69,7 @@ def test_held_derivatives_stay_where_the_map_holds_them_in_equation_error(
     assert found["frequency"]["value"] == pytest.approx(2.793, rel=0.02)
 
 
-@pytest.mark.parametrize(("rate", "expected"), [(10.0, True), (50.0, False)])
+@pytest.mark.parametrize(("rate", "expected"), [(10.0, True), pytest.param(50.0, False, marks=pytest.mark.validate)])
 def test_ramps_of_few_samples_are_named(tmp_path: Path, rate: float, expected: bool) -> None:
     """GIVEN an input that goes over in 0.2 s THEN at 10 Hz its course is not known, at 50 Hz it is."""
     columns = flight(rate=rate)

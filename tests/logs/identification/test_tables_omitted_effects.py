@@ -68,7 +68,8 @@ def test_a_vane_off_the_centre_is_found_with_its_place(tmp_path: Path, place: fl
     assert note.value == pytest.approx(place, rel=0.3)
 
 
-@pytest.mark.parametrize("kind", ["white", pytest.param("slow", marks=pytest.mark.validate)])
+@pytest.mark.validate
+@pytest.mark.parametrize("kind", ["white", "slow"])
 def test_noise_of_any_colour_is_none_of_these(tmp_path: Path, kind: str) -> None:
     for seed in range(3):
 

@@ -244,7 +244,12 @@ def test_the_elevator_can_be_made_of_a_pulse_width(tmp_path: Path) -> None:
         with pytest.raises(InputError, match="--elevator makes it"):
             identify(log, "modes", AIRCRAFT)
         right, wrong = (
-            identify(ElevatorFromField(log, "/csv/servos", "pulse", per_unit * factor), "modes", AIRCRAFT).modes
+            identify(
+                ElevatorFromField(log, "/csv/servos", "pulse", per_unit * factor),
+                "modes",
+                AIRCRAFT,
+                method="output_error",
+            ).modes
             for factor in (1.0, 2.0)
         )
         noted = identified(log, "modes", "robo_raven_ii_d", ("/csv/servos.pulse", str(per_unit))).modes
