@@ -190,6 +190,7 @@ def test_messages_hold_plain_numbers_of_their_types() -> None:
             assert type(value).__module__ != "numpy", (topic.name, name)
 
 
+@pytest.mark.validate
 def test_the_same_frames_give_the_same_bytes() -> None:
     first = whole_flight()
     again = Flight().launch().fly(10.0)

@@ -50,7 +50,7 @@ def without_fix(since: float, now: Sensed) -> Sensed:
 
 
 @pytest.mark.parametrize(("bank_deg", "limit_deg"), [(0.0, 0.5), (25.0, 1.0), (-25.0, 1.0)])
-@pytest.mark.parametrize("gps", [True, False])
+@pytest.mark.parametrize("gps", [True, pytest.param(False, marks=pytest.mark.validate)])
 def test_roll_and_pitch_while_flapping(bank_deg: float, limit_deg: float, gps: bool) -> None:
     """GIVEN sensor noise on a Slow Hawk THEN roll and pitch are within 0.5 degrees straight, 1.0 in turns, RMS."""
     flown = flight(bank_deg) if gps else altered(flight(bank_deg), without_fix)

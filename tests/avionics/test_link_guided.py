@@ -376,6 +376,7 @@ OFFBOARD = 6 << 16
 RADIUS = VEHICLE.gains.navigation.loiter_radius
 
 
+@pytest.mark.validate
 def test_px4_offboard_exchange() -> None:
     """GIVEN MAVSDK's order: setpoint, start, stream at 20 Hz, no more THEN denied, OFFBOARD, circle, LOITER."""
     flight, there = FlightOnLink("generic"), local(POSITION, x=80.0, y=60.0, z=-40.0)

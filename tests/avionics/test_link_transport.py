@@ -330,6 +330,7 @@ def _generate(folder: str, results: Any) -> None:
     results.put(str(dialect.generate(Path(folder))))
 
 
+@pytest.mark.validate
 def test_processes_that_start_at_once_all_get_a_sound_module(tmp_path: Path) -> None:
     context = multiprocessing.get_context("spawn")
     results = context.Queue()

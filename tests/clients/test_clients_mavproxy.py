@@ -28,6 +28,7 @@ FLOWN = ("generic", "ardupilot")
 """Identities whose modes MAVProxy 1.8.75 can set: its ``mode`` command raises an error of its own on PX4"""
 
 
+@pytest.mark.validate
 @pytest.mark.parametrize(("transport", "identity"), matrix(("tcp", "ardupilot"), FLOWN))
 def test_mavproxy_flies_from_the_hand_to_the_ground(transport: str, identity: str, tmp_path: Path) -> None:
     profile = PROFILES[identity]

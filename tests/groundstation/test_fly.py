@@ -349,6 +349,7 @@ def test_a_recording_that_ended_before_the_flight_is_told_and_kept(tmp_path: Pat
         assert summary(log)["incomplete"] == {part.name: kept["damage"]}
 
 
+@pytest.mark.validate
 @pytest.mark.skipif(not Path("/proc").exists(), reason="finds the children in /proc")
 def test_a_child_that_is_killed_ends_the_flight_in_one_line(tmp_path: Path) -> None:
     flight = fly(tmp_path, "--speed", "1")

@@ -72,7 +72,10 @@ async def draw(pilot: Pilot[None]) -> str:
     return shown(pilot)
 
 
-@pytest.mark.parametrize(("size", "visible"), [((80, 24), False), ((120, 40), True), ((200, 60), True)])
+@pytest.mark.parametrize(
+    ("size", "visible"),
+    [((80, 24), False), ((120, 40), True), pytest.param((200, 60), True, marks=pytest.mark.validate)],
+)
 def test_a_tall_window_shows_the_track_and_the_wings(size: tuple[int, int], visible: bool) -> None:
     async def script(pilot: Pilot[None], station: Station, vehicle: LossyVehicle) -> None:
         text = await draw(pilot)
@@ -83,7 +86,7 @@ def test_a_tall_window_shows_the_track_and_the_wings(size: tuple[int, int], visi
     on_screen(script, size)
 
 
-@pytest.mark.parametrize("size", [(80, 24), (132, 40), (60, 16)])
+@pytest.mark.parametrize("size", [(80, 24), pytest.param((132, 40), marks=pytest.mark.validate), (60, 16)])
 def test_the_flight_is_shown_in_any_window(size: tuple[int, int]) -> None:
     async def script(pilot: Pilot[None], station: Station, vehicle: LossyVehicle) -> None:
         text = await draw(pilot)

@@ -209,9 +209,8 @@ def test_a_file_that_is_no_model_is_told_apart(capsys: Capture, tmp_path: Path) 
     assert "the model must be a section of keys, not [1, 2]" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(
-    ("form", "gain"), [("ardupilot", "PTCH_RATE_P"), pytest.param("px4", "FW_PR_P", marks=pytest.mark.validate)]
-)
+@pytest.mark.validate
+@pytest.mark.parametrize(("form", "gain"), [("ardupilot", "PTCH_RATE_P"), ("px4", "FW_PR_P")])
 def test_parameters_of_another_autopilot(capsys: Capture, tmp_path: Path, form: str, gain: str) -> None:
     """GIVEN a model WHEN tuned for another autopilot THEN document and file agree, and the file is kept."""
     out = tmp_path / "new" / "bird.param"

@@ -172,6 +172,7 @@ def test_a_function_with_two_sets_of_options_has_two_entries(tmp_path: Path) -> 
     assert checkout.output(program.format("exact, kernel")).split() == ["0.0", "0", "1.0", "0"]
 
 
+@pytest.mark.validate
 def test_a_change_of_the_decorators_recompiles_a_file_that_does_not_import_them(tmp_path: Path) -> None:
     checkout = Checkout(tmp_path)
     (checkout.package / "leaf.py").write_text("def run(x):\n    return 2.0 * x\n")

@@ -29,7 +29,8 @@ def loaded_another_first() -> str:
     return simulate()
 
 
-@pytest.mark.parametrize("before", ["simulate", pytest.param("loaded_another_first", marks=pytest.mark.validate)])
+@pytest.mark.validate
+@pytest.mark.parametrize("before", ["simulate", "loaded_another_first"])
 def test_a_flight_is_the_same_to_the_bit_whatever_was_computed_before(before: str) -> None:
     here = Path(__file__).parent
     code = f"import sys; sys.path[:0] = [{str(here)!r}, {str(here.parent)!r}]; import {Path(__file__).stem} as t; "

@@ -84,6 +84,7 @@ def drain(plane: ScriptedArduPlane) -> None:
     plane.socket.settimeout(10.0)
 
 
+@pytest.mark.validate
 def test_the_recording_has_estimates_beside_the_truth(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Attitude, airspeed and altitude of our sensing and estimation, on the sensors that it would have had."""
     assert main(["log", "info", str(recording), "--json"]) == 0

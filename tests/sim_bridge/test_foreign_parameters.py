@@ -38,7 +38,8 @@ def values(parameters: list[Parameter]) -> dict[str, float]:
     return {one.name: one.value for one in parameters}
 
 
-@pytest.mark.parametrize("kind", ["--ardupilot", pytest.param("--px4", marks=pytest.mark.validate)])
+@pytest.mark.validate
+@pytest.mark.parametrize("kind", ["--ardupilot", "--px4"])
 def test_the_command_writes_the_trim_of_the_vehicle_and_prints_what_to_start(
     kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

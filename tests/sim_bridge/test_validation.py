@@ -67,6 +67,7 @@ def test_fitted_and_unreproducible_rows() -> None:
 
 
 LONG = {
+    "han-hawkmoth in free flight",
     "lattice-an impulsive start",
     "lattice-heave and pitch",
     "lattice-lift over a stroke (Yeo, Atkins, Shyy 2011)",

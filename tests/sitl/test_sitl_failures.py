@@ -263,6 +263,7 @@ def test_tail_jammed_in_gusts_lands_softly_in_nine_of_ten() -> None:
     assert soft >= 0.9 * 2 * len(times)
 
 
+@pytest.mark.validate
 def test_encoder_lost_in_the_hand_does_not_stop_the_flight() -> None:
     """GIVEN an encoder that fails before the throw WHEN it climbs THEN the wing is not taken for jammed."""
     scenario = FLIGHT._replace(duration=30.0, faults=(parse_fault("encoder_left_lost@3"),))

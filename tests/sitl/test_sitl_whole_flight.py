@@ -144,6 +144,7 @@ def result(raven: Flight) -> Result:
     return identified(RAVEN, raven.log.until(INPUTS_OVER))
 
 
+@pytest.mark.validate
 def test_the_circuits_doublets_give_the_short_period_and_the_torque_constants(result: Result) -> None:
     """Methods with a physical model must give numbers, and sharp ones; every number given must hold the truth."""
     assert all(mode.short_period is not None for mode in result.modes[:WITH_A_MODEL])
