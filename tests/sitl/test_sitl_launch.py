@@ -65,7 +65,9 @@ def test_fifty_throws_are_detected_with_vibration(vehicle: str, beating: bool) -
     assert not {seed: delay for seed, delay in delays.items() if not 0.0 <= delay < 1.0}
 
 
-@pytest.mark.parametrize("kind", CARRIED)
+@pytest.mark.parametrize(
+    "kind", [pytest.param(kind, marks=() if kind == "walking" else pytest.mark.validate) for kind in CARRIED]
+)
 @pytest.mark.parametrize("beating", [pytest.param(False, marks=pytest.mark.validate), True])
 def test_being_carried_is_no_launch(kind: str, beating: bool) -> None:
     carried = carry(RAVEN, CARRIED[kind](1, 20.0), 1, beating)

@@ -64,6 +64,7 @@ def test_coarse_stamps_of_rows_that_are_not_even_are_refused(tmp_path: Path) -> 
         identified(tmp_path, coarse)
 
 
+@pytest.mark.validate
 def test_jittered_stamps_of_which_some_are_shared_are_used(tmp_path: Path) -> None:
     """GIVEN rows that jitter by a third of their step under stamps as coarse THEN what shares a stamp is left out."""
     columns = flight(100.0)

@@ -114,6 +114,7 @@ def test_parameters_of_a_nonlinear_model_are_within_their_intervals(
         assert estimates[name]["value"] == pytest.approx(truth, rel=0.1)
 
 
+@pytest.mark.validate
 def test_modes_are_those_of_the_linearized_model(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write(tmp_path, NONLINEAR)
     modes = '[modes]\nmodel = "my_model.py"\noutputs = ["alpha", "q", "a_z"]\n'
