@@ -347,6 +347,7 @@ def test_outside_the_fence_it_turns_home() -> None:
     assert (told.breaches, told.kind, told.since) == (1, Breach.BORDER, pytest.approx(said, abs=0.05))
 
 
+@pytest.mark.validate
 def test_a_copied_flight_is_the_flight() -> None:
     one = underway(RAVEN)
     twin, other = (one.branch(parse_fault(f"gps_lost@{FAILS_AT + 1.0}")) for _ in range(2))

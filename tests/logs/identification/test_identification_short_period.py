@@ -80,6 +80,7 @@ def of_unknown_lag() -> ModesResult:
     return identify(Flight(seed=1), Aircraft(imu_x=0.05))
 
 
+@pytest.mark.validate
 def test_an_unknown_tail_lag_is_found_with_the_mode(of_unknown_lag: ModesResult) -> None:
     mode = of_unknown_lag.modes[0]
     lag = mode.derivatives[-1]

@@ -298,7 +298,8 @@ def test_rolling_moments_need_no_inertia_of_pitch_where_no_pitch_rate_was_measur
         MADE_OF["C_l"][1](Source(pitching, {"I_x": 2.0, "S": 0.5, "b": 1.5}, "C_l"))
 
 
-@pytest.mark.parametrize("late", [pytest.param(-0.32, marks=pytest.mark.validate), 0.32])
+@pytest.mark.validate
+@pytest.mark.parametrize("late", [-0.32, 0.32])
 def test_an_input_of_another_clock_is_named_and_its_delay_found(tmp_path: Path, late: float) -> None:
     """GIVEN an input that was recorded a third of a second off THEN output error begins at the delay result without
     it; without ``delay`` what it cannot follow is explained."""
