@@ -6,8 +6,6 @@ import io
 import re
 from pathlib import Path
 
-import pytest
-
 import wingbeat
 from groundstation.command.fly import closing_parts
 from groundstation.command.identify import identified
@@ -26,7 +24,6 @@ def shown(log: Path, results: object, name: Path) -> list[str]:
     return text.getvalue().splitlines()
 
 
-@pytest.mark.validate
 def test_closing_text_is_that_of_the_readme(standard_flight: Path) -> None:
     with wingbeat.open_log(standard_flight) as opened:
         lines = shown(standard_flight, identified(opened, wings=False), Path("recordings/flight.mcap"))

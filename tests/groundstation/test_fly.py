@@ -286,7 +286,6 @@ def test_ctrl_c_keeps_the_flight_so_far(tmp_path: Path) -> None:
         assert log.topics["/truth/state"].messages > 0 and log.topics["/attitude/ahrs"].messages > 0
 
 
-@pytest.mark.validate
 def test_sigterm_keeps_the_flight_of_a_background_job(tmp_path: Path) -> None:
     """GIVEN a job of a script, which ignores SIGINT WHEN SIGTERM comes THEN one complete recording."""
     flight = fly(tmp_path, "--speed", "1", starter=("sh", "-c", 'trap "" INT HUP; exec "$@"', "sh"))
