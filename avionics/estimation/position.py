@@ -75,8 +75,8 @@ class Gains(NamedTuple):
     """rad; one sigma of the sideslip in still air: turns and unequal wings. Default: RMS of Robo Raven and Arizona in
     still air, 0.058 and 0.070, see docs/validation/estimation.md"""
     sideslip_time: Annotated[float, Quantity("s", 0.0, 10.0)] = 0.5
-    """s; time in which the heading follows a gust from the side. Default: fitted to wind errors in light gusts, see
-    docs/validation/estimation.md"""
+    """s; time in which the heading follows a gust from the side. Default: fitted to wind errors in light gusts with a
+    `sideslip` of 0.03, see docs/validation/estimation.md"""
     gps_delay: Annotated[float, Quantity("s", 0.0, 2.0)] = 0.15
     """s; time from measurement to arrival of a fix (MTK3339: solution and serial line)"""
     gate: Annotated[float, Quantity("-", 1.0, 100.0)] = 5.0
