@@ -13,6 +13,8 @@ from typing import TypeVar
 from wingbeat.cores import available_cores
 
 Result = TypeVar("Result")
+PATIENCE = 120.0
+"""s; for the result of a process after it is asked for, beyond which the caller computes it itself"""
 
 
 def run_in_background(work: Callable[[], Result]) -> Callable[[], Result]:
@@ -47,6 +49,8 @@ def _forked(work: Callable[[], Result]) -> Callable[[], Result]:
 
     def result() -> Result:
         try:
+            if not receiver.poll(PATIENCE):  # a lock that another thread held at the fork is never released in it
+                process.kill()
             found, error = receiver.recv()
         except EOFError:  # it was killed
             return work()

@@ -57,3 +57,11 @@ def test_a_killed_process_is_made_up_for(
 
     assert run_in_background(work)() == "done"
     assert capfd.readouterr() == ("", "")
+
+
+@FORK
+def test_a_process_that_does_not_answer_is_made_up_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(background, "available_cores", lambda: 2)
+    monkeypatch.setattr(background, "PATIENCE", 0.05)
+    caller, never = os.getpid(), multiprocessing.Event()
+    assert run_in_background(lambda: os.getpid() == caller or never.wait(60.0))()
