@@ -382,6 +382,9 @@ def _put_structure(world: Document, reference: Reference, ratios: Ratios) -> Non
     if "vibration" in world:
         rate = rounded(reference.value("vibration", "reference_rate") / ratios.period)
         put(world, "vibration.reference_rate", rate, f"{SCALED} {known} by flapping rate")
+        if "airspeed_buffet" in world["vibration"]:
+            buffet = rounded(reference.value("vibration", "airspeed_buffet") / ratios.speed**2)
+            put(world, "vibration.airspeed_buffet", buffet, f"{SCALED} {known} by 1 / speed^2")
         for key in ("washout_difference", "membrane_difference", "stroke_difference"):
             put(world, f"vibration.{key}", 0.0, f"{DEFAULT}: equal wings; measure yours")
     for name, mode in reference.world.get("modes", {}).items():

@@ -10,8 +10,8 @@ from wingbeat.units import Quantity
 class VibrationSpec(NamedTuple):
     """Optional ``[vibration]``: what excites the structural modes, and how the inertial sensors respond.
 
-    Every level holds at ``reference_rate`` and grows with the square of the stroke rate, so that all of it dies with
-    the wings.
+    Every level holds at ``reference_rate`` and grows with the square of the stroke rate, so that it dies with the
+    wings; ``airspeed_buffet`` is what remains in a glide.
     """
 
     reference_rate: Annotated[float, Quantity("rad/s", 0.1, 1000.0)]
@@ -22,6 +22,8 @@ class VibrationSpec(NamedTuple):
     """stroke periods; standard deviation of an impact's phase"""
     stroke_scatter: Annotated[float, Quantity("-", 0.0, 2.0)] = 0.0
     """standard deviation of the logarithm of a stroke's impacts and buffeting"""
+    airspeed_buffet: Annotated[float, Quantity("s^2/m^2", 0.0, 0.1)] = 0.0
+    """buffeting by the square of the true airspeed, over that at the reference rate"""
     mesh_orders: Annotated[tuple[float, ...], Quantity("-", 0.0, 10000.0)] = ()
     """cycles per stroke of periodic forces: gear mesh, motor shaft"""
     isolator_frequency: Annotated[float, Quantity("Hz", 0.0, 2000.0)] = 0.0

@@ -1,11 +1,12 @@
 """Structural modes of an airframe, integrated between two sensor ticks and averaged as a modern IMU does.
 
-Each mode is a linear oscillator (exact discretization at `INTERNAL_RATE`). Broadband forces, impacts of the drive and
-periodic forces excite it with the square of the stroke rate: buffeting is proportional to dynamic pressure, and an
-impact's velocity to the square of the speed in a stroke of fixed free play. The IMU senses the mode's velocity times
-its natural frequency as acceleration: that of a mode under forces whose spectrum falls with the square of the
-frequency, as that of turbulence does. Far below its resonance a structure is rigid and adds nothing. The IMU clips at
-the internal rate and averages over the tick, which is its anti-alias filter.
+Each mode is a linear oscillator (exact discretization at `INTERNAL_RATE`). Broadband forces, impacts of the drive
+and periodic forces excite it with the square of the stroke rate: buffeting is proportional to dynamic pressure,
+that of the stroke plus that of flight, and an impact's velocity to the square of the speed in a stroke of fixed
+free play. The IMU senses the mode's velocity times its natural frequency as acceleration: that of a mode under
+forces whose spectrum falls with the square of the frequency, as that of turbulence does. Far below its resonance a
+structure is rigid and adds nothing. The IMU clips at the internal rate and averages over the tick, which is its
+anti-alias filter.
 """
 
 from __future__ import annotations
@@ -57,7 +58,8 @@ class Structure(NamedTuple):
     isolator: Floats
     """(5,) coefficients b0, b1, b2, a1, a2; b0 = 0: none"""
     settings: Floats
-    """(6,) internal sample s, reference rate rad/s, jitter, scatter, clipping m/s^2, rectification s^2/m"""
+    """(7,) internal sample s, reference rate rad/s, jitter, scatter, clipping m/s^2, rectification s^2/m, buffeting
+    by the square of the airspeed s^2/m^2"""
     coupling: Floats
     """(3, 3) rad/s per m/s^2; gyroscope's response to specific force"""
     normals: Floats
@@ -114,7 +116,7 @@ class AirframeVibration:
             isolator=_isolator(spec, step),
             settings=np.array((
                 step, spec.reference_rate, spec.kick_jitter, spec.stroke_scatter, clipping,
-                factor * 1e-6 * spec.rectification / STANDARD_GRAVITY,
+                factor * 1e-6 * spec.rectification / STANDARD_GRAVITY, spec.airspeed_buffet,
             )),
             coupling=sensitivity * np.asarray(unit.standard_normal(9)).reshape(3, 3),
             normals=normals.rows,
@@ -130,7 +132,7 @@ class AirframeVibration:
         """Return what the IMU observes, one tick after the last call.
 
         Args:
-            observation: of the rigid body; its specific force is the mean over the tick.
+            observation: of the rigid body at the end of the tick; its specific force is the mean over it.
             flap_rate: rad/s; mean of both wings at the end of the tick.
         """
         observed = np.zeros(o.SIZE)
@@ -190,13 +192,15 @@ def add_vibration(observed: Floats, flap_rate: float, at: int, bound: Bound) -> 
     memory, motion, sums = s.memory, s.motion, s.sums
     first, force = memory[RATE], observed[o.FORCE : o.FORCE + 3]
     step, reference, clipping = s.settings[0], s.settings[1], s.settings[4]
+    u, v, w = observed[o.V_AIR], observed[o.V_AIR + 1], observed[o.V_AIR + 2]
+    flow = s.settings[6] * (u * u + v * v + w * w)
     clear(sums)
     for i in range(samples):
         rate = first + (flap_rate - first) * (i + 1) / samples
         relative = rate / reference
         memory[LEVEL] += step / LEVEL_TIME * (relative * relative - memory[LEVEL])
         impact = _stroke(rate, step, at, s)
-        _move_modes(memory[LEVEL] * memory[SCATTER], impact, _periodic(s), s.normals[at, i], s)
+        _move_modes(memory[LEVEL] * memory[SCATTER], flow, impact, _periodic(s), s.normals[at, i], s)
         _sum_modes(s.shapes, s.modes, motion)
         if s.isolator[0] != 0.0:
             _isolate(motion, s.isolator, s.filtered)
@@ -221,8 +225,8 @@ def _periodic(s: Structure) -> float:
 
 
 @exact_inlined
-def _move_modes(level: float, impact: int, periodic: float, normals: Floats, s: Structure) -> None:
-    """Advance the modes by a sample."""
+def _move_modes(level: float, flow: float, impact: int, periodic: float, normals: Floats, s: Structure) -> None:
+    """Advance the modes by a sample; ``level`` of all forces by the stroke, ``flow`` of buffeting by the airspeed."""
     modes, transition, omega, forces = s.modes, s.transition, s.omega, s.forces
     for j in range(modes.shape[1]):
         q, v = modes[0, j], modes[1, j]
@@ -230,7 +234,8 @@ def _move_modes(level: float, impact: int, periodic: float, normals: Floats, s: 
         rate = (
             transition[2, j] * q
             + transition[3, j] * v
-            + level * (forces[0, j] * normals[j] + forces[1, j] * impact + forces[2, j] * periodic)
+            + level * (forces[1, j] * impact + forces[2, j] * periodic)
+            + (level + flow) * forces[0, j] * normals[j]
         )
         modes[0, j], modes[1, j] = deflection, rate
         modes[2, j] = omega[j] * rate

@@ -69,6 +69,17 @@ def test_vibration_dies_with_the_wings() -> None:
     assert glide < flight / 50.0
 
 
+def test_buffeting_in_a_glide_grows_with_the_square_of_the_airspeed() -> None:
+    """GIVEN 1 % of buffeting per m^2/s^2 WHEN the wings stand at 3 and 6 m/s THEN 9 and 36 % of it, no impacts."""
+    spec = VibrationSpec(reference_rate=5.0, airspeed_buffet=0.01, kick_phases=(0.5,))
+    average = float(np.sinc(MODE.frequency * PERIOD))
+    for air in ((3.0, 0.0, 0.0), (4.0, 2.0, 4.0)):
+        vibration, gliding = build(spec, MODE._replace(kick=1.0)), REST._replace(v_air_frd=air)
+        seen = np.array([vibration.shake(gliding, 0.0).specific_force_frd[2] for _ in range(12000)])[400:]
+        expected = 0.01 * sum(one * one for one in air) * MODE.buffet * average
+        assert seen.std() == pytest.approx(expected, rel=0.15)
+
+
 def test_impact_rings_once_a_stroke_at_its_phase_with_the_energy_of_its_velocity() -> None:
     """GIVEN impacts of 0.1 m/s at half a stroke WHEN the wings beat THEN a decaying oscillation starts there."""
     mode = ModeSpec(40.0, 0.1, (0.0, 0.0, 1.0), (0.0, 0.0, 0.0), kick=0.1)
