@@ -18,7 +18,7 @@ from avionics.missions import load_mission
 from avionics.missions.script import scripted_start
 from avionics.vehicles import load_vehicle as load_flight_vehicle
 from sim_bridge.bridge.world import NEUTRAL
-from sim_bridge.flight.world import Scenario, SimulatedWorld
+from sim_bridge.flight.world import LAUNCH_TIME, Scenario, SimulatedWorld
 from sim_bridge.vehicles import SimulatedVehicle, load_vehicle
 
 TURN = math.radians(25.0)
@@ -61,20 +61,26 @@ def sticks(roll: float) -> list[PilotInput]:
 
 
 def turns(vehicle: str, scenario: Scenario) -> Flight:
-    """AUTO to the climb-out's end, then ALTITUDE_HOLD with the roll stick held for turns of 25 degrees."""
+    """AUTO to the climb-out's end, then ALTITUDE_HOLD with the roll stick held for turns of 25 degrees.
+
+    What follows the launch is as much later as a launcher that waits for steady air.
+    """
     flight_vehicle, log = load_flight_vehicle(vehicle), MemoryLog()
     mission = load_mission("circuit")
     world = SimulatedWorld(calibrated(load_vehicle(vehicle)), scenario, log.publish)
     autopilot = Autopilot(flight_vehicle, mission, log.publish)
-    waiting: list[Command | PilotInput] = [
-        *scripted_start(),
+    waiting: list[Command | PilotInput] = list(scripted_start())
+    flown: list[Command | PilotInput] = [
         Command(round(HOLD_TIME * 1e6), CommandKind.SET_MODE, name=Mode.ALTITUDE_HOLD.name),
         *sticks(TURN / flight_vehicle.gains.roll.stick_roll),
     ]
-    waiting.sort(key=lambda entry: entry.time_us)
-    command = NEUTRAL
+    command, launched = NEUTRAL, False
     while not world.finished:
         frame = world.step(command)
+        if world.launched and not launched:
+            launched, late = True, frame.time_us - round(LAUNCH_TIME * 1e6)
+            waiting += [entry._replace(time_us=entry.time_us + late) for entry in flown]
+            waiting.sort(key=lambda entry: entry.time_us)
         due = [entry for entry in waiting if entry.time_us <= frame.time_us]
         waiting = waiting[len(due) :]
         command = quantized_command(autopilot.step(frame, due))
