@@ -18,7 +18,6 @@ from logs.identification.estimators.stepwise import Step
 from logs.identification.estimators.wing_coefficients import AeroResult, coefficient_r_squared, coefficient_terms
 from logs.identification.findings import Finding, not_estimated
 from logs.identification.models.modes import KINDS, Mode, ModesResult, Oscillation
-from logs.identification.report.background import run_in_background
 from logs.identification.report.markers import marker_document, marker_lines
 from logs.identification.results import Estimate, EstimationResult
 from logs.identification.sources.flight import (
@@ -34,6 +33,7 @@ from logs.identification.sources.motion import identify_aero
 from logs.identification.sources.table.markers import MarkersResult
 from logs.identification.sources.topic_table import CachedSource, ColumnSource
 from sim_bridge.vehicles import SimulatedVehicle
+from wingbeat.background import run_in_background
 from wingbeat.errors import InputError
 
 SUBJECTS = ("servo", "power", "modes", "aero", "path", "all")

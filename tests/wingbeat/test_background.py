@@ -9,8 +9,8 @@ import sys
 
 import pytest
 
-from logs.identification.report import background
-from logs.identification.report.background import run_in_background
+from wingbeat import background
+from wingbeat.background import run_in_background
 from wingbeat.errors import InputError
 
 FORK = pytest.mark.skipif(sys.platform != "linux", reason="processes are forked on Linux alone")
