@@ -89,10 +89,11 @@ def _fitted(name: str, vibration: FlightVibration) -> VibrationFit:
         amplitude = vehicle.cruise.stroke_amplitude if drive.kind == "servo" else drive.crank_amplitude
         rate = math.tau * vibration.spectrum.stroke_frequency * amplitude / math.sqrt(2.0)
     bandwidths = vehicle.sections["gyroscope"].bandwidth, vehicle.sections["accelerometer"].bandwidth
-    fitted = fit(vibration.spectrum, rate, bandwidths)
     own = vehicle.sections.get("vibration")
     if own is None:
-        return fitted
+        return fit(vibration.spectrum, rate, bandwidths)
+    airspeed = vehicle.cruise.airspeed if math.isnan(vibration.airspeed) else vibration.airspeed
+    fitted = fit(vibration.spectrum, rate, bandwidths, own.airspeed_buffet * airspeed**2)
     # The spectrum tells nothing of the mount, the magnetometer and the wings: the vehicle keeps its own values.
     spec = own._replace(**{name: getattr(fitted.spec, name) for name in FITTED})
     return fitted._replace(spec=spec)
@@ -153,7 +154,7 @@ def _document(
 
 
 def _print(vibration: FlightVibration, fitted: VibrationFit | None, files: list[Path]) -> None:
-    from logs.vibration.analysis import AXES, UNITS
+    from logs.vibration.analysis import AXES, UNITS, broadband_corner
 
     spectrum, console = vibration.spectrum, open_console()
     console.print(
@@ -161,7 +162,7 @@ def _print(vibration: FlightVibration, fitted: VibrationFit | None, files: list[
         f"{spectrum.stroke_frequency:.3f} Hz, samples at {spectrum.rate:.1f} Hz"
     )
     bands = [f"{low:.0f}-{high:.0f} Hz" for low, high in spectrum.bands if low >= 20.0]
-    headings = ("stroke", "2nd", *bands, "> 40 Hz", "quiet")
+    headings = ("stroke", "2nd", *bands, f"> {broadband_corner(1.0 / spectrum.rate):.0f} Hz", "quiet")
     table = tables.plain_table(("RMS", ""), *((name, "right") for name in headings), ("", "unit"))
     first = len(spectrum.bands) - len(bands)
     for i, name in enumerate(AXES):
@@ -171,7 +172,8 @@ def _print(vibration: FlightVibration, fitted: VibrationFit | None, files: list[
         )  # fmt: skip
         table.add_row(name, *(f"{value:.3g}" for value in values), UNITS[i])
     console.print(table)
-    console.print(f"quiet: {vibration.quiet_start:.1f} s   ringing after impacts at {spectrum.ringing:.0f} Hz")
+    line = "ringing after impacts" if spectrum.impacts else "no impacts, strongest line"
+    console.print(f"quiet: {vibration.quiet_start:.1f} s   {line} at {spectrum.ringing:.0f} Hz")
     for one in vibration.advice:
         console.print(f"{one.severity}: {one.text} ({one.code})", style="yellow" if one.severity == "warning" else "")
     if fitted is not None:

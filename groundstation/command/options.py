@@ -402,7 +402,10 @@ def recording_file(text: str) -> Path:
 def vibration(text: str) -> float:
     """Parse a vibration: ``none`` (0), ``vehicle`` (1), or a factor from 0, for argparse."""
     named = {"none": 0.0, "vehicle": 1.0}
-    return named[text] if text in named else not_negative(text)
+    try:
+        return named[text] if text in named else not_negative(text)
+    except argparse.ArgumentTypeError:
+        raise argparse.ArgumentTypeError(f"{text!r} is none of none, vehicle or a factor from 0") from None
 
 
 def seed(text: str) -> int:

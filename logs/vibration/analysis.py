@@ -29,6 +29,10 @@ PHASE_BINS = 16
 SEGMENT = 256
 """samples of a Welch segment"""
 LEAST_STROKES = 8
+LEAST_STROKE = 0.5
+"""m/s^2; amplitude of the stroke in the vertical specific force; that of wings that carry is about 10"""
+IMPACT = 4.0
+"""-; mean square at one stroke phase over the median, at which it is an impact"""
 FREQUENCIES = (0.8, 40.0)
 """Hz; of a stroke"""
 CLIPPED = 8
@@ -67,7 +71,9 @@ class Spectrum(NamedTuple):
     by_stroke: Array
     """(s, 6); RMS above 40 Hz of each stroke"""
     ringing: float
-    """Hz; largest line within a tenth of a stroke after the phase of the largest level"""
+    """Hz; largest line above 40 Hz, after impacts if there are any"""
+    impacts: bool
+    """whether the level at one stroke phase is that of impacts"""
     clipped: Array
     """(3,); share of samples with each accelerometer at its largest value"""
 
@@ -80,7 +86,7 @@ def analyze(time: Array, imu: Array) -> Spectrum:
         imu: (n, 6); see `AXES`.
 
     Raises:
-        InputError: fewer than eight strokes, or no stroke is found in the vertical acceleration.
+        InputError: fewer than eight strokes, or no stroke of wings that carry is in the vertical acceleration.
     """
     even, signals = _evenly(time, imu)
     step = float(even[1])
@@ -90,6 +96,12 @@ def analyze(time: Array, imu: Array) -> Spectrum:
         raise InputError(f"{strokes:.1f} strokes are too few for a spectrum: at least {LEAST_STROKES}")
     stroke_frequency = strokes / float(even[-1])
     harmonics = _harmonics(signals, phase, HARMONICS)[1]
+    amplitude = float(harmonics[:2, 5].max())
+    if amplitude < LEAST_STROKE:
+        raise InputError(
+            f"no stroke in the vertical acceleration (its strongest line, {stroke_frequency:.3g} Hz, has "
+            f"{amplitude:.2g} m/s^2): is this a part with beating wings?"
+        )
     residual = signals - _harmonics(signals, phase, max(1, int(RIGID_BODY / stroke_frequency)))[0]
     frequency, density = welch(residual, 1.0 / step, "hann", min(SEGMENT, len(even)), axis=0)
     bands = _bands(0.5 / step)
@@ -99,6 +111,8 @@ def analyze(time: Array, imu: Array) -> Spectrum:
     ]
     high = high_pass(signals, step)
     by_phase = _rms_by(np.floor(phase % 1.0 * PHASE_BINS).astype(int), PHASE_BINS, high)
+    impacts = has_impacts(by_phase)
+    fast = np.where(frequency[:, None] >= broadband_corner(step), density, 0.0) / high.var(axis=0)
     return Spectrum(
         rate=1.0 / step,
         strokes=strokes,
@@ -111,7 +125,10 @@ def analyze(time: Array, imu: Array) -> Spectrum:
         broadband=high.std(axis=0),
         by_phase=by_phase,
         by_stroke=_rms_by(np.floor(phase - phase[0]).astype(int), int(strokes), high),
-        ringing=_ringing(high, phase, loudest_bin(by_phase) / PHASE_BINS, step),
+        ringing=_ringing(high, phase, loudest_bin(by_phase) / PHASE_BINS, step)
+        if impacts
+        else float(frequency[fast.sum(axis=1).argmax()]),
+        impacts=impacts,
         clipped=clipped_share(imu[:, 3:]),
     )
 
@@ -195,6 +212,12 @@ def loudest_bin(by_phase: Array) -> int:
     return int((by_phase**2 / np.median(by_phase**2, axis=0)).mean(axis=1).argmax())
 
 
+def has_impacts(by_phase: Array) -> bool:
+    """Return whether one phase bin has the level of impacts."""
+    square = by_phase**2
+    return bool((square[loudest_bin(by_phase)] / np.median(square, axis=0)).mean() >= IMPACT)
+
+
 def _ringing(high: Array, phase: Array, start: float, step: float) -> float:
     """Return the frequency in Hz with most power after a phase, beyond that of the whole stroke."""
     inside = (phase - start) % 1.0 < RINGING
@@ -218,10 +241,16 @@ def _bands(nyquist: float) -> tuple[tuple[float, float], ...]:
     return tuple(zip(edges, [*edges[1:], nyquist], strict=True))
 
 
+def broadband_corner(step: float) -> float:
+    """Return the lower end of the broadband level: 40 Hz, or half the Nyquist frequency of a slower sensor."""
+    return min(BROADBAND, 0.25 / step)
+
+
 def high_pass(signals: Array, step: float) -> Array:
-    """Return the part above 40 Hz, or above half the Nyquist frequency of a slower sensor."""
-    corner = min(BROADBAND, 0.25 / step)
-    filtered: Array = sosfiltfilt(butter(4, corner, "high", fs=1.0 / step, output="sos"), signals, axis=0)
+    """Return the part above `broadband_corner`."""
+    filtered: Array = sosfiltfilt(
+        butter(4, broadband_corner(step), "high", fs=1.0 / step, output="sos"), signals, axis=0
+    )
     return filtered
 
 

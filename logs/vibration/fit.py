@@ -29,8 +29,6 @@ DAMPING = 0.08
 """-; modes of the bank overlap at half power"""
 JITTER = 0.005
 """strokes; standard deviation of an impact's phase: 1.4 ms of 262 ms on a measured 0.9 kg ornithopter"""
-IMPACT = 4.0
-"""-; mean square at one stroke phase over the median, at which it is an impact"""
 UPPER_REVERSAL = 0.25
 """strokes; from the upper reversal to the largest upward force, in the middle of the downstroke"""
 
@@ -44,13 +42,16 @@ class VibrationFit(NamedTuple):
     """(6,); share of the power above 40 Hz in impacts"""
 
 
-def fit(spectrum: Spectrum, reference_rate: float, bandwidths: tuple[float, float] = (0.0, 0.0)) -> VibrationFit:
+def fit(
+    spectrum: Spectrum, reference_rate: float, bandwidths: tuple[float, float] = (0.0, 0.0), flow: float = 0.0
+) -> VibrationFit:
     """Fit modes and excitation.
 
     Args:
         spectrum: of a part of a flight.
         reference_rate: rad/s; RMS flap rate in it.
         bandwidths: Hz; first-order low pass of gyroscopes and accelerometers of the simulated vehicle, 0 for none.
+        flow: buffeting by the airspeed in that part, over that by the stroke.
 
     Raises:
         InputError: the samples are too slow.
@@ -82,6 +83,7 @@ def fit(spectrum: Spectrum, reference_rate: float, bandwidths: tuple[float, floa
         omega, period = 2.0 * math.pi * spectrum.ringing, 1.0 / spectrum.stroke_frequency
         kick = impact.buffet * math.sqrt(4.0 * DAMPING * period / omega)
         modes["impact"] = impact._replace(buffet=0.0, kick=round(kick, 6))
+    modes = {name: mode._replace(buffet=round(mode.buffet / (1.0 + flow), 4)) for name, mode in modes.items()}
     # From one stroke to the next: a drift of the stroke rate is no scatter.
     scatter = float(np.std(np.diff(np.log(spectrum.by_stroke[:, 3:].mean(axis=1))))) / math.sqrt(2.0)
     spec = VibrationSpec(round(reference_rate, 3), phases, JITTER if phases else 0.0, round(scatter, 3))
@@ -131,7 +133,7 @@ def _impacts(spectrum: Spectrum) -> tuple[tuple[float, ...], Array]:
     """Return the phases of impacts from the upper reversal, and their share (6,) of the power above 40 Hz."""
     square = spectrum.by_phase**2
     peak, median = loudest_bin(spectrum.by_phase), np.median(square, axis=0)
-    if (square[peak] / median).mean() < IMPACT:
+    if not spectrum.impacts:
         return (), np.zeros(6)
     # The level follows an impact: it happens where its bin begins.
     phase = (peak / PHASE_BINS + UPPER_REVERSAL) % 1.0

@@ -35,6 +35,8 @@ HARMONICS = 8
 FEWEST = 8
 """rows of a table"""
 DEGREES = "_deg"
+UNEXPLAINED = 0.25
+"""share of a stroke angle's variance that its harmonics leave at most"""
 
 
 class RecordedMotion(NamedTuple):
@@ -194,9 +196,11 @@ def _table_motion(path: Path, wings: Sequence[str], frequency: float | None, har
     if phase[-1] - phase[0] < 0.8:
         raise InputError(f"{phase[-1] - phase[0]:.2g} strokes at {frequency:g} Hz: a whole stroke is needed")
     steps = np.arange(PHASES) / PHASES
+    fitted = {wing: {name: _fitted(phase, own.get(name), count) for name in ANGLES} for wing, own in samples.items()}
+    for wing, own in samples.items():
+        _check_repetition(wing, own["stroke"], _at(fitted[wing]["stroke"], phase), frequency)
     angles = {
-        wing: JointAngles(*(series(_fitted(phase, own.get(name), count), steps, frequency) for name in ANGLES))
-        for wing, own in samples.items()
+        wing: JointAngles(*(series(own[name], steps, frequency) for name in ANGLES)) for wing, own in fitted.items()
     }
     period = 1.0 / frequency
     measured_phase, measured = _folded(phase, measured)
@@ -242,6 +246,27 @@ def _fitted(phase: Floats, values: Floats | None, count: int) -> Harmonics:
     basis = np.concatenate((np.ones((len(phase), 1)), np.cos(angle), np.sin(angle)), axis=1)
     found = np.linalg.lstsq(basis, values, rcond=None)[0].tolist()
     return Harmonics(found[0], tuple(found[1 : count + 1]), tuple(found[count + 1 :]))
+
+
+def _at(fitted: Harmonics, phase: Floats) -> Floats:
+    """Return the series (N,) at phases in strokes."""
+    angle = 2.0 * math.pi * phase[:, None] * np.arange(1, len(fitted.cosine) + 1)
+    values: Floats = fitted.mean + np.cos(angle) @ np.array(fitted.cosine) + np.sin(angle) @ np.array(fitted.sine)
+    return values
+
+
+def _check_repetition(wing: str, stroke: Floats, series_: Floats, frequency: float) -> None:
+    """Reject a flapping frequency that is not that of the samples.
+
+    Raises:
+        InputError: the harmonics leave more than a quarter of the variance.
+    """
+    share = float(np.mean((stroke - series_) ** 2)) / max(float(np.var(stroke)), 1e-12)
+    if share > UNEXPLAINED:
+        raise InputError(
+            f"{wing}.stroke does not repeat itself at {frequency:g} Hz: its harmonics leave {100.0 * share:.0f} % "
+            "of the variance; is --frequency right?"
+        )
 
 
 def _record(

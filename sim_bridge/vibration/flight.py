@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 from sim_bridge import plant_kernel as k
 from sim_bridge.observation import Vector
 from sim_bridge.plant import Plant
@@ -16,6 +14,8 @@ from wingbeat.errors import InputError
 STREAM = 10
 """number of the random stream, beside those of the sensors"""
 GAUSS_PER_MICROTESLA = 0.01
+MOST = 100.0
+"""-; factor of the vibration of a flight"""
 
 
 def vibration_factor(vehicle: SimulatedVehicle, factor: float | None) -> float:
@@ -26,12 +26,12 @@ def vibration_factor(vehicle: SimulatedVehicle, factor: float | None) -> float:
         factor: of the vehicle file's levels; None: 1 with the section and 0 without it.
 
     Raises:
-        InputError: the factor is negative, or above 0 and the vehicle file has no section [vibration].
+        InputError: the factor is no number from 0 to 100, or above 0 and the vehicle file has no section [vibration].
     """
     if factor is None:
         return 1.0 if "vibration" in vehicle.sections else 0.0
-    if not 0.0 <= factor < math.inf:
-        raise InputError(f"vibration must be a factor from 0, not {factor:g}")
+    if isinstance(factor, str) or not 0.0 <= factor <= MOST:
+        raise InputError(f"vibration must be a factor from 0 (none) to {MOST:g}, not {factor!r}")
     if factor > 0.0 and "vibration" not in vehicle.sections:
         raise InputError(f"{vehicle.path}: no section [vibration]: it flies with --vibration none only")
     return factor

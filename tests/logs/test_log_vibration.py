@@ -15,6 +15,7 @@ import wingbeat
 from groundstation.command.main import dispatch
 from logs.vibration.analysis import AXES, analyze, clipped
 from logs.vibration.fit import fit, modeled_density
+from logs.vibration.flight import mount_advice
 from sim_bridge.observation import Observation
 from sim_bridge.sensors.noise import sensor_seed
 from sim_bridge.vehicles import load_vehicle
@@ -83,6 +84,15 @@ def test_fit_has_the_spectrum_of_the_flight() -> None:
     assert np.median(np.abs(difference)) < 1.5
 
 
+def test_buffeting_by_the_airspeed_is_no_part_of_the_fitted_levels() -> None:
+    """GIVEN a spectrum with buffeting by the airspeed of a quarter of the rest THEN levels 1.25 times lower."""
+    measured = analyze(*flapping(SPEC, MODES))
+    alone, parted = fit(measured, 8.0), fit(measured, 8.0, flow=0.25)
+    for name, mode in alone.modes.items():
+        assert parted.modes[name].buffet == pytest.approx(mode.buffet / 1.25, abs=1e-4)
+        assert parted.modes[name].kick == mode.kick
+
+
 def test_density_of_fitted_modes_is_that_of_the_flight() -> None:
     """GIVEN fitted modes WHEN their density is computed THEN its RMS in each band is the measured one."""
     measured = analyze(*flapping(SPEC, MODES))
@@ -112,6 +122,34 @@ def test_too_few_strokes_and_no_strokes_are_rejected() -> None:
         analyze(time, imu)
     with pytest.raises(InputError, match="no stroke"):
         analyze(time, np.zeros_like(imu))
+    time = np.arange(0.0, 10.0, 0.005)
+    bench = np.random.default_rng(1).normal(0.0, 0.02, (len(time), 6))
+    bench[:, 5] += 0.05 * np.sin(2.0 * np.pi * 13.0 * time) - 9.8
+    with pytest.raises(InputError, match=r"strongest line, 13 Hz, has 0.05 m/s\^2"):
+        analyze(time, bench)
+
+
+def test_tone_without_impacts_is_the_strongest_line_and_what_a_mount_leaves_of_it() -> None:
+    """GIVEN a stroke at 4 Hz and a tone at 87 Hz WHEN analyzed THEN no impacts, 87 Hz, and its transmissibility."""
+    time = np.arange(0.0, 20.0, 0.0025)
+    imu = np.random.default_rng(2).normal(0.0, 0.01, (len(time), 6))
+    imu[:, 5] += 12.0 * np.sin(2.0 * np.pi * 4.0 * time) + 3.0 * np.sin(2.0 * np.pi * 87.0 * time) - 9.8
+    found = analyze(time, imu)
+    assert not found.impacts
+    assert found.ringing == pytest.approx(87.0, abs=1.0)
+    advice = mount_advice(found)
+    assert advice.value == pytest.approx(16.0, abs=0.1)  # four times the stroke: the softest that is tried
+    ratio, damping = 87.0 / 16.0, 2.0 * 0.2 * 87.0 / 16.0
+    share = math.hypot(1.0, damping) / math.hypot(1.0 - ratio**2, damping)
+    assert f"leaves {100.0 * share:.0f} %" in advice.text
+
+
+def test_vibration_near_the_stroke_is_not_isolated() -> None:
+    """GIVEN a stroke at 10 Hz and a tone at 33 Hz WHEN analyzed THEN no mount is advised."""
+    time = np.arange(0.0, 20.0, 0.0025)
+    imu = np.random.default_rng(3).normal(0.0, 0.01, (len(time), 6))
+    imu[:, 5] += 12.0 * np.sin(2.0 * np.pi * 10.0 * time) + 3.0 * np.sin(2.0 * np.pi * 33.0 * time) - 9.8
+    assert math.isnan(mount_advice(analyze(time, imu)).value)
 
 
 def test_command_analyzes_and_fits(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

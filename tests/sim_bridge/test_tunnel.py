@@ -197,6 +197,11 @@ def test_the_public_function_gives_the_forces() -> None:
         ("phase,stroke\n" + "".join(f"{i / 9},1\n" for i in range(9)), [], "needs the flapping frequency"),
         ("phase,twist\n" + "".join(f"{i / 9},1\n" for i in range(9)), [], "no column wing.stroke"),
         ("phase,stroke\n" + "".join(f"{i / 9},1\n" for i in range(9)), ["--frequency", "0"], "0 is not above 0"),
+        (
+            "time,stroke\n" + "".join(f"{i / 100},{math.sin(0.06 * math.pi * i)}\n" for i in range(101)),
+            ["--frequency", "5"],
+            "does not repeat itself at 5 Hz: its harmonics leave 100 % of the variance",
+        ),
         ("stroke\n" + "1\n" * 9, [], "needs one column time (s) or phase"),
         ("time,stroke\n" + "".join(f"{i},1\n" for i in range(9)), ["--aerodynamics", "magic"], "magic"),
         ("time,stroke\n" + "".join(f"{i},1\n" for i in range(9)), ["--aerodynamics", "derivatives"], "no section"),
