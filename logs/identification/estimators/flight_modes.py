@@ -85,11 +85,11 @@ EQUATIONS = (
 
 register({
     "turbulence": Entry(
-        "the elevator explains {share} of the pitch rate; prefer filter error, whose damping may be low",
+        "the elevator explains {share} of the pitch rate: intervals are too narrow",
         "The coefficient of determination of the pitch rate by output error is low: turbulence moves the aircraft as"
-        " much as the input does. Methods without process noise are biased then; the damping by filter error is"
-        " biased low if records are shorter than about twenty strokes, since each has initial states and biases.",
-        "fly larger inputs, longer maneuvers, or in calmer air; use the frequency of filter error",
+        " much as the input does. Methods without process noise are biased then. Filter error is less so, but of"
+        " short records its intervals are too narrow too: white noise on each state is no gust (docs/validation).",
+        "fly larger inputs, longer maneuvers, or in calmer air; repeat the flight and compare",
     ),
     "large_motion": Entry(
         "pitch moves through {value:.2f} rad; the linear model assumes less than {limit:g} rad",
