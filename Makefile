@@ -23,7 +23,7 @@ PYTEST := $(BIN)/python -m pytest -q -m "not bench and not validate"
 # Modules are compiled once, at their first import, not in every process.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: docs docs/parameters.md help fly test lint kernels collected bench validate clean
+.PHONY: docs docs/parameters.md help fly test lint kernels collected imports bench validate clean
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -32,10 +32,10 @@ fly: $(VENV)/.installed
 	@$(BIN)/wingbeat fly $(ARGS)
 
 # What every worker would do for itself is done once before they start: one core compiles kernels and collects the tests
-# while the other installs the checks and makes the first of them. Three workers on two cores: tests of links wait over
+# while the other installs the checks and makes the longest of them. Three workers on two cores: tests of links wait over
 # a minute in all for an answer or for its absence, in which another can work.
 test: $(VENV)/.installed
-	@$(MAKE) --no-print-directory -j 2 lint collected
+	@$(MAKE) --no-print-directory -j 2 lint imports
 	$(PYTEST) -n 3 --dist loadfile --no-loadscope-reorder
 
 docs: $(VENV)/.installed-dev
@@ -49,16 +49,21 @@ kernels: $(VENV)/.installed
 	@for table in short_period transport; do \
 	    $(BIN)/wingbeat identify docs/examples/$$table.csv --map docs/examples/$$table.toml > /dev/null || exit; done
 
-# The tests rewritten for their assertions; what is wrong in them pytest tells when they are run. After the kernels: the
+# The tests rewritten for their assertions (what is wrong in them pytest tells when they are run), and the kernels of a
+# batch of vehicles. After the physics: the
 # other core still looks through the sources.
 collected: kernels $(VENV)/.installed-dev
 	@$(PYTEST) --collect-only > /dev/null 2>&1 || true
+	@$(BIN)/python -c "import gymnasium; e = gymnasium.make_vec('wingbeat.gym:wingbeat/Flapping-v0', num_envs=2); \
+	    e.reset(seed=1); e.step(e.action_space.sample())" > /dev/null 2>&1 || true
+
+imports: collected
+	$(BIN)/lint-imports
 
 lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
-	$(BIN)/lint-imports
 
 bench: $(VENV)/.installed-bench
 	$(BIN)/python -m pytest -q -s -m bench --bench-table docs/validation/benchmarks.md tests
