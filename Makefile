@@ -50,8 +50,7 @@ kernels: $(VENV)/.installed
 	    $(BIN)/wingbeat identify docs/examples/$$table.csv --map docs/examples/$$table.toml > /dev/null || exit; done
 
 # The tests rewritten for their assertions (what is wrong in them pytest tells when they are run), and the kernels of a
-# batch of vehicles. After the physics: the
-# other core still looks through the sources.
+# batch of vehicles. After the physics: the other core still looks through the sources.
 collected: kernels $(VENV)/.installed-dev
 	@$(PYTEST) --collect-only > /dev/null 2>&1 || true
 	@$(BIN)/python -c "import gymnasium; e = gymnasium.make_vec('wingbeat.gym:wingbeat/Flapping-v0', num_envs=2); \
