@@ -66,13 +66,8 @@ def of_flight(vehicle: str, seed: int) -> tuple[ShortPeriod, ModesResult]:
     return true_short_period(vehicle, log), identify_modes(flight_data(log), known(vehicle))
 
 
-OUTPUT_ERROR_BIASED = pytest.mark.xfail(
-    strict=True, reason="output error of the Arizona is 4 % slow: 13 periods of 20, docs/validation/identification.md"
-)
-
-
 @pytest.mark.validate
-@pytest.mark.parametrize("vehicle", [VEHICLE, pytest.param("arizona_100cm", marks=OUTPUT_ERROR_BIASED)])
+@pytest.mark.parametrize("vehicle", PROMISED)
 def test_twenty_flights_cover_the_true_short_period(vehicle: str) -> None:
     """Who has a model of the aircraft gives numbers of every flight; of any method nine in ten hold the truth."""
     promise = PROMISED[vehicle]
@@ -122,9 +117,6 @@ STRONG = "small_uav_moderate"
 """2 m/s at the height flown: what is promised of gusts is promised there"""
 
 
-@pytest.mark.xfail(
-    strict=True, reason="short records with white process noise, 7 of 24 given: docs/validation/identification.md"
-)
 @pytest.mark.validate
 @pytest.mark.parametrize("vehicle", PROMISED)
 @pytest.mark.parametrize(("level", "least"), [("light", 22), ("small_uav_light", 18), (STRONG, 14)])
