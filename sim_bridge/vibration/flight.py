@@ -30,8 +30,8 @@ def vibration_factor(vehicle: SimulatedVehicle, factor: float | None) -> float:
     """
     if factor is None:
         return 1.0 if "vibration" in vehicle.sections else 0.0
-    if isinstance(factor, str) or not 0.0 <= factor <= MOST:
-        raise InputError(f"vibration must be a factor from 0 (none) to {MOST:g}, not {factor!r}")
+    if not 0.0 <= factor <= MOST:
+        raise InputError(f"vibration must be a factor from 0 (none) to {MOST:g}, not {factor:g}")
     if factor > 0.0 and "vibration" not in vehicle.sections:
         raise InputError(f"{vehicle.path}: no section [vibration]: it flies with --vibration none only")
     return factor

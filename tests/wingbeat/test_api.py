@@ -120,6 +120,8 @@ def test_vehicles_are_listed_and_loaded() -> None:
     assert wingbeat.load_vehicle(VEHICLE).mass == pytest.approx(0.29, abs=0.15)
     with pytest.raises(InputError, match="unknown vehicle"):
         wingbeat.load_vehicle("robo_raven")
+    with pytest.raises(InputError, match="a factor, 0 for none, not 'none'"):
+        wingbeat.fly(vibration="none")  # type: ignore[arg-type]
 
 
 def test_campaign_returns_a_row_per_flight(tmp_path: Path) -> None:

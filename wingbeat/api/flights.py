@@ -21,6 +21,7 @@ from sim_bridge.flight.flight import fly as fly_in_process
 from sim_bridge.flight.world import SimulatedWorld
 from sim_bridge.plant import physics_compiled
 from sim_bridge.vehicles import SimulatedVehicle
+from wingbeat.errors import InputError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -150,6 +151,8 @@ def prepared_flight(
         "wind.from": math.radians(wind_from_deg),
     }  # fmt: skip
     if vibration is not None:
+        if isinstance(vibration, str):
+            raise InputError(f"vibration must be a factor, 0 for none, not {vibration!r}")
         values["vibration"] = vibration
     if aerodynamics is not None:
         values["aerodynamics"] = aerodynamics
