@@ -250,8 +250,9 @@ def test_a_write_that_nobody_reads_is_dropped_and_never_waits() -> None:
     """A full buffer of a pseudo terminal takes nothing: were a write to wait for room, this would not end."""
     line = Pty()
     board = SerialLine(line.device, 921_600)
+    # The kernel moves what it holds on as it finds time: room for a line may come back once after the first refusal.
     taken = [board.write(bytes(100)) for _ in range(3000)]
-    assert taken[0] and not taken[-1] and board.dropped == taken.count(False)
+    assert taken[0] and False in taken and board.dropped == taken.count(False)
     board.close()
     line.close()
 
