@@ -10,13 +10,13 @@ from __future__ import annotations
 import math
 import struct
 from functools import lru_cache
-from typing import Any, NamedTuple, get_args, get_origin, get_type_hints
+from typing import Any, NamedTuple, get_args, get_origin
 
 from avionics.gains import FlightGains
 from avionics.limits import clip
 from avionics.messages import Mode
 from avionics.mixing import flapping
-from wingbeat.docstrings import field_texts, split_unit
+from wingbeat.docstrings import field_texts, split_unit, type_hints
 from wingbeat.errors import InputError
 from wingbeat.units import Quantity
 
@@ -224,7 +224,7 @@ def _table(shapes: tuple[_Shape, ...]) -> dict[str, Parameter]:
 
 def _section_parameters(shape: _Shape) -> list[Parameter]:
     found: list[Parameter] = []
-    hints = get_type_hints(shape.kind, include_extras=True)
+    hints = type_hints(shape.kind)
     texts = _texts(shape.kind)
     for key, length in zip(shape.kind._fields, shape.lengths, strict=True):
         base, quantity = _numeric(hints[key])

@@ -14,6 +14,7 @@ from functools import cache
 from types import MappingProxyType
 from typing import Annotated, Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
+from wingbeat.docstrings import type_hints
 from wingbeat.documents import parse_json
 from wingbeat.errors import InputError
 
@@ -104,4 +105,4 @@ def _named_tuple_builder(kind: Any) -> Builder:
 
 @cache
 def _field_builders(kind: Any) -> tuple[Builder, ...]:
-    return tuple(builder(hint) for hint in get_type_hints(kind, include_extras=True).values())
+    return tuple(builder(hint) for hint in type_hints(kind).values())

@@ -12,11 +12,11 @@ import inspect
 import struct
 from collections.abc import Iterator, Mapping
 from enum import Enum
-from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, NamedTuple, get_args, get_origin
 
 import numpy as np
 
-from wingbeat.docstrings import field_texts, split_unit
+from wingbeat.docstrings import field_texts, split_unit, type_hints
 from wingbeat.message import Wire
 
 VARINT, FIXED64, DELIMITED, FIXED32 = 0, 1, 2, 5
@@ -150,7 +150,7 @@ def layout_of(message: type[Any]) -> Layout:
     made: Layout | None = getattr(message, "LAYOUT", None)
     if made is not None:
         return made
-    hints = get_type_hints(message, include_extras=True)
+    hints = type_hints(message)
     texts = field_texts(message.__module__).get(message.__name__, {})
     fields = tuple(
         _field(message, number, name, hints[name], texts.get(name, "-"))

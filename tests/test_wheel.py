@@ -2,30 +2,18 @@
 
 from __future__ import annotations
 
-import shutil
-import subprocess
-import sys
 import zipfile
 from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parent.parent
-PACKAGES = ("wingbeat", "avionics", "sim_bridge", "logs", "groundstation")
-IGNORED = shutil.ignore_patterns("__pycache__", ".*")
+from tests.built_wheel import PACKAGES, ROOT, build_wheel, install_wheel, run_installed
 
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> zipfile.ZipFile:
-    work = tmp_path_factory.mktemp("wheel")
-    for name in PACKAGES:
-        shutil.copytree(ROOT / name, work / "source" / name, ignore=IGNORED)
-    for name in ("pyproject.toml", "README.md", "LICENSE"):
-        shutil.copy(ROOT / name, work / "source")
-    build = ["pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation", "--no-index", "--wheel-dir", str(work)]
-    done = subprocess.run([sys.executable, "-m", *build, str(work / "source")], capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    (path,) = work.glob("wingbeat-*.whl")
+    path = build_wheel(tmp_path_factory.mktemp("wheel"))
+    assert path.name.endswith("-py3-none-any.whl")
     return zipfile.ZipFile(path)
 
 
@@ -47,3 +35,36 @@ def test_wheel_has_its_command_and_license(wheel: zipfile.ZipFile) -> None:
     (info,) = {name.split("/")[0] for name in wheel.namelist() if ".dist-info/" in name}
     assert b"wingbeat = groundstation.command.main:main" in wheel.read(f"{info}/entry_points.txt")
     assert any(name.startswith(info) and name.endswith("LICENSE") for name in wheel.namelist())
+
+
+FLIGHT = """
+import hashlib, sys
+from avionics.autopilot import Autopilot
+from avionics.missions import load_mission
+from avionics.missions.script import scripted_start
+from avionics.vehicles import load_vehicle as load_flight_vehicle
+from sim_bridge.flight.flight import fly
+from sim_bridge.flight.world import Scenario, SimulatedWorld
+from sim_bridge.vehicles import load_vehicle
+digest = hashlib.sha256()
+publish = lambda topic, message: digest.update(repr((topic.name, message)).encode())
+for seed in (1, 2, 3):
+    world = SimulatedWorld(load_vehicle(sys.argv[1]), Scenario(seed=seed), publish)
+    fly(world, Autopilot(load_flight_vehicle(sys.argv[1]), load_mission("circuit"), publish), scripted_start())
+    print(seed, world.time_us, digest.hexdigest())
+"""
+"""all messages of whole flights"""
+
+
+@pytest.mark.validate
+def test_compiled_flight_code_flies_the_same_bits(tmp_path: Path) -> None:
+    (tmp_path / "wheel").mkdir()
+    wheel = build_wheel(tmp_path / "wheel", compiled=True)
+    compiled = install_wheel(wheel, tmp_path / "compiled")
+    version = ("-m", "groundstation.command.main", "--version")
+    assert run_installed(compiled, *version).endswith("\nflight code: compiled\n")
+    assert run_installed(ROOT, *version).endswith("\nflight code: Python\n")
+    for vehicle in ("robo_raven_ii_d", "arizona_100cm"):
+        flights = run_installed(compiled, "-c", FLIGHT, vehicle)
+        assert flights.count("\n") == 3
+        assert flights == run_installed(ROOT, "-c", FLIGHT, vehicle)

@@ -1,12 +1,14 @@
-"""Docstrings of fields, which Python keeps only in the source."""
+"""What only the source tells: docstrings of fields, and type hints of compiled records."""
 
 from __future__ import annotations
 
 import ast
 import functools
-import inspect
 import sys
 from collections.abc import Iterator
+from importlib.machinery import EXTENSION_SUFFIXES
+from pathlib import Path
+from typing import Any, get_type_hints
 
 
 def split_unit(text: str) -> tuple[str, str]:
@@ -22,8 +24,44 @@ def field_texts(module: str) -> dict[str, dict[str, str]]:
     Raises:
         OSError: the source is not available.
     """
-    tree = ast.parse(inspect.getsource(sys.modules[module]))
-    return {node.name: dict(_texts_of(node)) for node in tree.body if isinstance(node, ast.ClassDef)}
+    return {name: dict(_texts_of(node)) for name, node in _classes(module).items()}
+
+
+def type_hints(record: Any) -> dict[str, Any]:
+    """Return the type hints of a record's fields, with the extras of `typing.Annotated`.
+
+    A compiled module has erased types, ``tuple`` for ``tuple[float, ...]``: its source has the others.
+
+    Raises:
+        OSError: the source of a compiled module is not available.
+    """
+    if not is_compiled(record.__module__):
+        return get_type_hints(record, include_extras=True)
+    return hints_of_source(record)
+
+
+def is_compiled(module: str) -> bool:
+    """Return whether an imported module is an extension."""
+    return str(getattr(sys.modules.get(module), "__file__", "")).endswith(tuple(EXTENSION_SUFFIXES))
+
+
+def hints_of_source(record: Any) -> dict[str, Any]:
+    """`type_hints` of a record by the source of its module, whose names are looked up in the imported one.
+
+    Raises:
+        OSError: the source is not available.
+    """
+    fields = (one for one in _classes(record.__module__)[record.__name__].body if isinstance(one, ast.AnnAssign))
+    hints = {one.target.id: ast.unparse(one.annotation) for one in fields if isinstance(one.target, ast.Name)}
+    twin = type(record.__name__, (), {"__module__": record.__module__, "__annotations__": hints})
+    return get_type_hints(twin, include_extras=True)
+
+
+@functools.cache
+def _classes(module: str) -> dict[str, ast.ClassDef]:
+    file = Path(str(sys.modules[module].__file__))
+    source = file.with_name(file.name.split(".")[0] + ".py").read_text(encoding="utf-8")
+    return {node.name: node for node in ast.parse(source).body if isinstance(node, ast.ClassDef)}
 
 
 def _texts_of(node: ast.ClassDef) -> Iterator[tuple[str, str]]:

@@ -12,8 +12,9 @@ import types
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cache
 from pathlib import Path
-from typing import Annotated, Any, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, TypeVar, Union, get_args, get_origin
 
+from wingbeat.docstrings import type_hints
 from wingbeat.documents import parse_json, parse_toml
 from wingbeat.errors import DocumentError, InputError
 from wingbeat.text import did_you_mean, read_error_text
@@ -189,7 +190,7 @@ def field_hints(record: Any) -> Mapping[str, Any]:
 
 @cache
 def _field_hints(record: Any) -> Mapping[str, Any]:
-    return types.MappingProxyType(get_type_hints(record, include_extras=True))
+    return types.MappingProxyType(type_hints(record))
 
 
 def quantity_of(hint: Any) -> Quantity | None:

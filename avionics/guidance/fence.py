@@ -10,6 +10,8 @@ from avionics.guidance.path import Place
 from avionics.messages import Breach
 
 CLIMBING = (ItemKind.WAYPOINT, ItemKind.LOITER, ItemKind.CIRCLE)
+PLACED = (*CLIMBING, ItemKind.LAND)
+HIGH = (*CLIMBING, ItemKind.TAKEOFF, ItemKind.HOLD)
 """kinds of item with a position and an altitude"""
 
 
@@ -35,10 +37,10 @@ def mission_breach(fence: Fence, mission: Mission, first: int = 0) -> str:
 
 
 def _item_breach(fence: Fence, item: MissionItem) -> str:
-    placed = item.kind in (*CLIMBING, ItemKind.LAND) and not item.here
+    placed = item.kind in PLACED and not item.here
     if placed and clearance(fence, item.north, item.east) < 0.0:
         return "outside the fence"
-    if fence.ceiling and item.kind in (*CLIMBING, ItemKind.TAKEOFF, ItemKind.HOLD) and item.altitude > fence.ceiling:
+    if fence.ceiling and item.kind in HIGH and item.altitude > fence.ceiling:
         return f"above the fence's ceiling of {fence.ceiling:g} m"
     below = fence.floor and item.kind in CLIMBING and item.altitude < fence.floor
     return f"below the fence's floor of {fence.floor:g} m" if below else ""

@@ -33,6 +33,8 @@ class Subcommand(NamedTuple):
     summary: str
 
 
+FLIGHT_CODE = "avionics.autopilot"
+"""module by which compiled flight code is recognized"""
 SUBCOMMANDS: dict[str, Subcommand] = {
     "fly": Subcommand(
         "groundstation.command.fly", "fly a modeled ornithopter: simulator, flight computer, view, log"
@@ -82,9 +84,7 @@ def dispatch(arguments: Sequence[str]) -> int:
         print(overview())
         return 0
     if arguments[0] == "--version":
-        from importlib.metadata import version
-
-        print(f"wingbeat {version('wingbeat')}")
+        print_version()
         return 0
     name = arguments[0]
     if name not in SUBCOMMANDS:
@@ -99,6 +99,17 @@ def dispatch(arguments: Sequence[str]) -> int:
         gc.enable()
     code: int = module.run(list(arguments[1:]))
     return code
+
+
+def print_version() -> None:
+    """Print the version, and which flight code runs: the results are the same, the speed is not."""
+    from importlib.metadata import version
+
+    from wingbeat.docstrings import is_compiled
+
+    importlib.import_module(FLIGHT_CODE)
+    print(f"wingbeat {version('wingbeat')}")
+    print(f"flight code: {'compiled' if is_compiled(FLIGHT_CODE) else 'Python'}")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
