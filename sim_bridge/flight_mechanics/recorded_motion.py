@@ -35,6 +35,8 @@ HARMONICS = 8
 FEWEST = 8
 """rows of a table"""
 DEGREES = "_deg"
+LARGEST = math.pi
+"""rad; range of a wing's angle: a larger one is in degrees"""
 UNEXPLAINED = 0.25
 """share of a stroke angle's variance that its harmonics leave at most"""
 
@@ -231,7 +233,11 @@ def _samples(table: dict[str, Floats], wings: Sequence[str]) -> dict[str, dict[s
             raise InputError(f"unknown column {column!r}{told}; known: {', '.join(known)}, {', '.join(FORCES)}")
         if angle in samples.setdefault(wing, {}):
             raise InputError(f"{wing}.{angle} is in two columns")
-        samples[wing][angle] = np.radians(values) if degrees else values
+        moved = np.radians(values) if degrees else values
+        if np.ptp(moved) > LARGEST:
+            why = "more than half a turn" if degrees else f"in degrees the column is {column}{DEGREES}"
+            raise InputError(f"{column} moves through {np.ptp(moved):.3g} rad: {why}")
+        samples[wing][angle] = moved
     without = [wing for wing in wings if "stroke" not in samples.get(wing, {})]
     if without:
         raise InputError(f"no column {without[0]}.stroke")

@@ -211,6 +211,21 @@ def test_an_open_gate_refuses_nothing() -> None:
     assert after[-1].airspeed == pytest.approx(12.0, abs=0.2)
 
 
+def test_a_throw_that_outruns_the_filter_is_followed() -> None:
+    """The gate shuts at the launch, while the filter is still far behind what it has accepted."""
+    state, flown = air_data.State(), []
+    for t in times(10.0):
+        thrown = min(max((t - 8.0) / 0.3, 0.0), 1.0)
+        gate = Gate.OPEN if t < 8.3 else Gate.WATCHED
+        pressure = 43.0 * thrown**2
+        state, message = air_data.step(GAINS, state, sample(t, differential=pressure), on_ground=t < 8.0, gate=gate)
+        flown.append(message.dynamic_pressure)
+    # In 0.75 s the low-pass filter of 0.25 s has all but a twentieth.
+    assert flown[round(50.0 * (8.3 + 0.75))] > 0.9 * 43.0
+    state, message = air_data.step(GAINS, state, sample(10.0, differential=200.0), on_ground=False, gate=Gate.WATCHED)
+    assert message.dynamic_pressure == flown[-1]  # what comes later is refused as ever
+
+
 def test_suction_and_broken_thermometer_are_survived() -> None:
     message = measured([sample(0.0, differential=-100.0, kelvin=0.0)])[-1]
     assert message.airspeed == 0.0

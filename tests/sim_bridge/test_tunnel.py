@@ -197,6 +197,8 @@ def test_the_public_function_gives_the_forces() -> None:
         ("phase,stroke\n" + "".join(f"{i / 9},1\n" for i in range(9)), [], "needs the flapping frequency"),
         ("phase,twist\n" + "".join(f"{i / 9},1\n" for i in range(9)), [], "no column wing.stroke"),
         ("phase,stroke\n" + "".join(f"{i / 9},1\n" for i in range(9)), ["--frequency", "0"], "0 is not above 0"),
+        ("phase,stroke\n" + "".join(f"{i / 9},{4 * i}\n" for i in range(9)), [], "the column is stroke_deg"),
+        ("phase,stroke_deg\n" + "".join(f"{i / 9},{40 * i}\n" for i in range(9)), [], "more than half a turn"),
         (
             "time,stroke\n" + "".join(f"{i / 100},{math.sin(0.06 * math.pi * i)}\n" for i in range(101)),
             ["--frequency", "5"],
