@@ -225,7 +225,7 @@ def test_a_killed_flight_lacks_half_a_second_at_most(
             check_recording(log, until)
     put_right(tmp_path / "recordings")
     said = capsys.readouterr().err.splitlines()
-    assert len(said) == 2 and all("repaired" in line and "cut off" in line for line in said)
+    assert len(said) == 2 and all("repaired truncated recording" in line for line in said)
     assert join(parts, tmp_path / "flight.mcap") == []
     with open_log(tmp_path / "flight.mcap") as log:
         assert log.complete and log.verify() == []

@@ -48,13 +48,20 @@ class Result(NamedTuple):
 
 
 def nearest(loop: Complex) -> Result:
-    """Smallest gain margin (up or down) and phase margin of a sampled open loop."""
+    """Smallest gain margin (up or down) and phase margin of a sampled open loop, crossings between samples."""
     level = np.abs(loop)
     crossing = np.flatnonzero(np.diff(np.sign(level - 1.0)))
     turning = np.flatnonzero((np.diff(np.sign(loop.imag)) != 0) & (loop.real[:-1] < 0.0))
-    phase = np.degrees(np.abs(np.angle(-loop[crossing])))
-    gain = 20.0 * np.abs(np.log10(level[turning]))
+    phase = np.degrees(np.abs(np.angle(-_between(loop, level - 1.0, crossing))))
+    gain = 20.0 * np.abs(np.log10(np.abs(_between(loop, loop.imag, turning))))
     return Result(float(np.min(gain, initial=math.inf)), float(np.min(phase, initial=math.inf)))
+
+
+def _between(loop: Complex, zero: NDArray[np.float64], at: NDArray[np.int64]) -> Complex:
+    """The loop where ``zero`` changes its sign between samples ``at`` and the next, by linear interpolation."""
+    share = zero[at] / (zero[at] - zero[at + 1])
+    between: Complex = loop[at] + share * (loop[at + 1] - loop[at])
+    return between
 
 
 def loops(name: str, gains: FlightGains) -> dict[str, Complex]:
@@ -75,7 +82,7 @@ def loops(name: str, gains: FlightGains) -> dict[str, Complex]:
         "roll": across,
         "climb": climb,
         "altitude": climb_gains.proportional / S * wait * ahead / (1.0 + climb),
-        "heading": gains.heading.proportional / S * wait * turning,
+        "heading": (gains.heading.proportional + gains.heading.integral / S) / S * wait * turning,
     }
 
 

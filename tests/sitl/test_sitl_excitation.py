@@ -83,9 +83,6 @@ def test_a_sweep_and_a_multisine_give_the_true_short_period(stated: Stated) -> N
         assert mode.damping.value == pytest.approx(stated.true.damping, abs=0.08)
 
 
-@pytest.mark.xfail(
-    strict=True, reason="2.2 % too fast where the interval promises 1.7 %, with the sweep alone as well"
-)
 @pytest.mark.validate
 def test_the_true_short_period_is_within_the_interval_of_output_error(stated: Stated) -> None:
     frequency = stated.output_error.frequency
