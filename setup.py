@@ -27,6 +27,11 @@ compiled = os.environ.get("WINGBEAT_COMPILED") == "1"
 if compiled and "bdist_wheel" in sys.argv:
     from mypyc.build import mypycify
 
-    setup(ext_modules=mypycify(flight_code(), opt_level="3", debug_level="0"))
+    extensions = mypycify(flight_code(), opt_level="3", debug_level="0")
+    if sys.platform != "win32":
+        for extension in extensions:
+            # A fused multiply-add rounds once where Python rounds twice: the bits would not be the same.
+            extension.extra_compile_args.append("-ffp-contract=off")
+    setup(ext_modules=extensions)
 else:
     setup(setup_requires=["mypy>=1.11,<3", "numpy>=2.0,<3"] if compiled else [])

@@ -10,9 +10,11 @@ from avionics.guidance.path import Place
 from avionics.messages import Breach
 
 CLIMBING = (ItemKind.WAYPOINT, ItemKind.LOITER, ItemKind.CIRCLE)
-PLACED = (*CLIMBING, ItemKind.LAND)
-HIGH = (*CLIMBING, ItemKind.TAKEOFF, ItemKind.HOLD)
 """kinds of item with a position and an altitude"""
+PLACED = (*CLIMBING, ItemKind.LAND)
+"""kinds of item with a position"""
+HIGH = (*CLIMBING, ItemKind.TAKEOFF, ItemKind.HOLD)
+"""kinds of item with an altitude that the ceiling limits"""
 
 
 def vehicle_fence(gains: Gains) -> Fence:

@@ -30,8 +30,6 @@ LONGEST_STEP = 0.5
 
 START_SPREAD = 4.0
 """-; initial mean square of the innovations, in multiples of the noise variance; larger than in gusts"""
-BEYOND = -1.0
-"""-; of `State.refused`: the filter lags behind accepted readings, and the gate opens until it has reached one"""
 LEFT_BY_SMOOTHING = 0.5
 """-; fraction of the variance of a first-order process after a low-pass filter of its own time constant"""
 ROOT_OF_NOISE = 0.8
@@ -125,7 +123,9 @@ class State(NamedTuple):
     lag_spread: float = 0.0
     """Pa^2; mean square of the low-passed innovations"""
     refused: float = 0.0
-    """s; time since a reading was last accepted; `BEYOND` if the last one was accepted though beyond the gate"""
+    """s; time since a reading was last accepted"""
+    behind: int = 0
+    """-; 1 while accepted readings are beyond the gate"""
 
 
 def step(
@@ -208,30 +208,32 @@ def _zero(gains: Gains, state: State, raw: float, dt: float) -> tuple[float, flo
     return max(-gains.zero_limit, min(gains.zero_limit, zero)), span
 
 
-Filtered = tuple[float, float, float, float, float]
+Filtered = tuple[float, float, float, float, float, int]
 
 
 def _pressure(gains: Gains, state: State, reading: float, dt: float, gate: Gate) -> tuple[float, float, Filtered]:
     """Return the gated dynamic pressure (Pa), its innovation and the filter states."""
     if state.time_us < 0:
-        return reading, 0.0, (reading, START_SPREAD * gains.pressure_noise**2, 0.0, 0.0, 0.0)
+        return reading, 0.0, (reading, START_SPREAD * gains.pressure_noise**2, 0.0, 0.0, 0.0, 0)
     follow = _follow(state.ungated, reading, dt, gains.pressure_time, False)
     innovation = reading - state.dynamic_pressure
+    kept = (follow, state.spread, state.lag, state.lag_spread)
     if dt == 0.0:
-        return state.dynamic_pressure, innovation, (follow, state.spread, state.lag, state.lag_spread, state.refused)
+        return state.dynamic_pressure, innovation, (*kept, state.refused, state.behind)
     beyond = innovation * innovation > gains.gate**2 * _expected(gains, state)
     pressure = _follow(state.dynamic_pressure, reading, dt, gains.pressure_time, False)
-    # Of a throw, readings lead the filter by more than the gate: what was accepted before the gate shuts is after it.
-    if gate and beyond and state.refused != BEYOND:
+    # At the launch the filter lags behind readings that were accepted during the throw by more than the gate. They
+    # widen the gate, so that one is soon within it.
+    if gate and beyond and not state.behind:
         refused = state.refused + dt
         if refused <= (gains.gate_timeout if gate == Gate.WATCHED else gains.gate_reset_time):
-            return state.dynamic_pressure, innovation, (follow, state.spread, state.lag, state.lag_spread, refused)
+            return state.dynamic_pressure, innovation, (*kept, refused, 0)
         # Gate timeout: reset to the ungated pressure.
         pressure = follow
     spread = _follow(state.spread, innovation * innovation, dt, gains.spread_time, False)
     lag = _follow(state.lag, innovation, dt, gains.pressure_time, False)
     lag_spread = _follow(state.lag_spread, lag * lag, dt, gains.spread_time, False)
-    return pressure, innovation, (follow, spread, lag, lag_spread, BEYOND if beyond else 0.0)
+    return pressure, innovation, (follow, spread, lag, lag_spread, 0.0, int(beyond))
 
 
 def _expected(gains: Gains, state: State) -> float:
@@ -251,7 +253,7 @@ def _variance(gains: Gains, state: State, airspeed: float, density: float) -> fl
         return 0.0
     lag = state.lag_spread / LEFT_BY_SMOOTHING
     # While readings are rejected the pressure is constant and its error grows with time.
-    lag *= 1.0 + 2.0 * state.refused / gains.pressure_time if state.refused > 0.0 and gains.pressure_time else 1.0
+    lag *= 1.0 + 2.0 * state.refused / gains.pressure_time if state.refused and gains.pressure_time else 1.0
     # At the limit the zero contains wind, in addition to the error of the sensor.
     moved = gains.zero_limit if abs(state.zero) >= gains.zero_limit else 0.0
     scale = gains.scale_error * state.dynamic_pressure

@@ -36,7 +36,7 @@ FEWEST = 8
 """rows of a table"""
 DEGREES = "_deg"
 LARGEST = math.pi
-"""rad; range of a wing's angle: a larger one is in degrees"""
+"""rad; greatest peak-to-peak angle of a wing"""
 UNEXPLAINED = 0.25
 """share of a stroke angle's variance that its harmonics leave at most"""
 
