@@ -1,4 +1,4 @@
-"""The wheel holds what the tree holds: every file that a package reads beside its modules."""
+"""Wheels: every file of the tree is in them, and compiled flight code flies like Python."""
 
 from __future__ import annotations
 
@@ -49,11 +49,16 @@ from sim_bridge.vehicles import load_vehicle
 digest = hashlib.sha256()
 publish = lambda topic, message: digest.update(repr((topic.name, message)).encode())
 for seed in (1, 2, 3):
-    world = SimulatedWorld(load_vehicle(sys.argv[1]), Scenario(seed=seed), publish)
-    fly(world, Autopilot(load_flight_vehicle(sys.argv[1]), load_mission("circuit"), publish), scripted_start())
+    world = SimulatedWorld(load_vehicle(sys.argv[1]), Scenario(seed=seed, vibration=1.0), publish)
+    autopilot = Autopilot(load_flight_vehicle(sys.argv[1]), load_mission("circuit"), publish)
+    fly(world, autopilot, scripted_start())
+    text = autopilot.snapshot()
+    autopilot.restore(text)
+    assert autopilot.snapshot() == text
+    digest.update(text.encode())
     print(seed, world.time_us, digest.hexdigest())
 """
-"""all messages of whole flights"""
+"""all messages of whole flights, and the memory at their end"""
 
 
 @pytest.mark.validate

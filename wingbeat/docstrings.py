@@ -7,6 +7,7 @@ import functools
 import sys
 from collections.abc import Iterator
 from importlib.machinery import EXTENSION_SUFFIXES
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, get_type_hints
 
@@ -41,12 +42,17 @@ def type_hints(record: Any) -> dict[str, Any]:
 
 
 def is_compiled(module: str) -> bool:
-    """Return whether an imported module is an extension."""
-    return str(getattr(sys.modules.get(module), "__file__", "")).endswith(tuple(EXTENSION_SUFFIXES))
+    """Return whether a module is an extension; of one that is not imported only its package is."""
+    if module in sys.modules:
+        file = getattr(sys.modules[module], "__file__", None)
+    else:
+        spec = find_spec(module)
+        file = spec and spec.origin
+    return str(file).endswith(tuple(EXTENSION_SUFFIXES))
 
 
 def hints_of_source(record: Any) -> dict[str, Any]:
-    """`type_hints` of a record by the source of its module, whose names are looked up in the imported one.
+    """`type_hints` of a top-level record by the source of its module, with the names of the imported one.
 
     Raises:
         OSError: the source is not available.
@@ -59,8 +65,13 @@ def hints_of_source(record: Any) -> dict[str, Any]:
 
 @functools.cache
 def _classes(module: str) -> dict[str, ast.ClassDef]:
-    file = Path(str(sys.modules[module].__file__))
-    source = file.with_name(file.name.split(".")[0] + ".py").read_text(encoding="utf-8")
+    file = getattr(sys.modules[module], "__file__", None)
+    if file is None:
+        raise OSError(f"{module} has no source file")
+    path = Path(file)
+    if is_compiled(module):
+        path = path.with_name(module.rpartition(".")[2] + ".py")
+    source = path.read_text(encoding="utf-8")
     return {node.name: node for node in ast.parse(source).body if isinstance(node, ast.ClassDef)}
 
 

@@ -34,7 +34,7 @@ class Subcommand(NamedTuple):
 
 
 FLIGHT_CODE = "avionics.autopilot"
-"""module by which compiled flight code is recognized"""
+"""module that is compiled if the flight code is"""
 SUBCOMMANDS: dict[str, Subcommand] = {
     "fly": Subcommand(
         "groundstation.command.fly", "fly a modeled ornithopter: simulator, flight computer, view, log"
@@ -102,12 +102,11 @@ def dispatch(arguments: Sequence[str]) -> int:
 
 
 def print_version() -> None:
-    """Print the version, and which flight code runs: the results are the same, the speed is not."""
+    """Print the version, and whether the flight code is compiled."""
     from importlib.metadata import version
 
     from wingbeat.docstrings import is_compiled
 
-    importlib.import_module(FLIGHT_CODE)
     print(f"wingbeat {version('wingbeat')}")
     print(f"flight code: {'compiled' if is_compiled(FLIGHT_CODE) else 'Python'}")
 

@@ -212,7 +212,7 @@ def test_an_open_gate_refuses_nothing() -> None:
 
 
 def test_a_throw_that_outruns_the_filter_is_followed() -> None:
-    """The gate shuts at the launch, while the filter is still far behind what it has accepted."""
+    """The gate closes at the launch, while the filter is still far behind the accepted readings."""
     state, flown = air_data.State(), []
     for t in times(10.0):
         thrown = min(max((t - 8.0) / 0.3, 0.0), 1.0)

@@ -1,27 +1,27 @@
-"""Type hints by the source, which is where those of compiled records are."""
+"""Type hints by the source, where those of compiled records are."""
 
 from __future__ import annotations
 
 import importlib
-import pkgutil
-import types
-from typing import Any, get_type_hints
+import sys
+from pathlib import Path
+from typing import Any, NamedTuple, get_type_hints
 
 import pytest
 
-import avionics
+from setup import flight_code, requested
 from wingbeat import docstrings
-from wingbeat.docstrings import hints_of_source, is_compiled, type_hints
+from wingbeat.docstrings import field_texts, hints_of_source, is_compiled, type_hints
 from wingbeat.samples import ImuSample
 
-COMPILED = ("estimation", "guidance", "mixing", "sensing", "stabilization", "tasks")
-"""packages that ``WINGBEAT_COMPILED=1`` compiles"""
+ROOT = Path(__file__).parents[2]
 
 
-def records() -> list[Any]:
-    """Every NamedTuple class of the flight code."""
-    names = [one.name for one in pkgutil.walk_packages(avionics.__path__, "avionics.")]
-    modules = [importlib.import_module(name) for name in names if name.split(".")[1] in COMPILED]
+@pytest.fixture
+def records(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+    """Every NamedTuple class of the modules that can be compiled."""
+    monkeypatch.chdir(ROOT)
+    modules = [importlib.import_module(path.removesuffix(".py").replace("/", ".")) for path in flight_code()]
     return [
         kind
         for module in modules
@@ -30,17 +30,50 @@ def records() -> list[Any]:
     ]
 
 
-def test_hints_of_the_source_are_those_of_python() -> None:
-    different = [one for one in records() if hints_of_source(one) != get_type_hints(one, include_extras=True)]
+def test_hints_of_the_source_are_those_of_python(records: list[Any]) -> None:
+    different = [one for one in records if hints_of_source(one) != get_type_hints(one, include_extras=True)]
     assert not different
-    assert len(records()) > 100
+    assert len(records) > 100
 
 
-def test_an_extension_is_told_from_a_module(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_hints_of_a_compiled_record_are_those_of_its_source(monkeypatch: pytest.MonkeyPatch) -> None:
+    erased = type("ImuSample", (), {"__module__": ImuSample.__module__, "__annotations__": {}})
+    assert type_hints(erased) == {}
+    monkeypatch.setattr(docstrings, "is_compiled", lambda module: True)
+    assert type_hints(erased) == get_type_hints(ImuSample, include_extras=True)
+
+
+def test_an_extension_is_recognized_before_and_after_its_import() -> None:
     assert is_compiled("numpy._core._multiarray_umath")
     assert not is_compiled("wingbeat.docstrings")
-    # Compiled, a record has erased types.
-    erased = types.ModuleType("erased")
-    erased.ImuSample = type("ImuSample", (), {"__module__": ImuSample.__module__, "__annotations__": {}})  # type: ignore[attr-defined]
-    monkeypatch.setattr(docstrings, "is_compiled", lambda module: True)
-    assert type_hints(erased.ImuSample) == get_type_hints(ImuSample, include_extras=True)
+    assert "this" not in sys.modules and not is_compiled("this")
+    assert "this" not in sys.modules
+
+
+def test_a_module_without_a_file_has_no_source(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "typed_in", type(sys)("typed_in"))
+    with pytest.raises(OSError, match="typed_in has no source file"):
+        field_texts("typed_in")
+
+
+class Case(NamedTuple):
+    environment: dict[str, str]
+    command: str
+    compiles: bool
+
+
+@pytest.mark.parametrize(
+    "case",
+    [
+        Case({"WINGBEAT_COMPILED": "1"}, "bdist_wheel", True),
+        Case({"WINGBEAT_COMPILED": "1"}, "editable_wheel", False),
+        Case({"WINGBEAT_COMPILED": "1"}, "sdist", False),
+        Case({"WINGBEAT_COMPILED": "0"}, "bdist_wheel", False),
+        Case({}, "bdist_wheel", False),
+    ],
+    ids=str,
+)
+def test_only_a_wheel_is_compiled_and_only_on_request(case: Case) -> None:
+    compiles, needs = requested(case.environment, ["setup.py", case.command])
+    assert compiles is case.compiles
+    assert bool(needs) is (case.environment.get("WINGBEAT_COMPILED") == "1")
