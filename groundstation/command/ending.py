@@ -2,9 +2,10 @@
 
 A command that another has started as a part of its own ends with that one, whatever became of it: `follow_starter`.
 
-Ctrl-C is a KeyboardInterrupt, which Python drops where it comes upon it in a callback of its import system: so while
-a command's modules are imported, when nothing is open yet, Ctrl-C ends the program at once. SIGTERM and SIGHUP are
-made KeyboardInterrupts too, so that whatever finishes its file on Ctrl-C does so on them.
+Ctrl-C is a KeyboardInterrupt, and so are SIGTERM and SIGHUP: whatever finishes its file on Ctrl-C does so on them.
+Python drops an exception raised in a callback from C. While a command's modules are imported, when nothing is open
+yet, a signal therefore ends the program at once. While LLVM loads a kernel, which crashes without the answer of its
+callback, the signal is sent again a little later.
 """
 
 from __future__ import annotations
@@ -22,6 +23,10 @@ WORDS = "stopped with "
 """text of the KeyboardInterrupt of a signal other than Ctrl-C"""
 STARTED = "WINGBEAT_STARTED"
 """environment variable of a command whose standard input is kept open by its parent command"""
+CALLBACKS = "llvmlite.binding.executionengine"
+"""module with the callbacks of LLVM; numba loads kernels by it, from the cache or after it has compiled them"""
+AGAIN = 0.01
+"""s; until a signal that cannot be handled now is sent again"""
 SIGNALS = tuple(signal.Signals[name] for name in ("SIGTERM", "SIGHUP") if name in signal.Signals.__members__)
 
 
@@ -36,9 +41,15 @@ class Ending:
         """Handle a signal.
 
         Raises:
-            KeyboardInterrupt: at the first of them.
+            KeyboardInterrupt: Ctrl-C, or the first other signal.
         """
-        if self.code is None:
+        if _is_in_callback(frame):
+            later = threading.Timer(AGAIN, os.kill, (os.getpid(), number))
+            later.daemon = True
+            later.start()
+        elif number == signal.SIGINT:
+            signal.default_int_handler(number, frame)
+        elif self.code is None:
             self.code = 128 + number
             raise KeyboardInterrupt(f"{WORDS}{signal.Signals(number).name}")
 
@@ -56,10 +67,7 @@ def heeded() -> Iterator[Ending]:
     if _in_main_thread():
         kept = {number: signal.getsignal(number) for number in (signal.SIGINT, *SIGNALS)}
     for number, handler in kept.items():
-        if number == signal.SIGINT:
-            if part:
-                signal.signal(number, signal.default_int_handler)
-        elif part or handler == signal.SIG_DFL:
+        if part or handler in (signal.SIG_DFL, signal.default_int_handler):
             signal.signal(number, ending.come)
     if part and kept and hasattr(signal, "pthread_sigmask"):
         signal.pthread_sigmask(signal.SIG_UNBLOCK, kept)
@@ -72,15 +80,16 @@ def heeded() -> Iterator[Ending]:
 
 @contextlib.contextmanager
 def importing() -> Iterator[None]:
-    """Let Ctrl-C end the program at once during imports, when no file is open."""
-    if not _in_main_thread() or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
-        yield
-        return
-    signal.signal(signal.SIGINT, lambda number, frame: os._exit(INTERRUPTED))
+    """Let a signal end the program at once during imports, when no file is open."""
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, *SIGNALS)} if _in_main_thread() else {}
+    for number, handler in handlers.items():
+        if callable(handler):
+            signal.signal(number, lambda number, frame: os._exit(128 + number))
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
 
 
 def follow_starter() -> None:
@@ -99,3 +108,11 @@ def _wait_for_starter() -> None:
 
 def _in_main_thread() -> bool:
     return threading.current_thread() is threading.main_thread()
+
+
+def _is_in_callback(frame: FrameType | None) -> bool:
+    while frame is not None:
+        if frame.f_globals.get("__name__") == CALLBACKS:
+            return True
+        frame = frame.f_back
+    return False

@@ -92,7 +92,7 @@ def run_screen(screen: App[None]) -> int:
         screen.exit(return_code=128 + number)
 
     # A KeyboardInterrupt in the event loop of the screen would not restore the terminal.
-    for number in ending.SIGNALS:
+    for number in (signal.SIGINT, *ending.SIGNALS):
         if signal.getsignal(number) != signal.SIG_IGN:
             signal.signal(number, leave)
     screen.run()

@@ -86,6 +86,45 @@ sys.exit(main.main(["vehicles"]))
 """
 
 
-def test_ctrl_c_is_not_dropped_while_a_command_is_imported() -> None:
-    done = subprocess.run([sys.executable, "-c", DROPPED], capture_output=True, text=True, timeout=60, check=False)
-    assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
+@pytest.mark.parametrize(("name", "code"), [("SIGINT", 130), ("SIGTERM", 143)])
+def test_a_signal_is_not_dropped_while_a_command_is_imported(name: str, code: int) -> None:
+    words = [sys.executable, "-c", DROPPED.replace("SIGINT", name)]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (code, "", "")
+
+
+LOADED = """
+import signal, time
+import llvmlite.binding as llvm
+from groundstation.command import ending
+
+llvm.initialize_native_target()
+llvm.initialize_native_asmprinter()
+calls = []
+
+def engine(callback):
+    machine = llvm.Target.from_default_triple().create_target_machine()
+    module = llvm.parse_assembly("define i32 @one() { ret i32 1 }")
+    engine = llvm.create_mcjit_compiler(module, machine)
+    engine.set_object_cache(None, callback)
+    return engine
+
+def interrupted(module):
+    signal.raise_signal(signal.SIGINT)
+    calls.append("answered")
+
+with ending.heeded():
+    try:
+        engine(interrupted).finalize_object()
+        calls.append("loaded")
+        time.sleep(30.0)
+    except KeyboardInterrupt:
+        calls.append("interrupted")
+print(*calls)
+"""
+
+
+def test_ctrl_c_while_a_kernel_is_loaded_comes_after_it() -> None:
+    """LLVM crashes without the answer of its callback, in which Python drops a KeyboardInterrupt."""
+    done = subprocess.run([sys.executable, "-c", LOADED], capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "answered loaded interrupted\n", "")
