@@ -426,7 +426,10 @@ def _keep(plan: Plan, faults: Mapping[str, str]) -> None:
     parts = [part for part in plan.parts if part.exists()]
     if parts:
         _report_kept(join(parts, plan.log, faults))
-        print(f"stopped; recorded so far: {plan.log}", file=sys.stderr)
+        with open_log(plan.log) as log:
+            begun = any(topic.messages for topic in log.topics.values())
+        text = "recorded so far" if begun else "before the first message of the flight"
+        print(f"stopped; {text}: {plan.log}", file=sys.stderr)
 
 
 def _joined(plan: Plan, faults: Mapping[str, str]) -> list[Kept]:

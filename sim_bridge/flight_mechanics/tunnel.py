@@ -184,7 +184,7 @@ def tunnel_subject(
         find_model(name)
         return wings_of_vehicle(vehicle), name, vehicle.cruise.airspeed if airspeed is None else airspeed
     if wing_file is None or model is None or airspeed is None:
-        raise InputError("a wing file needs an aerodynamic model and an airspeed")
+        raise InputError("a wing file needs an aerodynamic model and an airspeed: --aerodynamics and --airspeed")
     find_model(model)
     return load_wings(wing_file), model, airspeed
 

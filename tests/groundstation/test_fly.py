@@ -286,6 +286,16 @@ def test_ctrl_c_keeps_the_flight_so_far(tmp_path: Path) -> None:
         assert log.topics["/truth/state"].messages > 0 and log.topics["/attitude/ahrs"].messages > 0
 
 
+def test_a_flight_stopped_before_its_first_message_is_reported(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    plan = fly_command.check(fly_command.build_parser().parse_args([]))._replace(log=tmp_path / "a.mcap")
+    for part in plan.parts:
+        McapRecorder(part, start_epoch_ns=0).close()
+    fly_command._keep(plan, {})
+    assert capsys.readouterr().err == f"stopped; before the first message of the flight: {plan.log}\n"
+
+
 def test_sigterm_keeps_the_flight_of_a_background_job(tmp_path: Path) -> None:
     """GIVEN a job of a script, which ignores SIGINT WHEN SIGTERM comes THEN one complete recording."""
     flight = fly(tmp_path, "--speed", "1", starter=("sh", "-c", 'trap "" INT HUP; exec "$@"', "sh"))
