@@ -81,10 +81,10 @@ def heeded() -> Iterator[Ending]:
 @contextlib.contextmanager
 def importing() -> Iterator[None]:
     """Let a signal end the program at once during imports, when no file is open."""
-    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, *SIGNALS)} if _in_main_thread() else {}
-    for number, handler in handlers.items():
-        if callable(handler):
-            signal.signal(number, lambda number, frame: os._exit(128 + number))
+    numbers = (signal.SIGINT, *SIGNALS) if _in_main_thread() else ()
+    handlers = {number: handler for number in numbers if callable(handler := signal.getsignal(number))}
+    for number in handlers:
+        signal.signal(number, lambda number, frame: os._exit(128 + number))
     try:
         yield
     finally:
