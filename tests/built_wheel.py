@@ -28,7 +28,7 @@ def build_wheel(work: Path, *, compiled: bool = False) -> Path:
         shutil.copy(ROOT / name, work / "source")
     python, needs = sys.executable, ["--no-build-isolation", "--no-index"]
     if compiled:
-        venv.create(work / "empty", with_pip=True)
+        venv.create(work / "empty", symlinks=True, with_pip=True)
         python, needs = str(work / "empty" / "bin" / "python"), []
     command = [python, *OPTIONS, "wheel", "--no-deps", *needs, "--wheel-dir", str(work), "./source"]
     environment = os.environ | {"WINGBEAT_COMPILED": str(int(compiled))}

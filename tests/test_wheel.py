@@ -1,4 +1,4 @@
-"""Wheels: every file of the tree is in them, and compiled flight code flies like Python."""
+"""Wheels: the files of the tree are in the one of Python, and compiled flight code flies the same bits."""
 
 from __future__ import annotations
 

@@ -42,7 +42,7 @@ def type_hints(record: Any) -> dict[str, Any]:
 
 
 def is_compiled(module: str) -> bool:
-    """Return whether a module is an extension; of one that is not imported only its package is."""
+    """Return whether a module is an extension; one that is not imported is only located, by importing its package."""
     if module in sys.modules:
         file = getattr(sys.modules[module], "__file__", None)
     else:
@@ -69,7 +69,7 @@ def _classes(module: str) -> dict[str, ast.ClassDef]:
     if file is None:
         raise OSError(f"{module} has no source file")
     path = Path(file)
-    if is_compiled(module):
+    if path.suffix != ".py":
         path = path.with_name(module.rpartition(".")[2] + ".py")
     source = path.read_text(encoding="utf-8")
     return {node.name: node for node in ast.parse(source).body if isinstance(node, ast.ClassDef)}

@@ -13,6 +13,7 @@ from __future__ import annotations
 import contextlib
 import os
 import signal
+import sys
 import threading
 from collections.abc import Iterator
 from types import FrameType
@@ -31,7 +32,7 @@ SIGNALS = tuple(signal.Signals[name] for name in ("SIGTERM", "SIGHUP") if name i
 
 
 class Ending:
-    """Signal that ended the command; a second one while files are finished has no effect."""
+    """Signal other than Ctrl-C that ended the command; later ones while files are finished have no effect."""
 
     def __init__(self) -> None:
         self.code: int | None = None
@@ -44,7 +45,7 @@ class Ending:
             KeyboardInterrupt: Ctrl-C, or the first other signal.
         """
         if _is_in_callback(frame):
-            later = threading.Timer(AGAIN, os.kill, (os.getpid(), number))
+            later = threading.Timer(AGAIN, _send, (number,))
             later.daemon = True
             later.start()
         elif number == signal.SIGINT:
@@ -82,7 +83,7 @@ def heeded() -> Iterator[Ending]:
 def importing() -> Iterator[None]:
     """Let a signal end the program at once during imports, when no file is open."""
     numbers = (signal.SIGINT, *SIGNALS) if _in_main_thread() else ()
-    handlers = {number: handler for number in numbers if callable(handler := signal.getsignal(number))}
+    handlers = {number: handler for number in numbers if _is_ours(handler := signal.getsignal(number))}
     for number in handlers:
         signal.signal(number, lambda number, frame: os._exit(128 + number))
     try:
@@ -108,6 +109,17 @@ def _wait_for_starter() -> None:
 
 def _in_main_thread() -> bool:
     return threading.current_thread() is threading.main_thread()
+
+
+def _send(number: int) -> None:
+    if sys.platform == "win32":
+        signal.raise_signal(number)  # where os.kill ends the process
+    else:
+        os.kill(os.getpid(), number)  # which interrupts a system call of the main thread
+
+
+def _is_ours(handler: object) -> bool:
+    return handler is signal.default_int_handler or isinstance(getattr(handler, "__self__", None), Ending)
 
 
 def _is_in_callback(frame: FrameType | None) -> bool:

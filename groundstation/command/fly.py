@@ -427,8 +427,8 @@ def _keep(plan: Plan, faults: Mapping[str, str]) -> None:
     if parts:
         _report_kept(join(parts, plan.log, faults))
         with open_log(plan.log) as log:
-            begun = any(topic.messages for topic in log.topics.values())
-        text = "recorded so far" if begun else "before the first message of the flight"
+            has_messages = any(topic.messages for topic in log.topics.values())
+        text = "recorded so far" if has_messages else "before the first message of the flight"
         print(f"stopped; {text}: {plan.log}", file=sys.stderr)
 
 

@@ -91,11 +91,17 @@ def run_screen(screen: App[None]) -> int:
     def leave(number: int, frame: FrameType | None) -> None:
         screen.exit(return_code=128 + number)
 
-    # A KeyboardInterrupt in the event loop of the screen would not restore the terminal.
-    for number in (signal.SIGINT, *ending.SIGNALS):
-        if signal.getsignal(number) != signal.SIG_IGN:
-            signal.signal(number, leave)
-    screen.run()
+    # A KeyboardInterrupt in the event loop of the screen would not restore the terminal; asyncio prevents it only for
+    # Python's own handler of Ctrl-C.
+    numbers = (signal.SIGINT, *ending.SIGNALS)
+    handlers = {number: handler for number in numbers if callable(handler := signal.getsignal(number))}
+    for number in handlers:
+        signal.signal(number, leave)
+    try:
+        screen.run()
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
     return screen.return_code or 0
 
 

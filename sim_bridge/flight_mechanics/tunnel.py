@@ -183,8 +183,11 @@ def tunnel_subject(
         name = model or vehicle.aerodynamics.model
         find_model(name)
         return wings_of_vehicle(vehicle), name, vehicle.cruise.airspeed if airspeed is None else airspeed
-    if wing_file is None or model is None or airspeed is None:
-        raise InputError("a wing file needs an aerodynamic model and an airspeed: --aerodynamics and --airspeed")
+    assert wing_file is not None
+    if model is None:
+        raise InputError("a wing file needs an aerodynamic model: --aerodynamics, or aerodynamics in Python")
+    if airspeed is None:
+        raise InputError("a wing file needs an airspeed: --airspeed, or airspeed in Python")
     find_model(model)
     return load_wings(wing_file), model, airspeed
 

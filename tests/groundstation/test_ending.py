@@ -7,10 +7,13 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any, cast
 
 import pytest
 from lossy_vehicle import LossyVehicle, on_the_air
 
+from groundstation.command import ending
+from groundstation.command.gcs_monitor import run_screen
 from groundstation.command.main import main
 
 Capture = pytest.CaptureFixture[str]
@@ -93,6 +96,17 @@ def test_a_signal_is_not_dropped_while_a_command_is_imported(name: str, code: in
     assert (done.returncode, done.stdout, done.stderr) == (code, "", "")
 
 
+def test_an_import_leaves_a_handler_of_the_caller() -> None:
+    received: list[int] = []
+    before = signal.signal(signal.SIGTERM, lambda number, frame: received.append(number))
+    try:
+        with ending.heeded(), ending.importing():
+            signal.raise_signal(signal.SIGTERM)
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    assert received == [signal.SIGTERM]
+
+
 LOADED = """
 import signal, time
 import llvmlite.binding as llvm
@@ -128,3 +142,22 @@ def test_ctrl_c_while_a_kernel_is_loaded_comes_after_it() -> None:
     """LLVM crashes without the answer of its callback, in which Python drops a KeyboardInterrupt."""
     done = subprocess.run([sys.executable, "-c", LOADED], capture_output=True, text=True, timeout=60, check=False)
     assert (done.returncode, done.stdout, done.stderr) == (0, "answered loaded interrupted\n", "")
+
+
+class StubScreen:
+    """Screen that is interrupted while it runs."""
+
+    return_code: int | None = None
+
+    def run(self) -> None:
+        signal.raise_signal(signal.SIGINT)
+
+    def exit(self, return_code: int) -> None:
+        self.return_code = return_code
+
+
+def test_a_signal_closes_a_screen() -> None:
+    with ending.heeded():
+        before = signal.getsignal(signal.SIGINT)
+        assert run_screen(cast(Any, StubScreen())) == 130
+        assert signal.getsignal(signal.SIGINT) == before

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import sys
+from importlib.machinery import EXTENSION_SUFFIXES
 from pathlib import Path
 from typing import Any, NamedTuple, get_type_hints
 
@@ -43,11 +44,16 @@ def test_the_hints_of_a_compiled_record_are_those_of_its_source(monkeypatch: pyt
     assert type_hints(erased) == get_type_hints(ImuSample, include_extras=True)
 
 
-def test_an_extension_is_recognized_before_and_after_its_import() -> None:
+def test_an_extension_is_recognized_before_and_after_its_import(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     assert is_compiled("numpy._core._multiarray_umath")
     assert not is_compiled("wingbeat.docstrings")
-    assert "this" not in sys.modules and not is_compiled("this")
-    assert "this" not in sys.modules
+    (tmp_path / f"extension_of_test{EXTENSION_SUFFIXES[0]}").touch()
+    (tmp_path / "module_of_test.py").touch()
+    monkeypatch.syspath_prepend(str(tmp_path))
+    assert is_compiled("extension_of_test") and not is_compiled("module_of_test")
+    assert not {"extension_of_test", "module_of_test"} & sys.modules.keys()
 
 
 def test_a_module_without_a_file_has_no_source(monkeypatch: pytest.MonkeyPatch) -> None:
