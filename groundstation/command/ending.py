@@ -83,7 +83,7 @@ def heeded() -> Iterator[Ending]:
 def importing() -> Iterator[None]:
     """Let a signal end the program at once during imports, when no file is open."""
     numbers = (signal.SIGINT, *SIGNALS) if _in_main_thread() else ()
-    handlers = {number: handler for number in numbers if _is_ours(handler := signal.getsignal(number))}
+    handlers = {number: handler for number in numbers if _raises_interrupt(handler := signal.getsignal(number))}
     for number in handlers:
         signal.signal(number, lambda number, frame: os._exit(128 + number))
     try:
@@ -118,7 +118,7 @@ def _send(number: int) -> None:
         os.kill(os.getpid(), number)  # which interrupts a system call of the main thread
 
 
-def _is_ours(handler: object) -> bool:
+def _raises_interrupt(handler: object) -> bool:
     return handler is signal.default_int_handler or isinstance(getattr(handler, "__self__", None), Ending)
 
 
