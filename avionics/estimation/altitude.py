@@ -9,13 +9,12 @@ period removes it from the message.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache
 from math import exp
 from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from avionics.estimation.kalman import Array, Rows3, Vector3, constant, filterpy, predict, update_first
+from avionics.estimation.kalman import Rows3, Vector3, filterpy, update_first
 from avionics.messages import AirData, Altitude
 from wingbeat.constants import STANDARD_GRAVITY
 from wingbeat.records import constructor
@@ -118,14 +117,14 @@ def step(gains: Gains, state: State, air: AirData, frequency: float = 0.0) -> tu
     dt = min(LONGEST_STEP, (air.time_us - state.time_us) * 1e-6)
     if dt <= 0.0:
         return state, _message(gains, state, state.x[1])
-    predicted = _predicted(gains, state, dt)
-    x, p = predicted[0].tolist(), predicted[1].tolist()
+    x, p = _predicted(gains, state, dt)
     innovation = air.pressure_altitude - x[0]
     variance = p[0][0] + gains.baro_noise**2
     refused = state.refused + dt if innovation**2 > gains.gate**2 * variance else 0.0
     if refused > gains.gate_timeout:
         # Gate timeout: inflate the variance of the altitude.
-        p[0][0] += innovation**2
+        (a, b, c), *others = p
+        p = ((a + innovation**2, b, c), *others)
         refused = 0.0
     if refused == 0.0:
         x, p = update_first(x, p, air.pressure_altitude, gains.baro_noise**2)
@@ -148,19 +147,34 @@ def coast(
     dt = min(LONGEST_STEP, (time_us - state.time_us) * 1e-6)
     if state.time_us < 0 or dt <= 0.0:
         return state, _message(gains, state, state.x[1])
-    x, p = _predicted(gains, state, dt)
+    estimate = _predicted(gains, state, dt)
     if fix is not None:
         noise = np.diag([gains.gps_altitude_noise**2, gains.gps_climb_noise**2])
-        x, p = filterpy().update(x, p, np.array(fix), noise, H=_FIX)
-    state = _kept(state, time_us, dt, (x.tolist(), p.tolist()), (0.0, 0.0, 0.0))
+        x, p = filterpy().update(np.array(estimate[0]), np.array(estimate[1]), np.array(fix), noise, H=_FIX)
+        estimate = x.tolist(), p.tolist()
+    state = _kept(state, time_us, dt, estimate, (0.0, 0.0, 0.0))
     return state, _message(gains, state, _mean_over_period(state.climbs, frequency, dt))
 
 
-def _predicted(gains: Gains, state: State, dt: float) -> tuple[Array, Array]:
-    accel = state.accel_sum / state.accel_count if state.accel_count else state.x[2]
-    transition, effect = _motion(dt)
-    noise = _noise(gains.bias_walk, dt, gains.accel_noise if state.accel_count else UNKNOWN_ACCELERATION)
-    return predict(np.array(state.x), np.array(state.p), transition, noise, effect * accel)
+def _predicted(gains: Gains, state: State, dt: float) -> tuple[Vector3, Rows3]:
+    """Return state and covariance after ``dt`` (s) with the mean acceleration since the last update.
+
+    The acceleration error is constant over the step; its bias is a random walk.
+    """
+    (altitude, climb_rate, bias), (row, (_, d, e), (_, _, f)) = state.x, state.p
+    a, b, c = row
+    accel = state.accel_sum / state.accel_count if state.accel_count else bias
+    sigma = gains.accel_noise if state.accel_count else UNKNOWN_ACCELERATION
+    way = 0.5 * dt * dt
+    # P = F P F' with F = (1, dt, -way; 0, 1, -dt; 0, 0, 1), then G G' sigma^2 with G = (way, dt, 0).
+    a, b, c = a + dt * b - way * c, b + dt * d - way * e, c + dt * e - way * f
+    d, e = d - dt * e, e - dt * f
+    a, b, d = a + dt * b - way * c, b - dt * c, d - dt * e
+    far, fast = way * sigma, dt * sigma
+    a, b, d, f = a + far * far, b + far * fast, d + fast * fast, f + gains.bias_walk**2 * dt
+    driven = accel - bias
+    x = altitude + dt * climb_rate + way * driven, climb_rate + dt * driven, bias
+    return x, ((a, b, c), (b, d, e), (c, e, f))
 
 
 def _kept(
@@ -187,28 +201,6 @@ def _symmetric(p: Rows3) -> tuple[Vector3, Vector3, Vector3]:
 
 
 _FIX = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-
-
-@lru_cache(maxsize=32)
-def _motion(dt: float) -> tuple[Array, Array]:
-    """Return the transition matrix and the input matrix of the acceleration."""
-    transition = constant([[1.0, dt, -0.5 * dt * dt], [0.0, 1.0, -dt], [0.0, 0.0, 1.0]])
-    return transition, constant([0.5 * dt * dt, dt, 0.0])
-
-
-@lru_cache(maxsize=32)
-def _noise(bias_walk: float, dt: float, is_degraded: float) -> Array:
-    """Return the process noise covariance of one step.
-
-    The acceleration error (m/s^2, one sigma) is constant over the step; its bias is a random walk.
-    """
-    way, variance = 0.5 * dt * dt, is_degraded**2
-    tied = way * dt * variance
-    return constant([
-        [way * way * variance, tied, 0.0],
-        [tied, dt * dt * variance, 0.0],
-        [0.0, 0.0, bias_walk**2 * dt],
-    ])  # fmt: skip
 
 
 def _start_covariance(gains: Gains) -> tuple[Vector3, Vector3, Vector3]:

@@ -12,18 +12,17 @@ ten in either calm air or gusts. At frequencies above V / L the Dryden spectrum 
 2 sigma^2 V / L, with the airspeed V, the scale length L and the variance sigma^2 of the gusts, so that the estimated
 value is that of the spectrum at the present airspeed. Airspeed, heading and sideslip errors add to the variance of
 the wind; they are common to all fixes and cancel in the ground velocity.
+
+North and east have independent errors, so that the filter is two filters of two states.
 """
 
 from __future__ import annotations
 
-from functools import lru_cache
 from math import cos, isfinite, sin, sqrt
 from typing import Annotated, NamedTuple
 
-import numpy as np
-
 from avionics.estimation.geodesy import to_geodetic, to_local
-from avionics.estimation.kalman import Array, constant, filterpy, predict
+from avionics.estimation.kalman import Pair, Symmetric2, update_pair
 from avionics.limits import low_pass
 from avionics.messages import AirData, Altitude, Attitude, GpsFix, Position
 from wingbeat.records import constructor
@@ -37,7 +36,6 @@ LONGEST_STEP = 0.5
 STEEPEST_COSINE = 0.3
 """-; minimum cosine of the flight path angle, at any climb rate"""
 NOTHING: Vector4 = (0.0, 0.0, 0.0, 0.0)
-UNITY: Array = np.eye(4)
 THREE_DIMENSIONAL = 3
 """-; fix type that sets home"""
 LONGEST_INTERVAL = 1.0
@@ -159,12 +157,9 @@ def step(gains: Gains, state: State, now: Motion, fix: GpsFix | None = None) -> 
         state = _started(gains, now.time_us)
     dt = min(LONGEST_STEP, (now.time_us - state.time_us) * 1e-6)
     if dt > 0.0:
-        transition, effect = _transition(dt)
-        noise = _noise(gains.air_velocity_noise, _walk(gains, state), dt)
-        x, p = np.array(state.x), np.array(state.p)
-        x, p = predict(x, p, transition, noise, effect.dot(v_air))
+        x, p = _predicted(gains, state, v_air, dt)
         past = (*state.past, v_air)[-1 - round(gains.gps_delay / dt) :]
-        state = _new_state(now.time_us, tuple(x.tolist()), _covariance(p), *state[3:-1], past)
+        state = _new_state(now.time_us, x, p, *state[3:-1], past)
     if fix is not None and fix.fix_type >= TWO_DIMENSIONAL and fix.time_us > state.fix_us:
         state = _corrected(gains, state, fix)
     return state, _message(gains, state, v_air, now.variance + _sideslip_variance(gains, state, now.airspeed))
@@ -182,22 +177,28 @@ def _air_velocity(now: Motion) -> tuple[float, float]:
     return level * cos(now.yaw), level * sin(now.yaw)
 
 
-@lru_cache(maxsize=32)
-def _transition(dt: float) -> tuple[Array, Array]:
-    """Return the transition matrix and the input matrix of the airspeed vector."""
-    f, b = np.eye(4), np.zeros((4, 2))
-    f[0, 2] = f[1, 3] = b[0, 0] = b[1, 1] = dt
-    return constant(f), constant(b)
+def _predicted(gains: Gains, state: State, v_air: tuple[float, float], dt: float) -> tuple[Vector4, Matrix4]:
+    """Return state and covariance after ``dt`` (s) with the wind and the velocity through the air (m/s)."""
+    north, east, wind_north, wind_east = state.x
+    place, wind = gains.air_velocity_noise**2 * dt, _walk(gains, state) * dt
+    p = state.p
+    along = _carried((p[0][0], p[0][2], p[2][2]), dt, place, wind)
+    across = _carried((p[1][1], p[1][3], p[3][3]), dt, place, wind)
+    x = (north + dt * (wind_north + v_air[0]), east + dt * (wind_east + v_air[1]), wind_north, wind_east)
+    return x, _matrix(along, across)
 
 
-@lru_cache(maxsize=32)
-def _noise(air_velocity_noise: float, walk: float, dt: float) -> Array:
-    """Return the process noise covariance of one step.
+def _carried(p: Symmetric2, dt: float, place: float, wind: float) -> Symmetric2:
+    """Return the covariance of position and wind of one axis after ``dt``, with both variances of process noise."""
+    a, b, c = p
+    shared = b + dt * c
+    return a + dt * (b + shared) + place, shared, c + wind
 
-    The random walk of the wind is ``walk`` (m^2/s^3).
-    """
-    place, wind = air_velocity_noise**2 * dt, walk * dt
-    return constant(_diagonal((place, place, wind, wind)))
+
+def _matrix(north: Symmetric2, east: Symmetric2) -> Matrix4:
+    """Return the covariance of the state from those of the axes."""
+    (a, b, c), (d, e, f) = north, east
+    return (a, 0.0, b, 0.0), (0.0, d, 0.0, e), (b, 0.0, c, 0.0), (0.0, e, 0.0, f)
 
 
 def _walk(gains: Gains, state: State) -> float:
@@ -213,20 +214,6 @@ def _sideslip_variance(gains: Gains, state: State, airspeed: float) -> float:
     """
     across = gains.sideslip * airspeed
     return 0.5 * (across * across + 0.5 * _walk(gains, state) * gains.sideslip_time)
-
-
-def _diagonal(values: Vector4) -> Array:
-    q = np.zeros((4, 4))
-    q[0, 0], q[1, 1], q[2, 2], q[3, 3] = values
-    return q
-
-
-def _covariance(p: Array) -> Matrix4:
-    """Return the symmetric part of ``p``."""
-    (a, b, c, d), (b_, f, g, h), (c_, g_, k, m), (d_, h_, m_, n) = p.tolist()
-    b, c, d = 0.5 * (b + b_), 0.5 * (c + c_), 0.5 * (d + d_)
-    g, h, m = 0.5 * (g + g_), 0.5 * (h + h_), 0.5 * (m + m_)
-    return (a, b, c, d), (b, f, g, h), (c, g, k, m), (d, h, m, n)
 
 
 def _corrected(gains: Gains, state: State, fix: GpsFix) -> State:
@@ -253,7 +240,7 @@ def _corrected(gains: Gains, state: State, fix: GpsFix) -> State:
         fix.v_east - v_air[1],
     )
     velocity = gains.gps_velocity_noise**2
-    return _updated(gains, state, interval, measured, (noise, noise, velocity, velocity))
+    return _updated(gains, state, interval, measured, (noise, velocity))
 
 
 def _at_home(state: State, fix: GpsFix, variance: float) -> State:
@@ -261,36 +248,32 @@ def _at_home(state: State, fix: GpsFix, variance: float) -> State:
 
     The dead-reckoned position before it is discarded and the wind is kept.
     """
-    covariance = ((variance, 0.0, 0.0, 0.0), (0.0, variance, 0.0, 0.0), state.p[2], state.p[3])
     _, _, wind_north, wind_east = state.x
-    return state._replace(
-        x=(0.0, 0.0, wind_north, wind_east), p=_without_ties(covariance), home=(fix.latitude, fix.longitude), valid=1
-    )
+    p = _matrix((variance, 0.0, state.p[2][2]), (variance, 0.0, state.p[3][3]))
+    return state._replace(x=(0.0, 0.0, wind_north, wind_east), p=p, home=(fix.latitude, fix.longitude), valid=1)
 
 
-def _without_ties(p: Matrix4) -> Matrix4:
-    """Return the covariance without the correlations between position and wind."""
-    return p[0], p[1], (0.0, 0.0, p[2][2], p[2][3]), (0.0, 0.0, p[3][2], p[3][3])
-
-
-def _updated(gains: Gains, state: State, interval: float, measured: Vector4, noise: Vector4) -> State:
+def _updated(gains: Gains, state: State, interval: float, measured: Vector4, noise: Pair) -> State:
     """Update the state if the innovation passes the gate.
 
-    After the gate timeout the measurement is accepted with an inflated covariance.
+    After the gate timeout the measurement is accepted with an inflated covariance. ``noise`` contains the variances
+    of position (m^2) and velocity (m^2/s^2), each axis.
     """
-    x, p = np.array(state.x), np.array(state.p)
-    off = np.array(measured) - x
-    expected = p.diagonal() + noise
-    state = state._replace(innovation=tuple(off.tolist()), expected=tuple(expected.tolist()))
-    state = _watched(gains, state, interval, noise[2])
-    if not bool(np.all(off * off <= gains.gate**2 * expected)):
+    (x0, x1, x2, x3), (z0, z1, z2, z3), p, (place, velocity) = state.x, measured, state.p, noise
+    a, b, c, d = p[0][0], p[1][1], p[2][2], p[3][3]
+    off = (z0 - x0, z1 - x1, z2 - x2, z3 - x3)
+    expected = (a + place, b + place, c + velocity, d + velocity)
+    state = _watched(gains, state._replace(innovation=off, expected=expected), interval, velocity)
+    squares, gate = (off[0] * off[0], off[1] * off[1], off[2] * off[2], off[3] * off[3]), gains.gate**2
+    if not all(square <= gate * variance for square, variance in zip(squares, expected, strict=True)):
         if state.refused_since_us < 0:
             return state._replace(refused_since_us=state.fix_us)
         if (state.fix_us - state.refused_since_us) * 1e-6 < gains.gate_timeout:
             return state
-        p = p + np.diag(off**2)
-    x, p = filterpy().update(x, p, np.array(measured), _diagonal(noise), H=UNITY)
-    return state._replace(x=tuple(x.tolist()), p=_covariance(p), refused_since_us=-1)
+        a, b, c, d = a + squares[0], b + squares[1], c + squares[2], d + squares[3]
+    (x0, x2), north = update_pair((x0, x2), (a, p[0][2], c), (z0, z2), noise)
+    (x1, x3), east = update_pair((x1, x3), (b, p[1][3], d), (z1, z3), noise)
+    return state._replace(x=(x0, x1, x2, x3), p=_matrix(north, east), refused_since_us=-1)
 
 
 def _watched(gains: Gains, state: State, interval: float, noise: float) -> State:

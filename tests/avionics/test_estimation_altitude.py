@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from avionics.estimation import altitude
-from avionics.estimation.kalman import filterpy, predict, update_first
+from avionics.estimation.kalman import filterpy, update_first
 from avionics.messages import AirData, Altitude
 
 GAINS = altitude.Gains()
@@ -139,16 +139,31 @@ def test_a_fix_counts_by_its_noise_without_a_barometer(noise: float) -> None:
     assert rising.x[1] == pytest.approx(5.0 / (1.0 + noise**2), rel=0.01)
 
 
-def test_the_written_out_filter_is_that_of_filterpy_to_the_bit() -> None:
+def test_the_written_out_update_is_that_of_filterpy_to_the_bit() -> None:
     random = np.random.default_rng(1)
     for _ in range(500):
         root = random.normal(size=(3, 3)) * 10.0 ** random.uniform(-3.0, 1.0)
         x, p, variance = random.normal(size=3) * 50.0, root @ root.T, float(random.uniform(1e-3, 3.0))
-        z, transition, control = float(x[0] + random.normal()), random.normal(size=(3, 3)), random.normal(size=3)
+        z = float(x[0] + random.normal())
         one_measurement = np.array((z,)), np.array([[variance]])
         wanted = filterpy().update(x, p, *one_measurement, H=np.array([[1.0, 0.0, 0.0]]))
         result = update_first(x.tolist(), p.tolist(), z, variance)
         assert [np.array(one).tobytes() for one in result] == [one.tobytes() for one in wanted]
-        wanted = filterpy().predict(x, p, F=transition, Q=root, u=0.3, B=control)
-        result = predict(x, p, transition, root, control * 0.3)
-        assert [one.tobytes() for one in result] == [one.tobytes() for one in wanted]
+
+
+def test_the_written_out_prediction_is_that_of_filterpy() -> None:
+    random = np.random.default_rng(2)
+    for _ in range(200):
+        root = random.normal(size=(3, 3)) * 10.0 ** random.uniform(-3.0, 1.0)
+        x, p, dt = random.normal(size=3) * 50.0, root @ root.T, float(random.uniform(0.005, 0.5))
+        p = 0.5 * (p + p.T)
+        dt, accel, count = round(1e6 * dt) * 1e-6, float(random.normal()), int(random.integers(0, 5))
+        state = altitude.State(0, tuple(x.tolist()), tuple(map(tuple, p.tolist())), accel * count, count)
+        effect = np.array((0.5 * dt * dt, dt, 0.0))
+        transition = np.array(((1.0, dt, -effect[0]), (0.0, 1.0, -dt), (0.0, 0.0, 1.0)))
+        sigma = GAINS.accel_noise if count else altitude.UNKNOWN_ACCELERATION
+        noise = np.outer(effect, effect) * sigma**2 + np.diag((0.0, 0.0, GAINS.bias_walk**2 * dt))
+        wanted = filterpy().predict(x, p, F=transition, Q=noise, u=accel if count else float(x[2]), B=effect)
+        result, _ = altitude.coast(GAINS, state, round(1e6 * dt), None)
+        np.testing.assert_allclose(result.x, wanted[0], rtol=1e-12, atol=1e-10)
+        np.testing.assert_allclose(result.p, wanted[1], rtol=1e-10, atol=1e-13 * np.abs(wanted[1]).max())

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from avionics.estimation import position
 from avionics.estimation.geodesy import to_geodetic, to_local
+from avionics.estimation.kalman import filterpy
 from avionics.messages import GpsFix, Position
 
 GAINS = position.Gains()
@@ -71,6 +72,39 @@ def test_position_velocity_and_wind_in_circles() -> None:
     assert np.sqrt(np.mean((settled[:, :2] - home_error) ** 2)) < 2.0
     assert np.sqrt(np.mean(settled[:, 2:] ** 2)) < 0.4
     assert last.valid == 1
+
+
+@pytest.mark.parametrize("jump", [0.0, 200.0], ids=["accepted", "after the gate timeout"])
+def test_the_filter_is_that_of_filterpy(jump: float) -> None:
+    """GIVEN flights with and without a jump of the receiver WHEN it runs THEN it is filterpy's of four states."""
+    random, state, dt = np.random.default_rng(3), position.State(), 0.02
+    f, b = np.eye(4), np.zeros((4, 2))
+    f[0, 2] = f[1, 3] = b[0, 0] = b[1, 1] = dt
+    place = max(0.5 * 3.0**2 * GAINS.new_share**2, GAINS.least_position_noise**2)
+    r = np.diag([place, place, *2 * [GAINS.gps_velocity_noise**2]])
+    inflated = updates = 0
+    for tick in range(500):
+        yaw, received, before = TURN * tick * dt, None, state
+        if tick % 10 == 5:
+            north, east = 5.0 * tick * dt + random.normal(0.0, 0.1, 2) + (jump if tick > 200 else 0.0)
+            received = fix(20000 * tick, north, east, 9.0 + random.normal(0.0, 0.1), 3.0 + random.normal(0.0, 0.1))
+        state, _ = position.step(GAINS, before, position.Motion(20000 * tick, AIRSPEED, yaw, 0.0), received)
+        if not before.valid:
+            continue
+        walk = max(before.walk, GAINS.wind_walk**2) * dt
+        q, air = np.diag([*2 * [GAINS.air_velocity_noise**2 * dt], walk, walk]), (math.cos(yaw), math.sin(yaw))
+        x, p = np.array(before.x), np.array(before.p)
+        x, p = filterpy().predict(x, p, F=f, Q=q, u=AIRSPEED * np.array(air), B=b)
+        if received is not None and state.refused_since_us < 0:
+            squares = np.square(state.innovation)
+            if (squares > GAINS.gate**2 * np.array(state.expected)).any():
+                p = p + np.diag(squares)
+                inflated += 1
+            x, p = filterpy().update(x, p, x + state.innovation, r, H=np.eye(4))
+            updates += 1
+        np.testing.assert_allclose(state.x, x, rtol=1e-11, atol=1e-9)
+        np.testing.assert_allclose(state.p, p, rtol=1e-8, atol=1e-12)
+    assert updates > 20 and inflated == (jump > 0.0)
 
 
 def test_dead_reckoning_with_growing_variance() -> None:
