@@ -1,7 +1,7 @@
 """Table of sensors for frames, checks, wire format, recording and replay.
 
-To add a sensor, declare its sample and its field of `SensorFrame` in `wingbeat.samples`, and enter a row here. A
-sample with a standard MAVLink message needs a conversion in `avionics.link.sensor_codec`.
+To add a sensor, declare its sample and the last field of `SensorFrame` in `wingbeat.samples`, and append a row here.
+A sample with a standard MAVLink message needs a conversion in `avionics.link.sensor_codec`.
 """
 
 from __future__ import annotations
@@ -59,7 +59,9 @@ OTHERS: tuple[Sensor[Any], ...] = (
     Sensor("rangefinder", "rangefinder", topics.RANGE, "DISTANCE_SENSOR", rangefinder.is_plausible, _measure_height),
 )
 SENSORS: tuple[Sensor[Any], ...] = (IMU, *OTHERS)
-"""all sensors, in recording order"""
+"""all sensors, in the order of the fields of `SensorFrame`, which is that of the recording"""
+TOPICS: tuple[Topic[Any], ...] = tuple(sensor.topic for sensor in SENSORS)
+"""their topics, in this order"""
 
 
 def publish_samples(publish: Publish, frame: SensorFrame) -> None:
@@ -67,7 +69,6 @@ def publish_samples(publish: Publish, frame: SensorFrame) -> None:
 
     This includes samples that will be rejected, because a replay needs the inputs of the flight.
     """
-    for sensor in SENSORS:
-        sample = getattr(frame, sensor.field)
+    for topic, sample in zip(TOPICS, frame[1:], strict=True):
         if sample is not None:
-            publish(sensor.topic, sample)
+            publish(topic, sample)
