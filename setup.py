@@ -12,8 +12,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 PACKAGES = ("estimation", "guidance", "mixing", "sensing", "stabilization", "tasks")
-MODULES = ("autopilot", "control_laws", "limits", "processors", "situation", "timebase")
+"""of ``avionics``"""
+LOOP = ("autopilot", "control_laws", "limits", "processors", "situation", "timebase")
 """of ``avionics``; messages and gains stay Python, because mypyc makes tuples no faster"""
+SHARED = ("rotations",)
+"""of ``wingbeat``; other modules stay Python, because the simulator compiles their functions with Numba"""
 CHECKS = ["--config-file=", "--ignore-missing-imports", "--follow-imports=silent"]
 """of mypy: the code is checked elsewhere, and its dependencies are not installed where a wheel is built"""
 COMPILER = ["mypy>=1.11,<3", "numpy>=2.0,<3"]
@@ -23,7 +26,7 @@ COMPILER = ["mypy>=1.11,<3", "numpy>=2.0,<3"]
 def flight_code() -> list[str]:
     """Return the files that are compiled, relative to this folder."""
     packages = [path for name in PACKAGES for path in sorted(Path("avionics", name).glob("*.py"))]
-    modules = [Path("avionics", f"{name}.py") for name in MODULES]
+    modules = [Path("avionics", f"{name}.py") for name in LOOP] + [Path("wingbeat", f"{name}.py") for name in SHARED]
     return [str(path) for path in packages + modules if path.name != "__init__.py"]
 
 

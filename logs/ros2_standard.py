@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from logs.columns import Array, Columns
 from logs.poses import enu_from_flu
-from wingbeat.rotations import frd_from_ned
+from wingbeat.quaternions import frd_from_ned
 
 WORLD, BODY = "odom", "base_link"
 TESLA_PER_GAUSS = 1e-4

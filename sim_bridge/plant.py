@@ -22,7 +22,7 @@ from sim_bridge.multibody.wings import wing_places
 from sim_bridge.vectors import Floats
 from sim_bridge.vehicles import SimulatedVehicle
 from wingbeat.constants import STANDARD_GRAVITY
-from wingbeat.rotations import quaternion_from_euler
+from wingbeat.quaternions import quaternion_from_euler
 
 DRIVES = {"servo": k.SERVO, "crank": k.CRANK, "linkage": k.LINKAGE}
 NO_LINKAGE = FourBar(0.0, 1.0, 1.0, 1.0, 0.0, 0.0, False)

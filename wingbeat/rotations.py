@@ -1,4 +1,4 @@
-"""Rotations on plain floats: direction cosine matrices, quaternions (w, x, y, z) and Euler angles.
+"""Rotations on plain floats: direction cosine matrices, and their quaternions (w, x, y, z) and Euler angles.
 
 A direction cosine matrix (DCM) is nine numbers, row by row. Euler angles are roll, pitch and yaw in rad, for
 rotations about z, y, x in this order. `wingbeat.rotation_arrays` has the same for columns of a table.
@@ -106,39 +106,3 @@ def quaternion_from_dcm(r: Matrix) -> Quaternion:
         t = 0.5 / s
         w, x, y, z = (r3 - r1) * t, (r2 + r6) * t, (r5 + r7) * t, 0.5 * s
     return (w, x, y, z) if w >= 0.0 else (-w, -x, -y, -z)
-
-
-def dcm_from_quaternion(q: Quaternion) -> Matrix:
-    """Compute the matrix of the unit quaternion (w, x, y, z)."""
-    w, x, y, z = q
-    return (
-        1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y),
-        2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x),
-        2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y),
-    )  # fmt: skip
-
-
-def quaternion_from_euler(roll: float, pitch: float, yaw: float) -> Quaternion:
-    """Compute the quaternion of r_ned_from_frd from roll, pitch and yaw in rad."""
-    cr, sr = cos(roll / 2), sin(roll / 2)
-    cp, sp = cos(pitch / 2), sin(pitch / 2)
-    cy, sy = cos(yaw / 2), sin(yaw / 2)
-    return (
-        cr * cp * cy + sr * sp * sy,
-        sr * cp * cy - cr * sp * sy,
-        cr * sp * cy + sr * cp * sy,
-        cr * cp * sy - sr * sp * cy,
-    )
-
-
-def frd_from_ned(quaternion: Quaternion, v_ned: Vector) -> Vector:
-    """Rotate a vector from NED to body axes; the quaternion of r_ned_from_frd need not be of unit length."""
-    w, x, y, z = quaternion
-    a, b, c = v_ned
-    s = 2.0 / (w * w + x * x + y * y + z * z)
-    tx, ty, tz = s * (y * c - z * b), s * (z * a - x * c), s * (x * b - y * a)
-    return (
-        a - w * tx + y * tz - z * ty,
-        b - w * ty + z * tx - x * tz,
-        c - w * tz + x * ty - y * tx,
-    )

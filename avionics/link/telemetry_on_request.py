@@ -19,7 +19,7 @@ from avionics.link.telemetry import boot_ms, home_place, int16
 from avionics.link.vehicle import VehicleView
 from avionics.sensors import Sensor
 from wingbeat.constants import STANDARD_GRAVITY
-from wingbeat.rotations import frd_from_ned
+from wingbeat.quaternions import frd_from_ned
 
 T = TypeVar("T")
 INNOVATION_GATE = 5.0

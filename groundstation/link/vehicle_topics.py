@@ -13,7 +13,7 @@ from avionics import messages as m
 from avionics import topics as t
 from avionics.link.vehicle import PROFILES
 from groundstation.link.vehicle_state import VehicleState, is_wingbeat_vehicle
-from wingbeat.rotations import quaternion_from_euler
+from wingbeat.quaternions import quaternion_from_euler
 from wingbeat.topic import Topic
 
 NAN = math.nan

@@ -10,7 +10,7 @@ from sim_bridge.sensors.suite import SensorSuite, sensor_spec
 from sim_bridge.vehicles import SimulatedVehicle
 from wingbeat.atmosphere import isa
 from wingbeat.constants import STANDARD_GRAVITY
-from wingbeat.rotations import quaternion_from_euler
+from wingbeat.quaternions import quaternion_from_euler
 
 
 class AtRest:

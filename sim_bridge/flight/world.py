@@ -26,7 +26,7 @@ from sim_bridge.vehicles import SimulatedVehicle
 from sim_bridge.vibration.flight import field_per_ampere, make_unequal, vibration_of
 from wingbeat.errors import InputError
 from wingbeat.message import Event, Severity
-from wingbeat.rotations import quaternion_from_euler
+from wingbeat.quaternions import quaternion_from_euler
 from wingbeat.samples import SensorFrame
 from wingbeat.topic import Publish, Topic
 

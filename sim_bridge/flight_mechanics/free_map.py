@@ -11,7 +11,7 @@ from sim_bridge.flight_mechanics.orbit import Orbit
 from sim_bridge.flight_mechanics.stroke_map import INTERVALS, StrokeMap
 from sim_bridge.vectors import Floats
 from sim_bridge.vehicles import SimulatedVehicle
-from wingbeat.rotations import quaternion_from_euler
+from wingbeat.quaternions import quaternion_from_euler
 
 U, V, W, P, Q, R, ROLL, PITCH = range(8)
 BODY = 8

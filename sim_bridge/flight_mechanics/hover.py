@@ -22,7 +22,7 @@ from sim_bridge.vectors import Floats
 from sim_bridge.vehicles import SimulatedVehicle
 from wingbeat.atmosphere import SEA_LEVEL_DENSITY
 from wingbeat.errors import InputError
-from wingbeat.rotations import quaternion_from_euler
+from wingbeat.quaternions import quaternion_from_euler
 
 HEIGHT = 1000.0
 """m; above the ground, without ground contact"""

@@ -10,7 +10,7 @@ from sim_bridge.observation import Vector
 from sim_bridge.sensors.low_pass import low_pass
 from sim_bridge.sensors.noise import SensorSeed, split
 from sim_bridge.sensors.triad import ZERO, Conversion, Triad, draw_errors
-from wingbeat.rotations import frd_from_ned
+from wingbeat.quaternions import frd_from_ned
 from wingbeat.units import Quantity
 
 

@@ -16,12 +16,12 @@ from sim_bridge.sensors.power_sensor import Burst, sample_burst
 from sim_bridge.sensors.torque_cell import CellArrays, read_torques
 from sim_bridge.sensors.triad import ZERO, Unit, read_axes
 from sim_bridge.vectors import Floats, Integers
-from wingbeat import rotations
+from wingbeat import quaternions
 
 LARGEST = 1e6
 """SI; no value of an observation is larger while the simulation makes sense"""
 
-_frd_from_ned = exact_inlined(rotations.frd_from_ned)
+_frd_from_ned = exact_inlined(quaternions.frd_from_ned)
 
 
 class SuiteArrays(NamedTuple):

@@ -10,7 +10,7 @@ from sim_bridge.multibody.tree import Body, inertia_matrix, parents_first
 from sim_bridge.vectors import Floats, rotation
 from sim_bridge.vehicles.sections import BodyPart, Wing
 from wingbeat.errors import InputError
-from wingbeat.rotations import quaternion_from_euler
+from wingbeat.quaternions import quaternion_from_euler
 
 Parts = dict[str, BodyPart]
 

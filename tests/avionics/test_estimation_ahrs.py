@@ -15,9 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from avionics.estimation import ahrs
 from avionics.messages import Attitude, ImuSample
-from wingbeat.rotations import (
-    dcm_from_quaternion,
-)
+from wingbeat.quaternions import dcm_from_quaternion
 
 sys.path.insert(0, str(Path(__file__).parent))
 

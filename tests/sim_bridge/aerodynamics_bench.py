@@ -18,7 +18,7 @@ from sim_bridge.multibody.wings import add_wings, wing_places
 from sim_bridge.plant import Plant
 from sim_bridge.vectors import Floats
 from sim_bridge.vehicles import SimulatedVehicle, load_vehicle, with_model
-from wingbeat.rotations import quaternion_from_euler
+from wingbeat.quaternions import quaternion_from_euler
 
 NAMES = ("robo_raven_ii_d", "arizona_100cm")
 DENSITY = 1.225

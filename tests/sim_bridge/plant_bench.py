@@ -17,7 +17,7 @@ from sim_bridge.vectors import Floats
 from sim_bridge.vehicles import SimulatedVehicle, load_vehicle
 from sim_bridge.vehicles.sections import BodyPart
 from wingbeat.constants import STANDARD_GRAVITY
-from wingbeat.rotations import quaternion_from_euler
+from wingbeat.quaternions import quaternion_from_euler
 
 NAMES = ("robo_raven_ii_d", "arizona_100cm")
 VACUUM = 1e-9

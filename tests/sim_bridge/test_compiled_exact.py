@@ -14,9 +14,9 @@ from sim_bridge.environment import dryden
 from sim_bridge.sensors.low_pass import low_pass
 from sim_bridge.sensors.triad import Conversion, Triad, draw_errors
 from sim_bridge.vectors import Floats
-from wingbeat import atmosphere, rotations
+from wingbeat import atmosphere, quaternions
 
-air_at, frd_from_ned = exact(atmosphere.air_at), exact(rotations.frd_from_ned)
+air_at, frd_from_ned = exact(atmosphere.air_at), exact(quaternions.frd_from_ned)
 finite = st.floats(-2.0, 2.0)
 
 
@@ -29,7 +29,7 @@ def test_exact_atmosphere_has_the_bits_of_python(altitude: float) -> None:
 def test_exact_rotation_has_the_bits_of_python(
     quaternion: tuple[float, float, float, float], vector: tuple[float, float, float]
 ) -> None:
-    assert frd_from_ned(quaternion, vector) == rotations.frd_from_ned(quaternion, vector)
+    assert frd_from_ned(quaternion, vector) == quaternions.frd_from_ned(quaternion, vector)
 
 
 def test_triad_has_the_bits_of_its_equation() -> None:

@@ -9,7 +9,7 @@ from plant_bench import NAMES, air, hold_position, vehicle
 from sim_bridge.multibody.contact import FRICTION, PENETRATION, ground_force
 from sim_bridge.plant import Plant
 from sim_bridge.vectors import Floats
-from wingbeat.rotations import quaternion_from_euler
+from wingbeat.quaternions import quaternion_from_euler
 
 WEIGHT = 3.5
 

@@ -26,7 +26,7 @@ from sim_bridge import plant_kernel as k
 from sim_bridge.multibody.tree import impose, solve
 from sim_bridge.plant import Plant
 from sim_bridge.vectors import rotation
-from wingbeat.rotations import quaternion_from_euler
+from wingbeat.quaternions import quaternion_from_euler
 
 
 @pytest.mark.parametrize("name", MECHANISMS)

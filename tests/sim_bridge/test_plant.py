@@ -25,7 +25,7 @@ from sim_bridge.mechanism import chord_shape, total_mass, wing_strips
 from sim_bridge.plant import Plant
 from sim_bridge.vectors import Floats
 from wingbeat.constants import STANDARD_GRAVITY
-from wingbeat.rotations import quaternion_from_euler
+from wingbeat.quaternions import quaternion_from_euler
 
 
 def gliding(name: str, elevator: float = 0.0, rudder: float = 0.0) -> Plant:

@@ -15,7 +15,7 @@ from sim_bridge.sensors.gyroscope import Gyroscope
 from sim_bridge.sensors.low_pass import corner, low_pass
 from sim_bridge.sensors.magnetometer import Magnetometer
 from sim_bridge.sensors.noise import sensor_seed
-from wingbeat.rotations import frd_from_ned, quaternion_from_euler
+from wingbeat.quaternions import frd_from_ned, quaternion_from_euler
 
 PERIOD = 0.005
 SEED = sensor_seed(7, 0)

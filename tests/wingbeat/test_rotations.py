@@ -8,19 +8,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from wingbeat.quaternions import dcm_from_quaternion, frd_from_ned, quaternion_from_euler
 from wingbeat.rotation_arrays import dcms_from_quaternions, euler_from_quaternions, quaternions_from_euler
 from wingbeat.rotations import (
     Matrix,
     cross,
-    dcm_from_quaternion,
     dcm_from_rotation_vector,
     euler_from_dcm,
-    frd_from_ned,
     multiply,
     norm,
     orthonormalize,
     quaternion_from_dcm,
-    quaternion_from_euler,
     rotate,
     rotate_back,
 )

@@ -15,7 +15,8 @@ from sim_bridge.batch import TICKS
 from sim_bridge.messages import TruthState
 from wingbeat.api.simulation import Simulation
 from wingbeat.errors import InputError
-from wingbeat.rotations import dcm_from_quaternion, euler_from_dcm
+from wingbeat.quaternions import dcm_from_quaternion
+from wingbeat.rotations import euler_from_dcm
 
 __all__ = ["FlappingEnv"]
 

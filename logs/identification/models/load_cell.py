@@ -35,7 +35,7 @@ from logs.identification.models.multibody import (
 from logs.identification.motion_capture.motion import CUTOFF, low_passed
 from logs.identification.results import Array
 from wingbeat.errors import InputError
-from wingbeat.rotations import quaternion_from_euler
+from wingbeat.quaternions import quaternion_from_euler
 
 LEAST_SAMPLES = 60
 HARMONICS = 31
