@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
-from typing import Any, Generic, NamedTuple, TypeVar
+from typing import Any, Final, Generic, NamedTuple, TypeVar
 
 from avionics.gains import FlightGains
 from avionics.guidance import altitude, heading
@@ -52,25 +52,25 @@ HeadingStep = Callable[
     [heading.Gains, heading.State, int, float, float, heading.Measured], tuple[heading.State, HeadingStatus]
 ]
 
-PITCH: Mapping[str, Law[PitchStep, PitchStep, PitchStep]] = MappingProxyType({
+PITCH: Final[Mapping[str, Law[PitchStep, PitchStep, PitchStep]]] = MappingProxyType({
     "pid": Law("PID, damping on the measured pitch rate", pitch.step, pitch.hold_trim, pitch.follow),
     "i_pd": Law(
         "I-PD: PID with proportional term and damping on the measurement", i_pd.step, i_pd.hold_trim, i_pd.follow, 0.0
     ),
 })  # fmt: skip
-ROLL: Mapping[str, Law[RollStep, RollHold, RollFollow]] = MappingProxyType({
+ROLL: Final[Mapping[str, Law[RollStep, RollHold, RollFollow]]] = MappingProxyType({
     "pid": Law("PID, damping on the measured roll rate", roll.step, roll.hold_trim, roll.follow),
 })  # fmt: skip
-ALTITUDE: Mapping[str, Law[AltitudeStep, AltitudeHold, AltitudeFollow]] = MappingProxyType({
+ALTITUDE: Final[Mapping[str, Law[AltitudeStep, AltitudeHold, AltitudeFollow]]] = MappingProxyType({
     "cascade": Law(
         "P on the altitude around PI with feedforward on the climb rate",
         altitude.step, altitude.hold_trim, altitude.follow,
     ),
 })  # fmt: skip
-HEADING: Mapping[str, Law[HeadingStep, None, HeadingStep]] = MappingProxyType({
+HEADING: Final[Mapping[str, Law[HeadingStep, None, HeadingStep]]] = MappingProxyType({
     "pi": Law("PI, bank proportional to the ground speed", heading.step, None, heading.follow),
 })  # fmt: skip
-LOOPS: Mapping[str, Mapping[str, Law[Any, Any, Any]]] = MappingProxyType(
+LOOPS: Final[Mapping[str, Mapping[str, Law[Any, Any, Any]]]] = MappingProxyType(
     {"pitch": PITCH, "roll": ROLL, "altitude": ALTITUDE, "heading": HEADING}
 )
 """laws by name, by section of the vehicle file"""

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from bisect import bisect_left
 from collections.abc import Sequence
+from typing import Final
 
-TWO_PI = 2.0 * math.pi
+TWO_PI: Final = 2.0 * math.pi
 
 
 def clip(value: float, low: float, high: float) -> float:

@@ -18,7 +18,7 @@ from collections.abc import Callable, Sequence
 from enum import IntEnum
 from itertools import groupby
 from math import lcm
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from avionics import topics
 from avionics.messages import TaskTiming
@@ -50,7 +50,7 @@ class Processor(IntEnum):
     LOGGER = 3
 
 
-WHOLE_TICK = len(Processor)
+WHOLE_TICK: Final = len(Processor)
 """Index in `TaskTiming` after the processors: the whole tick from the arrival of a frame, including the ground links.
 """
 
@@ -99,7 +99,7 @@ LOGGER = (
     Task(Part.REPORT, 1.0, 6, report.report_health),
     Task(Part.REPORT, 0.1, 10, report.report_snapshot),
 )  # fmt: skip
-PROCESSORS: dict[Processor, tuple[Task, ...]] = {
+PROCESSORS: Final[dict[Processor, tuple[Task, ...]]] = {
     Processor.ATTITUDE: ATTITUDE,
     Processor.POWER: POWER,
     Processor.MAIN: MAIN,
@@ -169,7 +169,7 @@ def _due(rows: list[Row], group: Group) -> Due:
     return Due(*(group([row for row in rows if row[1].part == part]) for part in Part))
 
 
-SCHEDULE = build_schedule(PROCESSORS)
+SCHEDULE: Final = build_schedule(PROCESSORS)
 
 
 def run(due: Runs, s: AutopilotState, publish: Publish) -> None:

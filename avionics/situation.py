@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Final
 
 from avionics.estimation import ahrs
 from avionics.guidance import heading, modes, navigation, offboard
@@ -18,9 +19,9 @@ from wingbeat.records import constructor
 NO_PILOT, RECEIVER = PilotSource.NONE, PilotSource.RECEIVER
 PLACED = (ItemKind.WAYPOINT, ItemKind.LOITER, ItemKind.CIRCLE, ItemKind.LAND)
 """items with a position"""
-TRAVEL_MARGIN = 0.2
+TRAVEL_MARGIN: Final = 0.2
 """rad; tolerance of the wing travel, for play in the linkage"""
-FORCE_MARGIN = 3.0
+FORCE_MARGIN: Final = 3.0
 """m/s^2; maximum deviation of the specific force from 1 g at arming"""
 
 
@@ -72,7 +73,7 @@ def destination(s: AutopilotState) -> tuple[float, float] | None:
     return (navigated.centre_north, navigated.centre_east) if navigated.radius else None
 
 
-_new_conditions = constructor(modes.Conditions)
+_new_conditions: Final = constructor(modes.Conditions)
 
 
 def conditions(s: AutopilotState) -> modes.Conditions:

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from wingbeat.records import constructor
 
-BASE_RATE = 200
+BASE_RATE: Final = 200
 """Hz; sample rate of the IMU, one tick per sample"""
-LONGEST_STEP = 0.1
+LONGEST_STEP: Final = 0.1
 """s; maximum time step of the loops after a gap in the sensor time"""
-NOMINAL_US = 1_000_000 // BASE_RATE
+NOMINAL_US: Final = 1_000_000 // BASE_RATE
 """us; nominal period of a tick"""
-MEMORY = 10
+MEMORY: Final = 10
 """-; number of stored tick times: one period of the slowest task rate with a time step, 20 Hz"""
 
 
@@ -44,7 +44,7 @@ def first(time_us: int) -> Clock:
     return Clock(0, time_us, before_us=tuple(time_us - NOMINAL_US * ago for ago in range(1, MEMORY + 1)))
 
 
-_new_clock = constructor(Clock)
+_new_clock: Final = constructor(Clock)
 
 
 def advance(clock: Clock, time_us: int) -> Clock:

@@ -7,12 +7,13 @@ rotations about z, y, x in this order. `wingbeat.rotation_arrays` has the same f
 from __future__ import annotations
 
 from math import asin, atan2, copysign, cos, sin, sqrt
+from typing import Final
 
 Vector = tuple[float, float, float]
 Matrix = tuple[float, float, float, float, float, float, float, float, float]
 Quaternion = tuple[float, float, float, float]
 
-SMALL_ANGLE_SQUARED = 1e-14
+SMALL_ANGLE_SQUARED: Final = 1e-14
 
 
 def dcm_from_rotation_vector(x: float, y: float, z: float) -> Matrix:

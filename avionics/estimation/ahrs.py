@@ -19,7 +19,7 @@ The direction cosine matrix is that of the instrumentation suite of Gerdes et al
 from __future__ import annotations
 
 from math import atan2, cos, exp, hypot, isfinite, pi, sin, sqrt
-from typing import Annotated, NamedTuple
+from typing import Annotated, Final, NamedTuple
 
 from avionics.estimation import razor, velocity_aiding
 from avionics.limits import clip
@@ -42,14 +42,14 @@ from wingbeat.rotations import (
 )
 from wingbeat.units import Quantity
 
-LONGEST_STEP = 0.25
+LONGEST_STEP: Final = 0.25
 """s; maximum propagation over a gap between samples; after a longer gap a new block begins"""
 
-STEEPEST = 0.5
+STEEPEST: Final = 0.5
 """-; minimum cosine of the pitch in the projection of the airspeed; the path is taken as level along the heading,
 because the pitch is mostly angle of attack"""
 
-TILT_DOUBT = 3.0
+TILT_DOUBT: Final = 3.0
 """-; weight of the tilt residual of a block in its noise: accelerations of the path last for many blocks"""
 
 AVERAGES, RAZOR = 0, 1
@@ -344,7 +344,7 @@ def triad(force: Vector, field: Vector, declination: float) -> Matrix:
     return multiply(dcm_from_rotation_vector(0.0, 0.0, declination), magnetic)
 
 
-_new_ahrs_state = constructor(AhrsState)
+_new_ahrs_state: Final = constructor(AhrsState)
 
 
 def step(
@@ -469,7 +469,7 @@ def _between(a: Vector, b: Vector, share: float) -> Vector:
     return (a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]), a[2] + share * (b[2] - a[2]))
 
 
-_new_block = constructor(Block)
+_new_block: Final = constructor(Block)
 
 
 def _extended(
@@ -784,7 +784,7 @@ def _wrapped(angle: float) -> float:
     return atan2(sin(angle), cos(angle))
 
 
-_new_attitude = constructor(Attitude)
+_new_attitude: Final = constructor(Attitude)
 
 
 def attitude(state: AhrsState) -> Attitude:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import exp
-from typing import Annotated, NamedTuple
+from typing import Annotated, Final, NamedTuple
 
 import numpy as np
 
@@ -20,12 +20,12 @@ from wingbeat.constants import STANDARD_GRAVITY
 from wingbeat.records import constructor
 from wingbeat.units import Quantity
 
-LONGEST_STEP = 0.5
+LONGEST_STEP: Final = 0.5
 """s; maximum interval between updates"""
-LONGEST_MEMORY = 1.3
+LONGEST_MEMORY: Final = 1.3
 """s; duration of climb rates stored for the mean over a wing period"""
 
-UNKNOWN_ACCELERATION = STANDARD_GRAVITY
+UNKNOWN_ACCELERATION: Final = STANDARD_GRAVITY
 """m/s^2; one sigma of an unmeasured acceleration in an interval: between free fall and rest"""
 
 
@@ -88,7 +88,7 @@ class State(NamedTuple):
     """us; time of the first pressure altitude"""
 
 
-_new_state = constructor(State)
+_new_state: Final = constructor(State)
 
 
 def accumulate(state: State, accel_down: float) -> State:
@@ -200,7 +200,7 @@ def _symmetric(p: Rows3) -> tuple[Vector3, Vector3, Vector3]:
     return (a, b, c), (b, e, f), (c, f, i)
 
 
-_FIX = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+_FIX: Final = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 
 
 def _start_covariance(gains: Gains) -> tuple[Vector3, Vector3, Vector3]:
@@ -227,7 +227,7 @@ def _mean_over_period(climbs: tuple[float, ...], frequency: float, dt: float) ->
     return (total + 0.5 * share * (recent[0] + cut)) / intervals
 
 
-_new_altitude = constructor(Altitude)
+_new_altitude: Final = constructor(Altitude)
 
 
 def _message(gains: Gains, state: State, climb_rate: float) -> Altitude:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from functools import lru_cache
 from math import cos, pi, sin, sqrt
+from typing import Final
 
-SEMI_MAJOR_AXIS = 6378137.0
+SEMI_MAJOR_AXIS: Final = 6378137.0
 """m; WGS-84"""
-ECCENTRICITY_SQUARED = 6.69437999014e-3
+ECCENTRICITY_SQUARED: Final = 6.69437999014e-3
 """-; WGS-84"""
-LEAST_COSINE = 1e-3
+LEAST_COSINE: Final = 1e-3
 """-; minimum cosine of the latitude, to avoid the poles"""
 
 

@@ -5,15 +5,15 @@ The offset is estimated while the barometer is valid.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from avionics.estimation.altitude import Climb
 from avionics.limits import low_pass
 from avionics.messages import GpsFix
 
-LEARNING_TIME = 20.0
+LEARNING_TIME: Final = 20.0
 """s; time constant of the offset: includes the slow error of the receiver, excludes its noise"""
-THREE_DIMENSIONAL = 3
+THREE_DIMENSIONAL: Final = 3
 """-; minimum fix type with an altitude"""
 
 

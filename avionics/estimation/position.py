@@ -19,7 +19,7 @@ North and east have independent errors, so that the filter is two filters of two
 from __future__ import annotations
 
 from math import cos, isfinite, sin, sqrt
-from typing import Annotated, NamedTuple
+from typing import Annotated, Final, NamedTuple
 
 from avionics.estimation.geodesy import to_geodetic, to_local
 from avionics.estimation.kalman import Pair, Symmetric2, update_pair
@@ -31,18 +31,18 @@ from wingbeat.units import Quantity
 Vector4 = tuple[float, float, float, float]
 Matrix4 = tuple[Vector4, Vector4, Vector4, Vector4]
 
-LONGEST_STEP = 0.5
+LONGEST_STEP: Final = 0.5
 """s; maximum interval of a prediction"""
-STEEPEST_COSINE = 0.3
+STEEPEST_COSINE: Final = 0.3
 """-; minimum cosine of the flight path angle, at any climb rate"""
 NOTHING: Vector4 = (0.0, 0.0, 0.0, 0.0)
-THREE_DIMENSIONAL = 3
+THREE_DIMENSIONAL: Final = 3
 """-; fix type that sets home"""
-LONGEST_INTERVAL = 1.0
+LONGEST_INTERVAL: Final = 1.0
 """s; maximum interval between fixes with innovations used for the wind estimation"""
-START_SPREAD = 4.0
+START_SPREAD: Final = 4.0
 """-; initial mean square of the velocity innovations, in multiples of the noise variance"""
-TWO_DIMENSIONAL = 2
+TWO_DIMENSIONAL: Final = 2
 """-; minimum fix type that is used"""
 
 
@@ -139,8 +139,8 @@ def motion(attitude: Attitude, air: AirData, altitude: Altitude) -> Motion:
     return Motion(air.time_us, air.airspeed, attitude.yaw, altitude.climb_rate, variance)
 
 
-_new_state = constructor(State)
-_new_position = constructor(Position)
+_new_state: Final = constructor(State)
+_new_position: Final = constructor(Position)
 
 
 def step(gains: Gains, state: State, now: Motion, fix: GpsFix | None = None) -> tuple[State, Position]:

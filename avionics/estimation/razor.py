@@ -13,12 +13,12 @@ weight selects the wrong samples: see docs/validation/estimation.md.
 from __future__ import annotations
 
 from math import cos, hypot, sin
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from wingbeat.constants import STANDARD_GRAVITY
 from wingbeat.rotations import Matrix, Vector, norm, orthonormalize, rotate
 
-WEIGHT_SLOPE = 2.0
+WEIGHT_SLOPE: Final = 2.0
 """-; the weight is 1 at 1 g and 0 at 0.5 and 1.5 g"""
 
 

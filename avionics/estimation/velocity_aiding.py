@@ -26,7 +26,7 @@ used, because a general update would cost more than the rest of a tick.
 from __future__ import annotations
 
 from math import atan2, cos, hypot, isfinite, sin, sqrt
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,19 +40,19 @@ Array = NDArray[np.float64]
 VELOCITY, DOWN, ROTATION, TILT, HEADING, BIAS = slice(0, 3), 2, slice(3, 6), slice(3, 5), 5, slice(6, 9)
 ACCEL, LEVEL_ACCEL, FORWARD_ACCEL, IRON = slice(9, 12), slice(9, 11), 9, slice(12, 14)
 OFFSETS, ALL_BUT_DOWN = list(range(9, 14)), [0, 1, *range(3, 14)]
-STATES = 14
+STATES: Final = 14
 """u north, east and down in m/s; theta about north, east and down in rad; db about the body axes in rad/s; da along
 the body axes in m/s^2; dm along body x and y in gauss"""
-UNITY: Array = np.eye(STATES)
-POSITION_FIX = 2
+UNITY: Final[Array] = np.eye(STATES)
+POSITION_FIX: Final = 2
 """minimum `GpsFix.fix_type` of a velocity that is used"""
-SPACE_FIX = 3
+SPACE_FIX: Final = 3
 """minimum `GpsFix.fix_type` of a climb rate that is used"""
-HISTORY_STEP_US = 20_000
+HISTORY_STEP_US: Final = 20_000
 """us; interval of the impulse history for delayed fixes"""
-CONFIRMATIONS = 3
+CONFIRMATIONS: Final = 3
 """-; number of fixes that must agree with a new velocity before they replace the block averages"""
-CONFIRMATION_GATE = 3.0
+CONFIRMATION_GATE: Final = 3.0
 """-; innovation gate of those fixes in standard deviations"""
 START_TILT, START_HEADING, START_BIAS = 0.05, 0.15, 0.01
 """rad, rad, rad/s; standard deviations after the first sample"""
@@ -60,26 +60,26 @@ START_ACCEL, START_IRON = 0.1, 0.01
 """m/s^2, gauss; standard deviations of accelerometer offset and hard iron, each axis. Chosen: root
 sum of squares of 5 mg after calibration, 0.3 degrees of mounting and 7 mg of temperature drift; of 5 mgauss after
 calibration and the field of 3.5 A of drive current (0.4 uT/A), each axis"""
-UNCALIBRATED_ACCEL = 0.6
+UNCALIBRATED_ACCEL: Final = 0.6
 """m/s^2; standard deviation of the accelerometer offset after a launch has shown more than the calibration leaves"""
 CLIMB_TEST, LAUNCH_FIXES = 0.35, 4
 """m/s, -; mean innovation of the climb rate over the fixes after a launch, after which the offset along body x is
 such: over twice the greatest of calibrated sensors"""
-GRAVITY_NOISE = 0.05
+GRAVITY_NOISE: Final = 0.05
 """m/s^2; standard deviation of the magnitude of the specific force at rest, from the accelerometer's scale"""
 ACCEL_WALK, IRON_WALK = 0.002, 0.0001
 """m/s^2.5, gauss/s^0.5; random walk of both"""
-LAUNCH_SPEED = 3.0
+LAUNCH_SPEED: Final = 3.0
 """m/s; ground speed that separates rest and flight: after a launch from rest the course indicates the heading"""
-SPEED_AGREEMENT = 0.25
+SPEED_AGREEMENT: Final = 0.25
 """-; maximum relative difference between the propagated speed and the speed of a fix if only the heading is wrong"""
-TURN_AGREEMENT = 0.2
+TURN_AGREEMENT: Final = 0.2
 """rad; maximum difference between the heading errors of two successive fixes"""
-TILT_IRON = 0.03
+TILT_IRON: Final = 0.03
 """gauss; standard deviation of a hard iron estimated with a tilt error of `UNCALIBRATED_ACCEL`, each axis"""
-SET_IRON = 0.005
+SET_IRON: Final = 0.005
 """gauss; standard deviation of a hard iron set from a mean field, each axis"""
-LEAST_HORIZONTAL = 0.05
+LEAST_HORIZONTAL: Final = 0.05
 """gauss; horizontal field below which the hard iron is not estimated"""
 ZERO: Vector = (0.0, 0.0, 0.0)
 
@@ -169,7 +169,7 @@ class Compass(NamedTuple):
     """gauss; vertical field, positive down"""
 
 
-NOTHING = Errors(ZERO, ZERO, ZERO, ZERO)
+NOTHING: Final = Errors(ZERO, ZERO, ZERO, ZERO)
 
 
 def start(time_us: int, r: Matrix) -> State:

@@ -6,7 +6,7 @@ has a trim and a feed-forward term, so that the integrator only carries the resi
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple
+from typing import Annotated, Final, NamedTuple
 
 from avionics.limits import clip, low_pass, slew
 from avionics.messages import AltitudeStatus
@@ -16,7 +16,7 @@ from wingbeat.vehicle_file import Label
 
 STEEP, STEEPEST = 0.7, 1.0
 """rad; bank at which the thrust limit starts to fall, and at which it reaches the minimum; above any bank setpoint"""
-CALM_SHARE = 0.5
+CALM_SHARE: Final = 0.5
 """-; factor on the altitude and climb gains while a trim is established"""
 
 

@@ -8,6 +8,7 @@ descent and flare take the same time in any wind.
 from __future__ import annotations
 
 import math
+from typing import Final
 
 from avionics.guidance.mission import MissionItem
 from avionics.guidance.path import Place, circle_course, course_to_leg, leg, reached
@@ -15,9 +16,9 @@ from avionics.guidance.route import Gains, Situation, State, Target, here, looka
 from avionics.limits import clip, wrap
 from avionics.messages import Stage
 
-FUNNEL = 0.25
+FUNNEL: Final = 0.25
 """-; half width of the approach funnel per remaining distance: 14 degrees to each side"""
-JOINING_TURN = 0.5
+JOINING_TURN: Final = 0.5
 """rad; maximum course change at the intercept of the glide path"""
 SHORTEST, LONGEST = 0.5, 1.6
 """-; limits of the glide path length relative to still air, for the strongest headwind and tailwind"""

@@ -6,6 +6,7 @@ Without a valid position the vehicle flies at a constant bank.
 from __future__ import annotations
 
 import math
+from typing import Final
 
 from avionics.guidance.mission import ItemKind, MissionItem
 from avionics.guidance.path import Place, circle_course
@@ -13,9 +14,9 @@ from avionics.guidance.route import Gains, Situation, State, Target, lookahead
 from avionics.limits import clip, wrap
 from avionics.messages import Stage
 
-JOINED = 0.4
+JOINED: Final = 0.4
 """-; fraction of the radius within which the circle counts as intercepted"""
-BLIND_TURN = 0.4
+BLIND_TURN: Final = 0.4
 """rad; heading error applied without a valid position: constant bank, drift with the wind"""
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from enum import IntEnum
-from typing import Annotated, NamedTuple
+from typing import Annotated, Final, NamedTuple
 
 from avionics.guidance import multisine
 from avionics.guidance.mission import Channel, Excitation, Shape
@@ -18,15 +18,15 @@ from avionics.messages import ExcitationStatus
 from wingbeat.records import constructor
 from wingbeat.units import Quantity
 
-GOLDEN_RATIO = 0.6180339887498949
-RESOLUTION = 1e-6
+GOLDEN_RATIO: Final = 0.6180339887498949
+RESOLUTION: Final = 1e-6
 """s; resolution of the timestamps; tolerance for rounding of summed time steps at an edge"""
-SEGMENTS: dict[Shape, tuple[tuple[int, float], ...]] = {
+SEGMENTS: Final[dict[Shape, tuple[tuple[int, float], ...]]] = {
     Shape.DOUBLET: ((1, 1.0), (1, -1.0)),
     Shape.MULTISTEP_3211: ((3, 1.0), (2, -1.0), (1, 1.0), (1, -1.0)),
 }
 """(length in widths, sign) of each step of a shape"""
-FOLDED = 0.2
+FOLDED: Final = 0.2
 """-; tolerance, in strokes, within which a period counts as a whole number of strokes"""
 SWEEPS = (Shape.LINEAR_SWEEP, Shape.LOGARITHMIC_SWEEP)
 Inputs = tuple[float, float, float]
@@ -251,7 +251,7 @@ def _finish(state: State, aborted: int) -> State:
     )
 
 
-_new_excitation_status = constructor(ExcitationStatus)
+_new_excitation_status: Final = constructor(ExcitationStatus)
 
 
 def step(

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from enum import IntEnum
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from avionics.guidance import fence
 from avionics.guidance.modes import (
@@ -25,7 +25,7 @@ from avionics.guidance.modes import (
 from avionics.messages import Failsafe, Mode, Stage
 from wingbeat.message import Severity
 
-RECEIVER_LOST = int(Failsafe.RECEIVER_LOST)
+RECEIVER_LOST: Final = int(Failsafe.RECEIVER_LOST)
 """Cached member: access to an enum member costs as much as a call."""
 
 
@@ -38,7 +38,7 @@ class Action(IntEnum):
     CUT = 3
 
 
-DOING = {Action.RETURN: "returning", Action.LAND: "landing", Action.CUT: "flapping stopped"}
+DOING: Final = {Action.RETURN: "returning", Action.LAND: "landing", Action.CUT: "flapping stopped"}
 
 
 class Failure(NamedTuple):
@@ -77,10 +77,10 @@ FAILURES = (
 )
 """failures in order of priority"""
 
-ANSWERED = sum(int(failure.flag) for failure in FAILURES if failure.action)
+ANSWERED: Final = sum(int(failure.flag) for failure in FAILURES if failure.action)
 """flags of the failures that have an action"""
-NO_RETURN = Failsafe.GPS_LOST | Failsafe.POSITION_LOST
-BATTERY_RECOVERY = 0.05
+NO_RETURN: Final = Failsafe.GPS_LOST | Failsafe.POSITION_LOST
+BATTERY_RECOVERY: Final = 0.05
 """-; hysteresis of the battery thresholds against fluctuations of the voltage under load"""
 
 

@@ -6,6 +6,7 @@ The goal is home or a rally point.
 from __future__ import annotations
 
 import math
+from typing import Final
 
 from avionics.guidance import approach, circle
 from avionics.guidance.mission import ItemKind, MissionItem
@@ -22,7 +23,7 @@ from avionics.guidance.route import (
 )
 from avionics.messages import Stage
 
-CALM = 1.0
+CALM: Final = 1.0
 """m/s; mean wind below which the landing keeps the present course"""
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from enum import IntEnum
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 
 class ItemKind(IntEnum):
@@ -177,7 +177,7 @@ def describe(item: MissionItem) -> str:
     return descriptions.get(item.kind, item.kind.name.lower())
 
 
-_COMPLETED = {
+_COMPLETED: Final = {
     ItemKind.CIRCLE: "completed",
     ItemKind.EXCITE: "completed",
     ItemKind.SPEED: "completed",
@@ -227,7 +227,7 @@ class Fence(NamedTuple):
     """m; above home, 0 for none"""
 
 
-NO_FENCE = Fence()
+NO_FENCE: Final = Fence()
 
 
 class FlightPlan(NamedTuple):

@@ -7,7 +7,7 @@ denied request has a reason, published as a `Notice`.
 from __future__ import annotations
 
 import math
-from typing import Annotated, NamedTuple
+from typing import Annotated, Final, NamedTuple
 
 from avionics.messages import Failsafe, Mode, Stage
 from wingbeat.message import Severity
@@ -141,7 +141,7 @@ class State(NamedTuple):
     """s; time of pending changes for each row of `failsafes.FAILURES`; empty if none is pending"""
 
 
-ANY_MODE = -1
+ANY_MODE: Final = -1
 """-; value of `Conditions.navigated`: the requested stage belongs to the present mode"""
 
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,11 +22,11 @@ Lines = tuple[Line, ...]
 
 STARTS = (1.0, 0.5, 1.25, 0.75, 1.5, 0.9)
 """factors on the curvature of the Schroeder phases: the clipping method converges near its initial phases"""
-ROUNDS = 200
+ROUNDS: Final = 200
 """iterations of the clipping method for each start; about 12 ms in total"""
 COARSE, FINE = 8, 32
 """samples per period of the highest harmonic, for the phase iteration and for the peak"""
-DIGITS = 6
+DIGITS: Final = 6
 """decimal digits of a phase: no effect on the peak, and identical on every machine"""
 
 Array = NDArray[np.float64]

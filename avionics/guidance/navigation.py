@@ -7,6 +7,8 @@ in `items`, `circle`, `homing` and `approach`; `survey` computes the legs of a s
 
 from __future__ import annotations
 
+from typing import Final
+
 from avionics.guidance import approach, circle, homing, items, offboard
 from avionics.guidance.mission import INSTANT, Excitation, ItemKind, Mission, MissionItem, landing_sequence
 from avionics.guidance.path import leg
@@ -23,7 +25,7 @@ from avionics.guidance.route import (
 from avionics.limits import low_pass, wrap
 from avionics.messages import Mode, Stage
 
-__all__ = [
+__all__: Final = [
     "Gains",
     "Situation",
     "State",
@@ -37,7 +39,7 @@ __all__ = [
     "step",
 ]
 
-ITEMS: dict[ItemKind, items.ItemFunction] = {
+ITEMS: Final[dict[ItemKind, items.ItemFunction]] = {
     ItemKind.TAKEOFF: items.take_off,
     ItemKind.HOLD: items.hold_heading,
     ItemKind.WAYPOINT: items.waypoint,
@@ -49,9 +51,9 @@ ITEMS: dict[ItemKind, items.ItemFunction] = {
 }
 CHOOSING = (ItemKind.RETURN, ItemKind.LAND)
 """items with altitudes selected by the vehicle"""
-AT_ONCE = 2
+AT_ONCE: Final = 2
 """value of `Gains.return_type`: a RETURN flies the landing sequence instead of the return to home"""
-GO_HOME = MissionItem(ItemKind.RETURN)
+GO_HOME: Final = MissionItem(ItemKind.RETURN)
 
 
 def step(gains: Gains, state: State, dt: float, mission: Mission, situation: Situation) -> tuple[State, Target]:

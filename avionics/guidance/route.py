@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, NamedTuple
+from typing import Annotated, Final, NamedTuple
 
 from avionics.guidance.mission import Excitation, Rally
 from avionics.guidance.path import Place
@@ -13,13 +13,13 @@ from avionics.messages import Mode, Stage
 from wingbeat.constants import STANDARD_GRAVITY
 from wingbeat.units import Quantity
 
-TURN_BANK = 0.4
+TURN_BANK: Final = 0.4
 """rad; bank of a turn at a corner: below the maximum bank of every vehicle, with reserve for wind"""
-SHARPEST = 0.5 * math.pi
+SHARPEST: Final = 0.5 * math.pi
 """rad; limit of the corner angle in the computation of the turning distance"""
-WIND_TIME = 20.0
+WIND_TIME: Final = 20.0
 """s; time constant of the mean wind: about one turn of a circle, over which errors of airspeed and heading cancel"""
-FASTEST_DRIFT = 2.0
+FASTEST_DRIFT: Final = 2.0
 """-; limit of the ratio of ground speed to airspeed in a tailwind"""
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Final
 
 from avionics.guidance.modes import (
     AIRBORNE,
@@ -20,21 +21,21 @@ from avionics.messages import Failsafe, Mode, Stage
 from wingbeat.constants import STANDARD_GRAVITY
 from wingbeat.message import Severity
 
-PITOT_BLOCKED = int(Failsafe.PITOT_BLOCKED)
+PITOT_BLOCKED: Final = int(Failsafe.PITOT_BLOCKED)
 WAIT_LAUNCH, EN_ROUTE = Stage.WAIT_LAUNCH, Stage.EN_ROUTE
 """Cached members: access to an enum member costs as much as a call."""
-PUSH_MEMORY = 1.0
+PUSH_MEMORY: Final = 1.0
 """s; decay time of the integrated speed and of the accelerometer bias in it; longer than a motion of the hand"""
-SLOW = 0.5
+SLOW: Final = 0.5
 """-; fraction of `Gains.launch_push` below which a push without force ends; an attitude error may cause such a push
 """
-BLIND_REACH = 1.2
+BLIND_REACH: Final = 1.2
 """-; multiple of `Gains.launch_reach` at which a launch is detected without an airspeed"""
-FAST = 2
+FAST: Final = 2
 """-; value of `State.launch_state`: the launch speed was reached, regardless of a later decrease by drag"""
-STILL_TRAVEL = 0.4
+STILL_TRAVEL: Final = 0.4
 """m; maximum altitude change during a standstill: twice the noise of the altitude"""
-NEAR_GROUND = 0.5
+NEAR_GROUND: Final = 0.5
 """-; fraction of the return floor below which a standstill counts as ground contact; a blocked pitot can indicate a
 standstill in flight"""
 

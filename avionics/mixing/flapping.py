@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
-from typing import Annotated, NamedTuple
+from typing import Annotated, Final, NamedTuple
 
 from avionics.limits import TWO_PI, between_points, clip, slew
 from avionics.messages import FlapCommand
@@ -88,9 +88,9 @@ def check(gains: Gains) -> Gains:
     return gains
 
 
-_new_stroke = constructor(Stroke)
-_new_state = constructor(State)
-_new_flap_command = constructor(FlapCommand)
+_new_stroke: Final = constructor(Stroke)
+_new_state: Final = constructor(State)
+_new_flap_command: Final = constructor(FlapCommand)
 
 
 def step(

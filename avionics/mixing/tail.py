@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple
+from typing import Annotated, Final, NamedTuple
 
 from avionics.limits import clip, slew
 from wingbeat.records import constructor
@@ -69,8 +69,8 @@ class Tail(NamedTuple):
     """rad; excitation after limits and rate"""
 
 
-_new_state = constructor(State)
-_new_tail = constructor(Tail)
+_new_state: Final = constructor(State)
+_new_tail: Final = constructor(Tail)
 
 
 def step(gains: Gains, state: State, dt: float, command: TailCommand) -> tuple[State, Tail]:

@@ -16,23 +16,23 @@ from __future__ import annotations
 
 from enum import IntEnum
 from math import sqrt
-from typing import Annotated, NamedTuple
+from typing import Annotated, Final, NamedTuple
 
 from avionics.messages import AirData, PressureSample
 from wingbeat.atmosphere import GAS_CONSTANT, SEA_LEVEL_TEMPERATURE, pressure_altitude
 from wingbeat.units import Quantity
 
-LEAST_TEMPERATURE = 180.0
+LEAST_TEMPERATURE: Final = 180.0
 """K; lower limit of a valid temperature; below it the standard temperature is used"""
-LONGEST_STEP = 0.5
+LONGEST_STEP: Final = 0.5
 """s; maximum interval between samples"""
 
 
-START_SPREAD = 4.0
+START_SPREAD: Final = 4.0
 """-; initial mean square of the innovations, in multiples of the noise variance; larger than in gusts"""
-LEFT_BY_SMOOTHING = 0.5
+LEFT_BY_SMOOTHING: Final = 0.5
 """-; fraction of the variance of a first-order process after a low-pass filter of its own time constant"""
-ROOT_OF_NOISE = 0.8
+ROOT_OF_NOISE: Final = 0.8
 """-; twice the mean of a rectified Gaussian noise, in standard deviations: 2 / sqrt(2 pi)"""
 
 

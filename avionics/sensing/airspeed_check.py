@@ -10,16 +10,16 @@ from __future__ import annotations
 
 from enum import IntEnum
 from math import cos, hypot, sin
-from typing import Annotated, NamedTuple
+from typing import Annotated, Final, NamedTuple
 
 from avionics.limits import low_pass
 from wingbeat.units import Quantity
 
-AGREEMENT = 0.5
+AGREEMENT: Final = 0.5
 """-; fraction of `Gains.difference` within which a blocked pitot agrees, so that an intermittent blockage does not
 recover"""
 
-GUSTS_IN_DIFFERENCE = 2.5
+GUSTS_IN_DIFFERENCE: Final = 2.5
 """-; standard deviations of moderate gusts in `Gains.difference`"""
 
 
@@ -33,7 +33,7 @@ class Aloft(IntEnum):
     """above the flare altitude with flapping wings"""
 
 
-HIGH = int(Aloft.HIGH)
+HIGH: Final = int(Aloft.HIGH)
 
 
 class Gains(NamedTuple):

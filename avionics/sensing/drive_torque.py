@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple
+from typing import Annotated, Final, NamedTuple
 
 from avionics.messages import DriveTorque, TorqueSample
 from wingbeat.records import constructor
@@ -20,7 +20,7 @@ class Gains(NamedTuple):
     """counts; zero of the right drive without load"""
 
 
-_new_drive_torque = constructor(DriveTorque)
+_new_drive_torque: Final = constructor(DriveTorque)
 
 
 def step(gains: Gains, sample: TorqueSample) -> DriveTorque:

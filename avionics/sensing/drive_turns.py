@@ -8,15 +8,15 @@ the frequency map has no effect.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 LEAST, MOST = 0.5, 2.0
 """turns; limits of the commanded revolutions in one measured stroke; outside them the frequency map does not fit the
 drive"""
-SHARE = 0.5
+SHARE: Final = 0.5
 """-; weight of the last stroke in the means of its revolutions and of its fraction above the middle, which vary
 slowly"""
-STEADY = 0.02
+STEADY: Final = 0.02
 """-; maximum relative change of the revolutions between strokes in steady flapping"""
 
 
@@ -39,7 +39,7 @@ class State(NamedTuple):
     """-; fraction of a stroke above the middle, -1 if unknown"""
 
 
-NOTHING = State()
+NOTHING: Final = State()
 """State without a known stroke."""
 
 

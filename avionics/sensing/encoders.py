@@ -9,7 +9,7 @@ wrong connection or sign. All values are in counts; signs, zeros and angles are 
 from __future__ import annotations
 
 from enum import IntEnum
-from typing import Annotated, NamedTuple
+from typing import Annotated, Final, NamedTuple
 
 from avionics.limits import slew
 from avionics.messages import EncoderSample, WingState
@@ -17,11 +17,11 @@ from wingbeat.message import Severity
 from wingbeat.records import constructor
 from wingbeat.units import Quantity
 
-STUCK = 2
+STUCK: Final = 2
 """counts; maximum jitter of a disc at rest on an edge"""
-LONGEST_SILENCE_US = 250_000
+LONGEST_SILENCE_US: Final = 250_000
 """us; age of the last sample above which it is invalid"""
-PATIENCE = 1.5
+PATIENCE: Final = 1.5
 """-; periods of the commanded stroke without movement after which both encoders count as stuck"""
 
 
@@ -119,7 +119,7 @@ class Counts(NamedTuple):
     """counts; missed counts since boot, both counters"""
 
 
-_new_state = constructor(State)
+_new_state: Final = constructor(State)
 
 
 def step(
@@ -196,7 +196,7 @@ def _started(sample: EncoderSample) -> State:
     return State(time_us, left, right, left_anchor=left, right_anchor=right, moving_us=time_us)
 
 
-_new_counts = constructor(Counts)
+_new_counts: Final = constructor(Counts)
 
 
 def _counts(state: State) -> Counts:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple
+from typing import Annotated, Final, NamedTuple
 
 from avionics.messages import ImuSample
 from wingbeat.units import Quantity
@@ -23,7 +23,7 @@ class Gains(NamedTuple):
     """-; elements xy, xz and yz of the symmetric soft iron matrix. Default: neutral until it is calibrated"""
 
 
-NEUTRAL = Gains()
+NEUTRAL: Final = Gains()
 
 
 def correct(gains: Gains, imu: ImuSample) -> ImuSample:

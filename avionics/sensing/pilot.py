@@ -5,7 +5,7 @@ Stale inputs are not used.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from avionics.messages import (
     OVERRIDDEN,
@@ -18,14 +18,14 @@ from avionics.messages import (
 from avionics.sensing import receiver
 from avionics.sensing.receiver import Gains, Sticks
 
-IGNORED = 65535
+IGNORED: Final = 65535
 """us; value of an override: the channel is unchanged"""
-RELEASED = 65534
+RELEASED: Final = 65534
 """us; value of an override in channels above 8: the channel is released; in lower channels 0 releases and this value
 is ignored"""
-PLAIN = 8
+PLAIN: Final = 8
 """-; number of override channels in which 0 releases"""
-NEUTRAL = Sticks()
+NEUTRAL: Final = Sticks()
 
 
 class Act(NamedTuple):

@@ -11,7 +11,7 @@ import math
 import struct
 from collections.abc import Callable, Sequence
 from functools import lru_cache
-from typing import Annotated, Any, NamedTuple, Protocol
+from typing import Annotated, Any, Final, NamedTuple, Protocol
 
 from avionics.messages import AdcBurst, EncoderSample, GpsFix, ImuSample, PressureSample, SensorFrame, TorqueSample
 from wingbeat.records import constructor
@@ -78,13 +78,13 @@ class State(NamedTuple):
     """us; time of the last change of the static pressure, -1 before the first"""
 
 
-SATURATED = 3
+SATURATED: Final = 3
 """samples; consecutive saturated samples after which the accelerometer is invalid"""
-TIME_PATIENCE = 20
+TIME_PATIENCE: Final = 20
 """frames; consecutive frames with a rejected time after which a clock jump is accepted"""
-LONGEST_GAP_US = 1_000_000
+LONGEST_GAP_US: Final = 1_000_000
 """us; maximum interval between frames; a frame further ahead is rejected as an earlier one is"""
-ENCODER_PATIENCE = 20
+ENCODER_PATIENCE: Final = 20
 """samples; consecutive rejected samples after which a jump of the counts is accepted: the counter was reset"""
 
 
@@ -253,7 +253,7 @@ def baro_lost(gains: Gains, state: State, time_us: int) -> bool:
 Health = tuple[int, tuple[float, ...], int, int]
 
 
-_new_state = constructor(State)
+_new_state: Final = constructor(State)
 
 
 def _accept(state: State, frame: SensorFrame, bad: int, health: Health) -> State:

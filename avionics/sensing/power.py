@@ -16,20 +16,20 @@ bursts within the strokes. The voltage thus corrects for a battery that was not 
 from __future__ import annotations
 
 from operator import mul
-from typing import Annotated, NamedTuple
+from typing import Annotated, Final, NamedTuple
 
 from avionics.limits import clip, low_pass
 from avionics.messages import AdcBurst, PowerState
 from wingbeat.records import constructor
 from wingbeat.units import Quantity
 
-LONGEST_GAP = 1.0
+LONGEST_GAP: Final = 1.0
 """s; maximum interval between bursts in the integration of the power"""
-BATTERY_US = 40_000
+BATTERY_US: Final = 40_000
 """us; update interval of the battery: six samples in a stroke of 4 Hz, for the estimation of the resistance"""
-VOLTAGE_SHARE_TIME = 2.0
+VOLTAGE_SHARE_TIME: Final = 2.0
 """s; averaging time of the charge fraction from the voltage alone, for early detection of a failing battery"""
-RESISTANCE_SPAN = 5.0
+RESISTANCE_SPAN: Final = 5.0
 """-; ratio of a measured resistance to the nominal one, and its inverse, up to which it is accepted"""
 
 
@@ -159,8 +159,8 @@ class Beat(NamedTuple):
     """rad; flap angle of the right wing"""
 
 
-NO_BEAT = Beat()
-NO_REST = Rest()
+NO_BEAT: Final = Beat()
+NO_REST: Final = Rest()
 
 
 class Averages(NamedTuple):
@@ -186,7 +186,7 @@ def whole_periods(gains: Gains, samples: int) -> int:
     return round(periods * samples_per_period) if periods > 0 else samples
 
 
-_new_averages = constructor(Averages)
+_new_averages: Final = constructor(Averages)
 
 
 def averages(gains: Gains, burst: AdcBurst) -> Averages:
@@ -208,8 +208,8 @@ def averages(gains: Gains, burst: AdcBurst) -> Averages:
     return _new_averages(voltage + b, current + d, power)
 
 
-_new_power_state = constructor(PowerState)
-_new_state = constructor(State)
+_new_power_state: Final = constructor(PowerState)
+_new_state: Final = constructor(State)
 
 
 def step(

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from enum import IntEnum
 from math import asin, sqrt
-from typing import Annotated, NamedTuple
+from typing import Annotated, Final, NamedTuple
 
 from avionics.limits import clip
 from avionics.messages import ImuSample
@@ -22,9 +22,9 @@ from wingbeat.units import Quantity
 Vector = tuple[float, float, float]
 Sums = tuple[float, float, float, float, float, float, float, float, float]
 
-LONGEST_STEP = 0.1
+LONGEST_STEP: Final = 0.1
 """s; maximum interval between two samples; a longer one discards the window"""
-NO_SUMS: Sums = (0.0,) * 9
+NO_SUMS: Final[Sums] = (0.0,) * 9
 ZERO: Vector = (0.0, 0.0, 0.0)
 
 

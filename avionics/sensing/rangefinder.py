@@ -7,27 +7,27 @@ that a false reading of some meters changes it by centimeters. Heights are relat
 from __future__ import annotations
 
 from math import cos, exp
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from avionics.limits import clip
 from avionics.sensing import plausibility
 from wingbeat.samples import RangeSample
 
-PLAUSIBLE_RANGE = 200.0
+PLAUSIBLE_RANGE: Final = 200.0
 """m; maximum plausible range: no rangefinder of a small vehicle exceeds it"""
-TIME_CONSTANT = 0.2
+TIME_CONSTANT: Final = 0.2
 """s; time constant of the filter: ten samples at 50 Hz"""
-MAX_RATE = 4.0
+MAX_RATE: Final = 4.0
 """m/s; rate limit of the terrain altitude: a slope of 27 degrees at 8 m/s"""
-MAX_TILT = 0.7
+MAX_TILT: Final = 0.7
 """rad; maximum angle between beam and vertical for a valid reading"""
-HOLD_TIME = 1.0
+HOLD_TIME: Final = 1.0
 """s; for which the terrain altitude holds without a reading, after that it is that of home: 8 m of way"""
-CONFIRMING = 5
+CONFIRMING: Final = 5
 """readings that agree after a gap before the terrain altitude is used: 0.1 s at 50 Hz"""
-AGREEMENT = 1.0
+AGREEMENT: Final = 1.0
 """m; maximum difference of such readings from their filtered terrain altitude"""
-MAX_STEP = 0.1
+MAX_STEP: Final = 0.1
 """s; maximum time step of the filter"""
 
 

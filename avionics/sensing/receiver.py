@@ -8,22 +8,22 @@ outside the valid range.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, NamedTuple
+from typing import Annotated, Final, NamedTuple
 
 from avionics.limits import clip
 from wingbeat.units import Quantity
 
 ROLL, PITCH, THROTTLE, YAW = range(4)
 """indices of the sticks in the channels"""
-STICKS = 4
+STICKS: Final = 4
 """channels; minimum number in a frame"""
 SWITCH_LOW, SWITCH_HIGH = 1300, 1700
 """us; thresholds between the low, middle and high position of a switch"""
-SETTLED = 3
+SETTLED: Final = 3
 """frames; confirmation of a switch position: 60 ms at 50 Hz"""
 
 Four = tuple[float, float, float, float]
-PULSE = Quantity("us", 500.0, 2500.0)
+PULSE: Final = Quantity("us", 500.0, 2500.0)
 
 
 class Gains(NamedTuple):

@@ -8,11 +8,11 @@ crossing.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
-FOLLOWS = 0.04
+FOLLOWS: Final = 0.04
 """-; maximum change of period and lag between crossings, in turns, while the wing follows"""
-SHARE = 0.2
+SHARE: Final = 0.2
 """-; fraction of the deviation at a crossing that corrects the lag"""
 
 
@@ -25,7 +25,7 @@ class State(NamedTuple):
     """-; consecutive crossings that agreed; -1 before the first"""
 
 
-NOTHING = State()
+NOTHING: Final = State()
 """State without a known lag."""
 
 

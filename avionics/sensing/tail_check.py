@@ -13,22 +13,22 @@ predict the same, and the sum does not change.
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple
+from typing import Annotated, Final, NamedTuple
 
 from avionics.limits import low_pass
 from wingbeat.units import Quantity
 
-SERVO = 0.03
+SERVO: Final = 0.03
 """s; lag of the tail servo"""
-SMOOTH = 0.05
+SMOOTH: Final = 0.05
 """s; time constant of each of two low-pass filters before the differentiation"""
-SLOW = 0.5
+SLOW: Final = 0.5
 """s; time constant that separates trim and path from the quick part"""
-CORRELATION = 2.0 * SMOOTH
+CORRELATION: Final = 2.0 * SMOOTH
 """s; interval between independent residuals"""
-LEAST_AIRSPEED = 3.0
+LEAST_AIRSPEED: Final = 3.0
 """m/s; minimum airspeed in the model, because a pitot reads too low in a stall"""
-LEAST_VARIANCE = 1.0
+LEAST_VARIANCE: Final = 1.0
 """(rad/s^2)^2; minimum residual variance: flapping that remains after the filters in still air"""
 
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from avionics.messages import ImuSample, VibrationStatus
 from wingbeat.records import constructor
 
-HIGH_PASS = 5.0
+HIGH_PASS: Final = 5.0
 """Hz; high-pass corner that separates vibration from motion"""
-LEVEL = 2.0
+LEVEL: Final = 2.0
 """Hz; low-pass corner of the squared vibration"""
 
 
@@ -33,7 +33,7 @@ class State(NamedTuple):
     """-; number of samples with a saturated axis since boot"""
 
 
-_new_state = constructor(State)
+_new_state: Final = constructor(State)
 
 
 def step(full_scale: float, state: State, imu: ImuSample, dt: float) -> State:

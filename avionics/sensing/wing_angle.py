@@ -15,7 +15,7 @@ frequency are those of the commanded stroke.
 from __future__ import annotations
 
 from math import pi
-from typing import Annotated, NamedTuple
+from typing import Annotated, Final, NamedTuple
 
 from avionics.messages import WingState
 from avionics.sensing import drive_turns, stroke_lock
@@ -23,20 +23,20 @@ from avionics.sensing.encoders import Counts
 from wingbeat.records import constructor
 from wingbeat.units import Quantity
 
-TWO_PI = 2.0 * pi
-TREND = 1.0
+TWO_PI: Final = 2.0 * pi
+TREND: Final = 1.0
 """-; fraction of the period change between crossings that is extrapolated over the next half stroke"""
-DRIFT = 0.05
+DRIFT: Final = 0.05
 """-; maximum change of the period in half a stroke during a drift, relative to the period; a larger change is a jump
 """
-STROKES_APART = 3
+STROKES_APART: Final = 3
 """-; number of crossings before the first comparison of two periods"""
-PATIENCE = 1.5
+PATIENCE: Final = 1.5
 """-; periods without a crossing after which the wing counts as not flapping"""
-SPLIT_SHARE = 0.5
+SPLIT_SHARE: Final = 0.5
 """-; weight of the last stroke in the fraction of a stroke above the middle, which is nearly independent of the
 frequency"""
-STEADY = 0.02
+STEADY: Final = 0.02
 """-; maximum relative change of the period while that fraction is measured"""
 
 
@@ -80,7 +80,7 @@ class Commanded(NamedTuple):
     """rad; 0 if the crank of a motor determines the stroke, without a commanded phase"""
 
 
-NOTHING = Commanded()
+NOTHING: Final = Commanded()
 """No flapping command."""
 
 
@@ -238,7 +238,7 @@ def _turns(gains: Gains, state: State, before: Beat, frequency: float, dt: float
     return drive_turns.crossed(turns, (state.time_us - state.beat.anchor_us) * 1e-6, rising, whole)
 
 
-_new_state = constructor(State)
+_new_state: Final = constructor(State)
 
 
 def _advance(gains: Gains, state: State, time_us: int, left: float, right: float) -> State:
@@ -443,7 +443,7 @@ def _unmeasured(gains: Gains, state: State, counts: Counts, commanded: Commanded
     return state, message
 
 
-_new_wing_state = constructor(WingState)
+_new_wing_state: Final = constructor(WingState)
 
 
 def _message(state: State, counts: Counts, commanded: Commanded) -> WingState:

@@ -8,7 +8,7 @@ distinction of the two faults is made here.
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple
+from typing import Annotated, Final, NamedTuple
 
 from avionics.limits import low_pass
 from wingbeat.units import Quantity
@@ -17,7 +17,7 @@ LEFT, RIGHT = 1, 2
 """flags of the wings"""
 
 
-WITHOUT_ENCODER = 2.0
+WITHOUT_ENCODER: Final = 2.0
 """-; multiple of `Gains.rocking` required without a standstill by an encoder, because gusts can last for seconds"""
 
 

@@ -7,7 +7,7 @@ notch removes the flapping from both measurements.
 from __future__ import annotations
 
 from math import cos
-from typing import Annotated, NamedTuple
+from typing import Annotated, Final, NamedTuple
 
 from avionics.limits import clip, fade_out, low_pass
 from avionics.messages import PitchStatus
@@ -92,8 +92,8 @@ def initial(gains: Gains) -> State:
     return State(elevator_mean=gains.elevator_trim)
 
 
-_new_state = constructor(State)
-_new_pitch_status = constructor(PitchStatus)
+_new_state: Final = constructor(State)
+_new_pitch_status: Final = constructor(PitchStatus)
 
 
 def step(

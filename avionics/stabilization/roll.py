@@ -5,7 +5,7 @@ Inner bank angle loop of Malladi 2007, section IV.A.
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple
+from typing import Annotated, Final, NamedTuple
 
 from avionics.limits import clip, fade_out
 from avionics.messages import RollStatus
@@ -57,8 +57,8 @@ class Measured(NamedTuple):
     """m/s; 0 if unknown"""
 
 
-_new_state = constructor(State)
-_new_roll_status = constructor(RollStatus)
+_new_state: Final = constructor(State)
+_new_roll_status: Final = constructor(RollStatus)
 
 
 def step(

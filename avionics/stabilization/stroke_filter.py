@@ -8,7 +8,7 @@ its center frequency.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from wingbeat.records import constructor
 
@@ -42,7 +42,7 @@ def notch(frequency: float, width: float, dt: float) -> Notch | None:
     return (1.0 + kk) * norm, 2.0 * (kk - 1.0) * norm, (1.0 - 2.0 * width * k + kk) * norm
 
 
-_new_state = constructor(State)
+_new_state: Final = constructor(State)
 
 
 def step(state: State, signal: float, coefficients: Notch | None) -> tuple[State, float]:

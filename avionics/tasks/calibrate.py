@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Final
 
 from avionics import parameters, topics
 from avionics.calibration import accelerometer, airspeed, battery, magnetometer, procedure, wings
@@ -16,7 +17,7 @@ from wingbeat.errors import InputError
 from wingbeat.message import Severity
 from wingbeat.topic import Publish
 
-TELL_EVERY = 0.5
+TELL_EVERY: Final = 0.5
 """s; interval of the status message"""
 
 

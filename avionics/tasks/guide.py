@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import cos, sin
+from typing import Final
 
 from avionics import control_laws, topics
 from avionics.guidance import altitude as altitude_loop
@@ -26,9 +27,9 @@ EN_ROUTE, WAIT_LAUNCH, CLIMB_OUT, FLARE = Stage.EN_ROUTE, Stage.WAIT_LAUNCH, Sta
 MANUAL, STABILIZED, OFFBOARD = Mode.MANUAL, Mode.STABILIZED, Mode.OFFBOARD
 EXCITED = (Mode.AUTO, Mode.ALTITUDE_HOLD)
 """modes that permit an excitation"""
-FOLDS = "multisine aliases at {:.2f} Hz flapping; set period = {:.3f} s"
-OUTSIDE = int(Failsafe.FENCE)
-UNDERGROUND = 100.0
+FOLDS: Final = "multisine aliases at {:.2f} Hz flapping; set period = {:.3f} s"
+OUTSIDE: Final = int(Failsafe.FENCE)
+UNDERGROUND: Final = 100.0
 """m; altitude setpoint below home for a descent to the ground from any altitude"""
 
 
@@ -85,7 +86,7 @@ def navigation_status(s: AutopilotState) -> NavigationStatus:
     )
 
 
-_new_envelope_state = constructor(excitation_input.EnvelopeState)
+_new_envelope_state: Final = constructor(excitation_input.EnvelopeState)
 
 
 def excitation(s: AutopilotState, publish: Publish) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 from avionics.calibration.procedure import RAW_IMU
 from avionics.inputs import publish_event
 from avionics.messages import ActuatorCommand, Attitude, ImuSample, SensorFrame
@@ -13,9 +15,9 @@ from wingbeat.constants import STANDARD_GRAVITY
 from wingbeat.message import Severity
 from wingbeat.topic import Publish
 
-TICK = 1.0 / BASE_RATE
+TICK: Final = 1.0 / BASE_RATE
 """s; period of a tick"""
-RECEIVED = tuple(sensor for sensor in OTHERS if sensor.receive is not None)
+RECEIVED: Final = tuple(sensor for sensor in OTHERS if sensor.receive is not None)
 
 
 def accept(s: AutopilotState, publish: Publish, frame: SensorFrame) -> None:

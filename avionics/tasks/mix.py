@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 from avionics import topics
 from avionics.limits import clip
 from avionics.messages import (
@@ -15,13 +17,13 @@ from avionics.state import AutopilotState
 from wingbeat.records import constructor
 from wingbeat.topic import Publish
 
-MANUAL = Mode.MANUAL
-BESIDE_RATE = 3.0
+MANUAL: Final = Mode.MANUAL
+BESIDE_RATE: Final = 3.0
 """rad/s; rate of the free wing toward the angle of a jammed one"""
 
 
-_new_actuator_command = constructor(ActuatorCommand)
-_new_tail_command = constructor(tail.TailCommand)
+_new_actuator_command: Final = constructor(ActuatorCommand)
+_new_tail_command: Final = constructor(tail.TailCommand)
 
 
 def mix(s: AutopilotState, publish: Publish) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 from avionics import piloting, topics
 from avionics.guidance.modes import AIRBORNE
 from avionics.inputs import act, publish_event
@@ -26,7 +28,7 @@ from wingbeat.topic import Publish
 ON_GROUND, MANUAL = Stage.ON_GROUND, Mode.MANUAL
 GROUND, LOW, HIGH = airspeed_check.Aloft
 OPEN, WATCHED, DOUBTED = air_data.Gate
-PRESSURE_TICKS = 4
+PRESSURE_TICKS: Final = 4
 """-; ticks between pressure samples; without samples the dependent filters advance at this rate"""
 
 
@@ -36,7 +38,7 @@ def vibrations(s: AutopilotState, publish: Publish) -> None:
         s.vibration = vibration.step(s.gains.plausibility.accel_full, s.vibration, s.frame.imu, s.clock.dt)
 
 
-_new_beat = constructor(power_meter.Beat)
+_new_beat: Final = constructor(power_meter.Beat)
 
 
 def power(s: AutopilotState, publish: Publish) -> None:
@@ -55,7 +57,7 @@ def power(s: AutopilotState, publish: Publish) -> None:
             publish_event(s, publish, Severity.WARNING, "power", text)
 
 
-_new_commanded = constructor(wing_angle.Commanded)
+_new_commanded: Final = constructor(wing_angle.Commanded)
 
 
 def wing(s: AutopilotState, publish: Publish) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 from avionics import control_laws, topics
 from avionics.guidance import excitation as excitation_input
 from avionics.guidance.modes import AIRBORNE
@@ -27,8 +29,8 @@ def loops_closed(s: AutopilotState) -> bool:
     return s.modes.stage in AIRBORNE and s.modes.mode != MANUAL and not blind
 
 
-_new_pitch_measured = constructor(pitch_loop.Measured)
-_new_roll_measured = constructor(roll_loop.Measured)
+_new_pitch_measured: Final = constructor(pitch_loop.Measured)
+_new_roll_measured: Final = constructor(roll_loop.Measured)
 
 
 def pitch(s: AutopilotState, publish: Publish) -> None:

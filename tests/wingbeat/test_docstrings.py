@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import importlib
 import sys
 from importlib.machinery import EXTENSION_SUFFIXES
@@ -35,6 +36,21 @@ def test_hints_of_the_source_are_those_of_python(records: list[Any]) -> None:
     different = [one for one in records if hints_of_source(one) != get_type_hints(one, include_extras=True)]
     assert not different
     assert len(records) > 100
+
+
+def test_constants_of_code_that_can_be_compiled_are_final(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Compiled code looks every other global name up in a dictionary; mypyc 1.x has no `Final` tuples."""
+    monkeypatch.chdir(ROOT)
+    found = [
+        f"{path}: {node.targets[0].id}"
+        for path in flight_code()
+        for node in ast.parse(Path(path).read_text(encoding="utf-8")).body
+        if isinstance(node, ast.Assign)
+        and isinstance(node.targets[0], ast.Name)
+        and not isinstance(node.value, ast.Tuple)
+        and (node.targets[0].id.startswith("_") or node.targets[0].id.isupper())
+    ]
+    assert not found
 
 
 def test_the_hints_of_a_compiled_record_are_those_of_its_source(monkeypatch: pytest.MonkeyPatch) -> None:
