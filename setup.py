@@ -13,7 +13,7 @@ from pathlib import Path
 
 PACKAGES = ("estimation", "guidance", "mixing", "sensing", "stabilization", "tasks")
 """of ``avionics``"""
-LOOP = ("autopilot", "control_laws", "limits", "processors", "situation", "timebase")
+LOOP = ("autopilot", "control_laws", "limits", "processors", "situation", "state", "timebase")
 """of ``avionics``; messages and gains stay Python, because mypyc makes tuples no faster"""
 SHARED = ("rotations",)
 """of ``wingbeat``; other modules stay Python, because the simulator compiles their functions with Numba"""

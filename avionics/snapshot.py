@@ -12,7 +12,7 @@ from dataclasses import fields, is_dataclass
 from enum import Enum
 from functools import cache
 from types import MappingProxyType
-from typing import Annotated, Any, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, TypeVar, Union, get_args, get_origin
 
 from wingbeat.docstrings import type_hints
 from wingbeat.documents import parse_json
@@ -54,7 +54,7 @@ def decode(kind: Callable[..., T], text: str, former_names: Mapping[str, str] = 
 @cache
 def _record_builders(kind: Any) -> dict[str, Builder]:
     assert is_dataclass(kind)
-    return {name: builder(hint) for name, hint in get_type_hints(kind).items()}
+    return {name: builder(hint) for name, hint in type_hints(kind).items()}
 
 
 def builder(hint: Any) -> Builder:

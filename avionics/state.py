@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, TypeVar, get_type_hints
+from typing import Any, Final, TypeVar, get_type_hints
 
 from avionics import messages as m
 from avionics import snapshot, timebase
@@ -50,7 +50,7 @@ def zero(message: type[T]) -> T:
     return message(**{name: kind(0) for name, kind in kinds.items()})
 
 
-AT_REST = zero(m.ImuSample)._replace(accel_z=-STANDARD_GRAVITY)
+AT_REST: Final = zero(m.ImuSample)._replace(accel_z=-STANDARD_GRAVITY)
 
 
 @dataclass(slots=True)
@@ -142,7 +142,7 @@ class AutopilotState:
         return self.altitude.altitude - self.terrain
 
 
-FORMER_NAMES = {
+FORMER_NAMES: Final = {
     "ways_in": "stick_inputs",
     "vertical": "altitude_loop_status",
     "lateral": "heading_loop_status",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import importlib
 import sys
+from dataclasses import is_dataclass
 from importlib.machinery import EXTENSION_SUFFIXES
 from pathlib import Path
 from typing import Any, NamedTuple, get_type_hints
@@ -21,14 +22,15 @@ ROOT = Path(__file__).parents[2]
 
 @pytest.fixture
 def records(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
-    """Every NamedTuple class of the modules that can be compiled."""
+    """Every NamedTuple and dataclass of the modules that can be compiled."""
     monkeypatch.chdir(ROOT)
     modules = [importlib.import_module(path.removesuffix(".py").replace("/", ".")) for path in flight_code()]
     return [
         kind
         for module in modules
         for kind in vars(module).values()
-        if isinstance(kind, type) and hasattr(kind, "_fields") and kind.__module__ == module.__name__
+        if isinstance(kind, type) and kind.__module__ == module.__name__
+        if hasattr(kind, "_fields") or is_dataclass(kind)
     ]
 
 
@@ -48,6 +50,7 @@ def test_constants_of_code_that_can_be_compiled_are_final(monkeypatch: pytest.Mo
         if isinstance(node, ast.Assign)
         and isinstance(node.targets[0], ast.Name)
         and not isinstance(node.value, ast.Tuple)
+        and not ast.unparse(node.value).startswith("TypeVar(")
         and (node.targets[0].id.startswith("_") or node.targets[0].id.isupper())
     ]
     assert not found
