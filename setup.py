@@ -13,10 +13,12 @@ from pathlib import Path
 
 PACKAGES = ("estimation", "guidance", "mixing", "sensing", "stabilization", "tasks")
 """of ``avionics``"""
-LOOP = ("autopilot", "control_laws", "limits", "processors", "situation", "state", "timebase")
-"""of ``avionics``; messages and gains stay Python, because mypyc makes tuples no faster"""
-SHARED = ("rotations",)
-"""of ``wingbeat``; other modules stay Python, because the simulator compiles their functions with Numba"""
+MODULES = {
+    "avionics": ("autopilot", "control_laws", "limits", "processors", "situation", "state", "timebase"),
+    "wingbeat": ("rotations",),
+}
+"""Messages and gains stay Python, because mypyc makes tuples no faster, and so do `wingbeat.quaternions` and
+`wingbeat.atmosphere`, whose functions Numba compiles from their source."""
 CHECKS = ["--config-file=", "--ignore-missing-imports", "--follow-imports=silent"]
 """of mypy: the code is checked elsewhere, and its dependencies are not installed where a wheel is built"""
 COMPILER = ["mypy>=1.11,<3", "numpy>=2.0,<3"]
@@ -26,7 +28,7 @@ COMPILER = ["mypy>=1.11,<3", "numpy>=2.0,<3"]
 def flight_code() -> list[str]:
     """Return the files that are compiled, relative to this folder."""
     packages = [path for name in PACKAGES for path in sorted(Path("avionics", name).glob("*.py"))]
-    modules = [Path("avionics", f"{name}.py") for name in LOOP] + [Path("wingbeat", f"{name}.py") for name in SHARED]
+    modules = [Path(package, f"{name}.py") for package, names in MODULES.items() for name in names]
     return [str(path) for path in packages + modules if path.name != "__init__.py"]
 
 

@@ -169,7 +169,7 @@ def _due(rows: list[Row], group: Group) -> Due:
     return Due(*(group([row for row in rows if row[1].part == part]) for part in Part))
 
 
-SCHEDULE: Final = build_schedule(PROCESSORS)
+SCHEDULE: Final[tuple[Due, ...]] = build_schedule(PROCESSORS)
 
 
 def run(due: Runs, s: AutopilotState, publish: Publish) -> None:

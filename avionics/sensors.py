@@ -1,13 +1,14 @@
 """Table of sensors for frames, checks, wire format, recording and replay.
 
-To add a sensor, declare its sample and the last field of `SensorFrame` in `wingbeat.samples`, and append a row here.
-A sample with a standard MAVLink message needs a conversion in `avionics.link.sensor_codec`.
+To add a sensor, declare its sample and its field of `SensorFrame` in `wingbeat.samples`, and enter a row here. A
+sample with a standard MAVLink message needs a conversion in `avionics.link.sensor_codec`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from math import cos
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 
 from avionics import topics
@@ -59,9 +60,10 @@ OTHERS: tuple[Sensor[Any], ...] = (
     Sensor("rangefinder", "rangefinder", topics.RANGE, "DISTANCE_SENSOR", rangefinder.is_plausible, _measure_height),
 )
 SENSORS: tuple[Sensor[Any], ...] = (IMU, *OTHERS)
-"""all sensors, in the order of the fields of `SensorFrame`, which is that of the recording"""
-TOPICS: tuple[Topic[Any], ...] = tuple(sensor.topic for sensor in SENSORS)
-"""their topics, in this order"""
+"""all sensors, in recording order"""
+_TOPICS: tuple[Topic[Any], ...] = tuple(sensor.topic for sensor in SENSORS)
+_samples = attrgetter(*(sensor.field for sensor in SENSORS))
+"""all samples of a frame, in the order of `SENSORS`"""
 
 
 def publish_samples(publish: Publish, frame: SensorFrame) -> None:
@@ -69,6 +71,6 @@ def publish_samples(publish: Publish, frame: SensorFrame) -> None:
 
     This includes samples that will be rejected, because a replay needs the inputs of the flight.
     """
-    for topic, sample in zip(TOPICS, frame[1:], strict=True):
+    for topic, sample in zip(_TOPICS, _samples(frame), strict=True):
         if sample is not None:
             publish(topic, sample)

@@ -1,4 +1,4 @@
-"""Quaternions (w, x, y, z) on plain floats; the simulator compiles these functions with Numba.
+"""Quaternions (w, x, y, z) on plain floats; the simulator compiles `frd_from_ned` with Numba, from its source.
 
 Euler angles are roll, pitch and yaw in rad, for rotations about z, y, x in this order.
 """

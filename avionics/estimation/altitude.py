@@ -165,15 +165,16 @@ def _predicted(gains: Gains, state: State, dt: float) -> tuple[Vector3, Rows3]:
     a, b, c = row
     accel = state.accel_sum / state.accel_count if state.accel_count else bias
     sigma = gains.accel_noise if state.accel_count else UNKNOWN_ACCELERATION
-    way = 0.5 * dt * dt
-    # P = F P F' with F = (1, dt, -way; 0, 1, -dt; 0, 0, 1), then G G' sigma^2 with G = (way, dt, 0).
-    a, b, c = a + dt * b - way * c, b + dt * d - way * e, c + dt * e - way * f
+    half = 0.5 * dt * dt
+    # F P F' with F = (1, dt, -half; 0, 1, -dt; 0, 0, 1), then G G' sigma^2 with G = (half, dt, 0), then the bias.
+    a, b, c = a + dt * b - half * c, b + dt * d - half * e, c + dt * e - half * f
     d, e = d - dt * e, e - dt * f
-    a, b, d = a + dt * b - way * c, b - dt * c, d - dt * e
-    far, fast = way * sigma, dt * sigma
-    a, b, d, f = a + far * far, b + far * fast, d + fast * fast, f + gains.bias_walk**2 * dt
-    driven = accel - bias
-    x = altitude + dt * climb_rate + way * driven, climb_rate + dt * driven, bias
+    a, b, d = a + dt * b - half * c, b - dt * c, d - dt * e
+    altitude_noise, climb_noise = half * sigma, dt * sigma
+    a, b = a + altitude_noise * altitude_noise, b + altitude_noise * climb_noise
+    d, f = d + climb_noise * climb_noise, f + gains.bias_walk**2 * dt
+    true_accel = accel - bias
+    x = altitude + dt * climb_rate + half * true_accel, climb_rate + dt * true_accel, bias
     return x, ((a, b, c), (b, d, e), (c, e, f))
 
 

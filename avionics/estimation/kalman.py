@@ -1,7 +1,7 @@
 """Shared parts of the Kalman filters: filterpy, and its frequent cases written out.
 
-The written-out cases take a tenth of the time of small NumPy arrays, and have the same bits on every processor: the
-products of a BLAS are rounded as its kernel for the processor does.
+The written-out cases are faster than small NumPy arrays, and do not depend on the kernel that a BLAS has for the
+processor, which may round products differently.
 """
 
 from __future__ import annotations

@@ -13,7 +13,8 @@ ten in either calm air or gusts. At frequencies above V / L the Dryden spectrum 
 value is that of the spectrum at the present airspeed. Airspeed, heading and sideslip errors add to the variance of
 the wind; they are common to all fixes and cancel in the ground velocity.
 
-North and east have independent errors, so that the filter is two filters of two states.
+The errors of north and east are modeled as independent: the covariance consists of a block of position and wind for
+each axis. The gate and the random walk of the wind are common.
 """
 
 from __future__ import annotations
@@ -180,19 +181,18 @@ def _air_velocity(now: Motion) -> tuple[float, float]:
 def _predicted(gains: Gains, state: State, v_air: tuple[float, float], dt: float) -> tuple[Vector4, Matrix4]:
     """Return state and covariance after ``dt`` (s) with the wind and the velocity through the air (m/s)."""
     north, east, wind_north, wind_east = state.x
-    place, wind = gains.air_velocity_noise**2 * dt, _walk(gains, state) * dt
-    p = state.p
-    along = _carried((p[0][0], p[0][2], p[2][2]), dt, place, wind)
-    across = _carried((p[1][1], p[1][3], p[3][3]), dt, place, wind)
+    noise, p = (gains.air_velocity_noise**2 * dt, _walk(gains, state) * dt), state.p
+    north_block = _predicted_block((p[0][0], p[0][2], p[2][2]), dt, noise)
+    east_block = _predicted_block((p[1][1], p[1][3], p[3][3]), dt, noise)
     x = (north + dt * (wind_north + v_air[0]), east + dt * (wind_east + v_air[1]), wind_north, wind_east)
-    return x, _matrix(along, across)
+    return x, _matrix(north_block, east_block)
 
 
-def _carried(p: Symmetric2, dt: float, place: float, wind: float) -> Symmetric2:
-    """Return the covariance of position and wind of one axis after ``dt``, with both variances of process noise."""
+def _predicted_block(p: Symmetric2, dt: float, noise: Pair) -> Symmetric2:
+    """Return the covariance of position and wind of one axis after ``dt`` (s) with ``noise``, both variances."""
     a, b, c = p
-    shared = b + dt * c
-    return a + dt * (b + shared) + place, shared, c + wind
+    covariance = b + dt * c
+    return a + dt * (b + covariance) + noise[0], covariance, c + noise[1]
 
 
 def _matrix(north: Symmetric2, east: Symmetric2) -> Matrix4:
@@ -259,10 +259,10 @@ def _updated(gains: Gains, state: State, interval: float, measured: Vector4, noi
     After the gate timeout the measurement is accepted with an inflated covariance. ``noise`` contains the variances
     of position (m^2) and velocity (m^2/s^2), each axis.
     """
-    (x0, x1, x2, x3), (z0, z1, z2, z3), p, (place, velocity) = state.x, measured, state.p, noise
+    (x0, x1, x2, x3), (z0, z1, z2, z3), p, (position, velocity) = state.x, measured, state.p, noise
     a, b, c, d = p[0][0], p[1][1], p[2][2], p[3][3]
     off = (z0 - x0, z1 - x1, z2 - x2, z3 - x3)
-    expected = (a + place, b + place, c + velocity, d + velocity)
+    expected = (a + position, b + position, c + velocity, d + velocity)
     state = _watched(gains, state._replace(innovation=off, expected=expected), interval, velocity)
     squares, gate = (off[0] * off[0], off[1] * off[1], off[2] * off[2], off[3] * off[3]), gains.gate**2
     if not all(square <= gate * variance for square, variance in zip(squares, expected, strict=True)):

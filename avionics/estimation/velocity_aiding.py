@@ -39,7 +39,7 @@ Array = NDArray[np.float64]
 
 VELOCITY, DOWN, ROTATION, TILT, HEADING, BIAS = slice(0, 3), 2, slice(3, 6), slice(3, 5), 5, slice(6, 9)
 ACCEL, LEVEL_ACCEL, FORWARD_ACCEL, IRON = slice(9, 12), slice(9, 11), 9, slice(12, 14)
-ALL_BUT_OFFSETS, DOWN_ALONE = slice(0, 9), slice(2, 3)
+ALL_BUT_OFFSETS, ONLY_DOWN = slice(0, 9), slice(2, 3)
 STATES: Final = 14
 """u north, east and down in m/s; theta about north, east and down in rad; db about the body axes in rad/s; da along
 the body axes in m/s^2; dm along body x and y in gauss"""
@@ -302,7 +302,7 @@ def _climbed(
     if speed < LAUNCH_SPEED or state.launch_fixes >= LAUNCH_FIXES:
         fixes = 0 if speed < LAUNCH_SPEED else state.launch_fixes
         state = state._replace(launch_fixes=fixes, climb=0.0)
-        return state, _considered(p, DOWN, innovation, variance, DOWN_ALONE)
+        return state, _considered(p, DOWN, innovation, variance, ONLY_DOWN)
     state = state._replace(launch_fixes=state.launch_fixes + 1, climb=state.climb + innovation)
     if state.launch_fixes < LAUNCH_FIXES:
         return state, np.zeros(STATES)

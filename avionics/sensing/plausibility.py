@@ -195,8 +195,7 @@ def step(
         gains: ranges of the sensors.
         state: result of the last step.
         frame: frame of the board.
-        checks: checks of the sensors other than the IMU, in the order of the fields of the frame and of their bits in
-        `State.bad`.
+        checks: checks of the sensors other than the IMU, in the order of their bits in `State.bad`.
 
     Returns:
         The new state; the frame without the rejected samples, except for the IMU sample, whose rejection is bit 0 of
@@ -210,8 +209,9 @@ def step(
     within = -full < x < full and -full < y < full and -full < z < full
     saturated = 0 if within or bad else state.saturated + 1
     sampled, bit = 1, 1
-    for check, sample in zip(checks, frame[2:], strict=True):
+    for check in checks:
         bit <<= 1
+        sample = getattr(frame, check.field)
         if sample is not None:
             sampled |= bit
             if not check.is_plausible(gains, state, sample):

@@ -24,7 +24,7 @@ Sums = tuple[float, float, float, float, float, float, float, float, float]
 
 LONGEST_STEP: Final = 0.1
 """s; maximum interval between two samples; a longer one discards the window"""
-NO_SUMS: Final[Sums] = (0.0,) * 9
+NO_SUMS: Sums = (0.0,) * 9
 ZERO: Vector = (0.0, 0.0, 0.0)
 
 

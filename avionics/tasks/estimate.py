@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import filterpy.kalman  # noqa: F401  # the filters' first steps would import it, in flight
+import filterpy.kalman  # noqa: F401  # a GPS fix without a barometer would import it, in flight
 
 from avionics import topics
 from avionics.calibration.procedure import RAW_IMU

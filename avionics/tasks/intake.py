@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Any, Final
 
 from avionics.calibration.procedure import RAW_IMU
 from avionics.inputs import publish_event
 from avionics.messages import ActuatorCommand, Attitude, ImuSample, SensorFrame
 from avionics.sensing import inertial, plausibility
-from avionics.sensors import OTHERS, publish_samples
+from avionics.sensors import OTHERS, Sensor, publish_samples
 from avionics.state import AutopilotState
 from avionics.timebase import BASE_RATE
 from wingbeat.constants import STANDARD_GRAVITY
@@ -17,7 +17,7 @@ from wingbeat.topic import Publish
 
 TICK: Final = 1.0 / BASE_RATE
 """s; period of a tick"""
-RECEIVED: Final = tuple(sensor for sensor in OTHERS if sensor.receive is not None)
+RECEIVED: Final[tuple[Sensor[Any], ...]] = tuple(sensor for sensor in OTHERS if sensor.receive is not None)
 
 
 def accept(s: AutopilotState, publish: Publish, frame: SensorFrame) -> None:

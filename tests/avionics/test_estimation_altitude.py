@@ -146,9 +146,9 @@ def test_the_written_out_update_is_that_of_filterpy_to_the_bit() -> None:
         x, p, variance = random.normal(size=3) * 50.0, root @ root.T, float(random.uniform(1e-3, 3.0))
         z = float(x[0] + random.normal())
         one_measurement = np.array((z,)), np.array([[variance]])
-        wanted = filterpy().update(x, p, *one_measurement, H=np.array([[1.0, 0.0, 0.0]]))
+        expected = filterpy().update(x, p, *one_measurement, H=np.array([[1.0, 0.0, 0.0]]))
         result = update_first(x.tolist(), p.tolist(), z, variance)
-        assert [np.array(one).tobytes() for one in result] == [one.tobytes() for one in wanted]
+        assert [np.array(one).tobytes() for one in result] == [one.tobytes() for one in expected]
 
 
 def test_the_written_out_prediction_is_that_of_filterpy() -> None:
@@ -163,7 +163,30 @@ def test_the_written_out_prediction_is_that_of_filterpy() -> None:
         transition = np.array(((1.0, dt, -effect[0]), (0.0, 1.0, -dt), (0.0, 0.0, 1.0)))
         sigma = GAINS.accel_noise if count else altitude.UNKNOWN_ACCELERATION
         noise = np.outer(effect, effect) * sigma**2 + np.diag((0.0, 0.0, GAINS.bias_walk**2 * dt))
-        wanted = filterpy().predict(x, p, F=transition, Q=noise, u=accel if count else float(x[2]), B=effect)
+        expected = filterpy().predict(x, p, F=transition, Q=noise, u=accel if count else float(x[2]), B=effect)
         result, _ = altitude.coast(GAINS, state, round(1e6 * dt), None)
-        np.testing.assert_allclose(result.x, wanted[0], rtol=1e-12, atol=1e-10)
-        np.testing.assert_allclose(result.p, wanted[1], rtol=1e-10, atol=1e-13 * np.abs(wanted[1]).max())
+        np.testing.assert_allclose(result.x, expected[0], rtol=1e-12, atol=1e-10)
+        np.testing.assert_allclose(result.p, expected[1], rtol=1e-10, atol=1e-13 * np.abs(expected[1]).max())
+
+
+def test_a_lasting_jump_is_taken_with_an_inflated_variance() -> None:
+    """GIVEN a jump beyond the gate WHEN it lasts longer than the timeout THEN the variance is inflated."""
+    state = Flight(10.0, 5.0, seconds=2.0).state._replace(accel_sum=0.0, accel_count=0)
+    transition = np.array(((1.0, 0.02, -0.0002), (0.0, 1.0, -0.02), (0.0, 0.0, 1.0)))
+    effect, rejected = np.array((0.0002, 0.02, 0.0)), 0
+    noise = np.outer(effect, effect) * GAINS.accel_noise**2 + np.diag((0.0, 0.0, GAINS.bias_walk**2 * 0.02))
+    pressure_altitude = state.x[0] + 30.0
+    while rejected < 200:
+        before = altitude.accumulate(state, 0.0)
+        x, p = filterpy().predict(np.array(before.x), np.array(before.p), F=transition, Q=noise, u=0.0, B=effect)
+        state, _ = altitude.step(GAINS, before, air(before.time_us + 20_000, pressure_altitude))
+        if state.refused == 0.0:
+            break
+        np.testing.assert_allclose(state.x, x, rtol=1e-12, atol=1e-9)
+        rejected += 1
+    assert rejected == pytest.approx(GAINS.gate_timeout / 0.02, abs=1)
+    innovation = pressure_altitude - x[0]
+    p[0, 0] += innovation**2
+    x, p = filterpy().update(x, p, pressure_altitude, GAINS.baro_noise**2, H=np.array([[1.0, 0.0, 0.0]]))
+    np.testing.assert_allclose(state.x, x.ravel(), rtol=1e-11, atol=1e-9)
+    np.testing.assert_allclose(state.p, p, rtol=1e-8, atol=1e-9)

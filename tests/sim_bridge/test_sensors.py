@@ -74,8 +74,7 @@ def test_wire_keeps_every_digit_of_every_sensor() -> None:
                 assert codec.decode(codec.encode(sample)) == sample
                 assert type(sample) is sensor.topic.message
                 crossed.add(sensor.field)
-    assert [sensor.field for sensor in SENSORS] == list(SensorFrame._fields[1:])
-    assert crossed == set(SensorFrame._fields[1:])
+    assert crossed == {sensor.field for sensor in SENSORS} == set(SensorFrame._fields[1:])
 
 
 def test_perfect_sensors_tell_the_truth() -> None:

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import ast
 import importlib
 import sys
 from dataclasses import is_dataclass
 from importlib.machinery import EXTENSION_SUFFIXES
 from pathlib import Path
-from typing import Any, NamedTuple, get_type_hints
+from typing import Any, get_type_hints
 
 import pytest
 
-from setup import flight_code, requested
+from setup import flight_code
 from wingbeat import docstrings
 from wingbeat.docstrings import field_texts, hints_of_source, is_compiled, type_hints
 from wingbeat.samples import ImuSample
@@ -40,22 +39,6 @@ def test_hints_of_the_source_are_those_of_python(records: list[Any]) -> None:
     assert len(records) > 100
 
 
-def test_constants_of_code_that_can_be_compiled_are_final(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Compiled code looks every other global name up in a dictionary; mypyc 1.x has no `Final` tuples."""
-    monkeypatch.chdir(ROOT)
-    found = [
-        f"{path}: {node.targets[0].id}"
-        for path in flight_code()
-        for node in ast.parse(Path(path).read_text(encoding="utf-8")).body
-        if isinstance(node, ast.Assign)
-        and isinstance(node.targets[0], ast.Name)
-        and not isinstance(node.value, ast.Tuple)
-        and not ast.unparse(node.value).startswith("TypeVar(")
-        and (node.targets[0].id.startswith("_") or node.targets[0].id.isupper())
-    ]
-    assert not found
-
-
 def test_the_hints_of_a_compiled_record_are_those_of_its_source(monkeypatch: pytest.MonkeyPatch) -> None:
     erased = type("ImuSample", (), {"__module__": ImuSample.__module__, "__annotations__": {}})
     assert type_hints(erased) == {}
@@ -79,26 +62,3 @@ def test_a_module_without_a_file_has_no_source(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setitem(sys.modules, "typed_in", type(sys)("typed_in"))
     with pytest.raises(OSError, match="typed_in has no source file"):
         field_texts("typed_in")
-
-
-class Case(NamedTuple):
-    environment: dict[str, str]
-    command: str
-    compiles: bool
-
-
-@pytest.mark.parametrize(
-    "case",
-    [
-        Case({"WINGBEAT_COMPILED": "1"}, "bdist_wheel", True),
-        Case({"WINGBEAT_COMPILED": "1"}, "editable_wheel", False),
-        Case({"WINGBEAT_COMPILED": "1"}, "sdist", False),
-        Case({"WINGBEAT_COMPILED": "0"}, "bdist_wheel", False),
-        Case({}, "bdist_wheel", False),
-    ],
-    ids=str,
-)
-def test_only_a_wheel_is_compiled_and_only_on_request(case: Case) -> None:
-    compiles, needs = requested(case.environment, ["setup.py", case.command])
-    assert compiles is case.compiles
-    assert bool(needs) is (case.environment.get("WINGBEAT_COMPILED") == "1")
