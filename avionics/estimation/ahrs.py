@@ -49,7 +49,7 @@ STEEPEST: Final = 0.5
 """-; minimum cosine of the pitch in the projection of the airspeed; the path is taken as level along the heading,
 because the pitch is mostly angle of attack"""
 
-TILT_DOUBT: Final = 3.0
+TILT_NOISE_SLOPE: Final = 3.0
 """-; weight of the tilt residual of a block in its noise: accelerations of the path last for many blocks"""
 
 AVERAGES, RAZOR = 0, 1
@@ -647,7 +647,7 @@ def _by_view(
     error = (view.north, view.east, view.heading_error)
     # The covariance takes the errors of blocks as independent, which those of short blocks are not.
     correlation = sqrt(max(1.0, gains.fixed_block / view.length))
-    is_degraded = correlation * hypot(gains.tilt_noise, TILT_DOUBT * hypot(view.north, view.east))
+    is_degraded = correlation * hypot(gains.tilt_noise, TILT_NOISE_SLOPE * hypot(view.north, view.east))
     shares = (view.gain, view.gain, compass)
     tilt_limit = learned * view.trust / view.time
     limits = (tilt_limit, tilt_limit, learned / gains.heading_time if compass > 0.0 else 0.0)

@@ -53,7 +53,7 @@ CHOOSING = (ItemKind.RETURN, ItemKind.LAND)
 """items with altitudes selected by the vehicle"""
 AT_ONCE: Final = 2
 """value of `Gains.return_type`: a RETURN flies the landing sequence instead of the return to home"""
-GO_HOME: Final = MissionItem(ItemKind.RETURN)
+RETURN_ITEM: Final = MissionItem(ItemKind.RETURN)
 
 
 def step(gains: Gains, state: State, dt: float, mission: Mission, situation: Situation) -> tuple[State, Target]:
@@ -288,7 +288,7 @@ def _return_to_launch(gains: Gains, state: State, dt: float, situation: Situatio
     if state.landing:
         state, target = homing.land(gains, state, dt, situation)
         return state, below_ceiling(target, situation)
-    state, target, done = homing.return_home(gains, state, dt, GO_HOME, situation)
+    state, target, done = homing.return_home(gains, state, dt, RETURN_ITEM, situation)
     if done:
         state = homing.begin_landing(state, situation)
     return state, below_ceiling(target, situation)

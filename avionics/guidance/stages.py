@@ -33,7 +33,7 @@ BLIND_REACH: Final = 1.2
 """-; multiple of `Gains.launch_reach` at which a launch is detected without an airspeed"""
 FAST: Final = 2
 """-; value of `State.launch_state`: the launch speed was reached, regardless of a later decrease by drag"""
-STILL_TRAVEL: Final = 0.4
+STATIONARY_TRAVEL: Final = 0.4
 """m; maximum altitude change during a standstill: twice the noise of the altitude"""
 NEAR_GROUND: Final = 0.5
 """-; fraction of the return floor below which a standstill counts as ground contact; a blocked pitot can indicate a
@@ -97,7 +97,7 @@ def _watch_touchdown(gains: Gains, state: State, dt: float, conditions: Conditio
     still = slow and abs(conditions.climb_rate) < gains.touchdown_climb and not (landing and conditions.above_flare)
     # A floating vehicle still sinks slowly.
     still = still and (
-        state.stationary_time == 0.0 or abs(conditions.altitude - state.stationary_altitude) < STILL_TRAVEL
+        state.stationary_time == 0.0 or abs(conditions.altitude - state.stationary_altitude) < STATIONARY_TRAVEL
     )
     since = conditions.altitude if state.stationary_time == 0.0 else state.stationary_altitude
     lasted = state.stationary_time + dt if still else 0.0

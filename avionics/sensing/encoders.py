@@ -21,7 +21,7 @@ STUCK: Final = 2
 """counts; maximum jitter of a disc at rest on an edge"""
 LONGEST_SILENCE_US: Final = 250_000
 """us; age of the last sample above which it is invalid"""
-PATIENCE: Final = 1.5
+STUCK_PERIODS: Final = 1.5
 """-; periods of the commanded stroke without movement after which both encoders count as stuck"""
 
 
@@ -173,7 +173,7 @@ def step(
     limit = gains.stuck_detection_travel
     if left_stuck_time > limit or right_stuck_time > limit or opposed > limit or left_side.fault or right_side.fault:
         state = _judge(gains, state, abs(moved_left), abs(moved_right))
-    if (time_us - moving_us) * commanded > PATIENCE * 1e6:
+    if (time_us - moving_us) * commanded > STUCK_PERIODS * 1e6:
         state = _both_dead(state)
     return state, _counts(state)
 

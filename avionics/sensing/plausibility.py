@@ -80,11 +80,11 @@ class State(NamedTuple):
 
 SATURATED: Final = 3
 """samples; consecutive saturated samples after which the accelerometer is invalid"""
-TIME_PATIENCE: Final = 20
+TIME_REJECTIONS: Final = 20
 """frames; consecutive frames with a rejected time after which a clock jump is accepted"""
 LONGEST_GAP_US: Final = 1_000_000
 """us; maximum interval between frames; a frame further ahead is rejected as an earlier one is"""
-ENCODER_PATIENCE: Final = 20
+ENCODER_REJECTIONS: Final = 20
 """samples; consecutive rejected samples after which a jump of the counts is accepted: the counter was reset"""
 
 
@@ -179,7 +179,7 @@ def gps_plausible(gains: Gains, state: State, fix: GpsFix) -> bool:
 
 def encoder_plausible(gains: Gains, state: State, sample: EncoderSample) -> bool:
     """Return whether the change of the counts is possible or a permanent jump."""
-    if state.encoder is None or state.encoder_refused >= ENCODER_PATIENCE:
+    if state.encoder is None or state.encoder_refused >= ENCODER_REJECTIONS:
         return True
     jump = gains.encoder_jump
     left, right = state.encoder

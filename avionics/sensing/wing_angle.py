@@ -29,9 +29,9 @@ TREND: Final = 1.0
 DRIFT: Final = 0.05
 """-; maximum change of the period in half a stroke during a drift, relative to the period; a larger change is a jump
 """
-STROKES_APART: Final = 3
+STEADY_CROSSINGS: Final = 3
 """-; number of crossings before the first comparison of two periods"""
-PATIENCE: Final = 1.5
+SILENT_PERIODS: Final = 1.5
 """-; periods without a crossing after which the wing counts as not flapping"""
 SPLIT_SHARE: Final = 0.5
 """-; weight of the last stroke in the fraction of a stroke above the middle, which is nearly independent of the
@@ -276,7 +276,7 @@ def _advance(gains: Gains, state: State, time_us: int, left: float, right: float
     )  # fmt: skip
     if confirmed:
         return _cross(gains, state)
-    if (time_us - beat.anchor_us) * 1e-6 > PATIENCE * (stroke.period or 1.0 / gains.slowest):
+    if (time_us - beat.anchor_us) * 1e-6 > SILENT_PERIODS * (stroke.period or 1.0 / gains.slowest):
         return _searching(state)
     return state
 
@@ -336,7 +336,7 @@ def _next_beat(beat: Beat, at: float, period: float, before: float, rising: bool
     """
     _, _, up_us, down_us, split, crossings, _ = beat
     pace = period
-    if crossings > STROKES_APART and abs(period - before) < DRIFT * before:
+    if crossings > STEADY_CROSSINGS and abs(period - before) < DRIFT * before:
         change = period - before
         blurred = max(-blur, min(blur, change))
         pace += TREND * (change - blurred) - 0.5 * blurred

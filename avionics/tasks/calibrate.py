@@ -17,7 +17,7 @@ from wingbeat.errors import InputError
 from wingbeat.message import Severity
 from wingbeat.topic import Publish
 
-TELL_EVERY: Final = 0.5
+REPORT_INTERVAL: Final = 0.5
 """s; interval of the status message"""
 
 
@@ -36,7 +36,7 @@ def calibrate(s: AutopilotState, publish: Publish) -> None:
         give_up(s, publish, f"canceled: {took.cancelled}")
     elif took.complete or state.elapsed >= procedure.PATIENCE[state.kind]:
         _solve(s, publish)
-    elif took.note or s.calibration.reported >= TELL_EVERY:
+    elif took.note or s.calibration.reported >= REPORT_INTERVAL:
         s.calibration = s.calibration._replace(reported=0.0)
         publish(topics.CALIBRATION, procedure.status(s.calibration, s.clock.time_us))
 

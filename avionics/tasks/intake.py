@@ -52,7 +52,7 @@ def refuse_time(s: AutopilotState, publish: Publish, frame: SensorFrame) -> Actu
     if s.plausibility.time_refused == 1:
         text = f"sensor time went from {s.clock.time_us} to {frame.time_us} us: frames rejected"
         publish_event(s, publish, Severity.ERROR, "sensing", text)
-    if s.plausibility.time_refused >= plausibility.TIME_PATIENCE:
+    if s.plausibility.time_refused >= plausibility.TIME_REJECTIONS:
         step_us = s.clock.time_us + round(TICK * 1e6) - frame.time_us
         offset = s.plausibility.time_offset_us + step_us
         s.plausibility = s.plausibility._replace(time_offset_us=offset)

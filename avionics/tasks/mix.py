@@ -18,7 +18,7 @@ from wingbeat.records import constructor
 from wingbeat.topic import Publish
 
 MANUAL: Final = Mode.MANUAL
-BESIDE_RATE: Final = 3.0
+MATCHING_RATE: Final = 3.0
 """rad/s; rate of the free wing toward the angle of a jammed one"""
 
 
@@ -74,7 +74,7 @@ def stop(s: AutopilotState, publish: Publish) -> None:
 
 def match_jammed_wing(s: AutopilotState, stroke: flapping.Stroke) -> flapping.Stroke:
     """Move the free wing to the angle of the jammed one, for a level glide."""
-    limits, step = s.gains.flapping, BESIDE_RATE * s.clock.dt
+    limits, step = s.gains.flapping, MATCHING_RATE * s.clock.dt
     left, right = s.wing_check.angles
     if s.wing_check.jammed == wing_check.LEFT:
         wanted = clip(left, limits.travel_min, limits.travel_max)
