@@ -204,10 +204,6 @@ class Plant:
         """Averages over the last interval."""
         return Means._make(self.scratch.means.tolist())
 
-    def observe_velocities(self, wind: Floats) -> None:
-        """Update the velocities of `observed` to the present state, in air that moves with ``wind`` in m/s, NED."""
-        k.observe_velocities(self.y, self.scratch.r, wind, self.parameters.nose, self.observed)
-
     def jam_tail(self) -> None:
         """Let elevator and rudder stay where they are."""
         at, commanded = (self.layout.elevator, self.layout.rudder), self.order[ELEVATOR : ELEVATOR + 2].tolist()
@@ -291,8 +287,12 @@ class Plant:
         The sum of `part_loads`.
         """
         out = np.empty(6)
-        k.air_load(self._bound, out)
+        self.fill_air_load(out)
         return out
+
+    def fill_air_load(self, out: Floats) -> None:
+        """Fill `air_load` in."""
+        k.air_load(self._bound, out)
 
     def wing_loads(self) -> Floats:
         """(n, 6) N, N m: air loads of every strip at the last stage, on the body about its origin, body axes.

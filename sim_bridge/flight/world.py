@@ -6,7 +6,6 @@ import math
 from typing import Any, NamedTuple
 
 from avionics.messages import ActuatorCommand
-from sim_bridge import observation as o
 from sim_bridge import plant_kernel as k
 from sim_bridge import topics
 from sim_bridge.bridge.world import NEUTRAL
@@ -15,11 +14,11 @@ from sim_bridge.environment.home import COLLEGE_PARK, Home
 from sim_bridge.environment.wind import steady_wind
 from sim_bridge.flight.faults import Fault, FaultInjector, check_carried
 from sim_bridge.flight.inputs import PlantInputs
+from sim_bridge.flight.truth import Truth
 from sim_bridge.messages import TruthLoads, TruthState, TruthWing
 from sim_bridge.observation import Observation, Vector
-from sim_bridge.plant import Means, Plant
+from sim_bridge.plant import Plant
 from sim_bridge.sensors.frame import TICK_RATE
-from sim_bridge.sensors.power_sensor import mean_square
 from sim_bridge.sensors.receiver import Pilot, standing_by
 from sim_bridge.sensors.suite import SensorSuite, SimulationDiverged, sensor_spec
 from sim_bridge.vehicles import SimulatedVehicle
@@ -168,10 +167,10 @@ class SimulatedWorld:
             make_unequal(self.plant, vehicle, scenario.vibration)
             self.suite.field_per_ampere[:] = field_per_ampere(vehicle, scenario.vibration)
             self.suite.current_ripple[0] = scenario.vibration * vehicle.sections["vibration"].current_ripple
-        self._edge = vehicle.sections["power_sensor"].edge
         push = scenario.throw.speed * vehicle.launch.speed / vehicle.launch.duration
         turbulence = dryden.turbulence(scenario.turbulence, 2.0 * vehicle.wing.semispan, scenario.seed)
         self.inputs = PlantInputs(self.plant, turbulence, wind, scenario.wind_from, scenario.home.altitude)
+        self._truth = Truth(self.plant, self.inputs)
         self._phase = k.HELD
         self.plant.order[k.LAUNCHER], self.plant.order[k.LAUNCHER + 1] = self._phase, push
         self._publish = publish
@@ -293,41 +292,19 @@ class SimulatedWorld:
 
     def truth(self) -> TruthState:
         """The vehicle's state at the end of the last step."""
-        y, air_velocity = self.plant.y.tolist(), self.inputs.air_velocity
-        self.plant.observe_velocities(air_velocity)
-        wind = air_velocity.tolist()
-        v_ned = self.plant.observed[o.V_NED : o.V_AIR].tolist()
-        air = _rotate_back(self.plant.scratch.r.tolist(), wind)
-        air = (y[7] - air[0], y[8] - air[1], y[9] - air[2])
-        grounded = self.plant.touching or self._phase != k.FREE
-        flow = (math.hypot(*air), math.atan2(air[2], air[0]))
-        return TruthState._make((self.time_us, *y[0:3], *v_ned, *y[3:7], *y[10:13], *wind, *flow, int(grounded)))
+        return self._truth.state(self.time_us, self._truth.values(), self._on_ground)
 
     def truth_wing(self) -> TruthWing:
         """Wings at the end of the last step; torques, current and power averaged over the step."""
-        y, at, means = self.plant.y.tolist(), self.plant.layout, self.plant.means
-        (left, right), (twist_left, twist_right) = at.flap, at.twist
-        voltage, power = self._supply(y, means)
-        return TruthWing._make(
-            (
-                self.time_us,
-                y[left],
-                y[right],
-                y[at.rate(left)],
-                y[at.rate(right)],
-                y[twist_left] if twist_left >= 0 else 0.0,
-                y[twist_right] if twist_right >= 0 else 0.0,
-                *means[:3],
-                voltage,
-                power,
-                y[at.elevator] if at.elevator >= 0 else 0.0,
-                y[at.rudder] if at.rudder >= 0 else 0.0,
-            )
-        )
+        return self._truth.wing(self.time_us, self._truth.values())
 
     def truth_loads(self) -> TruthLoads:
         """Air loads of wings and tail near the end of the last step."""
-        return TruthLoads(self.time_us, *self.plant.air_load().tolist(), *self.plant.scratch.plate_load.tolist())
+        return self._truth.loads(self.time_us)
+
+    @property
+    def _on_ground(self) -> bool:
+        return self.plant.touching or self._phase != k.FREE
 
     def record(self) -> None:
         """Publish the truth at the end of the last step, once; the next step does so if it was not called."""
@@ -335,8 +312,9 @@ class SimulatedWorld:
         if not unrecorded or self.time_us < self._next_record_us:
             return
         self._next_record_us = self.time_us + RECORD_PERIOD_US
-        self._publish(topics.STATE, self.truth())
-        self._publish(topics.WING, self.truth_wing())
+        values = self._truth.values()
+        self._publish(topics.STATE, self._truth.state(self.time_us, values, self._on_ground))
+        self._publish(topics.WING, self._truth.wing(self.time_us, values))
         if self._records % 2 == 0:
             self._publish(topics.LOADS, self.truth_loads())
         self._records += 1
@@ -386,27 +364,3 @@ class SimulatedWorld:
             self._rest_since = None
         elif self._rest_since is None:
             self._rest_since = self.time_us * 1e-6
-
-    def _supply(self, y: list[float], means: Means) -> tuple[float, float]:
-        """Return voltage (V) and power (W) at the drives' terminals, averaged over the last step and the modulation.
-
-        The plant's current is smooth. Current pulses of the same mean, with the edges that the ADC samples, have
-        larger losses in the battery.
-        """
-        current, power, drive = means.current, means.electrical_power, self.vehicle.drive
-        charge, battery = y[self.plant.layout.charge], self.plant.parameters.battery
-        open_circuit, resistance = k.open_circuit_voltage(charge, battery), self.vehicle.battery.resistance
-        if drive.pwm_frequency > 0.0 and 0.0 < current < drive.pulse_current:
-            square = mean_square(current / drive.pulse_current, drive.pwm_frequency * self._edge)
-            lost = resistance * drive.pulse_current * drive.pulse_current * square
-            return open_circuit - resistance * current, open_circuit * current - lost
-        return power / current if current else open_circuit, power
-
-
-def _rotate_back(r: list[list[float]], v: list[float]) -> Vector:
-    a, b, c = v
-    return (
-        r[0][0] * a + r[1][0] * b + r[2][0] * c,
-        r[0][1] * a + r[1][1] * b + r[2][1] * c,
-        r[0][2] * a + r[1][2] * b + r[2][2] * c,
-    )
