@@ -126,11 +126,6 @@ class PlantInputs:
     def _set_inputs(self) -> Callable[..., None]:
         return entry_point(set_inputs, 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0, self._bound)
 
-    @property
-    def air_velocity(self) -> Floats:
-        """(3,) m/s; velocity of the air at the vehicle, NED: steady wind, gust and `extra_wind`."""
-        return self._wind + self.gust[:3] + self.extra_wind
-
 
 @exact
 def set_inputs(

@@ -1,4 +1,4 @@
-"""Truth of the simulated world: one kernel fills the numbers of its messages."""
+"""Truth of the simulated world: one kernel computes the numbers of its messages."""
 
 from __future__ import annotations
 
@@ -19,7 +19,8 @@ from sim_bridge.sensors.power_sensor import mean_square
 from sim_bridge.vectors import Floats, Integers
 
 WIND, AIR, WING, MEANS, TAIL, CHARGE = 13, 16, 19, 25, 29, 31
-"""First numbers of wind (the state lies before it), velocity through the air, wings, drives, tail and battery."""
+"""-; index of the first number of: wind, velocity through the air, wings, drives, tail, open-circuit voltage. The
+numbers before `AIR` are those of `TruthState`, in order."""
 
 
 class TruthArrays(NamedTuple):
@@ -50,7 +51,7 @@ class TruthArrays(NamedTuple):
     charge: int
     """state of the charge drawn from the battery"""
     values: Floats
-    """(32,) out; see `WIND`"""
+    """(32,) out; SI, see `WIND`"""
 
 
 @exact
@@ -78,7 +79,7 @@ class Truth:
     """The messages of a plant and its air; averages are over the last step."""
 
     def __init__(self, plant: Plant, inputs: PlantInputs) -> None:
-        """Share the arrays of both."""
+        """Share the arrays of both; battery and pitot tube are those of the plant's parameters at this time."""
         self._plant, self._edge = plant, plant.vehicle.sections["power_sensor"].edge
         at, air = plant.layout, inputs.arrays
         wings = (*at.flap, at.rate(at.flap[0]), at.rate(at.flap[1]), *at.twist)
